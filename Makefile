@@ -1,0 +1,57 @@
+# Everything a newcomer needs: `make demo` and `make test`. The rest serves those who change the code.
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: help demo env test lint types contract test-long lock clean
+
+help:  ## say what each target does
+	@grep -hE '^[a-z%-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
+
+demo: .venv/ready  ## run the paper's whole study on physics and write its report
+	$(BIN)/omnidrive compare
+
+env: .venv/ready  ## make the environment in .venv from the lock file
+
+test: .venv/ready-dev lint types contract  ## lint, types, import contract and every quick test
+	$(BIN)/python -m pytest -n 2 -m "not long"
+
+test-long: .venv/ready-dev  ## the checks that take minutes
+	$(BIN)/python -m pytest -n 2 -m long
+
+lint: .venv/ready-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/ready-dev
+	$(BIN)/mypy
+
+contract: .venv/ready-dev
+	$(BIN)/lint-imports --no-logo
+
+bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints ratios and writes benchmarks/out/NAME.json
+	$(BIN)/python benchmarks/$*.py
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "omnidrive needs Python 3.11 or newer; name one with: make PYTHON=python3.12 demo" >&2; exit 2; }
+	$(PYTHON) -m venv .venv
+
+.venv/ready: requirements.lock pyproject.toml | .venv/bin/python
+	$(PIP) install --require-hashes -r requirements.lock
+	$(PIP) install --no-deps --no-build-isolation -e .
+	@touch $@
+
+.venv/ready-dev: requirements-dev.lock .venv/ready
+	$(PIP) install --require-hashes -r requirements-dev.lock
+	@touch $@
+
+lock:  ## resolve the lock files anew (needs uv)
+	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
+	  --custom-compile-command "make lock" --group build pyproject.toml -o requirements.lock
+	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
+	  --custom-compile-command "make lock" --group dev --extra casadi -c requirements.lock \
+	  pyproject.toml -o requirements-dev.lock
+
+clean:  ## remove the environment and the caches
+	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

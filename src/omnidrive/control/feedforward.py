@@ -1,0 +1,66 @@
+"""Velocity feedforward with proportional feedback in x, y and heading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+from typing import Annotated, NamedTuple
+
+from omnidrive.control.controller import Command
+from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
+from omnidrive.parameter import Bounds
+from omnidrive.reference import Reference
+
+
+class FeedforwardGains(NamedTuple):
+    """Rates at which errors decay."""
+
+    position: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0
+    heading: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0
+
+
+def feedforward_law(
+    gains: FeedforwardGains, pose: Pose, now: Pose, soon: Pose, dt: float
+) -> BodyTwist:
+    """Body twist that follows the reference exactly and lets errors decay.
+
+    The continuous law ``twist_W = ref' + K (ref - pose)`` (Siciliano et al., "Robotics", 2009,
+    eq. 3.70) makes the error decay as ``e(t + dt) = exp(-K dt) e(t)``. Sampled and held, the same
+    decay is had by steering to ``goal = ref(t + dt) + exp(-K dt) (pose - ref(t))`` along the arc
+    that a held body twist describes, so that turning while translating costs no error.
+
+    Args:
+        gains: K, in 1/s.
+        pose: Where the robot is, at t.
+        now: Reference pose at t.
+        soon: Reference pose at t + dt.
+        dt: Sample time in s.
+    """
+    keep, keep_yaw = exp(-gains.position * dt), exp(-gains.heading * dt)
+    goal = Pose(
+        soon.x + keep * (pose.x - now.x),
+        soon.y + keep * (pose.y - now.y),
+        soon.yaw + keep_yaw * wrap(pose.yaw - now.yaw),
+    )
+    return twist_between(pose, goal, dt)
+
+
+@dataclass(frozen=True, slots=True)
+class FeedforwardController:
+    """A :class:`Controller` around :func:`feedforward_law`; it has no memory.
+
+    Attributes:
+        dt: Sample time in s.
+        gains: Rates at which errors decay, in 1/s.
+    """
+
+    dt: float
+    gains: FeedforwardGains = FeedforwardGains()
+
+    def reset(self, pose: Pose) -> None:
+        """Do nothing: the law has no memory."""
+
+    def step(self, t: float, pose: Pose, reference: Reference) -> Command:
+        """Command for the pose measured at ``t`` (s)."""
+        now, soon = reference.at(t).pose, reference.at(t + self.dt).pose
+        return Command(feedforward_law(self.gains, pose, now, soon, self.dt))

@@ -1,0 +1,66 @@
+"""Every exception this package raises on purpose.
+
+OmnidriveError
+├── InvalidInput(ValueError)      a caller passed a value the docs forbid
+│   ├── InvalidGeometry           a chassis whose wheels cannot produce every twist
+│   ├── InvalidMap                a map file that is missing, malformed or too large
+│   ├── InvalidPlace              a start or goal outside the map or inside an obstacle
+│   ├── InvalidReference          times not increasing, shapes that disagree, too fast for the robot
+│   └── InvalidScenario           a scenario with an unknown key, a wrong unit, sign or range
+├── NoPathFound                   the planner proved there is none
+├── MissingExtra                  an optional dependency is not installed
+├── CannotWrite                   the run folder cannot be made or has no room left
+└── RunFailed                     raised only on request, by ``Run.raise_if_failed()``
+
+All but ``RunFailed`` are the user's to mend; their messages name the fact and the way out.
+"""
+
+from __future__ import annotations
+
+
+class OmnidriveError(Exception):
+    """Base class: ``except OmnidriveError`` catches everything raised on purpose."""
+
+
+class InvalidInput(OmnidriveError, ValueError):
+    """A caller passed a value outside its documented domain."""
+
+
+class InvalidGeometry(InvalidInput):
+    """The wheel layout cannot produce every planar twist."""
+
+    def __init__(self, rank: int) -> None:
+        super().__init__(f"wheel matrix has rank {rank}, need 3: not omnidirectional")
+        self.rank = rank
+
+
+class InvalidMap(InvalidInput):
+    """A map that cannot be read."""
+
+
+class InvalidPlace(InvalidInput):
+    """A start or goal where the robot cannot stand."""
+
+
+class InvalidReference(InvalidInput):
+    """A reference that contradicts itself, or that the robot cannot follow."""
+
+
+class InvalidScenario(InvalidInput):
+    """A scenario that does not say what it means."""
+
+
+class NoPathFound(OmnidriveError):
+    """There is no way from start to goal."""
+
+
+class MissingExtra(OmnidriveError):
+    """An optional dependency is needed and not installed."""
+
+
+class CannotWrite(OmnidriveError):
+    """Results cannot be written."""
+
+
+class RunFailed(OmnidriveError):
+    """A run did not reach its end."""

@@ -1,0 +1,83 @@
+"""Poses and twists of the plane.
+
+Frames: W is fixed to the map (x east, y north); B is fixed to the robot (x forward, y left).
+Angles are in rad, counter-clockwise positive. All other units are SI.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, tan
+from typing import NamedTuple
+
+
+class Pose(NamedTuple):
+    """Pose of B in W: x and y in m, yaw in rad."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class WorldTwist(NamedTuple):
+    """Velocity of B with respect to W, written in W: m/s, m/s, rad/s."""
+
+    vx: float
+    vy: float
+    yaw_rate: float
+
+
+class BodyTwist(NamedTuple):
+    """Velocity of B with respect to W, written in B: m/s, m/s, rad/s."""
+
+    vx: float
+    vy: float
+    yaw_rate: float
+
+
+def wrap(angle: float) -> float:
+    """Return the angle in [-pi, pi) equal to ``angle`` modulo one turn."""
+    return (angle + pi) % (2.0 * pi) - pi
+
+
+def to_body(twist: WorldTwist, yaw: float) -> BodyTwist:
+    """Rewrite a world-frame twist in the frame of a robot with heading ``yaw``."""
+    c, s = cos(yaw), sin(yaw)
+    return BodyTwist(c * twist.vx + s * twist.vy, -s * twist.vx + c * twist.vy, twist.yaw_rate)
+
+
+def to_world(twist: BodyTwist, yaw: float) -> WorldTwist:
+    """Inverse of :func:`to_body`."""
+    c, s = cos(yaw), sin(yaw)
+    return WorldTwist(c * twist.vx - s * twist.vy, s * twist.vx + c * twist.vy, twist.yaw_rate)
+
+
+def move(pose: Pose, twist: BodyTwist, dt: float) -> Pose:
+    """Pose after holding ``twist`` for ``dt`` seconds: the SE(2) exponential.
+
+    The path is an arc: Sola, Deray & Atchuthan, "A micro Lie theory", 2018, eq. 156-158.
+    The yaw is not wrapped.
+    """
+    turn = twist.yaw_rate * dt
+    if abs(turn) < 1e-4:  # series of sin(a)/a and (1 - cos(a))/a; error below 1e-18
+        along, across = 1.0 - turn * turn / 6.0, turn / 2.0 - turn**3 / 24.0
+    else:
+        along, across = sin(turn) / turn, (1.0 - cos(turn)) / turn
+    bx = (along * twist.vx - across * twist.vy) * dt
+    by = (across * twist.vx + along * twist.vy) * dt
+    c, s = cos(pose.yaw), sin(pose.yaw)
+    return Pose(pose.x + c * bx - s * by, pose.y + s * bx + c * by, pose.yaw + turn)
+
+
+def twist_between(pose: Pose, goal: Pose, dt: float) -> BodyTwist:
+    """Constant body twist that leads from ``pose`` to ``goal`` in ``dt`` s: the SE(2) logarithm.
+
+    Inverse of :func:`move`; turns the short way. Sola, Deray & Atchuthan, 2018, eq. 159-160, with
+    V^-1 written by half-angle: V^-1 = (a/2) [[cot(a/2), 1], [-1, cot(a/2)]].
+    """
+    turn = wrap(goal.yaw - pose.yaw)
+    half = 0.5 * turn
+    along = 1.0 - half * half / 3.0 if abs(half) < 1e-4 else half / tan(half)
+    dx, dy = goal.x - pose.x, goal.y - pose.y
+    c, s = cos(pose.yaw), sin(pose.yaw)
+    bx, by = c * dx + s * dy, -s * dx + c * dy
+    return BodyTwist((along * bx + half * by) / dt, (along * by - half * bx) / dt, turn / dt)

@@ -1,0 +1,73 @@
+"""Wheel geometry of an omnidirectional robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.errors import InvalidGeometry
+from omnidrive.geometry import BodyTwist
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Chassis:
+    """Linear map between body twist and wheel speed, ``wheels = J @ twist``.
+
+    Attributes:
+        jacobian: J, wheel angular speed per unit body twist, in rad/m and rad/rad.
+        max_wheel_speed: Speed no wheel exceeds, in rad/s.
+    """
+
+    jacobian: Float[Array, "wheels 3"]
+    max_wheel_speed: float
+
+    def __post_init__(self) -> None:
+        rank = int(np.linalg.matrix_rank(self.jacobian))
+        if rank != 3:
+            raise InvalidGeometry(rank)
+
+    @classmethod
+    def omni(
+        cls, *, angles: Sequence[float], arm: float, wheel_radius: float, max_wheel_speed: float
+    ) -> Chassis:
+        """Omni wheels with radial axles, ``arm`` metres from the centre.
+
+        Wheel i stands at (arm cos a_i, arm sin a_i) in B and pushes along (-sin a_i, cos a_i):
+        ``r w_i = -sin(a_i) vx + cos(a_i) vy + arm yaw_rate`` (the paper, eq. 1).
+
+        Args:
+            angles: a_i, bearing of each wheel in B, in rad.
+            arm: Distance from the centre to each wheel's plane, in m.
+            wheel_radius: r, in m.
+            max_wheel_speed: Speed no wheel exceeds, in rad/s.
+        """
+        rows = [[-sin(a), cos(a), arm] for a in angles]
+        return cls(np.array(rows) / wheel_radius, max_wheel_speed)
+
+    def wheel_speeds(self, twist: BodyTwist) -> Float[Array, " wheels"]:
+        """Wheel speeds, in rad/s, that produce ``twist`` without slip."""
+        speeds: Float[Array, " wheels"] = self.jacobian @ np.asarray(twist)
+        return speeds
+
+    def twist(self, wheel_speeds: Sequence[float] | Float[Array, " wheels"]) -> BodyTwist:
+        """Least-squares body twist of measured wheel speeds in rad/s."""
+        x, *_ = np.linalg.lstsq(self.jacobian, np.asarray(wheel_speeds), rcond=None)
+        return BodyTwist(*x.tolist())
+
+    def saturate(self, twist: BodyTwist) -> BodyTwist:
+        """Largest multiple of ``twist``, at most 1, that every wheel can follow.
+
+        All wheels are scaled together, so the direction of motion and the ratio of turning to
+        travelling are kept.
+        """
+        peak = float(np.abs(self.wheel_speeds(twist)).max())
+        if peak <= self.max_wheel_speed:
+            return twist
+        k = self.max_wheel_speed / peak
+        return BodyTwist(k * twist.vx, k * twist.vy, k * twist.yaw_rate)

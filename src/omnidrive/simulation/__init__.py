@@ -1,0 +1,18 @@
+"""The robot's answer to a command, and the loop that closes around it."""
+
+from omnidrive.simulation.kinematic import KinematicPlant
+from omnidrive.simulation.loop import Outcome, Run, simulate
+from omnidrive.simulation.plant import Measurement, Plant
+from omnidrive.simulation.sensing import PaperNoise, PerfectSensor, Sensor
+
+__all__ = [
+    "KinematicPlant",
+    "Measurement",
+    "Outcome",
+    "PaperNoise",
+    "PerfectSensor",
+    "Plant",
+    "Run",
+    "Sensor",
+    "simulate",
+]

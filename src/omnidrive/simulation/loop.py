@@ -1,0 +1,136 @@
+"""The closed loop, and the log it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite
+from time import perf_counter_ns
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.control import Command, Controller, Status
+from omnidrive.errors import InvalidInput, RunFailed
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.reference import Reference
+from omnidrive.simulation.plant import Plant
+from omnidrive.simulation.sensing import PerfectSensor, Sensor
+
+Array = np.ndarray
+
+_STOP = Command(BodyTwist(0.0, 0.0, 0.0))
+
+
+class Outcome(Enum):
+    """Why the loop stopped."""
+
+    FINISHED = "reached the end of the reference"
+    CONTROLLER_FAILED = "the controller had no usable command"
+    PLANT_FAILED = "the plant's state is not finite"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Run:
+    """Log of one closed loop: one row per sample, the last at the end of the reference.
+
+    Attributes:
+        t: Time of each row, in s.
+        pose: True pose of B in W; x and y in m, yaw in rad, unwrapped.
+        measured: Pose that the controller saw, as ``pose``.
+        target: Reference pose, as ``pose``.
+        command: Commanded body twist held from ``t``, before the wheels' limits; m/s, m/s, rad/s.
+        twist: True body twist, as ``command``.
+        work: Mechanical work of the motors so far, in J; NaN without forces.
+        step_time: Wall time spent inside ``Controller.step``, in us; NaN in the last row.
+        status: :class:`~omnidrive.control.Status` of each command.
+        outcome: Why the loop stopped.
+    """
+
+    t: Float[Array, " rows"]
+    pose: Float[Array, "rows 3"]
+    measured: Float[Array, "rows 3"]
+    target: Float[Array, "rows 3"]
+    command: Float[Array, "rows 3"]
+    twist: Float[Array, "rows 3"]
+    work: Float[Array, " rows"]
+    step_time: Float[Array, " rows"]
+    status: Int[Array, " rows"]
+    outcome: Outcome
+
+    def raise_if_failed(self) -> Run:
+        """Return self, or raise :class:`RunFailed` if the loop stopped early."""
+        if self.outcome is not Outcome.FINISHED:
+            raise RunFailed(f"stopped at {self.t[-1]:g} s: {self.outcome.value}")
+        return self
+
+
+def simulate(
+    plant: Plant,
+    controller: Controller,
+    reference: Reference,
+    *,
+    start: Pose,
+    dt: float,
+    sensor: Sensor | None = None,
+) -> Run:
+    """Close the loop until the reference ends.
+
+    Args:
+        plant: What moves.
+        controller: What decides.
+        reference: What is wanted.
+        start: Pose at which the robot stands at t = 0.
+        dt: Sample time in s; the reference ends on the nearest multiple.
+        sensor: What the controller sees; the true pose by default.
+
+    Raises:
+        InvalidInput: ``dt`` is not a positive number of seconds.
+    """
+    if not (isfinite(dt) and dt > 0.0):
+        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    sensor = sensor or PerfectSensor()
+    rows = []
+    outcome = Outcome.FINISHED
+    last = round(reference.duration / dt)
+
+    state = plant.reset(start)
+    controller.reset(start)
+    for k in range(last + 1):
+        t = k * dt  # never a running sum: it drifts
+        measured = sensor.sense(t, state.pose)
+        command, step_time = _STOP, float("nan")
+        if k < last:
+            began = perf_counter_ns()
+            command = controller.step(t, measured, reference)
+            step_time = (perf_counter_ns() - began) * 1e-3
+        target = reference.at(t).pose
+        rows.append(
+            (t, *state.pose, *measured, *target, *command.twist, *state.twist, state.work,
+             step_time, command.status)
+        )  # fmt: skip
+        if command.status is Status.FAILED or not all(map(isfinite, command.twist)):
+            outcome = Outcome.CONTROLLER_FAILED
+            break
+        if k < last:
+            state = plant.step(command.twist, dt)
+            if not all(map(isfinite, (*state.pose, *state.twist))):
+                outcome = Outcome.PLANT_FAILED
+                break
+    return _log(np.array(rows, dtype=float), outcome)
+
+
+def _log(rows: Float[Array, "rows 19"], outcome: Outcome) -> Run:
+    pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
+    return Run(
+        rows[:, 0],
+        pose,
+        measured,
+        target,
+        command,
+        twist,
+        rows[:, 16],
+        rows[:, 17],
+        rows[:, 18].astype(np.int64),
+        outcome,
+    )
