@@ -62,5 +62,5 @@ class FeedforwardController:
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
         """Command for the pose measured at ``t`` (s)."""
-        now, soon = reference.at(t).pose, reference.at(t + self.dt).pose
+        now, soon = (Pose(*row) for row in reference.window(t, 2, self.dt)[:, :3].tolist())
         return Command(feedforward_law(self.gains, pose, now, soon, self.dt))

@@ -1,5 +1,7 @@
 """Where the robot may be: occupancy grids and the files they come from."""
 
 from omnidrive.maps.grid import OccupancyGrid
+from omnidrive.maps.nav2 import load_nav2_map, save_nav2_map
+from omnidrive.maps.paper import paper_map
 
-__all__ = ["OccupancyGrid"]
+__all__ = ["OccupancyGrid", "load_nav2_map", "paper_map", "save_nav2_map"]

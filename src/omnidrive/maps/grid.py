@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import floor, hypot
+from math import floor
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_erosion, distance_transform_edt
 from scipy.spatial import cKDTree
 
 from omnidrive.errors import InvalidMap
@@ -62,6 +62,11 @@ class OccupancyGrid:
         rows, cols = self.occupied.shape
         return 0 <= row < rows and 0 <= col < cols
 
+    def is_occupied(self, x: float, y: float) -> bool:
+        """Whether the point (x, y) of W lies in an obstacle or outside the grid."""
+        row, col = self.cell(x, y)
+        return not self.contains(row, col) or bool(self.occupied[row, col])
+
     def inflated(self, radius: float) -> OccupancyGrid:
         """Grid whose free cells are those on whose centre a disc of ``radius`` (m) touches nothing.
 
@@ -76,39 +81,50 @@ class OccupancyGrid:
         return OccupancyGrid(self.occupied | near, self.resolution, self.origin)
 
     @cached_property
-    def _boundary(self) -> tuple[cKDTree, Float[Array, "cells 2"]]:
-        """Occupied cells with a free neighbour, the ring outside the grid included."""
+    def _edges(self) -> tuple[_Squares, _Squares]:
+        """Occupied squares with a free neighbour (the ring outside included), and the reverse."""
         taken = np.pad(self.occupied, 2, constant_values=True)
-        free = ~taken
-        edge = taken.copy()
-        edge[1:-1, 1:-1] &= (
-            free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
-            | free[:-2, :-2] | free[:-2, 2:] | free[2:, :-2] | free[2:, 2:]
-        )  # fmt: skip
-        edge[[0, -1], :] = edge[:, [0, -1]] = False
-        rows, cols = np.nonzero(edge)
         x, y = self.centre(-2, -2)
-        centres = np.stack([x + cols * self.resolution, y + rows * self.resolution], axis=1)
-        return cKDTree(centres), centres
+        return tuple(_Squares.on_edge(mask, (x, y), self.resolution) for mask in (taken, ~taken))
 
     def clearance(self, points: Float[Array, "points 2"]) -> Float[Array, " points"]:
         """Exact distance in m from each point (m, in W) to the nearest obstacle cell.
 
-        Zero inside an obstacle; infinite if there is neither obstacle nor edge.
+        Negative inside an obstacle: the distance to the nearest free cell.
         """
-        tree, centres = self._boundary
-        half = 0.5 * self.resolution
-        nearest, _ = tree.query(points)
+        taken, free = self._edges
+        inside = np.array([self.is_occupied(x, y) for x, y in points.tolist()])
         out = np.empty(len(points))
-        for i, (x, y) in enumerate(points.tolist()):
-            row, col = self.cell(x, y)
-            if not self.contains(row, col) or self.occupied[row, col]:
-                out[i] = 0.0
-                continue
+        out[~inside] = taken.distance(points[~inside])
+        out[inside] = -free.distance(points[inside])
+        return out
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Squares:
+    """Axis-parallel squares of one size, for exact distances to the nearest."""
+
+    centres: Float[Array, "squares 2"]
+    tree: cKDTree
+    side: float
+
+    @classmethod
+    def on_edge(
+        cls, mask: Bool[Array, "rows cols"], first: tuple[float, float], side: float
+    ) -> _Squares:
+        """Squares of ``mask`` with one of eight neighbours outside it; ``first`` is a centre."""
+        rows, cols = np.nonzero(mask & ~binary_erosion(mask, np.ones((3, 3)), border_value=1))
+        centres = np.stack([first[0] + cols * side, first[1] + rows * side], axis=1)
+        return cls(centres, cKDTree(centres), side)
+
+    def distance(self, points: Float[Array, "points 2"]) -> Float[Array, " points"]:
+        """Distance from each point to the nearest square, in m; infinite without squares."""
+        out = np.full(len(points), np.inf)
+        if len(self.centres) and len(points):
+            nearest, _ = self.tree.query(points)
             # the nearest square's centre is at most half a diagonal less half a side further
-            near = centres[tree.query_ball_point((x, y), nearest[i] + 0.42 * self.resolution)]
-            out[i] = min(
-                hypot(max(abs(x - cx) - half, 0.0), max(abs(y - cy) - half, 0.0))
-                for cx, cy in near.tolist()
-            )
+            reach = nearest + 0.2072 * self.side
+            for i, ids in enumerate(self.tree.query_ball_point(points, reach)):
+                gaps = np.abs(points[i] - self.centres[ids]) - 0.5 * self.side
+                out[i] = np.hypot(*np.maximum(gaps, 0.0).T).min()
         return out

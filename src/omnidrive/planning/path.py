@@ -58,14 +58,14 @@ class SplinePath:
         spline = BSpline(knots, self.control_points, 3)
         return spline, spline.derivative()
 
-    def poses(self, u: float | Float[Array, "..."]) -> Float[Array, "... 3"]:
+    def poses(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n 3"]:
         """Poses at ``u`` in [0, 1]; x and y in m, yaw in rad."""
-        poses: Float[Array, "... 3"] = self._derivatives[0](u)
+        poses: Float[Array, "*n 3"] = self._derivatives[0](u)
         return poses
 
-    def slopes(self, u: float | Float[Array, "..."]) -> Float[Array, "... 3"]:
+    def slopes(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n 3"]:
         """Derivatives of :meth:`poses` by ``u``, in m and rad."""
-        slopes: Float[Array, "... 3"] = self._derivatives[1](u)
+        slopes: Float[Array, "*n 3"] = self._derivatives[1](u)
         return slopes
 
     @cached_property

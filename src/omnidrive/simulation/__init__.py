@@ -2,12 +2,14 @@
 
 from omnidrive.simulation.kinematic import KinematicPlant
 from omnidrive.simulation.loop import Outcome, Run, simulate
+from omnidrive.simulation.mujoco_plant import MujocoPlant
 from omnidrive.simulation.plant import Measurement, Plant
 from omnidrive.simulation.sensing import PaperNoise, PerfectSensor, Sensor
 
 __all__ = [
     "KinematicPlant",
     "Measurement",
+    "MujocoPlant",
     "Outcome",
     "PaperNoise",
     "PerfectSensor",

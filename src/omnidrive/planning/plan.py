@@ -1,0 +1,160 @@
+"""From a map, a start and a goal to a smooth path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.errors import InvalidPlace
+from omnidrive.maps import OccupancyGrid
+from omnidrive.parameter import Bounds
+from omnidrive.planning.path import Path, SplinePath
+from omnidrive.planning.search import search
+
+Array = np.ndarray
+
+
+class Place(NamedTuple):
+    """Where to start or end: x, y in m, yaw in rad; without yaw, along the path."""
+
+    x: float
+    y: float
+    yaw: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PathOptions:
+    """How a path is searched and smoothed; the defaults suit maps with fine cells.
+
+    Attributes:
+        greedy: Search best-first instead of for the shortest way (the paper's published code).
+        cut_corners: Let diagonal moves pass occupied cells.
+        spacing: Distance between control points, in m; 0 takes every cell. It is halved until
+            the smooth path stays in free cells.
+        turn_within: Distance over which the heading turns from the start's to the path's and
+            from the path's to the goal's, in m; 0 turns between two control points.
+    """
+
+    greedy: bool = False
+    cut_corners: bool = False
+    spacing: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.25
+    turn_within: Annotated[float, Bounds(0.0, 10.0, "m")] = 1.0
+
+
+def plan(
+    grid: OccupancyGrid, start: Place, goal: Place, *, inflation: float, options: PathOptions
+) -> tuple[Path, SplinePath]:
+    """Search a way that keeps ``inflation`` (m) from obstacles, and smooth it.
+
+    Returns:
+        The cells found, as poses, and the spline along them.
+
+    Raises:
+        InvalidPlace: The robot cannot stand at start or goal.
+        NoPathFound: There is no way between them.
+    """
+    free = grid.inflated(inflation)
+    for name, place in (("start", start), ("goal", goal)):
+        _check_place(grid, free, name, place, inflation)
+    cells = search(
+        free,
+        free.cell(start.x, start.y),
+        free.cell(goal.x, goal.y),
+        greedy=options.greedy,
+        cut_corners=options.cut_corners,
+    )
+    points = np.array([free.centre(row, col) for row, col in cells.tolist()])
+    points = np.vstack([points, points[-1:]]) if len(points) == 1 else points
+    points[0], points[-1] = start[:2], goal[:2]
+    path = Path(_with_headings(points, start, goal, options.turn_within))
+    return path, _smooth(free, points, start, goal, options)
+
+
+def _smooth(
+    free: OccupancyGrid, points: Float[Array, "points 2"], start: Place, goal: Place,
+    options: PathOptions,
+) -> SplinePath:  # fmt: skip
+    """Spline through ever closer control points until it stays in free cells."""
+    spacing = options.spacing
+    while True:
+        every_cell = spacing <= free.resolution
+        chosen = points if every_cell and len(points) >= 4 else _resample(points, spacing)
+        spline = SplinePath(_with_headings(chosen, start, goal, options.turn_within))
+        if every_cell or _is_free(free, spline):
+            return spline
+        spacing *= 0.5
+
+
+def _is_free(free: OccupancyGrid, spline: SplinePath) -> bool:
+    """Whether every point of the spline, sampled at a tenth of a cell, lies in a free cell."""
+    samples = 2 + int(10.0 * spline.length / free.resolution)
+    x, y, _ = spline.poses(np.linspace(0.0, 1.0, samples)).T
+    return not any(map(free.is_occupied, x.tolist(), y.tolist()))
+
+
+def _resample(points: Float[Array, "points 2"], spacing: float) -> Float[Array, "samples 2"]:
+    """Points at equal distances of about ``spacing`` (m) along a polyline; at least four."""
+    travelled = _travelled(points)
+    count = max(4, 1 + round(travelled[-1] / max(spacing, 1e-9)))
+    at = np.linspace(0.0, travelled[-1], count)
+    return np.stack([np.interp(at, travelled, column) for column in points.T], axis=1)
+
+
+def _travelled(points: Float[Array, "points 2"]) -> Float[Array, " points"]:
+    """Distance along the polyline up to each point, in m."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _with_headings(
+    points: Float[Array, "points 2"], start: Place, goal: Place, turn_within: float
+) -> Float[Array, "points 3"]:
+    """Add to each point the direction in which it was reached, bent to the ends' headings."""
+    steps = np.diff(points, axis=0)
+    yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    yaw = np.concatenate([yaw[:1], yaw])
+    travelled = _travelled(points)
+    for place, distance in ((start, travelled), (goal, travelled[-1] - travelled)):
+        if place.yaw is not None:
+            end = 0 if place is start else -1
+            turn = (place.yaw - yaw[end] + np.pi) % (2.0 * np.pi) - np.pi
+            yaw = yaw + turn * np.maximum(1.0 - distance / max(turn_within, 1e-9), 0.0)
+    yaw = yaw + 2.0 * np.pi * np.round(((start.yaw or yaw[0]) - yaw[0]) / (2.0 * np.pi))
+    return np.column_stack([points, yaw])
+
+
+def _check_place(
+    grid: OccupancyGrid, free: OccupancyGrid, name: str, place: Place, inflation: float
+) -> None:
+    """Refuse a place outside the map, in an obstacle or nearer to one than ``inflation``."""
+    where = f"the {name} ({place.x:g}, {place.y:g}) m"
+    if not np.isfinite(place[:2]).all() or not (place.yaw is None or np.isfinite(place.yaw)):
+        raise InvalidPlace(f"{where} must be finite numbers: x and y in m, heading in rad")
+    if not grid.contains(*grid.cell(place.x, place.y)):
+        left, right, bottom, top = grid.extent
+        raise InvalidPlace(
+            f"{where} lies outside the map, which spans x {left:g} to {right:g} m "
+            f"and y {bottom:g} to {top:g} m"
+        )
+    if not free.is_occupied(place.x, place.y):
+        return
+    if free.occupied.all():
+        raise InvalidPlace(
+            f"nowhere on the map can the robot's centre keep {inflation:g} m from every obstacle; "
+            "choose a smaller robot or margin"
+        )
+    rows, cols = np.nonzero(~free.occupied)
+    x, y = free.centre(0, 0)
+    centres = np.stack([x + cols * free.resolution, y + rows * free.resolution], axis=1)
+    near = centres[np.argmin(np.hypot(*(centres - place[:2]).T))]
+    if grid.is_occupied(place.x, place.y):
+        fact = "lies inside an obstacle (or a cell that is not known to be free)"
+    else:
+        gap = float(grid.clearance(np.array([place[:2]]))[0])
+        fact = f"is {gap:.2f} m from an obstacle, the robot's centre must keep {inflation:g} m"
+    raise InvalidPlace(
+        f"{where} {fact}; the nearest place to stand is ({near[0]:g}, {near[1]:g}) m"
+    )
