@@ -4,15 +4,33 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, get_type_hints
 
-from omnidrive.errors import InvalidScenario
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 
 class Bounds(NamedTuple):
-    """Closed range and unit of one tunable parameter, attached with ``Annotated``."""
+    """Closed range and unit of one tunable parameter, attached with ``Annotated``.
+
+    Scenario files are checked against it: pydantic reads it from the annotation.
+    """
 
     low: float
     high: float
     unit: str
+
+    def check(self, value: float) -> float:
+        """Return ``value``; raise ValueError if it is out of range or not a number."""
+        if not self.low <= value <= self.high:  # also catches NaN
+            raise ValueError(
+                f"is {value:g} {self.unit}, need {self.low:g} to {self.high:g} {self.unit}"
+            )
+        return value
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Let pydantic check the value after its type."""
+        return core_schema.no_info_after_validator_function(self.check, handler(source))
 
 
 def bounds_of(params: type[Any]) -> dict[str, Bounds]:
@@ -24,18 +42,3 @@ def bounds_of(params: type[Any]) -> dict[str, Bounds]:
         for meta in getattr(hint, "__metadata__", ())
         if isinstance(meta, Bounds)
     }
-
-
-def check(params: Any, where: str = "") -> None:
-    """Raise :class:`InvalidScenario` for the first field of ``params`` outside its bounds.
-
-    Args:
-        params: An instance of a parameter class.
-        where: What the message calls the instance, such as ``controllers.nmpc.``.
-    """
-    for name, (low, high, unit) in bounds_of(type(params)).items():
-        value = getattr(params, name)
-        if not low <= value <= high:  # also catches NaN
-            raise InvalidScenario(
-                f"{where}{name} is {value:g} {unit}, need {low:g} to {high:g} {unit}"
-            )

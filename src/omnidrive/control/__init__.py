@@ -2,5 +2,17 @@
 
 from omnidrive.control.controller import Command, Controller, Status
 from omnidrive.control.feedforward import FeedforwardController, FeedforwardGains
+from omnidrive.control.fuzzy import FuzzyPidController, fuzzy_pid
+from omnidrive.control.nmpc import NmpcController, unicycle_nmpc
 
-__all__ = ["Command", "Controller", "FeedforwardController", "FeedforwardGains", "Status"]
+__all__ = [
+    "Command",
+    "Controller",
+    "FeedforwardController",
+    "FeedforwardGains",
+    "FuzzyPidController",
+    "NmpcController",
+    "Status",
+    "fuzzy_pid",
+    "unicycle_nmpc",
+]

@@ -1,5 +1,25 @@
-"""Numbers, pictures and pages about runs."""
+"""Numbers, tables, pictures and pages about runs."""
 
+from omnidrive.evaluation.figures import write_figures
 from omnidrive.evaluation.metrics import Metrics, heading_error, measure, position_error
+from omnidrive.evaluation.page import write_page
+from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.step_response import StepResponse, step_response
+from omnidrive.evaluation.tables import Table, study_tables
 
-__all__ = ["Metrics", "heading_error", "measure", "position_error"]
+__all__ = [
+    "STEP_AXES",
+    "Metrics",
+    "StepResponse",
+    "StepResult",
+    "StudyResults",
+    "Table",
+    "TrackResult",
+    "heading_error",
+    "measure",
+    "position_error",
+    "step_response",
+    "study_tables",
+    "write_figures",
+    "write_page",
+]

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
+
+from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
+from omnidrive.evaluation.results import STEP_AXES, StudyResults, TrackResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,3 +24,132 @@ class Table:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+
+
+def study_tables(results: StudyResults, *, published: bool) -> list[Table]:
+    """The paper's tables, and the one it drew as bars; those without runs are left out.
+
+    Args:
+        results: The study.
+        published: Whether it is the paper's own, so that the paper's numbers belong beside ours.
+    """
+    tables = [
+        _tracking_table(results, published),
+        _noise_table(results, published),
+        _step_table(results, published),
+        _horizon_table(results),
+    ]
+    return [_without_empty_columns(table) for table in tables if table.rows]
+
+
+_PRICE_COLUMNS = (
+    "largest, m", "effort, rad/s²", "work, J", "step, µs", "p99, µs", "clearance, m",
+)  # fmt: skip
+
+
+def _price(result: TrackResult) -> tuple[str, ...]:
+    """Cells under ``_PRICE_COLUMNS``."""
+    m = result.metrics
+    return (
+        _number(m.max_error, 4),
+        _number(m.wheel_acceleration, 1),
+        _number(m.work, 0),
+        _number(m.step_time_median, 0),
+        _number(m.step_time_p99, 0),
+        _number(result.min_clearance, 3),
+    )
+
+
+def _number(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if isfinite(value) else "–"
+
+
+def _beside(published: bool, key: tuple[str, float, str]) -> tuple[str, str]:
+    """The paper's ME and MAE for one of our rows, as it printed them."""
+    row = PUBLISHED_ERRORS.get(key) if published else None
+    return (f"{row.me:.4f}", f"{row.mae:.4f}") if row else ("", "")
+
+
+def _tracking_table(results: StudyResults, published: bool) -> Table:
+    rows = []
+    for r in results.select("track"):
+        m = r.metrics
+        me, mae = _beside(published, (r.task, r.duration, r.controller))
+        rows.append(
+            (f"{r.duration:g} s", r.controller, _number(m.me, 4), me, _number(m.mae, 4), mae,
+             _number(m.me_after_start, 4), _number(m.mae_after_start, 4), *_price(r))
+        )  # fmt: skip
+    return Table(
+        "Tracking error without noise",
+        ("time", "controller", "ME, m", "paper ME", "MAE, rad", "paper MAE",
+         "ME after 2 s", "MAE after 2 s", *_PRICE_COLUMNS),
+        tuple(rows),
+        "ME: mean distance to the reference. MAE: mean |heading error|, wrapped. The robot starts "
+        "from rest into a moving reference: the first 2 s hold most of a good controller's mean.",
+    )  # fmt: skip
+
+
+def _noise_table(results: StudyResults, published: bool) -> Table:
+    rows = []
+    for r in results.select("noise"):
+        m = r.metrics
+        me, mae = _beside(published, (r.task, r.duration, r.controller))
+        rows.append(
+            (f"{r.duration:g} s", r.controller, _number(m.me_measured, 4), me,
+             _number(m.mae_measured, 4), mae, _number(m.me, 4), _number(m.mae, 4), *_price(r))
+        )  # fmt: skip
+    return Table(
+        "Tracking error with the paper's noise",
+        ("time", "controller", "ME measured, m", "paper ME", "MAE measured, rad", "paper MAE",
+         "ME true, m", "MAE true, rad", *_PRICE_COLUMNS),
+        tuple(rows),
+        "Measured: against the noisy pose, as the paper's author computed it. True: against where "
+        "the robot was. The noise is biased, so no controller without an estimator can be right.",
+    )  # fmt: skip
+
+
+def _step_table(results: StudyResults, published: bool) -> Table:
+    rows = []
+    for r in results.steps:
+        theirs = PUBLISHED_STEPS.get(r.controller) if published else None
+        for i, (axis, ours) in enumerate(zip(STEP_AXES, r.responses, strict=True)):
+            cells = [_number(ours[0], 2), _number(ours[1], 3), _number(ours[2], 3)]
+            paper = [f"{v:.3f}" for v in theirs[i]] if theirs else [""] * 3
+            pairs = [cell for pair in zip(cells, paper, strict=True) for cell in pair]
+            rows.append((r.controller, axis, *pairs))
+    return Table(
+        "Step response",
+        ("controller", "axis", "overshoot, %", "paper %", "rise 10-90 %, s", "paper rise",
+         "settling ±10 %, s", "paper settling"),
+        tuple(rows),
+        "By the definitions of python-control's step_info, with the commanded value as final "
+        "value. The reference jumps in x, y and heading at once.",
+    )  # fmt: skip
+
+
+def _horizon_table(results: StudyResults) -> Table:
+    rows = [
+        (f"N = {r.horizon}", _number(r.metrics.me, 4), _number(r.metrics.mae, 4),
+         str(r.metrics.fallbacks), *_price(r))
+        for r in results.select("horizon")
+    ]  # fmt: skip
+    return Table(
+        "NMPC by prediction horizon",
+        ("horizon", "ME, m", "MAE, rad", "fallbacks", *_PRICE_COLUMNS),
+        tuple(rows),
+        "The paper drew these as bars without numbers. Fallbacks: steps without a converged "
+        "solution.",
+    )  # fmt: skip
+
+
+def _without_empty_columns(table: Table) -> Table:
+    """Drop columns in which no row says anything."""
+    keep = [
+        i for i in range(len(table.columns)) if any(row[i] not in {"", "–"} for row in table.rows)
+    ]
+    return Table(
+        table.title,
+        tuple(table.columns[i] for i in keep),
+        tuple(tuple(row[i] for i in keep) for row in table.rows),
+        table.note,
+    )

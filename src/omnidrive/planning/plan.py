@@ -22,7 +22,7 @@ class Place(NamedTuple):
 
     x: float
     y: float
-    yaw: float | None = None
+    yaw: Annotated[float, Bounds(-6.3, 6.3, "rad")] | None = None
 
 
 @dataclass(frozen=True, slots=True)

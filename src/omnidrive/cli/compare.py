@@ -1,0 +1,108 @@
+"""`omnidrive compare`: the whole study."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, get_args
+
+import typer
+
+from omnidrive.cli.options import (
+    Demand,
+    DurationOption,
+    GoalOption,
+    JobsOption,
+    JsonOption,
+    MapOption,
+    OutOption,
+    PlantOption,
+    PresetOption,
+    RobotOption,
+    ScenarioArgument,
+    SeedOption,
+    SpeedOption,
+    StartOption,
+    choose_many,
+    cores,
+    new_folder,
+)
+from omnidrive.cli.progress import LiveProgress, print_tables
+from omnidrive.errors import InvalidInput
+from omnidrive.study import ControllerName, Scenario, TaskName, run_study
+
+
+def compare(
+    scenario: ScenarioArgument = "paper",
+    map_: MapOption = None,
+    start: StartOption = None,
+    goal: GoalOption = None,
+    duration: DurationOption = None,
+    speed: SpeedOption = None,
+    robot: RobotOption = None,
+    plant: PlantOption = None,
+    preset: PresetOption = None,
+    controllers: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,...",
+            help=f"Only these controllers: {', '.join(get_args(ControllerName))}.",
+            rich_help_panel="How to drive",
+        ),
+    ] = None,
+    tasks: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,...",
+            help=f"Only these tasks: {', '.join(get_args(TaskName))}.",
+            rich_help_panel="How to drive",
+        ),
+    ] = None,
+    seed: SeedOption = None,
+    jobs: JobsOption = None,
+    out: OutOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Run the whole study: plan, drive with every controller, measure, report.
+
+    Tracking in two durations, tracking with noise, a step response, and the NMPC's horizon. Prints
+    the paper's tables, with the paper's numbers beside ours, and leaves a run folder with the
+    scenario, results.json, time series, figures and report.html.
+
+    For example:
+
+    * `omnidrive compare`
+    * `omnidrive compare --map depot.yaml --start 2,2 --goal 27,13 --robot small --speed 0.6`
+    * `omnidrive compare --tasks track --controllers nmpc,recommended --plant ball`
+    """
+    demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
+    resolved = _restrict(demand.resolve(), controllers, tasks)
+    folder = out or new_folder(resolved.name)
+    with LiveProgress() as progress:
+        study = run_study(resolved, folder, processes=jobs or cores(), watcher=progress)
+    if json:
+        sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
+        return
+    print_tables(study.tables)
+    parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
+    typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
+    typer.echo(f"results: {folder} (open {folder / 'report.html'})")
+
+
+def _restrict(scenario: Scenario, controllers: str | None, tasks: str | None) -> Scenario:
+    """Keep only some controllers and tasks."""
+    changes: dict[str, object] = {}
+    if controllers is not None:
+        chosen = choose_many("controller", controllers, get_args(ControllerName))
+        changes["controllers"] = chosen
+    if tasks is not None:
+        names = get_args(TaskName)
+        wanted = choose_many("task", tasks, names)
+        kept = {name: getattr(scenario.tasks, name) if name in wanted else None for name in names}
+        if not any(kept.values()):
+            raise InvalidInput(f"the scenario has none of these tasks: {', '.join(wanted)}")
+        changes["tasks"] = scenario.tasks.model_copy(update=kept)
+    scenario = scenario.model_copy(update=changes)
+    horizon_only = [n for n in get_args(TaskName) if getattr(scenario.tasks, n)] == ["horizon"]
+    if horizon_only and "nmpc" not in scenario.controllers:
+        raise InvalidInput("the task horizon is for the controller nmpc, which was left out")
+    return scenario

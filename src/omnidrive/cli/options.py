@@ -1,0 +1,211 @@
+"""Options that several verbs share, and the scenario that they add up to."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import typer
+
+from omnidrive.errors import InvalidInput
+from omnidrive.planning import Place
+from omnidrive.robot import ROBOTS
+from omnidrive.study import (
+    PlantName,
+    PresetName,
+    Scenario,
+    load_scenario,
+    map_scenario,
+    paper_scenario,
+    retime,
+)
+
+_WHERE, _HOW, _OUT = "Where to drive", "How to drive", "Results"
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(help="`paper`, or a scenario's YAML file (such as one in a run folder).")
+]
+MapOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--map", metavar="FILE.yaml", help="Drive on a Nav2 map instead.", rich_help_panel=_WHERE
+    ),
+]
+StartOption = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y[,HEADING]", help="Start in m, m, rad.", rich_help_panel=_WHERE),
+]
+GoalOption = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y[,HEADING]", help="Goal in m, m, rad.", rich_help_panel=_WHERE),
+]
+DurationOption = Annotated[
+    float | None,
+    typer.Option(metavar="S", help="Time for the path, in s.", rich_help_panel=_WHERE),
+]
+SpeedOption = Annotated[
+    float | None,
+    typer.Option(metavar="M/S", help="Mean speed instead, in m/s.", rich_help_panel=_WHERE),
+]
+RobotOption = Annotated[
+    str | None,
+    typer.Option(metavar="|".join(ROBOTS), help="Which robot drives.", rich_help_panel=_HOW),
+]
+PlantOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(get_args(PlantName)),
+        help="What simulates it: MuJoCo with rollers or with balls, or kinematics alone.",
+        rich_help_panel=_HOW,
+    ),
+]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(get_args(PresetName)),
+        help="Take the paper's controllers from its text, or from its published code with its "
+        "slip in the wheel matrix.",
+        rich_help_panel=_HOW,
+    ),
+]
+SeedOption = Annotated[
+    int | None, typer.Option(metavar="N", help="Seed of the noise.", rich_help_panel=_HOW)
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="New folder for the results [default: runs/NAME-TIME].",
+        rich_help_panel=_OUT,
+    ),
+]
+JsonOption = Annotated[
+    bool,
+    typer.Option("--json", help="Print results.json instead of tables.", rich_help_panel=_OUT),
+]
+JobsOption = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        min=1,
+        help="Runs at the same time; changes no number [default: every core].",
+        rich_help_panel=_HOW,
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What the shared options said; None where nothing."""
+
+    scenario: str
+    map: Path | None = None
+    start: str | None = None
+    goal: str | None = None
+    duration: float | None = None
+    speed: float | None = None
+    robot: str | None = None
+    plant: str | None = None
+    preset: str | None = None
+    seed: int | None = None
+
+    def resolve(self) -> Scenario:
+        """The scenario that the options add up to.
+
+        Raises:
+            OmnidriveError: They contradict each other or name something that is not there.
+        """
+        preset = self.preset and choose_one("preset", self.preset, get_args(PresetName))
+        scenario = self._base(preset)
+        changes: dict[str, object] = {}
+        if self.start and not self.map:
+            changes["start"] = parse_place("start", self.start)
+        if self.goal and not self.map:
+            changes["goal"] = parse_place("goal", self.goal)
+        if self.plant:
+            changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
+        if self.robot and not self.map:
+            name = choose_one("robot", self.robot, ROBOTS)
+            changes["robot"] = scenario.robot.model_copy(update={"name": name, "assumed_arm": None})
+        if preset:
+            changes["preset"] = preset
+        if self.seed is not None:
+            if self.seed < 0:
+                raise InvalidInput(f"the seed must be 0 or more, got {self.seed}")
+            changes["seed"] = self.seed
+        scenario = scenario.model_copy(update=changes)
+        if self.map or self.duration is not None or self.speed is not None:
+            scenario = retime(scenario, duration=self.duration, speed=self.speed)
+        return scenario
+
+    def _base(self, preset: PresetName | None) -> Scenario:
+        if self.map:
+            if self.scenario != "paper":
+                raise InvalidInput("give a scenario file or --map, not both")
+            if not (self.start and self.goal):
+                raise InvalidInput("--map needs --start X,Y and --goal X,Y (metres in the map)")
+            return map_scenario(
+                str(self.map),
+                parse_place("start", self.start),
+                parse_place("goal", self.goal),
+                robot=choose_one("robot", self.robot or "paper", ROBOTS),
+                name="".join(c if c.isalnum() or c in "_.-" else "_" for c in self.map.stem)[:60],
+            )
+        if self.scenario == "paper":
+            return paper_scenario(preset or "paper")
+        return load_scenario(Path(self.scenario))
+
+
+def parse_place(name: str, text: str) -> Place:
+    """Read ``X,Y`` or ``X,Y,HEADING``."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in {2, 3}:
+        raise InvalidInput(
+            f"--{name} must be X,Y or X,Y,HEADING in m, m, rad, such as 1.5,2 or 1.5,2,-0.78; "
+            f"got '{text}'"
+        )
+    if len(numbers) == 3 and not abs(numbers[2]) <= 6.3:
+        raise InvalidInput(
+            f"--{name}: the heading is {numbers[2]:g} rad, need -6.3 to 6.3 rad (degrees?)"
+        )
+    return Place(*numbers)
+
+
+def choose_many(name: str, text: str, options: Iterable[str]) -> tuple[str, ...]:
+    """Read a comma-separated choice, kept in the order of ``options``."""
+    wanted = {choose_one(name, part.strip(), options) for part in text.split(",")}
+    return tuple(option for option in options if option in wanted)
+
+
+def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
+    """``value``, which must be one of ``options``; what else it could be is said otherwise."""
+    if value in options:
+        return value
+    near = get_close_matches(value, list(options), n=1, cutoff=0.5)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    raise InvalidInput(f"there is no {name} '{value}'; there are {', '.join(options)}{hint}")
+
+
+def new_folder(name: str) -> Path:
+    """A folder under runs/ that does not exist yet."""
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    base = Path("runs") / f"{name}-{stamp}"
+    path, count = base, 1
+    while path.exists():
+        count += 1
+        path = base.with_name(f"{base.name}-{count}")
+    return path
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1

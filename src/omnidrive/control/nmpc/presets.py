@@ -1,0 +1,50 @@
+"""Weights and limits, as the paper gives them and as its author's code has them."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Annotated, Literal, NamedTuple
+
+from omnidrive.parameter import Bounds
+
+Preset = Literal["paper", "published-code"]
+
+
+class NmpcParameters(NamedTuple):
+    """What the controller minimises, and within which limits."""
+
+    position_weight: Annotated[float, Bounds(0.0, 1e4, "1/m^2")] = 15.0
+    """First two diagonal entries of Q."""
+    heading_weight: Annotated[float, Bounds(0.0, 1e4, "1/rad^2")] = 15.0
+    """Third diagonal entry of Q."""
+    speed_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/m^2")] = 1.0
+    """First diagonal entry of R."""
+    yaw_rate_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/rad^2")] = 1.0
+    """Second diagonal entry of R."""
+    terminal_factor: Annotated[float, Bounds(0.0, 1e3, "1")] = 1.0
+    """The terminal state's Q is this multiple of the others'."""
+    max_speed: Annotated[float, Bounds(0.01, 10.0, "m/s")] = 1.5
+    """Largest |speed|, whatever the reference."""
+    max_travel: Annotated[float, Bounds(0.1, 1e4, "m")] = 1e4
+    """Largest |speed| times the duration of the reference."""
+    max_yaw_rate: Annotated[float, Bounds(0.01, 20.0, "rad/s")] = 3.14
+    """Largest |yaw rate|."""
+    lateral_gain: Annotated[float, Bounds(0.0, 5.0, "1/s")] = 1.0
+    """Rate at which the law removes the sideways error that the plan leaves; 0: as published."""
+
+
+PRESETS: dict[Preset, NmpcParameters] = {
+    # Sections "Non-linear MPC" (the sum over the states runs to k = N_p) and "Simulation setup".
+    # With a mend: see ``nmpc_law``.
+    "paper": NmpcParameters(),
+    # The code leaves the terminal state unweighted and lets v reach 15 m / T. No mend.
+    "published-code": NmpcParameters(
+        heading_weight=5.0,
+        terminal_factor=0.0,
+        max_speed=10.0,
+        max_travel=15.0,
+        max_yaw_rate=0.5 * pi,
+        lateral_gain=0.0,
+    ),
+}
+"""Parameters by name. Speeds are limited in both directions: |v| and |yaw rate|."""

@@ -1,0 +1,42 @@
+"""The optimal control problem of one step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+
+class Problem(NamedTuple):
+    """Track a reference with a unicycle over N stages of ``dt`` seconds.
+
+    Minimise, over the controls u_k = (speed, yaw rate), k = 0..N-1::
+
+        J(u) = sum_{k=0}^{N} |x_k - xref_k|^2_{Q_k} + sum_{k=0}^{N-1} |u_k - uref_k|^2_R
+
+        x_0 = start,   x_{k+1} = x_k + dt (v_k cos yaw_k, v_k sin yaw_k, yaw_rate_k)
+        |u_k| <= limits
+
+    with states x_k = (x, y, yaw) in W: the paper's section "Non-linear MPC"; the standard form
+    is Rawlings, Mayne & Diehl, "Model Predictive Control", 2nd ed. 2017, section 1.3 and ch. 8.
+    All weights are diagonal. The compiled kernels read this tuple directly: contiguous arrays of
+    floats, lest they be compiled again.
+    """
+
+    dt: float
+    """Length of a stage, in s."""
+    start: Float[Array, " 3"]
+    """x_0: the measured pose; m, m, rad."""
+    targets: Float[Array, "stages+1 3"]
+    """xref_k; m, m, rad. The yaw is on the branch nearest to that of ``start``."""
+    feedforward: Float[Array, "stages 2"]
+    """uref_k; m/s, rad/s."""
+    state_weights: Float[Array, "stages+1 3"]
+    """Diagonal of Q_k; 1/m^2, 1/m^2, 1/rad^2. The last row weighs the terminal state."""
+    control_weights: Float[Array, " 2"]
+    """Diagonal of R, positive; s^2/m^2, s^2/rad^2."""
+    limits: Float[Array, " 2"]
+    """Largest |speed| in m/s and |yaw rate| in rad/s."""

@@ -1,0 +1,63 @@
+"""Every figure of a study, and the files they become."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from omnidrive.evaluation.figures.comparison import heading_comparison, xy_comparison
+from omnidrive.evaluation.figures.horizon import horizon_bars
+from omnidrive.evaluation.figures.kinematics import kinematics
+from omnidrive.evaluation.figures.membership import membership_functions
+from omnidrive.evaluation.figures.steps import step_response
+from omnidrive.evaluation.figures.style import save, styled
+from omnidrive.evaluation.figures.tracking_error import tracking_error
+from omnidrive.evaluation.results import StudyResults
+
+Draw = Callable[[StudyResults], Figure | None]
+
+_FIGURES: dict[str, Draw] = {
+    "kinematics": lambda results: kinematics(results.robot),
+    "tracking_error": lambda results: tracking_error(results.robot),
+    "membership_functions": lambda results: membership_functions(),
+    "xy_comparison": lambda results: xy_comparison(results, "track"),
+    "heading_comparison": lambda results: heading_comparison(results, "track"),
+    "horizon_xy": lambda results: xy_comparison(results, "horizon"),
+    "horizon_heading": lambda results: heading_comparison(results, "horizon"),
+    "horizon_bars": horizon_bars,
+    "step_response": step_response,
+    "noise_xy": lambda results: xy_comparison(results, "noise"),
+    "noise_heading": lambda results: heading_comparison(results, "noise"),
+}
+
+
+def draw_figures(results: StudyResults) -> Iterator[tuple[str, Figure]]:
+    """Name and figure, one by one, of everything the study has runs for."""
+    for name, draw in _FIGURES.items():
+        with styled():
+            figure = draw(results)
+        if figure is not None:
+            yield name, figure
+
+
+def write_figures(results: StudyResults, folder: Path) -> Iterator[Path]:
+    """Write every figure as PNG and SVG; the same results give the same bytes.
+
+    Args:
+        results: What to draw; a figure whose runs are absent is left out.
+        folder: Where the files go; made if need be.
+
+    Yields:
+        Each file, as soon as it is written.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in draw_figures(results):
+        for suffix in ("png", "svg"):
+            path = folder / f"{name}.{suffix}"
+            save(figure, path)
+            yield path

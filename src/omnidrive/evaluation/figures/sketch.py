@@ -1,0 +1,125 @@
+"""Arrows, angles and robots: the vocabulary of the diagrams."""
+
+from __future__ import annotations
+
+from math import atan2, cos, degrees, hypot, pi, sin
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.patches import Arc, Circle, FancyArrowPatch, Polygon
+
+from omnidrive.evaluation.figures.style import INK
+from omnidrive.geometry import Pose
+from omnidrive.robot import Robot
+
+Array = np.ndarray
+Point = tuple[float, float]
+
+
+def place(pose: Pose, points: list[Point]) -> Float[Array, "points 2"]:
+    """Points given in the frame at ``pose``, in W; m."""
+    c, s = cos(pose.yaw), sin(pose.yaw)
+    return np.array([(pose.x + c * x - s * y, pose.y + s * x + c * y) for x, y in points])
+
+
+def arrow(
+    axes: Axes,
+    tail: Point,
+    tip: Point,
+    *,
+    colour: str = INK,
+    width: float = 1.3,
+    style: str = "-|>",
+) -> None:
+    """A straight arrow in data coordinates."""
+    axes.add_patch(
+        FancyArrowPatch(
+            tail,
+            tip,
+            arrowstyle=style,
+            mutation_scale=9,
+            lw=width,
+            color=colour,
+            shrinkA=0,
+            shrinkB=0,
+            zorder=6,
+        )
+    )
+
+
+def angle(axes: Axes, at: Point, radius: float, start: float, end: float, *, colour: str) -> None:
+    """An arc from bearing ``start`` to ``end`` (rad, counter-clockwise) with an arrow head."""
+    axes.add_patch(
+        Arc(
+            at,
+            2 * radius,
+            2 * radius,
+            theta1=degrees(start),
+            theta2=degrees(end),
+            color=colour,
+            lw=1.1,
+            zorder=5,
+        )
+    )
+    tip = (at[0] + radius * cos(end), at[1] + radius * sin(end))
+    back = end - 0.05 / radius * 0.6
+    tail = (at[0] + radius * cos(back), at[1] + radius * sin(back))
+    arrow(axes, tail, tip, colour=colour, width=1.1)
+
+
+def dimension(axes: Axes, start: Point, end: Point, text: str, *, offset: float) -> None:
+    """A line with two heads and its text beside it, ``offset`` to the left of its direction."""
+    arrow(axes, start, end, width=0.9, style="<|-|>")
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    length = hypot(dx, dy)
+    turn = degrees(atan2(dy, dx))
+    x = 0.5 * (start[0] + end[0]) - offset * dy / length
+    y = 0.5 * (start[1] + end[1]) + offset * dx / length
+    upright = (turn + 90.0) % 180.0 - 90.0
+    axes.text(x, y, text, ha="center", va="center", rotation=upright, rotation_mode="anchor")
+
+
+def note(axes: Axes, at: Point, text: str, *, colour: str = INK, size: float = 9.5) -> None:
+    """Text centred at a point, on a white ground."""
+    ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
+    axes.text(*at, text, color=colour, ha="center", va="center", size=size, zorder=9, bbox=ground)
+
+
+def frame(axes: Axes, pose: Pose, length: float, names: tuple[str, str], colour: str) -> None:
+    """The two axes of a frame."""
+    origin, x, y, x_name, y_name = place(
+        pose, [(0, 0), (length, 0), (0, length), (1.13 * length, 0), (0, 1.13 * length)]
+    ).tolist()
+    arrow(axes, tuple(origin), tuple(x), colour=colour)
+    arrow(axes, tuple(origin), tuple(y), colour=colour)
+    note(axes, tuple(x_name), names[0], colour=colour)
+    note(axes, tuple(y_name), names[1], colour=colour)
+
+
+def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: bool) -> None:
+    """Body circle and wheels, to scale."""
+    style = (0, (4, 2.5)) if dashed else "-"
+    axes.add_patch(
+        Circle(
+            (pose.x, pose.y),
+            robot.body_radius,
+            fill=not dashed,
+            facecolor="#f3f5f8",
+            edgecolor=colour,
+            lw=1.2,
+            ls=style,
+            zorder=2,
+        )
+    )
+    for bearing in robot.wheel_angles:
+        wheel_outline(axes, robot, pose, bearing, colour)
+
+
+def wheel_outline(axes: Axes, robot: Robot, pose: Pose, bearing: float, colour: str) -> None:
+    """One wheel seen from above, with its axle to the centre."""
+    centre = place(pose, [(robot.arm * cos(bearing), robot.arm * sin(bearing))])[0]
+    wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + bearing + 0.5 * pi)
+    r, half = robot.wheel.radius, 0.5 * robot.wheel.row_gap + 0.4 * robot.wheel.radius
+    corners = place(wheel, [(r, half), (-r, half), (-r, -half), (r, -half)])
+    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=INK, lw=0.8, zorder=4))

@@ -1,0 +1,78 @@
+"""How every figure looks, and how it is written."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+INK = "#1a1a1a"
+"""Colour of references, axes and text."""
+FAINT = "#8a8a8a"
+"""Colour of what only helps to read."""
+
+_STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.5,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "lines.linewidth": 1.3,
+    "lines.solid_capstyle": "round",
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "legend.columnspacing": 1.4,
+    "legend.handlelength": 1.7,
+    "svg.hashsalt": "omnidrive",
+    "svg.fonttype": "path",
+}
+
+
+def styled() -> AbstractContextManager[None]:
+    """Context in which figures are made and saved."""
+    return mpl.rc_context(_STYLE)
+
+
+def canvas(width: float, height: float) -> Figure:
+    """An empty figure, in inches, whose panels arrange themselves."""
+    layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
+    return Figure(figsize=(width, height), layout=layout)
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
+    """Legend of ``axes`` in a row above all panels, where it covers nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), columns))
+
+
+def diagram(axes: Axes) -> None:
+    """Turn axes into a drawing sheet: equal scales, no ticks, no frame."""
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write ``figure`` in the format of the suffix of ``path``: png or svg, without a date."""
+    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
+    kind = path.suffix.removeprefix(".")
+    with styled():
+        figure.savefig(path, format=kind, dpi=160, metadata=metadata[kind])

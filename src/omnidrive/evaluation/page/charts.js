@@ -1,0 +1,183 @@
+"use strict";
+/* Time series under the map: one clock, one zoom and one cursor for all. */
+const Charts = (() => {
+  const MM = 1e3;
+  const KINDS = [
+    { column: "distance", title: "Position error", unit: "mm", factor: MM, digits: 2, floor: true },
+    { column: "turn", title: "Heading error", unit: "mrad", factor: 1e3, digits: 2, floor: false },
+    { column: "speed", title: "Speed", unit: "m/s", factor: 1, digits: 3, floor: true },
+    { column: "yawRate", title: "Yaw rate", unit: "rad/s", factor: 1, digits: 3, floor: false },
+  ];
+  const FONT = "11px system-ui, sans-serif";
+  const host = document.getElementById("charts");
+  const rangeText = document.getElementById("chart-range");
+  const panels = [];
+  let group = null;
+  let time = 0;
+  let seek = () => {};
+  let zooming = false;
+  let span = [0, 1];
+
+  const element = (tag, name, parent) => {
+    const made = document.createElement(tag);
+    made.className = name;
+    parent.append(made);
+    return made;
+  };
+
+  function columns(kind) {
+    const rows = group.t.length;
+    const series = group.runs.map((run) => {
+      const column = run[kind.column];
+      return Array.from({ length: rows }, (_, k) => (Number.isFinite(column[k]) ? column[k] * kind.factor : null));
+    });
+    return [Array.from(group.t), ...series];
+  }
+
+  function axis(size, values) {
+    return {
+      size, values, font: FONT, gap: 4,
+      stroke: () => Theme.colour("muted"),
+      grid: { stroke: () => Theme.colour("grid"), width: 1 },
+      ticks: { stroke: () => Theme.colour("grid"), width: 1, size: 5 },
+    };
+  }
+
+  function options(panel, width) {
+    const { kind } = panel;
+    const range = (_, low, high) => {
+      if (low === null || high === null) return [0, 1];
+      if (kind.floor) return [0, high > 0 ? 1.08 * high : 1];
+      const pad = 0.08 * (high - low) || 0.5;
+      return [low - pad, high + pad];
+    };
+    return {
+      width, height: 190, legend: { show: false },
+      cursor: { sync: { key: "race" }, drag: { x: true, y: false, dist: 4 }, points: { size: 7 } },
+      scales: { x: { time: false }, y: { range } },
+      axes: [axis(30, (_, ticks) => ticks.map((t) => `${+t.toPrecision(6)} s`)), axis(52)],
+      series: [{}, ...group.runs.map((run) => ({ label: run.label, show: run.visible, stroke: run.colour(), width: 1.6, spanGaps: false }))],
+      hooks: {
+        ready: [(chart) => attach(panel, chart)],
+        setCursor: [(chart) => show(panel, chart.cursor.idx)],
+        setScale: [(chart, key) => key === "x" && share(chart)],
+        draw: [() => place(panel)],
+      },
+    };
+  }
+
+  /* The line that marks the race's time, and a click that sets it. */
+  function attach(panel, chart) {
+    panel.mark = element("div", "time-mark", chart.over);
+    let pressed = 0;
+    chart.over.addEventListener("mousedown", (event) => { pressed = event.clientX; });
+    chart.over.addEventListener("click", (event) => {
+      if (Math.abs(event.clientX - pressed) > 3) return;
+      const t = chart.posToVal(event.clientX - chart.over.getBoundingClientRect().left, "x");
+      seek(Math.min(Math.max(t, 0), group.duration));
+    });
+    chart.over.addEventListener("mouseleave", () => panels.forEach((other) => show(other, null)));
+  }
+
+  function place(panel) {
+    if (!panel.chart || !panel.mark) return;
+    const x = panel.chart.valToPos(time, "x");
+    const inside = x >= -1 && x <= panel.chart.over.clientWidth + 1;
+    panel.mark.hidden = !inside;
+    panel.mark.style.transform = `translateX(${x}px)`;
+  }
+
+  /* Values at a row: the pointer's, or else the race's. */
+  function show(panel, row) {
+    const { kind } = panel;
+    const hovering = row !== null && row !== undefined;
+    const at = hovering ? row : time / Study.dt;
+    panel.clock.textContent = `t = ${(hovering ? group.t[row] : time).toFixed(2)} s`;
+    panel.clock.classList.toggle("hovering", hovering);
+    group.runs.forEach((run, k) => {
+      const value = hovering && row >= run.rows ? NaN : run.at(at)[kind.column];
+      panel.values[k].textContent = Number.isFinite(value) ? (value * kind.factor).toFixed(kind.digits) : "–";
+      panel.items[k].hidden = !run.visible;
+    });
+  }
+
+  /* Give every chart the time axis of one. */
+  function share(chart) {
+    if (zooming) return;
+    const { min, max } = chart.scales.x;
+    if (!Number.isFinite(min) || !Number.isFinite(max)) return;
+    span = [min, max];
+    zooming = true;
+    for (const { chart: other } of panels) if (other && other !== chart) other.setScale("x", { min, max });
+    zooming = false;
+    rangeText.textContent = `${min.toFixed(2)} s to ${max.toFixed(2)} s`;
+  }
+
+  function build(kind) {
+    const root = element("figure", "chart", host);
+    const head = element("figcaption", "chart-head", root);
+    element("strong", "", head).textContent = `${kind.title} in ${kind.unit}`;
+    const panel = { kind, root, items: [], values: [], clock: element("span", "clock", head), chart: null };
+    const list = element("div", "chart-values", root);
+    for (const run of group.runs) {
+      const item = element("span", "value", list);
+      item.title = run.label;
+      element("i", "swatch", item).style.background = run.colour();
+      item.append(`${run.short} `);
+      panel.items.push(item);
+      panel.values.push(element("b", "", item));
+    }
+    panel.chart = new uPlot(options(panel, Math.max(root.clientWidth, 200)), columns(kind), root);
+    panels.push(panel);
+    show(panel, null);
+  }
+
+  function load(next) {
+    for (const panel of panels.splice(0)) {
+      panel.chart.destroy();
+      panel.root.remove();
+    }
+    group = next;
+    KINDS.forEach(build);
+    zoomTo(0, group.duration);
+  }
+
+  function zoomTo(min, max) {
+    if (panels.length) panels[0].chart.setScale("x", { min: Math.max(min, 0), max: Math.min(max, group.duration) });
+  }
+
+  /* Magnify the time axis about the race's time. */
+  function zoom(factor) {
+    const length = Math.min(Math.max((span[1] - span[0]) * factor, 4 * Study.dt), group.duration);
+    const middle = Math.min(Math.max(time, 0.5 * length), group.duration - 0.5 * length);
+    zoomTo(middle - 0.5 * length, middle + 0.5 * length);
+  }
+
+  new ResizeObserver(() => {
+    for (const { chart, root } of panels) {
+      if (root.clientWidth && root.clientWidth !== chart.width) chart.setSize({ width: root.clientWidth, height: 190 });
+    }
+  }).observe(host);
+
+  return {
+    load,
+    zoom,
+    fit: () => zoomTo(0, group.duration),
+    span: () => span,
+    show: zoomTo,
+    onSeek(listener) { seek = listener; },
+    tick(t) {
+      time = t;
+      for (const panel of panels) {
+        place(panel);
+        if (!Number.isInteger(panel.chart.cursor.idx)) show(panel, null);
+      }
+    },
+    toggle(k, visible) {
+      for (const panel of panels) {
+        panel.chart.setSeries(k + 1, { show: visible });
+        show(panel, null);
+      }
+    },
+  };
+})();

@@ -1,0 +1,56 @@
+"""Parts of the page that are plain HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from math import degrees
+
+from omnidrive.evaluation.results import StudyResults
+from omnidrive.evaluation.tables import Table
+
+
+def tables_markup(tables: Sequence[Table]) -> str:
+    """Every table, one section each."""
+    return "\n".join(_table(k, table) for k, table in enumerate(tables))
+
+
+def facts_markup(results: StudyResults) -> str:
+    """What was driven where, as the items of a description list."""
+    robot, grid = results.robot, results.grid
+    left, right, bottom, top = grid.extent
+    bearings = ", ".join(f"{degrees(a):g}" for a in robot.wheel_angles)
+    facts = {
+        "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.arm:.4g} m, "
+        f"r = {robot.wheel.radius:.4g} m, wheels at {bearings}°",
+        "Plant": results.plant,
+        "Sample time": f"{results.dt:g} s",
+        "Map": f"{right - left:.4g} m by {top - bottom:.4g} m, cells of {grid.resolution:g} m, "
+        f"inflated by {results.inflation:g} m",
+        "Path": f"{results.path.length:.2f} m, {len(results.path.poses)} cells",
+    }
+    return "\n".join(
+        f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()
+    )
+
+
+def _table(k: int, table: Table) -> str:
+    head = "".join(f'<th scope="col">{escape(column)}</th>' for column in table.columns)
+    body = "\n".join(_row(row) for row in table.rows)
+    note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
+    return (
+        f'<section class="card table-card">\n'
+        f'<h3 id="table-{k}">{escape(table.title)}</h3>\n'
+        f'<div class="scroll" tabindex="0" role="region" aria-labelledby="table-{k}">\n'
+        f'<table aria-labelledby="table-{k}"><thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}\n</tbody></table></div>{note}\n</section>"
+    )
+
+
+def _row(row: tuple[str, ...]) -> str:
+    name, *cells = row
+    return (
+        f'<tr><th scope="row">{escape(name)}</th>'
+        + "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+        + "</tr>"
+    )

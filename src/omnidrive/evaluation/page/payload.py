@@ -1,0 +1,134 @@
+"""A study as the JSON that the page's scripts read."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int, Num
+
+from omnidrive.evaluation.palette import (
+    Ink,
+    controller_ink,
+    controller_label,
+    controller_short,
+    horizon_inks,
+)
+from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
+from omnidrive.maps import OccupancyGrid
+from omnidrive.simulation import Outcome, Run
+
+Array = np.ndarray
+
+_DECIMALS = 5  # 0.01 mm, 0.01 mrad
+_TASKS = {"track": "Track", "noise": "Noise", "horizon": "Horizons"}
+_SPLINE_POINTS = 600
+
+
+def payload(results: StudyResults) -> str:
+    """JSON that is safe inside a script element: no ``<`` is left in it.
+
+    Lengths in m, angles in rad, times in s; columns rounded to 1e-5; null where a number is not
+    finite.
+    """
+    spline = results.spline.poses(np.linspace(0.0, 1.0, _SPLINE_POINTS))
+    data = {
+        "dt": results.dt,
+        "robot": {
+            "bodyRadius": results.robot.body_radius,
+            "arm": results.robot.arm,
+            "wheelRadius": results.robot.wheel.radius,
+            "wheelAngles": list(results.robot.wheel_angles),
+        },
+        "map": _map(results.grid, results.inflation),
+        "cells": [_column(results.path.poses[:, i]) for i in (0, 1)],
+        "spline": [_column(spline[:, i]) for i in (0, 1)],
+        "groups": _groups(results),
+    }
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")
+
+
+def _map(grid: OccupancyGrid, inflation: float) -> dict[str, Any]:
+    """Cells as runs of equal kind, row by row from the bottom: 0 free, 1 inflated, 2 taken."""
+    kinds = grid.inflated(inflation).occupied.astype(np.int64) + grid.occupied
+    rows, cols = kinds.shape
+    return {
+        "rows": rows,
+        "cols": cols,
+        "resolution": grid.resolution,
+        "origin": list(grid.origin),
+        "kinds": _run_lengths(kinds.ravel()),
+    }
+
+
+def _run_lengths(kinds: Int[Array, " cells"]) -> list[int]:
+    """Kind, length, kind, length, ..."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(kinds)) + 1])
+    lengths = np.diff(np.append(starts, len(kinds)))
+    flat: list[int] = np.column_stack([kinds[starts], lengths]).ravel().tolist()
+    return flat
+
+
+def _groups(results: StudyResults) -> list[dict[str, Any]]:
+    """Runs that race together, by task and duration; then the step responses."""
+    keys = dict.fromkeys((r.task, r.duration) for r in results.tracks)
+    groups = []
+    for task, duration in sorted(keys, key=lambda key: (list(_TASKS).index(key[0]), key[1])):
+        runs = results.select(task, duration=duration)
+        if task == "horizon":
+            runs = tuple(sorted(runs, key=lambda r: (r.horizon or 0, r.controller)))
+            drawn = [_horizon(r, ink) for r, ink in zip(runs, horizon_inks(len(runs)), strict=True)]
+        else:
+            drawn = [_controller(r) for r in runs]
+        name = f"{_TASKS[task]} {duration:g} s"
+        groups.append(_group(f"{task}-{duration:g}", name, [r.run for r in runs], drawn))
+    if results.steps:
+        runs_of_steps = [r.run for r in results.steps]
+        drawn = [_controller(r) for r in results.steps]
+        groups.append(_group("step", "Step response", runs_of_steps, drawn))
+    return groups
+
+
+def _group(name: str, label: str, runs: list[Run], drawn: list[dict[str, Any]]) -> dict[str, Any]:
+    """One race; its clock and its target are those of the longest run."""
+    longest = max(runs, key=lambda run: len(run.t))
+    return {
+        "id": name,
+        "label": label,
+        "onMap": name != "step",
+        "t": _column(longest.t),
+        "target": [_column(longest.target[:, i]) for i in range(3)],
+        "runs": drawn,
+    }
+
+
+def _controller(result: TrackResult | StepResult) -> dict[str, Any]:
+    name = result.controller
+    return _run(result.run, controller_label(name), controller_short(name), controller_ink(name))
+
+
+def _horizon(result: TrackResult, ink: Ink) -> dict[str, Any]:
+    label = f"{controller_label(result.controller)}, N = {result.horizon}"
+    return _run(result.run, label, f"N = {result.horizon}", ink)
+
+
+def _run(run: Run, label: str, short: str, ink: Ink) -> dict[str, Any]:
+    noisy = not np.array_equal(run.measured, run.pose)
+    speed = np.hypot(run.twist[:, 0], run.twist[:, 1])
+    return {
+        "label": label,
+        "short": short,
+        "ink": list(ink),
+        "pose": [_column(run.pose[:, i]) for i in range(3)],
+        "measured": [_column(run.measured[:, i]) for i in (0, 1)] if noisy else None,
+        "speed": _column(speed),
+        "yawRate": _column(run.twist[:, 2]),
+        "ended": None if run.outcome is Outcome.FINISHED else run.outcome.value,
+    }
+
+
+def _column(values: Num[Array, " rows"]) -> list[float | None]:
+    rounded: list[float] = (np.round(values.astype(float), _DECIMALS) + 0.0).tolist()
+    return [v if np.isfinite(v) else None for v in rounded]

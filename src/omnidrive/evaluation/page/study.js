@@ -1,0 +1,68 @@
+"use strict";
+/* The study: its data, decoded, and its values at any time. Lengths in m, angles in rad, times in s. */
+const Study = (() => {
+  const raw = JSON.parse(document.getElementById("study").textContent);
+  const numbers = (column) => Float64Array.from(column, (v) => (v === null ? NaN : v));
+  const wrap = (angle) => angle - 2 * Math.PI * Math.floor((angle + Math.PI) / (2 * Math.PI));
+
+  /* A column's value at a fractional row; after its last row it holds. */
+  function sample(column, row) {
+    const last = column.length - 1;
+    if (row >= last) return column[last];
+    const k = Math.floor(row);
+    return column[k] + (row - k) * (column[k + 1] - column[k]);
+  }
+
+  function decodeRun(run, target) {
+    const [x, y, yaw] = run.pose.map(numbers);
+    const rows = x.length;
+    const distance = new Float64Array(rows);
+    const turn = new Float64Array(rows);
+    for (let k = 0; k < rows; k++) {
+      distance[k] = Math.hypot(x[k] - target.x[k], y[k] - target.y[k]);
+      turn[k] = wrap(yaw[k] - target.yaw[k]);
+    }
+    return {
+      label: run.label, short: run.short, ink: run.ink, ended: run.ended, rows, visible: true,
+      x, y, yaw, distance, turn, speed: numbers(run.speed), yawRate: numbers(run.yawRate),
+      measured: run.measured && run.measured.map(numbers),
+      colour() { return this.ink[Theme.dark() ? 1 : 0]; },
+      at(row) {
+        const value = (name) => sample(this[name], row);
+        return {
+          x: value("x"), y: value("y"), yaw: value("yaw"), distance: value("distance"),
+          turn: value("turn"), speed: value("speed"), yawRate: value("yawRate"),
+          stopped: this.ended !== null && row >= this.rows - 1,
+        };
+      },
+    };
+  }
+
+  function decodeGroup(group) {
+    const [x, y, yaw] = group.target.map(numbers);
+    const target = { x, y, yaw, at: (row) => ({ x: sample(x, row), y: sample(y, row), yaw: sample(yaw, row) }) };
+    const t = numbers(group.t);
+    return {
+      id: group.id, label: group.label, onMap: group.onMap, t, target, duration: t[t.length - 1],
+      runs: group.runs.map((run) => decodeRun(run, target)),
+    };
+  }
+
+  function decodeMap(map) {
+    const kinds = new Uint8Array(map.rows * map.cols);
+    for (let i = 0, cell = 0; i < map.kinds.length; i += 2) {
+      kinds.fill(map.kinds[i], cell, (cell += map.kinds[i + 1]));
+    }
+    const [left, bottom] = map.origin;
+    return {
+      rows: map.rows, cols: map.cols, resolution: map.resolution, kinds,
+      left, bottom, right: left + map.cols * map.resolution, top: bottom + map.rows * map.resolution,
+    };
+  }
+
+  return {
+    dt: raw.dt, robot: raw.robot, map: decodeMap(raw.map), wrap,
+    cells: raw.cells.map(numbers), spline: raw.spline.map(numbers),
+    groups: raw.groups.map(decodeGroup),
+  };
+})();

@@ -1,0 +1,78 @@
+"""Puts markup, style, scripts and data into one file."""
+
+from __future__ import annotations
+
+import re
+from base64 import b64encode
+from collections.abc import Sequence
+from hashlib import sha256
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+from omnidrive.evaluation.page.markup import facts_markup, tables_markup
+from omnidrive.evaluation.page.payload import payload
+from omnidrive.evaluation.results import StudyResults
+from omnidrive.evaluation.tables import Table
+
+_STYLES = ("vendor/uPlot.min.css", "page.css")
+_EARLY = ("theme.js",)
+_SCRIPTS = (
+    "vendor/uPlot.iife.min.js",
+    "study.js",
+    "camera.js",
+    "scene.js",
+    "lens.js",
+    "charts.js",
+    "page.js",
+)
+
+
+def write_page(results: StudyResults, tables: Sequence[Table], path: Path) -> None:
+    """Write the report of a study: one HTML file that needs no network.
+
+    Args:
+        results: What to play; tasks without runs are left out.
+        tables: What to print below, in this order.
+        path: The file; its folder exists.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    path.write_text(page_text(results, tables), encoding="utf-8")
+
+
+def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
+    """The report of a study; its security policy admits its own scripts and nothing else."""
+    styles, early, late = (_read(names) for names in (_STYLES, _EARLY, _SCRIPTS))
+    parts = {
+        "policy": _policy(early + late, styles),
+        "title": escape(results.title),
+        "facts": facts_markup(results),
+        "tables": tables_markup(tables),
+        "data": payload(results),
+        "styles": "".join(f"<style>{text}</style>\n" for text in styles),
+        "early": "".join(f"<script>{text}</script>\n" for text in early),
+        "scripts": "".join(f"<script>{text}</script>\n" for text in late),
+        "licence": escape(_read(("vendor/uPlot.LICENSE",))[0]),
+    }
+    # one pass, so that nothing inside a part is taken for a place to fill
+    return re.sub(r"\{\{(\w+)\}\}", lambda hit: parts[hit[1]], _read(("page.html",))[0])
+
+
+def _read(names: Sequence[str]) -> list[str]:
+    folder = files("omnidrive.evaluation.page")
+    return [folder.joinpath(name).read_text(encoding="utf-8") for name in names]
+
+
+def _policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
+    """Content security policy: scripts and styles by their hash, no connection to anywhere."""
+    return (
+        f"default-src 'none'; script-src {_hashes(scripts)}; style-src {_hashes(styles)}; "
+        "img-src data:; base-uri 'none'; form-action 'none'"
+    )
+
+
+def _hashes(texts: Sequence[str]) -> str:
+    digests = (b64encode(sha256(text.encode()).digest()).decode() for text in texts)
+    return " ".join(f"'sha256-{digest}'" for digest in digests)

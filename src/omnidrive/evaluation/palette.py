@@ -1,0 +1,62 @@
+"""Names and colours of controllers, the same in every figure and on the page."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from zlib import crc32
+
+
+class Ink(NamedTuple):
+    """One colour, as ``#rrggbb``, legible on either ground."""
+
+    light: str
+    """On a white ground."""
+    dark: str
+    """On a black ground."""
+
+
+# Okabe & Ito, "Color universal design", 2008: told apart by the colour-blind, too
+_CONTROLLERS = {
+    "fuzzy_t1": ("Type-1 fuzzy PID", "T1", Ink("#e69f00", "#e69f00")),
+    "fuzzy_t2": ("Interval type-2 fuzzy PID", "IT2", Ink("#0072b2", "#56b4e9")),
+    "nmpc": ("NMPC", "NMPC", Ink("#cc79a7", "#e39ac3")),
+    "recommended": ("Recommended", "Rec.", Ink("#009e73", "#1fc998")),
+}
+_SPARE = (Ink("#d55e00", "#f2803a"), Ink("#7f7f7f", "#b0b0b0"), Ink("#56b4e9", "#9ad7fb"))
+
+# ends of viridis, cut where it would fade into the ground
+_RAMPS = Ink("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae #c4e65a")
+
+
+def controller_label(controller: str) -> str:
+    """Name to print; a controller that is not the study's own keeps its name."""
+    return _CONTROLLERS[controller][0] if controller in _CONTROLLERS else controller
+
+
+def controller_short(controller: str) -> str:
+    """The same for narrow places."""
+    return _CONTROLLERS[controller][1] if controller in _CONTROLLERS else controller
+
+
+def controller_ink(controller: str) -> Ink:
+    """Colour of a controller, whatever others are in the study."""
+    if controller in _CONTROLLERS:
+        return _CONTROLLERS[controller][2]
+    return _SPARE[crc32(controller.encode()) % len(_SPARE)]
+
+
+def horizon_inks(count: int) -> tuple[Ink, ...]:
+    """Colours of ``count`` horizons, from the shortest to the longest."""
+    positions = [k / max(count - 1, 1) for k in range(count)]
+    light, dark = ([_along(ramp.split(), p) for p in positions] for ramp in _RAMPS)
+    return tuple(Ink(*pair) for pair in zip(light, dark, strict=True))
+
+
+def _along(ramp: list[str], position: float) -> str:
+    """Colour at ``position`` in [0, 1] of a ramp, by straight lines in sRGB."""
+    k = min(int(position * (len(ramp) - 1)), len(ramp) - 2)
+    share = position * (len(ramp) - 1) - k
+    low, high = ([int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in (ramp[k], ramp[k + 1]))
+    return "#" + "".join(
+        f"{round(a + share * (b - a)):02x}" for a, b in zip(low, high, strict=True)
+    )

@@ -1,0 +1,49 @@
+"""The numbers that the paper printed, to stand beside ours."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from omnidrive.evaluation.step_response import StepResponse
+
+
+class Published(NamedTuple):
+    """One row of the paper's tracking tables."""
+
+    me: float
+    """Mean error in m."""
+    mae: float
+    """Mean absolute heading error in rad."""
+
+
+PUBLISHED_ERRORS = {
+    ("track", 20.0, "fuzzy_t1"): Published(0.0874, 0.0888),
+    ("track", 20.0, "fuzzy_t2"): Published(0.0855, 0.0849),
+    ("track", 20.0, "nmpc"): Published(0.0722, 0.0625),
+    ("track", 30.0, "fuzzy_t1"): Published(0.0521, 0.05349),
+    ("track", 30.0, "fuzzy_t2"): Published(0.0501, 0.0535),
+    ("track", 30.0, "nmpc"): Published(0.0439, 0.0385),
+    ("noise", 30.0, "fuzzy_t1"): Published(0.0657, 0.0608),
+    ("noise", 30.0, "fuzzy_t2"): Published(0.0647, 0.0588),
+    ("noise", 30.0, "nmpc"): Published(0.0566, 0.0586),
+}
+"""Tables 2 and 3 of the paper, by task, duration in s and controller."""
+
+PUBLISHED_STEPS = {
+    "fuzzy_t1": (
+        StepResponse(10.800, 0.991, 1.610),
+        StepResponse(9.448, 1.186, 1.186),
+        StepResponse(78.904, 0.215, 2.282),
+    ),
+    "fuzzy_t2": (
+        StepResponse(10.611, 0.949, 1.522),
+        StepResponse(9.692, 1.133, 1.133),
+        StepResponse(77.887, 0.242, 2.160),
+    ),
+    "nmpc": (
+        StepResponse(5.083, 2.252, 0.921),
+        StepResponse(3.480, 0.914, 0.914),
+        StepResponse(95.766, 0.175, 1.514),
+    ),
+}
+"""Table 4 of the paper: x, y and heading, by controller."""

@@ -1,0 +1,54 @@
+"""Many runs from one scenario, and the folder they leave."""
+
+from omnidrive.study.folder import RunFolder
+from omnidrive.study.jobs import Job, jobs_of, make_controller, make_plant, run_job
+from omnidrive.study.plan import plan_facts, save_plan
+from omnidrive.study.prepared import Prepared, lay_out, prepare
+from omnidrive.study.scenario import (
+    ControllerName,
+    MapSection,
+    PlantName,
+    PresetName,
+    RobotSection,
+    Scenario,
+    TaskName,
+    Tasks,
+    map_scenario,
+    paper_scenario,
+    study_tasks,
+)
+from omnidrive.study.scenario_file import load_scenario, save_scenario
+from omnidrive.study.study import Study, Watcher, run_study
+from omnidrive.study.timing import one_task, retime
+
+__all__ = [
+    "ControllerName",
+    "Job",
+    "MapSection",
+    "PlantName",
+    "Prepared",
+    "PresetName",
+    "RobotSection",
+    "RunFolder",
+    "Scenario",
+    "Study",
+    "TaskName",
+    "Tasks",
+    "Watcher",
+    "jobs_of",
+    "lay_out",
+    "load_scenario",
+    "make_controller",
+    "make_plant",
+    "map_scenario",
+    "one_task",
+    "paper_scenario",
+    "plan_facts",
+    "prepare",
+    "retime",
+    "run_job",
+    "run_study",
+    "save_plan",
+    "save_scenario",
+    "study_tasks",
+]

@@ -1,0 +1,172 @@
+"""The folder that a study leaves: each file is whole or absent."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from omnidrive.errors import CannotWrite
+from omnidrive.evaluation import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.maps import save_nav2_map
+from omnidrive.simulation import Outcome, Run
+from omnidrive.study.prepared import Prepared
+from omnidrive.study.scenario_file import save_scenario, scenario_data
+
+_POSE = (("x", "m"), ("y", "m"), ("yaw", "rad"))
+_TWIST = (("vx", "m/s"), ("vy", "m/s"), ("yaw_rate", "rad/s"))
+_VERSIONS = ("omnidrive", "numpy", "numba", "mujoco", "daqp")
+
+
+class RunFolder:
+    """Writes results as they come; what is on disk is readable at any time.
+
+    Attributes:
+        path: The folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Make the folder.
+
+        Raises:
+            CannotWrite: It cannot be made, or holds something already.
+        """
+        self.path = path
+        with writing(path):
+            path.mkdir(parents=True, exist_ok=True)
+            if any(path.iterdir()):
+                raise CannotWrite(f"{path} is not empty; name a new folder with --out")
+
+    def save_demand(self, prepared: Prepared) -> None:
+        """Write the resolved scenario and, unless it is the paper's, the map."""
+        scenario = prepared.scenario
+        with writing(self.path):
+            if scenario.map.source != "paper":
+                save_nav2_map(prepared.grid, self.path / "map.yaml")
+                own = scenario.map.model_copy(update={"source": "map.yaml"})
+                scenario = scenario.model_copy(update={"map": own})
+            save_scenario(scenario, self.path / "scenario.yaml")
+
+    def save_series(self, name: str, run: Run) -> None:
+        """Write one run's time series to ``series/NAME.parquet``."""
+        with self._whole(f"series/{name}.parquet") as path:
+            path.parent.mkdir(exist_ok=True)
+            pq.write_table(series_table(run), path)
+
+    def save_results(
+        self, prepared: Prepared, results: StudyResults, timing: dict[str, float]
+    ) -> None:
+        """Write ``results.json``; see docs/run-folder.md for its schema."""
+        data = {
+            "format": "omnidrive-results-1",
+            "versions": {name: version(name) for name in _VERSIONS},
+            "scenario": scenario_data(prepared.scenario),
+            "path": {"length": results.spline.length, "cells": len(results.path.poses)},
+            "runs": [track_record(result) for result in results.tracks],
+            "step_response": [row for step in results.steps for row in step_records(step)],
+            "timing_s": timing,
+        }
+        with self._whole("results.json") as path:
+            path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+    @contextmanager
+    def _whole(self, name: str) -> Iterator[Path]:
+        """A path to write to, put in its place when done."""
+        final = self.path / name
+        part = final.with_name(final.name + ".part")
+        with writing(self.path):
+            try:
+                yield part
+                os.replace(part, final)
+            finally:
+                part.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Turn the system's errors into :class:`CannotWrite`."""
+    try:
+        yield
+    except OSError as error:
+        raise CannotWrite(
+            f"cannot write to {folder}: {error.strerror or error}. What was written before is "
+            "kept; make room, or name another folder with --out"
+        ) from None
+
+
+def series_table(run: Run) -> pa.Table:
+    """A run's log as columns with their units; `step_time` (us) alone is not reproducible."""
+    columns: list[tuple[str, str, Any]] = [("t", "s", run.t)]
+    for prefix, fields, block in (
+        ("", _POSE, run.pose),
+        ("measured_", _POSE, run.measured),
+        ("target_", _POSE, run.target),
+        ("command_", _TWIST, run.command),
+        ("actual_", _TWIST, run.twist),
+    ):
+        columns += [(prefix + name, unit, block[:, i]) for i, (name, unit) in enumerate(fields)]
+    columns += [("work", "J", run.work), ("status", "1", run.status)]
+    columns.append(("step_time", "us", run.step_time))
+    schema = pa.schema(
+        [pa.field(n, pa.from_numpy_dtype(v.dtype), metadata={"unit": u}) for n, u, v in columns]
+    )
+    return pa.table([pa.array(v) for _, _, v in columns], schema=schema)
+
+
+def track_record(result: TrackResult) -> dict[str, Any]:
+    """One entry of ``runs`` in results.json: metres, radians, seconds; null where undefined."""
+    m, run = result.metrics, result.run
+    record = {
+        "name": result.name,
+        "controller": result.controller,
+        "task": result.task,
+        "duration": result.duration,
+        "noise": result.noise,
+        "horizon": result.horizon,
+        "finished": run.outcome is Outcome.FINISHED,
+        "outcome": run.outcome.value,
+        "me": m.me,
+        "mae": m.mae,
+        "max_error": m.max_error,
+        "me_measured": m.me_measured,
+        "mae_measured": m.mae_measured,
+        "me_after_start": m.me_after_start,
+        "mae_after_start": m.mae_after_start,
+        "wheel_acceleration": m.wheel_acceleration,
+        "work": m.work,
+        "min_clearance": result.min_clearance,
+        "fallbacks": m.fallbacks,
+        "step_time_us": {"median": m.step_time_median, "p99": m.step_time_p99},
+        "series": f"series/{result.name}.parquet",
+    }
+    return _json_safe(record)
+
+
+def step_records(result: StepResult) -> list[dict[str, Any]]:
+    """The entries of ``step_response`` in results.json, one per axis; null where never reached."""
+    return [
+        _json_safe(
+            {
+                "controller": result.controller,
+                "axis": axis,
+                **response._asdict(),
+                "finished": result.run.outcome is Outcome.FINISHED,
+                "series": f"series/{result.name}.parquet",
+            }
+        )
+        for axis, response in zip(STEP_AXES, result.responses, strict=True)
+    ]
+
+
+def _json_safe(record: dict[str, Any]) -> dict[str, Any]:
+    """JSON has no NaN: null says that there is no number."""
+    bad = {k for k, v in record.items() if isinstance(v, float) and not isfinite(v)}
+    return {k: None if k in bad else v for k, v in record.items()}

@@ -1,0 +1,118 @@
+"""The runs that a scenario asks for, and how one is done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from omnidrive.control import Controller, FeedforwardController, fuzzy_pid, unicycle_nmpc
+from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
+from omnidrive.geometry import Pose
+from omnidrive.reference import Hold
+from omnidrive.robot import Robot
+from omnidrive.simulation import KinematicPlant, MujocoPlant, PaperNoise, Plant, simulate
+from omnidrive.study.prepared import Prepared
+from omnidrive.study.scenario import ControllerName, PlantName, Scenario, TaskName
+
+
+class Job(NamedTuple):
+    """One run of a study."""
+
+    task: TaskName
+    controller: ControllerName
+    duration: float
+    """Of the reference, in s."""
+    horizon: int | None = None
+    """Prediction horizon of the NMPC, in steps; None for other controllers."""
+
+
+def jobs_of(scenario: Scenario) -> list[Job]:
+    """Every run of the study, in the order in which results are listed."""
+    tasks, jobs = scenario.tasks, []
+
+    def horizon(name: ControllerName) -> int | None:
+        return scenario.nmpc.horizon if name == "nmpc" else None
+
+    for task, wanted in (("track", tasks.track), ("noise", tasks.noise)):
+        for duration in wanted.durations if wanted else ():
+            jobs += [Job(task, name, duration, horizon(name)) for name in scenario.controllers]
+    if tasks.step:
+        seconds = tasks.step.duration
+        jobs += [Job("step", name, seconds, horizon(name)) for name in scenario.controllers]
+    if tasks.horizon and "nmpc" in scenario.controllers:
+        seconds = tasks.horizon.duration
+        jobs += [Job("horizon", "nmpc", seconds, n) for n in tasks.horizon.horizons]
+    return jobs
+
+
+def run_job(prepared: Prepared, job: Job) -> TrackResult | StepResult:
+    """Do one run and measure it."""
+    return _step(prepared, job) if job.task == "step" else _track(prepared, job)
+
+
+def make_controller(
+    scenario: Scenario, name: ControllerName, horizon: int | None = None
+) -> Controller:
+    """A fresh controller as the scenario asks for it; ``horizon`` (steps) overrides its own."""
+    steps = horizon or scenario.nmpc.horizon
+    dt, preset = scenario.sample_time, scenario.preset
+    table: dict[ControllerName, Callable[[], Controller]] = {
+        "fuzzy_t1": lambda: fuzzy_pid("t1", preset, dt),
+        "fuzzy_t2": lambda: fuzzy_pid("t2", preset, dt),
+        "nmpc": lambda: unicycle_nmpc(preset, dt, horizon=steps, solver=scenario.nmpc.solver),
+        "recommended": lambda: FeedforwardController(dt, scenario.recommended),
+    }
+    return table[name]()
+
+
+def make_plant(robot: Robot, name: PlantName) -> Plant:
+    """A fresh plant."""
+    table: dict[PlantName, Callable[[], Plant]] = {
+        "kinematic": lambda: KinematicPlant(robot),
+        "ball": lambda: MujocoPlant(robot, "ball"),
+        "rollers": lambda: MujocoPlant(robot, "rollers"),
+    }
+    return table[name]()
+
+
+def _track(prepared: Prepared, job: Job) -> TrackResult:
+    """Follow the path; with noise, every controller sees the same random numbers."""
+    scenario = prepared.scenario
+    reference = prepared.reference(job.duration)
+    noise = job.task == "noise"
+    rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6)])
+    run = simulate(
+        make_plant(prepared.robot, scenario.plant),
+        make_controller(scenario, job.controller, job.horizon),
+        reference,
+        start=reference.at(0.0).pose,
+        dt=scenario.sample_time,
+        sensor=PaperNoise(rng) if noise else None,
+    )
+    clearance = prepared.grid.clearance(run.pose[:, :2]).min() - prepared.body_radius
+    return TrackResult(
+        job.controller, job.task, job.duration, noise, job.horizon, run,
+        measure(run, prepared.robot.drive), float(clearance),
+    )  # fmt: skip
+
+
+def _step(prepared: Prepared, job: Job) -> StepResult:
+    """Let the reference jump from the start pose, on an empty floor."""
+    scenario = prepared.scenario
+    task = scenario.tasks.step
+    assert task is not None
+    start = Pose(*prepared.spline.poses(0.0).tolist())
+    goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
+    run = simulate(
+        make_plant(prepared.robot, scenario.plant),
+        make_controller(scenario, job.controller, job.horizon),
+        Hold(goal, job.duration),
+        start=start,
+        dt=scenario.sample_time,
+    )
+    responses = tuple(
+        step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
+    )
+    return StepResult(job.controller, run, responses)

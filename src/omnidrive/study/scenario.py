@@ -1,0 +1,157 @@
+"""Scenarios: one study as data, written to a file, read back, run anywhere."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from omnidrive.control import FeedforwardGains
+from omnidrive.parameter import Bounds
+from omnidrive.planning import PathOptions, Place
+
+ControllerName = Literal["fuzzy_t1", "fuzzy_t2", "nmpc", "recommended"]
+TaskName = Literal["track", "noise", "step", "horizon"]
+PlantName = Literal["rollers", "ball", "kinematic"]
+PresetName = Literal["paper", "published-code"]
+
+Seconds = Annotated[float, Bounds(0.1, 3600.0, "s")]
+Horizon = Annotated[int, Bounds(1, 200, "steps")]
+_Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RobotSection(_Section):
+    """Which robot, and what its wheel controller believes."""
+
+    name: str
+    assumed_arm: Annotated[float, Bounds(0.01, 10.0, "m")] | None = None
+    """Distance to the wheels by which commands become wheel speeds; None: the true one."""
+
+
+class MapSection(_Section):
+    """Which map, and how far from its obstacles to stay."""
+
+    source: str
+    """`paper`, or a Nav2 map's YAML file, relative to the scenario's."""
+    margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
+    """Room between the robot's body and obstacles; the map `paper` is inflated already."""
+
+
+class DurationsTask(_Section):
+    """Follow the path in each of several times."""
+
+    durations: Annotated[tuple[Seconds, ...], Field(min_length=1)]
+
+
+class StepTask(_Section):
+    """Stand still, then let the reference jump in x, y (m) and heading (rad) at once."""
+
+    displacement: tuple[_Metres, _Metres, Annotated[float, Bounds(-pi, pi, "rad")]]
+    duration: Seconds
+
+
+class HorizonTask(_Section):
+    """Follow the path with NMPC of several prediction horizons."""
+
+    duration: Seconds
+    horizons: Annotated[tuple[Horizon, ...], Field(min_length=1)]
+
+
+class Tasks(_Section):
+    """What the controllers have to do; None leaves a task out."""
+
+    track: DurationsTask | None = None
+    noise: DurationsTask | None = None
+    step: StepTask | None = None
+    horizon: HorizonTask | None = None
+
+    @model_validator(mode="after")
+    def _something_to_do(self) -> Tasks:
+        if not any((self.track, self.noise, self.step, self.horizon)):
+            raise ValueError("names no task; there are track, noise, step and horizon")
+        return self
+
+
+class NmpcSection(_Section):
+    """The NMPC's prediction horizon and solver."""
+
+    horizon: Horizon = 15
+    solver: Literal["sqp", "casadi"] = "sqp"
+
+
+class Scenario(_Section):
+    """Everything that decides a study, and nothing computed.
+
+    Lengths are in m, angles in rad, times in s. Two runs of one scenario with the same versions on
+    the same machine give the same numbers, bit for bit.
+    """
+
+    format: Literal["omnidrive-scenario-1"] = "omnidrive-scenario-1"
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
+    seed: Annotated[int, Bounds(0, 2**53, "")] = 1
+    robot: RobotSection
+    plant: PlantName = "rollers"
+    sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
+    map: MapSection
+    start: Place
+    goal: Place
+    path: PathOptions = PathOptions()
+    controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1)]
+    preset: PresetName = "paper"
+    """Whether the paper's controllers follow its text or its published code."""
+    nmpc: NmpcSection = NmpcSection()
+    recommended: FeedforwardGains = FeedforwardGains()
+    tasks: Tasks
+
+
+def paper_scenario(preset: PresetName = "paper") -> Scenario:
+    """The paper's study; ``published-code`` also takes over the code's slip in the wheel matrix.
+
+    The slip: a wheel's x coordinate, 0.5 m, stands for its distance from the centre, 0.7071 m.
+    """
+    slip = 0.5 if preset == "published-code" else None
+    return Scenario(
+        name="paper",
+        robot=RobotSection(name="paper", assumed_arm=slip),
+        map=MapSection(source="paper", margin=0.0),
+        start=Place(1.0, 1.0, 0.0),
+        goal=Place(8.0, 6.0),
+        path=PathOptions(greedy=True, cut_corners=True, spacing=0.0, turn_within=0.0),
+        controllers=("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended"),
+        preset=preset,
+        tasks=study_tasks(20.0),
+    )
+
+
+def study_tasks(duration: float) -> Tasks:
+    """The paper's tasks for a path to be followed in ``duration`` and 1.5 ``duration`` seconds."""
+    slower = round(1.5 * duration, 6)
+    return Tasks(
+        track=DurationsTask(durations=(duration, slower)),
+        noise=DurationsTask(durations=(slower,)),
+        step=StepTask(displacement=(1.0, 1.0, 0.25 * pi), duration=10.0),
+        horizon=HorizonTask(duration=duration, horizons=(5, 10, 15, 20, 25, 30)),
+    )
+
+
+def map_scenario(source: str, start: Place, goal: Place, *, robot: str, name: str) -> Scenario:
+    """The paper's study on another map; ``source`` is a Nav2 map's YAML file.
+
+    The times are the paper's; see :func:`~omnidrive.study.retime` for times that suit the path.
+    """
+    paper = paper_scenario()
+    return paper.model_copy(
+        update={
+            "name": name,
+            "robot": RobotSection(name=robot),
+            "map": MapSection(source=source),
+            "start": start,
+            "goal": goal,
+            "path": PathOptions(),
+        }
+    )

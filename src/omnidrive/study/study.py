@@ -1,0 +1,158 @@
+"""A study from its scenario to its report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Protocol
+
+from omnidrive.evaluation import (
+    StepResult,
+    StudyResults,
+    Table,
+    TrackResult,
+    study_tables,
+    write_figures,
+    write_page,
+)
+from omnidrive.study.execute import Result, execute
+from omnidrive.study.folder import RunFolder, writing
+from omnidrive.study.jobs import Job, jobs_of
+from omnidrive.study.prepared import Prepared, prepare
+from omnidrive.study.scenario import Scenario
+
+
+class Watcher(Protocol):
+    """Told what a study is doing."""
+
+    def part(self, name: str, steps: int) -> None:
+        """A part of the study begins; it has ``steps`` steps (0: not known)."""
+        ...
+
+    def done(self, what: str) -> None:
+        """One step of the part is done."""
+        ...
+
+
+class Unwatched:
+    """A :class:`Watcher` that says nothing."""
+
+    def part(self, name: str, steps: int) -> None:
+        """Say nothing."""
+
+    def done(self, what: str) -> None:
+        """Say nothing."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Study:
+    """A finished study.
+
+    Attributes:
+        results: All it found.
+        tables: The same as tables.
+        folder: Where it was written; None if nowhere.
+        timing: Seconds of wall time per part.
+    """
+
+    results: StudyResults
+    tables: list[Table]
+    folder: Path | None
+    timing: dict[str, float]
+
+
+def run_study(
+    scenario: Scenario,
+    folder: Path | None = None,
+    *,
+    processes: int = 1,
+    watcher: Watcher | None = None,
+) -> Study:
+    """Plan, run, measure and report.
+
+    Every run is written as soon as it is finished.
+
+    Args:
+        scenario: What to do.
+        folder: A new or empty folder for the results; None writes nothing.
+        processes: Runs done at the same time; the numbers do not depend on it.
+        watcher: Told how far the work is.
+
+    Raises:
+        InvalidInput: The scenario cannot be done as it stands.
+        NoPathFound: There is no way from start to goal.
+        CannotWrite: The folder cannot be written.
+    """
+    clock = _Clock(watcher or Unwatched())
+    with clock.part("plan", 0):
+        prepared = prepare(scenario)
+    store = RunFolder(folder) if folder else None
+    if store:
+        store.save_demand(prepared)
+    jobs = jobs_of(scenario)
+    finished: dict[Job, Result] = {}
+    with clock.part("simulate", len(jobs)):
+        for job, result in execute(prepared, jobs, processes):
+            finished[job] = result
+            if store:
+                store.save_series(result.name, result.run)
+                store.save_results(prepared, _collect(prepared, jobs, finished), clock.seconds)
+            clock.watcher.done(result.name)
+    results = _collect(prepared, jobs, finished)
+    tables = study_tables(results, published=_is_papers(scenario))
+    if store:
+        _report(store, results, tables, clock)
+        store.save_results(prepared, results, clock.seconds)
+    return Study(results, tables, store and store.path, clock.seconds)
+
+
+@dataclass(slots=True)
+class _Clock:
+    """Wall time per part, while a watcher looks on."""
+
+    watcher: Watcher
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def part(self, name: str, steps: int) -> Iterator[None]:
+        self.watcher.part(name, steps)
+        began = perf_counter()
+        yield
+        self.seconds[name] = round(perf_counter() - began, 3)
+
+
+def _report(
+    store: RunFolder, results: StudyResults, tables: Sequence[Table], clock: _Clock
+) -> None:
+    with clock.part("figures", 0), writing(store.path):
+        for path in write_figures(results, store.path / "figures"):
+            clock.watcher.done(path.name)
+    with clock.part("report", 1), writing(store.path):
+        write_page(results, tables, store.path / "report.html")
+        clock.watcher.done("report.html")
+
+
+def _is_papers(scenario: Scenario) -> bool:
+    """Whether the paper's numbers belong beside those of this scenario."""
+    return scenario.map.source == "paper" and scenario.robot.name == "paper"
+
+
+def _collect(prepared: Prepared, jobs: Sequence[Job], finished: dict[Job, Result]) -> StudyResults:
+    """What is finished so far, in the order of ``jobs``."""
+    done = [finished[job] for job in jobs if job in finished]
+    scenario = prepared.scenario
+    return StudyResults(
+        title=f"{scenario.name}: preset {scenario.preset}, plant {scenario.plant}",
+        robot=prepared.robot,
+        plant=scenario.plant,
+        dt=scenario.sample_time,
+        grid=prepared.grid,
+        inflation=prepared.inflation,
+        path=prepared.path,
+        spline=prepared.spline,
+        tracks=tuple(r for r in done if isinstance(r, TrackResult)),
+        steps=tuple(r for r in done if isinstance(r, StepResult)),
+    )
