@@ -58,10 +58,11 @@ def move(pose: Pose, twist: BodyTwist, dt: float) -> Pose:
     The yaw is not wrapped.
     """
     turn = twist.yaw_rate * dt
-    if abs(turn) < 1e-4:  # series of sin(a)/a and (1 - cos(a))/a; error below 1e-18
-        along, across = 1.0 - turn * turn / 6.0, turn / 2.0 - turn**3 / 24.0
-    else:
-        along, across = sin(turn) / turn, (1.0 - cos(turn)) / turn
+    half = 0.5 * turn
+    if abs(turn) < 1e-4:  # series of sin(a) / a and (1 - cos(a)) / a; error below 1e-17
+        along, across = 1.0 - turn * turn / 6.0, half
+    else:  # 1 - cos(a) = 2 sin(a / 2)^2, which does not cancel
+        along, across = sin(turn) / turn, sin(half) ** 2 / half
     bx = (along * twist.vx - across * twist.vy) * dt
     by = (across * twist.vx + along * twist.vy) * dt
     c, s = cos(pose.yaw), sin(pose.yaw)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from heapq import heappop, heappush
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Int
 
+from omnidrive.compiled import compiled
 from omnidrive.errors import NoPathFound
 from omnidrive.maps import OccupancyGrid
 
@@ -53,14 +53,14 @@ def search(
     return np.array([divmod(cell, cols) for cell in reversed(way)])
 
 
-@numba.njit(cache=True)
+@compiled
 def _octile(rows: int, cols: int) -> float:
     """Length of the shortest way of eight-neighbour moves across an empty grid, in cells."""
     rows, cols = abs(rows), abs(cols)
     return max(rows, cols) + (_DIAGONAL - 1.0) * min(rows, cols)
 
 
-@numba.njit(cache=True)
+@compiled
 def _search(
     occupied: Bool[Array, "rows cols"], start: Cell, goal: Cell, greedy: bool, cut_corners: bool
 ) -> Int[Array, " cells"]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sin
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from omnidrive.geometry import Pose
 
 
+@runtime_checkable
 class Sensor(Protocol):
     """Turns true poses into measured ones."""
 

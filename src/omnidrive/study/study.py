@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from omnidrive.evaluation import (
     StepResult,
@@ -25,6 +25,7 @@ from omnidrive.study.prepared import Prepared, prepare
 from omnidrive.study.scenario import Scenario
 
 
+@runtime_checkable
 class Watcher(Protocol):
     """Told what a study is doing."""
 

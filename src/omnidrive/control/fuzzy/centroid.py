@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
+
+from omnidrive.compiled import compiled
 
 Array = np.ndarray
 
@@ -13,7 +14,7 @@ _Line = tuple[float, float]
 """x = first + second * y."""
 
 
-@njit(cache=True)
+@compiled
 def _strip(left: _Line, right: _Line, low: float, high: float) -> tuple[float, float]:
     """Area and first moment about x = 0 of the strip between two lines, for low <= y <= high.
 
@@ -27,7 +28,7 @@ def _strip(left: _Line, right: _Line, low: float, high: float) -> tuple[float, f
     return area, middle * area + drift * widening * height**3 / 12.0
 
 
-@njit(cache=True)
+@compiled
 def exact_centroid(heights: Float[Array, " sets"], sets: Float[Array, "sets 3"]) -> float:
     """Centroid of ``max_k min(heights_k, triangle_k)``, in closed form.
 
@@ -68,7 +69,7 @@ def exact_centroid(heights: Float[Array, " sets"], sets: Float[Array, "sets 3"])
     return moment / area if area > 0.0 else 0.5 * (sets[0, 0] + sets[-1, 2])
 
 
-@njit(cache=True)
+@compiled
 def cut_union(
     heights: Float[Array, " sets"], samples: Float[Array, "sets samples"]
 ) -> Float[Array, " samples"]:
@@ -81,7 +82,7 @@ def cut_union(
     return union
 
 
-@njit(cache=True)
+@compiled
 def sampled_centroid(at: Float[Array, " samples"], degree: Float[Array, " samples"]) -> float:
     """Matlab's centroid, ``sum(degree x) / sum(degree)``; the middle of the range if all zero."""
     area, moment = 0.0, 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from omnidrive.control.fuzzy.pid import (
     MemorylessParameters,
@@ -20,6 +20,7 @@ Tuner = Callable[[float, float], GainChange]
 """From the scaled size of the error and its scaled change to the changes of kp, ki and kd."""
 
 
+@runtime_checkable
 class Channel(Protocol):
     """Turns one error into one command, once every sample time."""
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit
 
+from omnidrive.compiled import compiled
 from omnidrive.control.fuzzy.sets import membership
 
 Array = np.ndarray
 
 
-@njit(cache=True)
+@compiled
 def memberships(x: float, sets: Float[Array, "sets 3"], scale: float) -> Float[Array, " sets"]:
     """Degree to which ``x`` belongs to each set, times ``scale``."""
     degrees = np.empty(len(sets))
@@ -20,7 +20,7 @@ def memberships(x: float, sets: Float[Array, "sets 3"], scale: float) -> Float[A
     return degrees
 
 
-@njit(cache=True)
+@compiled
 def strongest(
     of_error: Float[Array, " sets"],
     of_change: Float[Array, " sets"],
@@ -41,7 +41,7 @@ def strongest(
     return heights
 
 
-@njit(cache=True)
+@compiled
 def summed(
     of_error: Float[Array, " sets"],
     of_change: Float[Array, " sets"],

@@ -91,7 +91,7 @@ def memoryless_law(gains: Gains, error: complex) -> complex:
 def self_tuning_law(
     parameters: SelfTuningParameters, gains: Gains, state: PidState, error: complex, dt: float
 ) -> tuple[complex, complex]:
-    """PID in positional form with back-calculation (Astrom & Hagglund 2006, sec. 3.5).
+    """PID in positional form with back-calculation (Astrom & Hagglund 2006).
 
     ``u = kp e + integral(ki e dt) + kd de/dt``, cut to ``parameters.limit`` without turning it;
     the part cut away drains the integral. The gain ki stands inside the integral: retuning it does

@@ -81,13 +81,7 @@ def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
     """The fuzzy system of a preset: from scaled error and change to changes of kp, ki and kd.
 
     Inputs outside [-1, 1] fire no rule: the changes are then zero.
-
-    Raises:
-        InvalidInput: There is no such kind or preset.
     """
-    if (preset, kind) not in _TUNERS:
-        known = ", ".join(f"'{k}' of '{p}'" for p, k in _TUNERS)
-        raise InvalidInput(f"there is no fuzzy system '{kind}' of '{preset}'; there are {known}")
     return _TUNERS[preset, kind]()
 
 
@@ -101,11 +95,11 @@ def fuzzy_pid(kind: Kind, preset: Preset, dt: float) -> FuzzyPidController:
         dt: Sample time in s.
 
     Raises:
-        InvalidInput: There is no such kind or preset, or ``dt`` is not positive.
+        InvalidInput: ``dt`` is not positive.
     """
-    tune = fuzzy_tuner(kind, preset)
     if not (isfinite(dt) and dt > 0.0):
         raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    tune = fuzzy_tuner(kind, preset)
     if preset == "published-code":
         channel = MemorylessChannel(tune, MemorylessParameters())
         return FuzzyPidController(dt, channel, channel, wraps=False)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
+
+from omnidrive.compiled import compiled
 
 Array = np.ndarray
 
@@ -60,7 +61,7 @@ def lagged(sets: Float[Array, "sets 3"], footprint: Footprint) -> Float[Array, "
     return np.column_stack([a + footprint.lag * (b - a), b, c - footprint.lag * (c - b)])
 
 
-@njit(cache=True)
+@compiled
 def membership(x: float, a: float, b: float, c: float) -> float:
     """Degree to which ``x`` belongs to the triangle with feet a, c and peak b; a <= b <= c.
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit
 
+from omnidrive.compiled import compiled
 from omnidrive.control.fuzzy.centroid import cut_union, exact_centroid, sampled_centroid
 from omnidrive.control.fuzzy.firing import memberships, strongest
 from omnidrive.control.fuzzy.sets import INPUT_SETS, OUTPUT_SETS, sampled
@@ -48,7 +48,7 @@ class SampledType1(NamedTuple):
         return SampledType1(rules, INPUT_SETS, SAMPLES, sampled(OUTPUT_SETS, SAMPLES, 1.0))
 
 
-@njit(cache=True)
+@compiled
 def exact_type1(system: ExactType1, error: float, change: float) -> GainChange:
     """Changes of the gains for a scaled error and its scaled change.
 
@@ -66,7 +66,7 @@ def exact_type1(system: ExactType1, error: float, change: float) -> GainChange:
     )
 
 
-@njit(cache=True)
+@compiled
 def sampled_type1(system: SampledType1, error: float, change: float) -> GainChange:
     """As :func:`exact_type1`, up to 1.5e-3 away from it: Matlab's numbers."""
     heights = strongest(

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit
 
+from omnidrive.compiled import compiled
 from omnidrive.control.fuzzy.centroid import cut_union
 from omnidrive.control.fuzzy.firing import memberships, strongest, summed
 from omnidrive.control.fuzzy.sets import INPUT_SETS, OUTPUT_SETS, Footprint, lagged, sampled
@@ -60,7 +60,7 @@ class CentroidType2(NamedTuple):
         )
 
 
-@njit(cache=True)
+@compiled
 def centre_of_sets_type2(
     system: CentreOfSetsType2, error: float, change: float
 ) -> tuple[GainChange, GainChange]:
@@ -88,7 +88,7 @@ def centre_of_sets_type2(
     return (least[0], least[1], least[2]), (greatest[0], greatest[1], greatest[2])
 
 
-@njit(cache=True)
+@compiled
 def centroid_type2(
     system: CentroidType2, error: float, change: float
 ) -> tuple[GainChange, GainChange]:

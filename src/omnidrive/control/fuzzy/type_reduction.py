@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
 
+from omnidrive.compiled import compiled
 from omnidrive.control.fuzzy.sets import Footprint, lagged
 
 Array = np.ndarray
 
 
-@njit(cache=True)
+@compiled
 def karnik_mendel(
     at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
 ) -> tuple[float, float]:
@@ -35,7 +35,7 @@ def karnik_mendel(
     return _switch(at, upper, lower, start), _switch(at, lower, upper, start)
 
 
-@njit(cache=True)
+@compiled
 def _switch(
     at: Float[Array, " points"],
     before: Float[Array, " points"],
@@ -81,7 +81,7 @@ def _mirror(triangle: _Triangle) -> _Triangle:
 
 
 def _least_centroid(upper: _Triangle, lower: _Triangle, scale: float) -> float:
-    """Continuous Karnik-Mendel: Newton's method on a convex function (Mendel & Liu 2007).
+    """Continuous Karnik-Mendel: Newton's method on a convex function (Liu & Mendel 2011).
 
     It descends to the solution, so it has arrived when it descends no more.
     """

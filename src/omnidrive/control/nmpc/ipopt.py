@@ -81,7 +81,7 @@ def _casadi() -> ModuleType:
 
 
 def _pack(
-    controls: Float[Array, "stages 2"], states: Float[Array, "stages+1 3"]
+    controls: Float[Array, "stages 2"], states: Float[Array, "points 3"]
 ) -> Float[Array, " unknowns"]:
     return np.concatenate([controls.ravel(), states.ravel()])
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from omnidrive.control.nmpc.compiled import compiled
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.problem import Problem
 from omnidrive.control.nmpc.unicycle import linearise
 
@@ -23,9 +23,9 @@ class Point(NamedTuple):
 
     controls: Float[Array, "stages 2"]
     """Within the limits."""
-    states: Float[Array, "stages+1 3"]
+    states: Float[Array, "points 3"]
     """Their roll-out."""
-    costates: Float[Array, "stages+1 3"]
+    costates: Float[Array, "points 3"]
     """dJ/dx_k."""
     gradient: Float[Array, "stages 2"]
     """dJ/du_k."""

@@ -44,12 +44,12 @@ def nmpc_law(problem: Problem, solution: Solution, lateral_gain: float) -> BodyT
     that of u_0. The robot is omnidirectional, so it can move along a heading that it reaches only
     at the end of the step.
 
-    That alone leaves sideways errors standing. A unicycle with quadratic costs has its optimum
-    at rest beside a target that is near enough (Muller & Worthmann, "Quadratic costs do not
-    always work in MPC", Automatica 82, 2017): with the paper's weights and N = 15, up to 4.5 cm
-    beside it. And a biased heading measurement b is balanced by an error of about b metres. The
-    robot can move sideways, so it does: at ``lateral_gain`` times the sideways error of x_1, as
-    far as the speed limit leaves room.
+    That alone leaves sideways errors standing. Beside a target that is near enough, a unicycle
+    with quadratic costs has its optimum in standing still (Muller & Worthmann, "Quadratic costs
+    do not always work in MPC", Automatica 82, 2017): with the paper's weights and N = 15, up to
+    0.5 m beside it. And a heading measured wrong by b rad is balanced by an error of about b
+    metres. The robot can move sideways, so it does: at ``lateral_gain`` times the sideways error
+    of x_1, as far as the speed limit leaves room.
 
     Args:
         problem: What was solved; its start is where the robot is.
@@ -104,10 +104,11 @@ class NmpcController:
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
         """Command for the pose measured at ``t`` (s)."""
-        problem = tracking_problem(
-            self.parameters, t, pose, reference, horizon=self.horizon, dt=self.dt
-        )
-        if not all(np.isfinite(part).all() for part in problem):
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is caught below
+            problem = tracking_problem(
+                self.parameters, t, pose, reference, horizon=self.horizon, dt=self.dt
+            )
+        if not isfinite(problem.start.sum() + problem.targets.sum() + problem.feedforward.sum()):
             self.solution = None
             return Command(_STOP, Status.FAILED)
         solution = self.solver.solve(problem, self._guess(problem))

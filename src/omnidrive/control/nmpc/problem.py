@@ -30,11 +30,11 @@ class Problem(NamedTuple):
     """Length of a stage, in s."""
     start: Float[Array, " 3"]
     """x_0: the measured pose; m, m, rad."""
-    targets: Float[Array, "stages+1 3"]
+    targets: Float[Array, "points 3"]
     """xref_k; m, m, rad. The yaw is on the branch nearest to that of ``start``."""
     feedforward: Float[Array, "stages 2"]
     """uref_k; m/s, rad/s."""
-    state_weights: Float[Array, "stages+1 3"]
+    state_weights: Float[Array, "points 3"]
     """Diagonal of Q_k; 1/m^2, 1/m^2, 1/rad^2. The last row weighs the terminal state."""
     control_weights: Float[Array, " 2"]
     """Diagonal of R, positive; s^2/m^2, s^2/rad^2."""

@@ -40,7 +40,7 @@ class Solution:
     """
 
     controls: Float[Array, "stages 2"]
-    states: Float[Array, "stages+1 3"]
+    states: Float[Array, "points 3"]
     cost: float
     residual: float
     iterations: int

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.control.nmpc.compiled import compiled
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.newton import Point, newton_step
 from omnidrive.control.nmpc.problem import Problem
 from omnidrive.control.nmpc.solution import Exit, Solution
@@ -78,18 +78,12 @@ def _minimise(
         definite, step = newton_step(problem, point, 1.0)
         if stationary and definite:
             return point.controls, iteration, _CONVERGED
-        moved, controls = False, point.controls
         if stationary:
             moved, controls = _escape(problem, point, step)
-            if not moved:
-                return point.controls, iteration, _CONVERGED
-        elif definite:
-            moved, controls = _search(problem, point, step)
+        else:
+            moved, controls = _advance(problem, point, step, definite)
         if not moved:
-            _, step = newton_step(problem, point, 0.0)
-            moved, controls = _search(problem, point, step)
-        if not moved:
-            return point.controls, iteration, _STALLED
+            return point.controls, iteration, _CONVERGED if stationary else _STALLED
         point = _evaluate(problem, controls)
     if kkt_residual(problem, point.controls, point.gradient) <= tolerance:
         return point.controls, max_iterations, _CONVERGED
@@ -107,6 +101,35 @@ def _evaluate(problem: Problem, controls: Float[Array, "stages 2"]) -> Point:
             outward = slope[k, i] * controls[k, i] < 0.0
             free[k, i] = abs(controls[k, i]) < problem.limits[i] or not outward
     return Point(controls, states, adjoint, slope, free)
+
+
+@compiled
+def _advance(
+    problem: Problem, point: Point, step: Float[Array, "stages 2"], definite: bool
+) -> tuple[bool, Float[Array, "stages 2"]]:
+    """Take Newton's step; where that is none, the better of Gauss-Newton's and an escape.
+
+    Args:
+        problem: What is minimised.
+        point: Not stationary.
+        step: From :func:`newton_step` with the exact Hessian.
+        definite: As it says.
+
+    Returns:
+        Whether J fell, and the new controls.
+    """
+    if definite:
+        moved, controls = _search(problem, point, step)
+        if moved:
+            return True, controls
+    _, descent = newton_step(problem, point, 0.0)
+    moved, controls = _search(problem, point, descent)
+    if not definite:
+        escaped, other = _escape(problem, point, step)
+        here = cost(problem, roll_out(problem, controls), controls)
+        if escaped and cost(problem, roll_out(problem, other), other) < here:
+            return True, other
+    return moved, controls
 
 
 @compiled

@@ -26,9 +26,10 @@ def tracking_problem(
     targets = reference.window(t, horizon + 1, dt)[:, :3].copy()  # contiguous, for the kernels
     targets[:, 2] = nearest_branch(targets[:, 2], pose.yaw)
     p = parameters
-    weights = np.tile([p.position_weight, p.position_weight, p.heading_weight], (horizon + 1, 1))
+    weights = np.empty((horizon + 1, 3))
+    weights[:] = p.position_weight, p.position_weight, p.heading_weight
     weights[-1] *= p.terminal_factor
-    max_speed = min(p.max_speed, p.max_travel / reference.duration)
+    max_speed = min(p.max_speed, p.max_travel / max(reference.duration, dt))
     return Problem(
         dt=float(dt),
         start=np.array(pose, dtype=float),
@@ -50,7 +51,7 @@ def nearest_branch(headings: Float[Array, " n"], yaw: float) -> Float[Array, " n
     return first + np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def finite_differences(targets: Float[Array, "stages+1 3"], dt: float) -> Float[Array, "stages 2"]:
+def finite_differences(targets: Float[Array, "points 3"], dt: float) -> Float[Array, "stages 2"]:
     """Speed (m/s) and yaw rate (rad/s) that lead from each waypoint to the next.
 
     The paper's "corresponding velocity" of each waypoint; negative where the reference moves

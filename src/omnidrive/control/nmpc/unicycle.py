@@ -7,14 +7,14 @@ from math import cos, sin
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.control.nmpc.compiled import compiled
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.problem import Problem
 
 Array = np.ndarray
 
 
 @compiled
-def roll_out(problem: Problem, controls: Float[Array, "stages 2"]) -> Float[Array, "stages+1 3"]:
+def roll_out(problem: Problem, controls: Float[Array, "stages 2"]) -> Float[Array, "points 3"]:
     """States that ``controls`` lead through: explicit Euler, as in the paper."""
     states = np.empty((len(controls) + 1, 3))
     for i in range(3):
@@ -42,7 +42,7 @@ def linearise(
 
 @compiled
 def cost(
-    problem: Problem, states: Float[Array, "stages+1 3"], controls: Float[Array, "stages 2"]
+    problem: Problem, states: Float[Array, "points 3"], controls: Float[Array, "stages 2"]
 ) -> float:
     """J of :class:`Problem`."""
     total = 0.0
@@ -58,8 +58,8 @@ def cost(
 
 @compiled
 def costates(
-    problem: Problem, states: Float[Array, "stages+1 3"], controls: Float[Array, "stages 2"]
-) -> Float[Array, "stages+1 3"]:
+    problem: Problem, states: Float[Array, "points 3"], controls: Float[Array, "stages 2"]
+) -> Float[Array, "points 3"]:
     """dJ/dx_k with the later controls held: the adjoint of :func:`roll_out`.
 
     Backward recursion l_k = 2 Q_k (x_k - xref_k) + A_k' l_{k+1} (Bryson & Ho, "Applied Optimal
@@ -83,9 +83,9 @@ def costates(
 @compiled
 def gradient(
     problem: Problem,
-    states: Float[Array, "stages+1 3"],
+    states: Float[Array, "points 3"],
     controls: Float[Array, "stages 2"],
-    adjoint: Float[Array, "stages+1 3"],
+    adjoint: Float[Array, "points 3"],
 ) -> Float[Array, "stages 2"]:
     """dJ/du_k = 2 R (u_k - uref_k) + B_k' l_{k+1}, with ``adjoint`` from :func:`costates`."""
     slope = np.empty((len(controls), 2))
@@ -130,7 +130,7 @@ def kkt_residual(
 @compiled
 def assess(
     problem: Problem, controls: Float[Array, "stages 2"]
-) -> tuple[Float[Array, "stages+1 3"], float, float]:
+) -> tuple[Float[Array, "points 3"], float, float]:
     """States, cost and KKT residual of ``controls``."""
     states = roll_out(problem, controls)
     slope = gradient(problem, states, controls, costates(problem, states, controls))

@@ -20,7 +20,7 @@ Array = np.ndarray
 
 _DASHES = (0, (4, 2.5))
 _WINDOW = (0.04, 2.0)  # m; least and largest half side of the magnified square
-_PLAIN = StrMethodFormatter("{x:g}")
+_PLAIN = "{x:g}"  # 0.1, 1, 10 rather than powers of ten
 _LEAST = 1e-2  # mm; smaller errors are not worth a decade of the axis
 
 
@@ -69,7 +69,7 @@ def heading_comparison(results: StudyResults, task: str) -> Figure | None:
     heading.plot(run.t, run.target[:, 2], color=INK, ls=_DASHES, lw=1.0, label="Reference")
     heading.set(ylabel="heading in rad", xlim=(0.0, run.t[-1]))
     error.set_yscale("symlog", linthresh=1.0, linscale=0.6)
-    error.yaxis.set_major_formatter(_PLAIN)
+    error.yaxis.set_major_formatter(StrMethodFormatter(_PLAIN))
     error.set(ylabel="heading error in mrad", xlabel="time in s")
     error.set_title("Heading minus reference; linear within 1 mrad, logarithmic beyond")
     legend_above(figure, heading)
@@ -138,7 +138,7 @@ def _distances(axes: Axes, lines: list[Curve]) -> None:
     axes.set_ylim(bottom=0.7 * min(usual))  # the first samples start at zero
     low, high = axes.get_ylim()
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 200.0 * low else (1.0,)))
-    axes.yaxis.set_major_formatter(_PLAIN)
+    axes.yaxis.set_major_formatter(StrMethodFormatter(_PLAIN))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="time in s", ylabel="position error in mm")
     axes.set(xlim=(0.0, _fullest(lines).result.run.t[-1]))

@@ -55,7 +55,7 @@ def _above(axes: Axes, robot: Robot) -> None:
     dimension(axes, (0.0, 0.0), (hub[0], hub[1]), f"R = {robot.arm:.4g} m", offset=0.07 * size)
     hub = place(pose, [(robot.arm * cos(first), robot.arm * sin(first))])[0]
     axes.plot([0.0, hub[0]], [0.0, hub[1]], color=_GREEN, lw=0.9, ls=(0, (2, 2)), zorder=3)
-    axes.set_title(f"Robot '{robot.name}' from above, to scale")
+    axes.set_title(f"Robot '{robot.name}' from above, to scale", parse_math=False)
     axes.set(xlim=(-1.85 * size, 1.5 * size), ylim=(-1.62 * size, 1.3 * size))
     axes.text(0.0, -1.6 * size, _facts(robot), ha="center", va="bottom", fontsize=8)
 
@@ -72,8 +72,9 @@ def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, bearing: float) -> None
     """Number of a wheel, and the direction in which it pushes when it turns forward."""
     size, turn = robot.body_radius, bearing + 0.5 * pi
     c, s = cos(bearing), sin(bearing)
-    start = (robot.arm * c + 0.09 * size * cos(turn), robot.arm * s + 0.09 * size * sin(turn))
-    end = (robot.arm * c + 0.42 * size * cos(turn), robot.arm * s + 0.42 * size * sin(turn))
+    rim = 1.15 * robot.wheel.radius
+    start = (robot.arm * c + rim * cos(turn), robot.arm * s + rim * sin(turn))
+    end = (start[0] + 0.33 * size * cos(turn), start[1] + 0.33 * size * sin(turn))
     tail, tip, name, speed = place(
         pose,
         [start, end, (1.13 * size * c, 1.13 * size * s),
@@ -98,7 +99,8 @@ def _wheel(axes: Axes, robot: Robot) -> None:
     line, axle = place(hub, [(-1.5, 0.0), (1.5, 0.0)]), place(hub, [(0.0, -0.75), (0.0, 1.35)])
     axes.plot(line[:, 0], line[:, 1], color=_RED, lw=0.7, ls=(0, (2, 2)), zorder=1)
     axes.plot(axle[:, 0], axle[:, 1], color=_GREEN, lw=0.7, ls=(0, (2, 2)), zorder=1)
-    note(axes, tuple(axle[1] * 1.1), "axle, to the centre", colour=_GREEN, size=8)
+    label = "axle, to the centre;\nalong it the rollers give way"
+    note(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
     _components(axes, bearing)
     axes.set_title("Velocity at wheel $i$")
     axes.set(xlim=(-1.5, 1.5), ylim=(-1.75, 1.45))
@@ -110,7 +112,7 @@ def _components(axes: Axes, bearing: float) -> None:
     """Body velocity at the hub, its feet on the rolling direction, and the part of the turn."""
     along = (-sin(bearing), cos(bearing))
     parts = (
-        ((-0.95, 0.0), r"$\dot{x}$", _BLUE, (0.0, -0.13)),
+        ((0.95, 0.0), r"$\dot{x}$", _BLUE, (0.12, 0.0)),
         ((0.0, 0.95), r"$\dot{y}$", _PURPLE, (0.13, 0.0)),
     )
     for (x, y), name, colour, (dx, dy) in parts:
@@ -124,4 +126,3 @@ def _components(axes: Axes, bearing: float) -> None:
     note(axes, (end[0] - 0.06, end[1] + 0.14), "$v_i$", colour=_RED)
     corner = Rectangle((0.0, 0.0), 0.1, 0.1, angle=degrees(bearing), fill=False, lw=0.7, ec=FAINT)
     axes.add_patch(corner)
-    note(axes, (0.95, -0.55), r"rollers give way" "\n" r"along the axle", colour=FAINT, size=8)

@@ -81,7 +81,7 @@ const Race = (() => {
       const state = run.at(row());
       const [px, py] = camera.toScreen(state.x, state.y);
       const apart = Math.hypot(px - pointer[0], py - pointer[1]);
-      if (best === null || apart < best.apart) best = { run, state, apart };
+      if (Number.isFinite(apart) && (best === null || apart < best.apart)) best = { run, state, apart };
     }
     return best;
   }
@@ -268,7 +268,11 @@ const Race = (() => {
     };
     canvas.addEventListener("pointermove", point);
     canvas.addEventListener("pointerdown", point);
-    canvas.addEventListener("pointerleave", () => { pointer = null; refresh(); });
+    canvas.addEventListener("pointerleave", (event) => {
+      if (event.pointerType !== "mouse") return; // a tap's values stay
+      pointer = null;
+      refresh();
+    });
     camera.onMove = refresh;
     camera.onDrag = () => {
       fitted = false;
@@ -294,7 +298,8 @@ const Race = (() => {
   function press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const onMap = event.target === canvas;
-    if (!onMap && event.target.closest("input, select, button, summary, a, .scroll")) return;
+    const scrubbing = event.target.id === "scrub" && event.key === " ";
+    if (!onMap && !scrubbing && event.target.closest("input, select, button, summary, a, .scroll")) return;
     if (onMap && event.shiftKey && PANS[event.key]) {
       event.preventDefault();
       camera.onDrag();

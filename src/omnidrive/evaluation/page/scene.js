@@ -21,7 +21,7 @@ class Scene {
   recolour() {
     const names = ["floor", "inflated", "obstacle", "outside", "grid", "ink", "muted", "panel"];
     this.colours = Object.fromEntries(names.map((name) => [name, Theme.colour(name)]));
-    this.picture = this.paintMap();
+    this.picture = null; // painted when first needed
   }
 
   /* The map as a picture with one pixel per cell, its top row first. */
@@ -67,6 +67,7 @@ class Scene {
 
   drawMap() {
     const { pen, camera } = this;
+    this.picture ??= this.paintMap();
     const { left, right, top, bottom } = Study.map;
     const [x, y] = camera.toScreen(left, top);
     pen.imageSmoothingEnabled = false;

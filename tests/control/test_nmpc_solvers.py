@@ -1,0 +1,207 @@
+"""The kernels against finite differences, the solvers against each other."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from omnidrive.control.nmpc import (
+    PRESETS,
+    Exit,
+    IpoptSolver,
+    Problem,
+    SqpSettings,
+    SqpSolver,
+    tracking_problem,
+    unicycle,
+)
+from omnidrive.control.nmpc import ipopt as ipopt_module
+from omnidrive.control.nmpc.newton import newton_step
+from omnidrive.control.nmpc.sqp import _evaluate
+from omnidrive.errors import MissingExtra
+from omnidrive.geometry import Pose
+from omnidrive.planning import SplinePath
+from omnidrive.reference import Hold, UniformReference
+
+HOLD = Hold(Pose(0.0, 0.0, 0.0), 10.0)
+
+
+def paper_like(duration):
+    """A diagonal, a bend and a straight, 9 m; the first heading is left at 0, as in the paper."""
+    steps = np.array([[0.2, 0.2]] * 12 + [[0.0, 0.2]] * 10 + [[0.2, 0.0]] * 15 + [[0.2, 0.2]] * 6)
+    way = np.cumsum(np.vstack([[1.0, 1.0], steps]), axis=0)
+    yaw = np.concatenate([[0.0], np.arctan2(steps[:, 1], steps[:, 0])])
+    return UniformReference(SplinePath(np.column_stack([way, yaw])), duration)
+
+
+def problem_at(t, offset=(0.0, 0.0, 0.0), preset="paper", duration=20.0, horizon=15):
+    reference = paper_like(duration)
+    pose = Pose(*(np.array(reference.at(t).pose) + offset).tolist())
+    return tracking_problem(PRESETS[preset], t, pose, reference, horizon=horizon, dt=0.1)
+
+
+def problems():
+    rng = np.random.default_rng(7)
+    spread = np.array([0.2, 0.2, 0.4])
+    for preset in PRESETS:
+        for t in np.linspace(0.0, 19.0, 13):
+            yield problem_at(float(t), preset=preset)
+            yield problem_at(float(t), spread * rng.normal(size=3), preset)
+
+
+def beside(gap, stages=15):
+    return tracking_problem(
+        PRESETS["paper"], 0.0, Pose(0.0, gap, 0.0), HOLD, horizon=stages, dt=0.1
+    )
+
+
+def slope_of(problem: Problem, controls):
+    states = unicycle.roll_out(problem, controls)
+    adjoint = unicycle.costates(problem, states, controls)
+    return unicycle.gradient(problem, states, controls, adjoint)
+
+
+def cost_of(problem: Problem, controls):
+    return unicycle.cost(problem, unicycle.roll_out(problem, controls), controls)
+
+
+def numeric_jacobian(function, controls, step):
+    columns = []
+    for i in range(controls.size):
+        nudge = np.zeros(controls.size)
+        nudge[i] = step
+        ahead = function(controls + nudge.reshape(controls.shape))
+        back = function(controls - nudge.reshape(controls.shape))
+        columns.append((np.ravel(ahead) - np.ravel(back)) / (2.0 * step))
+    return np.array(columns)
+
+
+def test_gradient_is_that_of_the_cost():
+    rng = np.random.default_rng(0)
+    for problem in [problem_at(3.0, (0.1, -0.2, 0.3)), problem_at(8.0, preset="published-code")]:
+        controls = rng.normal(size=(15, 2))
+        numeric = numeric_jacobian(lambda u, p=problem: cost_of(p, u), controls, 1e-5)
+        slope = slope_of(problem, controls)
+        np.testing.assert_allclose(slope.ravel(), numeric.ravel(), rtol=1e-6, atol=1e-6)
+
+
+def test_newton_step_solves_the_exact_newton_system():
+    problem = problem_at(3.0, (0.02, -0.05, 0.1))
+    point = _evaluate(problem, 0.9 * problem.feedforward)
+    hessian = numeric_jacobian(lambda u: slope_of(problem, u), point.controls, 1e-5)
+    assert np.linalg.eigvalsh(hessian)[0] > 0.0
+    definite, step = newton_step(problem, point, 1.0)
+    assert definite
+    expected = np.linalg.solve(hessian, -point.gradient.ravel())
+    np.testing.assert_allclose(step.ravel(), expected, rtol=1e-5, atol=1e-7)
+
+
+def test_newton_step_holds_the_controls_at_their_limits():
+    problem = problem_at(0.0, (-0.5, -0.5, 0.0))
+    point = _evaluate(problem, np.tile(problem.limits, (15, 1)))
+    assert not point.free.all()
+    _, step = newton_step(problem, point, 0.0)
+    assert (step[~point.free] == 0.0).all()
+
+
+def test_indefinite_model_yields_negative_curvature():
+    problem = beside(0.8)
+    point = _evaluate(problem, np.zeros((15, 2)))
+    assert np.abs(point.gradient).max() == 0.0  # the saddle
+    definite, direction = newton_step(problem, point, 1.0)
+    assert not definite
+    hessian = numeric_jacobian(lambda u: slope_of(problem, u), point.controls, 1e-5)
+    assert direction.ravel() @ hessian @ direction.ravel() < 0.0
+
+
+@pytest.mark.parametrize("horizon", [1, 5, 30])
+def test_residual_is_small_and_limits_hold_at_any_horizon(horizon):
+    for t in (0.0, 4.0, 17.5):
+        problem = problem_at(t, (0.2, -0.1, 0.4), horizon=horizon)
+        solution = SqpSolver().solve(problem, problem.feedforward)
+        assert solution.exit is Exit.CONVERGED
+        assert solution.residual <= 1e-7
+        assert (np.abs(solution.controls) <= problem.limits).all()
+
+
+def test_solution_is_what_its_controls_lead_to():
+    problem = problem_at(5.0, (0.1, 0.1, 0.1))
+    solution = SqpSolver().solve(problem, problem.feedforward)
+    np.testing.assert_array_equal(solution.states[0], problem.start)
+    assert solution.cost == cost_of(problem, solution.controls)
+    moved = solution.controls - slope_of(problem, solution.controls)
+    projected = np.clip(moved, -problem.limits, problem.limits)
+    assert solution.residual == np.abs(solution.controls - projected).max()
+
+
+def test_agrees_with_ipopt():
+    pytest.importorskip("casadi")
+    ours, theirs = SqpSolver(), IpoptSolver()
+    for problem in problems():
+        a = ours.solve(problem, problem.feedforward)
+        b = theirs.solve(problem, problem.feedforward)
+        assert a.exit is b.exit is Exit.CONVERGED
+        assert a.residual <= 1e-7
+        assert (np.abs(a.controls) <= problem.limits).all()
+        assert (np.abs(b.controls) <= problem.limits).all()
+        assert a.cost == pytest.approx(b.cost, rel=1e-6, abs=1e-9)
+        np.testing.assert_allclose(a.controls[0], b.controls[0], atol=1e-4)
+
+
+def test_warm_and_cold_starts_agree():
+    solver = SqpSolver()
+    for problem in problems():
+        cold = solver.solve(problem, problem.feedforward)
+        warm = solver.solve(problem, cold.controls + 0.05)
+        again = solver.solve(problem, cold.controls)
+        assert warm.cost == pytest.approx(cold.cost, rel=1e-9, abs=1e-12)
+        np.testing.assert_allclose(warm.controls, cold.controls, atol=1e-6)
+        assert again.iterations == 0
+
+
+def test_leaves_the_saddle_beside_the_target():
+    """Standing still is stationary; far from the target it is not a minimum."""
+    problem = beside(0.8)
+    still = cost_of(problem, np.zeros((15, 2)))
+    solution = SqpSolver().solve(problem, np.zeros((15, 2)))
+    assert solution.exit is Exit.CONVERGED
+    assert solution.cost < 0.95 * still
+
+
+def test_stays_where_standing_still_is_optimal():
+    """Nearer than that it is the optimum: 50 random starts find nothing better."""
+    problem = beside(0.5)
+    still = cost_of(problem, np.zeros((15, 2)))
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        guess = rng.uniform(-1.0, 1.0, (15, 2)) * problem.limits
+        assert SqpSolver().solve(problem, guess).cost >= still * (1.0 - 1e-9)
+
+
+def test_cap_returns_the_best_plan_so_far():
+    problem = problem_at(0.0, (-0.5, 0.5, 2.0))
+    guess = unicycle.clip(problem, problem.feedforward)
+    costs = [cost_of(problem, guess)]
+    for cap in (1, 2, 3):
+        solution = SqpSolver(SqpSettings(max_iterations=cap)).solve(problem, guess)
+        assert solution.exit is Exit.CAPPED
+        assert solution.iterations == cap
+        costs.append(solution.cost)
+    assert costs == sorted(costs, reverse=True)
+    assert costs[0] > costs[-1]
+
+
+def test_capped_ipopt_is_no_worse_than_its_guess():
+    pytest.importorskip("casadi")
+    problem = problem_at(0.0, (-0.5, 0.5, 2.0))
+    guess = unicycle.clip(problem, problem.feedforward)
+    solver = IpoptSolver(ipopt_module.IpoptSettings(max_iterations=1))
+    solution = solver.solve(problem, guess)
+    assert solution.exit is Exit.CAPPED
+    assert solution.cost <= cost_of(problem, guess)
+
+
+def test_missing_casadi_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[casadi\]'"):
+        IpoptSolver()

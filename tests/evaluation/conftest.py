@@ -1,0 +1,112 @@
+"""A small study on the kinematic plant, in the shape of the paper's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from omnidrive.control import FeedforwardController, FeedforwardGains
+from omnidrive.evaluation.metrics import measure
+from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.step_response import step_response
+from omnidrive.geometry import Pose
+from omnidrive.maps import OccupancyGrid
+from omnidrive.planning import Path, SplinePath
+from omnidrive.reference import Hold, time_uniformly
+from omnidrive.robot import named_robot
+from omnidrive.simulation import KinematicPlant, PaperNoise, simulate
+
+DT = 0.1
+ROBOT = named_robot("paper")
+GAINS = {"fuzzy_t1": 1.5, "fuzzy_t2": 1.8, "nmpc": 3.0, "recommended": 8.0}
+
+
+class Sluggish:
+    """Feedforward that knows only a share of the reference's speed: it lags."""
+
+    def __init__(self, gain):
+        self.inner = FeedforwardController(DT, FeedforwardGains(gain, gain))
+        self.share = gain / (gain + 0.8)
+
+    def reset(self, pose):
+        self.inner.reset(pose)
+
+    def step(self, t, pose, reference):
+        command = self.inner.step(t, pose, reference)
+        return command._replace(twist=type(command.twist)(*(self.share * v for v in command.twist)))
+
+
+def grid():
+    occupied = np.zeros((50, 50), dtype=bool)
+    occupied[:20, 14:16] = occupied[28:, 14:16] = True
+    return OccupancyGrid(occupied, 0.2)
+
+
+def cells():
+    x = [1.0, 1.0, 1.2, 1.6, 2.2, 3.0, 3.8, 4.8, 5.6, 6.4, 7.0, 8.0]
+    y = [1.0, 2.0, 3.0, 4.0, 4.6, 4.8, 4.8, 5.2, 5.8, 6.6, 7.2, 7.8]
+    xy = np.column_stack([x, y])
+    yaw = np.zeros(len(xy))
+    yaw[1:] = np.arctan2(*np.diff(xy, axis=0).T[::-1])
+    return Path(np.column_stack([xy, yaw]))
+
+
+def tracked(controller, task, duration, horizon=None):
+    gain = GAINS[controller] + (0.1 * horizon if horizon else 0.0)
+    noise = PaperNoise(np.random.default_rng(7)) if task == "noise" else None
+    path = SplinePath(cells().poses)
+    run = simulate(
+        KinematicPlant(ROBOT),
+        Sluggish(gain),
+        time_uniformly(path, duration, ROBOT.chassis),
+        start=Pose(1.0, 1.0, 0.0),
+        dt=DT,
+        sensor=noise,
+    )
+    clearance = float(grid().clearance(run.pose[:, :2]).min()) - ROBOT.body_radius
+    metrics = measure(run, ROBOT.drive)
+    return TrackResult(
+        controller, task, duration, noise is not None, horizon, run, metrics, clearance
+    )
+
+
+def stepped(controller):
+    goal = Pose(1.0, 1.0, 1.0)
+    run = simulate(
+        KinematicPlant(ROBOT),
+        Sluggish(GAINS[controller]),
+        Hold(goal, 10.0),
+        start=Pose(0.0, 0.0, 0.0),
+        dt=DT,
+    )
+    answers = (step_response(run.t, run.pose[:, i], 0.0, goal[i]) for i, _ in enumerate(STEP_AXES))
+    return StepResult(controller, run, tuple(answers))
+
+
+@pytest.fixture(scope="session")
+def study():
+    tracks = [tracked(c, "track", T) for T in (20.0, 30.0) for c in GAINS]
+    tracks += [tracked(c, "noise", 30.0) for c in GAINS]
+    tracks += [tracked("nmpc", "horizon", 20.0, n) for n in (5, 10, 15, 20, 25, 30)]
+    path = cells()
+    return StudyResults(
+        title="The paper's study",
+        robot=ROBOT,
+        plant="kinematic",
+        dt=DT,
+        grid=grid(),
+        inflation=0.75,
+        path=path,
+        spline=SplinePath(path.poses),
+        tracks=tuple(tracks),
+        steps=tuple(stepped(c) for c in GAINS),
+    )
+
+
+@pytest.fixture(scope="session")
+def part(study):
+    """The same study with two controllers and one task."""
+    keep = tuple(
+        r for r in study.select("track", duration=20.0) if r.controller in ("nmpc", "recommended")
+    )
+    return replace(study, tracks=keep, steps=())

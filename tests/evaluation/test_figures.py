@@ -1,0 +1,95 @@
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from omnidrive.evaluation.figures import draw_figures, write_figures
+from omnidrive.evaluation.palette import controller_ink, controller_label, horizon_inks
+
+DIAGRAMS = {"kinematics", "tracking_error", "membership_functions"}
+ALL = DIAGRAMS | {
+    "xy_comparison",
+    "heading_comparison",
+    "horizon_xy",
+    "horizon_heading",
+    "horizon_bars",
+    "step_response",
+    "noise_xy",
+    "noise_heading",
+}
+
+
+@pytest.fixture(scope="module")
+def files(study, tmp_path_factory):
+    return list(write_figures(study, tmp_path_factory.mktemp("figures") / "made"))
+
+
+def test_every_figure_is_written_as_png_and_svg(files):
+    assert {path.name for path in files} == {f"{n}.{s}" for n in ALL for s in ("png", "svg")}
+
+
+def test_pictures_show_something(files):
+    for path in files:
+        if path.suffix == ".png":
+            with Image.open(path) as image:
+                assert min(image.size) > 400, path.name
+                assert np.asarray(image.convert("L")).std() > 5.0, path.name
+
+
+def test_drawings_are_self_contained_and_undated(files):
+    for path in files:
+        if path.suffix == ".svg":
+            text = path.read_text(encoding="utf-8")
+            root = ElementTree.fromstring(text)
+            links = [v for e in root.iter() for k, v in e.attrib.items() if k.endswith("href")]
+            assert all(link.startswith(("#", "data:")) for link in links), path.name
+            assert "dc:date" not in text
+            assert len(list(root.iter())) > 50, path.name
+
+
+def test_same_results_give_same_bytes(part, tmp_path):
+    once, again = (
+        [path.read_bytes() for path in write_figures(part, tmp_path / name)] for name in "ab"
+    )
+    assert once == again
+
+
+def test_part_of_a_study_leaves_out_what_it_did_not_run(part):
+    names = {name for name, _ in draw_figures(part)}
+    assert names == DIAGRAMS | {"xy_comparison", "heading_comparison"}
+
+
+def test_study_without_runs_has_only_diagrams(part):
+    assert {name for name, _ in draw_figures(replace(part, tracks=()))} == DIAGRAMS
+
+
+def test_steps_alone(study):
+    steps_only = replace(study, tracks=(), steps=study.steps[:1])
+    assert {name for name, _ in draw_figures(steps_only)} == DIAGRAMS | {"step_response"}
+
+
+def test_a_short_and_perfect_run_can_be_drawn(part):
+    result = part.tracks[0]
+    run = result.run
+    names = ("t", "pose", "target", "command", "twist", "work", "step_time", "status")
+    rows = {name: getattr(run, name)[:3] for name in names}
+    rows["pose"] = rows["measured"] = rows["target"]
+    ideal = replace(run, **rows)
+    figures = dict(draw_figures(replace(part, tracks=(replace(result, run=ideal),))))
+    assert "xy_comparison" in figures
+
+
+def test_controllers_keep_their_colours_and_differ():
+    names = ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+    assert len({controller_ink(name) for name in names}) == len(names)
+    assert controller_label("mine") == "mine"
+    assert controller_ink("mine") == controller_ink("mine")
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 9])
+def test_horizons_have_distinct_colours(count):
+    inks = horizon_inks(count)
+    assert len(set(inks)) == count
+    assert all(len(colour) == 7 and colour[0] == "#" for ink in inks for colour in ink)

@@ -1,0 +1,69 @@
+"""Metrics of logs whose numbers are known by hand."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from omnidrive.evaluation import measure
+from omnidrive.robot import named_robot
+from omnidrive.simulation import Outcome, Run
+
+
+def log(pose, target, measured=None, command=None):
+    n = len(pose)
+    zeros = np.zeros((n, 3))
+    return Run(
+        t=0.5 * np.arange(n),
+        pose=np.asarray(pose, float),
+        measured=np.asarray(pose if measured is None else measured, float),
+        target=np.asarray(target, float),
+        command=zeros if command is None else np.asarray(command, float),
+        twist=zeros,
+        work=np.linspace(0.0, 7.0, n),
+        step_time=np.append(np.arange(1.0, n), np.nan),
+        status=np.zeros(n, np.int64),
+        outcome=Outcome.FINISHED,
+    )
+
+
+def metrics(*args, **kwargs):
+    return measure(log(*args, **kwargs), named_robot("paper").chassis)
+
+
+def test_mean_and_largest_errors():
+    target = np.zeros((6, 3))
+    pose = [(3, 4, 0)] * 2 + [(0, 1, 0.2)] * 4
+    m = metrics(pose, target)
+    assert m.me == pytest.approx((2 * 5 + 4 * 1) / 6)
+    assert m.max_error == 5.0
+    assert m.mae == pytest.approx(4 * 0.2 / 6)
+    assert m.me_after_start == pytest.approx(1.0)  # rows from 2 s on
+    assert m.mae_after_start == pytest.approx(0.2)
+    assert m.work == 7.0
+
+
+def test_headings_are_compared_wrapped():
+    m = metrics([(0, 0, pi - 0.1)] * 3, [(0, 0, -pi + 0.1)] * 3)
+    assert m.mae == pytest.approx(0.2)
+    assert metrics([(0, 0, 6 * pi)] * 3, [(0, 0, 0)] * 3).mae == pytest.approx(0.0, abs=1e-12)
+
+
+def test_measured_and_true_errors_are_apart():
+    m = metrics(np.zeros((3, 3)), np.zeros((3, 3)), measured=[(0.3, 0.4, 0.1)] * 3)
+    assert (m.me, m.mae) == (0.0, 0.0)
+    assert (m.me_measured, m.mae_measured) == pytest.approx((0.5, 0.1))
+
+
+def test_effort_is_the_mean_change_of_wheel_speed():
+    """Pure turning at 1 rad/s, on and off: every wheel changes by arm / radius each time."""
+    robot = named_robot("paper")
+    command = [(0, 0, 1), (0, 0, 0), (0, 0, 1), (0, 0, 1)]
+    m = metrics(np.zeros((4, 3)), np.zeros((4, 3)), command=command)
+    change = robot.arm / robot.wheel.radius
+    assert m.wheel_acceleration == pytest.approx(3 * change / 1.5)
+
+
+def test_step_times_leave_out_the_last_row():
+    m = metrics(np.zeros((5, 3)), np.zeros((5, 3)))
+    assert m.step_time_median == 2.5

@@ -1,0 +1,320 @@
+import json
+import os
+import re
+import shutil
+from dataclasses import replace
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from omnidrive.evaluation.page import page_text, write_page
+from omnidrive.evaluation.tables import Table
+from omnidrive.simulation import Outcome
+
+HOSTILE = "</script><script>window.hacked=1</script><img src=x onerror='window.hacked=2'>{{data}}"
+TABLES = (
+    Table("Tracking error", ("Controller", "ME in m", "MAE in rad"), (("NMPC", "0.07", "0.06"),)),
+    Table("Steps", ("Controller", "rise in s"), (("NMPC", "0.9"), ("Recommended", "0.4")), "Note."),
+)
+LOCAL = ("file:", "data:", "blob:")
+
+
+def data_of(text):
+    block = re.search(r'<script id="study" type="application/json">(.*?)</script>', text, re.S)
+    return json.loads(block[1])
+
+
+def test_page_is_small_and_deterministic(study, tmp_path):
+    path = tmp_path / "report.html"
+    write_page(study, TABLES, path)
+    assert 1e5 < path.stat().st_size < 3e6
+    assert path.read_text(encoding="utf-8") == page_text(study, TABLES)
+
+
+def test_data_holds_every_group_and_run(study):
+    groups = {group["id"]: group for group in data_of(page_text(study, ()))["groups"]}
+    assert list(groups) == ["track-20", "track-30", "noise-30", "horizon-20", "step"]
+    assert [len(group["runs"]) for group in groups.values()] == [4, 4, 4, 6, 4]
+    run, told = study.tracks[0].run, groups["track-20"]["runs"][0]
+    np.testing.assert_allclose(told["pose"][0], run.pose[:, 0], atol=5.1e-6)
+    assert told["measured"] is None
+    assert groups["noise-30"]["runs"][0]["measured"] is not None
+
+
+def test_map_is_told_cell_by_cell(study):
+    told = data_of(page_text(study, ()))["map"]
+    kinds = np.repeat(told["kinds"][::2], told["kinds"][1::2]).reshape(told["rows"], told["cols"])
+    np.testing.assert_array_equal(kinds == 2, study.grid.occupied)
+    np.testing.assert_array_equal(kinds > 0, study.grid.inflated(study.inflation).occupied)
+
+
+def test_numbers_that_are_not_finite_become_null(part):
+    result = part.tracks[0]
+    twist = result.run.twist.copy()
+    twist[5] = np.nan
+    broken = replace(part, tracks=(replace(result, run=replace(result.run, twist=twist)),))
+    assert data_of(page_text(broken, ()))["groups"][0]["runs"][0]["yawRate"][5] is None
+
+
+def test_page_names_no_address_to_load_from(study):
+    text = page_text(study, TABLES)
+    assert not re.search(r"""(?:src|href|action)=["']?(?!["'#]|data:)""", text.split("</head>")[0])
+    assert "@import" not in text
+    assert "url(" not in text
+
+
+@pytest.fixture(scope="module")
+def browser():
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        reason = f"no browser: none of {', '.join(names)} is installed"
+        if os.environ.get("OMNIDRIVE_REQUIRE_BROWSER"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking",
+                     "--disable-component-update", "--no-first-run"]  # fmt: skip
+        running = playwright.chromium.launch(executable_path=found, args=arguments)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def visit(browser, tmp_path):
+    """Opens a page; afterwards nothing may have left the machine or gone wrong."""
+    complaints, contexts = [], []
+
+    def see(request):
+        if not request.url.startswith(LOCAL):
+            complaints.append(f"request to {request.url}")
+
+    def hear(message):
+        if message.type in ("error", "warning"):
+            complaints.append(message.text)
+
+    def opened(results, tables=TABLES, **options):
+        path = tmp_path / "report.html"
+        write_page(results, tables, path)
+        context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+        contexts.append(context)
+        context.set_offline(True)
+        context.on("request", see)
+        page = context.new_page()
+        page.on("console", hear)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(path.as_uri())
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert complaints == []
+
+
+def wait_until(page, condition):
+    """As ``wait_for_function``, which the page's security policy forbids: it evaluates strings."""
+    deadline = monotonic() + 20.0
+    while not page.evaluate(condition):
+        assert monotonic() < deadline, condition
+        page.wait_for_timeout(20)
+
+
+def settle(page):
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => setTimeout(done, 30)))")
+
+
+def picture(page):
+    settle(page)
+    return page.locator("#floor").screenshot()
+
+
+@pytest.mark.browser
+def test_it_plays_pauses_and_ends(study, visit):
+    page = visit(study)
+    assert page.evaluate("Race.time()") == 0.0
+    before = picture(page)
+    page.select_option("#speed", "8")
+    page.click("#play")
+    wait_until(page, "Race.time() > 2")
+    page.click("#play")
+    time = page.evaluate("Race.time()")
+    assert not page.evaluate("Race.playing()")
+    assert picture(page) != before
+    assert page.evaluate("Race.time()") == time
+    page.locator("#scrub").fill("19.5")
+    page.click("#play")
+    wait_until(page, "Race.time() === 20 && !Race.playing()")
+
+
+@pytest.mark.browser
+def test_it_scrubs_and_steps_by_samples(study, visit):
+    page = visit(study)
+    page.locator("#scrub").fill("7.5")
+    settle(page)
+    assert page.inner_text("#clock") == "7.50"
+    page.click("#forward")
+    page.keyboard.press("Escape")
+    page.locator("#floor").focus()
+    page.keyboard.press("ArrowRight")
+    settle(page)
+    assert page.inner_text("#clock") == "7.70"
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Home")
+    settle(page)
+    assert page.inner_text("#clock") == "0.00"
+    page.keyboard.press("Space")
+    wait_until(page, "Race.time() > 0")
+
+
+@pytest.mark.browser
+def test_it_zooms_pans_fits_and_follows(study, visit):
+    page = visit(study)
+    scale = "Race.camera.scale"
+    fitted = page.evaluate(scale)
+    box = page.locator("#floor").bounding_box()
+    x, y = box["x"] + 0.4 * box["width"], box["y"] + 0.4 * box["height"]
+    under = "([x, y]) => Race.camera.toFloor(x, y)"
+    at = [0.4 * box["width"], 0.4 * box["height"]]
+    before = page.evaluate(under, at)
+    page.mouse.move(x, y)
+    page.mouse.wheel(0, -600)
+    wait_until(page, f"{scale} > {2 * fitted}")
+    np.testing.assert_allclose(page.evaluate(under, at), before, atol=0.01)
+    page.mouse.down()
+    page.mouse.move(x + 80, y + 30, steps=4)
+    page.mouse.up()
+    np.testing.assert_allclose(page.evaluate(under, [at[0] + 80, at[1] + 30]), before, atol=0.01)
+    page.select_option("#follow", label="NMPC")
+    page.locator("#scrub").fill("10")
+    settle(page)
+    centre = page.evaluate("[Race.camera.x, Race.camera.y]")
+    nmpc = next(r for r in study.select("track", duration=20.0) if r.controller == "nmpc")
+    np.testing.assert_allclose(centre, nmpc.run.pose[100, :2], atol=1e-4)
+    page.click("#fit")
+    settle(page)
+    assert page.evaluate(scale) == pytest.approx(fitted)
+
+
+@pytest.mark.browser
+def test_hover_tells_the_nearest_robot(study, visit):
+    page = visit(study)
+    page.locator("#scrub").fill("10")
+    for k in range(3):
+        page.locator("#runs input").nth(k).uncheck()
+    page.locator("#floor").hover()
+    page.wait_for_selector("#tip:not([hidden])")
+    told = page.inner_text("#tip")
+    run = study.select("track", duration=20.0)[3].run
+    error = 1e3 * np.hypot(*(run.pose[100, :2] - run.target[100, :2]))
+    assert "Recommended" in told
+    assert "10.00 s" in told
+    assert f"{run.pose[100, 0]:.3f}" in told
+    assert float(re.search(r"([\d.]+) mm", told)[1]) == pytest.approx(error, abs=0.02)
+    page.mouse.move(2, 2)
+    page.wait_for_selector("#tip", state="hidden")
+
+
+@pytest.mark.browser
+def test_charts_share_cursor_zoom_and_clock(study, visit):
+    page = visit(study)
+    charts = page.locator(".u-over")
+    assert charts.count() == 4
+    charts.first.scroll_into_view_if_needed()
+    box = charts.first.bounding_box()
+    middle = box["y"] + 0.5 * box["height"]
+    page.mouse.move(box["x"] + 0.5 * box["width"], middle)
+    clocks = page.locator(".chart .clock").all_inner_texts()
+    assert clocks == ["t = 10.00 s"] * 4
+    page.mouse.click(box["x"] + 0.25 * box["width"], middle)
+    settle(page)
+    assert page.evaluate("Race.time()") == pytest.approx(5.0, abs=0.1)
+    page.mouse.move(box["x"] + 0.25 * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.75 * box["width"], middle, steps=5)
+    page.mouse.up()
+    low, high = page.evaluate("Charts.span()")
+    assert low == pytest.approx(5.0, abs=0.2)
+    assert high == pytest.approx(15.0, abs=0.2)
+    page.click("#chart-fit")
+    assert page.evaluate("Charts.span()") == [0, 20]
+
+
+@pytest.mark.browser
+def test_every_group_can_be_chosen(study, visit):
+    page = visit(study)
+    counts = {"Track 20 s": 4, "Track 30 s": 4, "Noise 30 s": 4, "Horizons 20 s": 6,
+              "Step response": 4}  # fmt: skip
+    assert page.locator("#groups label").all_inner_texts() == list(counts)
+    for name, runs in counts.items():
+        page.get_by_role("radio", name=name).check()
+        settle(page)
+        assert page.locator("#runs tr").count() == runs
+        assert page.locator("#measured-layer").is_visible() == name.startswith("Noise")
+
+
+@pytest.mark.browser
+def test_every_table_is_there(study, visit):
+    page = visit(study)
+    for table in TABLES:
+        shown = page.get_by_role("table", name=table.title)
+        assert tuple(shown.locator("thead th").all_inner_texts()) == table.columns
+        rows = [
+            tuple(r.locator("th, td").all_inner_texts()) for r in shown.locator("tbody tr").all()
+        ]
+        assert tuple(rows) == table.rows
+    assert page.get_by_text("Note.", exact=True).is_visible()
+
+
+@pytest.mark.browser
+def test_dark_and_narrow(study, visit):
+    page = visit(study, viewport={"width": 390, "height": 844}, color_scheme="dark", has_touch=True)
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    dark = picture(page)
+    page.click("#theme")
+    assert page.evaluate("document.documentElement.dataset.theme") == "light"
+    assert picture(page) != dark
+
+
+@pytest.mark.browser
+def test_hostile_text_stays_text(study, visit):
+    track = replace(study.tracks[0], controller=HOSTILE)
+    robot = replace(study.robot, name=HOSTILE)
+    hostile = replace(
+        study, title=HOSTILE, plant=HOSTILE, robot=robot, tracks=(track,),
+        steps=(replace(study.steps[0], controller=HOSTILE),),
+    )  # fmt: skip
+    page = visit(hostile, (Table(HOSTILE, (HOSTILE, HOSTILE), ((HOSTILE, HOSTILE),), HOSTILE),))
+    page.locator("#floor").hover()
+    page.wait_for_selector("#tip:not([hidden])")
+    assert page.evaluate("window.hacked") is None
+    assert page.title() == HOSTILE
+    assert page.inner_text("h1") == HOSTILE
+    assert page.inner_text("#runs label") == HOSTILE
+    assert page.inner_text("#tip strong") == HOSTILE
+    assert page.inner_text("#tables tbody td") == HOSTILE
+    assert page.locator("img").count() == 0
+
+
+@pytest.mark.browser
+def test_a_run_that_stopped_early_says_so(part, visit):
+    result = part.tracks[0]
+    names = ("t", "pose", "measured", "target", "command", "twist", "work", "step_time", "status")
+    rows = {name: getattr(result.run, name)[:50] for name in names}
+    cut = replace(result.run, **rows, outcome=Outcome.PLANT_FAILED)
+    page = visit(replace(part, tracks=(replace(result, run=cut), part.tracks[1])))
+    assert "not finite" in page.inner_text("#runs .ended")
+    page.locator("#scrub").fill("15")
+    settle(page)
+    assert page.locator("#runs td.stopped").count() == 3
+
+
+@pytest.mark.browser
+def test_study_without_runs_still_shows_its_tables(part, visit):
+    page = visit(replace(part, tracks=()))
+    assert not page.locator("#floor").is_visible()
+    assert page.get_by_role("table", name="Steps").is_visible()

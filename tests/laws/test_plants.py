@@ -1,0 +1,141 @@
+"""Laws that every plant obeys. A new plant is added to PLANTS, nothing else."""
+
+from math import nan
+
+import numpy as np
+import pytest
+
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, to_world
+from omnidrive.robot import ROBOTS, named_robot
+from omnidrive.simulation import KinematicPlant, MujocoPlant, Plant
+from tests.laws.motions import turned
+
+PLANTS = {
+    "kinematic": KinematicPlant,
+    "ball": lambda robot: MujocoPlant(robot, "ball"),
+    "rollers": lambda robot: MujocoPlant(robot, "rollers"),
+}
+every_plant = pytest.mark.parametrize("make", PLANTS.values(), ids=PLANTS)
+every_robot = pytest.mark.parametrize("robot", ROBOTS)
+TWISTS = [BodyTwist(0.5, 0.0, 0.0), BodyTwist(0.0, 0.5, 0.0), BodyTwist(0.0, 0.0, 1.0)]
+
+
+def drive(plant, start, twist, steps, dt=0.1):
+    plant.reset(start)
+    return [plant.step(twist, dt) for _ in range(steps)]
+
+
+@every_plant
+def test_satisfies_the_protocol(make):
+    assert isinstance(make(named_robot("small")), Plant)
+
+
+@every_plant
+@every_robot
+def test_starts_at_rest_where_it_is_told(make, robot):
+    plant = make(named_robot(robot))
+    start = Pose(1.0, -2.0, 4.0)
+    state = plant.reset(start)
+    assert np.array(state.pose) == pytest.approx(start, abs=1e-12)
+    assert np.array(state.twist) == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    stood = plant.step(BodyTwist(0.0, 0.0, 0.0), 1.0)
+    assert np.array(stood.pose) == pytest.approx(start, abs=2e-5)
+
+
+@every_plant
+@every_robot
+@pytest.mark.parametrize("twist", TWISTS)
+def test_moves_as_told_within_half_a_millimetre_per_second(make, robot, twist):
+    """The bias at 0.5 m/s and 1 rad/s, over 2 s after 1 s of getting there."""
+    states = drive(make(named_robot(robot)), Pose(0.0, 0.0, 0.0), twist, 30)
+    before, after = states[9].pose, states[-1].pose
+    moved = np.subtract(after, before) / 2.0
+    assert moved == pytest.approx(np.array(twist), abs=5e-4)
+
+
+@every_plant
+@pytest.mark.parametrize("twist", [*TWISTS, BodyTwist(0.3, -0.2, 0.7)])
+def test_turning_the_world_turns_the_motion(make, twist):
+    start, angle = Pose(0.5, 0.2, 0.3), 2.0
+    once = drive(make(named_robot("small")), start, twist, 10)[-1].pose
+    other = drive(make(named_robot("small")), turned(start, angle), twist, 10)[-1].pose
+    assert np.array(turned(once, angle)) == pytest.approx(np.array(other), abs=2e-4)
+
+
+@every_plant
+def test_two_runs_are_bit_identical(make):
+    """Also on one plant object: reset clears all memory."""
+    plant, twist = make(named_robot("paper")), BodyTwist(0.4, -0.3, 0.9)
+    once, again, fresh = (
+        drive(p, Pose(0.0, 0.0, 0.0), twist, 10) for p in (plant, plant, make(named_robot("paper")))
+    )
+    assert repr(once) == repr(again) == repr(fresh)
+
+
+@every_plant
+def test_too_fast_a_command_keeps_its_direction(make):
+    robot = named_robot("small")
+    wanted = BodyTwist(30.0, 10.0, 0.0)
+    cut = robot.chassis.saturate(wanted)
+    states = drive(make(robot), Pose(0.0, 0.0, 0.0), wanted, 40)
+    got = np.array(states[-1].twist)
+    assert got == pytest.approx(np.array(cut), rel=0.05, abs=0.05)
+
+
+@every_plant
+def test_a_wrong_arm_shows_as_a_yaw_gain(make):
+    """The published code's slip: 0.5 m for 0.7071 m turns the robot at 0.707 of the command."""
+    plant = make(named_robot("paper", assumed_arm=0.5))
+    states = drive(plant, Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 1.0), 30)
+    rate = (states[-1].pose.yaw - states[9].pose.yaw) / 2.0
+    assert rate == pytest.approx(0.5 / np.hypot(0.5, 0.5), abs=2e-3)
+
+
+@every_plant
+def test_the_yaw_is_continuous_over_whole_turns(make):
+    states = drive(make(named_robot("small")), Pose(0.0, 0.0, 3.0), BodyTwist(0.0, 0.0, 3.0), 30)
+    yaw = np.array([s.pose.yaw for s in states])
+    assert (np.diff(yaw) > 0.0).all()
+    assert yaw[-1] == pytest.approx(3.0 + 9.0, abs=0.3)
+
+
+@every_plant
+def test_reported_velocity_is_the_derivative_of_the_pose(make):
+    plant, twist = make(named_robot("small")), BodyTwist(0.4, 0.2, 0.5)
+    drive(plant, Pose(0.0, 0.0, 0.0), twist, 10)
+    a = plant.step(twist, 0.01)
+    b = plant.step(twist, 0.01)
+    world: WorldTwist = to_world(a.twist, a.pose.yaw)
+    moved = np.subtract(b.pose, a.pose) / 0.01
+    assert moved == pytest.approx(np.array(world), abs=0.04)  # rollers make a ripple of 4 %
+
+
+@pytest.mark.parametrize("wheels", ["ball", "rollers"])
+def test_motors_do_work(wheels):
+    plant = MujocoPlant(named_robot("small"), wheels)
+    states = drive(plant, Pose(0.0, 0.0, 0.0), BodyTwist(1.0, 0.0, 0.0), 10)
+    work = [s.work for s in states]
+    assert work == sorted(work)
+    assert work[-1] > 0.5 * 10.0 * 1.0**2  # at least the kinetic energy of 10 kg at 1 m/s
+
+
+@pytest.mark.parametrize("wheels", ["ball", "rollers"])
+def test_weight_is_the_robots(wheels):
+    robot = named_robot("paper")
+    plant = MujocoPlant(robot, wheels)
+    assert plant._model.body_mass.sum() == pytest.approx(robot.mass, rel=1e-9)
+
+
+def test_kinematic_plant_moves_along_the_arc():
+    twist = BodyTwist(0.3, -0.1, 0.8)
+    start = Pose(0.1, 0.2, 0.3)
+    end = drive(KinematicPlant(named_robot("small")), start, twist, 7)[-1].pose
+    assert np.array(end) == pytest.approx(move(start, twist, 0.7), abs=1e-12)
+
+
+@pytest.mark.parametrize("wheels", ["ball", "rollers"])
+def test_a_state_that_is_not_finite_is_reported_as_such(wheels):
+    plant = MujocoPlant(named_robot("small"), wheels)
+    plant.reset(Pose(0.0, 0.0, 0.0))
+    plant._data.qvel[0] = nan
+    assert np.isnan(plant.step(BodyTwist(0.0, 0.0, 0.0), 0.1).pose).all()

@@ -1,0 +1,116 @@
+"""Smoothing and the checks on start and goal."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from omnidrive.errors import InvalidInput, InvalidPlace, NoPathFound
+from omnidrive.maps import OccupancyGrid
+from omnidrive.planning import PathOptions, Place, SplinePath, plan
+
+ROOM = OccupancyGrid(np.zeros((40, 60), bool), 0.1)
+
+
+def room(*walls):
+    occupied = np.zeros((40, 60), bool)
+    for rows, cols in walls:
+        occupied[rows, cols] = True
+    return OccupancyGrid(occupied, 0.1)
+
+
+def go(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, **options):
+    return plan(
+        grid, Place(*start), Place(*goal), inflation=inflation, options=PathOptions(**options)
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    occupied=arrays(bool, (12, 14), elements=st.sampled_from([False, False, False, True])),
+    inflation=st.sampled_from([0.0, 0.05, 0.12]),
+)
+def test_a_smooth_path_stays_in_free_cells(occupied, inflation):
+    occupied[1, 1] = occupied[10, 12] = False
+    grid = OccupancyGrid(np.kron(occupied, np.ones((2, 2))).astype(bool), 0.1)
+    try:
+        _, spline = go(grid, (0.3, 0.3), (2.5, 2.1), inflation)
+    except (NoPathFound, InvalidPlace):
+        return
+    free = grid.inflated(inflation)
+    x, y, _ = spline.poses(np.linspace(0.0, 1.0, 1500)).T
+    assert not any(map(free.is_occupied, x.tolist(), y.tolist()))
+
+
+def test_ends_are_exactly_where_asked():
+    path, spline = go(ROOM, (1.03, 1.07), (5.02, 3.01, 1.0))
+    assert spline.poses(0.0)[:2] == pytest.approx((1.03, 1.07))
+    assert spline.poses(1.0) == pytest.approx((5.02, 3.01, 1.0))
+    assert path.poses[0, :2] == pytest.approx((1.03, 1.07))
+
+
+@given(start=st.floats(-6.2, 6.2), goal=st.floats(-6.2, 6.2))
+@settings(max_examples=40, deadline=None)
+def test_headings_are_continuous_and_meet_those_asked_for(start, goal):
+    _, spline = go(ROOM, (1.0, 1.0, start), (5.0, 3.0, goal))
+    yaw = spline.poses(np.linspace(0.0, 1.0, 1000))[:, 2]
+    assert yaw[0] == pytest.approx(start)
+    assert np.cos(yaw[-1] - goal) == pytest.approx(1.0)
+    assert np.abs(np.diff(yaw)).max() < 0.1
+    assert np.ptp(yaw) < 2.1 * pi
+
+
+def test_start_and_goal_may_be_the_same_place():
+    _, spline = go(ROOM, (2.0, 2.0), (2.0, 2.0))
+    assert spline.length == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ((7.0, 1.0), "outside the map, which spans x 0 to 6 m and y 0 to 4 m"),
+        ((3.05, 1.0), r"inside an obstacle .*nearest place to stand is \(2\.\d+, 0?\.?\d*"),
+        ((2.8, 1.0), r"is 0\.20 m from an obstacle, the robot's centre must keep 0\.3 m"),
+        ((np.nan, 1.0), "must be finite"),
+        ((1.0, 1.0, np.inf), "must be finite"),
+    ],
+)
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_place_where_the_robot_cannot_stand(end, place, message):
+    grid = room((slice(0, 30), slice(30, 32)))
+    with pytest.raises(InvalidPlace, match=message) as refused:
+        go(grid, **{end: place})
+    assert end in str(refused.value)
+
+
+def test_the_place_that_a_message_proposes_is_one_to_stand():
+    grid = room((slice(0, 30), slice(30, 32)))
+    with pytest.raises(InvalidPlace) as refused:
+        go(grid, start=(3.05, 1.0))
+    x, y = map(float, str(refused.value).rsplit("(", 1)[1].split(")")[0].split(","))
+    go(grid, start=(x, y))
+
+
+def test_a_wall_across_leaves_no_path():
+    with pytest.raises(NoPathFound, match="no way from start to goal"):
+        go(room((slice(0, 40), slice(30, 32))))
+
+
+def test_a_map_without_room_says_so():
+    with pytest.raises(InvalidPlace, match="choose a smaller robot or margin"):
+        go(ROOM, inflation=3.0)
+
+
+def test_a_spline_needs_four_finite_points():
+    with pytest.raises(InvalidInput, match="needs 4 control points, got 3"):
+        SplinePath(np.zeros((3, 3)))
+    with pytest.raises(InvalidInput, match="not finite"):
+        SplinePath(np.full((4, 3), np.nan))
+
+
+def test_spline_length_of_a_straight_line():
+    points = np.column_stack([np.linspace(0, 3, 7), np.linspace(0, 4, 7), np.zeros(7)])
+    assert SplinePath(points).length == pytest.approx(5.0, rel=1e-6)
