@@ -1,5 +1,6 @@
 """The self-tuning PID: its laws, its presets and the loop they close."""
 
+import pickle
 from math import cos, hypot, pi, sin
 
 import numpy as np
@@ -85,6 +86,11 @@ class TestEveryPreset:
             for _ in range(2)
         ]
         assert (runs[0].command == runs[1].command).all()
+
+    def test_travels_to_another_process(self, controller):
+        pose, goal = Pose(1.0, 1.0, 0.0), Pose(1.3, 1.2, 0.2)
+        copy = pickle.loads(pickle.dumps(controller))
+        assert first_command(copy, pose, goal) == first_command(controller, pose, goal)
 
     def test_stands_still_on_the_goal(self, controller):
         pose = Pose(1.0, 2.0, 0.3)

@@ -62,7 +62,7 @@ def main() -> None:
 def _status() -> int:
     """Do what the command line says; every error becomes one paragraph and a status."""
     try:
-        return int(app(standalone_mode=False) or 0)
+        return int(app(prog_name="omnidrive", standalone_mode=False) or 0)
     except typer.exceptions.TyperException as error:  # a mistake in the options
         error.show() if hasattr(error, "show") else _complain(str(error))
         return int(error.exit_code)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import isfinite
 from typing import Literal
 
@@ -40,8 +41,10 @@ MAX_YAW_RATE = 3.14
 """Limit of the paper's predictive controller, in rad/s."""
 
 
-def _middle(interval: tuple[GainChange, GainChange]) -> GainChange:
-    least, greatest = interval
+def _middle(
+    infer: Callable[[float, float], tuple[GainChange, GainChange]], error: float, change: float
+) -> GainChange:
+    least, greatest = infer(error, change)
     return (
         0.5 * (least[0] + greatest[0]),
         0.5 * (least[1] + greatest[1]),
@@ -50,23 +53,21 @@ def _middle(interval: tuple[GainChange, GainChange]) -> GainChange:
 
 
 def _paper_t1() -> Tuner:
-    system = ExactType1.of(paper_rules())
-    return lambda error, change: exact_type1(system, error, change)
+    return partial(exact_type1, ExactType1.of(paper_rules()))
 
 
 def _paper_t2() -> Tuner:
     system = CentreOfSetsType2.of(paper_rules(), PAPER_FOOTPRINT, PAPER_FOOTPRINT)
-    return lambda error, change: _middle(centre_of_sets_type2(system, error, change))
+    return partial(_middle, partial(centre_of_sets_type2, system))
 
 
 def _published_t1() -> Tuner:
-    system = SampledType1.of(published_rules())
-    return lambda error, change: sampled_type1(system, error, change)
+    return partial(sampled_type1, SampledType1.of(published_rules()))
 
 
 def _published_t2() -> Tuner:
     system = CentroidType2.of(published_rules(), PUBLISHED_INPUTS, PUBLISHED_OUTPUTS)
-    return lambda error, change: _middle(centroid_type2(system, error, change))
+    return partial(_middle, partial(centroid_type2, system))
 
 
 _TUNERS: dict[tuple[Preset, Kind], Callable[[], Tuner]] = {

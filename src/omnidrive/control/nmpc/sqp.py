@@ -48,7 +48,7 @@ class SqpSolver:
     search leaves along a direction of negative curvature (More & Sorensen, "On the use of
     directions of negative curvature in a modified Newton method", Math. Program. 16, 1979).
 
-    J never rises from one iterate to the next, so the last one is the best known plan.
+    From one iterate to the next J does not rise beyond rounding: the last is the best known plan.
     """
 
     settings: SqpSettings = field(default_factory=SqpSettings)
@@ -65,7 +65,7 @@ _MAX_HALVINGS = 30
 _ARMIJO = 1e-4
 """Share of the predicted fall that is enough (Nocedal & Wright, 2006, section 3.1)."""
 _ROUNDING = 1e-11
-"""Relative error of J: smaller differences say nothing."""
+"""Relative difference of J that may be rounding: J sums squares of small differences of states."""
 
 
 @compiled

@@ -1,0 +1,151 @@
+"""The command line as a user meets it: verbs, help, and errors without tracebacks."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.shared_data import shared
+
+QUICK = ["--plant", "kinematic", "--controllers", "recommended", "--tasks", "track"]
+
+
+def omnidrive(*args, cwd, **env):
+    return subprocess.run(
+        [sys.executable, "-m", "omnidrive", *map(str, args)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env={**os.environ, "COLUMNS": "200", **env},
+    )
+
+
+def test_compare_prints_tables_and_names_the_folder_last(tmp_path):
+    done = omnidrive("compare", *QUICK, "--out", "here", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Tracking error without noise" in done.stdout
+    assert done.stdout.splitlines()[-1].startswith("results: here")
+    assert "simulate" in done.stdout.splitlines()[-2]
+    assert (tmp_path / "here" / "report.html").exists()
+
+
+def test_compare_prints_json_alone_when_asked(tmp_path):
+    done = omnidrive("compare", *QUICK, "--json", "--seed", "5", cwd=tmp_path)
+    data = json.loads(done.stdout)
+    assert data["scenario"]["seed"] == 5
+    assert {r["duration"] for r in data["runs"]} == {20.0, 30.0}
+
+
+def test_compare_on_a_users_map(tmp_path):
+    depot = shared("maps/nav2/depot.yaml")
+    done = omnidrive(
+        "compare", "--map", depot, "--start", "2,2", "--goal", "27,13,1.57", "--robot", "small",
+        "--speed", "0.6", *QUICK, "--out", "depot", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    data = json.loads((tmp_path / "depot" / "results.json").read_text())
+    assert all(r["finished"] and r["min_clearance"] > 0 for r in data["runs"])
+    again = omnidrive("compare", tmp_path / "depot" / "scenario.yaml", "--out", "a", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    second = json.loads((tmp_path / "a" / "results.json").read_text())
+    assert [r["me"] for r in second["runs"]] == [r["me"] for r in data["runs"]]
+
+
+def test_plan_and_run(tmp_path):
+    planned = omnidrive("plan", "--out", "p", cwd=tmp_path)
+    assert planned.returncode == 0, planned.stderr
+    assert "shortest duration   16.4 s" in planned.stdout
+    rows = (tmp_path / "p" / "reference.csv").read_text().splitlines()
+    assert rows[0].startswith("t_s,x_m,y_m,yaw_rad")
+    assert len(rows) == 202
+    ran = omnidrive("run", "--controller", "nmpc", "--horizon", "8", "--plant", "kinematic",
+                    cwd=tmp_path)  # fmt: skip
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.splitlines()[-1].startswith("results: runs/paper-nmpc-track-")
+
+
+@pytest.mark.parametrize("verb", ["", "compare", "plan", "run"])
+def test_help_reads_well(tmp_path, verb):
+    done = omnidrive(*([verb] if verb else []), "--help", cwd=tmp_path, COLUMNS="80")
+    assert done.returncode == 0
+    assert "Usage: omnidrive" in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    for needed in ["compare", "plan", "run"] if not verb else ["--map", "--start", "--robot"]:
+        assert needed in done.stdout
+
+
+MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["compare", *MAP], "cannot read the map no.yaml: No such file"),
+        (["compare", "--map", "no.yaml"], "--map needs --start X,Y and --goal X,Y"),
+        (["compare", "none.yaml"], "cannot read the scenario none.yaml"),
+        (["compare", "--goal", "80,6"], "outside the map, which spans"),
+        (["compare", "--goal", "2,3"], "inside an obstacle"),
+        (["compare", "--start", "1"], "--start must be X,Y or X,Y,HEADING in m, m, rad"),
+        (["compare", "--start", "1,1,90"], "the heading is 90 rad"),
+        (["compare", "--start", "nan,1"], "must be finite"),
+        (["compare", "--duration", "5"], "shortest duration is 16.4 s"),
+        (["compare", "--duration", "nan"], "duration must be positive"),
+        (["compare", "--duration", "-5"], "duration must be positive, got -5 s"),
+        (["compare", "--speed", "9"], "is too short for this path"),
+        (["compare", "--duration", "25", "--speed", "0.4"], "give one of them"),
+        (["compare", "--plant", "rolers"], "no plant 'rolers'; there are rollers, ball, kin"),
+        (["compare", "--controllers", "nmcp"], "did you mean 'nmpc'?"),
+        (["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"], "for the controller nmpc"),
+        (["compare", "--seed", "-1"], "seed must be 0 or more"),
+        (["compare", "--jobs", "0"], "jobs"),
+        (["compare", "--no-such-option"], "No such option"),
+        (["run", "--controller", "pid"], "no controller 'pid'"),
+        (["run", "--horizon", "9"], "--horizon is for the controller nmpc"),
+        (["compare", *QUICK, "--out", "/proc/no/such"], "cannot write to /proc/no/such"),
+        (["fly"], "No such command"),
+    ],
+)
+def test_a_mistake_gets_one_paragraph_and_status_2(tmp_path, args, message):
+    done = omnidrive(*args, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert message in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_a_fault_of_ours_has_status_1_and_no_traceback(tmp_path):
+    broken = "import omnidrive.cli.compare as c; c.run_study = lambda *a, **k: 1 / 0; "
+    code = broken + "from omnidrive.cli import main; import sys; sys.argv[1:] = ['compare']; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "fault of omnidrive" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_ctrl_c_keeps_what_is_finished(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "omnidrive", "compare", "--out", "cut", "--jobs", "2"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    results = tmp_path / "cut" / "results.json"
+    until = time.monotonic() + 200
+    while not results.exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
+    assert json.loads(results.read_text())["runs"]

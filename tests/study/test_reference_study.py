@@ -1,0 +1,61 @@
+"""The paper's study on physics, against the paper's numbers: what the project promises."""
+
+import pytest
+
+from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.simulation import Outcome
+from omnidrive.study import Job, jobs_of, paper_scenario, prepare, run_job
+
+RECOMMENDED = {20.0: (0.006, 0.005), 30.0: (0.002, 0.002)}
+TRACKS = [job for job in jobs_of(paper_scenario()) if job.task in {"track", "noise"}]
+
+
+def name(job):
+    return f"{job.task}-{job.controller}-{job.duration:g}"
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return prepare(paper_scenario())
+
+
+@pytest.mark.parametrize("job", [j for j in TRACKS if j.controller != "recommended"], ids=name)
+def test_no_worse_than_the_papers_row(paper, job):
+    """With noise: within 15 % of the row, on the measured pose, as the paper's author did."""
+    row = PUBLISHED_ERRORS[job.task, job.duration, job.controller]
+    result = run_job(paper, job)
+    m = result.metrics
+    assert result.run.outcome is Outcome.FINISHED
+    assert m.fallbacks == 0
+    me, mae = (m.me_measured, m.mae_measured) if result.noise else (m.me, m.mae)
+    room = 1.15 if result.noise else 1.0
+    assert me <= room * row.me
+    assert mae <= room * row.mae
+
+
+@pytest.mark.parametrize("duration", RECOMMENDED)
+def test_recommended_tracks_ten_times_closer(paper, duration):
+    m = run_job(paper, Job("track", "recommended", duration)).metrics
+    me, mae = RECOMMENDED[duration]
+    assert m.me <= me
+    assert m.mae <= mae
+    assert m.me_after_start <= 0.001
+    assert m.me <= PUBLISHED_ERRORS["track", duration, "nmpc"].me / 10
+
+
+@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "nmpc", "recommended"])
+def test_step_response_arrives(paper, controller):
+    result = run_job(paper, Job("step", controller, 10.0))
+    assert result.run.outcome is Outcome.FINISHED
+    assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 0.02
+
+
+@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "nmpc"])
+def test_published_code_turns_at_its_slip(controller):
+    """The preset takes over R = 0.5: commanded turns come out at 0.707."""
+    published = prepare(paper_scenario("published-code"))
+    assert published.robot.assumed_arm == 0.5
+    result = run_job(published, Job("track", controller, 20.0, 15))
+    row = PUBLISHED_ERRORS["track", 20.0, controller]
+    assert result.run.outcome is Outcome.FINISHED
+    assert result.metrics.me <= row.me
