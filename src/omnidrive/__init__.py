@@ -13,7 +13,7 @@ from omnidrive.control import (
 )
 from omnidrive.errors import OmnidriveError
 from omnidrive.evaluation import Metrics, StepResponse, measure, step_response
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
 from omnidrive.maps import OccupancyGrid, load_nav2_map, paper_map, save_nav2_map
 from omnidrive.planning import Path, PathOptions, Place, SplinePath, plan
 from omnidrive.reference import Hold, Reference, Setpoint, UniformReference, time_uniformly
@@ -77,5 +77,7 @@ __all__ = [
     "simulate",
     "step_response",
     "time_uniformly",
+    "to_body",
+    "to_world",
     "unicycle_nmpc",
 ]

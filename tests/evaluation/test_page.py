@@ -45,8 +45,8 @@ def test_data_holds_every_group_and_run(study):
 def test_map_is_told_cell_by_cell(study):
     told = data_of(page_text(study, ()))["map"]
     kinds = np.repeat(told["kinds"][::2], told["kinds"][1::2]).reshape(told["rows"], told["cols"])
-    np.testing.assert_array_equal(kinds == 2, study.grid.occupied)
-    np.testing.assert_array_equal(kinds > 0, study.grid.inflated(study.inflation).occupied)
+    np.testing.assert_array_equal(kinds == 2, study.obstacles.occupied)
+    np.testing.assert_array_equal(kinds > 0, study.keepout.occupied)
 
 
 def test_numbers_that_are_not_finite_become_null(part):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from omnidrive.errors import InvalidMap
-from omnidrive.maps import OccupancyGrid, paper_map
+from omnidrive.maps import OccupancyGrid, paper_map, paper_wall
 
 small_grids = arrays(bool, (6, 8), elements=st.sampled_from([False, False, True]))
 
@@ -78,3 +78,28 @@ def test_the_papers_map():
 def test_a_resolution_that_is_not_positive_is_refused(resolution):
     with pytest.raises(InvalidMap, match="resolution must be positive"):
         OccupancyGrid(np.zeros((2, 2), bool), resolution)
+
+
+@settings(max_examples=30, deadline=None)
+@given(occupied=small_grids, x=st.floats(-1, 1), y=st.floats(-1, 1), side=st.floats(0.05, 0.5))
+def test_one_grid_seen_through_the_cells_of_another(occupied, x, y, side):
+    here = OccupancyGrid(occupied, 0.25)
+    other = OccupancyGrid(np.zeros((5, 7), bool), side, (x, y))
+    seen = here.occupied_on(other)
+    for row in range(5):
+        for col in range(7):
+            assert seen[row, col] == here.is_occupied(*other.centre(row, col))
+
+
+def test_the_papers_wall_lies_inside_its_inflation():
+    """A robot of 0.75 m on a free cell of the paper's map touches the wall nowhere."""
+    wall, keepout = paper_wall(), paper_map()
+    assert (keepout.occupied_on(wall) | ~wall.occupied).all()
+    rows, cols = np.nonzero(~keepout.occupied)
+    inside = [keepout.centre(r, c) for r, c in zip(rows.tolist(), cols.tolist(), strict=True)]
+    inner = np.array([p for p in inside if 1.0 < p[0] < 9.0 and 1.0 < p[1] < 9.0])
+    assert wall.clearance(inner).min() > 0.75
+    left, right, bottom, top = wall.extent
+    assert (left, right, bottom, top) == pytest.approx(keepout.extent)
+    assert wall.is_occupied(3.9, 3.0)
+    assert not wall.is_occupied(4.1, 3.0)

@@ -54,21 +54,28 @@ def omnidrive(
     """
 
 
+_INTERRUPTED = 130
+
+
 def main() -> None:
     """Run the command line and exit with its status."""
     sys.exit(_status())
 
 
+def _run_verb() -> int:
+    status = int(app(prog_name="omnidrive", standalone_mode=False) or 0)
+    if status == _INTERRUPTED:  # typer turns Ctrl-C into this status
+        _complain("interrupted; what was finished before is kept")
+    return status
+
+
 def _status() -> int:
     """Do what the command line says; every error becomes one paragraph and a status."""
     try:
-        return int(app(prog_name="omnidrive", standalone_mode=False) or 0)
+        return _run_verb()
     except typer.exceptions.TyperException as error:  # a mistake in the options
         error.show() if hasattr(error, "show") else _complain(str(error))
         return int(error.exit_code)
-    except (KeyboardInterrupt, typer.Abort):
-        _complain("interrupted; what was finished before is kept")
-        return 130
     except OmnidriveError as error:
         _complain(str(error))
         return 1 if isinstance(error, RunFailed) else 2

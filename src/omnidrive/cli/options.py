@@ -120,7 +120,7 @@ class Demand:
         Raises:
             OmnidriveError: They contradict each other or name something that is not there.
         """
-        preset = self.preset and choose_one("preset", self.preset, get_args(PresetName))
+        preset = choose_one("preset", self.preset, get_args(PresetName)) if self.preset else None
         scenario = self._base(preset)
         changes: dict[str, object] = {}
         if self.start and not self.map:

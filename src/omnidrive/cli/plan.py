@@ -32,7 +32,7 @@ def plan(
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="New folder for scenario.yaml, reference.csv and the path's picture.",
+            help="New folder for scenario.yaml, reference.csv and path.png.",
             rich_help_panel="Results",
         ),
     ] = None,

@@ -85,7 +85,7 @@ def run(
     else:
         print_tables(study.tables)
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
-    outcomes = {r.run.outcome for r in (*study.results.tracks, *study.results.steps)}
+    outcomes = {r.run.outcome for r in study.results.runs}
     if outcomes != {Outcome.FINISHED}:
         raise RunFailed("; ".join(sorted(o.value for o in outcomes if o is not Outcome.FINISHED)))
 

@@ -45,6 +45,9 @@ def feedforward_law(
     return twist_between(pose, goal, dt)
 
 
+_USUAL_GAINS = FeedforwardGains()
+
+
 @dataclass(frozen=True, slots=True)
 class FeedforwardController:
     """A :class:`Controller` around :func:`feedforward_law`; it has no memory.
@@ -55,7 +58,7 @@ class FeedforwardController:
     """
 
     dt: float
-    gains: FeedforwardGains = FeedforwardGains()
+    gains: FeedforwardGains = _USUAL_GAINS
 
     def reset(self, pose: Pose) -> None:
         """Do nothing: the law has no memory."""

@@ -27,7 +27,7 @@ class TrackResult:
         run: The log.
         metrics: Its numbers.
         min_clearance: Least distance between the robot's body and an obstacle, in m; negative
-            where the centre came closer than the body's radius.
+            where they would overlap.
     """
 
     controller: str
@@ -75,8 +75,8 @@ class StudyResults:
         robot: The robot that drove.
         plant: Which plant: rollers, ball or kinematic.
         dt: Sample time of the controllers, in s.
-        grid: The obstacles.
-        inflation: Distance in m that the robot's centre should keep from them.
+        obstacles: What the robot's body must not touch.
+        keepout: Where its centre must not be.
         path: Cells found by the search, as poses.
         spline: The smoothed path.
         tracks: Every tracking run.
@@ -87,12 +87,17 @@ class StudyResults:
     robot: Robot
     plant: str
     dt: float
-    grid: OccupancyGrid
-    inflation: float
+    obstacles: OccupancyGrid
+    keepout: OccupancyGrid
     path: Path
     spline: SplinePath
     tracks: tuple[TrackResult, ...]
     steps: tuple[StepResult, ...]
+
+    @property
+    def runs(self) -> tuple[TrackResult | StepResult, ...]:
+        """Tracking runs, then step responses."""
+        return (*self.tracks, *self.steps)
 
     def select(self, task: str, *, duration: float | None = None) -> tuple[TrackResult, ...]:
         """Tracking runs of one task, perhaps of one duration (s), in order."""

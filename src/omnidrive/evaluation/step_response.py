@@ -36,8 +36,10 @@ def step_response(
         t: Times in s, from the step on.
         response: The coordinate, in any unit; headings unwrapped.
         start: Its value before the step.
-        goal: Its commanded value; differs from ``start``.
+        goal: Its commanded value; if that is ``start``, there is no step and every figure is NaN.
     """
+    if goal == start:
+        return StepResponse(nan, nan, nan)
     fine = np.arange(0.0, t[-1] + 0.5 * _FINE, _FINE)
     done = (np.interp(fine, t, response) - start) / (goal - start)
     overshoot = max(100.0 * (float(done.max()) - 1.0), 0.0)

@@ -5,8 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isfinite
 
+import numpy as np
+
+from omnidrive.control.fuzzy.rules import LABELS, paper_rules
+from omnidrive.control.fuzzy.rules import published_rules as code_rules
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StudyResults, TrackResult
+
+Array = np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +32,15 @@ class Table:
     note: str = ""
 
 
-def study_tables(results: StudyResults, *, published: bool) -> list[Table]:
+def study_tables(
+    results: StudyResults, *, published: bool, published_rules: bool = False
+) -> list[Table]:
     """The paper's tables, and the one it drew as bars; those without runs are left out.
 
     Args:
         results: The study.
         published: Whether it is the paper's own, so that the paper's numbers belong beside ours.
+        published_rules: Whether the fuzzy controllers used the published code's rules.
     """
     tables = [
         _tracking_table(results, published),
@@ -39,6 +48,8 @@ def study_tables(results: StudyResults, *, published: bool) -> list[Table]:
         _step_table(results, published),
         _horizon_table(results),
     ]
+    if any(r.controller.startswith("fuzzy") for r in results.runs):
+        tables.append(rule_table(published_rules=published_rules))
     return [_without_empty_columns(table) for table in tables if table.rows]
 
 
@@ -140,6 +151,27 @@ def _horizon_table(results: StudyResults) -> Table:
         "The paper drew these as bars without numbers. Fallbacks: steps without a converged "
         "solution.",
     )  # fmt: skip
+
+
+def rule_table(*, published_rules: bool) -> Table:
+    """The fuzzy rules in use, the paper's beside each that differs."""
+    paper, ours = paper_rules(), code_rules() if published_rules else paper_rules()
+
+    def cell(consequents: Array) -> str:
+        return "/".join(LABELS[i] for i in consequents)
+
+    rows = []
+    for i, error in enumerate(LABELS):
+        cells = [cell(ours[i, j]) for j in range(len(LABELS))]
+        for j in np.flatnonzero((ours[i] != paper[i]).any(axis=1)).tolist():
+            cells[j] += f" (paper {cell(paper[i, j])})"
+        rows.append((error, *cells))
+    return Table(
+        "Fuzzy rules: change of kp/ki/kd",
+        ("error \\ its change", *LABELS),
+        tuple(rows),
+        "N negative, P positive; B big, M medium, S small; ZO zero.",
+    )
 
 
 def _without_empty_columns(table: Table) -> Table:

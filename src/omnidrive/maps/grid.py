@@ -60,12 +60,29 @@ class OccupancyGrid:
     def contains(self, row: int, col: int) -> bool:
         """Whether the cell lies in the grid."""
         rows, cols = self.occupied.shape
-        return 0 <= row < rows and 0 <= col < cols
+        inside: bool = 0 <= row < rows and 0 <= col < cols
+        return inside
 
     def is_occupied(self, x: float, y: float) -> bool:
         """Whether the point (x, y) of W lies in an obstacle or outside the grid."""
         row, col = self.cell(x, y)
-        return not self.contains(row, col) or bool(self.occupied[row, col])
+        return bool(not self.contains(row, col) or self.occupied[row, col])
+
+    def occupied_on(self, other: OccupancyGrid) -> Bool[Array, "rows cols"]:
+        """Whether the centre of each cell of ``other`` is occupied here (outside: yes)."""
+        row, col = (
+            np.floor(
+                (start + (np.arange(count) + 0.5) * other.resolution - own) / self.resolution
+            ).astype(int)
+            for start, own, count in zip(
+                other.origin[::-1], self.origin[::-1], other.occupied.shape, strict=True
+            )
+        )
+        rows, cols = self.occupied.shape
+        outside = np.add.outer((row < 0) | (row >= rows), (col < 0) | (col >= cols))
+        near = self.occupied[np.ix_(row.clip(0, rows - 1), col.clip(0, cols - 1))]
+        taken: Bool[Array, "rows cols"] = near | outside
+        return taken
 
     def inflated(self, radius: float) -> OccupancyGrid:
         """Grid whose free cells are those on whose centre a disc of ``radius`` (m) touches nothing.
@@ -85,7 +102,10 @@ class OccupancyGrid:
         """Occupied squares with a free neighbour (the ring outside included), and the reverse."""
         taken = np.pad(self.occupied, 2, constant_values=True)
         x, y = self.centre(-2, -2)
-        return tuple(_Squares.on_edge(mask, (x, y), self.resolution) for mask in (taken, ~taken))
+        return (
+            _Squares.on_edge(taken, (x, y), self.resolution),
+            _Squares.on_edge(~taken, (x, y), self.resolution),
+        )
 
     def clearance(self, points: Float[Array, "points 2"]) -> Float[Array, " points"]:
         """Exact distance in m from each point (m, in W) to the nearest obstacle cell.

@@ -91,9 +91,9 @@ def _number(path: Path, meta: dict[str, Any], key: str, default: float | None = 
 
 
 def _origin(path: Path, meta: dict[str, Any]) -> tuple[float, float]:
-    origin = meta.get("origin")
-    ok = isinstance(origin, list) and len(origin) == 3
-    if not ok or not all(isinstance(v, (int, float)) and isfinite(v) for v in origin):
+    origin: Any = meta.get("origin")
+    numbers = isinstance(origin, list) and all(isinstance(v, (int, float)) for v in origin)
+    if not numbers or len(origin) != 3 or not all(map(isfinite, origin)):
         raise InvalidMap(f"{path}: origin must be [x, y, yaw] in m, m, rad, got {origin!r}")
     if origin[2] != 0.0:
         raise InvalidMap(f"{path}: the origin's yaw is {origin[2]:g} rad; only 0 is read")
@@ -110,7 +110,9 @@ def _read_image(path: Path, meta: dict[str, Any]) -> Float[Array, "rows cols"]:
                 raise InvalidMap(f"{file} has more than {_MAX_CELLS:,} cells")
             if image.mode == "L":
                 return np.asarray(image, dtype=float)
-            return np.asarray(image.convert("RGB"), dtype=float).mean(axis=2)
+            colours = np.asarray(image.convert("RGB"), dtype=float)
+            mean: Float[Array, "rows cols"] = colours.mean(axis=2)
+            return mean
     except (UnidentifiedImageError, SyntaxError, ValueError):
         raise InvalidMap(f"{file} is not a picture (PGM, PNG or BMP)") from None
     except OSError as error:

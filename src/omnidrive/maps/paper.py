@@ -9,6 +9,18 @@ import numpy as np
 from omnidrive.maps.grid import OccupancyGrid
 
 
+def paper_wall() -> OccupancyGrid:
+    """The wall itself, on cells of 0.05 m: where a robot of 0.75 m would really collide.
+
+    Neither the paper nor its code says how thick it is; 0.1 m is ours.
+    """
+    cells = OccupancyGrid(np.zeros((200, 200), dtype=bool), 0.05, paper_map().origin)
+    (bottom, _), (top, _) = cells.cell(5.0, 2.9501), cells.cell(5.0, 3.0501)
+    (_, left), (_, right) = cells.cell(4.0001, 3.0), cells.cell(6.0001, 3.0)
+    cells.occupied[bottom:top, :left] = cells.occupied[bottom:top, right:] = True
+    return cells
+
+
 def paper_map() -> OccupancyGrid:
     """A wall with a gap on 50 x 50 cells of 0.2 m, already inflated by the robot's 0.75 m.
 

@@ -72,7 +72,8 @@ class MujocoPlant:
         self._yaw += wrap(heading - self._yaw)
         vx, vy, _, _, _, yaw_rate = data.qvel[:6].tolist()
         twist = to_body(WorldTwist(vx, vy, yaw_rate), self._yaw)
-        return Measurement(Pose(*data.qpos[:2].tolist(), self._yaw), twist, self._work)
+        px, py = data.qpos[:2].tolist()
+        return Measurement(Pose(px, py, self._yaw), twist, self._work)
 
 
 _DIVERGED = (

@@ -23,7 +23,7 @@ from omnidrive.study.scenario_file import save_scenario, scenario_data
 
 _POSE = (("x", "m"), ("y", "m"), ("yaw", "rad"))
 _TWIST = (("vx", "m/s"), ("vy", "m/s"), ("yaw_rate", "rad/s"))
-_VERSIONS = ("omnidrive", "numpy", "numba", "mujoco", "daqp")
+_VERSIONS = ("omnidrive", "numpy", "numba", "mujoco")
 
 
 class RunFolder:
@@ -50,7 +50,7 @@ class RunFolder:
         scenario = prepared.scenario
         with writing(self.path):
             if scenario.map.source != "paper":
-                save_nav2_map(prepared.grid, self.path / "map.yaml")
+                save_nav2_map(prepared.obstacles, self.path / "map.yaml")
                 own = scenario.map.model_copy(update={"source": "map.yaml"})
                 scenario = scenario.model_copy(update={"map": own})
             save_scenario(scenario, self.path / "scenario.yaml")

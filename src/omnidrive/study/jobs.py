@@ -14,7 +14,13 @@ from omnidrive.reference import Hold
 from omnidrive.robot import Robot
 from omnidrive.simulation import KinematicPlant, MujocoPlant, PaperNoise, Plant, simulate
 from omnidrive.study.prepared import Prepared
-from omnidrive.study.scenario import ControllerName, PlantName, Scenario, TaskName
+from omnidrive.study.scenario import (
+    ControllerName,
+    DurationsTask,
+    PlantName,
+    Scenario,
+    TaskName,
+)
 
 
 class Job(NamedTuple):
@@ -35,7 +41,9 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     def horizon(name: ControllerName) -> int | None:
         return scenario.nmpc.horizon if name == "nmpc" else None
 
-    for task, wanted in (("track", tasks.track), ("noise", tasks.noise)):
+    following: tuple[tuple[TaskName, DurationsTask | None], ...]
+    following = (("track", tasks.track), ("noise", tasks.noise))
+    for task, wanted in following:
         for duration in wanted.durations if wanted else ():
             jobs += [Job(task, name, duration, horizon(name)) for name in scenario.controllers]
     if tasks.step:
@@ -91,10 +99,9 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
         dt=scenario.sample_time,
         sensor=PaperNoise(rng) if noise else None,
     )
-    clearance = prepared.grid.clearance(run.pose[:, :2]).min() - prepared.body_radius
     return TrackResult(
         job.controller, job.task, job.duration, noise, job.horizon, run,
-        measure(run, prepared.robot.drive), float(clearance),
+        measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]),
     )  # fmt: skip
 
 
@@ -112,7 +119,7 @@ def _step(prepared: Prepared, job: Job) -> StepResult:
         start=start,
         dt=scenario.sample_time,
     )
-    responses = tuple(
+    x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )
-    return StepResult(job.controller, run, responses)
+    return StepResult(job.controller, run, (x, y, heading))

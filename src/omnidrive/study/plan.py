@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from omnidrive.evaluation.figures import route_figure, save
 from omnidrive.reference import shortest_duration
 from omnidrive.study.folder import RunFolder, writing
 from omnidrive.study.prepared import Prepared, lay_out, prepare
@@ -19,19 +20,18 @@ def plan_facts(scenario: Scenario) -> dict[str, str]:
     prepared = lay_out(scenario)
     shortest = shortest_duration(prepared.spline, prepared.robot.chassis)
     samples = prepared.spline.poses(np.linspace(0.0, 1.0, 2001))[:, :2]
-    clearance = prepared.grid.clearance(samples).min() - prepared.body_radius
     return {
         "cells on the path": f"{len(prepared.path.poses)}",
         "length of the cells": f"{prepared.path.length:.3f} m",
         "length, smoothed": f"{prepared.spline.length:.3f} m",
-        "least clearance": f"{clearance:.3f} m",
+        "least clearance": f"{prepared.clearance(samples):.3f} m",
         "shortest duration": f"{shortest:g} s",
         "duration": f"{_duration(prepared):g} s",
     }
 
 
 def save_plan(scenario: Scenario, folder: Path) -> None:
-    """Write scenario.yaml and reference.csv (in W, one row per sample time) to a new folder.
+    """Write scenario.yaml, reference.csv (in W, one row per sample time) and path.png.
 
     Raises:
         CannotWrite: The folder cannot be made, or holds something already.
@@ -47,6 +47,8 @@ def save_plan(scenario: Scenario, folder: Path) -> None:
             folder / "reference.csv", np.column_stack([times, window]), fmt="%.9g",
             delimiter=",", header=_COLUMNS, comments="",
         )  # fmt: skip
+        figure = route_figure(prepared.obstacles, prepared.keepout, prepared.path, prepared.spline)
+        save(figure, folder / "path.png")
 
 
 def _duration(prepared: Prepared) -> float:

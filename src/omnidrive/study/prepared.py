@@ -5,11 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-from omnidrive.maps import OccupancyGrid, load_nav2_map, paper_map
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.maps import OccupancyGrid, load_nav2_map, paper_map, paper_wall
 from omnidrive.planning import Path, SplinePath, plan
 from omnidrive.reference import UniformReference, time_uniformly
 from omnidrive.robot import Robot, named_robot
 from omnidrive.study.scenario import Scenario
+
+Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -19,23 +24,22 @@ class Prepared:
     Attributes:
         scenario: The demand.
         robot: The robot named in it.
-        grid: The obstacles.
-        inflation: Distance in m that the planned path keeps from them.
+        obstacles: What the robot's body must not touch.
+        keepout: Where its centre must not be.
         path: Cells found by the search, as poses.
         spline: The smoothed path.
     """
 
     scenario: Scenario
     robot: Robot
-    grid: OccupancyGrid
-    inflation: float
+    obstacles: OccupancyGrid
+    keepout: OccupancyGrid
     path: Path
     spline: SplinePath
 
-    @property
-    def body_radius(self) -> float:
-        """Part of ``inflation`` that the robot's body takes up, in m."""
-        return self.inflation - self.scenario.map.margin
+    def clearance(self, points: Float[Array, "points 2"]) -> float:
+        """Least distance in m between the robot's body and an obstacle, centred on ``points``."""
+        return float(self.obstacles.clearance(points).min()) - self.robot.body_radius
 
     def reference(self, duration: float) -> UniformReference:
         """The path in ``duration`` seconds."""
@@ -53,14 +57,14 @@ def lay_out(scenario: Scenario) -> Prepared:
     """
     robot = named_robot(scenario.robot.name, assumed_arm=scenario.robot.assumed_arm)
     if scenario.map.source == "paper":
-        grid, body = paper_map(), 0.0
+        obstacles, grid, inflation = paper_wall(), paper_map(), scenario.map.margin
     else:
-        grid, body = load_nav2_map(FilePath(scenario.map.source)), robot.body_radius
-    inflation = body + scenario.map.margin
+        obstacles = grid = load_nav2_map(FilePath(scenario.map.source))
+        inflation = robot.body_radius + scenario.map.margin
     path, spline = plan(
         grid, scenario.start, scenario.goal, inflation=inflation, options=scenario.path
     )
-    return Prepared(scenario, robot, grid, inflation, path, spline)
+    return Prepared(scenario, robot, obstacles, grid.inflated(inflation), path, spline)
 
 
 def prepare(scenario: Scenario) -> Prepared:

@@ -121,8 +121,10 @@ def _suggestion(name: str, loc: list[Any]) -> str:
 
 
 def _keys(model: Any) -> list[str]:
-    fields = getattr(model, "model_fields", None) or getattr(model, "__dataclass_fields__", None)
-    return list(fields or getattr(model, "_fields", ()))
+    for attribute in ("model_fields", "__dataclass_fields__", "_fields"):
+        if hasattr(model, attribute):
+            return list(getattr(model, attribute))
+    return []
 
 
 def _type_at(model: Any, name: str) -> Any:

@@ -103,11 +103,15 @@ def run_study(
                 store.save_results(prepared, _collect(prepared, jobs, finished), clock.seconds)
             clock.watcher.done(result.name)
     results = _collect(prepared, jobs, finished)
-    tables = study_tables(results, published=_is_papers(scenario))
+    tables = study_tables(
+        results,
+        published=_is_papers(scenario),
+        published_rules=scenario.preset == "published-code",
+    )
     if store:
         _report(store, results, tables, clock)
         store.save_results(prepared, results, clock.seconds)
-    return Study(results, tables, store and store.path, clock.seconds)
+    return Study(results, tables, folder, clock.seconds)
 
 
 @dataclass(slots=True)
@@ -150,8 +154,8 @@ def _collect(prepared: Prepared, jobs: Sequence[Job], finished: dict[Job, Result
         robot=prepared.robot,
         plant=scenario.plant,
         dt=scenario.sample_time,
-        grid=prepared.grid,
-        inflation=prepared.inflation,
+        obstacles=prepared.obstacles,
+        keepout=prepared.keepout,
         path=prepared.path,
         spline=prepared.spline,
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),

@@ -11,10 +11,10 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from scipy.spatial import cKDTree
 
 from omnidrive.evaluation.figures.curves import Curve, curves
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas, legend_above
+from omnidrive.evaluation.figures.route import draw_map
+from omnidrive.evaluation.figures.style import INK, canvas, legend_above
 from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.maps import OccupancyGrid
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     figure = canvas(8.6, 4.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0), height_ratios=(1.15, 1.0))
     whole, close, error = (figure.add_subplot(grid[place]) for place in _PLACES)
-    _map(whole, results)
+    draw_map(whole, results.obstacles, results.keepout, results.path)
     for axes in (whole, close):
         _paths(axes, lines)
     if task == "noise":
@@ -84,32 +84,6 @@ def _width(k: int, lines: list[Curve]) -> float:
 def _fullest(lines: list[Curve]) -> Curve:
     """The curve with most rows: its target is the whole reference."""
     return max(lines, key=lambda line: len(line.result.run.t))
-
-
-def _map(axes: Axes, results: StudyResults) -> None:
-    """Obstacles, the zone to keep out of and the cells that the search found."""
-    near = results.grid.inflated(results.inflation).occupied
-    left, right, bottom, top = results.grid.extent
-    axes.imshow(
-        _shades(results.grid, near),
-        extent=(left, right, bottom, top),
-        origin="lower",
-        interpolation="nearest",
-        zorder=0,
-    )
-    x, y = results.path.poses[:, 0], results.path.poses[:, 1]
-    axes.plot(x, y, ".", color=FAINT, ms=2.5, label="Cells found", zorder=1)
-    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
-    axes.set(xlabel="x in m", ylabel="y in m")
-    axes.grid(visible=False)
-
-
-def _shades(grid: OccupancyGrid, near: Array) -> Array:
-    """Grey obstacles within their lighter inflation, on white."""
-    shades = np.full((*near.shape, 3), 255, dtype=np.uint8)
-    shades[near] = (228, 231, 235)
-    shades[grid.occupied] = (96, 104, 114)
-    return shades
 
 
 def _paths(axes: Axes, lines: list[Curve]) -> None:

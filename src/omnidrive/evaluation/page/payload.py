@@ -41,7 +41,7 @@ def payload(results: StudyResults) -> str:
             "wheelRadius": results.robot.wheel.radius,
             "wheelAngles": list(results.robot.wheel_angles),
         },
-        "map": _map(results.grid, results.inflation),
+        "map": _map(results.obstacles, results.keepout),
         "cells": [_column(results.path.poses[:, i]) for i in (0, 1)],
         "spline": [_column(spline[:, i]) for i in (0, 1)],
         "groups": _groups(results),
@@ -50,9 +50,9 @@ def payload(results: StudyResults) -> str:
     return text.replace("<", "\\u003c")
 
 
-def _map(grid: OccupancyGrid, inflation: float) -> dict[str, Any]:
-    """Cells as runs of equal kind, row by row from the bottom: 0 free, 1 inflated, 2 taken."""
-    kinds = grid.inflated(inflation).occupied.astype(np.int64) + grid.occupied
+def _map(grid: OccupancyGrid, keepout: OccupancyGrid) -> dict[str, Any]:
+    """Cells as runs of equal kind, row by row from the bottom: 0 free, 1 keep out, 2 taken."""
+    kinds = np.where(grid.occupied, 2, keepout.occupied_on(grid))
     rows, cols = kinds.shape
     return {
         "rows": rows,

@@ -1,0 +1,68 @@
+"""How long the default study takes, part by part, and how much faster than time each plant runs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+from rich.console import Console
+from rich.table import Table
+
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.robot import ROBOTS
+from omnidrive.study import make_plant, paper_scenario, run_study
+
+ROUNDS = 5
+SECONDS = 4.0  # simulated per round
+STUDY_LIMIT = 90.0  # s on two cores, from a warm install
+PLANTS = ("kinematic", "ball", "rollers")
+TWIST = BodyTwist(0.5, 0.2, 0.6)
+
+
+def study_rows() -> list[dict[str, object]]:
+    """Wall time of every part of `omnidrive compare` on two processes, after a warm-up."""
+    with TemporaryDirectory() as folder:
+        run_study(paper_scenario(), Path(folder) / "warm", processes=2)
+        began = perf_counter()
+        study = run_study(paper_scenario(), Path(folder) / "timed", processes=2)
+        total = perf_counter() - began
+    rows = [row(f"study: {part}", seconds, "s") for part, seconds in study.timing.items()]
+    return [*rows, row("study: total", total, "s", f"<= {STUDY_LIMIT:g}", total <= STUDY_LIMIT)]
+
+
+def plant_rows() -> list[dict[str, object]]:
+    """Simulated seconds per second of one core, interleaved over plants; medians."""
+    pairs = [(robot, name) for robot in ROBOTS for name in PLANTS]
+    plants = {pair: make_plant(ROBOTS[pair[0]], pair[1]) for pair in pairs}
+    factors: dict[tuple[str, str], list[float]] = {pair: [] for pair in pairs}
+    for _ in range(ROUNDS):
+        for pair, plant in plants.items():
+            plant.reset(Pose(0.0, 0.0, 0.0))
+            began = perf_counter()
+            for _ in range(round(SECONDS / 0.1)):
+                plant.step(TWIST, 0.1)
+            factors[pair].append(SECONDS / (perf_counter() - began))
+    names = {pair: f"real-time factor: {pair[1]}, robot {pair[0]}" for pair in pairs}
+    return [row(names[pair], median(factors[pair]), "1") for pair in pairs]
+
+
+def row(name, value, unit, target="", holds=True) -> dict[str, object]:
+    return {"name": name, "value": round(value, 3), "unit": unit, "target": target, "holds": holds}
+
+
+def main() -> None:
+    rows = study_rows() + plant_rows()
+    table = Table("what", "value", "unit", "target", "holds")
+    for r in rows:
+        table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], str(r["holds"]))
+    Console().print(table)
+    out = Path(__file__).parent / "out"
+    out.mkdir(exist_ok=True)
+    (out / "study.json").write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
