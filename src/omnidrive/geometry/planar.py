@@ -60,7 +60,7 @@ def move(pose: Pose, twist: BodyTwist, dt: float) -> Pose:
     turn = twist.yaw_rate * dt
     half = 0.5 * turn
     if abs(turn) < 1e-4:  # series of sin(a) / a and (1 - cos(a)) / a; error below 1e-17
-        along, across = 1.0 - turn * turn / 6.0, half
+        along, across = 1.0 - turn * turn / 6.0, half * (1.0 - turn * turn / 12.0)
     else:  # 1 - cos(a) = 2 sin(a / 2)^2, which does not cancel
         along, across = sin(turn) / turn, sin(half) ** 2 / half
     bx = (along * twist.vx - across * twist.vy) * dt

@@ -1,0 +1,96 @@
+"""What a newcomer meets first: the README, the examples, the exported names, the lock files."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import omnidrive
+from tests.shared_data import shared
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def run(*args, cwd):
+    done = subprocess.run(
+        [sys.executable, *map(str, args)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=400,
+        env={**os.environ, "COLUMNS": "150"},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_run(example, tmp_path):
+    assert run(example, cwd=tmp_path).strip()
+
+
+def test_there_is_an_example_per_verb():
+    assert {"compare", "plan", "run"} <= {path.stem for path in EXAMPLES}
+
+
+def test_the_readmes_python_runs(tmp_path):
+    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert blocks
+    for block in blocks:
+        assert "Metrics(" in run("-c", block, cwd=tmp_path)
+
+
+SHELL = "".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL))
+COMMANDS = re.findall(r"^omnidrive (.*?)(?: +#.*)?$", SHELL, re.MULTILINE)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_readmes_commands_run(command, tmp_path):
+    """As printed, but on the quick plant, and with the map and folder that they speak of."""
+    words = command.split()
+    if "depot.yaml" in words:
+        words[words.index("depot.yaml")] = str(shared("maps/nav2/depot.yaml"))
+    if "runs/NAME/scenario.yaml" in words:
+        run("-m", "omnidrive", "plan", "--out", "runs/NAME", cwd=tmp_path)
+    quick = [] if words[0] == "plan" else ["--plant", "kinematic"]
+    assert run("-m", "omnidrive", *words, *quick, cwd=tmp_path)
+
+
+def test_the_readmes_make_targets_exist():
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"^make (\w+)", README, re.MULTILINE):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), target
+
+
+def test_every_public_name_is_listed():
+    public = {
+        name
+        for name, value in vars(omnidrive).items()
+        if not name.startswith("_") and type(value).__name__ != "module"
+    }
+    assert public == set(omnidrive.__all__)
+    assert all((getattr(omnidrive, name).__doc__ or "").strip() for name in omnidrive.__all__)
+
+
+@pytest.mark.parametrize("name", ["requirements.lock", "requirements-dev.lock"])
+def test_lock_files_pin_with_hashes_and_name_no_address(name):
+    text = (ROOT / name).read_text()
+    assert "://" not in text
+    assert "--index-url" not in text
+    for requirement in re.split(r"\n(?=\S)", text):
+        if not requirement.startswith("#"):
+            assert re.match(r"[a-z0-9.\-_\[\]]+==\S+", requirement)
+            assert "--hash=sha256:" in requirement
