@@ -1,0 +1,72 @@
+"""Checks on physics that take minutes."""
+
+import json
+
+import pytest
+
+from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.planning import Place
+from omnidrive.simulation import Outcome
+from omnidrive.study import (
+    Job,
+    jobs_of,
+    map_scenario,
+    paper_scenario,
+    prepare,
+    retime,
+    run_job,
+    run_study,
+)
+from tests.shared_data import shared
+
+pytestmark = pytest.mark.long
+
+SEEDS = range(2, 12)
+PLACES = {
+    "depot": ((2.0, 2.0), (27.0, 13.0, 1.57), "small"),
+    "tb3_sandbox": ((-1.5, -1.5), (1.6, 1.5), "small"),
+    "smoothers_world": ((5.6, 4.7, 0.0), (11.5, 14.0, 1.57), "paper"),
+    "demo_map": ((-6.0, -1.0), (9.0, 0.6), "paper"),
+}
+
+
+@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "nmpc"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_noise_rows_hold_for_other_seeds(controller, seed):
+    prepared = prepare(paper_scenario().model_copy(update={"seed": seed}))
+    m = run_job(prepared, Job("noise", controller, 30.0, 15)).metrics
+    row = PUBLISHED_ERRORS["noise", 30.0, controller]
+    assert m.me_measured <= 1.15 * row.me
+    assert m.mae_measured <= 1.15 * row.mae
+
+
+@pytest.mark.parametrize("plant", ["ball", "rollers"])
+@pytest.mark.parametrize("preset", ["paper", "published-code"])
+def test_every_run_of_the_study_finishes_on_every_plant_with_forces(plant, preset):
+    prepared = prepare(paper_scenario(preset).model_copy(update={"plant": plant}))
+    for job in jobs_of(prepared.scenario):
+        assert run_job(prepared, job).run.outcome is Outcome.FINISHED, job
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_the_study_on_real_maps(name, tmp_path):
+    start, goal, robot = PLACES[name]
+    source = str(shared(f"maps/nav2/{name}.yaml"))
+    scenario = map_scenario(source, Place(*start), Place(*goal), robot=robot, name=name)
+    run_study(retime(scenario), tmp_path / name, processes=2)
+    runs = json.loads((tmp_path / name / "results.json").read_text())["runs"]
+    assert all(run["finished"] for run in runs)
+    best = [r for r in runs if r["controller"] == "recommended" and r["task"] == "track"]
+    assert all(r["min_clearance"] > 0.0 and r["me_after_start"] < 0.005 for r in best)
+
+
+def test_physics_is_bitwise_the_same_across_jobs(tmp_path):
+    scenario = paper_scenario()
+    for processes in (1, 2):
+        run_study(scenario, tmp_path / str(processes), processes=processes)
+    one, two = (json.loads((tmp_path / n / "results.json").read_text()) for n in "12")
+    for a, b in zip(one["runs"], two["runs"], strict=True):
+        assert a.pop("step_time_us")
+        assert b.pop("step_time_us")
+        assert a == b
+    assert one["step_response"] == two["step_response"]
