@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from types import TracebackType
+from typing import Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -11,7 +13,7 @@ from rich.table import Table as RichTable
 
 from omnidrive.evaluation import Table
 
-_LEAST_WIDTH = 150  # columns that the widest table needs when nobody watches
+_WIDTH_OF_FILES = 160  # characters; the widest table fits
 
 
 class LiveProgress:
@@ -59,21 +61,53 @@ class LiveProgress:
 
 
 def print_tables(tables: Sequence[Table]) -> None:
-    """Draw tables on standard output."""
+    """Draw tables on standard output; what is too wide goes on below, under the same keys."""
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=_LEAST_WIDTH)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console = Console(width=_WIDTH_OF_FILES)
     for table in tables:
-        drawn = RichTable(title=table.title, title_justify="left", caption=table.note or None,
-                          caption_justify="left")  # fmt: skip
-        for i, column in enumerate(table.columns):
-            drawn.add_column(column, justify="left" if i < 2 else "right", no_wrap=i < 2)
-        grouped = len({row[0] for row in table.rows}) < len(table.rows)
-        previous = None
-        for row in table.rows:
-            if grouped and previous is not None and row[0] != previous:
-                drawn.add_section()
-            previous = row[0]
-            drawn.add_row(*row)
-        console.print(drawn)
+        parts = _split(table, console.width)
+        for part in parts:
+            last = part is parts[-1]
+            drawn = RichTable(
+                title=table.title if part is parts[0] else f"{table.title} (continued)",
+                title_justify="left",
+                caption=table.note if last and table.note else None,
+                caption_justify="left",
+            )
+            _fill(drawn, table, part, tight=len(parts) > 1)
+            console.print(drawn)
         console.print()
+
+
+def _split(table: Table, width: int) -> list[list[int]]:
+    """Columns of each part that fits ``width`` characters; every part repeats the keys."""
+    needed = [3 + _least(table, i) for i in range(len(table.columns))]
+    keys = list(range(table.keys))
+    parts = [[*keys]]
+    for i in range(table.keys, len(needed)):
+        part = parts[-1]
+        if len(part) > len(keys) and 1 + sum(needed[k] for k in part) + needed[i] > width:
+            parts.append([*keys])
+        parts[-1].append(i)
+    return parts
+
+
+def _least(table: Table, i: int) -> int:
+    """Characters that column ``i`` cannot do without: its longest cell, or word of its heading."""
+    return max(map(len, [*table.columns[i].split(), *(row[i] for row in table.rows)]))
+
+
+def _fill(drawn: RichTable, table: Table, columns: list[int], *, tight: bool) -> None:
+    """Add columns and rows, with a rule where the first key changes within a group."""
+    for i in columns:
+        side: Literal["left", "right"] = "left" if i < table.keys else "right"
+        least = _least(table, i)
+        drawn.add_column(
+            table.columns[i], justify=side, min_width=least, max_width=least if tight else None
+        )
+    grouped = len({row[0] for row in table.rows}) < len(table.rows)
+    for previous, row in zip((None, *table.rows), table.rows, strict=False):
+        if grouped and previous is not None and row[0] != previous[0]:
+            drawn.add_section()
+        drawn.add_row(*(row[i] for i in columns))

@@ -1,0 +1,28 @@
+"""Tables in a terminal: nothing is cut, whatever the width."""
+
+import pytest
+
+from omnidrive.cli.progress import print_tables
+from omnidrive.evaluation import Table
+
+WIDE = Table(
+    "Errors",
+    ("time", "controller", *(f"measured thing {i}, rad" for i in range(9))),
+    tuple((f"{t} s", "recommended", *(f"{i}.2345" for i in range(9))) for t in (20, 20, 30)),
+    "A note under the table that says what the columns mean, at some length.",
+    keys=2,
+)
+
+
+@pytest.mark.parametrize("width", [50, 60, 80, 100, 150, 400])
+def test_nothing_is_cut(width, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(width))
+    print_tables([WIDE])
+    drawn = capsys.readouterr().out
+    assert "…" not in drawn
+    assert max(map(len, drawn.splitlines())) <= width
+    for i in range(9):
+        assert drawn.count(f"{i}.2345") == 3
+    parts = drawn.count("Errors")
+    assert drawn.count("recommended") == 3 * parts
+    assert (parts == 1) == (width >= 150)
