@@ -32,12 +32,14 @@ contract: .venv/ready-dev
 bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints ratios and writes benchmarks/out/NAME.json
 	$(BIN)/python benchmarks/$*.py
 
-.venv/bin/python:
+.venv/made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "omnidrive needs Python 3.11 or newer; name one with: make PYTHON=python3.12 demo" >&2; exit 2; }
-	$(PYTHON) -m venv .venv
+	@$(PYTHON) -m venv --clear .venv \
+	  || { echo "$(PYTHON) cannot make an environment; on Debian and Ubuntu: apt install python3-venv" >&2; exit 2; }
+	@touch $@
 
-.venv/ready: requirements.lock pyproject.toml | .venv/bin/python
+.venv/ready: requirements.lock pyproject.toml | .venv/made
 	$(PIP) install --require-hashes -r requirements.lock
 	$(PIP) install --no-deps --no-build-isolation -e .
 	@touch $@

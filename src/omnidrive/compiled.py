@@ -2,19 +2,51 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
 from inspect import unwrap
-from typing import ParamSpec, TypeVar, cast
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import njit
+from numba.core import config as numba_config
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+_config: Any = numba_config  # its attributes are made at run time
 
 
 def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     """Compile ``kernel`` to machine code on its first call, and keep the result on disk.
 
+    Numba renews a kept result when the kernel's own file changes, but not when a kernel that it
+    calls does. So each state of the package's sources keeps its results apart.
+
     Run-time type checks that wrap the kernel are taken off: the compiler cannot see through them.
     """
-    return cast("Callable[P, R]", njit(cache=True, error_model="numpy")(unwrap(kernel)))
+    plain = unwrap(kernel)
+    before = _config.CACHE_DIR
+    _config.CACHE_DIR = str(_cache_folder(before))
+    try:
+        machine = njit(cache=True, error_model="numpy")(plain)
+    except RuntimeError:  # nowhere to write: compile in every process
+        machine = njit(error_model="numpy")(plain)
+    finally:
+        _config.CACHE_DIR = before
+    return cast("Callable[P, R]", machine)
+
+
+@cache
+def _cache_folder(users: str) -> Path:
+    """Folder for this state of the sources, in the user's choice of cache or beside the package."""
+    package = Path(__file__).parent
+    digest = sha256()
+    for source in sorted(package.rglob("*.py")):
+        digest.update(source.read_bytes())
+    beside = package / "__pycache__"
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "omnidrive"
+    root = Path(users) if users else beside if os.access(package, os.W_OK) else home
+    return root / f"kernels-{digest.hexdigest()[:16]}"

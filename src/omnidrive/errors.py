@@ -10,6 +10,7 @@ OmnidriveError
 ├── NoPathFound                   the planner proved there is none
 ├── MissingExtra                  an optional dependency is not installed
 ├── CannotWrite                   the run folder cannot be made or has no room left
+├── WorkerLost                    a process that did some of the runs was killed
 └── RunFailed                     raised only on request, by ``Run.raise_if_failed()``
 
 All but ``RunFailed`` are the user's to mend; their messages name the fact and the way out.
@@ -32,6 +33,10 @@ class InvalidGeometry(InvalidInput):
     def __init__(self, rank: int) -> None:
         super().__init__(f"wheel matrix has rank {rank}, need 3: not omnidirectional")
         self.rank = rank
+
+    def __reduce__(self) -> tuple[type[InvalidGeometry], tuple[int]]:
+        """Pickle by the argument, so that the error survives the way from a worker process."""
+        return type(self), (self.rank,)
 
 
 class InvalidMap(InvalidInput):
@@ -60,6 +65,16 @@ class MissingExtra(OmnidriveError):
 
 class CannotWrite(OmnidriveError):
     """Results cannot be written."""
+
+
+class WorkerLost(OmnidriveError):
+    """A worker process ended before its run did."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "a worker process was killed, perhaps for want of memory; what was finished before is "
+            "kept. One run at a time needs the least memory: --jobs 1 (in Python: processes=1)"
+        )
 
 
 class RunFailed(OmnidriveError):

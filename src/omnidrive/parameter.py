@@ -21,9 +21,8 @@ class Bounds(NamedTuple):
     def check(self, value: float) -> float:
         """Return ``value``; raise ValueError if it is out of range or not a number."""
         if not self.low <= value <= self.high:  # also catches NaN
-            raise ValueError(
-                f"is {value:g} {self.unit}, need {self.low:g} to {self.high:g} {self.unit}"
-            )
+            unit = f" {self.unit}" if self.unit else ""
+            raise ValueError(f"is {value:g}{unit}, need {self.low:g} to {self.high:g}{unit}")
         return value
 
     def __get_pydantic_core_schema__(

@@ -9,6 +9,8 @@ import time
 
 import pytest
 
+from omnidrive.cli.options import Demand
+from omnidrive.study import paper_scenario, save_scenario
 from tests.shared_data import shared
 
 QUICK = ["--plant", "kinematic", "--controllers", "recommended", "--tasks", "track"]
@@ -102,7 +104,10 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--plant", "rolers"], "no plant 'rolers'; there are rollers, ball, kin"),
         (["compare", "--controllers", "nmcp"], "did you mean 'nmpc'?"),
         (["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"], "for the controller nmpc"),
-        (["compare", "--seed", "-1"], "seed must be 0 or more"),
+        (["compare", "--seed", "-1"], "seed is -1, need 0 to"),
+        (["compare", "--seed", "9" * 20], "seed is 1e+20"),
+        (["compare", "--duration", "3000"], "need 0.1 to 3600 s"),
+        (["compare", "--speed", "0.0001"], "need 0.1 to 3600 s"),
         (["compare", "--jobs", "0"], "jobs"),
         (["compare", "--no-such-option"], "No such option"),
         (["run", "--controller", "pid"], "no controller 'pid'"),
@@ -128,6 +133,53 @@ def test_a_fault_of_ours_has_status_1_and_no_traceback(tmp_path):
     assert done.returncode == 1
     assert "fault of omnidrive" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+SLIPS = [
+    (["--preset", "published-code"], 0.5),
+    (["--preset", "published-code", "--robot", "paper"], 0.5),
+    (["paper.yaml", "--preset", "published-code"], 0.5),
+    (["published.yaml"], 0.5),
+    (["published.yaml", "--preset", "paper"], None),
+    (["published.yaml", "--robot", "small"], 0.25 / 2**0.5),
+    (["paper.yaml"], None),
+    ([], None),
+]
+
+
+@pytest.mark.parametrize(("args", "arm"), SLIPS)
+def test_the_published_codes_slip_goes_with_its_preset(tmp_path, args, arm):
+    """R = 0.5 for 0.7071 m comes with `published-code`, however it was asked for, and only so."""
+    for preset in ("paper", "published-code"):
+        save_scenario(paper_scenario(preset), tmp_path / f"{preset.split('-')[0]}.yaml")
+    files = [str(tmp_path / a) if a.endswith(".yaml") else a for a in args]
+    scenario = files.pop(0) if files and files[0].endswith(".yaml") else "paper"
+    named = dict(zip((f.removeprefix("--") for f in files[::2]), files[1::2], strict=True))
+    assert Demand(scenario, **named).resolve().robot.assumed_arm == arm
+
+
+def test_a_run_that_fails_shows_no_error_figures_and_has_status_1(tmp_path):
+    code = (
+        "import sys, omnidrive.control.feedforward as f, omnidrive.control as c\n"
+        "real = f.FeedforwardController.step\n"
+        "def step(self, t, pose, reference):\n"
+        "    command = real(self, t, pose, reference)\n"
+        "    return command if t < 3 else command._replace(status=c.Status.FAILED)\n"
+        "f.FeedforwardController.step = step\n"
+        "from omnidrive.cli import main\n"
+        f"sys.argv[1:] = ['compare', *{QUICK}, '--jobs', '1', '--out', 'failed']\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "stopped early: track-recommended-20s at 3 s" in " ".join(done.stderr.split())
+    assert "recommended (stopped at 3 s)" in done.stdout
+    assert "0.00" not in done.stdout.split("ME:")[0]
+    runs = json.loads((tmp_path / "failed" / "results.json").read_text())["runs"]
+    assert [run["finished"] for run in runs] == [False, False]
 
 
 def test_ctrl_c_keeps_what_is_finished(tmp_path):

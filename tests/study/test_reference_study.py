@@ -33,6 +33,14 @@ def test_no_worse_than_the_papers_row(paper, job):
     assert mae <= room * row.mae
 
 
+def test_clearance_is_to_the_wall(paper):
+    """Not to the map's border, which is nearer at the start: it tells the controllers apart."""
+    jobs = [Job("track", name, 20.0, 15) for name in ("fuzzy_t1", "nmpc", "recommended")]
+    clearances = {round(run_job(paper, job).min_clearance, 3) for job in jobs}
+    assert len(clearances) == 3
+    assert all(0.1 < c < 0.25 for c in clearances)
+
+
 @pytest.mark.parametrize("duration", RECOMMENDED)
 def test_recommended_tracks_ten_times_closer(paper, duration):
     m = run_job(paper, Job("track", "recommended", duration)).metrics

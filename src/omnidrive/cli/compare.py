@@ -81,11 +81,12 @@ def compare(
         study = run_study(resolved, folder, processes=jobs or cores(), watcher=progress)
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
-        return
-    print_tables(study.tables)
-    parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
-    typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
-    typer.echo(f"results: {folder} (open {folder / 'report.html'})")
+    else:
+        print_tables(study.tables)
+        parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
+        typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
+        typer.echo(f"results: {folder} (open {folder / 'report.html'})")
+    study.raise_if_failed()
 
 
 def _restrict(scenario: Scenario, controllers: str | None, tasks: str | None) -> Scenario:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+from contextlib import suppress
 from importlib.metadata import version
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -13,7 +16,7 @@ from rich.console import Console
 from omnidrive.cli.compare import compare
 from omnidrive.cli.plan import plan
 from omnidrive.cli.run import run
-from omnidrive.errors import OmnidriveError, RunFailed
+from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
 
 app = typer.Typer(
     name="omnidrive",
@@ -50,49 +53,74 @@ def omnidrive(
     Units: metres, seconds, radians; headings counter-clockwise from the map's x axis.
 
     Exit status: 0 done; 1 a fault of omnidrive or a run that failed; 2 a mistake in what was asked;
-    130 interrupted.
+    130 interrupted; 128 + n ended by signal n.
     """
 
 
-_INTERRUPTED = 130
+_INTERRUPTED = 128 + signal.SIGINT
+_ENDINGS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+_received: list[int] = []  # the signal that ends this command
 
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    sys.exit(_status())
+    for number in _ENDINGS:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup does
+            signal.signal(number, _interrupt)
+    status = _status()
+    _die_at_once()
+    sys.exit(status)
 
 
-def _run_verb() -> int:
-    status = int(app(prog_name="omnidrive", standalone_mode=False) or 0)
-    if status == _INTERRUPTED:  # typer turns Ctrl-C into this status
-        _complain("interrupted; what was finished before is kept")
-    return status
+def _interrupt(number: int, _frame: FrameType | None) -> None:
+    """End in order, as on Ctrl-C; a second signal ends at once."""
+    _die_at_once()
+    _received.append(number)
+    raise KeyboardInterrupt
+
+
+def _die_at_once() -> None:
+    for number in _ENDINGS:
+        if signal.getsignal(number) is _interrupt:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _status() -> int:
     """Do what the command line says; every error becomes one paragraph and a status."""
     try:
-        return _run_verb()
-    except typer.exceptions.TyperException as error:  # a mistake in the options
+        status = int(app(prog_name="omnidrive", standalone_mode=False) or 0)
+    except (Exception, KeyboardInterrupt) as error:
+        status = _INTERRUPTED if _received else _explain(error)
+    if _received and status == _INTERRUPTED:  # typer turns KeyboardInterrupt into this status
+        _complain("interrupted; what was finished before is kept")
+        return 128 + _received[0]
+    return status
+
+
+def _explain(error: BaseException) -> int:
+    """Say what went wrong; the status that goes with it."""
+    if isinstance(error, typer.exceptions.TyperException):  # a mistake in the options
         error.show() if hasattr(error, "show") else _complain(str(error))
         return int(error.exit_code)
-    except OmnidriveError as error:
+    if isinstance(error, OmnidriveError):
         _complain(str(error))
-        return 1 if isinstance(error, RunFailed) else 2
-    except BrokenPipeError:  # the reader of our output has gone
+        return 1 if isinstance(error, RunFailed | WorkerLost) else 2
+    if isinstance(error, BrokenPipeError):  # the reader of our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except Exception as error:
-        if os.environ.get("OMNIDRIVE_TRACEBACK"):
-            raise
-        _complain(
-            f"this is a fault of omnidrive, not yours ({type(error).__name__}: {error}). Please "
-            "report it with the output of the same command under OMNIDRIVE_TRACEBACK=1"
-        )
-        return 1
+    if os.environ.get("OMNIDRIVE_TRACEBACK"):
+        raise error
+    _complain(
+        f"this is a fault of omnidrive, not yours ({type(error).__name__}: {error}). Please "
+        "report it with the output of the same command under OMNIDRIVE_TRACEBACK=1"
+    )
+    return 1
 
 
 def _complain(message: str) -> None:
     console = Console(stderr=True)
-    console.print("[bold red]omnidrive:[/] ", end="")
-    console.print(message, markup=False, highlight=False)
+    with suppress(OSError):  # a terminal that was closed
+        console.print("[bold red]omnidrive:[/] ", end="")
+        console.print(message, markup=False, highlight=False)

@@ -23,7 +23,9 @@ from omnidrive.study import (
     map_scenario,
     paper_scenario,
     retime,
+    robot_section,
 )
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 _WHERE, _HOW, _OUT = "Where to drive", "How to drive", "Results"
 
@@ -131,14 +133,15 @@ class Demand:
             changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
         if self.robot and not self.map:
             name = choose_one("robot", self.robot, ROBOTS)
-            changes["robot"] = scenario.robot.model_copy(update={"name": name, "assumed_arm": None})
+            changes["robot"] = robot_section(name, preset or scenario.preset)
+        elif preset:
+            changes["robot"] = robot_section(scenario.robot.name, preset)
         if preset:
             changes["preset"] = preset
         if self.seed is not None:
-            if self.seed < 0:
-                raise InvalidInput(f"the seed must be 0 or more, got {self.seed}")
             changes["seed"] = self.seed
         scenario = scenario.model_copy(update=changes)
+        scenario = parse_scenario(scenario_data(scenario), "with these options")
         if self.map or self.duration is not None or self.speed is not None:
             scenario = retime(scenario, duration=self.duration, speed=self.speed)
         return scenario
@@ -154,11 +157,17 @@ class Demand:
                 parse_place("start", self.start),
                 parse_place("goal", self.goal),
                 robot=choose_one("robot", self.robot or "paper", ROBOTS),
-                name="".join(c if c.isalnum() or c in "_.-" else "_" for c in self.map.stem)[:60],
+                name=_plain_name(self.map.stem),
             )
         if self.scenario == "paper":
             return paper_scenario(preset or "paper")
         return load_scenario(Path(self.scenario))
+
+
+def _plain_name(text: str) -> str:
+    """``text`` as a scenario may be called."""
+    plain = "".join(c if c.isascii() and (c.isalnum() or c in "_.-") else "_" for c in text)
+    return plain.lstrip("_.-")[:60] or "map"
 
 
 def parse_place(name: str, text: str) -> Place:

@@ -25,8 +25,7 @@ from omnidrive.cli.options import (
     new_folder,
 )
 from omnidrive.cli.progress import LiveProgress, print_tables
-from omnidrive.errors import InvalidInput, RunFailed
-from omnidrive.simulation import Outcome
+from omnidrive.errors import InvalidInput
 from omnidrive.study import ControllerName, Scenario, TaskName, one_task, run_study
 
 
@@ -85,9 +84,7 @@ def run(
     else:
         print_tables(study.tables)
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
-    outcomes = {r.run.outcome for r in study.results.runs}
-    if outcomes != {Outcome.FINISHED}:
-        raise RunFailed("; ".join(sorted(o.value for o in outcomes if o is not Outcome.FINISHED)))
+    study.raise_if_failed()
 
 
 def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None) -> Scenario:

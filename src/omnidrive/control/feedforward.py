@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, isfinite
 from typing import Annotated, NamedTuple
 
 from omnidrive.control.controller import Command
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.parameter import Bounds
 from omnidrive.reference import Reference
@@ -59,6 +60,10 @@ class FeedforwardController:
 
     dt: float
     gains: FeedforwardGains = _USUAL_GAINS
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.dt) and self.dt > 0.0):
+            raise InvalidInput(f"the sample time must be positive, got {self.dt:g} s")
 
     def reset(self, pose: Pose) -> None:
         """Do nothing: the law has no memory."""

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.control import Status
+from omnidrive.geometry import wrap
 from omnidrive.robot import Chassis
 from omnidrive.simulation import Run
 
@@ -49,8 +50,7 @@ START_PHASE = 2.0
 
 def heading_error(pose: Float[Array, "rows 3"], target: Float[Array, "rows 3"]) -> Array:
     """Heading of ``pose`` minus that of ``target``, wrapped to [-pi, pi), in rad."""
-    error: Float[Array, " rows"] = (pose[:, 2] - target[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
-    return error
+    return wrap(pose[:, 2] - target[:, 2])
 
 
 def position_error(pose: Float[Array, "rows 3"], target: Float[Array, "rows 3"]) -> Array:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 
 import numpy as np
 
 from omnidrive.control.fuzzy.rules import LABELS, paper_rules
 from omnidrive.control.fuzzy.rules import published_rules as code_rules
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
-from omnidrive.evaluation.results import STEP_AXES, StudyResults, TrackResult
+from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.simulation import Outcome
 
 Array = np.ndarray
 
@@ -64,13 +65,25 @@ def _price(result: TrackResult) -> tuple[str, ...]:
     """Cells under ``_PRICE_COLUMNS``."""
     m = result.metrics
     return (
-        _number(m.max_error, 4),
-        _number(m.wheel_acceleration, 1),
-        _number(m.work, 0),
+        _of(result, m.max_error, 4),
+        _of(result, m.wheel_acceleration, 1),
+        _of(result, m.work, 0),
         _number(m.step_time_median, 0),
         _number(m.step_time_p99, 0),
-        _number(result.min_clearance, 3),
+        _of(result, result.min_clearance, 3),
     )
+
+
+def _name(result: TrackResult | StepResult) -> str:
+    """The controller, and when it stopped if it did so before the end."""
+    run = result.run
+    stopped = "" if run.outcome is Outcome.FINISHED else f" (stopped at {run.t[-1]:g} s)"
+    return result.controller + stopped
+
+
+def _of(result: TrackResult | StepResult, value: float, decimals: int) -> str:
+    """A number about the whole run: none if the run stopped early."""
+    return _number(value if result.run.outcome is Outcome.FINISHED else nan, decimals)
 
 
 def _number(value: float, decimals: int) -> str:
@@ -89,8 +102,8 @@ def _tracking_table(results: StudyResults, published: bool) -> Table:
         m = r.metrics
         me, mae = _beside(published, (r.task, r.duration, r.controller))
         rows.append(
-            (f"{r.duration:g} s", r.controller, _number(m.me, 4), me, _number(m.mae, 4), mae,
-             _number(m.me_after_start, 4), _number(m.mae_after_start, 4), *_price(r))
+            (f"{r.duration:g} s", _name(r), _of(r, m.me, 4), me, _of(r, m.mae, 4), mae,
+             _of(r, m.me_after_start, 4), _of(r, m.mae_after_start, 4), *_price(r))
         )  # fmt: skip
     return Table(
         "Tracking error without noise",
@@ -109,8 +122,8 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
         m = r.metrics
         me, mae = _beside(published, (r.task, r.duration, r.controller))
         rows.append(
-            (f"{r.duration:g} s", r.controller, _number(m.me_measured, 4), me,
-             _number(m.mae_measured, 4), mae, _number(m.me, 4), _number(m.mae, 4), *_price(r))
+            (f"{r.duration:g} s", _name(r), _of(r, m.me_measured, 4), me,
+             _of(r, m.mae_measured, 4), mae, _of(r, m.me, 4), _of(r, m.mae, 4), *_price(r))
         )  # fmt: skip
     return Table(
         "Tracking error with the paper's noise",
@@ -128,10 +141,10 @@ def _step_table(results: StudyResults, published: bool) -> Table:
     for r in results.steps:
         theirs = PUBLISHED_STEPS.get(r.controller) if published else None
         for i, (axis, ours) in enumerate(zip(STEP_AXES, r.responses, strict=True)):
-            cells = [_number(ours[0], 2), _number(ours[1], 3), _number(ours[2], 3)]
+            cells = [_of(r, ours[0], 2), _of(r, ours[1], 3), _of(r, ours[2], 3)]
             paper = [f"{v:.3f}" for v in theirs[i]] if theirs else [""] * 3
             pairs = [cell for pair in zip(cells, paper, strict=True) for cell in pair]
-            rows.append((r.controller, axis, *pairs))
+            rows.append((_name(r), axis, *pairs))
     return Table(
         "Step response",
         ("controller", "axis", "overshoot, %", "paper %", "rise 10-90 %, s", "paper rise",
@@ -145,7 +158,7 @@ def _step_table(results: StudyResults, published: bool) -> Table:
 
 def _horizon_table(results: StudyResults) -> Table:
     rows = [
-        (f"N = {r.horizon}", _number(r.metrics.me, 4), _number(r.metrics.mae, 4),
+        (f"N = {r.horizon}", _of(r, r.metrics.me, 4), _of(r, r.metrics.mae, 4),
          str(r.metrics.fallbacks), *_price(r))
         for r in results.select("horizon")
     ]  # fmt: skip

@@ -7,7 +7,9 @@ Angles are in rad, counter-clockwise positive. All other units are SI.
 from __future__ import annotations
 
 from math import cos, pi, sin, tan
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 
 class Pose(NamedTuple):
@@ -34,9 +36,13 @@ class BodyTwist(NamedTuple):
     yaw_rate: float
 
 
-def wrap(angle: float) -> float:
-    """Return the angle in [-pi, pi) equal to ``angle`` modulo one turn."""
-    return (angle + pi) % (2.0 * pi) - pi
+Angle = TypeVar("Angle", float, np.ndarray)
+
+
+def wrap(angle: Angle) -> Angle:
+    """Return the angle in [-pi, pi) equal to ``angle`` modulo one turn; arrays one by one."""
+    wrapped = (angle + pi) % (2.0 * pi) - pi
+    return wrapped - 2.0 * pi * (wrapped >= pi)  # rounding can give exactly pi
 
 
 def to_body(twist: WorldTwist, yaw: float) -> BodyTwist:

@@ -18,17 +18,19 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """Which cells of the floor are taken; everything outside the grid is taken too.
+    """Which cells of the floor are taken.
 
     Attributes:
         occupied: True where an obstacle is; row i grows with y, column j with x.
         resolution: Side of a cell, in m.
         origin: Outer corner of cell (0, 0), in W; rows and columns run along W's axes, in m.
+        walled: Whether everything outside the grid is taken too.
     """
 
     occupied: Bool[Array, "rows cols"]
     resolution: float
     origin: tuple[float, float] = (0.0, 0.0)
+    walled: bool = True
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.resolution) and self.resolution > 0.0):
@@ -64,12 +66,12 @@ class OccupancyGrid:
         return inside
 
     def is_occupied(self, x: float, y: float) -> bool:
-        """Whether the point (x, y) of W lies in an obstacle or outside the grid."""
+        """Whether the point (x, y) of W lies in an obstacle."""
         row, col = self.cell(x, y)
-        return bool(not self.contains(row, col) or self.occupied[row, col])
+        return bool(self.occupied[row, col]) if self.contains(row, col) else self.walled
 
     def occupied_on(self, other: OccupancyGrid) -> Bool[Array, "rows cols"]:
-        """Whether the centre of each cell of ``other`` is occupied here (outside: yes)."""
+        """Whether the centre of each cell of ``other`` is occupied here."""
         row, col = (
             np.floor(
                 (start + (np.arange(count) + 0.5) * other.resolution - own) / self.resolution
@@ -81,26 +83,26 @@ class OccupancyGrid:
         rows, cols = self.occupied.shape
         outside = np.add.outer((row < 0) | (row >= rows), (col < 0) | (col >= cols))
         near = self.occupied[np.ix_(row.clip(0, rows - 1), col.clip(0, cols - 1))]
-        taken: Bool[Array, "rows cols"] = near | outside
+        taken: Bool[Array, "rows cols"] = np.where(outside, self.walled, near)
         return taken
 
     def inflated(self, radius: float) -> OccupancyGrid:
         """Grid whose free cells are those on whose centre a disc of ``radius`` (m) touches nothing.
 
         Distances run from centre to centre and are cut by half a cell's diagonal, so that no
-        corner of an obstacle is missed; the grid's edge counts as an obstacle.
+        corner of an obstacle is missed.
         """
         if radius <= 0.0:
             return self
-        padded = np.pad(self.occupied, 1, constant_values=True)
+        padded = np.pad(self.occupied, 1, constant_values=self.walled)
         distance = distance_transform_edt(~padded)[1:-1, 1:-1] * self.resolution
         near = distance < radius + self.resolution * 0.5**0.5
-        return OccupancyGrid(self.occupied | near, self.resolution, self.origin)
+        return OccupancyGrid(self.occupied | near, self.resolution, self.origin, self.walled)
 
     @cached_property
     def _edges(self) -> tuple[_Squares, _Squares]:
-        """Occupied squares with a free neighbour (the ring outside included), and the reverse."""
-        taken = np.pad(self.occupied, 2, constant_values=True)
+        """Occupied squares with a free neighbour (a ring outside included), and the reverse."""
+        taken = np.pad(self.occupied, 2, constant_values=self.walled)
         x, y = self.centre(-2, -2)
         return (
             _Squares.on_edge(taken, (x, y), self.resolution),

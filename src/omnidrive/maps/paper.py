@@ -14,7 +14,7 @@ def paper_wall() -> OccupancyGrid:
 
     Neither the paper nor its code says how thick it is; 0.1 m is ours.
     """
-    cells = OccupancyGrid(np.zeros((200, 200), dtype=bool), 0.05, paper_map().origin)
+    cells = OccupancyGrid(np.zeros((200, 200), dtype=bool), 0.05, paper_map().origin, walled=False)
     (bottom, _), (top, _) = cells.cell(5.0, 2.9501), cells.cell(5.0, 3.0501)
     (_, left), (_, right) = cells.cell(4.0001, 3.0), cells.cell(6.0001, 3.0)
     cells.occupied[bottom:top, :left] = cells.occupied[bottom:top, right:] = True

@@ -8,7 +8,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.errors import InvalidPlace
+from omnidrive.errors import InvalidPlace, NoPathFound
+from omnidrive.geometry import wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import Bounds
 from omnidrive.planning.path import Path, SplinePath
@@ -32,8 +33,8 @@ class PathOptions:
     Attributes:
         greedy: Search best-first instead of for the shortest way (the paper's published code).
         cut_corners: Let diagonal moves pass occupied cells.
-        spacing: Distance between control points, in m; 0 takes every cell. It is halved until
-            the smooth path stays in free cells.
+        spacing: Distance between control points, in m. It is halved until the smooth path stays
+            in free cells; 0 takes every cell as it is and does not check (the paper).
         turn_within: Distance over which the heading turns from the start's to the path's and
             from the path's to the goal's, in m; 0 turns between two control points.
     """
@@ -47,14 +48,17 @@ class PathOptions:
 def plan(
     grid: OccupancyGrid, start: Place, goal: Place, *, inflation: float, options: PathOptions
 ) -> tuple[Path, SplinePath]:
-    """Search a way that keeps ``inflation`` (m) from obstacles, and smooth it.
+    """Search a way over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
+
+    The smooth path stays in those cells, so that it is nowhere nearer to an obstacle than
+    ``inflation`` less half a cell's diagonal.
 
     Returns:
         The cells found, as poses, and the spline along them.
 
     Raises:
         InvalidPlace: The robot cannot stand at start or goal.
-        NoPathFound: There is no way between them.
+        NoPathFound: There is no way between them, or none that can be smoothed.
     """
     free = grid.inflated(inflation)
     for name, place in (("start", start), ("goal", goal)):
@@ -83,8 +87,13 @@ def _smooth(
         every_cell = spacing <= free.resolution
         chosen = points if every_cell and len(points) >= 4 else _resample(points, spacing)
         spline = SplinePath(_with_headings(chosen, start, goal, options.turn_within))
-        if every_cell or _is_free(free, spline):
+        if options.spacing == 0.0 or _is_free(free, spline):
             return spline
+        if every_cell:
+            raise NoPathFound(
+                "a smooth path along the way found cannot be kept off the obstacles; "
+                "use a map with finer cells"
+            )
         spacing *= 0.5
 
 
@@ -98,7 +107,7 @@ def _is_free(free: OccupancyGrid, spline: SplinePath) -> bool:
 def _resample(points: Float[Array, "points 2"], spacing: float) -> Float[Array, "samples 2"]:
     """Points at equal distances of about ``spacing`` (m) along a polyline; at least four."""
     travelled = _travelled(points)
-    count = max(4, 1 + round(travelled[-1] / max(spacing, 1e-9)))
+    count = max(4, len(points) if spacing == 0.0 else 1 + round(travelled[-1] / spacing))
     at = np.linspace(0.0, travelled[-1], count)
     return np.stack([np.interp(at, travelled, column) for column in points.T], axis=1)
 
@@ -117,12 +126,15 @@ def _with_headings(
     yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     yaw = np.concatenate([yaw[:1], yaw])
     travelled = _travelled(points)
-    for place, distance in ((start, travelled), (goal, travelled[-1] - travelled)):
+    if travelled[-1] == 0.0:  # turning on the spot
+        travelled = np.linspace(0.0, 1.0, len(points))
+    reach = max(min(turn_within, 0.5 * travelled[-1]), 1e-9)
+    for end, place, distance in ((0, start, travelled), (-1, goal, travelled[-1] - travelled)):
         if place.yaw is not None:
-            end = 0 if place is start else -1
-            turn = (place.yaw - yaw[end] + np.pi) % (2.0 * np.pi) - np.pi
-            yaw = yaw + turn * np.maximum(1.0 - distance / max(turn_within, 1e-9), 0.0)
-    yaw = yaw + 2.0 * np.pi * np.round(((start.yaw or yaw[0]) - yaw[0]) / (2.0 * np.pi))
+            turn = wrap(place.yaw - float(yaw[end]))
+            yaw = yaw + turn * np.maximum(1.0 - distance / reach, 0.0)
+    if start.yaw is not None:
+        yaw = yaw + 2.0 * np.pi * np.round((start.yaw - yaw[0]) / (2.0 * np.pi))
     return np.column_stack([points, yaw])
 
 

@@ -15,6 +15,10 @@ from omnidrive.simulation.plant import Measurement
 _SETTLING = 0.2  # s for the axle springs to take the load before a run starts
 
 
+# divergence is read from the counters; MuJoCo would write a log file into the working folder
+mujoco.set_mju_user_warning(lambda _: None)
+
+
 class MujocoPlant:
     """A four-wheel omni robot in MuJoCo; see :mod:`omnidrive.simulation.mjcf` for the models.
 

@@ -15,6 +15,7 @@ from omnidrive.study.scenario import (
     Tasks,
     map_scenario,
     paper_scenario,
+    robot_section,
     study_tasks,
 )
 from omnidrive.study.scenario_file import load_scenario, save_scenario
@@ -46,6 +47,7 @@ __all__ = [
     "plan_facts",
     "prepare",
     "retime",
+    "robot_section",
     "run_job",
     "run_study",
     "save_plan",

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
+from threading import Thread
 
+from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import StepResult, TrackResult
 from omnidrive.study.jobs import Job, run_job
 from omnidrive.study.prepared import Prepared
@@ -14,6 +21,9 @@ from omnidrive.study.prepared import Prepared
 Result = TrackResult | StepResult
 
 _shared: list[Prepared] = []  # in a worker process: what its runs share
+
+_KEYBOARD = {getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)}
+_ENDINGS = _KEYBOARD | {signal.SIGTERM}
 
 
 def execute(
@@ -23,6 +33,9 @@ def execute(
 
     Every run owns its plant, controller and random numbers, so results do not depend on it.
     Runs are started longest first.
+
+    Raises:
+        WorkerLost: A worker process was killed; what was yielded before stands.
     """
     queue = sorted(jobs, key=lambda job: -job.duration)
     if processes <= 1 or len(queue) <= 1:
@@ -35,21 +48,52 @@ def execute(
         initializer=_start_worker,
         initargs=(prepared,),
     )
+    workers: list[BaseProcess] = []
     try:
-        futures = {pool.submit(_run, job): job for job in queue}
+        with _undisturbed():
+            others = active_children()
+            futures = {pool.submit(_run, job): job for job in queue}  # this starts the workers
+            workers = [process for process in active_children() if process not in others]
         for future in as_completed(futures):
             yield futures[future], future.result()
-    except BaseException:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
+    except BrokenProcessPool as error:
+        raise WorkerLost from error
+    except BaseException:  # nobody waits for the runs that are under way
+        for process in workers:
+            process.kill()
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Hold back the signals that end a command; processes started meanwhile hold them back too."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDINGS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _start_worker(prepared: Prepared) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
+    for number in _KEYBOARD:  # the terminal tells all its processes; the parent decides
+        signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDINGS)
+    Thread(target=_end_with_parent, daemon=True).start()
     _shared[:] = [prepared]
+
+
+def _end_with_parent() -> None:
+    """Wait for the death of the parent process, whatever its cause, and follow."""
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _run(job: Job) -> Result:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
+from platform import python_version
 from typing import Any
 
 import pyarrow as pa
@@ -19,11 +20,12 @@ from omnidrive.evaluation import STEP_AXES, StepResult, StudyResults, TrackResul
 from omnidrive.maps import save_nav2_map
 from omnidrive.simulation import Outcome, Run
 from omnidrive.study.prepared import Prepared
+from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
 
 _POSE = (("x", "m"), ("y", "m"), ("yaw", "rad"))
 _TWIST = (("vx", "m/s"), ("vy", "m/s"), ("yaw_rate", "rad/s"))
-_VERSIONS = ("omnidrive", "numpy", "numba", "mujoco")
+_VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
 
 
 class RunFolder:
@@ -47,17 +49,15 @@ class RunFolder:
 
     def save_demand(self, prepared: Prepared) -> None:
         """Write the resolved scenario and, unless it is the paper's, the map."""
-        scenario = prepared.scenario
-        with writing(self.path):
-            if scenario.map.source != "paper":
+        if prepared.scenario.map.source != "paper":
+            with writing(self.path):
                 save_nav2_map(prepared.obstacles, self.path / "map.yaml")
-                own = scenario.map.model_copy(update={"source": "map.yaml"})
-                scenario = scenario.model_copy(update={"map": own})
-            save_scenario(scenario, self.path / "scenario.yaml")
+        with self.whole("scenario.yaml") as path:
+            save_scenario(_portable(prepared.scenario), path)
 
     def save_series(self, name: str, run: Run) -> None:
         """Write one run's time series to ``series/NAME.parquet``."""
-        with self._whole(f"series/{name}.parquet") as path:
+        with self.whole(f"series/{name}.parquet") as path:
             path.parent.mkdir(exist_ok=True)
             pq.write_table(series_table(run), path)
 
@@ -67,18 +67,21 @@ class RunFolder:
         """Write ``results.json``; see docs/run-folder.md for its schema."""
         data = {
             "format": "omnidrive-results-1",
-            "versions": {name: version(name) for name in _VERSIONS},
-            "scenario": scenario_data(prepared.scenario),
+            "versions": {
+                "python": python_version(),
+                **{name: version(name) for name in _VERSIONS},
+            },
+            "scenario": scenario_data(_portable(prepared.scenario)),
             "path": {"length": results.spline.length, "cells": len(results.path.poses)},
             "runs": [track_record(result) for result in results.tracks],
             "step_response": [row for step in results.steps for row in step_records(step)],
             "timing_s": timing,
         }
-        with self._whole("results.json") as path:
+        with self.whole("results.json") as path:
             path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
     @contextmanager
-    def _whole(self, name: str) -> Iterator[Path]:
+    def whole(self, name: str) -> Iterator[Path]:
         """A path to write to, put in its place when done."""
         final = self.path / name
         part = final.with_name(final.name + ".part")
@@ -88,6 +91,14 @@ class RunFolder:
                 os.replace(part, final)
             finally:
                 part.unlink(missing_ok=True)
+
+
+def _portable(scenario: Scenario) -> Scenario:
+    """The scenario with the run folder's own copy of the map."""
+    if scenario.map.source == "paper":
+        return scenario
+    own = scenario.map.model_copy(update={"source": "map.yaml"})
+    return scenario.model_copy(update={"map": own})
 
 
 @contextmanager

@@ -52,13 +52,6 @@ def save_plan(scenario: Scenario, folder: Path) -> None:
 
 
 def _duration(prepared: Prepared) -> float:
-    """The scenario's first duration, in s."""
-    tasks = prepared.scenario.tasks
-    for task in (tasks.track, tasks.noise):
-        if task:
-            return task.durations[0]
-    return (
-        tasks.horizon.duration
-        if tasks.horizon
-        else shortest_duration(prepared.spline, prepared.robot.chassis)
-    )
+    """The scenario's shortest duration, or the robot's if the scenario follows no path; in s."""
+    following = prepared.scenario.tasks.following
+    return following[0] if following else shortest_duration(prepared.spline, prepared.robot.chassis)

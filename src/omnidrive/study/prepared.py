@@ -74,14 +74,6 @@ def prepare(scenario: Scenario) -> Prepared:
         InvalidReference: A duration is too short for the wheels; the message says which is not.
     """
     prepared = lay_out(scenario)
-    for duration in sorted(_durations(scenario)):
+    for duration in scenario.tasks.following:
         time_uniformly(prepared.spline, duration, prepared.robot.chassis)
     return prepared
-
-
-def _durations(scenario: Scenario) -> set[float]:
-    tasks = scenario.tasks
-    durations: set[float] = set()
-    for task in (tasks.track, tasks.noise):
-        durations.update(task.durations if task else ())
-    return durations | ({tasks.horizon.duration} if tasks.horizon else set())

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from math import pi
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from omnidrive.control import FeedforwardGains
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
+from omnidrive.robot import named_robot
 
 ControllerName = Literal["fuzzy_t1", "fuzzy_t2", "nmpc", "recommended"]
 TaskName = Literal["track", "noise", "step", "horizon"]
 PlantName = Literal["rollers", "ball", "kinematic"]
 PresetName = Literal["paper", "published-code"]
 
+MAX_STEPS = 200_000
+"""Most samples of one run: an hour at 50 Hz; its log stays below a gigabyte."""
+
 Seconds = Annotated[float, Bounds(0.1, 3600.0, "s")]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
+
+
+def _all_different(values: tuple[object, ...]) -> tuple[object, ...]:
+    if len({f"{v:g}" if isinstance(v, float) else v for v in values}) < len(values):
+        raise ValueError("names something twice")
+    return values
+
+
+_Different = AfterValidator(_all_different)
 
 
 class _Section(BaseModel):
@@ -45,7 +59,7 @@ class MapSection(_Section):
 class DurationsTask(_Section):
     """Follow the path in each of several times."""
 
-    durations: Annotated[tuple[Seconds, ...], Field(min_length=1)]
+    durations: Annotated[tuple[Seconds, ...], Field(min_length=1, max_length=20), _Different]
 
 
 class StepTask(_Section):
@@ -59,7 +73,7 @@ class HorizonTask(_Section):
     """Follow the path with NMPC of several prediction horizons."""
 
     duration: Seconds
-    horizons: Annotated[tuple[Horizon, ...], Field(min_length=1)]
+    horizons: Annotated[tuple[Horizon, ...], Field(min_length=1, max_length=50), _Different]
 
 
 class Tasks(_Section):
@@ -75,6 +89,18 @@ class Tasks(_Section):
         if not any((self.track, self.noise, self.step, self.horizon)):
             raise ValueError("names no task; there are track, noise, step and horizon")
         return self
+
+    @property
+    def following(self) -> tuple[float, ...]:
+        """Every duration in which the path is followed, in s."""
+        lists = (task.durations for task in (self.track, self.noise) if task)
+        single = (self.horizon.duration,) if self.horizon else ()
+        return tuple(sorted({*chain.from_iterable(lists), *single}))
+
+    @property
+    def longest(self) -> float:
+        """Duration of the longest run, in s."""
+        return max((*self.following, self.step.duration if self.step else 0.0))
 
 
 class NmpcSection(_Section):
@@ -101,23 +127,42 @@ class Scenario(_Section):
     start: Place
     goal: Place
     path: PathOptions = PathOptions()
-    controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1)]
+    controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1), _Different]
     preset: PresetName = "paper"
     """Whether the paper's controllers follow its text or its published code."""
     nmpc: NmpcSection = NmpcSection()
     recommended: FeedforwardGains = FeedforwardGains()
     tasks: Tasks
 
+    @model_validator(mode="after")
+    def _bounded(self) -> Scenario:
+        steps = self.tasks.longest / self.sample_time
+        if steps > MAX_STEPS:
+            raise ValueError(
+                f"asks for a run of {steps:.0f} samples, need at most {MAX_STEPS}: "
+                "shorten the longest duration or lengthen sample_time"
+            )
+        return self
+
+
+def robot_section(name: str, preset: PresetName) -> RobotSection:
+    """The robot as ``preset`` drives it; ``published-code`` takes over the code's slip.
+
+    The slip: a wheel's x coordinate, 0.5 m on the robot `paper`, stands for its distance from the
+    centre, 0.7071 m.
+
+    Raises:
+        InvalidInput: There is no such robot.
+    """
+    slip = named_robot(name).arm / 2**0.5 if preset == "published-code" else None
+    return RobotSection(name=name, assumed_arm=slip)
+
 
 def paper_scenario(preset: PresetName = "paper") -> Scenario:
-    """The paper's study; ``published-code`` also takes over the code's slip in the wheel matrix.
-
-    The slip: a wheel's x coordinate, 0.5 m, stands for its distance from the centre, 0.7071 m.
-    """
-    slip = 0.5 if preset == "published-code" else None
+    """The paper's study, with its controllers as its text or as its published code has them."""
     return Scenario(
         name="paper",
-        robot=RobotSection(name="paper", assumed_arm=slip),
+        robot=robot_section("paper", preset),
         map=MapSection(source="paper", margin=0.0),
         start=Place(1.0, 1.0, 0.0),
         goal=Place(8.0, 6.0),

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol, runtime_checkable
 
+from omnidrive.errors import RunFailed
 from omnidrive.evaluation import (
     StepResult,
     StudyResults,
@@ -18,11 +19,12 @@ from omnidrive.evaluation import (
     write_figures,
     write_page,
 )
+from omnidrive.simulation import Outcome
 from omnidrive.study.execute import Result, execute
 from omnidrive.study.folder import RunFolder, writing
 from omnidrive.study.jobs import Job, jobs_of
 from omnidrive.study.prepared import Prepared, prepare
-from omnidrive.study.scenario import Scenario
+from omnidrive.study.scenario import Scenario, paper_scenario
 
 
 @runtime_checkable
@@ -63,6 +65,14 @@ class Study:
     tables: list[Table]
     folder: Path | None
     timing: dict[str, float]
+
+    def raise_if_failed(self) -> Study:
+        """Return self, or raise :class:`RunFailed` if a run stopped early."""
+        failed = [r for r in self.results.runs if r.run.outcome is not Outcome.FINISHED]
+        if failed:
+            facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.outcome.value})" for r in failed)
+            raise RunFailed(f"stopped early: {'; '.join(facts)}")
+        return self
 
 
 def run_study(
@@ -135,14 +145,22 @@ def _report(
     with clock.part("figures", 0), writing(store.path):
         for path in write_figures(results, store.path / "figures"):
             clock.watcher.done(path.name)
-    with clock.part("report", 1), writing(store.path):
-        write_page(results, tables, store.path / "report.html")
+    with clock.part("report", 1), store.whole("report.html") as path:
+        write_page(results, tables, path)
         clock.watcher.done("report.html")
+
+
+_DECISIVE = ("map", "start", "goal", "path", "sample_time", "nmpc")
 
 
 def _is_papers(scenario: Scenario) -> bool:
     """Whether the paper's numbers belong beside those of this scenario."""
-    return scenario.map.source == "paper" and scenario.robot.name == "paper"
+    paper = paper_scenario(scenario.preset)
+    return (
+        all(getattr(scenario, name) == getattr(paper, name) for name in _DECISIVE)
+        and scenario.robot.name == paper.robot.name
+        and scenario.tasks.step in {None, paper.tasks.step}
+    )
 
 
 def _collect(prepared: Prepared, jobs: Sequence[Job], finished: dict[Job, Result]) -> StudyResults:

@@ -7,42 +7,62 @@ from math import ceil, isfinite
 from omnidrive.errors import InvalidInput
 from omnidrive.reference import shortest_duration
 from omnidrive.study.prepared import lay_out
-from omnidrive.study.scenario import DurationsTask, Scenario, TaskName, Tasks, study_tasks
+from omnidrive.study.scenario import DurationsTask, Scenario, TaskName, Tasks
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 USUAL_SPEED = 0.5
 """Mean speed in m/s when the user names none: the paper's at 20 s."""
+
+_LEAST_SAMPLES = 10  # of a run whose start is its goal
 
 
 def retime(
     scenario: Scenario, *, duration: float | None = None, speed: float | None = None
 ) -> Scenario:
-    """The scenario with the paper's tasks, in times that suit its path.
+    """The scenario with its tasks' durations scaled, so that the shortest suits the path.
 
     Args:
-        scenario: Its tasks are replaced.
-        duration: Time for the whole path in s.
+        scenario: Its step response keeps its own duration.
+        duration: Shortest time for the whole path, in s.
         speed: Mean speed in m/s instead; with neither, the usual speed, or the robot's best if
             that is less.
 
     Raises:
-        InvalidInput: Both are given, or one is not positive.
+        InvalidInput: Both are given, one is not positive, or a time is out of range.
     """
     if duration is not None and speed is not None:
         raise InvalidInput(
-            "a duration and a speed were given; the path's length ties one to the "
-            "other: give one of them"
+            "a duration and a speed were given; the path's length ties one to the other: give "
+            "one of them"
         )
     for name, value, unit in (("duration", duration, "s"), ("speed", speed, "m/s")):
         if value is not None and not (isfinite(value) and value > 0.0):
             raise InvalidInput(f"the {name} must be positive, got {value:g} {unit}")
     if duration is None:
-        prepared = lay_out(scenario)
-        wanted = prepared.spline.length / (speed or USUAL_SPEED)
-        if speed is None:
-            wanted = max(wanted, shortest_duration(prepared.spline, prepared.robot.chassis))
-        step = scenario.sample_time
-        duration = round(ceil(wanted / step - 1e-9) * step, 6)
-    return scenario.model_copy(update={"tasks": study_tasks(duration)})
+        duration = _suitable(scenario, speed)
+    following = scenario.tasks.following
+    return _scaled(scenario, duration / following[0]) if following else scenario
+
+
+def _suitable(scenario: Scenario, speed: float | None) -> float:
+    """Duration in s at ``speed`` or the usual one, a whole number of samples."""
+    prepared = lay_out(scenario)
+    dt = scenario.sample_time
+    wanted = max(prepared.spline.length / (speed or USUAL_SPEED), _LEAST_SAMPLES * dt)
+    if speed is None:
+        wanted = max(wanted, shortest_duration(prepared.spline, prepared.robot.chassis))
+    return ceil(wanted / dt - 1e-9) * dt
+
+
+def _scaled(scenario: Scenario, factor: float) -> Scenario:
+    """Every time for the path multiplied by ``factor``."""
+    tasks = scenario_data(scenario)["tasks"]
+    for name in ("track", "noise"):
+        if tasks[name]:
+            tasks[name]["durations"] = [round(factor * t, 6) for t in tasks[name]["durations"]]
+    if tasks["horizon"]:
+        tasks["horizon"]["duration"] = round(factor * tasks["horizon"]["duration"], 6)
+    return parse_scenario({**scenario_data(scenario), "tasks": tasks}, "with these times")
 
 
 def one_task(tasks: Tasks, name: TaskName) -> Tasks:

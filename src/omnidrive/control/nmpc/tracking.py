@@ -46,9 +46,9 @@ def nearest_branch(headings: Float[Array, " n"], yaw: float) -> Float[Array, " n
 
     All in rad. The steps between headings are taken the short way round.
     """
-    steps = (np.diff(headings) + np.pi) % (2.0 * np.pi) - np.pi
-    first = yaw + wrap(headings[0] - yaw)
-    return first + np.concatenate([[0.0], np.cumsum(steps)])
+    steps = wrap(np.diff(headings))
+    first = yaw + wrap(float(headings[0]) - yaw)
+    return np.cumsum(np.concatenate([[first], steps]))
 
 
 def finite_differences(targets: Float[Array, "points 3"], dt: float) -> Float[Array, "stages 2"]:

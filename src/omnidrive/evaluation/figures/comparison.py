@@ -67,7 +67,7 @@ def heading_comparison(results: StudyResults, task: str) -> Figure | None:
         error.plot(run.t, heading_error(run.pose, run.target) * 1e3, color=colour)
     run = _fullest(lines).result.run
     heading.plot(run.t, run.target[:, 2], color=INK, ls=_DASHES, lw=1.0, label="Reference")
-    heading.set(ylabel="heading in rad", xlim=(0.0, run.t[-1]))
+    heading.set(ylabel="heading in rad", xlim=(0.0, max(run.t[-1], 1e-3)))
     error.set_yscale("symlog", linthresh=1.0, linscale=0.6)
     error.yaxis.set_major_formatter(StrMethodFormatter(_PLAIN))
     error.set(ylabel="heading error in mrad", xlabel="time in s")
@@ -115,7 +115,7 @@ def _distances(axes: Axes, lines: list[Curve]) -> None:
     axes.yaxis.set_major_formatter(StrMethodFormatter(_PLAIN))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="time in s", ylabel="position error in mm")
-    axes.set(xlim=(0.0, _fullest(lines).result.run.t[-1]))
+    axes.set(xlim=(0.0, max(_fullest(lines).result.run.t[-1], 1e-3)))
     axes.set_title("Distance to the reference")
 
 

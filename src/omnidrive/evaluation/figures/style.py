@@ -74,5 +74,10 @@ def save(figure: Figure, path: Path) -> None:
     """Write ``figure`` in the format of the suffix of ``path``: png or svg, without a date."""
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
     kind = path.suffix.removeprefix(".")
-    with styled():
-        figure.savefig(path, format=kind, dpi=160, metadata=metadata[kind])
+    part = path.with_name(path.name + ".part")  # so that the file is whole or absent
+    try:
+        with styled():
+            figure.savefig(part, format=kind, dpi=160, metadata=metadata[kind])
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,43 @@
+"""Compiled kernels: kept on disk, and renewed when any source changes."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import omnidrive
+
+PROGRAM = """
+from omnidrive.control.fuzzy import fuzzy_tuner
+print(fuzzy_tuner("t1", "paper")(0.4, -0.3))
+"""
+
+
+def test_an_edited_callee_is_compiled_anew(tmp_path):
+    """The kernel that calls it stands in another file, which does not change."""
+    shutil.copytree(
+        Path(omnidrive.__file__).parent,
+        tmp_path / "omnidrive",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
+
+    def run():
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout
+
+    before = run()
+    assert run() == before
+    callee = tmp_path / "omnidrive" / "control" / "fuzzy" / "sets.py"
+    text = callee.read_text()
+    edited = text.replace("return (x - a) / (b - a)", "return 0.5 * (x - a) / (b - a)")
+    assert edited != text
+    callee.write_text(edited)
+    assert run() != before
