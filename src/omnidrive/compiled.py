@@ -39,6 +39,11 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", machine)
 
 
+def kernels_are_kept() -> bool:
+    """Whether kernels were compiled before, so that nobody has to wait for it again."""
+    return any(_cache_folder(_config.CACHE_DIR).rglob("*.nbc"))
+
+
 @cache
 def _cache_folder(users: str) -> Path:
     """Folder for this state of the sources, in the user's choice of cache or beside the package."""

@@ -95,7 +95,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--goal", "2,3"], "inside an obstacle"),
         (["compare", "--start", "1"], "--start must be X,Y or X,Y,HEADING in m, m, rad"),
         (["compare", "--start", "1,1,90"], "the heading is 90 rad"),
-        (["compare", "--start", "nan,1"], "must be finite"),
+        (["compare", "--start", "nan,1"], "start.0: input should be a finite number"),
         (["compare", "--duration", "5"], "shortest duration is 16.4 s"),
         (["compare", "--duration", "nan"], "duration must be positive"),
         (["compare", "--duration", "-5"], "duration must be positive, got -5 s"),

@@ -73,8 +73,8 @@ def test_start_and_goal_may_be_the_same_place():
     ("place", "message"),
     [
         ((7.0, 1.0), "outside the map, which spans x 0 to 6 m and y 0 to 4 m"),
-        ((3.05, 1.0), r"inside an obstacle .*nearest place to stand is \(2\.\d+, 0?\.?\d*"),
-        ((2.8, 1.0), r"is 0\.20 m from an obstacle, the robot's centre must keep 0\.3 m"),
+        ((3.05, 1.0), r"inside an obstacle, .*nearest place to stand is \(2\.\d+, 0?\.?\d*"),
+        ((2.8, 1.0), r"is 0\.20 m from an obstacle; the robot's centre must keep 0\.3 m, and half"),
         ((np.nan, 1.0), "must be finite"),
         ((1.0, 1.0, np.inf), "must be finite"),
     ],

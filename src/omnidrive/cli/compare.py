@@ -26,7 +26,7 @@ from omnidrive.cli.options import (
     cores,
     new_folder,
 )
-from omnidrive.cli.progress import LiveProgress, print_tables
+from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
 from omnidrive.study import ControllerName, Scenario, TaskName, run_study
 
@@ -86,6 +86,7 @@ def compare(
         parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
         typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
+    warn_of_touching(study)
     study.raise_if_failed()
 
 

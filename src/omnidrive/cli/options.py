@@ -122,16 +122,20 @@ class Demand:
         Raises:
             OmnidriveError: They contradict each other or name something that is not there.
         """
-        preset = choose_one("preset", self.preset, get_args(PresetName)) if self.preset else None
+        preset = (
+            choose_one("preset", self.preset, get_args(PresetName))
+            if self.preset is not None
+            else None
+        )
         scenario = self._base(preset)
         changes: dict[str, object] = {}
-        if self.start and not self.map:
+        if self.start is not None and not self.map:
             changes["start"] = parse_place("start", self.start)
-        if self.goal and not self.map:
+        if self.goal is not None and not self.map:
             changes["goal"] = parse_place("goal", self.goal)
-        if self.plant:
+        if self.plant is not None:
             changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
-        if self.robot and not self.map:
+        if self.robot is not None and not self.map:
             name = choose_one("robot", self.robot, ROBOTS)
             changes["robot"] = robot_section(name, preset or scenario.preset)
         elif preset:
@@ -150,7 +154,7 @@ class Demand:
         if self.map:
             if self.scenario != "paper":
                 raise InvalidInput("give a scenario file or --map, not both")
-            if not (self.start and self.goal):
+            if self.start is None or self.goal is None:
                 raise InvalidInput("--map needs --start X,Y and --goal X,Y (metres in the map)")
             return map_scenario(
                 str(self.map),

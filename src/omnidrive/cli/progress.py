@@ -11,7 +11,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table as RichTable
 
+from omnidrive.compiled import kernels_are_kept
 from omnidrive.evaluation import Table
+from omnidrive.study import Study
 
 _WIDTH_OF_FILES = 160  # characters; the widest table fits
 
@@ -46,7 +48,8 @@ class LiveProgress:
     def part(self, name: str, steps: int) -> None:
         """Begin a bar."""
         self._finish()
-        self._task = self._progress.add_task(name, total=steps or None, what="")
+        what = "" if kernels_are_kept() else "compiling, the first time only"
+        self._task = self._progress.add_task(name, total=steps or None, what=what)
 
     def done(self, what: str) -> None:
         """Move the bar on."""
@@ -78,6 +81,15 @@ def print_tables(tables: Sequence[Table]) -> None:
             _fill(drawn, table, part, tight=len(parts) > 1)
             console.print(drawn)
         console.print()
+
+
+def warn_of_touching(study: Study) -> None:
+    """Say on standard error which robots would have touched an obstacle."""
+    if study.touching:
+        Console(stderr=True).print(
+            f"These robots would have touched an obstacle: {', '.join(study.touching)}.",
+            markup=False, highlight=False,
+        )  # fmt: skip
 
 
 def _split(table: Table, width: int) -> list[list[int]]:

@@ -24,7 +24,7 @@ from omnidrive.cli.options import (
     choose_one,
     new_folder,
 )
-from omnidrive.cli.progress import LiveProgress, print_tables
+from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
 from omnidrive.study import ControllerName, Scenario, TaskName, one_task, run_study
 
@@ -84,6 +84,7 @@ def run(
     else:
         print_tables(study.tables)
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
+    warn_of_touching(study)
     study.raise_if_failed()
 
 

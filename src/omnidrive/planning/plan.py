@@ -60,6 +60,7 @@ def plan(
         InvalidPlace: The robot cannot stand at start or goal.
         NoPathFound: There is no way between them, or none that can be smoothed.
     """
+    start, goal = Place(*start), Place(*goal)
     free = grid.inflated(inflation)
     for name, place in (("start", start), ("goal", goal)):
         _check_place(grid, free, name, place, inflation)
@@ -163,10 +164,13 @@ def _check_place(
     centres = np.stack([x + cols * free.resolution, y + rows * free.resolution], axis=1)
     near = centres[np.argmin(np.hypot(*(centres - place[:2]).T))]
     if grid.is_occupied(place.x, place.y):
-        fact = "lies inside an obstacle (or a cell that is not known to be free)"
+        fact = "lies inside an obstacle, its inflation or a cell that is not known to be free"
     else:
         gap = float(grid.clearance(np.array([place[:2]]))[0])
-        fact = f"is {gap:.2f} m from an obstacle, the robot's centre must keep {inflation:g} m"
+        fact = (
+            f"is {gap:.2f} m from an obstacle; the robot's centre must keep {inflation:g} m, and "
+            f"half a diagonal of the map's cells of {grid.resolution:g} m"
+        )
     raise InvalidPlace(
         f"{where} {fact}; the nearest place to stand is ({near[0]:g}, {near[1]:g}) m"
     )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from math import atan2, ceil, nan
+from typing import get_args
 
 import mujoco
 import numpy as np
 
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf import TIMESTEP, WheelModel, omni_model
@@ -27,6 +29,10 @@ class MujocoPlant:
     """
 
     def __init__(self, robot: Robot, wheels: WheelModel = "rollers") -> None:
+        if wheels not in get_args(WheelModel):
+            raise InvalidInput(
+                f"there is no wheel model '{wheels}'; there are {', '.join(get_args(WheelModel))}"
+            )
         self.robot = robot
         self.wheels = wheels
         self._drive = robot.drive

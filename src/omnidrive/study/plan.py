@@ -9,7 +9,7 @@ import numpy as np
 from omnidrive.evaluation.figures import route_figure, save
 from omnidrive.reference import shortest_duration
 from omnidrive.study.folder import RunFolder, writing
-from omnidrive.study.prepared import Prepared, lay_out, prepare
+from omnidrive.study.prepared import Prepared, prepare
 from omnidrive.study.scenario import Scenario
 
 _COLUMNS = "t_s,x_m,y_m,yaw_rad,vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
@@ -17,7 +17,7 @@ _COLUMNS = "t_s,x_m,y_m,yaw_rad,vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
 
 def plan_facts(scenario: Scenario) -> dict[str, str]:
     """What there is to say of the path, with units."""
-    prepared = lay_out(scenario)
+    prepared = prepare(scenario)
     shortest = shortest_duration(prepared.spline, prepared.robot.chassis)
     samples = prepared.spline.poses(np.linspace(0.0, 1.0, 2001))[:, :2]
     return {

@@ -66,6 +66,11 @@ class Study:
     folder: Path | None
     timing: dict[str, float]
 
+    @property
+    def touching(self) -> list[str]:
+        """Names of the runs whose robot would have touched an obstacle."""
+        return [r.name for r in self.results.tracks if r.min_clearance < 0.0]
+
     def raise_if_failed(self) -> Study:
         """Return self, or raise :class:`RunFailed` if a run stopped early."""
         failed = [r for r in self.results.runs if r.run.outcome is not Outcome.FINISHED]

@@ -82,7 +82,13 @@ def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
     """The fuzzy system of a preset: from scaled error and change to changes of kp, ki and kd.
 
     Inputs outside [-1, 1] fire no rule: the changes are then zero.
+
+    Raises:
+        InvalidInput: There is no such kind or preset.
     """
+    if (preset, kind) not in _TUNERS:
+        known = ", ".join(f"{k} of {p}" for p, k in _TUNERS)
+        raise InvalidInput(f"there is no fuzzy system {kind} of {preset}; there are {known}")
     return _TUNERS[preset, kind]()
 
 
@@ -96,7 +102,7 @@ def fuzzy_pid(kind: Kind, preset: Preset, dt: float) -> FuzzyPidController:
         dt: Sample time in s.
 
     Raises:
-        InvalidInput: ``dt`` is not positive.
+        InvalidInput: ``dt`` is not positive, or there is no such kind or preset.
     """
     if not (isfinite(dt) and dt > 0.0):
         raise InvalidInput(f"the sample time must be positive, got {dt:g} s")

@@ -19,7 +19,9 @@ from omnidrive.evaluation.results import StudyResults
 Array = np.ndarray
 
 _DASHES = (0, (4, 2.5))
-_WINDOW = (0.04, 2.0)  # m; least and largest half side of the magnified square
+_WINDOW = 0.04  # m; least half side of the magnified square
+_MOST_OF_THE_MAP = 0.6
+_SHARE = 0.12  # of the path's extent that it shows at most
 _PLAIN = "{x:g}"  # 0.1, 1, 10 rather than powers of ten
 _LEAST = 1e-2  # mm; smaller errors are not worth a decade of the axis
 
@@ -33,6 +35,7 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0), height_ratios=(1.15, 1.0))
     whole, close, error = (figure.add_subplot(grid[place]) for place in _PLACES)
     draw_map(whole, results.obstacles, results.keepout, results.path)
+    _frame(whole, results)
     for axes in (whole, close):
         _paths(axes, lines)
     if task == "noise":
@@ -86,6 +89,16 @@ def _fullest(lines: list[Curve]) -> Curve:
     return max(lines, key=lambda line: len(line.result.run.t))
 
 
+def _frame(axes: Axes, results: StudyResults) -> None:
+    """Show the whole map, or the path's surroundings where it takes up little of the map."""
+    low, high = (f(results.path.poses[:, :2], axis=0) for f in (np.min, np.max))
+    left, right, bottom, top = results.obstacles.extent
+    if np.max((high - low) / (right - left, top - bottom)) < _MOST_OF_THE_MAP:
+        x, y = 0.5 * (low + high)
+        half = 0.5 * float((high - low).max()) + 3.0 * results.robot.body_radius
+        axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+
+
 def _paths(axes: Axes, lines: list[Curve]) -> None:
     for k, (label, colour, result) in enumerate(lines):
         x, y = result.run.pose[:, 0], result.run.pose[:, 1]
@@ -121,7 +134,8 @@ def _distances(axes: Axes, lines: list[Curve]) -> None:
 
 def _interesting(lines: list[Curve]) -> tuple[float, float, float]:
     """Centre and half side (m) of the square in which a run strays farthest from the path."""
-    way = cKDTree(_dense(_fullest(lines).result.run.target[:, :2]))
+    target = _fullest(lines).result.run.target[:, :2]
+    way = cKDTree(_dense(target))
     best = (-1.0, 0.0, 0.0)
     for _, _, result in lines:
         late = result.run.t >= min(START_PHASE, 0.5 * result.run.t[-1])
@@ -130,7 +144,7 @@ def _interesting(lines: list[Curve]) -> tuple[float, float, float]:
         k = int(np.argmax(stray))
         best = max(best, (float(stray[k]), *points[k].tolist()))
     stray_most, x, y = best
-    return x, y, min(max(6.0 * stray_most, _WINDOW[0]), _WINDOW[1])
+    return x, y, max(min(6.0 * stray_most, _SHARE * float(np.ptp(target, axis=0).max())), _WINDOW)
 
 
 def _dense(points: Float[Array, "rows 2"]) -> Float[Array, "dense 2"]:

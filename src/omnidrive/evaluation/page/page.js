@@ -161,10 +161,19 @@ const Race = (() => {
   function fit() {
     follow(-1);
     fitted = true;
-    camera.fit(group.onMap ? Study.map : reach(), group.onMap ? 0.02 : 0.08);
+    const race = reach();
+    if (group.onMap && fills(race)) camera.fit(Study.map, 0.02);
+    else camera.fit(race, group.onMap ? 0.2 : 0.08);
   }
 
   /* The box around everything that the robots cover. */
+  /* Whether the race takes up most of the map, so that the whole map is worth showing. */
+  function fills(race) {
+    const { left, right, bottom, top } = Study.map;
+    const share = Math.max((race.right - race.left) / (right - left), (race.top - race.bottom) / (top - bottom));
+    return share > 0.6;
+  }
+
   function reach() {
     const size = Study.robot.bodyRadius;
     const ends = (name) => {
