@@ -1,5 +1,10 @@
 """Nav2 maps: the rules of its map server, real maps, and hostile files."""
 
+import os
+import struct
+import zlib
+from contextlib import suppress
+
 import numpy as np
 import pytest
 import yaml
@@ -28,6 +33,11 @@ def write(folder, pixels=None, **changes):
     Image.fromarray(pixels.astype(np.uint8)).save(folder / "map.pgm")
     (folder / "map.yaml").write_text(yaml.safe_dump(meta))
     return folder / "map.yaml"
+
+
+def is_short_line(folder, error):
+    text = str(error).replace(str(folder), "")
+    return text.encode() and text.isprintable() and len(text) < 600
 
 
 def test_the_last_row_of_the_picture_is_the_first_of_the_map(tmp_path):
@@ -90,7 +100,11 @@ def test_real_maps(name, shape, free_share):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"resolution": 0.0}, "resolution must be positive"),
+        ({"resolution": 0.0}, r"map.yaml: resolution is 0 m per cell, need 0\.001 to 10 m"),
+        ({"resolution": -0.05}, "resolution is -0.05 m per cell, need"),
+        ({"resolution": 50}, "resolution is 50 m per cell, need"),
+        ({"resolutoin": 0.05}, "unknown key 'resolutoin'; did you mean 'resolution'"),
+        ({"flavour": 1}, "unknown key 'flavour'; there are image, mode, resolution"),
         ({"resolution": "5 cm"}, "resolution must be a number, got '5 cm'"),
         ({"resolution": None}, "does not set 'resolution'"),
         ({"origin": [0, 0]}, r"origin must be \[x, y, yaw\]"),
@@ -101,27 +115,53 @@ def test_real_maps(name, shape, free_share):
         ({"image": "no.pgm"}, "cannot read the map's picture .*no.pgm: No such file"),
         ({"image": None}, "does not set 'image'"),
         ({"image": "map.yaml"}, "is not a picture"),
+        ({"image": "a\0b"}, r"a\\x00b is not a picture"),
+        ({"image": "a\nb"}, r"a\\nb: No such file"),
+        ({"image": "b" * 5000}, r"bbb\.\.\.: File name too long"),
+        ({"image": "."}, "cannot read the map's picture .* is not a file"),
+        ({"image": "loop.pgm"}, "cannot read the map's picture .*: Too many levels"),
+        ({"image": "pipe.pgm"}, "cannot read the map's picture .* is not a file"),
+        ({"mode": ["raw"]}, r"mode \['raw'\] is not read"),
+        ({"resolution": "nan"}, "resolution must be a number, got 'nan'"),
+        ({"resolution": int("9" * 400)}, "is not a YAML map: found an integer beyond"),
+        ({"resolution": "x" * 9000}, r"resolution must be a number, got 'xxx[x]*\.\.\.$"),
+        ({"origin": [[1] * 3000, 0, 0]}, r"origin must be .* got \[\[1, [1, ]*\.\.\.$"),
+        ({"origin": "123"}, r"origin must be \[x, y, yaw\]"),
     ],
 )
 def test_a_bad_map_says_what_is_wrong(tmp_path, changes, message):
-    with pytest.raises(InvalidMap, match=message):
+    (tmp_path / "loop.pgm").symlink_to("loop.pgm")
+    os.mkfifo(tmp_path / "pipe.pgm")
+    with pytest.raises(InvalidMap, match=message) as refused:
         load_nav2_map(write(tmp_path, **changes))
+    assert is_short_line(tmp_path, refused.value)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("image: [unclosed", "is not YAML"),
+        ("image: [unclosed", "is not a YAML map"),
         ("just words", "is not a Nav2 map"),
-        ("!!python/object/apply:os.system ['true']", "is not YAML"),
+        ("!!python/object/apply:os.system ['true']", "is not a YAML map"),
+        ("f: &f [1]\norigin: *f", "is not a YAML map: aliases"),
+        ("a: 2020-13-45", "is not a YAML map: month must be in 1..12"),
+        ("a: !!bool maybe", "is not a YAML map"),
+        ("a: !!int ''", "is not a YAML map"),
+        ("a: !!timestamp soon", "is not a YAML map"),
+        ("a: " + "1:" * 9000 + "1.5", "is not a YAML map: int too large"),
+        ("a: 0x" + "f" * 5000, "is not a YAML map: found an integer beyond"),
+        ("a: \0", "is not a YAML map"),
+        (b"a: \xff", "is not a YAML map: 'utf-8' codec"),
+        ("[" * 50_000, "is not a YAML map: it is nested too deeply"),
         ("a: &a [1]\n" + "x" * 200_000, "too large"),
     ],
 )
 def test_hostile_yaml_is_refused(tmp_path, text, message):
     path = tmp_path / "map.yaml"
-    path.write_text(text)
-    with pytest.raises(InvalidMap, match=message):
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InvalidMap, match=message) as refused:
         load_nav2_map(path)
+    assert is_short_line(tmp_path, refused.value)
 
 
 def test_a_cut_picture_is_refused(tmp_path):
@@ -129,6 +169,183 @@ def test_a_cut_picture_is_refused(tmp_path):
     (tmp_path / "map.pgm").write_bytes((tmp_path / "map.pgm").read_bytes()[:-5])
     with pytest.raises(InvalidMap, match="picture"):
         load_nav2_map(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("folder", "cannot read the map .*folder: Is a directory"),
+        ("loop", "cannot read the map .*loop: Too many levels"),
+        ("a\0b", r"cannot read the map .*a\\x00b: embedded null byte"),
+    ],
+)
+def test_what_is_no_file_is_refused(tmp_path, name, message):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(InvalidMap, match=message):
+        load_nav2_map(tmp_path / name)
+
+
+def test_numbers_as_nav2_reads_them(tmp_path):
+    """YAML 1.1 takes a number without a point but with an exponent for text."""
+    path = write(tmp_path)
+    text = path.read_text().replace("0.1", "5e-2").replace("- -2.0", "- -2e0")
+    assert "5e-2" in text
+    assert "- -2e0" in text
+    path.write_text(text)
+    assert load_nav2_map(path).resolution == 0.05
+    assert load_nav2_map(path).origin == (1.0, -2.0)
+
+
+def picture(folder, content):
+    """A map whose picture holds these bytes."""
+    path = write(folder, image="map.picture")
+    (folder / "map.picture").write_bytes(content)
+    return path
+
+
+def png(depth, kind, row, *chunks):
+    """A PNG of one row of two pixels."""
+
+    def chunk(name, data):
+        crc = struct.pack(">I", zlib.crc32(name + data))
+        return struct.pack(">I", len(data)) + name + data + crc
+
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", 2, 1, depth, kind, 0, 0, 0))
+    rest = b"".join(chunk(*c) for c in chunks)
+    pixels = chunk(b"IDAT", zlib.compress(b"\0" + row))
+    return b"\x89PNG\r\n\x1a\n" + head + rest + pixels + chunk(b"IEND", b"")
+
+
+GREY, RGB, PALETTE, GREY_ALPHA, RGBA = 0, 2, 3, 4, 6
+BLACK_WHITE = (b"PLTE", b"\0\0\0\xff\xff\xff")
+
+
+@pytest.mark.parametrize(
+    ("content", "occupied"),
+    [
+        # two shades, 10 % and 90 % white, in 16 bits
+        (b"P5 2 1 65535 " + struct.pack(">HH", 6554, 58982), [True, False]),
+        (b"P5 2 1 1000 " + struct.pack(">HH", 100, 900), [True, False]),
+        (b"P2 2 1 65535 6554 58982\n", [True, False]),
+        (b"P6 2 1 65535 " + struct.pack(">6H", *[6554] * 3, *[58982] * 3), [True, False]),
+        (png(16, GREY, struct.pack(">HH", 6554, 58982)), [True, False]),
+        (png(16, RGB, struct.pack(">6H", *[6554] * 3, *[58982] * 3)), [True, False]),
+        # black and white in few bits
+        (b"P4 2 1 \x80", [True, False]),
+        (png(1, GREY, b"\x40"), [True, False]),
+        (png(4, GREY, b"\x0f"), [True, False]),
+        (png(8, PALETTE, b"\0\1", BLACK_WHITE), [True, False]),
+        # two white pixels, the first not opaque
+        (png(8, GREY_ALPHA, b"\xff\xfe\xff\xff"), [True, False]),
+        (png(8, RGBA, b"\xff\xff\xff\0" + b"\xff" * 4), [True, False]),
+        (png(16, GREY_ALPHA, b"\xff\xff\0\0" + b"\xff" * 4), [True, False]),
+        (png(8, PALETTE, b"\1\0", (b"PLTE", b"\xff" * 6), (b"tRNS", b"\xff\x80")), [True, False]),
+        # a white pixel declared transparent, and a light one that is not
+        (png(8, GREY, b"\xff\xfe", (b"tRNS", b"\0\xff")), [True, False]),
+        (png(4, GREY, b"\xfe", (b"tRNS", b"\0\x0f")), [True, False]),
+        (png(2, GREY, b"\xf0", (b"tRNS", b"\0\x03")), [True, True]),
+        (png(1, GREY, b"\xc0", (b"tRNS", b"\0\x01")), [True, True]),
+        (png(16, GREY, b"\xff\xff\xff\xfe", (b"tRNS", b"\xff\xff")), [True, False]),
+        (png(8, RGB, b"\xff" * 5 + b"\xfe", (b"tRNS", b"\0\xff" * 3)), [True, False]),
+    ],
+)
+def test_pixels_of_every_kind(tmp_path, content, occupied):
+    assert load_nav2_map(picture(tmp_path, content)).occupied.tolist() == [occupied]
+
+
+@pytest.mark.parametrize("negate", [0, 1])
+def test_a_transparent_cell_is_never_free(tmp_path, negate):
+    for grey in (b"\0", b"\xff"):
+        path = picture(tmp_path, png(8, GREY_ALPHA, (grey + b"\x80") * 2))
+        path.write_text(path.read_text().replace("negate: 0", f"negate: {negate}"))
+        assert load_nav2_map(path).occupied.all()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"P5 20000 20000 255\n", "has more than 50,000,000 cells"),  # Pillow refuses
+        (b"P5 10000 10000 255\n", "has more than 50,000,000 cells"),  # Pillow warns
+        (b"P5 8000 8000 255\n", "has more than 50,000,000 cells"),
+        (b"P5 0 1 255\n", "is not a picture .* or an empty one"),
+        (b"P5 1 0 255\n", "is not a picture .* or an empty one"),
+        (b"", "is not a picture"),
+        (b"Pf 1 1 -1.0\n\0\0\0\0", "pixels of the kind F; save it as grey, RGB or RGBA"),
+        (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n", "is not a picture"),
+    ],
+)
+def test_a_bad_picture_says_what_is_wrong(tmp_path, content, message):
+    with pytest.raises(InvalidMap, match=message):
+        load_nav2_map(picture(tmp_path, content))
+
+
+NASTY = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.dates(),
+    st.text(),
+    st.binary(),
+    st.sampled_from([10**400, "5e-2", "\0", "a\nb", "\x1b[2J", "map.pgm", "raw", "."]),
+)
+NASTIER = st.recursive(
+    NASTY, lambda v: st.lists(v, max_size=4) | st.dictionaries(NASTY, v, max_size=3), max_leaves=6
+)
+
+
+@st.composite
+def mutated(draw):
+    """The text of a valid map's YAML file with one value, key or piece of text exchanged."""
+    meta = dict(META)
+    key = draw(st.sampled_from(sorted(meta)))
+    change = draw(st.sampled_from(["value", "key", "text"]))
+    if change == "value":
+        meta[key] = draw(NASTIER)
+    elif change == "key":
+        meta[draw(NASTY)] = meta.pop(key)
+    text = yaml.safe_dump(meta)
+    if change == "text":
+        a, b = sorted(draw(st.tuples(*[st.integers(0, len(text))] * 2)))
+        text = (
+            text[:a]
+            + draw(st.text() | st.text("[]{}:,-&*!|>'\"#%@`? \n\t0.e", max_size=9))
+            + text[b:]
+        )
+    return text.encode(errors="surrogatepass")
+
+
+@settings(max_examples=200, deadline=None)
+@given(content=mutated() | st.binary() | st.text().map(str.encode))
+def test_no_yaml_breaks_the_reader(tmp_path_factory, content):
+    path = write(tmp_path_factory.mktemp("map"))
+    path.write_bytes(content)
+    try:
+        load_nav2_map(path)
+    except InvalidMap as error:
+        assert is_short_line(path.parent, error)  # noqa: PT017
+
+
+PICTURES = [
+    b"P5 3 2 255\n" + b"\xfe" * 6,
+    b"P2 3 2 9 1 2 3 4 5 6\n",
+    png(8, GREY_ALPHA, b"\xff\xfe\xff\xff"),
+    png(8, PALETTE, b"\0\1", BLACK_WHITE, (b"tRNS", b"\0")),
+    b"BM"
+    + struct.pack("<IHHIIiiHHIIiiII", 60, 0, 0, 54, 40, 1, 1, 1, 24, 0, 0, 0, 0, 0, 0)
+    + b"\xfe" * 4,
+]
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    content=st.sampled_from(PICTURES), at=st.integers(0, 99), cut=st.integers(0, 9), new=st.binary()
+)
+def test_no_picture_breaks_the_reader(tmp_path_factory, content, at, cut, new):
+    folder = tmp_path_factory.mktemp("map")
+    with suppress(InvalidMap):
+        load_nav2_map(picture(folder, content[:at] + new + content[at + cut :]))
 
 
 def test_a_missing_map_is_named(tmp_path):

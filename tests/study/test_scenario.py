@@ -231,3 +231,10 @@ def test_new_times_keep_to_the_scenarios_own_tasks():
 def test_times_out_of_range_are_refused(duration):
     with pytest.raises(InvalidScenario, match=r"need 0\.1 to 3600 s"):
         retime(paper_scenario(), duration=duration)
+
+
+def test_a_key_that_stands_twice_is_refused(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text("name: a\nseed: 1\nseed: 2\n")
+    with pytest.raises(InvalidScenario, match="found the key 'seed' twice"):
+        load_scenario(path)

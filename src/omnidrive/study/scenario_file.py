@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,17 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from omnidrive.errors import InvalidScenario
 from omnidrive.study.scenario import Scenario
-
-_MAX_BYTES = 100_000
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML without aliases, which can make a short file enormous."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases (*name) are not allowed in a scenario")
-        return super().compose_node(parent, index)
+from omnidrive.yaml_file import one_line, read_yaml, shown
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -32,20 +23,16 @@ def load_scenario(path: Path) -> Scenario:
         InvalidScenario: The file is missing, malformed, or says something that has no meaning; the
             message names every wrong key.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InvalidScenario(f"{path} is too large for a scenario")
-        data = yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise InvalidScenario(f"cannot read the scenario {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InvalidScenario(f"{path} is not a YAML scenario: {reason}") from None
+    data = read_yaml(path, "scenario", InvalidScenario)
     if not isinstance(data, dict):
         raise InvalidScenario(f"{path} is not a scenario: it holds no keys")
     scenario = parse_scenario(data, str(path))
     if scenario.map.source == "paper":
         return scenario
+    if not scenario.map.source or "\0" in scenario.map.source:
+        raise InvalidScenario(
+            f"{path}: map.source must name a file, got {shown(scenario.map.source)}"
+        )
     source = str(path.parent / scenario.map.source)
     return scenario.model_copy(update={"map": scenario.map.model_copy(update={"source": source})})
 
@@ -73,7 +60,7 @@ def _plain(value: Any) -> Any:
     return [_plain(v) for v in value] if isinstance(value, tuple) else value
 
 
-def parse_scenario(data: dict[str, Any], where: str) -> Scenario:
+def parse_scenario(data: dict[Any, Any], where: str) -> Scenario:
     """Check ``data`` and make it a scenario; ``where`` names its source in messages.
 
     Raises:
@@ -89,24 +76,32 @@ def parse_scenario(data: dict[str, Any], where: str) -> Scenario:
 
 def _explain(problem: Any) -> str:
     """One problem in words: which key, what is wrong, what would be right."""
-    loc = [part for part in problem["loc"] if isinstance(part, int) or part.isidentifier()]
-    key = ".".join(str(part) for part in loc)
     kind, value = problem["type"], problem.get("input")
-    if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
-        return f"unknown key '{key}'" + _suggestion(str(loc[-1]), loc[:-1])
+    if kind in {"extra_forbidden", "unexpected_keyword_argument", "invalid_key"}:
+        *outer, name = problem["loc"]  # name: as in the file, so perhaps no identifier
+        spot = _fields(outer)
+        if kind == "invalid_key":  # not text; pydantic takes true for 1
+            return f"unknown key {shown(value)}" + _within(spot) + _suggestion("", spot)
+        key = ".".join([*map(str, spot), one_line(str(name), 60)])
+        return f"unknown key '{key}'" + _suggestion(str(name), spot)
+    key = ".".join(map(str, _fields(problem["loc"])))
     if kind in {"missing", "missing_argument"}:
         return f"'{key}' is missing"
     if kind in {"float_parsing", "float_type", "int_parsing", "int_type"}:
-        return f"{key} must be a plain number without a unit, got {value!r}"
+        return f"{key} must be a plain number without a unit, got {shown(value)}"
     message = problem["msg"].removeprefix("Value error, ")
     if kind == "value_error":
         return f"{key} {message}"
-    return f"{key}: {message[0].lower()}{message[1:]}, got {_short(value)}"
+    return f"{key or 'a key'}: {message[0].lower()}{message[1:]}, got {shown(value)}"
 
 
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+def _fields(loc: Iterable[Any]) -> list[Any]:
+    """``loc`` without what pydantic adds to it, such as `function-after[check(), float]`."""
+    return [part for part in loc if isinstance(part, int) or part.isidentifier()]
+
+
+def _within(spot: list[Any]) -> str:
+    return f" in '{'.'.join(map(str, spot))}'" if spot else ""
 
 
 def _suggestion(name: str, loc: list[Any]) -> str:
