@@ -70,21 +70,23 @@ def main() -> None:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup does
             signal.signal(number, _interrupt)
     status = _status()
-    _die_at_once()
+    _stop_listening()
     sys.exit(status)
 
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:
-    """End in order, as on Ctrl-C; a second signal ends at once."""
-    _die_at_once()
+    """End in order, as on Ctrl-C; a second Ctrl-C ends at once."""
+    _stop_listening()
     _received.append(number)
     raise KeyboardInterrupt
 
 
-def _die_at_once() -> None:
+def _stop_listening() -> None:
+    """Leave SIGINT to the system; ignore the others, which come in pairs (timeout, a terminal)."""
     for number in _ENDINGS:
         if signal.getsignal(number) is _interrupt:
-            signal.signal(number, signal.SIG_DFL)
+            last = signal.SIG_DFL if number == signal.SIGINT else signal.SIG_IGN
+            signal.signal(number, last)
 
 
 def _status() -> int:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
@@ -28,7 +28,7 @@ _ENDINGS = _KEYBOARD | {signal.SIGTERM}
 
 def execute(
     prepared: Prepared, jobs: Sequence[Job], processes: int
-) -> Iterator[tuple[Job, Result]]:
+) -> Generator[tuple[Job, Result], None, None]:
     """Yield each job with its result as it finishes; the order depends on ``processes``.
 
     Every run owns its plant, controller and random numbers, so results do not depend on it.
@@ -42,18 +42,18 @@ def execute(
         for job in queue:
             yield job, run_job(prepared, job)
         return
-    pool = ProcessPoolExecutor(
-        min(processes, len(queue)),
-        mp_context=get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(prepared,),
-    )
+    with _undisturbed():  # this starts Python's own helper, the resource tracker
+        pool = ProcessPoolExecutor(
+            min(processes, len(queue)),
+            mp_context=get_context("spawn"),
+            initializer=_start_worker,
+            initargs=(prepared,),
+        )
+    futures: dict[Future[Result], Job] = {}
     workers: list[BaseProcess] = []
     try:
-        with _undisturbed():
-            others = active_children()
-            futures = {pool.submit(_run, job): job for job in queue}  # this starts the workers
-            workers = [process for process in active_children() if process not in others]
+        with ThreadPoolExecutor(1) as aside:  # Ctrl-C would break a start in the main thread
+            aside.submit(_start, pool, queue, futures, workers).result()
         for future in as_completed(futures):
             yield futures[future], future.result()
     except BrokenProcessPool as error:
@@ -66,9 +66,23 @@ def execute(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+def _start(
+    pool: ProcessPoolExecutor,
+    queue: Sequence[Job],
+    futures: dict[Future[Result], Job],
+    workers: list[BaseProcess],
+) -> None:
+    """Hand over all jobs, which starts the workers."""
+    with _undisturbed():
+        others = active_children()
+        for job in queue:
+            futures[pool.submit(_run, job)] = job
+        workers += [process for process in active_children() if process not in others]
+
+
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Hold back the signals that end a command; processes started meanwhile hold them back too."""
+    """Hold back the signals that end a command from what this thread starts meanwhile."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -111,12 +111,13 @@ def run_study(
     jobs = jobs_of(scenario)
     finished: dict[Job, Result] = {}
     with clock.part("simulate", len(jobs)):
-        for job, result in execute(prepared, jobs, processes):
-            finished[job] = result
-            if store:
-                store.save_series(result.name, result.run)
-                store.save_results(prepared, _collect(prepared, jobs, finished), clock.seconds)
-            clock.watcher.done(result.name)
+        with closing(execute(prepared, jobs, processes)) as done:  # ends the workers on errors
+            for job, result in done:
+                finished[job] = result
+                if store:
+                    store.save_series(result.name, result.run)
+                    store.save_results(prepared, _collect(prepared, jobs, finished), clock.seconds)
+                clock.watcher.done(result.name)
     results = _collect(prepared, jobs, finished)
     tables = study_tables(
         results,

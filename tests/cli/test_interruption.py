@@ -1,0 +1,135 @@
+"""What is left of a command that is ended: its results, its one line, and no process."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+PROC = Path("/proc")
+PATIENCE = 200  # s, for what takes two seconds on an idle desktop computer
+
+pytestmark = pytest.mark.skipif(not (PROC / "self/stat").exists(), reason="needs Linux's /proc")
+
+
+def alive(group):
+    """Command lines of the group's processes, by process id."""
+    found = {}
+    for folder in PROC.glob("[0-9]*"):
+        try:
+            state, _, its_group = (folder / "stat").read_text().rsplit(")", 1)[1].split()[:3]
+            if int(its_group) == group and state != "Z":
+                found[int(folder.name)] = (folder / "cmdline").read_text()
+        except OSError:  # it ended meanwhile
+            continue
+    return found
+
+
+def workers(group):
+    return [pid for pid, command in alive(group).items() if "spawn_main" in command]
+
+
+def wait_for(happened, seconds=PATIENCE):
+    until = time.monotonic() + seconds
+    while not happened():
+        assert time.monotonic() < until, f"waited {seconds} s in vain"
+        time.sleep(0.02)
+
+
+@contextmanager
+def compare(folder):
+    """The whole study on two workers, in a process group of its own."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "omnidrive", "compare", "--out", "cut", "--jobs", "2"],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            yield process
+        finally:
+            if alive(process.pid):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def finish(process):
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert "Traceback" not in errors
+    return " ".join(errors.split())
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_no_worker_outlives_the_command(tmp_path, number):
+    with compare(tmp_path) as process:
+        wait_for((tmp_path / "cut" / "results.json").exists)  # both workers are at work
+        process.send_signal(number)
+        process.wait(PATIENCE)
+        wait_for(lambda: not alive(process.pid), 5)
+        errors = finish(process)
+    if number == signal.SIGKILL:
+        assert process.returncode == -number
+    else:
+        assert process.returncode == 128 + number
+        assert "interrupted" in errors
+    assert json.loads((tmp_path / "cut" / "results.json").read_text())["runs"]
+
+
+def test_a_closed_terminal_ends_all_without_a_traceback(tmp_path):
+    with compare(tmp_path) as process:
+        wait_for(lambda: workers(process.pid))
+        os.killpg(process.pid, signal.SIGHUP)
+        assert "interrupted" in finish(process)
+        wait_for(lambda: not alive(process.pid), 5)
+    assert process.returncode == 128 + signal.SIGHUP
+
+
+@pytest.mark.parametrize("later", [0.0, 0.3, 0.8, 1.5])
+def test_ctrl_c_while_workers_start_ends_without_a_traceback(tmp_path, later):
+    with compare(tmp_path) as process:
+        wait_for(lambda: workers(process.pid))
+        time.sleep(later)
+        os.killpg(process.pid, signal.SIGINT)
+        assert "interrupted" in finish(process)
+        wait_for(lambda: not alive(process.pid), 5)
+    assert process.returncode == 130
+
+
+@pytest.mark.parametrize("later", [0.0, 0.01, 0.02])
+def test_ctrl_c_just_before_workers_start_is_as_orderly(tmp_path, later):
+    with compare(tmp_path) as process:
+        wait_for((tmp_path / "cut").exists)
+        time.sleep(later)
+        os.killpg(process.pid, signal.SIGINT)
+        assert "interrupted" in finish(process)
+        wait_for(lambda: not alive(process.pid), 5)
+    assert process.returncode == 130
+
+
+def test_a_second_ctrl_c_ends_at_once(tmp_path):
+    with compare(tmp_path) as process:
+        wait_for((tmp_path / "cut" / "results.json").exists)
+        while process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+        finish(process)
+        wait_for(lambda: not alive(process.pid), 5)
+    assert process.returncode in {130, -signal.SIGINT}
+
+
+def test_a_killed_worker_is_reported_and_what_was_finished_is_kept(tmp_path):
+    results = tmp_path / "cut" / "results.json"
+    with compare(tmp_path) as process:
+        wait_for(results.exists)
+        os.kill(workers(process.pid)[0], signal.SIGKILL)
+        errors = finish(process)
+    assert process.returncode == 1
+    assert "a worker process was killed" in errors
+    assert "--jobs 1" in errors
+    assert "fault of omnidrive" not in errors
+    assert json.loads(results.read_text())["runs"]
