@@ -110,14 +110,16 @@ def run_study(
         store.save_demand(prepared)
     jobs = jobs_of(scenario)
     finished: dict[Job, Result] = {}
-    with clock.part("simulate", len(jobs)):
-        with closing(execute(prepared, jobs, processes)) as done:  # ends the workers on errors
-            for job, result in done:
-                finished[job] = result
-                if store:
-                    store.save_series(result.name, result.run)
-                    store.save_results(prepared, _collect(prepared, jobs, finished), clock.seconds)
-                clock.watcher.done(result.name)
+    with (
+        clock.part("simulate", len(jobs)),
+        closing(execute(prepared, jobs, processes)) as done,  # an error ends the workers
+    ):
+        for job, result in done:
+            finished[job] = result
+            if store:
+                store.save_series(result.name, result.run)
+                store.save_results(prepared, _collect(prepared, jobs, finished), clock.seconds)
+            clock.watcher.done(result.name)
     results = _collect(prepared, jobs, finished)
     tables = study_tables(
         results,
