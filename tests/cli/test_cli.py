@@ -201,3 +201,15 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
     assert "interrupted" in errors
     assert "Traceback" not in errors
     assert json.loads(results.read_text())["runs"]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+def test_output_to_a_full_disk_is_said_so(tmp_path):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "omnidrive", "compare", *QUICK],
+            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert "no space is left where the output goes" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from errno import ENOSPC, EPIPE
 from importlib.metadata import version
 from types import FrameType
 from typing import Annotated
@@ -109,8 +110,11 @@ def _explain(error: BaseException) -> int:
     if isinstance(error, OmnidriveError):
         _complain(str(error))
         return 1 if isinstance(error, RunFailed | WorkerLost) else 2
-    if isinstance(error, BrokenPipeError):  # the reader of our output has gone
+    if isinstance(error, OSError) and error.errno in {EPIPE, ENOSPC}:  # where stdout goes
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if error.errno == ENOSPC:  # else the reader of our output has gone, and knows it
+            _complain("no space is left where the output goes; what was finished before is kept")
+            return 2
         return 1
     if os.environ.get("OMNIDRIVE_TRACEBACK"):
         raise error
