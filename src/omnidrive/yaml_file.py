@@ -51,6 +51,7 @@ class _Loader(yaml.SafeLoader):
     """YAML without aliases, which can make a short file enormous, and with finite numbers."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
+        """Refuse an alias."""
         if self.check_event(yaml.AliasEvent):
             raise yaml.YAMLError("aliases (*name) are not allowed")
         return super().compose_node(parent, index)
@@ -68,6 +69,7 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
     def construct_number(self, node: Any) -> int:
+        """Refuse an integer that no float can hold."""
         value: int = self.construct_yaml_int(node)
         try:
             float(value)
