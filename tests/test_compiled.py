@@ -9,7 +9,7 @@ from pathlib import Path
 import omnidrive
 
 PROGRAM = """
-from omnidrive.control.fuzzy import fuzzy_tuner
+from omnidrive.control.pid import fuzzy_tuner
 print(fuzzy_tuner("t1", "paper")(0.4, -0.3))
 """
 

@@ -7,24 +7,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omnidrive.control.fuzzy import INPUT_SETS, OUTPUT_SETS, Footprint, fuzzy_tuner
-from omnidrive.control.fuzzy.centroid import exact_centroid
-from omnidrive.control.fuzzy.rules import LABELS, paper_rules, published_rules
-from omnidrive.control.fuzzy.sets import CRISP, lagged, sampled
-from omnidrive.control.fuzzy.type1 import (
+from omnidrive.control.pid import INPUT_SETS, OUTPUT_SETS, Footprint, fuzzy_tuner
+from omnidrive.control.pid.centroid import exact_centroid
+from omnidrive.control.pid.rules import LABELS, paper_rules, published_rules
+from omnidrive.control.pid.sets import CRISP, lagged, sampled
+from omnidrive.control.pid.type1 import (
     SAMPLES,
     ExactType1,
     SampledType1,
     exact_type1,
     sampled_type1,
 )
-from omnidrive.control.fuzzy.type2 import (
+from omnidrive.control.pid.type2 import (
     CentreOfSetsType2,
     CentroidType2,
     centre_of_sets_type2,
     centroid_type2,
 )
-from omnidrive.control.fuzzy.type_reduction import karnik_mendel, set_centroids
+from omnidrive.control.pid.type_reduction import karnik_mendel, set_centroids
 from tests.shared_data import shared, shared_table
 
 FOOTPRINT = Footprint(scale=1.0, lag=0.3)

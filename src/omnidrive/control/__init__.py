@@ -2,8 +2,8 @@
 
 from omnidrive.control.controller import Command, Controller, Status
 from omnidrive.control.feedforward import FeedforwardController, FeedforwardGains
-from omnidrive.control.fuzzy import FuzzyPidController, fuzzy_pid
 from omnidrive.control.nmpc import NmpcController, unicycle_nmpc
+from omnidrive.control.pid import FuzzyPidController, fuzzy_pid
 
 __all__ = [
     "Command",

@@ -7,8 +7,8 @@ from math import isfinite, nan
 
 import numpy as np
 
-from omnidrive.control.fuzzy.rules import LABELS, paper_rules
-from omnidrive.control.fuzzy.rules import published_rules as code_rules
+from omnidrive.control.pid.rules import LABELS, paper_rules
+from omnidrive.control.pid.rules import published_rules as code_rules
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
 from omnidrive.simulation import Outcome

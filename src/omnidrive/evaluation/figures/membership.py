@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.control.fuzzy.sets import INPUT_SETS, OUTPUT_SETS, Footprint, lagged
+from omnidrive.control.pid.sets import INPUT_SETS, OUTPUT_SETS, Footprint, lagged
 from omnidrive.evaluation.figures.style import canvas
 
 Array = np.ndarray

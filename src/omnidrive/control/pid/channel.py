@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from omnidrive.control.fuzzy.pid import (
+from omnidrive.control.pid.laws import (
     MemorylessParameters,
     PidState,
     SelfTuningParameters,
@@ -14,7 +14,7 @@ from omnidrive.control.fuzzy.pid import (
     self_tuning_law,
     tuned,
 )
-from omnidrive.control.fuzzy.type1 import GainChange
+from omnidrive.control.pid.type1 import GainChange
 
 Tuner = Callable[[float, float], GainChange]
 """From the scaled size of the error and its scaled change to the changes of kp, ki and kd."""

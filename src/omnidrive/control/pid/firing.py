@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
-from omnidrive.control.fuzzy.sets import membership
+from omnidrive.control.pid.sets import membership
 
 Array = np.ndarray
 

@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
-from omnidrive.control.fuzzy.centroid import cut_union
-from omnidrive.control.fuzzy.firing import memberships, strongest, summed
-from omnidrive.control.fuzzy.sets import INPUT_SETS, OUTPUT_SETS, Footprint, lagged, sampled
-from omnidrive.control.fuzzy.type1 import SAMPLES, GainChange
-from omnidrive.control.fuzzy.type_reduction import karnik_mendel, set_centroids
+from omnidrive.control.pid.centroid import cut_union
+from omnidrive.control.pid.firing import memberships, strongest, summed
+from omnidrive.control.pid.sets import INPUT_SETS, OUTPUT_SETS, Footprint, lagged, sampled
+from omnidrive.control.pid.type1 import SAMPLES, GainChange
+from omnidrive.control.pid.type_reduction import karnik_mendel, set_centroids
 
 Array = np.ndarray
 

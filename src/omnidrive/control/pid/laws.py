@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from omnidrive.control.fuzzy.type1 import GainChange
+from omnidrive.control.pid.type1 import GainChange
 from omnidrive.parameter import Bounds
 
 

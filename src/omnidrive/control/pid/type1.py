@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
-from omnidrive.control.fuzzy.centroid import cut_union, exact_centroid, sampled_centroid
-from omnidrive.control.fuzzy.firing import memberships, strongest
-from omnidrive.control.fuzzy.sets import INPUT_SETS, OUTPUT_SETS, sampled
+from omnidrive.control.pid.centroid import cut_union, exact_centroid, sampled_centroid
+from omnidrive.control.pid.firing import memberships, strongest
+from omnidrive.control.pid.sets import INPUT_SETS, OUTPUT_SETS, sampled
 
 Array = np.ndarray
 

@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.control import Controller, Status
-from omnidrive.control.fuzzy import (
+from omnidrive.control.pid import (
     FuzzyPidController,
     MemorylessParameters,
     SelfTuningParameters,
     fuzzy_pid,
 )
-from omnidrive.control.fuzzy.pid import Gains, PidState, self_tuning_law, tuned
+from omnidrive.control.pid.laws import Gains, PidState, self_tuning_law, tuned
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose, to_world, wrap
 from omnidrive.parameter import bounds_of

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.compiled import compiled
-from omnidrive.control.fuzzy.sets import Footprint, lagged
+from omnidrive.control.pid.sets import Footprint, lagged
 
 Array = np.ndarray
 

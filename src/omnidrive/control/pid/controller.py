@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omnidrive.control.controller import Command
-from omnidrive.control.fuzzy.channel import Channel
+from omnidrive.control.pid.channel import Channel
 from omnidrive.geometry import Pose, WorldTwist, to_body, wrap
 from omnidrive.reference import Reference
 

@@ -1,25 +1,22 @@
-"""Named fuzzy PID controllers: the paper's text, and what its published code did."""
+"""Fuzzy systems that tune gains: the paper's text, and what its published code used."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from math import isfinite
 from typing import Literal
 
-from omnidrive.control.fuzzy.channel import MemorylessChannel, SelfTuningChannel, Tuner
-from omnidrive.control.fuzzy.controller import FuzzyPidController
-from omnidrive.control.fuzzy.pid import MemorylessParameters, SelfTuningParameters
-from omnidrive.control.fuzzy.rules import paper_rules, published_rules
-from omnidrive.control.fuzzy.sets import Footprint
-from omnidrive.control.fuzzy.type1 import (
+from omnidrive.control.pid.channel import Tuner
+from omnidrive.control.pid.rules import paper_rules, published_rules
+from omnidrive.control.pid.sets import Footprint
+from omnidrive.control.pid.type1 import (
     ExactType1,
     GainChange,
     SampledType1,
     exact_type1,
     sampled_type1,
 )
-from omnidrive.control.fuzzy.type2 import (
+from omnidrive.control.pid.type2 import (
     CentreOfSetsType2,
     CentroidType2,
     centre_of_sets_type2,
@@ -36,9 +33,6 @@ PUBLISHED_INPUTS = Footprint(scale=0.7, lag=0.2)
 """Of the input sets, in the published code."""
 PUBLISHED_OUTPUTS = Footprint(scale=1.0, lag=0.2)
 """Of the output sets, in the published code: Matlab's default."""
-
-MAX_YAW_RATE = 3.14
-"""Limit of the paper's predictive controller, in rad/s."""
 
 
 def _middle(
@@ -90,29 +84,3 @@ def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
         known = ", ".join(f"{k} of {p}" for p, k in _TUNERS)
         raise InvalidInput(f"there is no fuzzy system {kind} of {preset}; there are {known}")
     return _TUNERS[preset, kind]()
-
-
-def fuzzy_pid(kind: Kind, preset: Preset, dt: float) -> FuzzyPidController:
-    """Self-tuning PID controller.
-
-    Args:
-        kind: ``t1`` for type-1 sets, ``t2`` for interval type-2 sets.
-        preset: ``paper`` follows the paper's text, mended where it diverges;
-            ``published-code`` does what the author's code did: proportional control.
-        dt: Sample time in s.
-
-    Raises:
-        InvalidInput: ``dt`` is not positive, or there is no such kind or preset.
-    """
-    if not (isfinite(dt) and dt > 0.0):
-        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
-    tune = fuzzy_tuner(kind, preset)
-    if preset == "published-code":
-        channel = MemorylessChannel(tune, MemorylessParameters())
-        return FuzzyPidController(dt, channel, channel, wraps=False)
-    return FuzzyPidController(
-        dt,
-        SelfTuningChannel(tune, dt, SelfTuningParameters()),
-        SelfTuningChannel(tune, dt, SelfTuningParameters(limit=MAX_YAW_RATE)),
-        wraps=True,
-    )
