@@ -2,6 +2,7 @@
 
 OmnidriveError
 ├── InvalidInput(ValueError)      a caller passed a value the docs forbid
+│   ├── InvalidFuzzyFile          a fuzzy system's file that is missing, malformed or too large
 │   ├── InvalidGeometry           a chassis whose wheels cannot produce every twist
 │   ├── InvalidMap                a map file that is missing, malformed or too large
 │   ├── InvalidPlace              a start or goal outside the map or inside an obstacle
@@ -25,6 +26,10 @@ class OmnidriveError(Exception):
 
 class InvalidInput(OmnidriveError, ValueError):
     """A caller passed a value outside its documented domain."""
+
+
+class InvalidFuzzyFile(InvalidInput):
+    """A file that does not hold a fuzzy system."""
 
 
 class InvalidGeometry(InvalidInput):

@@ -1,0 +1,275 @@
+"""Membership functions: Matlab's family, and curves through given points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf, isfinite
+from typing import NamedTuple, overload
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.compiled import compiled
+from omnidrive.errors import InvalidInput
+
+Array = np.ndarray
+
+TRAPEZOID, SMOOTH, GAUSS, BELL, SIGMOID_DIFFERENCE, SIGMOID_PRODUCT, POINTS = range(7)
+
+
+class Shape(NamedTuple):
+    """One kind of membership function."""
+
+    parameters: tuple[str, ...]
+    """Names of the parameters, in Matlab's order; empty where their number is free."""
+    ascending: bool
+    """Whether the parameters must ascend."""
+    positive: tuple[int, ...]
+    """Which parameters must not be zero."""
+    kernel: int
+    """Which of the compiled curves draws it."""
+    curve: Callable[..., tuple[float, float, float, float]]
+    """From the parameters to those of the compiled curve."""
+
+
+def _same(a: float, b: float, c: float, d: float) -> tuple[float, float, float, float]:
+    return a, b, c, d
+
+
+SHAPES: dict[str, Shape] = {
+    "trimf": Shape(("a", "b", "c"), True, (), TRAPEZOID, lambda a, b, c: (a, b, b, c)),
+    "trapmf": Shape(("a", "b", "c", "d"), True, (), TRAPEZOID, _same),
+    "linzmf": Shape(("a", "b"), True, (), TRAPEZOID, lambda a, b: (-inf, -inf, a, b)),
+    "linsmf": Shape(("a", "b"), True, (), TRAPEZOID, lambda a, b: (a, b, inf, inf)),
+    "zmf": Shape(("a", "b"), True, (), SMOOTH, lambda a, b: (-inf, -inf, a, b)),
+    "smf": Shape(("a", "b"), True, (), SMOOTH, lambda a, b: (a, b, inf, inf)),
+    "pimf": Shape(("a", "b", "c", "d"), True, (), SMOOTH, _same),
+    "gaussmf": Shape(("sigma", "c"), False, (0,), GAUSS, lambda s, c: (s, c, s, c)),
+    "gauss2mf": Shape(("sigma1", "c1", "sigma2", "c2"), False, (0, 2), GAUSS, _same),
+    "gbellmf": Shape(("a", "b", "c"), False, (0,), BELL, lambda a, b, c: (a, b, c, 0.0)),
+    "sigmf": Shape(("a", "c"), False, (), SIGMOID_PRODUCT, lambda a, c: (a, c, 0.0, 0.0)),
+    "dsigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_DIFFERENCE, _same),
+    "psigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_PRODUCT, _same),
+    "pointsmf": Shape((), True, (), POINTS, _same),
+}
+"""Every shape by its name in Matlab; ``pointsmf``, which Matlab has not, has x1, y1, x2, y2, ..."""
+
+MAX_POINTS = 10_000
+"""Most points of a ``pointsmf``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Membership:
+    """A membership function: from a number to the degree, 0 to 1, to which it belongs.
+
+    The formulas are Matlab's (Fuzzy Logic Toolbox, "Foundations of Fuzzy Logic"). Where a side is
+    vertical the function is 1 at it.
+
+    Attributes:
+        shape: One of :data:`SHAPES`.
+        parameters: As Matlab orders them, in the unit of the variable; for ``pointsmf`` the pairs
+            x, y of a polyline with ascending x that is constant beyond its ends.
+
+    Raises:
+        InvalidInput: There is no such shape, or the parameters do not describe one.
+    """
+
+    shape: str
+    parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        kind = SHAPES.get(self.shape)
+        if kind is None:
+            raise InvalidInput(
+                f"there is no membership function {self.shape!r}; there are {', '.join(SHAPES)}"
+            )
+        object.__setattr__(self, "parameters", tuple(map(float, self.parameters)))
+        p, name = self.parameters, f"{self.shape} {_listed(self.parameters)}"
+        if not all(map(isfinite, p)):
+            raise InvalidInput(f"{name}: every parameter must be finite")
+        if kind.kernel == POINTS:
+            _check_points(name, p)
+            return
+        if len(p) != len(kind.parameters):
+            raise InvalidInput(
+                f"{name}: needs {len(kind.parameters)} parameters "
+                f"({', '.join(kind.parameters)}), got {len(p)}"
+            )
+        if kind.ascending and any(a > b for a, b in pairwise(p)):
+            raise InvalidInput(f"{name}: needs {' <= '.join(kind.parameters)}")
+        if kind.ascending and p[0] == p[-1] and self.shape in {"trimf", "trapmf", "pimf"}:
+            raise InvalidInput(f"{name}: has no width")
+        if any(p[k] == 0.0 for k in kind.positive):
+            raise InvalidInput(f"{name}: {kind.parameters[kind.positive[0]]} must not be 0")
+
+    @overload
+    def __call__(self, x: float) -> float: ...
+    @overload
+    def __call__(self, x: Float[Array, "*shape"]) -> Float[Array, "*shape"]: ...
+    def __call__(self, x: float | Array) -> float | Array:
+        """Degree of membership of a number, or of every element of an array."""
+        at = np.asarray(x, dtype=np.float64)
+        kernel, curve, points = drawn((self,))
+        degrees = np.array([degree(kernel[0], curve[0], points, v) for v in at.ravel().tolist()])
+        return degrees.reshape(at.shape) if at.ndim else float(degrees[0])
+
+    @property
+    def is_piecewise_linear(self) -> bool:
+        """Whether it is made of straight lines."""
+        return SHAPES[self.shape].kernel in {TRAPEZOID, POINTS}
+
+    @property
+    def vertices(self) -> tuple[tuple[float, float], ...]:
+        """Its corners (x, degree), left to right, where it is piecewise linear.
+
+        A vertical side is two corners with one x. Beyond the first and last it is constant.
+        """
+        if not self.is_piecewise_linear:
+            raise InvalidInput(f"{self.shape} is not piecewise linear")
+        p = self.parameters
+        if self.shape == "pointsmf":
+            return tuple(zip(p[::2], p[1::2], strict=True))
+        a, b, c, d = SHAPES[self.shape].curve(*p)
+        corners = [(a, 0.0), (b, 1.0)] if isfinite(a) else []
+        corners += [(c, 1.0), (d, 0.0)] if isfinite(d) else []
+        return tuple(dict.fromkeys(corners))
+
+    @property
+    def middle(self) -> float:
+        """Where its left side ends and its right side begins."""
+        p = self.parameters
+        if self.shape == "pointsmf":
+            top = max(p[1::2])
+            peaks = [x for x, y in self.vertices if y == top]
+            return 0.5 * (peaks[0] + peaks[-1])
+        if self.shape in {"sigmf", "linsmf", "linzmf", "smf", "zmf"}:
+            rises = p[0] >= 0.0 if self.shape == "sigmf" else self.shape in {"linsmf", "smf"}
+            return inf if rises else -inf
+        at = {"gaussmf": (1, 1), "gauss2mf": (1, 3), "gbellmf": (2, 2), "trimf": (1, 1)}
+        i, j = at.get(self.shape, (1, 2) if "sig" not in self.shape else (1, 3))
+        return 0.5 * (p[i] + p[j])
+
+    def __str__(self) -> str:
+        return f"{self.shape} {_listed(self.parameters)}"
+
+
+def _listed(parameters: tuple[float, ...]) -> str:
+    shown = " ".join(f"{p:.10g}" for p in parameters[:8])
+    return f"[{shown}{' ...' if len(parameters) > 8 else ''}]"
+
+
+def _check_points(name: str, p: tuple[float, ...]) -> None:
+    if len(p) < 2 or len(p) % 2 or len(p) > 2 * MAX_POINTS:
+        raise InvalidInput(
+            f"{name}: needs 1 to {MAX_POINTS} pairs of x and degree, got {len(p)} numbers"
+        )
+    if any(a > b for a, b in pairwise(p[::2])):
+        raise InvalidInput(f"{name}: the x of its points must ascend")
+    if not all(0.0 <= y <= 1.0 for y in p[1::2]):
+        raise InvalidInput(f"{name}: every degree must lie in [0, 1]")
+
+
+def drawn(
+    functions: tuple[Membership, ...],
+) -> tuple[Int[Array, " functions"], Float[Array, "functions 4"], Float[Array, "points 2"]]:
+    """What :func:`degree` reads: kernel and curve of each function, and the points of all."""
+    kernels, curves, points = [], [], []
+    for function in functions:
+        kind = SHAPES[function.shape]
+        kernels.append(kind.kernel)
+        if kind.kernel == POINTS:
+            curves.append((float(len(points)), len(function.parameters) / 2, 0.0, 0.0))
+            points += list(zip(function.parameters[::2], function.parameters[1::2], strict=True))
+        else:
+            curves.append(kind.curve(*function.parameters))
+    return (
+        np.array(kernels, dtype=np.int64),
+        np.array(curves, dtype=np.float64).reshape(-1, 4),
+        np.array(points, dtype=np.float64).reshape(-1, 2),
+    )
+
+
+@compiled
+def degree(  # noqa: PLR0911
+    kernel: int, curve: Float[Array, " 4"], points: Float[Array, "points 2"], x: float
+) -> float:
+    """Degree of membership of ``x`` in the function that ``kernel`` and ``curve`` describe."""
+    if kernel == TRAPEZOID:
+        return _trapezoid(curve, x)
+    if kernel == SMOOTH:
+        return _smooth(curve, x)
+    if kernel == GAUSS:
+        return _gauss(curve, x)
+    if kernel == BELL:
+        return 1.0 / (1.0 + abs((x - curve[2]) / curve[0]) ** (2.0 * curve[1]))
+    if kernel == SIGMOID_DIFFERENCE:
+        return abs(_sigmoid(curve[0], curve[1], x) - _sigmoid(curve[2], curve[3], x))
+    if kernel == SIGMOID_PRODUCT:
+        second = 1.0 if curve[2] == 0.0 and curve[3] == 0.0 else _sigmoid(curve[2], curve[3], x)
+        return _sigmoid(curve[0], curve[1], x) * second
+    return _polyline(points, int(curve[0]), int(curve[1]), x)
+
+
+@compiled
+def _trapezoid(curve: Float[Array, " 4"], x: float) -> float:
+    a, b, c, d = curve[0], curve[1], curve[2], curve[3]
+    if x < a or x > d:
+        return 0.0
+    if x < b:
+        return (x - a) / (b - a)
+    if x > c:
+        return (d - x) / (d - c)
+    return 1.0
+
+
+@compiled
+def _smooth(curve: Float[Array, " 4"], x: float) -> float:
+    """Two parabolas up, two down (Zadeh's S and Z curves)."""
+    a, b, c, d = curve[0], curve[1], curve[2], curve[3]
+    if x < b:
+        if x <= a:
+            return 0.0
+        s = (x - a) / (b - a)
+        rise = 2.0 * s * s if s <= 0.5 else 1.0 - 2.0 * (1.0 - s) ** 2
+    else:
+        rise = 1.0
+    if x > c:
+        if x >= d:
+            return 0.0
+        s = (d - x) / (d - c)
+        return rise * (2.0 * s * s if s <= 0.5 else 1.0 - 2.0 * (1.0 - s) ** 2)
+    return rise
+
+
+@compiled
+def _gauss(curve: Float[Array, " 4"], x: float) -> float:
+    left = np.exp(-0.5 * ((x - curve[1]) / curve[0]) ** 2) if x < curve[1] else 1.0
+    right = np.exp(-0.5 * ((x - curve[3]) / curve[2]) ** 2) if x > curve[3] else 1.0
+    return left * right
+
+
+@compiled
+def _sigmoid(slope: float, centre: float, x: float) -> float:
+    return 1.0 / (1.0 + np.exp(-slope * (x - centre)))
+
+
+@compiled
+def _polyline(points: Float[Array, "points 2"], first: int, count: int, x: float) -> float:
+    """Straight lines between points; the greater degree where two share an x."""
+    last = first + count - 1
+    if x < points[first, 0]:
+        return points[first, 1]
+    if x > points[last, 0]:
+        return points[last, 1]
+    best = -1.0
+    for k in range(first, last + 1):
+        if points[k, 0] == x:
+            best = max(best, points[k, 1])
+        elif points[k, 0] > x:
+            if best >= 0.0:
+                return best
+            x0, y0 = points[k - 1, 0], points[k - 1, 1]
+            return y0 + (points[k, 1] - y0) * (x - x0) / (points[k, 0] - x0)
+    return best

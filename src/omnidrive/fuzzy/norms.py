@@ -1,0 +1,88 @@
+"""t-norms, t-conorms and hedges: what "and", "or" and "very" do to degrees."""
+
+from __future__ import annotations
+
+from omnidrive.compiled import compiled
+
+NORMS: dict[str, int] = {
+    "min": 0,
+    "prod": 1,
+    "lukasiewicz": 2,
+    "drastic": 3,
+    "einstein": 4,
+    "hamacher": 5,
+    "nilpotent": 6,
+}
+"""t-norms, by name: what "and" does. ``lukasiewicz`` is the bounded difference."""
+
+CONORMS: dict[str, int] = {
+    "max": 0,
+    "probor": 1,
+    "bsum": 2,
+    "drastic": 3,
+    "einstein": 4,
+    "hamacher": 5,
+    "nilpotent": 6,
+}
+"""t-conorms, by name: what "or" does. ``probor`` is a + b - a b, ``bsum`` the bounded sum."""
+
+AGGREGATIONS: dict[str, int] = {**CONORMS, "sum": 7}
+"""How conclusions are joined: a t-conorm, or Matlab's ``sum``, which may exceed 1."""
+
+IMPLICATIONS: dict[str, int] = {"min": 0, "prod": 1}
+"""How the strength of a rule shapes its conclusion: ``min`` cuts it, ``prod`` scales it."""
+
+
+@compiled
+def conjoin(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
+    """t-norm of two degrees (Klement, Mesiar & Pap, "Triangular Norms", 2000)."""
+    if norm == 0:
+        return min(a, b)
+    if norm == 1:
+        return a * b
+    if norm == 2:
+        return max(0.0, a + b - 1.0)
+    if norm == 3:
+        return min(a, b) if max(a, b) == 1.0 else 0.0
+    if norm == 4:
+        return a * b / (2.0 - (a + b - a * b))
+    if norm == 5:
+        return a * b / (a + b - a * b) if a + b > 0.0 else 0.0
+    return min(a, b) if a + b > 1.0 else 0.0
+
+
+@compiled
+def disjoin(conorm: int, a: float, b: float) -> float:
+    """t-conorm of two degrees, or their sum: the dual of :func:`conjoin` of the same number."""
+    if conorm == 0:
+        return max(a, b)
+    if conorm == 7:
+        return a + b
+    return 1.0 - conjoin(conorm, 1.0 - a, 1.0 - b)
+
+
+HEDGE_CODES: dict[str, int] = {
+    "not": 0,
+    "any": 1,
+    "very": 2,
+    "somewhat": 3,
+    "extremely": 4,
+    "seldom": 5,
+}
+"""Hedges, by name; all but "not" are monotone. fuzzylite's definitions (after Zadeh 1972)."""
+
+
+@compiled
+def hedged(hedge: int, a: float) -> float:
+    """Degree under a hedge."""
+    if hedge == 0:
+        return 1.0 - a
+    if hedge == 1:
+        return 1.0
+    if hedge == 2:
+        return a * a
+    if hedge == 3:
+        return a**0.5
+    if hedge == 4:
+        return 2.0 * a * a if a <= 0.5 else 1.0 - 2.0 * (1.0 - a) ** 2
+    return (0.5 * a) ** 0.5 if a <= 0.5 else 1.0 - (0.5 * (1.0 - a)) ** 0.5
