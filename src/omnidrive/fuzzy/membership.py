@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf, isfinite
+from math import exp, inf, isfinite
 from typing import NamedTuple, overload
 
 import numpy as np
@@ -49,7 +49,7 @@ SHAPES: dict[str, Shape] = {
     "gaussmf": Shape(("sigma", "c"), False, (0,), GAUSS, lambda s, c: (s, c, s, c)),
     "gauss2mf": Shape(("sigma1", "c1", "sigma2", "c2"), False, (0, 2), GAUSS, _same),
     "gbellmf": Shape(("a", "b", "c"), False, (0,), BELL, lambda a, b, c: (a, b, c, 0.0)),
-    "sigmf": Shape(("a", "c"), False, (), SIGMOID_PRODUCT, lambda a, c: (a, c, 0.0, 0.0)),
+    "sigmf": Shape(("a", "c"), False, (), SIGMOID_PRODUCT, lambda a, c: (a, c, 1.0, -inf)),
     "dsigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_DIFFERENCE, _same),
     "psigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_PRODUCT, _same),
     "pointsmf": Shape((), True, (), POINTS, _same),
@@ -111,8 +111,8 @@ class Membership:
     def __call__(self, x: float | Array) -> float | Array:
         """Degree of membership of a number, or of every element of an array."""
         at = np.asarray(x, dtype=np.float64)
-        kernel, curve, points = drawn((self,))
-        degrees = np.array([degree(kernel[0], curve[0], points, v) for v in at.ravel().tolist()])
+        curves = Curves.of((self,))
+        degrees = np.array([degree(curves, 0, v) for v in at.ravel().tolist()])
         return degrees.reshape(at.shape) if at.ndim else float(degrees[0])
 
     @property
@@ -171,105 +171,91 @@ def _check_points(name: str, p: tuple[float, ...]) -> None:
         raise InvalidInput(f"{name}: every degree must lie in [0, 1]")
 
 
-def drawn(
-    functions: tuple[Membership, ...],
-) -> tuple[Int[Array, " functions"], Float[Array, "functions 4"], Float[Array, "points 2"]]:
-    """What :func:`degree` reads: kernel and curve of each function, and the points of all."""
-    kernels, curves, points = [], [], []
-    for function in functions:
-        kind = SHAPES[function.shape]
-        kernels.append(kind.kernel)
-        if kind.kernel == POINTS:
-            curves.append((float(len(points)), len(function.parameters) / 2, 0.0, 0.0))
-            points += list(zip(function.parameters[::2], function.parameters[1::2], strict=True))
-        else:
-            curves.append(kind.curve(*function.parameters))
-    return (
-        np.array(kernels, dtype=np.int64),
-        np.array(curves, dtype=np.float64).reshape(-1, 4),
-        np.array(points, dtype=np.float64).reshape(-1, 2),
-    )
+class Curves(NamedTuple):
+    """Membership functions as :func:`degree` reads them, flat, one after the other."""
+
+    kernels: Int[Array, " functions"]
+    """Which curve each function is."""
+    parameters: Float[Array, " 4*functions"]
+    """Four numbers of each; of a polyline: its first point and their number."""
+    points: Float[Array, " 2*points"]
+    """x and degree of every point of every polyline."""
+
+    @staticmethod
+    def of(functions: Sequence[Membership]) -> Curves:
+        """Curves of the functions, in their order."""
+        kernels: list[int] = []
+        parameters: list[float] = []
+        points: list[float] = []
+        for function in functions:
+            kind = SHAPES[function.shape]
+            kernels.append(kind.kernel)
+            if kind.kernel == POINTS:
+                parameters += [len(points) / 2, len(function.parameters) / 2, 0.0, 0.0]
+                points += function.parameters
+            else:
+                parameters += kind.curve(*function.parameters)
+        return Curves(np.array(kernels, dtype=np.int64), np.array(parameters), np.array(points))
 
 
 @compiled
-def degree(  # noqa: PLR0911
-    kernel: int, curve: Float[Array, " 4"], points: Float[Array, "points 2"], x: float
-) -> float:
-    """Degree of membership of ``x`` in the function that ``kernel`` and ``curve`` describe."""
+def degree(curves: Curves, k: int, x: float) -> float:  # noqa: PLR0911
+    """Degree of membership of ``x`` in the function with number ``k``."""
+    kernel = curves.kernels[k]
+    p: float = curves.parameters[4 * k]
+    q: float = curves.parameters[4 * k + 1]
+    r: float = curves.parameters[4 * k + 2]
+    s: float = curves.parameters[4 * k + 3]
     if kernel == TRAPEZOID:
-        return _trapezoid(curve, x)
+        if x < p or x > s:
+            return 0.0
+        if x < q:
+            return (x - p) / (q - p)
+        return (s - x) / (s - r) if x > r else 1.0
     if kernel == SMOOTH:
-        return _smooth(curve, x)
+        return _rise(p, q, x) * _rise(-s, -r, -x)
     if kernel == GAUSS:
-        return _gauss(curve, x)
+        left = exp(-0.5 * ((x - q) / p) ** 2) if x < q else 1.0
+        return left * exp(-0.5 * ((x - s) / r) ** 2) if x > s else left
     if kernel == BELL:
-        return 1.0 / (1.0 + abs((x - curve[2]) / curve[0]) ** (2.0 * curve[1]))
+        away: float = abs((x - r) / p) ** (2.0 * q)
+        return 1.0 / (1.0 + away)
     if kernel == SIGMOID_DIFFERENCE:
-        return abs(_sigmoid(curve[0], curve[1], x) - _sigmoid(curve[2], curve[3], x))
+        return abs(_sigmoid(p, q, x) - _sigmoid(r, s, x))
     if kernel == SIGMOID_PRODUCT:
-        second = 1.0 if curve[2] == 0.0 and curve[3] == 0.0 else _sigmoid(curve[2], curve[3], x)
-        return _sigmoid(curve[0], curve[1], x) * second
-    return _polyline(points, int(curve[0]), int(curve[1]), x)
+        return _sigmoid(p, q, x) * _sigmoid(r, s, x)
+    return _polyline(curves.points, int(p), int(q), x)
 
 
 @compiled
-def _trapezoid(curve: Float[Array, " 4"], x: float) -> float:
-    a, b, c, d = curve[0], curve[1], curve[2], curve[3]
-    if x < a or x > d:
+def _rise(a: float, b: float, x: float) -> float:
+    """Two parabolas from 0 at a to 1 at b (Zadeh's S curve)."""
+    if x >= b:
+        return 1.0
+    if x <= a:
         return 0.0
-    if x < b:
-        return (x - a) / (b - a)
-    if x > c:
-        return (d - x) / (d - c)
-    return 1.0
-
-
-@compiled
-def _smooth(curve: Float[Array, " 4"], x: float) -> float:
-    """Two parabolas up, two down (Zadeh's S and Z curves)."""
-    a, b, c, d = curve[0], curve[1], curve[2], curve[3]
-    if x < b:
-        if x <= a:
-            return 0.0
-        s = (x - a) / (b - a)
-        rise = 2.0 * s * s if s <= 0.5 else 1.0 - 2.0 * (1.0 - s) ** 2
-    else:
-        rise = 1.0
-    if x > c:
-        if x >= d:
-            return 0.0
-        s = (d - x) / (d - c)
-        return rise * (2.0 * s * s if s <= 0.5 else 1.0 - 2.0 * (1.0 - s) ** 2)
-    return rise
-
-
-@compiled
-def _gauss(curve: Float[Array, " 4"], x: float) -> float:
-    left = np.exp(-0.5 * ((x - curve[1]) / curve[0]) ** 2) if x < curve[1] else 1.0
-    right = np.exp(-0.5 * ((x - curve[3]) / curve[2]) ** 2) if x > curve[3] else 1.0
-    return left * right
+    part = (x - a) / (b - a)
+    return 2.0 * part * part if part <= 0.5 else 1.0 - 2.0 * (1.0 - part) ** 2
 
 
 @compiled
 def _sigmoid(slope: float, centre: float, x: float) -> float:
-    return 1.0 / (1.0 + np.exp(-slope * (x - centre)))
+    return 1.0 / (1.0 + exp(-slope * (x - centre)))
 
 
 @compiled
-def _polyline(points: Float[Array, "points 2"], first: int, count: int, x: float) -> float:
+def _polyline(points: Float[Array, " 2*points"], first: int, count: int, x: float) -> float:
     """Straight lines between points; the greater degree where two share an x."""
     last = first + count - 1
-    if x < points[first, 0]:
-        return points[first, 1]
-    if x > points[last, 0]:
-        return points[last, 1]
-    best = -1.0
+    x0: float = points[2 * first]
+    y0: float = points[2 * first + 1]
+    best = y0 if x <= x0 else -1.0
     for k in range(first, last + 1):
-        if points[k, 0] == x:
-            best = max(best, points[k, 1])
-        elif points[k, 0] > x:
-            if best >= 0.0:
-                return best
-            x0, y0 = points[k - 1, 0], points[k - 1, 1]
-            return y0 + (points[k, 1] - y0) * (x - x0) / (points[k, 0] - x0)
-    return best
+        x1: float = points[2 * k]
+        y1: float = points[2 * k + 1]
+        if x1 == x:
+            best = max(best, y1)
+        elif x1 > x:
+            return best if best >= 0.0 else y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+        x0, y0 = x1, y1
+    return best if best >= 0.0 else y0

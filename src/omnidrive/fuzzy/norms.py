@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 from omnidrive.compiled import compiled
 
 NORMS: dict[str, int] = {
@@ -82,7 +84,7 @@ def hedged(hedge: int, a: float) -> float:
     if hedge == 2:
         return a * a
     if hedge == 3:
-        return a**0.5
+        return sqrt(a)
     if hedge == 4:
         return 2.0 * a * a if a <= 0.5 else 1.0 - 2.0 * (1.0 - a) ** 2
-    return (0.5 * a) ** 0.5 if a <= 0.5 else 1.0 - (0.5 * (1.0 - a)) ** 0.5
+    return sqrt(0.5 * a) if a <= 0.5 else 1.0 - sqrt(0.5 * (1.0 - a))

@@ -48,7 +48,7 @@ class Footprint:
         scale: Peak of the lower function over that of the upper one, 0 to 1.
         left: Lag of the left side: degree of the upper function up to which the lower is zero, 0
             to less than 1.
-        right: The same for the right side; None: as ``left``.
+        right: The same for the right side; given as None, it becomes ``left``.
     """
 
     scale: float = 1.0
@@ -56,6 +56,8 @@ class Footprint:
     right: float | None = None
 
     def __post_init__(self) -> None:
+        if self.right is None:
+            object.__setattr__(self, "right", self.left)
         if not 0.0 <= self.scale <= 1.0:
             raise InvalidInput(f"a footprint's scale must lie in [0, 1], got {self.scale:g}")
         for lag in self.lags:
@@ -89,6 +91,7 @@ class Secondary:
     lag: float = 0.0
 
     def __post_init__(self) -> None:
+        _as_floats(self, "spread", "scale", "lag")
         if not self.spread > 0.0:
             raise InvalidInput(f"a secondary's spread must be positive, got {self.spread:g}")
         Footprint(self.scale, self.lag)
@@ -133,6 +136,7 @@ class LinearFunction:
 
     def __post_init__(self) -> None:
         _check_name("function", self.name)
+        _as_floats(self, "constant")
         object.__setattr__(self, "coefficients", tuple(map(float, self.coefficients)))
         if not all(map(isfinite, (self.constant, *self.coefficients))):
             raise InvalidInput(f"function {self.name!r}: every coefficient must be finite")
@@ -155,6 +159,7 @@ class InputVariable:
     sets: tuple[FuzzySet, ...]
 
     def __post_init__(self) -> None:
+        _as_floats(self, "low", "high")
         _check_variable(self.name, self.low, self.high, self.sets)
 
     def gaps(self) -> list[tuple[float, float]]:
@@ -196,6 +201,7 @@ class OutputVariable:
     default: float | None = None
 
     def __post_init__(self) -> None:
+        _as_floats(self, "low", "high", "default")
         _check_variable(self.name, self.low, self.high, self.sets)
         kinds = {type(each) for each in self.sets}
         if len(kinds) > 1:
@@ -229,7 +235,14 @@ Variable = InputVariable | OutputVariable
 
 @dataclass(frozen=True, slots=True)
 class Is:
-    """``variable is [hedges] set``; hedges apply from the right, as in "not very cold"."""
+    """``variable is [hedges] set``; hedges apply from the right, as in "not very cold".
+
+    Attributes:
+        variable: Its name.
+        set: Its name; empty after the hedge "any", which takes no set: ``Is("x", "", ("any",))``
+            always holds.
+        hedges: Left to right; "any" only last.
+    """
 
     variable: str
     set: str
@@ -238,6 +251,11 @@ class Is:
     def __post_init__(self) -> None:
         for hedge in self.hedges:
             _check_choice("hedge", hedge, HEDGES)
+        if "any" in self.hedges[:-1] or (self.hedges[-1:] == ("any",)) != (not self.set):
+            raise InvalidInput(
+                f"{self.variable!r} is {' '.join((*self.hedges, repr(self.set)))}: a set is "
+                "needed, but none after the hedge 'any', which stands last"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +290,7 @@ class Rule:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
+        _as_floats(self, "weight")
         if not 0.0 <= self.weight <= 1.0:
             raise InvalidInput(f"the weight of a rule must lie in [0, 1], got {self.weight:g}")
         if not self.conclusions:
@@ -425,13 +444,21 @@ def nearest(name: str, known: Sequence[str]) -> str:
     return f"; there are {shown}{', ...' if len(known) > 12 else ''}"
 
 
+def _as_floats(value: object, *fields: str) -> None:
+    """Make floats of the integers that a user may have written."""
+    for field in fields:
+        given = getattr(value, field)
+        if given is not None:
+            object.__setattr__(value, field, float(given))
+
+
 def _check_term(
     number: int, what: str, term: Is, variables: tuple[str, ...], sets_of: dict[str, set[str]]
 ) -> None:
     if term.variable not in variables:
         hint = nearest(term.variable, variables)
         raise InvalidInput(f"rule {number}: there is no {what} {term.variable!r}{hint}")
-    if term.set not in sets_of[term.variable]:
+    if term.set and term.set not in sets_of[term.variable]:
         known = sorted(sets_of[term.variable])
         raise InvalidInput(
             f"rule {number}: {term.variable!r} has no set {term.set!r}{nearest(term.set, known)}"

@@ -1,0 +1,122 @@
+"""What rules conclude, as the kernels read it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.compiled import compiled
+from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS
+from omnidrive.fuzzy.sets import WHOLE, Plane, bounds
+from omnidrive.fuzzy.system import DEFUZZIFIERS, FuzzySet, FuzzySystem, LinearFunction
+
+Array = np.ndarray
+
+
+class Shape(NamedTuple):
+    """What a rule may conclude about an output: a set, its complement, or a linear function."""
+
+    of: FuzzySet | LinearFunction
+    complemented: bool
+
+    def bounds(
+        self, at: Float[Array, " points"], plane: Plane = WHOLE
+    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
+        """Lower and upper degree at each point, of a fuzzy set."""
+        assert isinstance(self.of, FuzzySet)
+        (lower,), (upper,) = bounds([self.of], at, plane)
+        return (1.0 - upper, 1.0 - lower) if self.complemented else (lower, upper)
+
+
+class Conclusions(NamedTuple):
+    """The conclusions of all rules, flat. The shapes of all outputs are numbered in turn."""
+
+    shapes: Int[Array, " rules*outputs"]
+    """Which shape each rule concludes about each output; -1: it says nothing of it."""
+    first_shape: Int[Array, " outputs+1"]
+    """Where the shapes of each output begin, and the number of all."""
+    implication: Int[Array, " 1"]
+    aggregations: Int[Array, " outputs"]
+    defuzzifiers: Int[Array, " outputs"]
+
+
+def conclusions_of(system: FuzzySystem) -> tuple[Conclusions, tuple[tuple[Shape, ...], ...]]:
+    """Conclusions of a system's rules, and the shapes of each output that any rule concludes."""
+    shapes = tuple(_shapes(system, output) for output in range(len(system.outputs)))
+    first = np.cumsum([0, *map(len, shapes)])
+    number = {
+        (output.name, shape.of.name, shape.complemented): int(first[o]) + k
+        for o, output in enumerate(system.outputs)
+        for k, shape in enumerate(shapes[o])
+    }
+    table = np.full((len(system.rules), len(system.outputs)), -1)
+    column = {output.name: o for o, output in enumerate(system.outputs)}
+    for r, rule in enumerate(system.rules):
+        for term in rule.conclusions:
+            named = number[term.variable, term.set, bool(term.hedges)]
+            table[r, column[term.variable]] = named
+    names = list(DEFUZZIFIERS)
+    return (
+        Conclusions(
+            table.ravel(),
+            first,
+            np.array([IMPLICATIONS[system.implication]]),
+            np.array([AGGREGATIONS[output.aggregation] for output in system.outputs]),
+            np.array([names.index(str(output.defuzzifier)) for output in system.outputs]),
+        ),
+        shapes,
+    )
+
+
+def _shapes(system: FuzzySystem, output: int) -> tuple[Shape, ...]:
+    variable = system.outputs[output]
+    concluded = {
+        (term.set, bool(term.hedges))
+        for rule in system.rules
+        for term in rule.conclusions
+        if term.variable == variable.name
+    }
+    return tuple(
+        Shape(each, complemented)
+        for complemented in (False, True)
+        for each in variable.sets
+        if (each.name, complemented) in concluded
+    )
+
+
+@compiled
+def strongest(
+    c: Conclusions, output: int, strengths: Float[Array, " rules"]
+) -> Float[Array, " shapes"]:
+    """Strength of the strongest rule that concludes each shape of an output."""
+    outputs = len(c.first_shape) - 1
+    first = c.first_shape[output]
+    heights = np.zeros(c.first_shape[output + 1] - first)
+    for r in range(len(strengths)):
+        if strengths[r] > 0.0:
+            k = c.shapes[r * outputs + output]
+            if k >= 0:
+                heights[k - first] = max(heights[k - first], strengths[r])
+    return heights
+
+
+@compiled
+def summed(
+    c: Conclusions, output: int, strengths: Float[Array, " rules"]
+) -> Float[Array, " shapes"]:
+    """Sum of the strengths of the rules that conclude each shape of an output.
+
+    Rules with one conclusion have one centroid, so a weighted mean over rules may add up their
+    weights first.
+    """
+    outputs = len(c.first_shape) - 1
+    first = c.first_shape[output]
+    weights = np.zeros(c.first_shape[output + 1] - first)
+    for r in range(len(strengths)):
+        if strengths[r] > 0.0:
+            k = c.shapes[r * outputs + output]
+            if k >= 0:
+                weights[k - first] += strengths[r]
+    return weights

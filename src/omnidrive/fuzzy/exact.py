@@ -1,0 +1,402 @@
+"""Conclusions as polylines, exact, and what follows from them in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.compiled import compiled
+from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.conclusions import Conclusions, Shape
+from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.norms import IMPLICATIONS
+from omnidrive.fuzzy.reduction import NIE_TAN
+from omnidrive.fuzzy.sampled import BISECTOR, CENTROID, MOM, of_maxima
+from omnidrive.fuzzy.sets import WHOLE, Plane
+from omnidrive.fuzzy.system import Footprint, FuzzySet, FuzzySystem, OutputVariable
+
+Array = np.ndarray
+
+_MIN = IMPLICATIONS["min"]
+
+MAX_LINES = 1_000_000
+"""Most straight lines that the shapes of one output may be cut into."""
+
+
+class Lines(NamedTuple):
+    """The membership functions of the shapes of every output, cut into straight lines; flat.
+
+    The range of an output is divided where any of its shapes has a corner, and where two of them
+    cross. So over one piece every shape is one line, and the lines do not cross.
+    """
+
+    first_piece: Int[Array, " outputs+1"]
+    """Where the pieces of each output begin."""
+    ends: Float[Array, " 2*pieces"]
+    """Left and right end of each piece."""
+    first_line: Int[Array, " pieces+1"]
+    """Where the lines over each piece begin; the highest line comes first."""
+    shapes: Int[Array, " lines"]
+    """To which shape each line belongs, counted within the output."""
+    degrees: Float[Array, " 2*lines"]
+    """Of each line at the left and the right end of its piece."""
+
+
+def why_not_exact(system: FuzzySystem) -> str | None:
+    """Why the conclusions of a system are not polylines; None if they are."""
+    for output in system.outputs:
+        if output.aggregation != "max":
+            return f"output {output.name!r} is aggregated by {output.aggregation}, not max"
+        for each in output.sets:
+            for function in (each.upper, each.lower) if isinstance(each, FuzzySet) else ():
+                if isinstance(function, Membership) and not function.is_piecewise_linear:
+                    return f"set {each.name!r} of {output.name!r} is a {function.shape}"
+    return None
+
+
+def lines_of(
+    system: FuzzySystem,
+    shapes: tuple[tuple[Shape, ...], ...],
+    plane: Plane = WHOLE,
+    *,
+    of_lower: bool = False,
+) -> Lines:
+    """Upper (or lower) functions of the shapes of every output, which must be polylines.
+
+    Raises:
+        InvalidInput: There are too many lines.
+    """
+    first_piece, first_line = [0], [0]
+    ends: list[float] = []
+    owners: list[int] = []
+    degrees: list[float] = []
+    for output, own in zip(system.outputs, shapes, strict=True):
+        for piece, over in _pieces(output, own, plane, of_lower):
+            ends += piece
+            for shape, left, right in over:
+                owners.append(shape)
+                degrees += [left, right]
+            first_line.append(len(owners))
+            if len(owners) > MAX_LINES:
+                raise InvalidInput(
+                    f"the sets of {output.name!r} overlap too much for exact conclusions: "
+                    "ask for centroid matlab"
+                )
+        first_piece.append(len(ends) // 2)
+    return Lines(
+        np.array(first_piece),
+        np.array(ends, dtype=np.float64),
+        np.array(first_line),
+        np.array(owners, dtype=np.int64),
+        np.array(degrees, dtype=np.float64),
+    )
+
+
+_Piece = tuple[tuple[float, float], list[tuple[int, float, float]]]
+
+
+def _pieces(
+    output: OutputVariable, shapes: tuple[Shape, ...], plane: Plane, of_lower: bool
+) -> list[_Piece]:
+    """Pieces of one output's range, with the lines over each: shape, left and right degree."""
+
+    def drawn(at: Float[Array, " points"]) -> Float[Array, "shapes points"]:
+        pairs = [shape.bounds(at, plane) for shape in shapes]
+        return np.array([pair[0 if of_lower else 1] for pair in pairs]).reshape(-1, len(at))
+
+    corners = _divided(output, shapes)
+    left, right = _ends(drawn, corners[:-1], corners[1:])
+    crossings = [corners]
+    for a, b, y0, y1 in zip(corners[:-1], corners[1:], left.T, right.T, strict=True):
+        crossings.append(a + (b - a) * _crossings(y0, y1))
+        if sum(map(len, crossings)) > MAX_LINES:
+            break  # too many lines: refused by the caller
+    knots = np.unique(np.concatenate(crossings))
+    left, right = _ends(drawn, knots[:-1], knots[1:])
+    pieces: list[_Piece] = []
+    for a, b, y0, y1 in zip(knots[:-1].tolist(), knots[1:].tolist(), left.T, right.T, strict=True):
+        order = np.argsort(-(y0 + y1), kind="stable")
+        over = [(int(k), float(y0[k]), float(y1[k])) for k in order if y0[k] + y1[k] > 0.0]
+        if over:
+            pieces.append(((a, b), over))
+    return pieces
+
+
+def _divided(output: OutputVariable, shapes: tuple[Shape, ...]) -> Float[Array, " corners"]:
+    """Where any function of any shape may have a corner, with the ends of the range."""
+    corners = [output.low, output.high]
+    for each in {shape.of.name: shape.of for shape in shapes}.values():
+        assert isinstance(each, FuzzySet)
+        upper, lower = each.upper, each.lower
+        corners += [x for x, _ in upper.vertices]
+        if isinstance(lower, Membership):
+            corners += [x for x, _ in lower.vertices]
+        if isinstance(lower, Footprint):
+            corners.append(upper.middle)
+            for (x0, y0), (x1, y1) in zip(upper.vertices, upper.vertices[1:], strict=False):
+                corners += [
+                    x0 + (x1 - x0) * (lag - y0) / (y1 - y0)
+                    for lag in lower.lags
+                    if min(y0, y1) < lag < max(y0, y1)
+                ]
+    return np.unique([x for x in corners if isfinite(x) and output.low <= x <= output.high])
+
+
+def _ends(
+    drawn: Callable[[Array], Array], left: Float[Array, " pieces"], right: Float[Array, " pieces"]
+) -> tuple[Float[Array, "shapes pieces"], Float[Array, "shapes pieces"]]:
+    """Degrees at both ends of each piece, from within it: a shape may jump at an end."""
+    near, far = drawn(0.75 * left + 0.25 * right), drawn(0.25 * left + 0.75 * right)
+    slope = far - near
+    return np.clip(near - 0.5 * slope, 0.0, 1.0), np.clip(far + 0.5 * slope, 0.0, 1.0)
+
+
+def _crossings(
+    left: Float[Array, " shapes"], right: Float[Array, " shapes"]
+) -> Float[Array, " crossings"]:
+    """Where lines cross within a piece, as parts of its width."""
+    shown = (left > 0.0) | (right > 0.0)
+    gap = np.subtract.outer(left[shown], left[shown])
+    closing = gap - np.subtract.outer(right[shown], right[shown])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = gap / closing
+    return np.unique(at[(at > 1e-12) & (at < 1.0 - 1e-12)])
+
+
+@compiled
+def polyline(
+    c: Conclusions, s: Lines, output: int, heights: Float[Array, " shapes"]
+) -> Float[Array, "4 pieces"]:
+    """The joined conclusions about one output: the greatest of the cut (or scaled) shapes.
+
+    Over one piece, with the lines from the highest to the lowest, a line shows above the ones
+    before it only if its shape is cut higher than all of theirs. So it may break only where a line
+    reaches the height of its own shape, or that of the last one before it. Scaled lines break
+    where the highest of them gives way to a steeper one.
+
+    Args:
+        c: What each rule concludes.
+        s: Lines of the shapes.
+        output: Which output.
+        heights: Strength of each shape.
+
+    Returns:
+        Straight pieces, left to right: left end, right end, degree at the left, at the right.
+    """
+    begin, end = s.first_piece[output], s.first_piece[output + 1]
+    cuts = c.implication[0] == _MIN
+    most = len(heights)
+    lines = s.first_line[end] - s.first_line[begin]
+    found = np.empty((4, 2 * lines))
+    cap, p, q = np.empty(most), np.empty(most), np.empty(most)
+    breaks = np.empty(2 * most)
+    count = 0
+    for piece in range(begin, end):
+        shown, top = 0, 0.0
+        for k in range(s.first_line[piece], s.first_line[piece + 1]):
+            height = heights[s.shapes[k]]
+            if height <= 0.0 or (cuts and height <= top):
+                continue
+            scale = 1.0 if cuts else height
+            cap[shown] = height
+            p[shown], q[shown] = scale * s.degrees[2 * k], scale * s.degrees[2 * k + 1]
+            shown, top = shown + 1, height
+        if shown == 0:
+            continue
+        number = (
+            _cut_breaks(cap, p, q, shown, breaks) if cuts else _scaled_breaks(p, q, shown, breaks)
+        )
+        left, width = s.ends[2 * piece], s.ends[2 * piece + 1] - s.ends[2 * piece]
+        at, before = 0.0, _highest(cap, p, q, shown, 0.0)
+        for k in range(number + 1):
+            to = breaks[k] if k < number else 1.0
+            after = _highest(cap, p, q, shown, to)
+            found[0, count], found[1, count] = left + width * at, left + width * to
+            found[2, count], found[3, count] = before, after
+            at, before, count = to, after, count + 1
+    return found[:, :count]
+
+
+@compiled
+def _highest(
+    cap: Float[Array, " lines"],
+    p: Float[Array, " lines"],
+    q: Float[Array, " lines"],
+    shown: int,
+    at: float,
+) -> float:
+    best = 0.0
+    for k in range(shown):
+        best = max(best, min(cap[k], p[k] + (q[k] - p[k]) * at))
+    return best
+
+
+@compiled
+def _cut_breaks(
+    cap: Float[Array, " lines"],
+    p: Float[Array, " lines"],
+    q: Float[Array, " lines"],
+    shown: int,
+    breaks: Float[Array, " breaks"],
+) -> int:
+    """Where each line reaches its own height or the one before, ascending; returns how many."""
+    number = 0
+    for k in range(shown):
+        if p[k] != q[k]:
+            slope = q[k] - p[k]
+            number = _inserted(breaks, number, (cap[k] - p[k]) / slope)
+            if k > 0:
+                number = _inserted(breaks, number, (cap[k - 1] - p[k]) / slope)
+    return number
+
+
+@compiled
+def _scaled_breaks(
+    p: Float[Array, " lines"],
+    q: Float[Array, " lines"],
+    shown: int,
+    breaks: Float[Array, " breaks"],
+) -> int:
+    """Where the highest of the lines gives way to a steeper one, ascending; returns how many."""
+    on = 0
+    for k in range(1, shown):
+        if p[k] > p[on] or (p[k] == p[on] and q[k] > q[on]):
+            on = k
+    number, at = 0, 0.0
+    while True:
+        follower, nearest = -1, 1.0
+        for k in range(shown):
+            closing = (q[k] - p[k]) - (q[on] - p[on])
+            if closing > 0.0:
+                crossing = max(at, (p[on] - p[k]) / closing)
+                if crossing < nearest:
+                    follower, nearest = k, crossing
+        if follower < 0:
+            return number
+        if nearest > at:
+            breaks[number] = nearest
+            number += 1
+        on, at = follower, nearest
+
+
+@compiled
+def _inserted(breaks: Float[Array, " breaks"], number: int, at: float) -> int:
+    """Insert a part of the width, if it lies within, in ascending order."""
+    if not 0.0 < at < 1.0:
+        return number
+    k = number
+    while k > 0 and breaks[k - 1] > at:
+        breaks[k] = breaks[k - 1]
+        k -= 1
+    breaks[k] = at
+    return number + 1
+
+
+@compiled
+def exact_value(defuzzifier: int, line: Float[Array, "4 pieces"]) -> float:
+    """One number for a conclusion that is a polyline, in closed form."""
+    if defuzzifier == CENTROID:
+        area, moment = _left_part(line, np.inf)
+        return moment / area
+    if defuzzifier == BISECTOR:
+        return _bisector(line)
+    return _maximum(defuzzifier, line)
+
+
+@compiled
+def _left_part(line: Float[Array, "4 pieces"], split: float) -> tuple[float, float]:
+    """Area and first moment about x = 0 of the part left of ``split``."""
+    area, moment = 0.0, 0.0
+    for k in range(line.shape[1]):
+        x0, x1, y0, y1 = line[0, k], line[1, k], line[2, k], line[3, k]
+        if split <= x0:
+            break
+        if split < x1:
+            y1 = y0 + (y1 - y0) * (split - x0) / (x1 - x0)
+            x1 = split
+        area += 0.5 * (x1 - x0) * (y0 + y1)
+        moment += (x1 - x0) * (x0 * (2.0 * y0 + y1) + x1 * (y0 + 2.0 * y1)) / 6.0
+    return area, moment
+
+
+@compiled
+def _bisector(line: Float[Array, "4 pieces"]) -> float:
+    """Where half of the area lies to the left."""
+    missing = 0.5 * _left_part(line, np.inf)[0]
+    for k in range(line.shape[1]):
+        width, y0, y1 = line[1, k] - line[0, k], line[2, k], line[3, k]
+        area = 0.5 * width * (y0 + y1)
+        if area >= missing and area > 0.0:
+            # y0 z + (y1 - y0) z^2/(2 width) = missing, by the root that is stable near y1 = y0
+            root = sqrt(max(0.0, y0 * y0 + 2.0 * (y1 - y0) * missing / width))
+            return float(line[0, k] + 2.0 * missing / (y0 + root))
+        missing -= area
+    return float(line[1, -1])
+
+
+@compiled
+def _maximum(defuzzifier: int, line: Float[Array, "4 pieces"]) -> float:
+    """A point of the highest part, or its mean: of its plateaus, if there are any."""
+    top = max(line[2].max(), line[3].max()) * (1.0 - 1e-12)
+    length, moment = 0.0, 0.0
+    points = np.empty(3 * line.shape[1])
+    count = 0
+    for k in range(line.shape[1]):
+        x0, x1 = line[0, k], line[1, k]
+        at_left, at_right = line[2, k] >= top, line[3, k] >= top
+        if at_left and at_right:
+            length += x1 - x0
+            moment += 0.5 * (x1 - x0) * (x0 + x1)
+        for inside, x in (
+            (at_left, x0),
+            (at_left and at_right and x0 < 0.0 < x1, 0.0),
+            (at_right, x1),
+        ):
+            if inside:
+                points[count] = x
+                count += 1
+    if defuzzifier == MOM and length > 0.0:
+        return float(moment / length)
+    return of_maxima(defuzzifier, np.unique(points[:count]))
+
+
+@compiled
+def exact_interval(
+    algorithm: int, lower: Float[Array, "4 pieces"], upper: Float[Array, "4 pieces"]
+) -> tuple[float, float]:
+    """Least and greatest centroid of all functions between two polylines.
+
+    Karnik and Mendel's fixed point in the continuum (Liu & Mendel 2011, "Connect Karnik-Mendel
+    algorithms to root-finding"), where it is Newton's method; the algorithms differ in how they
+    find it on samples, but not in what they find. Nie-Tan is the centroid of the mean function.
+
+    Args:
+        algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
+        lower: Lower polyline, perhaps of no piece.
+        upper: Upper polyline, with an area.
+    """
+    low_area, low_moment = _left_part(lower, np.inf)
+    area, moment = _left_part(upper, np.inf)
+    middle = (moment + low_moment) / (area + low_area)
+    if algorithm == NIE_TAN:
+        return middle, middle
+    if low_area <= 0.0:
+        return float(upper[0, 0]), float(upper[1, -1])
+    least = greatest = middle
+    for step in range(200):
+        (u, um), (w, wm) = _left_part(upper, least), _left_part(lower, least)
+        better = (um + low_moment - wm) / (u + low_area - w)
+        if step > 0 and better >= least:
+            break
+        least = better
+    for step in range(200):
+        (u, um), (w, wm) = _left_part(upper, greatest), _left_part(lower, greatest)
+        better = (wm + moment - um) / (w + area - u)
+        if step > 0 and better <= greatest:
+            break
+        greatest = better
+    return least, greatest

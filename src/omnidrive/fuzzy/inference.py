@@ -1,0 +1,253 @@
+"""Inference: from inputs to outputs, one at a time or a million."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import NamedTuple, cast, get_args, overload
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.compilation import (
+    MAX_SAMPLES,
+    MAX_SLICES,
+    Centroid,
+    NoRule,
+    Options,
+    OutOfRange,
+    Reduction,
+    compile_system,
+)
+from omnidrive.fuzzy.exact import why_not_exact
+from omnidrive.fuzzy.kernels import NO_RULE, NOT_FINITE, infer_one, infer_rows, rule_strengths
+from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem, Rule, nearest
+
+Array = np.ndarray
+
+
+class Fired(NamedTuple):
+    """A rule that fires, and how strongly."""
+
+    number: int
+    """Of the rule in the system, from 1."""
+    rule: Rule
+    lower: float
+    """Least strength, 0 to 1."""
+    upper: float
+    """Greatest strength; the same as the least in a system of type 1."""
+
+
+class Inference:
+    """A fuzzy system, ready to be evaluated by compiled code.
+
+    Call it with one number per input, with an array whose last axis is the inputs, or with a
+    mapping from the names of the inputs; the outputs come in the same form.
+
+    A system of type 2 yields the middle of its type-reduced interval, and :meth:`interval` the
+    interval itself; one of type 3 the mean of those of its slices, weighted by their levels.
+
+    Args:
+        system: What to evaluate.
+        centroid: ``exact``: closed form on the joined conclusions, which must be polylines;
+            ``matlab``: on samples of the outputs' ranges, by Matlab's rules. None: exact where it
+            applies.
+        samples: Their number.
+        reduction: How a system of type 2 is reduced: ``centroid`` of the joined conclusions, as
+            Matlab does, or ``cos``, centre of sets.
+        algorithm: How the interval is found; None: as the system says.
+        out_of_range: What becomes of an input beyond its range: ``clamp`` takes the end of the
+            range, ``matlab`` takes the input as it is (and often no rule fires), ``raise``.
+        no_rule: What becomes of an output of which no rule speaks: its ``default``, which is the
+            middle of its range if it has none, or ``raise``.
+        slices: Number of levels at which a system of type 3 is cut.
+
+    Raises:
+        InvalidInput: An option is unknown, or the system cannot be evaluated in this way.
+    """
+
+    def __init__(
+        self,
+        system: FuzzySystem,
+        *,
+        centroid: Centroid | None = None,
+        samples: int = 101,
+        reduction: Reduction = "centroid",
+        algorithm: Algorithm | None = None,
+        out_of_range: OutOfRange = "clamp",
+        no_rule: NoRule = "default",
+        slices: int = 10,
+    ) -> None:
+        if centroid is None:
+            centroid = "matlab" if not system.is_sugeno and why_not_exact(system) else "exact"
+        options = Options(
+            centroid, samples, reduction, algorithm or system.algorithm, out_of_range, no_rule,
+            slices,
+        )  # fmt: skip
+        _check(options)
+        self.system = system
+        self.options = options
+        self._inputs = tuple(variable.name for variable in system.inputs)
+        self._outputs = tuple(variable.name for variable in system.outputs)
+        self._numbers, self._integers, self._planes = compile_system(system, options)
+
+    @overload
+    def __call__(self, inputs: Mapping[str, float], /) -> dict[str, float]: ...
+    @overload
+    def __call__(self, *inputs: float) -> Float[Array, " outputs"]: ...
+    @overload
+    def __call__(
+        self, inputs: Float[Array, "*rows inputs"], /
+    ) -> Float[Array, "*rows outputs"]: ...
+    def __call__(self, *inputs: float | Mapping[str, float] | Array) -> Array | dict[str, float]:
+        """Value of every output.
+
+        Raises:
+            InvalidInput: An input is missing, not finite or, by choice, out of range, or no rule
+                fires and that is an error.
+        """
+        if len(inputs) == 1 and not isinstance(inputs[0], float | int):
+            return self._other_form(inputs[0])
+        values: Array = self._all(cast("tuple[float, ...]", inputs))[0]
+        return values
+
+    def interval(self, *inputs: float) -> tuple[Float[Array, " outputs"], Float[Array, " outputs"]]:
+        """Least and greatest value of every output, for one number per input.
+
+        Raises:
+            InvalidInput: As for a call.
+        """
+        _, least, greatest = self._all(inputs)
+        return least, greatest
+
+    def batch(
+        self, rows: Float[Array, "rows inputs"], *, threads: int = 1
+    ) -> Float[Array, "3 rows outputs"]:
+        """Value, least and greatest of every output, for each row of inputs.
+
+        Args:
+            rows: One row per evaluation.
+            threads: How many processor cores to use.
+
+        Raises:
+            InvalidInput: As for a call; the message says which row.
+        """
+        rows = np.ascontiguousarray(rows, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] != len(self._inputs):
+            raise InvalidInput(
+                f"needs rows of {len(self._inputs)} inputs ({', '.join(self._inputs)}), "
+                f"got an array of shape {rows.shape}"
+            )
+        found = np.empty((3, len(rows), len(self._outputs)))
+        edges = np.linspace(0, len(rows), max(1, min(threads, len(rows))) + 1).astype(int).tolist()
+
+        def part(begin: int, end: int) -> None:
+            status, bad = self._rows(rows[begin:end], found[:, begin:end])
+            if status:
+                raise self._refusal(status, rows[begin + bad], f"row {begin + bad}: ")
+
+        if len(edges) == 2:
+            part(*edges)
+        else:
+            with ThreadPoolExecutor(len(edges) - 1) as pool:
+                for done in [pool.submit(part, *each) for each in pairwise(edges)]:
+                    done.result()
+        return found
+
+    def fired(self, *inputs: float) -> list[Fired]:
+        """The rules that fire, the strongest first; for type 3, over the whole footprints.
+
+        Raises:
+            InvalidInput: As for a call.
+        """
+        self._all(inputs)  # refuses what has to be refused
+        begin, end, first, last = self._planes[0].tolist()
+        lower, upper = rule_strengths(
+            self._numbers[begin:end], self._integers[first:last], np.array(inputs, dtype=np.float64)
+        )
+        found = [
+            Fired(k + 1, self.system.rules[k], float(lower[k]), float(upper[k]))
+            for k in np.flatnonzero(upper > 0.0).tolist()
+        ]
+        return sorted(found, key=lambda each: -each.upper)
+
+    def _rows(self, rows: Array, found: Array) -> tuple[int, int]:
+        return infer_rows(self._numbers, self._integers, self._planes, rows, found)
+
+    def _all(self, inputs: Sequence[float]) -> Float[Array, "3 outputs"]:
+        """Value, least and greatest of every output."""
+        x = tuple(map(float, inputs))
+        if len(x) != len(self._inputs):
+            raise InvalidInput(
+                f"needs {len(self._inputs)} inputs ({', '.join(self._inputs)}), got {len(x)}"
+            )
+        if len(self._planes) > 1:
+            found = np.empty((3, 1, len(self._outputs)))
+            status, _ = self._rows(np.array([x]), found)
+            found = found[:, 0]
+        else:
+            status, found = infer_one(self._numbers, self._integers, x)
+        if status:
+            raise self._refusal(status, x)
+        return found
+
+    def _other_form(self, inputs: Mapping[str, float] | Array) -> Array | dict[str, float]:
+        if isinstance(inputs, Mapping):
+            values = self._all(self._ordered(inputs))[0]
+            return dict(zip(self._outputs, values.tolist(), strict=True))
+        rows = np.asarray(inputs, dtype=np.float64)
+        if rows.ndim == 0 or rows.shape[-1] != len(self._inputs):
+            raise InvalidInput(
+                f"needs {len(self._inputs)} inputs ({', '.join(self._inputs)}), "
+                f"got an array of shape {rows.shape}"
+            )
+        values = self.batch(rows.reshape(-1, len(self._inputs)))[0]
+        reshaped: Array = values.reshape(*rows.shape[:-1], len(self._outputs))
+        return reshaped
+
+    def _ordered(self, inputs: Mapping[str, float]) -> list[float]:
+        for name in inputs:
+            if name not in self._inputs:
+                raise InvalidInput(f"there is no input {name!r}{nearest(name, self._inputs)}")
+        for name in self._inputs:
+            if name not in inputs:
+                raise InvalidInput(f"the input {name!r} is missing")
+        return [inputs[name] for name in self._inputs]
+
+    def _refusal(self, status: int, x: Sequence[float], where: str = "") -> InvalidInput:
+        """Error that names the input to blame."""
+        if status == NO_RULE:
+            given = ", ".join(f"{n} = {v:g}" for n, v in zip(self._inputs, x, strict=True))
+            return InvalidInput(f"{where}no rule fires for {given}")
+        for variable, value in zip(self.system.inputs, x, strict=True):
+            if status == NOT_FINITE and not np.isfinite(value):
+                return InvalidInput(
+                    f"{where}the input {variable.name!r} is {value}, not a number"
+                    if np.isnan(value)
+                    else f"{where}the input {variable.name!r} is infinite"
+                )
+            if status != NOT_FINITE and not variable.low <= value <= variable.high:
+                return InvalidInput(
+                    f"{where}the input {variable.name!r} is {value:g}, "
+                    f"outside its range [{variable.low:g}, {variable.high:g}]"
+                )
+        raise AssertionError(status)
+
+
+def _check(options: Options) -> None:
+    choices = {
+        "centroid": (options.centroid, get_args(Centroid)),
+        "reduction": (options.reduction, get_args(Reduction)),
+        "algorithm": (options.algorithm, ALGORITHMS),
+        "out_of_range": (options.out_of_range, get_args(OutOfRange)),
+        "no_rule": (options.no_rule, get_args(NoRule)),
+    }
+    for name, (value, known) in choices.items():
+        if value not in known:
+            raise InvalidInput(f"there is no {name} {value!r}{nearest(value, known)}")
+    if not 2 <= options.samples <= MAX_SAMPLES:
+        raise InvalidInput(f"needs 2 to {MAX_SAMPLES} samples, got {options.samples}")
+    if not 1 <= options.slices <= MAX_SLICES:
+        raise InvalidInput(f"needs 1 to {MAX_SLICES} slices, got {options.slices}")

@@ -1,0 +1,316 @@
+"""The compiled heart of inference: one function for systems of every kind and type."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.compiled import compiled
+from omnidrive.fuzzy.centres import Centres, centre_of_sets
+from omnidrive.fuzzy.conclusions import Conclusions, strongest, summed
+from omnidrive.fuzzy.conditions import Conditions, fire, room
+from omnidrive.fuzzy.exact import Lines, exact_interval, exact_value, polyline
+from omnidrive.fuzzy.packed import Packed, integers_of, numbers_of
+from omnidrive.fuzzy.reduction import reduced
+from omnidrive.fuzzy.sampled import Samples, aggregated, sampled_value
+from omnidrive.fuzzy.sets import Sets, fuzzify
+from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
+
+Array = np.ndarray
+
+SAMPLED, EXACT, CENTRE_OF_SETS, SUGENO = range(4)
+CLAMP, AS_IS, REFUSE = range(3)
+FINE, NOT_FINITE, OUT_OF_RANGE, NO_RULE = range(4)
+
+
+class Frame(NamedTuple):
+    """What surrounds the inference proper."""
+
+    ranges: Float[Array, " 2*inputs"]
+    """Low and high of each input."""
+    fallbacks: Float[Array, " outputs"]
+    """Value of each output where no rule fires."""
+    levels: Float[Array, " 1"]
+    """Weight of this plane in a system of type 3; 1 otherwise."""
+    switches: Int[Array, " 5"]
+    """How conclusions are found, whether the system is uncertain, the algorithm of type reduction,
+    what happens to inputs out of range, and where no rule fires."""
+
+
+_SETS, _CONDITIONS, _CONCLUSIONS, _REST = 4, 10, 14, 19
+"""Where the arrays of :class:`Sets` and so on begin among those of a packed system."""
+
+
+def parts(
+    frame: Frame, sets: Sets, conditions: Conditions, conclusions: Conclusions, *rest: NamedTuple
+) -> list[Array]:
+    """The arrays of a system in the order in which the kernels unpack them."""
+    return [*frame, *sets, *conditions, *conclusions, *(a for each in rest for a in each)]
+
+
+@compiled
+def _sets(p: Packed) -> Sets:
+    return Sets(
+        integers_of(p, _SETS),
+        integers_of(p, _SETS + 1),
+        numbers_of(p, _SETS + 2),
+        numbers_of(p, _SETS + 3),
+        integers_of(p, _SETS + 4),
+        numbers_of(p, _SETS + 5),
+    )
+
+
+@compiled
+def _conditions(p: Packed) -> Conditions:
+    return Conditions(
+        integers_of(p, _CONDITIONS),
+        integers_of(p, _CONDITIONS + 1),
+        integers_of(p, _CONDITIONS + 2),
+        numbers_of(p, _CONDITIONS + 3),
+    )
+
+
+@compiled
+def _conclusions(p: Packed) -> Conclusions:
+    return Conclusions(
+        integers_of(p, _CONCLUSIONS),
+        integers_of(p, _CONCLUSIONS + 1),
+        integers_of(p, _CONCLUSIONS + 2),
+        integers_of(p, _CONCLUSIONS + 3),
+        integers_of(p, _CONCLUSIONS + 4),
+    )
+
+
+@compiled
+def _samples(p: Packed) -> Samples:
+    return Samples(
+        numbers_of(p, _REST),
+        numbers_of(p, _REST + 1),
+        numbers_of(p, _REST + 2),
+        integers_of(p, _REST + 3),
+    )
+
+
+@compiled
+def _lines(p: Packed, begin: int) -> Lines:
+    return Lines(
+        integers_of(p, begin),
+        numbers_of(p, begin + 1),
+        integers_of(p, begin + 2),
+        integers_of(p, begin + 3),
+        numbers_of(p, begin + 4),
+    )
+
+
+@compiled
+def _centres(p: Packed) -> Centres:
+    return Centres(
+        numbers_of(p, _REST),
+        integers_of(p, _REST + 1),
+        numbers_of(p, _REST + 2),
+        integers_of(p, _REST + 3),
+    )
+
+
+@compiled
+def admitted(p: Packed, x: Float[Array, " inputs"]) -> int:
+    """Bring inputs into their range, in place, if that is what happens to them; returns a status.
+
+    What is not finite is refused always.
+    """
+    ranges, switches = numbers_of(p, 0), integers_of(p, 3)
+    status = FINE
+    for i in range(len(x)):
+        low, high = ranges[2 * i], ranges[2 * i + 1]
+        if not np.isfinite(x[i]):
+            return NOT_FINITE
+        if x[i] < low or x[i] > high:
+            if switches[3] == REFUSE:
+                status = OUT_OF_RANGE
+            elif switches[3] == CLAMP:
+                x[i] = min(max(x[i], low), high)
+    return status
+
+
+@compiled
+def strengths_of(
+    p: Packed, x: Float[Array, " inputs"]
+) -> tuple[Float[Array, " rules"], Float[Array, " rules"]]:
+    """Least and greatest strength of every rule; one array where the system is certain."""
+    conditions = _conditions(p)
+    uncertain = integers_of(p, 3)[1] == 1
+    lower, upper = fuzzify(_sets(p), x, room(conditions), uncertain)
+    return fire(conditions, lower, upper, uncertain)
+
+
+@compiled
+def infer(p: Packed, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]) -> int:
+    """Value, least and greatest of every output, for inputs that are admitted; returns a status.
+
+    The value of a system of type 2 is the middle of its interval.
+    """
+    conclusions, switches = _conclusions(p), integers_of(p, 3)
+    lower, upper = strengths_of(p, x)
+    if switches[0] == SAMPLED:
+        quiet = _infer_sampled(p, conclusions, lower, upper, found)
+    elif switches[0] == EXACT:
+        quiet = _infer_exact(p, conclusions, lower, upper, found)
+    else:
+        quiet = _infer_weighted(p, conclusions, lower, upper, x, found)
+    return NO_RULE if quiet and switches[4] == REFUSE else FINE
+
+
+@compiled
+def _infer_sampled(
+    p: Packed,
+    c: Conclusions,
+    lower: Float[Array, " rules"],
+    upper: Float[Array, " rules"],
+    found: Float[Array, "3 outputs"],
+) -> bool:
+    """Outputs by way of samples; returns whether no rule fired for one of them."""
+    s, fallbacks, switches = _samples(p), numbers_of(p, 1), integers_of(p, 3)
+    outputs = found.shape[1]
+    count, quiet = len(s.at) // outputs, False
+    for o in range(outputs):
+        at = s.at[o * count : (o + 1) * count]
+        high = aggregated(c, s, o, upper, s.upper)
+        if high.max() <= 0.0:
+            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
+            quiet = True
+        elif switches[1] == 1:
+            low = aggregated(c, s, o, lower, s.lower)
+            found[1, o], found[2, o] = reduced(switches[2], at, low, high)
+            found[0, o] = 0.5 * (found[1, o] + found[2, o])
+        else:
+            found[0, o] = found[1, o] = found[2, o] = sampled_value(c.defuzzifiers[o], at, high)
+    return quiet
+
+
+@compiled
+def _infer_exact(
+    p: Packed,
+    c: Conclusions,
+    lower: Float[Array, " rules"],
+    upper: Float[Array, " rules"],
+    found: Float[Array, "3 outputs"],
+) -> bool:
+    """Outputs by way of polylines; returns whether no rule fired for one of them."""
+    fallbacks, switches = numbers_of(p, 1), integers_of(p, 3)
+    upper_lines = _lines(p, _REST)
+    lower_lines = _lines(p, _REST + 5)
+    quiet = False
+    for o in range(found.shape[1]):
+        high = polyline(c, upper_lines, o, strongest(c, o, upper))
+        if high.shape[1] == 0:
+            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
+            quiet = True
+        elif switches[1] == 1:
+            low = polyline(c, lower_lines, o, strongest(c, o, lower))
+            found[1, o], found[2, o] = exact_interval(switches[2], low, high)
+            found[0, o] = 0.5 * (found[1, o] + found[2, o])
+        else:
+            found[0, o] = found[1, o] = found[2, o] = exact_value(c.defuzzifiers[o], high)
+    return quiet
+
+
+@compiled
+def _infer_weighted(  # noqa: PLR0917
+    p: Packed,
+    c: Conclusions,
+    lower: Float[Array, " rules"],
+    upper: Float[Array, " rules"],
+    x: Float[Array, " inputs"],
+    found: Float[Array, "3 outputs"],
+) -> bool:
+    """Outputs as weighted means over rules; returns whether no rule fired for one of them."""
+    fallbacks, switches = numbers_of(p, 1), integers_of(p, 3)
+    uncertain, quiet = switches[1] == 1, False
+    for o in range(found.shape[1]):
+        high = summed(c, o, upper)
+        low = summed(c, o, lower) if uncertain else high
+        if high.sum() <= 0.0:
+            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
+            quiet = True
+            continue
+        if switches[0] == SUGENO:
+            functions = Functions(numbers_of(p, _REST))
+            ends = sugeno_interval(c, functions, o, switches[2], x, uncertain, low, high)
+        else:
+            ends = centre_of_sets(c, _centres(p), o, switches[2], low, high)
+        found[1, o], found[2, o] = ends
+        found[0, o] = 0.5 * (found[1, o] + found[2, o])
+    return quiet
+
+
+@compiled
+def rule_strengths(
+    numbers: Float[Array, " numbers"],
+    integers: Int[Array, " integers"],
+    x: Float[Array, " inputs"],
+) -> tuple[Float[Array, " rules"], Float[Array, " rules"]]:
+    """Least and greatest strength of every rule, for inputs that are brought into their range."""
+    p = Packed(numbers, integers)
+    admitted(p, x)
+    return strengths_of(p, x)
+
+
+@compiled
+def infer_one(
+    numbers: Float[Array, " numbers"], integers: Int[Array, " integers"], x: tuple[float, ...]
+) -> tuple[int, Float[Array, "3 outputs"]]:
+    """Status, and value, least and greatest of every output, of a system of type 1 or 2."""
+    p = Packed(numbers, integers)
+    inputs = np.empty(len(x))
+    for i in range(len(x)):
+        inputs[i] = x[i]
+    found = np.empty((3, len(numbers_of(p, 1))))
+    status = admitted(p, inputs)
+    if status == FINE:
+        status = infer(p, inputs, found)
+    return status, found
+
+
+@compiled
+def infer_rows(
+    numbers: Float[Array, " numbers"],
+    integers: Int[Array, " integers"],
+    planes: Int[Array, "planes 4"],
+    rows: Float[Array, "rows inputs"],
+    found: Float[Array, "3 rows outputs"],
+) -> tuple[int, int]:
+    """Fill in value, least and greatest of every output for each row.
+
+    A system of type 3 has several planes; its values are the mean of theirs, weighted by their
+    levels (Castillo, Castro & Melin 2022).
+
+    Args:
+        numbers: Of all planes, one after the other.
+        integers: The same.
+        planes: Where the numbers and the integers of each plane begin and end.
+        rows: The inputs.
+        found: The outputs.
+
+    Returns:
+        A status; the first row that is not fine, or the number of rows.
+    """
+    each = np.empty((3, found.shape[2]))
+    for r in range(len(rows)):
+        x = rows[r].copy()
+        levels = 0.0
+        found[:, r, :] = 0.0
+        for k in range(len(planes)):
+            p = Packed(numbers[planes[k, 0] : planes[k, 1]], integers[planes[k, 2] : planes[k, 3]])
+            status = admitted(p, x)
+            if status == FINE:
+                status = infer(p, x, each)
+            if status != FINE:
+                return status, r
+            level = numbers_of(p, 2)[0]
+            levels += level
+            found[:, r, :] += level * each
+        if len(planes) > 1:
+            found[:, r, :] /= levels
+    return FINE, len(rows)

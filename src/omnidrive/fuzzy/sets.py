@@ -1,0 +1,136 @@
+"""Fuzzy sets as the kernels read them: from a value to its degree in each of many sets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.compiled import compiled
+from omnidrive.fuzzy.membership import Curves, Membership, degree
+from omnidrive.fuzzy.system import Footprint, FuzzySet
+
+Array = np.ndarray
+
+
+class Sets(NamedTuple):
+    """The sets of some variables, flat."""
+
+    first_set: Int[Array, " variables+1"]
+    """Where the sets of each variable begin, and the number of all."""
+    kernels: Int[Array, " functions"]
+    parameters: Float[Array, " 4*functions"]
+    points: Float[Array, " 2*points"]
+    """:class:`Curves`: the upper function of each set, then those of lower functions."""
+    lower: Int[Array, " sets"]
+    """From which function the lower one of each set follows."""
+    footprints: Float[Array, " 5*sets"]
+    """How it follows: scale, left lag, right lag, middle; then the width of the plane, 0 to 1."""
+
+
+class Plane(NamedTuple):
+    """One horizontal slice of the secondary functions of a type-3 system."""
+
+    level: float
+    """Secondary membership at which it cuts, 0 to 1."""
+    of_lower: bool
+    """Whether it cuts the lower secondary functions, not the upper ones."""
+
+
+WHOLE = Plane(0.0, of_lower=False)
+"""The whole footprint: all that a type-2 system knows."""
+
+
+def width(each: FuzzySet, plane: Plane) -> float:
+    """Width of the plane of a set over the width of its footprint, 0 to 1.
+
+    The half width of a Gaussian with standard deviation s at level a is s sqrt(-2 ln a). Where the
+    lower function is scale max(0, (upper - lag)/(1 - lag)), it is at level a where the upper one
+    is at lag + (1 - lag) a/scale. A lower function that does not reach the level has width 0.
+    """
+    secondary, level = each.secondary, plane.level
+    if secondary is None or level <= 0.0:
+        return 1.0
+    if plane.of_lower:
+        if level > secondary.scale:
+            return 0.0
+        level = secondary.lag + (1.0 - secondary.lag) * level / secondary.scale
+    half = secondary.spread * sqrt(-2.0 * log(level)) if level < 1.0 else 0.0
+    return min(1.0, half / sqrt(3.0))
+
+
+def sets_of(variables: Sequence[Sequence[FuzzySet]], plane: Plane = WHOLE) -> Sets:
+    """Sets of each of some variables; one plane of them, if they are of type 3."""
+    sets = [each for variable in variables for each in variable]
+    functions = [each.upper for each in sets]
+    lower, footprints = [], []
+    for k, each in enumerate(sets):
+        source, footprint = k, Footprint()
+        if isinstance(each.lower, Membership):
+            source = len(functions)
+            functions.append(each.lower)
+        elif each.lower is not None:
+            footprint = each.lower
+        lower.append(source)
+        footprints += [footprint.scale, *footprint.lags, each.upper.middle, width(each, plane)]
+    return Sets(
+        np.cumsum([0, *map(len, variables)]),
+        *Curves.of(functions),
+        np.array(lower, dtype=np.int64),
+        np.array(footprints, dtype=np.float64),
+    )
+
+
+def bounds(
+    sets: Sequence[FuzzySet], at: Float[Array, " points"], plane: Plane = WHOLE
+) -> tuple[Float[Array, "sets points"], Float[Array, "sets points"]]:
+    """Lower and upper degree of every point in every set; equal for sets of type 1."""
+    return _bounds(sets_of([sets], plane), at)
+
+
+@compiled
+def _bounds(
+    s: Sets, at: Float[Array, " points"]
+) -> tuple[Float[Array, "sets points"], Float[Array, "sets points"]]:
+    lower, upper = np.empty((len(s.lower), len(at))), np.empty((len(s.lower), len(at)))
+    for i in range(len(at)):
+        for k in range(len(s.lower)):
+            lower[k, i], upper[k, i] = interval(s, k, at[i])
+    return lower, upper
+
+
+@compiled
+def interval(s: Sets, k: int, x: float) -> tuple[float, float]:
+    """Lower and upper degree of ``x`` in set ``k``."""
+    curves = Curves(s.kernels, s.parameters, s.points)
+    high = degree(curves, k, x)
+    source = s.lower[k]
+    base = high if source == k else degree(curves, source, x)
+    lag: float = s.footprints[5 * k + 1] if x < s.footprints[5 * k + 3] else s.footprints[5 * k + 2]
+    scale: float = s.footprints[5 * k]
+    width: float = s.footprints[5 * k + 4]
+    low = scale * max(0.0, (base - lag) / (1.0 - lag))
+    if width < 1.0:
+        middle, half = 0.5 * (low + high), 0.5 * width * (high - low)
+        return middle - half, middle + half
+    return low, high
+
+
+@compiled
+def fuzzify(
+    s: Sets, x: Float[Array, " variables"], room: int, uncertain: bool
+) -> tuple[Float[Array, " degrees"], Float[Array, " degrees"]]:
+    """Lower and upper degree of every set, with room for more; one array unless ``uncertain``."""
+    curves = Curves(s.kernels, s.parameters, s.points)
+    upper = np.empty(len(s.lower) + room)
+    lower = np.empty(len(s.lower) + room) if uncertain else upper
+    for i in range(len(x)):
+        for k in range(s.first_set[i], s.first_set[i + 1]):
+            if uncertain:
+                lower[k], upper[k] = interval(s, k, x[i])
+            else:
+                upper[k] = degree(curves, k, x[i])
+    return lower, upper

@@ -1,0 +1,89 @@
+"""Sugeno conclusions: weighted means and sums of linear functions of the inputs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.compiled import compiled
+from omnidrive.fuzzy.conclusions import Conclusions, Shape
+from omnidrive.fuzzy.reduction import greatest, least
+from omnidrive.fuzzy.system import DEFUZZIFIERS, FuzzySystem, LinearFunction
+
+Array = np.ndarray
+
+_WTSUM = list(DEFUZZIFIERS).index("wtsum")
+
+
+class Functions(NamedTuple):
+    """The linear functions that rules conclude, flat."""
+
+    coefficients: Float[Array, " functions*(inputs+1)"]
+    """Of each: one per input, then the constant."""
+
+
+def functions_of(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...]) -> Functions:
+    """Linear functions of all outputs."""
+    rows: list[float] = []
+    for own in shapes:
+        for shape in own:
+            assert isinstance(shape.of, LinearFunction)
+            rows += shape.of.coefficients or (0.0,) * len(system.inputs)
+            rows.append(shape.of.constant)
+    return Functions(np.array(rows))
+
+
+@compiled
+def sugeno_interval(  # noqa: PLR0917
+    c: Conclusions,
+    s: Functions,
+    output: int,
+    algorithm: int,
+    x: Float[Array, " inputs"],
+    uncertain: bool,
+    lower: Float[Array, " functions"],
+    upper: Float[Array, " functions"],
+) -> tuple[float, float]:
+    """Least and greatest output; equal where ``lower`` and ``upper`` are.
+
+    The mean (Takagi & Sugeno 1985) or the sum of the functions' values, weighted by the strengths
+    of their rules, which lie between two bounds in a system of type 2 (Liang & Mendel 1999).
+
+    Args:
+        c: What each rule concludes.
+        s: The functions.
+        output: Which output.
+        algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
+        x: The inputs.
+        uncertain: Whether the bounds differ.
+        lower: Sum of the least strengths of the rules that conclude each function.
+        upper: Sum of their greatest strengths; not all zero.
+    """
+    first, count, width = c.first_shape[output], len(lower), len(x) + 1
+    values = np.empty(count)
+    for k in range(count):
+        row = (first + k) * width
+        value = s.coefficients[row + width - 1]
+        for i in range(len(x)):
+            value += s.coefficients[row + i] * x[i]
+        values[k] = value
+    if c.defuzzifiers[output] == _WTSUM:
+        low, high = 0.0, 0.0
+        for k in range(count):
+            a, b = lower[k] * values[k], upper[k] * values[k]
+            low, high = low + min(a, b), high + max(a, b)
+        return low, high
+    if not uncertain:
+        area, moment = 0.0, 0.0
+        for k in range(count):
+            area += upper[k]
+            moment += upper[k] * values[k]
+        return moment / area, moment / area
+    order = np.argsort(values)
+    at, low_weights, high_weights = values[order], lower[order], upper[order]
+    return (
+        least(algorithm, at, low_weights, high_weights),
+        greatest(algorithm, at, low_weights, high_weights),
+    )
