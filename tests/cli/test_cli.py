@@ -44,6 +44,28 @@ def test_compare_prints_json_alone_when_asked(tmp_path):
     assert {r["duration"] for r in data["runs"]} == {20.0, 30.0}
 
 
+def test_compare_with_the_recommended_preset(tmp_path):
+    done = omnidrive(
+        "compare", "--preset", "recommended", "--plant", "kinematic", "--tasks", "track,step",
+        "--controllers", "pid,fuzzy_t2", "--out", "here", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    data = json.loads((tmp_path / "here" / "results.json").read_text())
+    assert {r["controller"] for r in data["runs"]} == {"pid", "fuzzy_t2"}
+    assert all(r["me"] < 0.005 for r in data["runs"])
+    assert "Interval type-2 fuzzy PID" in (tmp_path / "here" / "report.html").read_text()
+
+
+def test_the_default_controllers_go_with_the_preset(tmp_path):
+    everybody = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended")
+    assert Demand("paper").resolve().controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+    assert Demand("paper", preset="recommended").resolve().controllers == everybody
+    save_scenario(paper_scenario(), tmp_path / "s.yaml")
+    demand = Demand(str(tmp_path / "s.yaml"), preset="recommended").resolve()
+    assert demand.preset == "recommended"
+    assert demand.controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+
+
 def test_compare_on_a_users_map(tmp_path):
     depot = shared("maps/nav2/depot.yaml")
     done = omnidrive(
@@ -110,7 +132,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--speed", "0.0001"], "need 0.1 to 3600 s"),
         (["compare", "--jobs", "0"], "jobs"),
         (["compare", "--no-such-option"], "No such option"),
-        (["run", "--controller", "pid"], "no controller 'pid'"),
+        (["run", "--controller", "pdi"], "did you mean 'pid'?"),
         (["run", "--horizon", "9"], "--horizon is for the controller nmpc"),
         (["compare", *QUICK, "--out", "/proc/no/such"], "cannot write to /proc/no/such"),
         (["fly"], "No such command"),

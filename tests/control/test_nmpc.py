@@ -5,7 +5,7 @@ import inspect
 import numpy as np
 import pytest
 
-from omnidrive.control import Controller, Status
+from omnidrive.control import Command, Controller, Status
 from omnidrive.control.nmpc import (
     PRESETS,
     Exit,
@@ -168,7 +168,7 @@ def test_bad_measurement_fails_and_does_not_poison_later_steps(bad, part):
     controller.reset(START)
     controller.step(0.0, START, CORNER)
     command = controller.step(DT, START._replace(**{part: bad}), CORNER)
-    assert command == (BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
+    assert command == Command(BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
     after = controller.step(2 * DT, START, CORNER)
     assert after == unicycle_nmpc("paper", DT).step(2 * DT, START, CORNER)
 

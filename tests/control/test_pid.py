@@ -8,20 +8,37 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omnidrive.control import Controller, Status
+from omnidrive.control import Controller, FeedforwardController, Status
 from omnidrive.control.pid import (
     FuzzyPidController,
     MemorylessParameters,
     SelfTuningParameters,
+    TrackingChannel,
+    TrackingParameters,
+    TrackingPidController,
+    classical_pid,
     fuzzy_pid,
+    no_tuning,
 )
-from omnidrive.control.pid.laws import Gains, PidState, self_tuning_law, tuned
+from omnidrive.control.pid.laws import (
+    Gains,
+    PidState,
+    filtered,
+    fuzzy_inputs,
+    self_tuning_law,
+    tracking_drained,
+    tracking_integral,
+    tracking_law,
+    tuned,
+    tuned_within_reach,
+)
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose, to_world, wrap
 from omnidrive.parameter import bounds_of
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, simulate
+from tests.laws.motions import Circle
 
 DT = 0.1
 PRESETS = [(kind, preset) for kind in ("t1", "t2") for preset in ("paper", "published-code")]
@@ -207,7 +224,258 @@ class TestLaw:
         assert 0.0 <= gains.kd <= 1.0
 
 
-@pytest.mark.parametrize("parameters", [SelfTuningParameters(), MemorylessParameters()])
+class Jump(Hold):
+    """At rest; after 0.95 s somewhere else."""
+
+    def pose_at(self, t):
+        x, y, yaw = self.pose
+        late = t > 0.95
+        return Pose(x + late, y + late, yaw + 0.5 * late)
+
+    def at(self, t):
+        return super().at(t)._replace(pose=self.pose_at(t))
+
+    def window(self, t, n, dt):
+        rows = super().window(t, n, dt)
+        rows[:, :3] = [self.pose_at(t + k * dt) for k in range(n)]
+        return rows
+
+
+def tracking_pid(parameters, dt=DT, tune=no_tuning):
+    return TrackingPidController(dt, *(TrackingChannel(tune, dt, parameters) for _ in range(3)))
+
+
+def run_on(controller, reference, start, dt=DT, sensor=None, robot="paper"):
+    plant = KinematicPlant(named_robot(robot))
+    return simulate(plant, controller, reference, start=start, dt=dt, sensor=sensor)
+
+
+RECOMMENDED = {
+    "pid": lambda dt: classical_pid("recommended", dt),
+    "t1": lambda dt: fuzzy_pid("t1", "recommended", dt),
+    "t2": lambda dt: fuzzy_pid("t2", "recommended", dt),
+}
+
+
+@pytest.fixture(params=RECOMMENDED)
+def make(request):
+    return RECOMMENDED[request.param]
+
+
+class TestRecommended:
+    def test_with_kp_alone_is_the_feedforward_controller(self):
+        plain = TrackingParameters(ki=0.0, kd=0.0, limit=20.0)
+        start = Pose(0.1, -1.1, 0.1)
+        one = run_on(tracking_pid(plain), Circle(), start)
+        two = run_on(FeedforwardController(DT), Circle(), start)
+        assert one.command == pytest.approx(two.command, abs=1e-5)
+
+    @pytest.mark.parametrize("dt", [0.01, 0.1, 0.5])
+    def test_follows_a_circle_at_any_sample_time(self, make, dt):
+        run = run_on(make(dt), Circle(), Circle().at(0.0).pose, dt)
+        assert np.abs(run.pose - run.target)[-3:].max() < 0.01
+
+    def test_a_jump_of_the_reference_gives_no_kick(self, make):
+        """Neither before it, by feedforward, nor in the rate of the error at it."""
+        start = Pose(0.0, 0.0, 0.0)
+        run = run_on(make(DT), Jump(start, 2.0), start)
+        jump = round(1.0 / DT)
+        assert not run.command[:jump].any()
+        for axis in ("x", "y", "heading"):
+            assert run.details[f"change_input_{axis}"][: jump + 1] == pytest.approx(0.0)
+            assert run.details[f"error_input_{axis}"][jump] == 1.0
+        limit = TrackingParameters().limit
+        assert np.hypot(run.command[:, 0], run.command[:, 1]).max() <= 1.05 * limit  # arc for chord
+        assert np.abs(run.command[:, 2]).max() <= limit + 1e-9
+
+    def test_the_wheels_shortfall_is_the_rate_of_the_error(self):
+        """A robot held fast while the reference moves: rate is the reference's, filtered."""
+        controller = tracking_pid(TrackingParameters(filter_time=0.0))
+        pose = Circle().at(0.0).pose
+        controller.reset(pose)
+        units = list(controller.detail_units)
+        seen = [controller.step(t, pose, Circle()).details for t in (0.0, DT)]
+        column = units.index("change_input_x")
+        assert seen[0][column] == 0.0
+        assert seen[1][column] == pytest.approx(2 * pi / 8.0, rel=0.01)
+
+    def test_a_long_saturated_run_does_not_wind_up(self, make):
+        start = Pose(0.0, 0.0, 0.0)
+        run = run_on(make(DT), Hold(Pose(10.0, -5.0, 3.0), 20.0), start)
+        assert run.pose[:, 0].max() < 10.01
+        assert run.pose[:, 1].min() > -5.01
+        assert np.abs(run.pose - run.target)[-10:].max() < 1e-3
+
+    def test_x_and_y_are_cut_without_turning(self):
+        controller = tracking_pid(TrackingParameters())
+        twist = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(4.0, 1.0, 0.0))
+        assert twist.vy / twist.vx == pytest.approx(0.25)
+        assert hypot(twist.vx, twist.vy) == pytest.approx(1.5)
+
+    def test_turns_the_short_way(self, make):
+        run = run_on(make(DT), Hold(Pose(0.0, 0.0, -3.0), 10.0), Pose(0.0, 0.0, 3.0))
+        assert np.abs(np.diff(run.pose[:, 2])).sum() < 1.1 * abs(wrap(-6.0))
+        assert abs(wrap(run.pose[-1, 2] + 3.0)) < 1e-3
+
+    def test_a_wrapped_measurement_is_no_turn(self, make):
+        """The heading's reading jumps by a whole turn; nothing else happens."""
+
+        class Wrapped:
+            def sense(self, t, pose):
+                return pose._replace(yaw=wrap(pose.yaw))
+
+        start = Circle().at(0.0).pose
+        plain = run_on(make(DT), Circle(), start)
+        wrapped = run_on(make(DT), Circle(), start, sensor=Wrapped())
+        assert wrapped.command == pytest.approx(plain.command, abs=1e-9)
+
+    def test_removes_a_lasting_error(self, make):
+        """A robot that drifts: proportional control would stay 0.1 / 5 m behind."""
+
+        class Drifting(KinematicPlant):
+            def step(self, twist, dt):
+                return super().step(twist._replace(vx=twist.vx - 0.1), dt)
+
+        start = Pose(0.0, 0.0, 0.0)
+        plant = Drifting(named_robot("paper"))
+        run = simulate(plant, make(DT), Hold(start, 30.0), start=start, dt=DT)
+        assert np.abs(run.pose[:, 0]).max() > 0.01
+        assert abs(run.pose[-1, 0]) < 1e-3
+
+    def test_one_lost_measurement_fails_one_step(self, make):
+        controller, pose = make(DT), Circle().at(0.0).pose
+        controller.reset(pose)
+        controller.step(0.0, pose, Circle())
+        lost = controller.step(DT, Pose(float("nan"), 0.0, 0.0), Circle())
+        after = controller.step(2 * DT, pose, Circle())
+        assert lost.status is Status.FAILED
+        assert after.status is Status.OK
+        assert np.isfinite([*after.twist, *after.details]).all()
+
+    def test_the_fuzzy_system_tunes_within_reach(self):
+        p = TrackingParameters()
+        run = run_on(fuzzy_pid("t1", "recommended", DT), Circle(), Pose(0.1, -1.3, -0.2))
+        for axis in ("x", "y", "heading"):
+            for gain in ("kp", "ki", "kd"):
+                column = run.details[f"{gain}_{axis}"][:-1]
+                middle, reach = getattr(p, gain), getattr(p, f"{gain}_reach")
+                assert np.ptp(column) > 0.1 * reach
+                assert column.min() >= max(0.0, middle - reach)
+                assert column.max() <= middle + reach
+            for name in ("error_input", "change_input"):
+                assert np.abs(run.details[f"{name}_{axis}"][:-1]).max() <= 1.0
+
+    def test_travels_to_another_process(self, make):
+        controller, pose, goal = make(DT), Pose(1.0, 1.0, 0.0), Pose(1.03, 1.02, 0.2)
+        copy = pickle.loads(pickle.dumps(controller))
+        assert first_command(copy, pose, goal) == first_command(controller, pose, goal)
+
+
+changes = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
+small = st.floats(-5.0, 5.0)
+
+
+class TestTrackingLaw:
+    @given(changes)
+    def test_gains_are_bounded_and_never_negative(self, change):
+        p = TrackingParameters(kd=0.02)
+        kp, ki, kd = tuned_within_reach(p, change)
+        assert 4.0 - 1e-9 <= kp <= 6.0 + 1e-9
+        assert 0.0 <= ki <= 2.0 + 1e-9
+        assert 0.0 <= kd <= 0.07 + 1e-9
+
+    @given(small, small)
+    def test_inputs_are_clamped(self, error, rate):
+        p = TrackingParameters()
+        a, b = fuzzy_inputs(p, error, rate)
+        assert a == pytest.approx(np.clip(error / p.error_range, -1.0, 1.0))
+        assert b == pytest.approx(np.clip(rate / p.rate_range, -1.0, 1.0))
+
+    def test_the_filter_has_its_time_constant(self):
+        value, dt = 0.0, 1e-4
+        for _ in range(2000):
+            value = filtered(0.2, value, 1.0, dt)
+        assert value == pytest.approx(1.0 - np.exp(-1.0), abs=1e-3)
+        assert filtered(0.0, 5.0, 1.0, DT) == 1.0
+
+    @pytest.mark.parametrize("dt", [0.001, 0.1, 1.0])
+    def test_the_proportional_part_decays_exactly(self, dt):
+        left = 1.0 - dt * tracking_law(Gains(5.0, 0.0, 0.0), 0.0, 1.0, 0.0, dt)
+        assert left == pytest.approx(np.exp(-5.0 * dt))
+
+    def test_is_the_sum_of_its_parts(self):
+        law = tracking_law(Gains(5.0, 9.0, 0.2), 0.3, 0.1, -0.5, 1e-9)
+        assert law == pytest.approx(5.0 * 0.1 + 0.3 - 0.2 * 0.5, rel=1e-6)
+
+    def test_the_integral_holds_beyond_its_range(self):
+        p = TrackingParameters(error_range=0.05)
+        assert tracking_integral(p, 2.0, 0.3, 0.05, DT) == pytest.approx(0.3 + 2.0 * 0.05 * DT)
+        assert tracking_integral(p, 2.0, 0.3, 0.051, DT) == 0.3
+
+    @given(small, small)
+    def test_a_cut_drains_the_integral_and_never_turns_it(self, integral, missing):
+        p = TrackingParameters(tracking_time=0.5)
+        left = tracking_drained(p, integral, missing, DT)
+        assert abs(left) <= abs(integral)
+        assert left * integral >= 0.0
+        if integral * missing < 0.0 and abs(missing) * DT / 0.5 < abs(integral):
+            assert left == pytest.approx(integral + 0.2 * missing)
+
+
+class TestClassical:
+    """The fuzzy PID without its fuzzy system."""
+
+    def test_paper_has_the_first_gains(self):
+        run = run_on(classical_pid("paper", DT), Circle(), Pose(0.1, -1.2, 0.1))
+        for axis in ("position", "heading"):
+            gains = [run.details[f"{gain}_{axis}"][:-1] for gain in ("kp", "ki", "kd")]
+            assert [set(column) for column in gains] == [{4.0}, {3.0}, {0.0}]
+
+    @relaxed
+    @given(poses, poses)
+    def test_published_code_is_proportional(self, pose, goal):
+        twist = to_world(first_command(classical_pid("published-code", DT), pose, goal), pose.yaw)
+        wanted = [7.0 * (b - a) for a, b in zip(pose, goal, strict=True)]
+        assert list(twist) == pytest.approx(wanted, abs=1e-9)
+
+    def test_units_of_the_gains(self):
+        units = classical_pid("paper", DT).detail_units
+        assert [units[f"k{k}_position"] for k in "pid"] == ["1/s", "1/s^2", "1"]
+        units = classical_pid("published-code", DT).detail_units
+        assert [units[f"k{k}_heading"] for k in "pid"] == ["1/s"] * 3
+        assert units["error_input_heading"] == "1"
+
+
+def test_a_wrapper_that_announces_no_details_logs_none():
+    class Wrapper:
+        def __init__(self):
+            self.inner = classical_pid("recommended", DT)
+
+        def reset(self, pose):
+            self.inner.reset(pose)
+
+        def step(self, t, pose, reference):
+            return self.inner.step(t, pose, reference)
+
+    assert run_on(Wrapper(), Circle(), Circle().at(0.0).pose).details == {}
+
+
+def test_other_details_than_announced_are_refused():
+    class Talkative(FeedforwardController):
+        @property
+        def detail_units(self):
+            return {"a": "1"}
+
+        def step(self, t, pose, reference):
+            return super().step(t, pose, reference)._replace(details=(1.0, 2.0))
+
+    with pytest.raises(InvalidInput, match="hold 2 details, its detail_units 1"):
+        run_on(Talkative(DT), Circle(), Circle().at(0.0).pose)
+
+
+@pytest.mark.parametrize(
+    "parameters", [SelfTuningParameters(), MemorylessParameters(), TrackingParameters()]
+)
 def test_defaults_lie_within_their_bounds(parameters):
     bounds = bounds_of(type(parameters))
     assert list(bounds) == list(parameters._fields)
@@ -219,3 +487,5 @@ def test_defaults_lie_within_their_bounds(parameters):
 def test_a_sample_time_that_is_none_is_refused(dt):
     with pytest.raises(InvalidInput, match="positive"):
         fuzzy_pid("t1", "paper", dt)
+    with pytest.raises(InvalidInput, match="positive"):
+        classical_pid("recommended", dt)

@@ -82,8 +82,9 @@ def test_a_short_and_perfect_run_can_be_drawn(part):
 
 
 def test_controllers_keep_their_colours_and_differ():
-    names = ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
-    assert len({controller_ink(name) for name in names}) == len(names)
+    names = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended")
+    for ground in ("light", "dark"):
+        assert len({getattr(controller_ink(name), ground) for name in names}) == len(names)
     assert controller_label("mine") == "mine"
     assert controller_ink("mine") == controller_ink("mine")
 

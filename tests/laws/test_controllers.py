@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from omnidrive.control import (
     Controller,
+    DetailedController,
     FeedforwardController,
     Status,
+    classical_pid,
     fuzzy_pid,
     unicycle_nmpc,
 )
@@ -27,10 +29,19 @@ CONTROLLERS = {
     "fuzzy_t2": lambda: fuzzy_pid("t2", "paper", DT),
     "fuzzy_t1_published": lambda: fuzzy_pid("t1", "published-code", DT),
     "fuzzy_t2_published": lambda: fuzzy_pid("t2", "published-code", DT),
+    "fuzzy_t1_recommended": lambda: fuzzy_pid("t1", "recommended", DT),
+    "fuzzy_t2_recommended": lambda: fuzzy_pid("t2", "recommended", DT),
+    "pid": lambda: classical_pid("paper", DT),
+    "pid_published": lambda: classical_pid("published-code", DT),
+    "pid_recommended": lambda: classical_pid("recommended", DT),
     "nmpc": lambda: unicycle_nmpc("paper", DT),
     "nmpc_published": lambda: unicycle_nmpc("published-code", DT),
 }
-DOES_NOT_WRAP = {"fuzzy_t1_published", "fuzzy_t2_published"}  # as the published code
+DOES_NOT_WRAP = {
+    "fuzzy_t1_published",
+    "fuzzy_t2_published",
+    "pid_published",
+}  # as the published code
 PARKS_ASIDE = {"nmpc_published": 0.13}  # m: a unicycle sees no way to move sideways at rest
 SMALL = named_robot("small")
 every_controller = pytest.mark.parametrize("name", CONTROLLERS)
@@ -61,6 +72,8 @@ def test_two_runs_are_bit_identical(name):
     )
     assert once.pose.tobytes() == again.pose.tobytes() == fresh.pose.tobytes()
     assert once.command.tobytes() == again.command.tobytes() == fresh.command.tobytes()
+    for name_, column in once.details.items():
+        assert column.tobytes() == fresh.details[name_].tobytes()
 
 
 @every_controller
@@ -122,3 +135,16 @@ def test_lost_measurements_end_the_run_as_a_value(name):
     )
     assert run.outcome is Outcome.CONTROLLER_FAILED
     assert len(run.t) == 5
+
+
+@every_controller
+def test_details_are_logged_with_their_units(name):
+    controller = CONTROLLERS[name]()
+    run = simulate(KinematicPlant(SMALL), controller, Circle(), start=Circle().at(0.0).pose, dt=DT)
+    units = controller.detail_units if isinstance(controller, DetailedController) else {}
+    assert list(run.details) == list(units)
+    assert run.detail_units == units
+    for column in run.details.values():
+        assert column.shape == run.t.shape
+        assert np.isfinite(column[:-1]).all()
+        assert np.isnan(column[-1])

@@ -7,6 +7,7 @@ from omnidrive.simulation import Outcome
 from omnidrive.study import Job, jobs_of, paper_scenario, prepare, run_job
 
 RECOMMENDED = {20.0: (0.006, 0.005), 30.0: (0.002, 0.002)}
+RECOMMENDED_PID = {20.0: (0.007, 0.006), 30.0: (0.0025, 0.002)}
 TRACKS = [job for job in jobs_of(paper_scenario()) if job.task in {"track", "noise"}]
 
 
@@ -67,3 +68,30 @@ def test_published_code_turns_at_its_slip(controller):
     row = PUBLISHED_ERRORS["track", 20.0, controller]
     assert result.run.outcome is Outcome.FINISHED
     assert result.metrics.me <= row.me
+
+
+@pytest.fixture(scope="module")
+def recommended():
+    return prepare(paper_scenario("recommended"))
+
+
+@pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
+@pytest.mark.parametrize("duration", RECOMMENDED_PID)
+def test_recommended_pids_track_closely(recommended, controller, duration):
+    result = run_job(recommended, Job("track", controller, duration))
+    m = result.metrics
+    me, mae = RECOMMENDED_PID[duration]
+    assert result.run.outcome is Outcome.FINISHED
+    assert m.me <= me
+    assert m.mae <= mae
+    assert m.me_after_start <= 0.002
+
+
+@pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
+def test_recommended_pids_answer_a_step_calmly(recommended, controller):
+    """The paper's overshoot: 10.8 %, 9.4 % and 78.9 % (type 1)."""
+    result = run_job(recommended, Job("step", controller, 10.0))
+    assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 1e-3
+    for response in result.responses:
+        assert response.overshoot < 1.0
+        assert response.settling_time < 1.3

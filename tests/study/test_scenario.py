@@ -15,7 +15,7 @@ from omnidrive.study.scenario_file import scenario_data
 from tests.shared_data import shared
 
 
-@pytest.mark.parametrize("preset", ["paper", "published-code"])
+@pytest.mark.parametrize("preset", ["paper", "published-code", "recommended"])
 def test_a_saved_scenario_is_read_again(tmp_path, preset):
     scenario = paper_scenario(preset)
     save_scenario(scenario, tmp_path / "s.yaml")
@@ -28,6 +28,17 @@ def test_a_map_is_looked_up_beside_its_scenario(tmp_path):
     again = load_scenario(tmp_path / "s.yaml")
     assert again.map.source == str(tmp_path / "map.yaml")
     assert (again.start, again.goal) == (scenario.start, scenario.goal)
+
+
+def test_a_map_gets_the_controllers_of_its_preset():
+    def controllers(preset):
+        place = Place(1, 1)
+        return map_scenario(
+            "m.yaml", place, place, robot="small", name="x", preset=preset
+        ).controllers
+
+    assert controllers("paper") == paper_scenario().controllers
+    assert controllers("recommended") == paper_scenario("recommended").controllers
 
 
 def is_short_line(folder, error):

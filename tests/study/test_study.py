@@ -94,6 +94,20 @@ def test_metrics_can_be_had_again_from_the_time_series(folder):
         assert table.schema.field("x").metadata == {b"unit": b"m"}
 
 
+def test_the_gains_are_in_the_time_series(folder):
+    table = pq.read_table(folder / "series" / "noise-fuzzy_t1-20s.parquet")
+    for name, unit in (("kp_position", b"1/s"), ("ki_heading", b"1/s^2"), ("kd_heading", b"1")):
+        assert table.schema.field(name).metadata == {b"unit": unit}
+    s = {name: column.to_numpy() for name, column in zip(table.column_names, table, strict=True)}
+    assert np.ptp(s["kp_position"][:-1]) > 0.05
+    assert np.isnan(s["kp_position"][-1])
+    goal, seen = (np.array([s[f"{what}_{k}"] for k in "xy"]) for what in ("target", "measured"))
+    distance = np.hypot(*(goal[:, 1:] - seen[:, :-1]))
+    assert s["error_input_position"][:-1] == pytest.approx(0.5 * distance)
+    plain = pq.read_table(folder / "series" / "track-recommended-20s.parquet")
+    assert plain.column_names[-1] == "step_time"
+
+
 def test_the_folder_holds_report_and_figures(folder):
     names = {p.name for p in (folder / "figures").iterdir()}
     for figure in ("kinematics", "membership_functions", "xy_comparison", "heading_comparison",
@@ -162,6 +176,19 @@ def test_a_duration_that_the_robot_cannot_do_is_refused_before_anything_runs(tmp
     with pytest.raises(InvalidReference, match="12 s is too short"):
         run_study(hasty, tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_study_of_the_recommended_preset(tmp_path):
+    names = ("pid", "fuzzy_t1", "nmpc")
+    scenario = small_scenario(preset="recommended", controllers=names)
+    study = run_study(scenario, tmp_path / "run")
+    paper = run_study(small_scenario(controllers=("nmpc",)))
+    theirs, ours = ([r for r in s.results.runs if r.controller == "nmpc"] for s in (paper, study))
+    assert [r.run.pose.tobytes() for r in ours] == [r.run.pose.tobytes() for r in theirs]
+    pid, fuzzy = (r for r in study.results.select("noise") if r.controller in names[:2])
+    assert list(pid.run.details) == list(fuzzy.run.details)
+    assert np.ptp(pid.run.details["kp_x"][:-1]) == 0.0
+    assert np.ptp(fuzzy.run.details["kp_x"][:-1]) > 0.1
 
 
 def test_jobs_of_the_papers_study():

@@ -70,8 +70,8 @@ PresetOption = Annotated[
     str | None,
     typer.Option(
         metavar="|".join(get_args(PresetName)),
-        help="Take the paper's controllers from its text, or from its published code with its "
-        "slip in the wheel matrix.",
+        help="Take the paper's controllers from its text, from its published code with its slip in "
+        "the wheel matrix, or as we would build them.",
         rich_help_panel=_HOW,
     ),
 ]
@@ -162,6 +162,7 @@ class Demand:
                 parse_place("goal", self.goal),
                 robot=choose_one("robot", self.robot or "paper", ROBOTS),
                 name=_plain_name(self.map.stem),
+                preset=preset or "paper",
             )
         if self.scenario == "paper":
             return paper_scenario(preset or "paper")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -24,6 +25,8 @@ class Command(NamedTuple):
 
     twist: BodyTwist
     status: Status = Status.OK
+    details: tuple[float, ...] = ()
+    """Inner numbers worth a log, in the order of :class:`DetailedController`'s ``detail_units``."""
 
 
 @runtime_checkable
@@ -40,4 +43,17 @@ class Controller(Protocol):
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
         """Command to hold on [t, t + dt), given the pose measured at ``t`` (s)."""
+        ...
+
+
+@runtime_checkable
+class DetailedController(Controller, Protocol):
+    """A :class:`Controller` whose commands carry details, each of which becomes a column of a log.
+
+    A controller without details just leaves this out.
+    """
+
+    @property
+    def detail_units(self) -> Mapping[str, str]:
+        """Name and unit of each of ``Command.details``, in their order; ``1``: without unit."""
         ...

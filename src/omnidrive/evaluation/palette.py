@@ -15,14 +15,17 @@ class Ink(NamedTuple):
     """On a black ground."""
 
 
-# Okabe & Ito, "Color universal design", 2008: told apart by the colour-blind, too
+# Okabe & Ito, "Color universal design", 2008: told apart by the colour-blind, too. On black the
+# type-3's is redder than theirs, away from the type-1's; the baseline goes without hue.
 _CONTROLLERS = {
+    "pid": ("PID", "PID", Ink("#595959", "#d9d9d9")),
     "fuzzy_t1": ("Type-1 fuzzy PID", "T1", Ink("#e69f00", "#e69f00")),
     "fuzzy_t2": ("Interval type-2 fuzzy PID", "IT2", Ink("#0072b2", "#56b4e9")),
+    "fuzzy_t3": ("Interval type-3 fuzzy PID", "IT3", Ink("#d55e00", "#e0503c")),
     "nmpc": ("NMPC", "NMPC", Ink("#cc79a7", "#e39ac3")),
     "recommended": ("Recommended", "Rec.", Ink("#009e73", "#1fc998")),
 }
-_SPARE = (Ink("#d55e00", "#f2803a"), Ink("#7f7f7f", "#b0b0b0"), Ink("#56b4e9", "#9ad7fb"))
+_SPARE = (Ink("#882255", "#c46ba0"), Ink("#9c8f00", "#f0e442"), Ink("#56b4e9", "#9ad7fb"))
 
 # ends of viridis, cut where it would fade into the ground
 _RAMPS = Ink("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae #c4e65a")

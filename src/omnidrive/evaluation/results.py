@@ -19,7 +19,7 @@ class TrackResult:
     """One tracking run.
 
     Attributes:
-        controller: Which controller: fuzzy_t1, fuzzy_t2, nmpc or recommended.
+        controller: Which controller, by its name in scenarios, such as fuzzy_t1.
         task: Which part of the study: track, noise or horizon.
         duration: Of the reference, in s.
         noise: Whether the controller saw noisy poses.

@@ -1,1 +1,43 @@
-"""Fuzzy systems."""
+"""Fuzzy systems of type 1, interval type 2 and interval type 3: as data, in files, evaluated."""
+
+from omnidrive.fuzzy.files import GapWarning, load, save
+from omnidrive.fuzzy.inference import Fired, Inference
+from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.rule_text import parse_rule, rule_text
+from omnidrive.fuzzy.surface import LookupSurface
+from omnidrive.fuzzy.system import (
+    And,
+    Footprint,
+    FuzzySet,
+    FuzzySystem,
+    InputVariable,
+    Is,
+    LinearFunction,
+    Or,
+    OutputVariable,
+    Rule,
+    Secondary,
+)
+
+__all__ = [
+    "And",
+    "Fired",
+    "Footprint",
+    "FuzzySet",
+    "FuzzySystem",
+    "GapWarning",
+    "Inference",
+    "InputVariable",
+    "Is",
+    "LinearFunction",
+    "LookupSurface",
+    "Membership",
+    "Or",
+    "OutputVariable",
+    "Rule",
+    "Secondary",
+    "load",
+    "parse_rule",
+    "rule_text",
+    "save",
+]

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.conclusions import Conclusions, Shape
+from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.exact import exact_interval, lines_of, polyline
 from omnidrive.fuzzy.reduction import KM, greatest, least, reduced
 from omnidrive.fuzzy.sampled import samples_of
@@ -30,14 +30,13 @@ class Centres(NamedTuple):
 
 def centres_of(
     system: FuzzySystem,
-    conclusions: Conclusions,
     shapes: tuple[tuple[Shape, ...], ...],
     samples: int | None,
     plane: Plane = WHOLE,
 ) -> Centres:
     """Centroid interval of every shape; exact, or on ``samples`` samples of the range."""
     pairs = (
-        _exact(system, conclusions, shapes, plane)
+        _exact(system, shapes, plane)
         if samples is None
         else _sampled(system, shapes, samples, plane)
     )
@@ -53,9 +52,7 @@ def centres_of(
 _Pairs = list[list[tuple[float, float]]]
 
 
-def _exact(
-    system: FuzzySystem, c: Conclusions, shapes: tuple[tuple[Shape, ...], ...], plane: Plane
-) -> _Pairs:
+def _exact(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], plane: Plane) -> _Pairs:
     upper = lines_of(system, shapes, plane)
     lower = lines_of(system, shapes, plane, of_lower=True)
     pairs: _Pairs = []
@@ -64,7 +61,7 @@ def _exact(
         for k in range(len(own)):
             alone = np.zeros(len(own))
             alone[k] = 1.0
-            functions = [polyline(c, lines, output, alone) for lines in (lower, upper)]
+            functions = [polyline(lines, output, True, alone) for lines in (lower, upper)]
             pairs[-1].append(exact_interval(KM, *functions))
     return pairs
 
@@ -74,7 +71,7 @@ def _sampled(
 ) -> _Pairs:
     s = samples_of(system, shapes, count, plane)
     at = s.at.reshape(-1, count)
-    lower, upper = s.lower.reshape(-1, count), s.upper.reshape(-1, count)
+    lower, upper = s.degrees.reshape(2, -1, count)
     owners = [output for output, own in enumerate(shapes) for _ in own]
     pairs: _Pairs = [[] for _ in shapes]
     for k, output in enumerate(owners):
@@ -85,33 +82,31 @@ def _sampled(
 
 
 @compiled
-def centre_of_sets(  # noqa: PLR0917
-    c: Conclusions,
+def centre_of_sets(
     s: Centres,
-    output: int,
+    first: int,
+    last: int,
     algorithm: int,
-    lower: Float[Array, " shapes"],
-    upper: Float[Array, " shapes"],
+    weights: Float[Array, "2 shapes"],
 ) -> tuple[float, float]:
     """Least and greatest mean of the centroids of the shapes, by the strengths of their rules.
 
     Mendel, "Uncertain Rule-Based Fuzzy Systems", 2nd ed. 2017.
 
     Args:
-        c: What each rule concludes.
         s: Centroids of the shapes.
-        output: Which output.
+        first: First shape of the output.
+        last: The one after its last.
         algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
-        lower: Sum of the least strengths of the rules that conclude each shape.
-        upper: Sum of their greatest strengths; not all zero.
+        weights: Sums of the least and the greatest strengths of the rules that conclude each
+            shape; not all zero.
     """
-    first, count = c.first_shape[output], len(lower)
-    low, high = np.empty(count), np.empty(count)
-    for k in range(count):
-        shape = s.least_shape[first + k]
-        low[k], high[k] = lower[shape], upper[shape]
-    left = least(algorithm, s.least[first : first + count], low, high)
-    for k in range(count):
-        shape = s.greatest_shape[first + k]
-        low[k], high[k] = lower[shape], upper[shape]
-    return left, greatest(algorithm, s.greatest[first : first + count], low, high)
+    low, high = np.empty(last - first), np.empty(last - first)
+    for k in range(first, last):
+        shape = first + s.least_shape[k]
+        low[k - first], high[k - first] = weights[0, shape], weights[1, shape]
+    left = least(algorithm, s.least[first:last], low, high)
+    for k in range(first, last):
+        shape = first + s.greatest_shape[k]
+        low[k - first], high[k - first] = weights[0, shape], weights[1, shape]
+    return left, greatest(algorithm, s.greatest[first:last], low, high)

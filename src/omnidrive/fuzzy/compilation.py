@@ -100,14 +100,14 @@ def slices(count: int) -> list[Plane]:
 
 def _packed(system: FuzzySystem, options: Options, plane: Plane) -> Packed:
     conclusions, shapes = conclusions_of(system)
-    rest: tuple[NamedTuple, ...]
+    rest: tuple[tuple[Array, ...], ...]
     if system.is_sugeno:
         method, rest = SUGENO, (functions_of(system, shapes),)
     elif options.reduction == "cos":
         samples = None if options.centroid == "exact" else options.samples
         method, rest = (
             CENTRE_OF_SETS,
-            (centres_of(system, conclusions, shapes, samples, plane),),
+            (centres_of(system, shapes, samples, plane),),
         )
     elif options.centroid == "exact":
         upper = lines_of(system, shapes, plane)

@@ -87,36 +87,36 @@ def _shapes(system: FuzzySystem, output: int) -> tuple[Shape, ...]:
 
 
 @compiled
-def strongest(
-    c: Conclusions, output: int, strengths: Float[Array, " rules"]
-) -> Float[Array, " shapes"]:
-    """Strength of the strongest rule that concludes each shape of an output."""
-    outputs = len(c.first_shape) - 1
-    first = c.first_shape[output]
-    heights = np.zeros(c.first_shape[output + 1] - first)
-    for r in range(len(strengths)):
-        if strengths[r] > 0.0:
-            k = c.shapes[r * outputs + output]
-            if k >= 0:
-                heights[k - first] = max(heights[k - first], strengths[r])
+def strongest(c: Conclusions, strengths: Float[Array, "2 rules"]) -> Float[Array, "2 shapes"]:
+    """Least and greatest strength of the strongest rule that concludes each shape."""
+    shapes, outputs = c.shapes, len(c.aggregations)
+    heights = np.zeros((2, c.first_shape[-1]))
+    for r in range(strengths.shape[1]):
+        low, high = strengths[0, r], strengths[1, r]
+        if high > 0.0:
+            for o in range(r * outputs, (r + 1) * outputs):
+                k = shapes[o]
+                if k >= 0:
+                    heights[0, k] = max(heights[0, k], low)
+                    heights[1, k] = max(heights[1, k], high)
     return heights
 
 
 @compiled
-def summed(
-    c: Conclusions, output: int, strengths: Float[Array, " rules"]
-) -> Float[Array, " shapes"]:
-    """Sum of the strengths of the rules that conclude each shape of an output.
+def summed(c: Conclusions, strengths: Float[Array, "2 rules"]) -> Float[Array, "2 shapes"]:
+    """Sums of the least and of the greatest strengths of the rules that conclude each shape.
 
     Rules with one conclusion have one centroid, so a weighted mean over rules may add up their
     weights first.
     """
-    outputs = len(c.first_shape) - 1
-    first = c.first_shape[output]
-    weights = np.zeros(c.first_shape[output + 1] - first)
-    for r in range(len(strengths)):
-        if strengths[r] > 0.0:
-            k = c.shapes[r * outputs + output]
-            if k >= 0:
-                weights[k - first] += strengths[r]
+    shapes, outputs = c.shapes, len(c.aggregations)
+    weights = np.zeros((2, c.first_shape[-1]))
+    for r in range(strengths.shape[1]):
+        low, high = strengths[0, r], strengths[1, r]
+        if high > 0.0:
+            for o in range(r * outputs, (r + 1) * outputs):
+                k = shapes[o]
+                if k >= 0:
+                    weights[0, k] += low
+                    weights[1, k] += high
     return weights

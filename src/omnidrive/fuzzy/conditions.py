@@ -59,7 +59,7 @@ def _nodes(
     def operand(condition: Condition) -> list[int]:
         """Number of a degree, and the hedge under which it is taken."""
         if isinstance(condition, Is):
-            index = number[condition.variable, condition.set]
+            index = number.get((condition.variable, condition.set), 0)  # "any" names no set
             first, *others = condition.hedges or (None,)
             for hedge in reversed(others):  # the one next to the set applies first
                 inner.append((_AND, [index, HEDGE_CODES[str(hedge)]]))
@@ -85,54 +85,40 @@ def room(c: Conditions) -> int:
 
 @compiled
 def fire(
-    c: Conditions,
-    lower: Float[Array, " degrees"],
-    upper: Float[Array, " degrees"],
-    uncertain: bool,
-) -> tuple[Float[Array, " rules"], Float[Array, " rules"]]:
-    """Least and greatest strength of every rule; one array unless ``uncertain``.
+    c: Conditions, degrees: Float[Array, "2 degrees"], uncertain: bool
+) -> Float[Array, "2 rules"]:
+    """Least and greatest strength of every rule; they are equal unless ``uncertain``.
 
     Args:
         c: The conditions.
-        lower: Lower degrees of the sets; those of the nodes are filled in.
-        upper: Upper degrees; the same array unless ``uncertain``.
-        uncertain: Whether the bounds differ.
+        degrees: Lower and upper degree of each set; those of the nodes are filled in.
+        uncertain: Whether the bounds differ; if not, there are only upper degrees.
     """
-    nodes, rules = len(c.nodes) // 2 - 1, len(c.weights)
-    sets, first_rule = len(upper) - nodes, nodes - rules
-    greatest = np.empty(rules)
-    least = np.empty(rules) if uncertain else greatest
-    for k in range(nodes):
-        upper[sets + k] = _joined(c, k, upper, lower)
-        if uncertain:
-            lower[sets + k] = _joined(c, k, lower, upper)
-        if k >= first_rule:
-            greatest[k - first_rule] = upper[sets + k] * c.weights[k - first_rule]
-            if uncertain:
-                least[k - first_rule] = lower[sets + k] * c.weights[k - first_rule]
-    return least, greatest
-
-
-@compiled
-def _joined(
-    c: Conditions,
-    k: int,
-    degrees: Float[Array, " degrees"],
-    others: Float[Array, " degrees"],
-) -> float:
-    """Degree of node ``k``; "not" turns a bound into the other one."""
-    kind = c.nodes[2 * k]
-    norm = c.norms[kind]
-    joined: float = 1.0 - kind
-    for t in range(c.nodes[2 * k + 1], c.nodes[2 * k + 3]):
-        index, hedge = c.terms[2 * t], c.terms[2 * t + 1]
-        each: float = degrees[index]
-        if hedge >= 0:
-            each = hedged(hedge, others[index] if hedge == _NOT else each)
-        if kind == _AND:
-            joined = conjoin(norm, joined, each)
-            if joined <= 0.0:
-                break
-        else:
-            joined = disjoin(norm, joined, each)
-    return joined
+    nodes, terms, weights = c.nodes, c.terms, c.weights  # locals: each look-up costs in the loop
+    conjunction, disjunction = c.norms[_AND], c.norms[_OR]
+    count, rules = len(nodes) // 2 - 1, len(weights)
+    sets, first_rule = degrees.shape[1] - count, count - rules
+    strengths = np.empty((2, rules))
+    for k in range(count):
+        kind = nodes[2 * k]
+        for bound in range(0 if uncertain else 1, 2):
+            joined: float = 1.0 - kind
+            for t in range(nodes[2 * k + 1], nodes[2 * k + 3]):
+                index, hedge = terms[2 * t], terms[2 * t + 1]
+                each: float = degrees[bound, index]
+                if hedge >= 0:
+                    if hedge == _NOT and uncertain:  # "not" turns one bound into the other
+                        each = degrees[1 - bound, index]
+                    each = hedged(hedge, each)
+                if kind == _AND:
+                    joined = conjoin(conjunction, joined, each)
+                    if joined <= 0.0:
+                        break
+                else:
+                    joined = disjoin(disjunction, joined, each)
+            degrees[bound, sets + k] = joined
+            if k >= first_rule:
+                strengths[bound, k - first_rule] = joined * weights[k - first_rule]
+    if not uncertain:
+        strengths[0] = strengths[1]
+    return strengths

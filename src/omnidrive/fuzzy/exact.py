@@ -11,17 +11,14 @@ from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.conclusions import Conclusions, Shape
+from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.norms import IMPLICATIONS
 from omnidrive.fuzzy.reduction import NIE_TAN
 from omnidrive.fuzzy.sampled import BISECTOR, CENTROID, MOM, of_maxima
 from omnidrive.fuzzy.sets import WHOLE, Plane
 from omnidrive.fuzzy.system import Footprint, FuzzySet, FuzzySystem, OutputVariable
 
 Array = np.ndarray
-
-_MIN = IMPLICATIONS["min"]
 
 MAX_LINES = 1_000_000
 """Most straight lines that the shapes of one output may be cut into."""
@@ -169,7 +166,7 @@ def _crossings(
 
 @compiled
 def polyline(
-    c: Conclusions, s: Lines, output: int, heights: Float[Array, " shapes"]
+    s: Lines, output: int, cuts: bool, heights: Float[Array, " shapes"]
 ) -> Float[Array, "4 pieces"]:
     """The joined conclusions about one output: the greatest of the cut (or scaled) shapes.
 
@@ -179,38 +176,38 @@ def polyline(
     where the highest of them gives way to a steeper one.
 
     Args:
-        c: What each rule concludes.
         s: Lines of the shapes.
         output: Which output.
-        heights: Strength of each shape.
+        cuts: Whether shapes are cut; if not, they are scaled.
+        heights: Strength of each shape of the output.
 
     Returns:
         Straight pieces, left to right: left end, right end, degree at the left, at the right.
     """
     begin, end = s.first_piece[output], s.first_piece[output + 1]
-    cuts = c.implication[0] == _MIN
+    ends, first_line, shapes, degrees = s.ends, s.first_line, s.shapes, s.degrees
     most = len(heights)
-    lines = s.first_line[end] - s.first_line[begin]
+    lines = first_line[end] - first_line[begin]
     found = np.empty((4, 2 * lines))
     cap, p, q = np.empty(most), np.empty(most), np.empty(most)
     breaks = np.empty(2 * most)
     count = 0
     for piece in range(begin, end):
         shown, top = 0, 0.0
-        for k in range(s.first_line[piece], s.first_line[piece + 1]):
-            height = heights[s.shapes[k]]
+        for k in range(first_line[piece], first_line[piece + 1]):
+            height = heights[shapes[k]]
             if height <= 0.0 or (cuts and height <= top):
                 continue
             scale = 1.0 if cuts else height
             cap[shown] = height
-            p[shown], q[shown] = scale * s.degrees[2 * k], scale * s.degrees[2 * k + 1]
+            p[shown], q[shown] = scale * degrees[2 * k], scale * degrees[2 * k + 1]
             shown, top = shown + 1, height
         if shown == 0:
             continue
         number = (
             _cut_breaks(cap, p, q, shown, breaks) if cuts else _scaled_breaks(p, q, shown, breaks)
         )
-        left, width = s.ends[2 * piece], s.ends[2 * piece + 1] - s.ends[2 * piece]
+        left, width = ends[2 * piece], ends[2 * piece + 1] - ends[2 * piece]
         at, before = 0.0, _highest(cap, p, q, shown, 0.0)
         for k in range(number + 1):
             to = breaks[k] if k < number else 1.0

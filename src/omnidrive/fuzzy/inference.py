@@ -22,7 +22,14 @@ from omnidrive.fuzzy.compilation import (
     compile_system,
 )
 from omnidrive.fuzzy.exact import why_not_exact
-from omnidrive.fuzzy.kernels import NO_RULE, NOT_FINITE, infer_one, infer_rows, rule_strengths
+from omnidrive.fuzzy.kernels import (
+    NO_RULE,
+    NOT_FINITE,
+    infer_one,
+    infer_rows,
+    rule_strengths,
+    value_of_one,
+)
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem, Rule, nearest
 
 Array = np.ndarray
@@ -92,6 +99,7 @@ class Inference:
         self._inputs = tuple(variable.name for variable in system.inputs)
         self._outputs = tuple(variable.name for variable in system.outputs)
         self._numbers, self._integers, self._planes = compile_system(system, options)
+        self._many = len(self._planes) > 1
 
     @overload
     def __call__(self, inputs: Mapping[str, float], /) -> dict[str, float]: ...
@@ -110,7 +118,13 @@ class Inference:
         """
         if len(inputs) == 1 and not isinstance(inputs[0], float | int):
             return self._other_form(inputs[0])
-        values: Array = self._all(cast("tuple[float, ...]", inputs))[0]
+        x = tuple(map(float, cast("tuple[float, ...]", inputs)))
+        if self._many or len(x) != len(self._inputs):
+            several: Array = self._all(x)[0]
+            return several
+        status, values = value_of_one(self._numbers, self._integers, x)
+        if status:
+            raise self._refusal(status, x)
         return values
 
     def interval(self, *inputs: float) -> tuple[Float[Array, " outputs"], Float[Array, " outputs"]]:
@@ -183,7 +197,7 @@ class Inference:
             raise InvalidInput(
                 f"needs {len(self._inputs)} inputs ({', '.join(self._inputs)}), got {len(x)}"
             )
-        if len(self._planes) > 1:
+        if self._many:
             found = np.empty((3, 1, len(self._outputs)))
             status, _ = self._rows(np.array([x]), found)
             found = found[:, 0]

@@ -14,7 +14,15 @@ from omnidrive.fuzzy.conditions import Conditions, fire, room
 from omnidrive.fuzzy.exact import Lines, exact_interval, exact_value, polyline
 from omnidrive.fuzzy.packed import Packed, integers_of, numbers_of
 from omnidrive.fuzzy.reduction import reduced
-from omnidrive.fuzzy.sampled import Samples, aggregated, sampled_value
+from omnidrive.fuzzy.sampled import (
+    MAX,
+    MIN,
+    WTSUM,
+    Samples,
+    joined_by_max,
+    joined_by_rule,
+    sampled_value,
+)
 from omnidrive.fuzzy.sets import Sets, fuzzify
 from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
 
@@ -44,7 +52,7 @@ _SETS, _CONDITIONS, _CONCLUSIONS, _REST = 4, 10, 14, 19
 
 
 def parts(
-    frame: Frame, sets: Sets, conditions: Conditions, conclusions: Conclusions, *rest: NamedTuple
+    frame: Frame, sets: Sets, conditions: Conditions, conclusions: Conclusions, *rest: tuple[Array, ...]
 ) -> list[Array]:
     """The arrays of a system in the order in which the kernels unpack them."""
     return [*frame, *sets, *conditions, *conclusions, *(a for each in rest for a in each)]
@@ -85,12 +93,7 @@ def _conclusions(p: Packed) -> Conclusions:
 
 @compiled
 def _samples(p: Packed) -> Samples:
-    return Samples(
-        numbers_of(p, _REST),
-        numbers_of(p, _REST + 1),
-        numbers_of(p, _REST + 2),
-        integers_of(p, _REST + 3),
-    )
+    return Samples(numbers_of(p, _REST), numbers_of(p, _REST + 1))
 
 
 @compiled
@@ -135,14 +138,11 @@ def admitted(p: Packed, x: Float[Array, " inputs"]) -> int:
 
 
 @compiled
-def strengths_of(
-    p: Packed, x: Float[Array, " inputs"]
-) -> tuple[Float[Array, " rules"], Float[Array, " rules"]]:
-    """Least and greatest strength of every rule; one array where the system is certain."""
+def strengths_of(p: Packed, x: Float[Array, " inputs"]) -> Float[Array, "2 rules"]:
+    """Least and greatest strength of every rule."""
     conditions = _conditions(p)
     uncertain = integers_of(p, 3)[1] == 1
-    lower, upper = fuzzify(_sets(p), x, room(conditions), uncertain)
-    return fire(conditions, lower, upper, uncertain)
+    return fire(conditions, fuzzify(_sets(p), x, room(conditions), uncertain), uncertain)
 
 
 @compiled
@@ -152,97 +152,94 @@ def infer(p: Packed, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"
     The value of a system of type 2 is the middle of its interval.
     """
     conclusions, switches = _conclusions(p), integers_of(p, 3)
-    lower, upper = strengths_of(p, x)
+    strengths = strengths_of(p, x)
+    found[0, :] = np.nan
     if switches[0] == SAMPLED:
-        quiet = _infer_sampled(p, conclusions, lower, upper, found)
+        _infer_sampled(p, conclusions, strengths, found)
     elif switches[0] == EXACT:
-        quiet = _infer_exact(p, conclusions, lower, upper, found)
+        _infer_exact(p, conclusions, strengths, found)
     else:
-        quiet = _infer_weighted(p, conclusions, lower, upper, x, found)
-    return NO_RULE if quiet and switches[4] == REFUSE else FINE
+        _infer_weighted(p, conclusions, strengths, x, found)
+    status, fallbacks = FINE, numbers_of(p, 1)
+    for o in range(found.shape[1]):
+        if np.isnan(found[0, o]):
+            found[:, o] = fallbacks[o]
+            status = NO_RULE if switches[4] == REFUSE else status
+    return status
 
 
 @compiled
 def _infer_sampled(
-    p: Packed,
-    c: Conclusions,
-    lower: Float[Array, " rules"],
-    upper: Float[Array, " rules"],
-    found: Float[Array, "3 outputs"],
-) -> bool:
-    """Outputs by way of samples; returns whether no rule fired for one of them."""
-    s, fallbacks, switches = _samples(p), numbers_of(p, 1), integers_of(p, 3)
-    outputs = found.shape[1]
-    count, quiet = len(s.at) // outputs, False
+    p: Packed, c: Conclusions, strengths: Float[Array, "2 rules"], found: Float[Array, "3 outputs"]
+) -> None:
+    """Outputs by way of samples; those of which no rule speaks are left alone."""
+    s, switches = _samples(p), integers_of(p, 3)
+    outputs, cuts = found.shape[1], c.implication[0] == MIN
+    count, shapes = len(s.at) // outputs, c.first_shape[-1]
+    heights = strongest(c, strengths)
+    degrees = s.degrees.reshape((2, shapes, count))
+    both = np.empty((2, count))
     for o in range(outputs):
-        at = s.at[o * count : (o + 1) * count]
-        high = aggregated(c, s, o, upper, s.upper)
-        if high.max() <= 0.0:
-            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
-            quiet = True
-        elif switches[1] == 1:
-            low = aggregated(c, s, o, lower, s.lower)
-            found[1, o], found[2, o] = reduced(switches[2], at, low, high)
+        first, last = c.first_shape[o], c.first_shape[o + 1]
+        some = False
+        for bound in range(0 if switches[1] == 1 else 1, 2):
+            if c.aggregations[o] == MAX:
+                some = joined_by_max(
+                    heights[bound, first:last], degrees[bound, first:last], cuts, both[bound]
+                )
+            else:
+                some = joined_by_rule(c, o, strengths[bound], degrees[bound], both[bound])
+        if some:
+            at = s.at[o * count : (o + 1) * count]
+            if switches[1] == 1:
+                found[1, o], found[2, o] = reduced(switches[2], at, both[0], both[1])
+            else:
+                found[1, o] = found[2, o] = sampled_value(c.defuzzifiers[o], at, both[1])
             found[0, o] = 0.5 * (found[1, o] + found[2, o])
-        else:
-            found[0, o] = found[1, o] = found[2, o] = sampled_value(c.defuzzifiers[o], at, high)
-    return quiet
 
 
 @compiled
 def _infer_exact(
-    p: Packed,
-    c: Conclusions,
-    lower: Float[Array, " rules"],
-    upper: Float[Array, " rules"],
-    found: Float[Array, "3 outputs"],
-) -> bool:
-    """Outputs by way of polylines; returns whether no rule fired for one of them."""
-    fallbacks, switches = numbers_of(p, 1), integers_of(p, 3)
-    upper_lines = _lines(p, _REST)
-    lower_lines = _lines(p, _REST + 5)
-    quiet = False
+    p: Packed, c: Conclusions, strengths: Float[Array, "2 rules"], found: Float[Array, "3 outputs"]
+) -> None:
+    """Outputs by way of polylines; those of which no rule speaks are left alone."""
+    switches, cuts = integers_of(p, 3), c.implication[0] == MIN
+    upper, lower = _lines(p, _REST), _lines(p, _REST + 5)
+    heights = strongest(c, strengths)
     for o in range(found.shape[1]):
-        high = polyline(c, upper_lines, o, strongest(c, o, upper))
-        if high.shape[1] == 0:
-            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
-            quiet = True
-        elif switches[1] == 1:
-            low = polyline(c, lower_lines, o, strongest(c, o, lower))
-            found[1, o], found[2, o] = exact_interval(switches[2], low, high)
+        first, last = c.first_shape[o], c.first_shape[o + 1]
+        high = polyline(upper, o, cuts, heights[1, first:last])
+        if high.shape[1] > 0:
+            if switches[1] == 1:
+                low = polyline(lower, o, cuts, heights[0, first:last])
+                found[1, o], found[2, o] = exact_interval(switches[2], low, high)
+            else:
+                found[1, o] = found[2, o] = exact_value(c.defuzzifiers[o], high)
             found[0, o] = 0.5 * (found[1, o] + found[2, o])
-        else:
-            found[0, o] = found[1, o] = found[2, o] = exact_value(c.defuzzifiers[o], high)
-    return quiet
 
 
 @compiled
-def _infer_weighted(  # noqa: PLR0917
+def _infer_weighted(
     p: Packed,
     c: Conclusions,
-    lower: Float[Array, " rules"],
-    upper: Float[Array, " rules"],
+    strengths: Float[Array, "2 rules"],
     x: Float[Array, " inputs"],
     found: Float[Array, "3 outputs"],
-) -> bool:
-    """Outputs as weighted means over rules; returns whether no rule fired for one of them."""
-    fallbacks, switches = numbers_of(p, 1), integers_of(p, 3)
-    uncertain, quiet = switches[1] == 1, False
+) -> None:
+    """Outputs as weighted means over rules; those of which no rule speaks are left alone."""
+    switches = integers_of(p, 3)
+    weights = summed(c, strengths)
     for o in range(found.shape[1]):
-        high = summed(c, o, upper)
-        low = summed(c, o, lower) if uncertain else high
-        if high.sum() <= 0.0:
-            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
-            quiet = True
-            continue
-        if switches[0] == SUGENO:
-            functions = Functions(numbers_of(p, _REST))
-            ends = sugeno_interval(c, functions, o, switches[2], x, uncertain, low, high)
-        else:
-            ends = centre_of_sets(c, _centres(p), o, switches[2], low, high)
-        found[1, o], found[2, o] = ends
-        found[0, o] = 0.5 * (found[1, o] + found[2, o])
-    return quiet
+        first, last = c.first_shape[o], c.first_shape[o + 1]
+        low, high = weights[0, first:last], weights[1, first:last]
+        if high.sum() > 0.0:
+            if switches[0] == SUGENO:
+                is_sum, functions = c.defuzzifiers[o] == WTSUM, Functions(numbers_of(p, _REST))
+                ends = sugeno_interval(functions, first, is_sum, switches[2], x, low, high)
+            else:
+                ends = centre_of_sets(_centres(p), first, last, switches[2], weights)
+            found[1, o], found[2, o] = ends
+            found[0, o] = 0.5 * (found[1, o] + found[2, o])
 
 
 @compiled
@@ -250,7 +247,7 @@ def rule_strengths(
     numbers: Float[Array, " numbers"],
     integers: Int[Array, " integers"],
     x: Float[Array, " inputs"],
-) -> tuple[Float[Array, " rules"], Float[Array, " rules"]]:
+) -> Float[Array, "2 rules"]:
     """Least and greatest strength of every rule, for inputs that are brought into their range."""
     p = Packed(numbers, integers)
     admitted(p, x)
@@ -271,6 +268,15 @@ def infer_one(
     if status == FINE:
         status = infer(p, inputs, found)
     return status, found
+
+
+@compiled
+def value_of_one(
+    numbers: Float[Array, " numbers"], integers: Int[Array, " integers"], x: tuple[float, ...]
+) -> tuple[int, Float[Array, " outputs"]]:
+    """As :func:`infer_one`, but only the values: a view less to make for Python."""
+    status, found = infer_one(numbers, integers, x)
+    return status, found[0]
 
 
 @compiled

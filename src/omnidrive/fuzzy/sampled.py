@@ -5,30 +5,28 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.conclusions import Conclusions, Shape, strongest
-from omnidrive.fuzzy.norms import disjoin
+from omnidrive.fuzzy.conclusions import Conclusions, Shape
+from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, disjoin
+from omnidrive.fuzzy.reduction import moments
 from omnidrive.fuzzy.sets import WHOLE, Plane
 from omnidrive.fuzzy.system import FuzzySystem
 
 Array = np.ndarray
 
-_MIN = 0
-_MAX = 0
-CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM = range(7)  # the order of system.DEFUZZIFIERS
+MIN, MAX = IMPLICATIONS["min"], AGGREGATIONS["max"]
+CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(9)  # the order of system.DEFUZZIFIERS
 
 
 class Samples(NamedTuple):
-    """Membership of every sample of an output in each of its shapes; flat arrays."""
+    """Membership of every sample of an output in each of its shapes, flat."""
 
     at: Float[Array, " outputs*samples"]
     """The samples of each output, from its low to its high."""
-    upper: Float[Array, " shapes*samples"]
-    lower: Float[Array, " shapes*samples"]
-    support: Int[Array, " 2*shapes"]
-    """First sample at which the upper function is not zero, and the one after the last."""
+    degrees: Float[Array, " 2*shapes*samples"]
+    """Lower functions of all shapes, then the upper ones."""
 
 
 def samples_of(
@@ -37,59 +35,60 @@ def samples_of(
     """``count`` samples of each output of a system."""
     at = [np.linspace(output.low, output.high, count) for output in system.outputs]
     pairs = [shape.bounds(at[o], plane) for o in range(len(system.outputs)) for shape in shapes[o]]
-    lower = np.array([pair[0] for pair in pairs]).reshape(-1, count)
-    upper = np.array([pair[1] for pair in pairs]).reshape(-1, count)
-    inside = upper > 0.0
-    first = inside.argmax(axis=1)
-    last = np.where(inside.any(axis=1), count - inside[:, ::-1].argmax(axis=1), first)
-    support = np.column_stack([first, last])
-    return Samples(np.concatenate(at), upper.ravel(), lower.ravel(), support.ravel())
+    return Samples(np.concatenate(at), np.array(pairs).transpose(1, 0, 2).ravel())
 
 
 @compiled
-def aggregated(
+def joined_by_max(
+    heights: Float[Array, " shapes"],
+    degrees: Float[Array, "shapes samples"],
+    cuts: bool,
+    joined: Float[Array, " samples"],
+) -> bool:
+    """Fill in the greatest of the cut (or scaled) shapes; returns whether there is any."""
+    joined[:] = 0.0
+    for k in range(len(heights)):
+        height, shape = heights[k], degrees[k]
+        if height > 0.0:
+            if cuts:
+                for i in range(len(joined)):
+                    joined[i] = max(joined[i], min(height, shape[i]))
+            else:
+                for i in range(len(joined)):
+                    joined[i] = max(joined[i], height * shape[i])
+    return _any(joined)
+
+
+@compiled
+def joined_by_rule(
     c: Conclusions,
-    s: Samples,
     output: int,
     strengths: Float[Array, " rules"],
-    degrees: Float[Array, " shapes*samples"],
-) -> Float[Array, " samples"]:
-    """The joined conclusions of all rules about one output, at its samples.
-
-    Args:
-        c: What each rule concludes.
-        s: Samples of the shapes.
-        output: Which output.
-        strengths: Of the rules.
-        degrees: Lower or upper functions of the shapes, as in ``s``.
-    """
-    outputs = len(c.aggregations)
-    count = len(s.at) // outputs
-    first, cuts = c.first_shape[output], c.implication[0] == _MIN
-    joined = np.zeros(count)
-    if c.aggregations[output] == _MAX:  # of conclusions of one shape, the strongest counts
-        heights = strongest(c, output, strengths)
-        for k in range(len(heights)):
-            height = heights[k]
-            if height > 0.0:
-                begin, end = s.support[2 * (first + k)], s.support[2 * (first + k) + 1]
-                shape = degrees[(first + k) * count + begin : (first + k) * count + end]
-                part = joined[begin:end]
-                if cuts:
-                    for i in range(len(part)):
-                        part[i] = max(part[i], min(height, shape[i]))
-                else:
-                    for i in range(len(part)):
-                        part[i] = max(part[i], height * shape[i])
-        return joined
+    degrees: Float[Array, "shapes samples"],
+    joined: Float[Array, " samples"],
+) -> bool:
+    """As :func:`joined_by_max`, by another aggregation, to which every rule adds its conclusion."""
+    outputs, aggregation, cuts = (
+        len(c.aggregations),
+        c.aggregations[output],
+        c.implication[0] == MIN,
+    )
+    joined[:] = 0.0
     for r in range(len(strengths)):
-        k = c.shapes[r * outputs + output]
-        if k >= 0 and strengths[r] > 0.0:
-            for i in range(s.support[2 * k], s.support[2 * k + 1]):
-                each = degrees[k * count + i]
-                each = min(strengths[r], each) if cuts else strengths[r] * each
-                joined[i] = disjoin(c.aggregations[output], joined[i], each)
-    return joined
+        k, strength = c.shapes[r * outputs + output], strengths[r]
+        if k >= 0 and strength > 0.0:
+            for i in range(len(joined)):
+                each = min(strength, degrees[k, i]) if cuts else strength * degrees[k, i]
+                joined[i] = disjoin(aggregation, joined[i], each)
+    return _any(joined)
+
+
+@compiled
+def _any(degrees: Float[Array, " samples"]) -> bool:
+    for each in degrees:  # noqa: SIM110 - a generator would not compile to as little
+        if each > 0.0:
+            return True
+    return False
 
 
 @compiled
@@ -102,10 +101,7 @@ def sampled_value(
     of the sum is reached; maxima are the samples of the greatest degree.
     """
     if defuzzifier == CENTROID:
-        area, moment = 0.0, 0.0
-        for i in range(len(at)):
-            area += degrees[i]
-            moment += degrees[i] * at[i]
+        area, moment = moments(at, degrees, 0, len(at))
         return moment / area
     if defuzzifier == BISECTOR:
         half, running = 0.5 * degrees.sum(), 0.0

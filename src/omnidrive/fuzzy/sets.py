@@ -96,41 +96,35 @@ def _bounds(
     s: Sets, at: Float[Array, " points"]
 ) -> tuple[Float[Array, "sets points"], Float[Array, "sets points"]]:
     lower, upper = np.empty((len(s.lower), len(at))), np.empty((len(s.lower), len(at)))
+    x = np.empty(1)
     for i in range(len(at)):
-        for k in range(len(s.lower)):
-            lower[k, i], upper[k, i] = interval(s, k, at[i])
+        x[0] = at[i]
+        degrees = fuzzify(s, x, 0, True)
+        lower[:, i], upper[:, i] = degrees[0], degrees[1]
     return lower, upper
-
-
-@compiled
-def interval(s: Sets, k: int, x: float) -> tuple[float, float]:
-    """Lower and upper degree of ``x`` in set ``k``."""
-    curves = Curves(s.kernels, s.parameters, s.points)
-    high = degree(curves, k, x)
-    source = s.lower[k]
-    base = high if source == k else degree(curves, source, x)
-    lag: float = s.footprints[5 * k + 1] if x < s.footprints[5 * k + 3] else s.footprints[5 * k + 2]
-    scale: float = s.footprints[5 * k]
-    width: float = s.footprints[5 * k + 4]
-    low = scale * max(0.0, (base - lag) / (1.0 - lag))
-    if width < 1.0:
-        middle, half = 0.5 * (low + high), 0.5 * width * (high - low)
-        return middle - half, middle + half
-    return low, high
 
 
 @compiled
 def fuzzify(
     s: Sets, x: Float[Array, " variables"], room: int, uncertain: bool
-) -> tuple[Float[Array, " degrees"], Float[Array, " degrees"]]:
-    """Lower and upper degree of every set, with room for more; one array unless ``uncertain``."""
+) -> Float[Array, "2 degrees"]:
+    """Lower and upper degree of every set, with room for more; only upper unless ``uncertain``."""
     curves = Curves(s.kernels, s.parameters, s.points)
-    upper = np.empty(len(s.lower) + room)
-    lower = np.empty(len(s.lower) + room) if uncertain else upper
+    first_set, lower, footprints = s.first_set, s.lower, s.footprints
+    degrees = np.empty((2, len(lower) + room))
     for i in range(len(x)):
-        for k in range(s.first_set[i], s.first_set[i + 1]):
+        for k in range(first_set[i], first_set[i + 1]):
+            high = degree(curves, k, x[i])
             if uncertain:
-                lower[k], upper[k] = interval(s, k, x[i])
-            else:
-                upper[k] = degree(curves, k, x[i])
-    return lower, upper
+                base = high if lower[k] == k else degree(curves, lower[k], x[i])
+                lag = (
+                    footprints[5 * k + 1] if x[i] < footprints[5 * k + 3] else footprints[5 * k + 2]
+                )
+                low = footprints[5 * k] * max(0.0, (base - lag) / (1.0 - lag))
+                width = footprints[5 * k + 4]
+                if width < 1.0:
+                    middle, half = 0.5 * (low + high), 0.5 * width * (high - low)
+                    low, high = middle - half, middle + half
+                degrees[0, k] = low
+            degrees[1, k] = high
+    return degrees

@@ -8,13 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.conclusions import Conclusions, Shape
+from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.reduction import greatest, least
-from omnidrive.fuzzy.system import DEFUZZIFIERS, FuzzySystem, LinearFunction
+from omnidrive.fuzzy.system import FuzzySystem, LinearFunction
 
 Array = np.ndarray
-
-_WTSUM = list(DEFUZZIFIERS).index("wtsum")
 
 
 class Functions(NamedTuple):
@@ -37,12 +35,11 @@ def functions_of(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...]) -> 
 
 @compiled
 def sugeno_interval(  # noqa: PLR0917
-    c: Conclusions,
     s: Functions,
-    output: int,
+    first: int,
+    summed: bool,
     algorithm: int,
     x: Float[Array, " inputs"],
-    uncertain: bool,
     lower: Float[Array, " functions"],
     upper: Float[Array, " functions"],
 ) -> tuple[float, float]:
@@ -52,16 +49,15 @@ def sugeno_interval(  # noqa: PLR0917
     of their rules, which lie between two bounds in a system of type 2 (Liang & Mendel 1999).
 
     Args:
-        c: What each rule concludes.
         s: The functions.
-        output: Which output.
+        first: First function of the output.
+        summed: Whether the output is a sum, not a mean.
         algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
         x: The inputs.
-        uncertain: Whether the bounds differ.
-        lower: Sum of the least strengths of the rules that conclude each function.
+        lower: Sum of the least strengths of the rules that conclude each function of the output.
         upper: Sum of their greatest strengths; not all zero.
     """
-    first, count, width = c.first_shape[output], len(lower), len(x) + 1
+    count, width = len(lower), len(x) + 1
     values = np.empty(count)
     for k in range(count):
         row = (first + k) * width
@@ -69,18 +65,12 @@ def sugeno_interval(  # noqa: PLR0917
         for i in range(len(x)):
             value += s.coefficients[row + i] * x[i]
         values[k] = value
-    if c.defuzzifiers[output] == _WTSUM:
+    if summed:
         low, high = 0.0, 0.0
         for k in range(count):
             a, b = lower[k] * values[k], upper[k] * values[k]
             low, high = low + min(a, b), high + max(a, b)
         return low, high
-    if not uncertain:
-        area, moment = 0.0, 0.0
-        for k in range(count):
-            area += upper[k]
-            moment += upper[k] * values[k]
-        return moment / area, moment / area
     order = np.argsort(values)
     at, low_weights, high_weights = values[order], lower[order], upper[order]
     return (

@@ -9,9 +9,11 @@ from math import inf, isfinite
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Bool, Float
 
+from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.membership import Array, Curves, Membership, degree
 from omnidrive.fuzzy.norms import AGGREGATIONS, CONORMS, IMPLICATIONS, NORMS
 
 Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom", "lm", "rm", "wtaver", "wtsum"]
@@ -168,9 +170,7 @@ class InputVariable:
         Found on 2001 points, so that a gap narrower than 1/2000 of the range may be missed.
         """
         at = np.linspace(self.low, self.high, 2001)
-        covered = np.zeros(len(at), dtype=bool)
-        for each in self.sets:
-            covered |= each.upper(at) > 0.0
+        covered = _covered(Curves.of([each.upper for each in self.sets]), at)
         edges = np.flatnonzero(np.diff(np.r_[False, ~covered, False].astype(np.int64)))
         return [
             (float(at[a]), float(at[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)
@@ -450,6 +450,18 @@ def _as_floats(value: object, *fields: str) -> None:
         given = getattr(value, field)
         if given is not None:
             object.__setattr__(value, field, float(given))
+
+
+@compiled
+def _covered(curves: Curves, at: Float[Array, " points"]) -> Bool[Array, " points"]:
+    """Whether each point belongs to any set."""
+    covered = np.zeros(len(at), dtype=np.bool_)
+    for i, x in enumerate(at):
+        for k in range(len(curves.kernels)):
+            if degree(curves, k, x) > 0.0:
+                covered[i] = True
+                break
+    return covered
 
 
 def _check_term(

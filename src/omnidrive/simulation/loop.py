@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
-from math import isfinite
+from math import isfinite, nan
 from time import get_clock_info, perf_counter_ns, thread_time_ns
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from omnidrive.control import Command, Controller, Status
+from omnidrive.control import Command, Controller, DetailedController, Status
 from omnidrive.errors import InvalidInput, RunFailed
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Reference
@@ -47,6 +48,9 @@ class Run:
         step_time: Computing time of ``Controller.step`` in its thread, in us; NaN in the last row.
         status: :class:`~omnidrive.control.Status` of each command.
         outcome: Why the loop stopped.
+        details: Inner numbers of a :class:`~omnidrive.control.DetailedController` at each sample,
+            by name; NaN where it gave none, as in the last row.
+        detail_units: The unit of each.
     """
 
     t: Float[Array, " rows"]
@@ -59,6 +63,8 @@ class Run:
     step_time: Float[Array, " rows"]
     status: Int[Array, " rows"]
     outcome: Outcome
+    details: dict[str, Float[Array, " rows"]] = field(default_factory=dict)
+    detail_units: dict[str, str] = field(default_factory=dict)
 
     def raise_if_failed(self) -> Run:
         """Return self, or raise :class:`RunFailed` if the loop stopped early."""
@@ -87,12 +93,15 @@ def simulate(
         sensor: What the controller sees; the true pose by default.
 
     Raises:
-        InvalidInput: ``dt`` is not a positive number of seconds.
+        InvalidInput: ``dt`` is not a positive number of seconds, or a command holds more or fewer
+            details than the controller announces.
     """
     if not (isfinite(dt) and dt > 0.0):
         raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
     sensor = sensor or PerfectSensor()
-    rows = []
+    units = controller.detail_units if isinstance(controller, DetailedController) else {}
+    rows: list[tuple[float, ...]] = []
+    details: list[tuple[float, ...]] = []
     outcome = Outcome.FINISHED
     last = round(reference.duration / dt)
 
@@ -113,6 +122,7 @@ def simulate(
             (t, *state.pose, *measured, *target, *command.twist, *state.twist, state.work,
              step_time, command.status)
         )  # fmt: skip
+        details.append(command.details)
         if command.status is Status.FAILED or not all(map(isfinite, command.twist)):
             outcome = Outcome.CONTROLLER_FAILED
             break
@@ -121,10 +131,15 @@ def simulate(
             if not all(map(isfinite, (*state.pose, *state.twist))):
                 outcome = Outcome.PLANT_FAILED
                 break
-    return _log(np.array(rows, dtype=float), outcome)
+    return _log(np.array(rows, dtype=float), outcome, details, units)
 
 
-def _log(rows: Float[Array, "rows 19"], outcome: Outcome) -> Run:
+def _log(
+    rows: Float[Array, "rows 19"],
+    outcome: Outcome,
+    details: Sequence[tuple[float, ...]],
+    units: Mapping[str, str],
+) -> Run:
     pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
     return Run(
         rows[:, 0],
@@ -137,4 +152,21 @@ def _log(rows: Float[Array, "rows 19"], outcome: Outcome) -> Run:
         rows[:, 17],
         rows[:, 18].astype(np.int64),
         outcome,
+        _detail_columns(details, units),
+        dict(units),
     )
+
+
+def _detail_columns(
+    details: Sequence[tuple[float, ...]], units: Mapping[str, str]
+) -> dict[str, Float[Array, " rows"]]:
+    if not units:  # nobody says what they are
+        return {}
+    none = (nan,) * len(units)
+    for row in details:
+        if row and len(row) != len(units):
+            raise InvalidInput(
+                f"the controller's commands hold {len(row)} details, its detail_units {len(units)}"
+            )
+    columns = np.array([row or none for row in details], dtype=float)
+    return {name: columns[:, i] for i, name in enumerate(units)}

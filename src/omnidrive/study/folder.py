@@ -126,6 +126,7 @@ def series_table(run: Run) -> pa.Table:
         columns += [(prefix + name, unit, block[:, i]) for i, (name, unit) in enumerate(fields)]
     columns += [("work", "J", run.work), ("status", "1", run.status)]
     columns.append(("step_time", "us", run.step_time))
+    columns += [(name, run.detail_units[name], column) for name, column in run.details.items()]
     schema = pa.schema(
         [pa.field(n, pa.from_numpy_dtype(v.dtype), metadata={"unit": u}) for n, u, v in columns]
     )

@@ -7,7 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.control import Controller, FeedforwardController, fuzzy_pid, unicycle_nmpc
+from omnidrive.control import (
+    Controller,
+    FeedforwardController,
+    classical_pid,
+    fuzzy_pid,
+    unicycle_nmpc,
+)
 from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
@@ -66,10 +72,13 @@ def make_controller(
     """A fresh controller as the scenario asks for it; ``horizon`` (steps) overrides its own."""
     steps = horizon or scenario.nmpc.horizon
     dt, preset = scenario.sample_time, scenario.preset
+    nmpc_preset = "paper" if preset == "recommended" else preset
     table: dict[ControllerName, Callable[[], Controller]] = {
+        "pid": lambda: classical_pid(preset, dt),
         "fuzzy_t1": lambda: fuzzy_pid("t1", preset, dt),
         "fuzzy_t2": lambda: fuzzy_pid("t2", preset, dt),
-        "nmpc": lambda: unicycle_nmpc(preset, dt, horizon=steps, solver=scenario.nmpc.solver),
+        "fuzzy_t3": lambda: fuzzy_pid("t3", preset, dt),
+        "nmpc": lambda: unicycle_nmpc(nmpc_preset, dt, horizon=steps, solver=scenario.nmpc.solver),
         "recommended": lambda: FeedforwardController(dt, scenario.recommended),
     }
     return table[name]()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import chain
 from math import pi
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -13,10 +13,18 @@ from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
 from omnidrive.robot import named_robot
 
-ControllerName = Literal["fuzzy_t1", "fuzzy_t2", "nmpc", "recommended"]
+ControllerName = Literal["pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended"]
 TaskName = Literal["track", "noise", "step", "horizon"]
 PlantName = Literal["rollers", "ball", "kinematic"]
-PresetName = Literal["paper", "published-code"]
+PresetName = Literal["paper", "published-code", "recommended"]
+
+_PAPERS: tuple[ControllerName, ...] = ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
+    "paper": _PAPERS,
+    "published-code": _PAPERS,
+    "recommended": get_args(ControllerName),
+}
+"""Who takes part in a study that names nobody: the paper's three and ours, or everybody."""
 
 MAX_STEPS = 200_000
 """Most samples of one run: an hour at 50 Hz; its log stays below a gigabyte."""
@@ -129,7 +137,10 @@ class Scenario(_Section):
     path: PathOptions = PathOptions()
     controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1), _Different]
     preset: PresetName = "paper"
-    """Whether the paper's controllers follow its text or its published code."""
+    """Whether the paper's controllers follow its text, its published code, or what we recommend.
+
+    The classical `pid` follows the fuzzy PIDs; `recommended` has no form of `nmpc` yet, which keeps
+    that of `paper`."""
     nmpc: NmpcSection = NmpcSection()
     recommended: FeedforwardGains = FeedforwardGains()
     tasks: Tasks
@@ -159,7 +170,7 @@ def robot_section(name: str, preset: PresetName) -> RobotSection:
 
 
 def paper_scenario(preset: PresetName = "paper") -> Scenario:
-    """The paper's study, with its controllers as its text or as its published code has them."""
+    """The paper's study, with its controllers as ``preset`` has them."""
     return Scenario(
         name="paper",
         robot=robot_section("paper", preset),
@@ -167,7 +178,7 @@ def paper_scenario(preset: PresetName = "paper") -> Scenario:
         start=Place(1.0, 1.0, 0.0),
         goal=Place(8.0, 6.0),
         path=PathOptions(greedy=True, cut_corners=True, spacing=0.0, turn_within=0.0),
-        controllers=("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended"),
+        controllers=DEFAULT_CONTROLLERS[preset],
         preset=preset,
         tasks=study_tasks(20.0),
     )
@@ -184,16 +195,24 @@ def study_tasks(duration: float) -> Tasks:
     )
 
 
-def map_scenario(source: str, start: Place, goal: Place, *, robot: str, name: str) -> Scenario:
+def map_scenario(
+    source: str,
+    start: Place,
+    goal: Place,
+    *,
+    robot: str,
+    name: str,
+    preset: PresetName = "paper",
+) -> Scenario:
     """The paper's study on another map; ``source`` is a Nav2 map's YAML file.
 
     The times are the paper's; see :func:`~omnidrive.study.retime` for times that suit the path.
     """
-    paper = paper_scenario()
+    paper = paper_scenario(preset)
     return paper.model_copy(
         update={
             "name": name,
-            "robot": RobotSection(name=robot),
+            "robot": robot_section(robot, preset),
             "map": MapSection(source=source),
             "start": start,
             "goal": goal,

@@ -1,22 +1,36 @@
-"""PID controllers whose gains a fuzzy system tunes, and that system."""
+"""PID controllers, classical and with gains that a fuzzy system tunes, and that system."""
 
-from omnidrive.control.pid.channel import MemorylessChannel, SelfTuningChannel, Tuner
-from omnidrive.control.pid.controller import FuzzyPidController
-from omnidrive.control.pid.laws import MemorylessParameters, SelfTuningParameters
-from omnidrive.control.pid.presets import fuzzy_pid
-from omnidrive.control.pid.sets import INPUT_SETS, OUTPUT_SETS, Footprint
-from omnidrive.control.pid.tuners import fuzzy_tuner
+from omnidrive.control.pid.channel import (
+    MemorylessChannel,
+    SelfTuningChannel,
+    TrackingChannel,
+    Tuner,
+    no_tuning,
+)
+from omnidrive.control.pid.controller import FuzzyPidController, TrackingPidController
+from omnidrive.control.pid.gain_tuning import gain_tuning_system
+from omnidrive.control.pid.laws import (
+    MemorylessParameters,
+    SelfTuningParameters,
+    TrackingParameters,
+)
+from omnidrive.control.pid.presets import classical_pid, fuzzy_pid
+from omnidrive.control.pid.tuners import fuzzy_tuner, gain_inference
 
 __all__ = [
-    "INPUT_SETS",
-    "OUTPUT_SETS",
-    "Footprint",
     "FuzzyPidController",
     "MemorylessChannel",
     "MemorylessParameters",
     "SelfTuningChannel",
     "SelfTuningParameters",
+    "TrackingChannel",
+    "TrackingParameters",
+    "TrackingPidController",
     "Tuner",
+    "classical_pid",
     "fuzzy_pid",
     "fuzzy_tuner",
+    "gain_inference",
+    "gain_tuning_system",
+    "no_tuning",
 ]

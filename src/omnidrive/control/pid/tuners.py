@@ -3,84 +3,80 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Literal
 
 from omnidrive.control.pid.channel import Tuner
+from omnidrive.control.pid.gain_tuning import gain_tuning_system
+from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
-from omnidrive.control.pid.sets import Footprint
-from omnidrive.control.pid.type1 import (
-    ExactType1,
-    GainChange,
-    SampledType1,
-    exact_type1,
-    sampled_type1,
-)
-from omnidrive.control.pid.type2 import (
-    CentreOfSetsType2,
-    CentroidType2,
-    centre_of_sets_type2,
-    centroid_type2,
-)
 from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, Secondary
 
-Kind = Literal["t1", "t2"]
+Kind = Literal["t1", "t2", "t3"]
 Preset = Literal["paper", "published-code"]
 
-PAPER_FOOTPRINT = Footprint(scale=1.0, lag=0.3)
+PAPER_FOOTPRINT = Footprint(scale=1.0, left=0.3)
 """Of every set, in the paper's text."""
-PUBLISHED_INPUTS = Footprint(scale=0.7, lag=0.2)
+PUBLISHED_INPUTS = Footprint(scale=0.7, left=0.2)
 """Of the input sets, in the published code."""
-PUBLISHED_OUTPUTS = Footprint(scale=1.0, lag=0.2)
+PUBLISHED_OUTPUTS = Footprint(scale=1.0, left=0.2)
 """Of the output sets, in the published code: Matlab's default."""
 
-
-def _middle(
-    infer: Callable[[float, float], tuple[GainChange, GainChange]], error: float, change: float
-) -> GainChange:
-    least, greatest = infer(error, change)
-    return (
-        0.5 * (least[0] + greatest[0]),
-        0.5 * (least[1] + greatest[1]),
-        0.5 * (least[2] + greatest[2]),
-    )
+SLICES = 5
+"""Levels at which sets of type 3 are cut: twice as many change no output by 1e-4, 1/2000 of its
+range."""
 
 
-def _paper_t1() -> Tuner:
-    return partial(exact_type1, ExactType1.of(paper_rules()))
+def gain_inference(kind: Kind, preset: Preset) -> Inference:
+    """The fuzzy system of a preset, ready to be evaluated.
 
+    ``paper`` has the paper's table, exact centroids and, for type 2 and 3, centre of sets;
+    ``published-code`` has the code's table and Matlab's centroid. The paper has no type 3: its
+    sets are those of type 2 with the usual secondary function.
 
-def _paper_t2() -> Tuner:
-    system = CentreOfSetsType2.of(paper_rules(), PAPER_FOOTPRINT, PAPER_FOOTPRINT)
-    return partial(_middle, partial(centre_of_sets_type2, system))
-
-
-def _published_t1() -> Tuner:
-    return partial(sampled_type1, SampledType1.of(published_rules()))
-
-
-def _published_t2() -> Tuner:
-    system = CentroidType2.of(published_rules(), PUBLISHED_INPUTS, PUBLISHED_OUTPUTS)
-    return partial(_middle, partial(centroid_type2, system))
-
-
-_TUNERS: dict[tuple[Preset, Kind], Callable[[], Tuner]] = {
-    ("paper", "t1"): _paper_t1,
-    ("paper", "t2"): _paper_t2,
-    ("published-code", "t1"): _published_t1,
-    ("published-code", "t2"): _published_t2,
-}
+    Raises:
+        InvalidInput: There is no such kind or preset.
+    """
+    makers: dict[str, Callable[[Kind], Inference]] = {"paper": _paper, "published-code": _published}
+    if preset not in makers or kind not in {"t1", "t2", "t3"}:
+        known = ", ".join(f"{k} of {p}" for p in makers for k in ("t1", "t2", "t3"))
+        raise InvalidInput(f"there is no fuzzy system {kind} of {preset}; there are {known}")
+    return makers[preset](kind)
 
 
 def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
     """The fuzzy system of a preset: from scaled error and change to changes of kp, ki and kd.
 
-    Inputs outside [-1, 1] fire no rule: the changes are then zero.
+    Inputs outside [-1, 1] fire no rule, as in Matlab: the changes are then zero.
 
     Raises:
         InvalidInput: There is no such kind or preset.
     """
-    if (preset, kind) not in _TUNERS:
-        known = ", ".join(f"{k} of {p}" for p, k in _TUNERS)
-        raise InvalidInput(f"there is no fuzzy system {kind} of {preset}; there are {known}")
-    return _TUNERS[preset, kind]()
+    infer = gain_inference(kind, preset)
+
+    def tune(error: float, change: float) -> GainChange:
+        kp, ki, kd = infer(error, change).tolist()
+        return kp, ki, kd
+
+    return tune
+
+
+def _paper(kind: Kind) -> Inference:
+    system = gain_tuning_system(paper_rules())
+    if kind == "t1":
+        return Inference(system, out_of_range="matlab")
+    uncertain = _uncertain(kind, system, PAPER_FOOTPRINT, PAPER_FOOTPRINT)
+    return Inference(uncertain, reduction="cos", out_of_range="matlab", slices=SLICES)
+
+
+def _published(kind: Kind) -> Inference:
+    system = gain_tuning_system(published_rules())
+    if kind != "t1":
+        system = _uncertain(kind, system, PUBLISHED_INPUTS, PUBLISHED_OUTPUTS)
+    return Inference(system, centroid="matlab", out_of_range="matlab", slices=SLICES)
+
+
+def _uncertain(
+    kind: Kind, system: FuzzySystem, inputs: Footprint, outputs: Footprint
+) -> FuzzySystem:
+    return system.with_footprint(inputs, outputs, Secondary() if kind == "t3" else None)

@@ -59,9 +59,13 @@ def canvas(width: float, height: float) -> Figure:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
-    """Legend of ``axes`` in a row above all panels, where it covers nothing."""
+    """Legend of ``axes`` above all panels, where it covers nothing, in as few rows as fit."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), columns))
+    for count in range(min(len(labels), columns), 0, -1):
+        legend = figure.legend(handles, labels, loc="outside upper center", ncols=count)
+        if legend.get_window_extent().width <= figure.bbox.width or count == 1:
+            return
+        legend.remove()
 
 
 def diagram(axes: Axes) -> None:

@@ -1,1 +1,5 @@
-"""Files of fuzzy systems."""
+"""Files of fuzzy systems: Matlab's .fis, fuzzylite's .fll, FCL (IEC 61131-7), FML (IEEE 1855)."""
+
+from omnidrive.fuzzy.files.format import GapWarning, load, save
+
+__all__ = ["GapWarning", "load", "save"]

@@ -1,0 +1,155 @@
+"""Rules of the fuzzy control language: ``IF a IS b AND NOT c IS d THEN x IS y, z IS w``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.files.assembly import PlacedRule, placed
+from omnidrive.fuzzy.files.fcl_text import FclText, Token
+from omnidrive.fuzzy.files.source import malformed
+from omnidrive.fuzzy.rule_text import normalised
+from omnidrive.fuzzy.system import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule
+
+MAX_HEDGES = 10
+"""Most hedges before a set."""
+
+_AFTER = frozenset({"AND", "OR", "THEN", "WITH", ")", "(", ",", ";", "RULE", "END_RULEBLOCK", ""})
+
+
+class RuleReader:
+    """Reads rules one after another.
+
+    Args:
+        text: From which they are read.
+        sets_of: Names of the sets of each variable: a set may be called as a hedge is.
+        binds_tighter: Whether it is known here that AND binds tighter than OR. IEC 61131-7 and
+            fuzzylite say so; jFuzzyLogic joins from the left.
+    """
+
+    def __init__(
+        self, text: FclText, sets_of: Mapping[str, set[str]], binds_tighter: Callable[[], bool]
+    ) -> None:
+        self._text = text
+        self._sets_of = sets_of
+        self._binds_tighter = binds_tighter
+
+    def rule(self) -> PlacedRule:
+        """The rule that begins here.
+
+        Raises:
+            InvalidFuzzyFile: There is none.
+        """
+        text = self._text
+        place = text.expect("IF").place
+        condition = self._any_of(0)
+        text.expect("THEN")
+        conclusions = [self._term()]
+        while text.accept(",", "AND"):
+            conclusions.append(self._term())
+        weight_place = text.next.place
+        weight = text.number() if text.accept("WITH") else 1.0
+        text.accept(";")
+        if not 0.0 <= weight <= 1.0:
+            raise malformed(weight_place, f"a weight must lie in [0, 1], got {weight:g}")
+        with placed(place):
+            if any(term.hedges for term in conclusions):
+                raise InvalidInput("NOT or a hedge in a conclusion cannot be expressed")
+            return PlacedRule(Rule(normalised(condition), tuple(conclusions), weight), place)
+
+    def _any_of(self, depth: int) -> Condition:
+        groups = [[self._part(depth)]]
+        while self._text.next.key in {"AND", "OR"}:
+            join = self._text.take()
+            if join.key == "OR":
+                groups.append([self._part(depth)])
+                continue
+            if len(groups) > 1 and not self._binds_tighter():
+                raise malformed(
+                    join.place,
+                    "AND after OR: IEC 61131-7 joins it first, jFuzzyLogic from the left; write "
+                    "parentheses",
+                )
+            groups[-1].append(self._part(depth))
+        return Or(tuple(And(tuple(each)) for each in groups))
+
+    def _part(self, depth: int) -> Condition:
+        text = self._text
+        negations: tuple[Hedge, ...] = ()
+        while text.next.key == "NOT":
+            if len(negations) >= MAX_HEDGES:
+                text.fail(f"at most {MAX_HEDGES} hedges")
+            text.take()
+            negations += ("not",)
+        opening = text.next
+        if not text.accept("("):
+            term = self._term()
+            return Is(term.variable, term.set, negations + term.hedges)
+        if depth >= MAX_DEPTH:
+            raise malformed(opening.place, f"parentheses are nested more than {MAX_DEPTH} deep")
+        inner = self._any_of(depth + 1)
+        text.expect(")")
+        if not negations:
+            return inner
+        inner = normalised(inner)
+        if not isinstance(inner, Is):
+            raise malformed(
+                opening.place, "NOT before a group cannot be expressed; write it before each set"
+            )
+        return Is(inner.variable, inner.set, negations + inner.hedges)
+
+    def _term(self) -> Is:
+        text = self._text
+        variable = text.name("a variable")
+        text.expect("IS")
+        hedges: list[Hedge] = []
+        while (hedge := self._hedge(variable.text)) is not None:
+            if len(hedges) >= MAX_HEDGES:
+                text.fail(f"at most {MAX_HEDGES} hedges")
+            place = text.take().place
+            hedges.append(hedge)
+            if hedge == "any":
+                break
+        with placed(variable.place):
+            if "any" in hedges:
+                if text.next.key not in _AFTER:
+                    raise malformed(place, f"expected no set after 'any', got {text.next}")
+                return Is(variable.text, "", tuple(hedges))
+            return Is(variable.text, self._set(variable).text, tuple(hedges))
+
+    def _hedge(self, variable: str) -> Hedge | None:
+        token = self._text.next
+        if token.kind != "word" or token.text in self._sets_of.get(variable, ()):
+            return None
+        return next((hedge for hedge in HEDGES if hedge == token.text.lower()), None)
+
+    def _set(self, variable: Token) -> Token:
+        return self._text.name(f"a set of {variable.text[:40]!r}")
+
+
+def iec_rule(rule: Rule) -> str:
+    """Text of a rule, as IEC 61131-7 and jFuzzyLogic read it alike.
+
+    Raises:
+        InvalidInput: It has hedges other than "not".
+    """
+    conclusions = ", ".join(f"{term.variable} IS {term.set}" for term in rule.conclusions)
+    weight = "" if rule.weight == 1.0 else f" WITH {_real(rule.weight)}"
+    return f"IF {_text(normalised(rule.condition), top=True)} THEN {conclusions}{weight};"
+
+
+def _text(condition: Condition, top: bool = False) -> str:
+    if isinstance(condition, Is):
+        if condition.hedges not in {(), ("not",)}:
+            raise InvalidInput(
+                f"IEC 61131-7 has no hedges but NOT ({condition.variable} is "
+                f"{' '.join(condition.hedges)} {condition.set}); fuzzylite's dialect has: "
+                "write_fcl(system, 'fuzzylite')"
+            )
+        return f"{condition.variable} IS {'NOT ' if condition.hedges else ''}{condition.set}"
+    joined = f" {'AND' if isinstance(condition, And) else 'OR'} ".join(map(_text, condition.parts))
+    return joined if top else f"({joined})"
+
+
+def _real(value: float) -> str:
+    return repr(float(value))

@@ -1,0 +1,178 @@
+"""Writes Matlab's ``.fis`` files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.files.fis_words import (
+    DEFUZZIFIER,
+    REDUCTION,
+    SHAPE_NAMES,
+)
+from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.rule_text import normalised, rule_text
+from omnidrive.fuzzy.system import (
+    Condition,
+    Footprint,
+    FuzzySet,
+    FuzzySystem,
+    Is,
+    LinearFunction,
+    Or,
+    Rule,
+    Variable,
+)
+
+
+def write_fis(system: FuzzySystem) -> str:
+    """Text of a ``.fis`` file, from which :func:`read_fis` makes an equal system.
+
+    Equal but for this: a condition's terms come in the order of the inputs; in a type-2 system a
+    set without a footprint gets one of scale 1 and lag 0, which is the same; the algorithm of a
+    type-1 system, which has no use, is left out.
+
+    Raises:
+        InvalidInput: Matlab has no word for a part of the system; the message names the part.
+    """
+    _check_operators(system)
+    outputs = system.outputs
+    lines = [
+        "[System]",
+        f"Name={_quoted(system.name)}",
+        f"Type='{'sugeno' if system.is_sugeno else 'mamdani'}'",
+        f"Version={'3.0' if system.type == 2 else '2.0'}",
+        f"NumInputs={len(system.inputs)}",
+        f"NumOutputs={len(outputs)}",
+        f"NumRules={len(system.rules)}",
+        f"AndMethod='{system.conjunction}'",
+        f"OrMethod='{system.disjunction}'",
+        f"ImpMethod='{system.implication}'",
+        f"AggMethod='{outputs[0].aggregation}'",
+        f"DefuzzMethod='{outputs[0].defuzzifier}'",
+    ]
+    if system.type == 2:
+        names = {ours: theirs for theirs, ours in REDUCTION.items()}
+        lines.append(f"TypeReductionMethod='{names[system.algorithm]}'")
+    both: tuple[tuple[str, Sequence[Variable]], ...] = (
+        ("Input", system.inputs),
+        ("Output", outputs),
+    )
+    for kind, variables in both:
+        for index, variable in enumerate(variables, 1):
+            lines += ["", f"[{kind}{index}]", *_variable_lines(variable, system.type == 2)]
+    lines += ["", "[Rules]", *(_rule_line(system, rule) for rule in system.rules), ""]
+    return "\n".join(lines)
+
+
+def _check_operators(system: FuzzySystem) -> None:
+    if system.type == 3:
+        raise InvalidInput("a .fis file cannot hold a type-3 system; save it as type 2")
+    first = system.outputs[0]
+    for output in system.outputs[1:]:
+        if (output.aggregation, output.defuzzifier) != (first.aggregation, first.defuzzifier):
+            raise InvalidInput(
+                f"a .fis file has one aggregation and one defuzzifier for all outputs, but "
+                f"{first.name!r} has {first.aggregation} and {first.defuzzifier}, {output.name!r} "
+                f"has {output.aggregation} and {output.defuzzifier}"
+            )
+    for output in system.outputs:
+        if output.default is not None:
+            raise InvalidInput(
+                f"a .fis file cannot hold the default {output.default:g} of {output.name!r}; "
+                "without one, it is the middle of the range"
+            )
+    algorithm = system.algorithm if system.type == 2 else "km"
+    defuzzifiers = tuple(DEFUZZIFIER[system.is_sugeno])
+    for what, name, known in (
+        ("conjunction", system.conjunction, ("min", "prod")),
+        ("disjunction", system.disjunction, ("max", "probor")),
+        ("implication", system.implication, ("min", "prod")),
+        ("aggregation", first.aggregation, ("max", "sum", "probor")),
+        ("defuzzifier", first.defuzzifier, defuzzifiers),
+        ("type reduction", algorithm, tuple(REDUCTION.values())),
+    ):
+        if name not in known:
+            raise InvalidInput(
+                f"a .fis file cannot hold the {what} {name!r}; Matlab has {', '.join(known)}"
+            )
+
+
+def _variable_lines(variable: Variable, is_type2: bool) -> Iterator[str]:
+    yield f"Name={_quoted(variable.name)}"
+    yield f"Range={_vector(variable.low, variable.high)}"
+    yield f"NumMFs={len(variable.sets)}"
+    sets: Sequence[FuzzySet | LinearFunction] = variable.sets
+    for index, each in enumerate(sets, 1):
+        line = f"MF{index}={_quoted(each.name)}:"
+        if isinstance(each, LinearFunction):
+            shape = "linear" if each.coefficients else "constant"
+            yield f"{line}'{shape}',{_vector(*each.coefficients, each.constant)}"
+        else:
+            yield line + _set_text(each, variable.name, is_type2)
+
+
+def _set_text(each: FuzzySet, variable: str, is_type2: bool) -> str:
+    footprint = Footprint() if each.lower is None else each.lower
+    if each.upper.shape not in SHAPE_NAMES or isinstance(footprint, Membership):
+        what = "pointsmf"
+        if isinstance(footprint, Membership):
+            what = "lower function but one that follows from the upper one"
+        raise InvalidInput(
+            f"a .fis file cannot hold set {each.name!r} of {variable!r}: Matlab has no {what}"
+        )
+    text = f"'{each.upper.shape}',{_vector(*each.upper.parameters)}"
+    if is_type2:
+        text += f",{_vector(footprint.scale)},{_vector(*footprint.lags)}"
+    return text
+
+
+def _rule_line(system: FuzzySystem, rule: Rule) -> str:
+    condition = normalised(rule.condition)
+    parts: tuple[Condition, ...] = (condition,) if isinstance(condition, Is) else condition.parts
+    terms = [part for part in parts if isinstance(part, Is)]
+    missing = None
+    if len(terms) < len(parts):
+        missing = "both 'and' and 'or' in one rule; split it in several rules"
+    elif len({term.variable for term in terms}) < len(terms):
+        missing = "two terms about one input"
+    elif any(term.hedges not in {(), ("not",)} for term in terms):
+        missing = "hedge but 'not'"
+    if missing:
+        shown = rule_text(rule)
+        raise InvalidInput(
+            f'a .fis file cannot hold the rule "{shown[:120]}{"..." * (len(shown) > 120)}": '
+            f"Matlab has no {missing}"
+        )
+    antecedent, consequent = (
+        " ".join(_indices(variables, each))
+        for variables, each in ((system.inputs, terms), (system.outputs, rule.conclusions))
+    )
+    connective = 2 if isinstance(condition, Or) else 1
+    return f"{antecedent}, {consequent} ({_number(rule.weight)}) : {connective}"
+
+
+def _indices(variables: tuple[Variable, ...], terms: list[Is] | tuple[Is, ...]) -> Iterator[str]:
+    by_variable = {term.variable: term for term in terms}
+    for variable in variables:
+        term = by_variable.get(variable.name)
+        if term is None:
+            yield "0"
+        else:
+            index = [each.name for each in variable.sets].index(term.set) + 1
+            yield f"-{index}" if term.hedges else str(index)
+
+
+def _quoted(name: str) -> str:
+    if not name.isprintable():
+        raise InvalidInput(f"a .fis file cannot hold the name {name[:40]!r}: it is not printable")
+    return "'" + name.replace("'", "''") + "'"
+
+
+def _vector(*values: float) -> str:
+    return f"[{' '.join(map(_number, values))}]"
+
+
+def _number(value: float) -> str:
+    """The shortest text that reads as the number."""
+    return repr(float(value)).removesuffix(".0")

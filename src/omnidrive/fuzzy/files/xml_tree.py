@@ -1,0 +1,137 @@
+"""Elements of an XML text, with their places; what could harm the reader is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from xml.parsers import expat
+
+from omnidrive.fuzzy.files.source import Place, malformed
+
+MAX_DEPTH = 32
+"""Deepest nesting of elements."""
+
+MAX_ELEMENTS = 1_000_000
+"""Most elements; a rule has about ten."""
+
+MAX_TEXT = 1000
+"""Most characters directly in an element; they are names and numbers."""
+
+
+class Element:
+    """An element without its namespace.
+
+    Attributes:
+        tag: Its name.
+        attributes: Their names, without namespaces, and values.
+        children: Elements within it.
+        text: Characters directly within it.
+        notes: Processing instructions directly within it: target and data.
+        place: Where it begins.
+    """
+
+    __slots__ = ("attributes", "children", "notes", "place", "tag", "text")
+
+    def __init__(self, tag: str, attributes: dict[str, str], place: Place) -> None:
+        self.tag = tag
+        self.attributes = attributes
+        self.children: list[Element] = []
+        self.text = ""
+        self.notes: dict[str, str] = {}
+        self.place = place
+
+    def all(self, *tags: str) -> Iterator[Element]:
+        """Children of some names."""
+        return (each for each in self.children if each.tag in tags)
+
+    def one(self, *tags: str) -> Element:
+        """The only child of some names.
+
+        Raises:
+            InvalidFuzzyFile: There is none, or more than one.
+        """
+        found = list(self.all(*tags))
+        if len(found) != 1:
+            place = found[1].place if found else self.place
+            raise malformed(
+                place, f"{self.tag}: expected one {' or '.join(tags)}, got {len(found)}"
+            )
+        return found[0]
+
+    def get(self, name: str) -> str:
+        """An attribute.
+
+        Raises:
+            InvalidFuzzyFile: It is missing.
+        """
+        if name not in self.attributes:
+            raise malformed(self.place, f"{self.tag}: expected the attribute {name}")
+        return self.attributes[name]
+
+
+def read_xml(text: str) -> Element:
+    """Root of an XML text.
+
+    Raises:
+        InvalidFuzzyFile: It is not well-formed, has a DOCTYPE (and so perhaps entities), or is
+            nested more than :data:`MAX_DEPTH` deep.
+    """
+    return _Builder().root(text)
+
+
+class _Builder:
+    def __init__(self) -> None:
+        self._parser = expat.ParserCreate("utf-8")
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._characters
+        self._parser.ProcessingInstructionHandler = self._note
+        self._parser.StartDoctypeDeclHandler = self._doctype
+        self._open: list[Element] = []
+        self._count = 0
+        self._root: Element | None = None
+
+    def root(self, text: str) -> Element:
+        try:
+            self._parser.Parse(text.encode("utf-8", "surrogatepass"), True)
+        except expat.ExpatError as error:
+            place = Place(error.lineno, error.offset + 1)
+            raise malformed(place, f"no XML: {expat.ErrorString(error.code)}") from None
+        if self._root is None:
+            raise malformed(Place(1, 1), "no XML: there is no element")
+        return self._root
+
+    @property
+    def _place(self) -> Place:
+        return Place(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._count += 1
+        if len(self._open) >= MAX_DEPTH:
+            raise malformed(self._place, f"elements are nested more than {MAX_DEPTH} deep")
+        if self._count > MAX_ELEMENTS:
+            raise malformed(self._place, f"more than {MAX_ELEMENTS} elements")
+        local = {name.rpartition(":")[2]: value for name, value in attributes.items()}
+        element = Element(tag.rpartition(":")[2], local, self._place)
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self._root = element
+        self._open.append(element)
+
+    def _end(self, _tag: str) -> None:
+        self._open.pop()
+
+    def _characters(self, data: str) -> None:
+        element = self._open[-1]
+        if element.text or not data.isspace():
+            element.text += data
+        if len(element.text) > MAX_TEXT:
+            raise malformed(element.place, f"{element.tag[:40]}: more than {MAX_TEXT} characters")
+
+    def _note(self, target: str, data: str) -> None:
+        if self._open:
+            self._open[-1].notes[target] = data
+
+    def _doctype(self, *_: object) -> None:
+        raise malformed(self._place, "a DOCTYPE is not read; remove it")

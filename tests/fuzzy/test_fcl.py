@@ -1,0 +1,379 @@
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.errors import InvalidFuzzyFile, InvalidInput
+from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
+from omnidrive.fuzzy.files.fcl_words import RESERVED
+from omnidrive.fuzzy.files.fll_terms import FUNCTIONS
+from omnidrive.fuzzy.files.polyline import simplest
+from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.system import And, Footprint, FuzzySet, Is, LinearFunction, Or
+from tests.fuzzy.mutations import mutated
+from tests.fuzzy.systems import IDENTIFIERS, systems
+
+IEC = """\
+(* a heater,
+   as jFuzzyLogic would have it *)
+FUNCTION_BLOCK heater // comments
+VAR_INPUT
+    room : REAL; /* in degrees */
+    RANGE := (-10 .. 40);
+    sky : real;
+END_VAR
+VAR_OUTPUT
+    power : REAL;
+END_VAR
+FUZZIFY room
+    TERM cold := (5, 1) (18, 0) ;
+    TERM warm := (15,0) (22,1) (27,0);
+    TERM mild := trian 10 15 20;
+    TERM hot := (24, 0) (30, 1);
+    TERM best := GBELL 2 3 21;
+    TERM fine := GAUSS 21 3;
+END_FUZZIFY
+FUZZIFY sky
+    TERM dark := (0, 1) (0.2, 1) (0.4, 0);
+    TERM odd := (0, 0) (0.5, 0.7) (1, 0);
+END_FUZZIFY
+DEFUZZIFY power
+    RANGE := (0 .. 100);
+    TERM low := TRAPE 0 0 10 30;
+    TERM high := SIGM 0.5 70;
+    METHOD : MM;
+    DEFAULT := 7;
+END_DEFUZZIFY
+RULEBLOCK No1
+    ACCU : MAX;
+    AND : PROD;
+    ACT : PROD;
+    RULE 1 : IF room IS cold AND sky IS NOT dark OR room IS hot THEN power IS high;
+    RULE two : IF NOT room IS warm AND (sky IS odd OR
+        NOT (room IS mild)) THEN power IS low WITH 0.5;
+END_RULEBLOCK
+END_FUNCTION_BLOCK
+"""
+
+FUZZYLITE = """\
+FUNCTION_BLOCK heater, the small one
+% a comment
+VAR_INPUT
+  room: REAL;
+END_VAR
+VAR_OUTPUT
+  power: REAL;
+END_VAR
+FUZZIFY room
+  ENABLED : TRUE;
+  RANGE := (-10.000 .. 40.000);
+  TERM cold := ZShape 5.000 18.000;
+  TERM any := Bell 22 4 3;
+  TERM hot := (24, 0) (30, 1)
+END_FUZZIFY
+DEFUZZIFY power
+  RANGE := (0.000 .. 1.000);
+  TERM low := 0.25;
+  TERM high := Linear 1.5 0.5;
+  METHOD : COGSS;
+  LOCK : PREVIOUS;
+  DEFAULT := nan;
+END_DEFUZZIFY
+RULEBLOCK
+  AND : EPROD;
+  OR : HSUM;
+  ACT : MIN;
+  RULE 1 : if room is cold or room is hot and room is not very any then power is high
+  RULE 2 : if room is seldom hot then power is low with 0.25
+END_RULEBLOCK
+END_FUNCTION_BLOCK
+"""
+FUZZYLITE = FUZZYLITE.replace("  LOCK : PREVIOUS;\n", "")
+
+PROD = ("prod", "probor", "prod")
+
+SINGLETONS = """\
+FUNCTION_BLOCK
+VAR_INPUT a : REAL; END_VAR
+VAR_OUTPUT y : REAL; END_VAR
+FUZZIFY a TERM on := (0, 0) (1, 1); TERM off := (0, 1) (1, 0); END_FUZZIFY
+DEFUZZIFY y TERM up := 5; TERM down := -5; METHOD : COGS; END_DEFUZZIFY
+RULEBLOCK b
+AND : MIN;
+RULE 1 : IF a IS on THEN y IS up;
+RULE 2 : IF a IS off THEN y IS down;
+END_RULEBLOCK
+END_FUNCTION_BLOCK
+"""
+
+
+def test_the_dialect_of_the_standard_and_jfuzzylogic():
+    system = read_fcl(IEC)
+    room, sky = system.inputs
+    assert system.name == "heater"
+    assert (room.low, room.high, sky.low, sky.high) == (-10.0, 40.0, 0.0, 1.0)
+    assert [each.upper for each in (*room.sets, *sky.sets)] == [
+        Membership("linzmf", (5, 18)),
+        Membership("trimf", (15, 22, 27)),
+        Membership("trimf", (10, 15, 20)),
+        Membership("linsmf", (24, 30)),
+        Membership("gbellmf", (2, 3, 21)),
+        Membership("gaussmf", (3, 21)),
+        Membership("linzmf", (0.2, 0.4)),
+        Membership("pointsmf", (0, 0, 0.5, 0.7, 1, 0)),
+    ]
+    (power,) = system.outputs
+    assert (power.aggregation, power.defuzzifier, power.default) == ("max", "mom", 7.0)
+    assert (system.conjunction, system.disjunction, system.implication) == (
+        "prod",
+        "probor",
+        "prod",
+    )
+    first, second = system.rules
+    cold, dark = Is("room", "cold"), Is("sky", "dark", ("not",))
+    assert first.condition == Or((And((cold, dark)), Is("room", "hot")))
+    inner = Or((Is("sky", "odd"), Is("room", "mild", ("not",))))
+    assert second.condition == And((Is("room", "warm", ("not",)), inner))
+    assert second.weight == 0.5
+    assert read_fcl(write_fcl(system)) == system
+
+
+def test_the_dialect_of_fuzzylite():
+    system = read_fcl(FUZZYLITE)
+    assert system.name == "heater, the small one"
+    assert [each.upper.shape for each in system.inputs[0].sets] == ["zmf", "gbellmf", "linsmf"]
+    assert system.outputs[0].sets == (
+        LinearFunction("low", 0.25),
+        LinearFunction("high", 0.5, (1.5,)),
+    )
+    assert system.outputs[0].defuzzifier == "wtsum"
+    assert (system.conjunction, system.disjunction) == ("einstein", "hamacher")
+    tight = And((Is("room", "hot"), Is("room", "any", ("not", "very"))))
+    assert system.rules[0].condition == Or((Is("room", "cold"), tight))
+    renamed = read_fcl(FUZZYLITE.replace("any", "best"))
+    assert read_fcl(write_fcl(renamed, "fuzzylite")) == renamed
+
+
+def test_singletons_and_a_range_from_the_sets():
+    system = read_fcl(SINGLETONS)
+    assert (system.inputs[0].low, system.inputs[0].high) == (0.0, 1.0)
+    assert (system.outputs[0].low, system.outputs[0].high) == (-5.0, 5.0)
+    assert system.is_sugeno
+    assert read_fcl(write_fcl(system)) == system
+
+
+def test_one_operator_brings_its_partner():
+    for given_, wanted in (
+        ("OR : BSUM", ("lukasiewicz", "bsum")),
+        ("AND : DMIN", ("drastic",) * 2),
+    ):
+        system = read_fcl(SINGLETONS.replace("AND : MIN", given_))
+        assert (system.conjunction, system.disjunction) == wanted
+
+
+def test_operators_that_are_no_pair_are_read_where_only_the_last_counts():
+    text = SINGLETONS.replace("IF a IS on THEN", "IF a IS on AND a IS off THEN")
+    system = read_fcl(text.replace("AND : MIN;", "OR : ASUM; AND : MIN;"))
+    assert (system.conjunction, system.disjunction) == ("min", "probor")
+    assert read_fcl(write_fcl(system)) == system
+    with pytest.raises(InvalidFuzzyFile, match="AND is no partner"):
+        read_fcl(text.replace("AND : MIN;", "AND : MIN; OR : ASUM;"))
+
+
+def test_points_that_only_continue_are_left_out():
+    assert simplest(Membership("pointsmf", (0, 1, 2, 1, 3, 0, 4, 0))) == Membership(
+        "linzmf", (2, 3)
+    )
+    points = FUZZYLITE.replace("ZShape 5.000 18.000", "Discrete 0 0 1 1 2 0")
+    assert read_fcl(points).inputs[0].sets[0].upper.shape == "pointsmf"
+    flat = Membership("pointsmf", (0, 1, 2, 1))
+    assert simplest(flat) is flat
+
+
+def written(system):
+    """As it is read: without what has no effect, and with points as the shape they draw."""
+
+    def named(each):
+        return replace(each, upper=simplest(each.upper)) if isinstance(each, FuzzySet) else each
+
+    return replace(
+        system,
+        inputs=tuple(replace(v, sets=tuple(map(named, v.sets))) for v in system.inputs),
+        outputs=tuple(
+            replace(
+                v,
+                sets=tuple(map(named, v.sets)),
+                aggregation="max" if v.is_sugeno and v.aggregation != "sum" else v.aggregation,
+            )
+            for v in system.outputs
+        ),
+    )
+
+
+SAYABLE = tuple(
+    "trimf trapmf linsmf linzmf gaussmf gauss2mf gbellmf sigmf pointsmf".split()  # noqa: SIM905
+)
+NAMES = IDENTIFIERS.filter(lambda name: name.lower() not in RESERVED | FUNCTIONS)
+PAIRS = [("min", "max"), ("prod", "probor"), ("lukasiewicz", "bsum"), ("hamacher", "einstein")]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    systems(
+        types=(1,),
+        names=NAMES,
+        shapes=SAYABLE,
+        aggregations=("max", "bsum", "probor", "sum"),
+        defuzzifiers=("centroid", "bisector", "mom", "lm", "rm", "wtaver"),
+        outputs_alike=True,
+        linear=False,
+        hedges=("not",),
+        negated_conclusions=False,
+    ),
+    st.sampled_from(PAIRS),
+)
+def test_what_is_written_is_read(system, pair):
+    system = replace(system, conjunction=pair[0], disjunction=pair[1])
+    assert read_fcl(write_fcl(system)) == written(system)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    systems(
+        types=(1,),
+        names=NAMES,
+        negated_conclusions=False,
+        defuzzifiers=("centroid", "bisector", "mom", "lm", "rm", "wtaver", "wtsum"),
+    )
+)
+def test_what_is_written_for_fuzzylite_is_read(system):
+    assert read_fcl(write_fcl(system, "fuzzylite")) == used(system)
+
+
+def used(system):
+    return replace(system, outputs=written(system).outputs) if system.is_sugeno else system
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where", "what"),
+    [
+        ("power IS low WITH 0.5;\nEND_RULEBLOCK", "(* x", "line 37, column 34", "not end"),
+        ("FUNCTION_BLOCK heater", "BLOCK heater", "line 3, column 1", "FUNCTION_BLOCK"),
+        ("room : REAL;", "room : BOOL;", "line 5, column 12", "REAL"),
+        ("sky : real;", "room : real;", "line 7, column 5", "'room' is there twice"),
+        ("(-10 .. 40)", "(40 .. 40)", "line 5", "must have a width"),
+        ("(-10 .. 40)", "(-10, 40)", "line 6, column 18", "expected .."),
+        ("(-10 .. 40)", "(-10 .. 1e999)", "line 6, column 22", "finite"),
+        ("FUZZIFY sky", "FUZZIFY sun", "line 20, column 9", "'sun'"),
+        ("FUZZIFY sky", "FUZZIFY room", "line 20, column 9", "second FUZZIFY"),
+        ("(5, 1) (18, 0)", "(18, 1) (5, 0)", "line 13, column 18", "ascend"),
+        ("(5, 1) (18, 0)", "(5, 2) (18, 0)", "line 13, column 18", "[0, 1]"),
+        ("(5, 1) (18, 0)", "(5, x)", "line 13, column 22", "number"),
+        ("(5, 1) (18, 0)", "COSINE 1 2", "line 13, column 18", "COSINE"),
+        ("(5, 1) (18, 0)", "FUNCTION x^2", "line 13, column 18", "FUNCTION"),
+        ("(5, 1) (18, 0)", "DSIGM 3 1 2 1", "line 13, column 18", "becomes negative"),
+        ("(5, 1) (18, 0)", "5", "line 13, column 10", "made of fuzzy sets"),
+        ("TERM warm", "TERM cold", "line 5", "'cold' is there twice"),
+        ("GBELL 2 3 21", "GBELL 2 3", "line 17, column 18", "expected 3 numbers"),
+        ("METHOD : MM", "METHOD : COGF", "line 28, column 14", "COGF"),
+        ("METHOD : MM", "METHOD : COGS", "line 10", "fuzzy sets"),
+        ("    METHOD : MM;\n", "", "line 10", "METHOD"),
+        ("DEFAULT := 7", "DEFAULT := NC", "line 29, column 16", "NC"),
+        ("DEFAULT := 7", "DEFAULT := 7 | NC", "line 29, column 18", "NC"),
+        ("    ACCU : MAX;\n", "", "line 10", "jFuzzyLogic SUM"),
+        ("ACCU : MAX", "ACCU : NSUM", "line 32, column 12", "NSUM"),
+        ("AND : PROD", "AND : PROD; AND : MIN", "line 33, column 17", "twice"),
+        ("AND : PROD", "OR : MAX; AND : PROD", "line 33, column 10", "no partner"),
+        ("AND sky IS NOT dark OR", "OR sky IS NOT dark AND", "line 35, column 49", "parentheses"),
+        ("room IS cold", "room IS very cold", "", ""),
+        ("room IS cold", "room IS colder", "line 35, column 14", "'cold'"),
+        ("room IS cold", "roam IS cold", "line 35, column 14", "'room'"),
+        ("NOT (room IS mild)", "NOT (room IS mild OR sky IS odd)", "line 37, column 13", "group"),
+        ("power IS high", "power IS NOT high", "line 35, column 14", "conclusion"),
+        ("WITH 0.5", "WITH 1.5", "line 37", "[0, 1]"),
+        ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK FUNCTION_BLOCK b", "line 39", "second"),
+        ("RULEBLOCK No1", "RULEBLOCK No1 ENABLED : FALSE;", "line 31", "not enabled"),
+    ],
+)
+def test_what_cannot_be_read(old, new, where, what):
+    assert old in IEC
+    text = IEC.replace(old, new, 1)
+    if not what:
+        assert read_fcl(text)
+        return
+    with pytest.raises(InvalidFuzzyFile) as error:
+        read_fcl(text)
+    assert where in str(error.value)
+    assert what in str(error.value)
+
+
+def test_singletons_that_rules_share():
+    text = SINGLETONS.replace("y IS down;", "y IS up;")
+    assert read_fcl(text.replace("AND : MIN;", "ACCU : SUM;")).outputs[0].aggregation == "sum"
+    with pytest.raises(InvalidFuzzyFile, match=r"line 7, column 8: .*\(line 9\).*expected SUM"):
+        read_fcl(text.replace("AND : MIN;", "ACCU : MAX;"))
+
+
+def test_several_rule_blocks():
+    block = SINGLETONS[SINGLETONS.index("RULEBLOCK") : SINGLETONS.index("END_FUNCTION")]
+    first, second = block.replace("RULE 2 ", "x").split("x")[0] + "END_RULEBLOCK\n", block
+    with pytest.raises(InvalidFuzzyFile, match="second RULEBLOCK concludes about 'y'"):
+        read_fcl(SINGLETONS.replace(block, first + second))
+    fuzzylite = SINGLETONS.replace("METHOD", "LOCK : RANGE; METHOD").replace(block, first + second)
+    assert len(read_fcl(fuzzylite).rules) == 3
+    with pytest.raises(InvalidFuzzyFile, match="different AND"):
+        read_fcl(fuzzylite.replace("AND : MIN", "AND : PROD", 1))
+
+
+def test_what_cannot_be_written():
+    system = read_fcl(FUZZYLITE.replace("any", "best"))
+    with pytest.raises(InvalidInput, match=r"'heater, the small one'"):
+        write_fcl(system)
+    system = replace(system, name="")
+    with pytest.raises(InvalidInput, match=r"zmf.*write_fcl\(system, 'fuzzylite'\)"):
+        write_fcl(system)
+    iec = read_fcl(IEC)
+    with pytest.raises(InvalidInput, match="type 2"):
+        write_fcl(iec.with_footprint(Footprint(0.5)))
+    with pytest.raises(InvalidInput, match="'max'"):
+        write_fcl(replace(iec, disjunction="max"))
+    with pytest.raises(InvalidInput, match="'som'"):
+        write_fcl(replace(iec, outputs=(replace(iec.outputs[0], defuzzifier="som"),)))
+    with pytest.raises(InvalidInput, match="keyword"):
+        write_fcl(replace(iec, name="Rule"))
+    with pytest.raises(InvalidInput, match="one line"):
+        write_fcl(replace(iec, name="a // b"), "fuzzylite")
+
+
+PIECES = [
+    *("nan", "inf", "-", "1e999", "(", ")", ";", ":=", "..", "(*", "*)", "//", "#", "\n", "\0"),
+    *("AND", "OR", "NOT", "any", "very", "ACCU : MAX;", "RANGE := (0 .. 0);", "END_RULEBLOCK"),
+]
+
+
+@settings(max_examples=120, deadline=None)
+@given(mutated([IEC, FUZZYLITE, SINGLETONS], PIECES) | st.text())
+def test_hostile_text(text):
+    try:
+        system = read_fcl(text)
+    except InvalidInput:
+        return
+    for dialect in ("iec", "fuzzylite"):
+        try:
+            again = write_fcl(system, dialect)
+        except InvalidInput:
+            continue
+        assert read_fcl(again) == (written(system) if dialect == "iec" else used(system))
+
+
+def test_deep_parentheses():
+    for opening in ("(", "NOT (", "NOT "):
+        deep = opening * 100_000 + "a IS on"
+        with pytest.raises(InvalidFuzzyFile):
+            read_fcl(SINGLETONS.replace("IF a IS on", f"IF {deep}"))
+
+
+def test_comments_that_do_not_end():
+    with pytest.raises(InvalidFuzzyFile, match="does not end"):
+        read_fcl("FUNCTION_BLOCK a\n" + "(*" * 500_000)
