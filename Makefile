@@ -29,6 +29,8 @@ types: .venv/ready-dev
 contract: .venv/ready-dev
 	$(BIN)/lint-imports --no-logo
 
+bench-fuzzy: .venv/peers/ready
+
 bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints ratios and writes benchmarks/out/NAME.json
 	$(BIN)/python benchmarks/$*.py
 
@@ -48,12 +50,19 @@ bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints ratios and wri
 	$(PIP) install --require-hashes -r requirements-dev.lock
 	@touch $@
 
+.venv/peers/ready: benchmarks/peers.lock | .venv/made
+	@$(PYTHON) -m venv --clear .venv/peers
+	.venv/peers/bin/python -m pip --disable-pip-version-check --quiet install --require-hashes -r benchmarks/peers.lock
+	@touch $@
+
 lock:  ## resolve the lock files anew (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group build pyproject.toml -o requirements.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group dev --extra casadi -c requirements.lock \
 	  pyproject.toml -o requirements-dev.lock
+	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
+	  --custom-compile-command "make lock" benchmarks/peers.in -o benchmarks/peers.lock
 
 clean:  ## remove the environment and the caches
 	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

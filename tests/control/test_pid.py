@@ -25,6 +25,7 @@ from omnidrive.control.pid.laws import (
     PidState,
     filtered,
     fuzzy_inputs,
+    mirrored,
     self_tuning_law,
     tracking_drained,
     tracking_integral,
@@ -254,6 +255,7 @@ RECOMMENDED = {
     "pid": lambda dt: classical_pid("recommended", dt),
     "t1": lambda dt: fuzzy_pid("t1", "recommended", dt),
     "t2": lambda dt: fuzzy_pid("t2", "recommended", dt),
+    "t3": lambda dt: fuzzy_pid("t3", "recommended", dt),
 }
 
 
@@ -390,6 +392,12 @@ class TestTrackingLaw:
         a, b = fuzzy_inputs(p, error, rate)
         assert a == pytest.approx(np.clip(error / p.error_range, -1.0, 1.0))
         assert b == pytest.approx(np.clip(rate / p.rate_range, -1.0, 1.0))
+
+    @given(small, small)
+    def test_both_signs_of_an_error_are_tuned_alike(self, error, change):
+        assert mirrored(error, change) == mirrored(-error, -change)
+        assert mirrored(error, change)[0] == -abs(error)
+        assert set(np.abs(mirrored(error, change))) == set(np.abs((error, change)))
 
     def test_the_filter_has_its_time_constant(self):
         value, dt = 0.0, 1e-4

@@ -31,6 +31,9 @@ CONTROLLERS = {
     "fuzzy_t2_published": lambda: fuzzy_pid("t2", "published-code", DT),
     "fuzzy_t1_recommended": lambda: fuzzy_pid("t1", "recommended", DT),
     "fuzzy_t2_recommended": lambda: fuzzy_pid("t2", "recommended", DT),
+    "fuzzy_t3": lambda: fuzzy_pid("t3", "paper", DT),
+    "fuzzy_t3_published": lambda: fuzzy_pid("t3", "published-code", DT),
+    "fuzzy_t3_recommended": lambda: fuzzy_pid("t3", "recommended", DT),
     "pid": lambda: classical_pid("paper", DT),
     "pid_published": lambda: classical_pid("published-code", DT),
     "pid_recommended": lambda: classical_pid("recommended", DT),
@@ -40,6 +43,7 @@ CONTROLLERS = {
 DOES_NOT_WRAP = {
     "fuzzy_t1_published",
     "fuzzy_t2_published",
+    "fuzzy_t3_published",
     "pid_published",
 }  # as the published code
 PARKS_ASIDE = {"nmpc_published": 0.13}  # m: a unicycle sees no way to move sideways at rest

@@ -33,9 +33,9 @@ class Shape(NamedTuple):
 class Conclusions(NamedTuple):
     """The conclusions of all rules, flat. The shapes of all outputs are numbered in turn."""
 
-    shapes: Int[Array, " rules*outputs"]
+    shapes: Int[Array, " rules_by_outputs"]
     """Which shape each rule concludes about each output; -1: it says nothing of it."""
-    first_shape: Int[Array, " outputs+1"]
+    first_shape: Int[Array, " shape_edges"]
     """Where the shapes of each output begin, and the number of all."""
     implication: Int[Array, " 1"]
     aggregations: Int[Array, " outputs"]
@@ -103,7 +103,9 @@ def strongest(c: Conclusions, strengths: Float[Array, "2 rules"]) -> Float[Array
 
 
 @compiled
-def summed(c: Conclusions, strengths: Float[Array, "2 rules"]) -> Float[Array, "2 shapes"]:
+def summed(
+    c: Conclusions, strengths: Float[Array, "2 rules"], uncertain: bool
+) -> Float[Array, "2 shapes"]:
     """Sums of the least and of the greatest strengths of the rules that conclude each shape.
 
     Rules with one conclusion have one centroid, so a weighted mean over rules may add up their
@@ -112,7 +114,7 @@ def summed(c: Conclusions, strengths: Float[Array, "2 rules"]) -> Float[Array, "
     shapes, outputs = c.shapes, len(c.aggregations)
     weights = np.zeros((2, c.first_shape[-1]))
     for r in range(strengths.shape[1]):
-        low, high = strengths[0, r], strengths[1, r]
+        low, high = strengths[0 if uncertain else 1, r], strengths[1, r]
         if high > 0.0:
             for o in range(r * outputs, (r + 1) * outputs):
                 k = shapes[o]

@@ -25,10 +25,13 @@ class Conditions(NamedTuple):
 
     norms: Int[Array, " 2"]
     """What "and" and "or" do."""
-    nodes: Int[Array, " 2*nodes+2"]
+    nodes: Int[Array, " heads"]
     """Of each node: and or or, first term; then a sentinel."""
-    terms: Int[Array, " 2*terms"]
+    terms: Int[Array, " operands"]
     """Of each term: the degree that it takes, and under which hedge."""
+    skips: Int[Array, " nodes"]
+    """The first node after each that does not begin, like it, with "x is A and": none of those
+    between holds where x is not A at all."""
     weights: Float[Array, " rules"]
 
 
@@ -40,13 +43,14 @@ def conditions_of(system: FuzzySystem) -> Conditions:
         np.array([NORMS[system.conjunction], CONORMS[system.disjunction]]),
         heads,
         terms,
+        _skips(heads, terms, len(system.rules)),
         np.array([rule.weight for rule in system.rules]),
     )
 
 
 def _nodes(
     system: FuzzySystem, number: dict[tuple[str, str], int]
-) -> tuple[Int[Array, " 2*nodes+2"], Int[Array, " 2*terms"]]:
+) -> tuple[Int[Array, " heads"], Int[Array, " operands"]]:
     """Heads and terms of all nodes, given the number of each set: those within conditions first."""
     inner: list[tuple[int, list[int]]] = []
 
@@ -77,36 +81,55 @@ def _nodes(
     return np.array([*heads, _AND, len(terms) // 2]), np.array(terms)
 
 
+def _skips(
+    heads: Int[Array, " heads"], terms: Int[Array, " operands"], rules: int
+) -> Int[Array, " nodes"]:
+    """:attr:`Conditions.skips`; a node within a condition must be found, and skips nothing."""
+    count = len(heads) // 2 - 1
+    skips = np.arange(1, count + 1)
+    first = [terms[2 * heads[2 * k + 1]] if heads[2 * k] == _AND else -1 - k for k in range(count)]
+    plain = [terms[2 * heads[2 * k + 1] + 1] == _PLAIN for k in range(count)]
+    for k in range(count - 2, count - rules - 1, -1):
+        if plain[k] and plain[k + 1] and first[k] == first[k + 1]:
+            skips[k] = skips[k + 1]
+    return skips
+
+
 @compiled
 def room(c: Conditions) -> int:
     """How many degrees the nodes need, after those of the sets."""
-    return len(c.nodes) // 2 - 1
+    return len(c.skips)
 
 
 @compiled
 def fire(
     c: Conditions, degrees: Float[Array, "2 degrees"], uncertain: bool
 ) -> Float[Array, "2 rules"]:
-    """Least and greatest strength of every rule; they are equal unless ``uncertain``.
+    """Least and greatest strength of every rule; only the greatest unless ``uncertain``.
 
     Args:
         c: The conditions.
         degrees: Lower and upper degree of each set; those of the nodes are filled in.
         uncertain: Whether the bounds differ; if not, there are only upper degrees.
     """
-    nodes, terms, weights = c.nodes, c.terms, c.weights  # locals: each look-up costs in the loop
+    nodes, terms, weights, skips = c.nodes, c.terms, c.weights, c.skips  # look-ups cost in loops
     conjunction, disjunction = c.norms[_AND], c.norms[_OR]
-    count, rules = len(nodes) // 2 - 1, len(weights)
+    count, rules = len(skips), len(weights)
     sets, first_rule = degrees.shape[1] - count, count - rules
-    strengths = np.empty((2, rules))
-    for k in range(count):
-        kind = nodes[2 * k]
+    strengths = np.zeros((2, rules))
+    k = 0
+    while k < count:
+        kind, begin, end = nodes[2 * k], nodes[2 * k + 1], nodes[2 * k + 3]
+        if kind == _AND and terms[2 * begin + 1] == _PLAIN and degrees[1, terms[2 * begin]] <= 0.0:
+            degrees[0, sets + k] = degrees[1, sets + k] = 0.0
+            k = skips[k]
+            continue
         for bound in range(0 if uncertain else 1, 2):
             joined: float = 1.0 - kind
-            for t in range(nodes[2 * k + 1], nodes[2 * k + 3]):
+            for t in range(begin, end):
                 index, hedge = terms[2 * t], terms[2 * t + 1]
                 each: float = degrees[bound, index]
-                if hedge >= 0:
+                if hedge != _PLAIN:
                     if hedge == _NOT and uncertain:  # "not" turns one bound into the other
                         each = degrees[1 - bound, index]
                     each = hedged(hedge, each)
@@ -119,6 +142,5 @@ def fire(
             degrees[bound, sets + k] = joined
             if k >= first_rule:
                 strengths[bound, k - first_rule] = joined * weights[k - first_rule]
-    if not uncertain:
-        strengths[0] = strengths[1]
+        k += 1
     return strengths

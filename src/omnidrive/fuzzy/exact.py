@@ -31,15 +31,15 @@ class Lines(NamedTuple):
     cross. So over one piece every shape is one line, and the lines do not cross.
     """
 
-    first_piece: Int[Array, " outputs+1"]
+    first_piece: Int[Array, " shape_edges"]
     """Where the pieces of each output begin."""
-    ends: Float[Array, " 2*pieces"]
+    ends: Float[Array, " piece_ends"]
     """Left and right end of each piece."""
-    first_line: Int[Array, " pieces+1"]
+    first_line: Int[Array, " line_edges"]
     """Where the lines over each piece begin; the highest line comes first."""
     shapes: Int[Array, " lines"]
     """To which shape each line belongs, counted within the output."""
-    degrees: Float[Array, " 2*lines"]
+    degrees: Float[Array, " line_ends"]
     """Of each line at the left and the right end of its piece."""
 
 

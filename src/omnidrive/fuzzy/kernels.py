@@ -36,7 +36,7 @@ FINE, NOT_FINITE, OUT_OF_RANGE, NO_RULE = range(4)
 class Frame(NamedTuple):
     """What surrounds the inference proper."""
 
-    ranges: Float[Array, " 2*inputs"]
+    ranges: Float[Array, " range_ends"]
     """Low and high of each input."""
     fallbacks: Float[Array, " outputs"]
     """Value of each output where no rule fires."""
@@ -47,12 +47,16 @@ class Frame(NamedTuple):
     what happens to inputs out of range, and where no rule fires."""
 
 
-_SETS, _CONDITIONS, _CONCLUSIONS, _REST = 4, 10, 14, 19
+_SETS, _CONDITIONS, _CONCLUSIONS, _REST = 4, 10, 15, 20
 """Where the arrays of :class:`Sets` and so on begin among those of a packed system."""
 
 
 def parts(
-    frame: Frame, sets: Sets, conditions: Conditions, conclusions: Conclusions, *rest: tuple[Array, ...]
+    frame: Frame,
+    sets: Sets,
+    conditions: Conditions,
+    conclusions: Conclusions,
+    *rest: tuple[Array, ...],
 ) -> list[Array]:
     """The arrays of a system in the order in which the kernels unpack them."""
     return [*frame, *sets, *conditions, *conclusions, *(a for each in rest for a in each)]
@@ -76,7 +80,8 @@ def _conditions(p: Packed) -> Conditions:
         integers_of(p, _CONDITIONS),
         integers_of(p, _CONDITIONS + 1),
         integers_of(p, _CONDITIONS + 2),
-        numbers_of(p, _CONDITIONS + 3),
+        integers_of(p, _CONDITIONS + 3),
+        numbers_of(p, _CONDITIONS + 4),
     )
 
 
@@ -139,7 +144,7 @@ def admitted(p: Packed, x: Float[Array, " inputs"]) -> int:
 
 @compiled
 def strengths_of(p: Packed, x: Float[Array, " inputs"]) -> Float[Array, "2 rules"]:
-    """Least and greatest strength of every rule."""
+    """Least and greatest strength of every rule; only the greatest where they are equal."""
     conditions = _conditions(p)
     uncertain = integers_of(p, 3)[1] == 1
     return fire(conditions, fuzzify(_sets(p), x, room(conditions), uncertain), uncertain)
@@ -228,7 +233,7 @@ def _infer_weighted(
 ) -> None:
     """Outputs as weighted means over rules; those of which no rule speaks are left alone."""
     switches = integers_of(p, 3)
-    weights = summed(c, strengths)
+    weights = summed(c, strengths, switches[1] == 1)
     for o in range(found.shape[1]):
         first, last = c.first_shape[o], c.first_shape[o + 1]
         low, high = weights[0, first:last], weights[1, first:last]
@@ -251,7 +256,10 @@ def rule_strengths(
     """Least and greatest strength of every rule, for inputs that are brought into their range."""
     p = Packed(numbers, integers)
     admitted(p, x)
-    return strengths_of(p, x)
+    strengths = strengths_of(p, x)
+    if integers_of(p, 3)[1] == 0:
+        strengths[0] = strengths[1]
+    return strengths
 
 
 @compiled

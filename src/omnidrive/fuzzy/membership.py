@@ -176,9 +176,9 @@ class Curves(NamedTuple):
 
     kernels: Int[Array, " functions"]
     """Which curve each function is."""
-    parameters: Float[Array, " 4*functions"]
+    parameters: Float[Array, " parameters"]
     """Four numbers of each; of a polyline: its first point and their number."""
-    points: Float[Array, " 2*points"]
+    points: Float[Array, " coordinates"]
     """x and degree of every point of every polyline."""
 
     @staticmethod
@@ -244,7 +244,7 @@ def _sigmoid(slope: float, centre: float, x: float) -> float:
 
 
 @compiled
-def _polyline(points: Float[Array, " 2*points"], first: int, count: int, x: float) -> float:
+def _polyline(points: Float[Array, " coordinates"], first: int, count: int, x: float) -> float:
     """Straight lines between points; the greater degree where two share an x."""
     last = first + count - 1
     x0: float = points[2 * first]

@@ -54,13 +54,23 @@ def conjoin(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
 
 
 @compiled
-def disjoin(conorm: int, a: float, b: float) -> float:
+def disjoin(conorm: int, a: float, b: float) -> float:  # noqa: PLR0911
     """t-conorm of two degrees, or their sum: the dual of :func:`conjoin` of the same number."""
     if conorm == 0:
         return max(a, b)
-    if conorm == 7:
-        return a + b
-    return 1.0 - conjoin(conorm, 1.0 - a, 1.0 - b)
+    if conorm == 1:
+        return a + b - a * b
+    if conorm == 2:
+        return min(1.0, a + b)
+    if conorm == 3:
+        return max(a, b) if min(a, b) == 0.0 else 1.0
+    if conorm == 4:
+        return (a + b) / (1.0 + a * b)
+    if conorm == 5:
+        return (a + b - 2.0 * a * b) / (1.0 - a * b) if a * b < 1.0 else 1.0
+    if conorm == 6:
+        return max(a, b) if a + b < 1.0 else 1.0
+    return a + b
 
 
 HEDGE_CODES: dict[str, int] = {

@@ -51,6 +51,9 @@ def reduced(
         lower: Least weight of each point, not negative.
         upper: Greatest weight of each point, at least one of them positive.
     """
+    if algorithm in (KM, EKM):
+        sums = running_sums(at, lower, upper)
+        return _switched(algorithm, 2.4, at, sums, 1), _switched(algorithm, 1.7, at, sums, 0)
     return least(algorithm, at, lower, upper), greatest(algorithm, at, lower, upper)
 
 
@@ -63,10 +66,10 @@ def least(
 ) -> float:
     """The least of :func:`reduced`: upper weights left of it, lower ones right of it."""
     if algorithm == NIE_TAN:
-        return _middle(at, lower, upper)
+        return _middle(running_sums(at, lower, upper))
     if algorithm in (EIASC, IASC):
         return _scanned(at, upper, lower)
-    return _switched(at, upper, lower, _start(algorithm, 2.4, at, lower, upper))
+    return _switched(algorithm, 2.4, at, running_sums(at, lower, upper), 1)
 
 
 @compiled
@@ -78,75 +81,86 @@ def greatest(
 ) -> float:
     """The greatest of :func:`reduced`: lower weights left of it, upper ones right of it."""
     if algorithm == NIE_TAN:
-        return _middle(at, lower, upper)
+        return _middle(running_sums(at, lower, upper))
     if algorithm == EIASC:
         return _scanned_back(at, lower, upper)
     if algorithm == IASC:
         return _scanned(at, lower, upper)
-    return _switched(at, lower, upper, _start(algorithm, 1.7, at, lower, upper))
+    return _switched(algorithm, 1.7, at, running_sums(at, lower, upper), 0)
 
 
 @compiled
-def _start(
-    algorithm: int,
-    part: float,
-    at: Float[Array, " points"],
-    lower: Float[Array, " points"],
-    upper: Float[Array, " points"],
-) -> int:
-    """First guess of how many points are left of the mean."""
-    if algorithm == EKM:
-        return round(len(at) / part)  # Wu & Mendel 2009, "Enhanced Karnik-Mendel algorithms"
-    return int(np.searchsorted(at, _middle(at, lower, upper)))
-
-
-@compiled
-def _middle(
+def running_sums(
     at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
-) -> float:
+) -> Float[Array, "sums 4"]:
+    """Sums over the points before each: lower weight, it times point, and of the upper weight."""
+    sums = np.empty((len(at) + 1, 4))
+    a, am, b, bm = 0.0, 0.0, 0.0, 0.0
+    for i in range(len(at)):
+        sums[i, 0], sums[i, 1], sums[i, 2], sums[i, 3] = a, am, b, bm
+        x, low, high = at[i], lower[i], upper[i]
+        a, am, b, bm = a + low, am + low * x, b + high, bm + high * x
+    sums[len(at), 0], sums[len(at), 1] = a, am
+    sums[len(at), 2], sums[len(at), 3] = b, bm
+    return sums
+
+
+@compiled
+def _middle(sums: Float[Array, "sums 4"]) -> float:
     """Mean under the middles of the weights (Nie & Tan 2008); where Karnik & Mendel begin."""
-    (a, am), (b, bm) = moments(at, lower, 0, len(at)), moments(at, upper, 0, len(at))
-    return (am + bm) / (a + b)
+    last = len(sums) - 1
+    middle: float = (sums[last, 1] + sums[last, 3]) / (sums[last, 0] + sums[last, 2])
+    return middle
 
 
 @compiled
 def _switched(
+    algorithm: int,
+    part: float,
     at: Float[Array, " points"],
-    before: Float[Array, " points"],
-    after: Float[Array, " points"],
-    start: int,
+    sums: Float[Array, "sums 4"],
+    before: int,
 ) -> float:
-    """Fixed point of the mean whose weights are ``before`` left of it and ``after`` right of it.
+    """Fixed point of the mean with one kind of weights left of it and the other right of it.
 
     Karnik & Mendel 2001, "Centroid of a type-2 fuzzy set": from any guess it is reached in a few
-    passes, monotonically after the first (Mendel & Liu 2007). Only what a pass changes is summed
-    anew; the last mean is summed afresh, so that it is free of that rounding.
+    passes, monotonically after the first (Mendel & Liu 2007). Theirs is the mean under the middles
+    of the weights; EKM's is a fixed part of the points (Wu & Mendel 2009).
+
+    Args:
+        algorithm: KM or EKM.
+        part: By what EKM divides the number of points for its guess.
+        at: The points.
+        sums: Their :func:`running_sums`.
+        before: 0 for lower weights left of the mean, 1 for upper ones.
     """
-    count, fresh = start, True
-    area, moment = _sums(at, before, after, count)
-    if area <= 0.0:  # a guess beyond all that weighs anything
-        count = int(np.searchsorted(at, _middle(at, before, after)))
-        area, moment = _sums(at, before, after, count)
-    mean = moment / area if area > 0.0 else at[min(count, len(at) - 1)]
-    for _ in range(len(at) + 1):
-        found = count
-        while found < len(at) and at[found] < mean:
-            found += 1
-        while found > 0 and at[found - 1] >= mean:
-            found -= 1
-        if found == count:
-            break
-        for i in range(min(found, count), max(found, count)):
-            change = (before[i] - after[i]) * (1.0 if found > count else -1.0)
-            area += change
-            moment += change * at[i]
-        count, fresh = found, False
+    last = len(at)
+    p, q = 2 * before, 2 - 2 * before  # columns of the weights before and after the mean
+    count = round(last / part) if algorithm == EKM else _left_of(at, _middle(sums), last // 2)
+    if sums[count, p] + sums[last, q] - sums[count, q] <= 0.0:  # beyond all that weighs anything
+        count = _left_of(at, _middle(sums), count)
+    mean: float = at[min(count, last - 1)]
+    for _ in range(last + 1):
+        area = sums[count, p] + (sums[last, q] - sums[count, q])
         if area <= 0.0:  # the mean is the only point that weighs anything
             break
-        mean = moment / area
-    if not fresh:
-        area, moment = _sums(at, before, after, count)
-    return moment / area if area > 0.0 else mean
+        mean = (sums[count, p + 1] + (sums[last, q + 1] - sums[count, q + 1])) / area
+        found = _left_of(at, mean, count)
+        if found == count:
+            break
+        count = found
+    return mean
+
+
+@compiled
+def _left_of(at: Float[Array, " points"], mean: float, guess: int) -> int:
+    """How many points lie left of ``mean``, sought from ``guess`` on."""
+    count = guess
+    while count < len(at) and at[count] < mean:
+        count += 1
+    while count > 0 and at[count - 1] >= mean:
+        count -= 1
+    return count
 
 
 @compiled

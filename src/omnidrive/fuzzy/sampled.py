@@ -23,9 +23,9 @@ CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(9)  # the order of s
 class Samples(NamedTuple):
     """Membership of every sample of an output in each of its shapes, flat."""
 
-    at: Float[Array, " outputs*samples"]
+    at: Float[Array, " samples_of_outputs"]
     """The samples of each output, from its low to its high."""
-    degrees: Float[Array, " 2*shapes*samples"]
+    degrees: Float[Array, " bounds_of_samples"]
     """Lower functions of all shapes, then the upper ones."""
 
 

@@ -19,15 +19,15 @@ Array = np.ndarray
 class Sets(NamedTuple):
     """The sets of some variables, flat."""
 
-    first_set: Int[Array, " variables+1"]
+    first_set: Int[Array, " set_edges"]
     """Where the sets of each variable begin, and the number of all."""
     kernels: Int[Array, " functions"]
-    parameters: Float[Array, " 4*functions"]
-    points: Float[Array, " 2*points"]
+    parameters: Float[Array, " parameters"]
+    points: Float[Array, " coordinates"]
     """:class:`Curves`: the upper function of each set, then those of lower functions."""
     lower: Int[Array, " sets"]
     """From which function the lower one of each set follows."""
-    footprints: Float[Array, " 5*sets"]
+    footprints: Float[Array, " footprint_numbers"]
     """How it follows: scale, left lag, right lag, middle; then the width of the plane, 0 to 1."""
 
 

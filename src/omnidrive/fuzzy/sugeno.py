@@ -18,7 +18,7 @@ Array = np.ndarray
 class Functions(NamedTuple):
     """The linear functions that rules conclude, flat."""
 
-    coefficients: Float[Array, " functions*(inputs+1)"]
+    coefficients: Float[Array, " coefficients"]
     """Of each: one per input, then the constant."""
 
 

@@ -34,7 +34,7 @@ DEFUZZIFIERS: dict[str, str] = {
 ALGORITHMS: tuple[Algorithm, ...] = ("km", "ekm", "eiasc", "iasc", "nie-tan")
 HEDGES: tuple[Hedge, ...] = ("not", "any", "very", "somewhat", "extremely", "seldom")
 
-MAX_VARIABLES, MAX_SETS, MAX_RULES, MAX_DEPTH = 64, 1000, 100_000, 50
+MAX_VARIABLES, MAX_SETS, MAX_RULES, MAX_DEPTH, MAX_HEDGES = 64, 1000, 100_000, 50, 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ class OutputVariable:
         high: Greatest value.
         sets: All fuzzy sets, or all linear functions.
         aggregation: How the conclusions of several rules are joined; a name of
-            :data:`~omnidrive.fuzzy.norms.AGGREGATIONS`. Not used by a Sugeno system.
+            :data:`~omnidrive.fuzzy.norms.AGGREGATIONS`. That of a Sugeno system is always a sum.
         defuzzifier: How one number is made of it; None: centroid, or weighted average (Sugeno).
         default: Value where no rule fires; None: the middle of the range.
     """
@@ -216,6 +216,8 @@ class OutputVariable:
             raise InvalidInput(
                 f"output {self.name!r} is made of {made_of}: {self.defuzzifier} cannot defuzzify it"
             )
+        if self.is_sugeno:
+            object.__setattr__(self, "aggregation", "sum")
         if self.default is not None and not isfinite(self.default):
             raise InvalidInput(f"output {self.name!r}: the default must be finite")
 
@@ -249,6 +251,8 @@ class Is:
     hedges: tuple[Hedge, ...] = ()
 
     def __post_init__(self) -> None:
+        if len(self.hedges) > MAX_HEDGES:
+            raise InvalidInput(f"a set takes at most {MAX_HEDGES} hedges, got {len(self.hedges)}")
         for hedge in self.hedges:
             _check_choice("hedge", hedge, HEDGES)
         if "any" in self.hedges[:-1] or (self.hedges[-1:] == ("any",)) != (not self.set):

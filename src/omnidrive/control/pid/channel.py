@@ -17,6 +17,7 @@ from omnidrive.control.pid.laws import (
     filtered,
     fuzzy_inputs,
     memoryless_law,
+    mirrored,
     self_tuning_law,
     tracking_drained,
     tracking_integral,
@@ -96,7 +97,7 @@ class MemorylessChannel:
         """Command for this error; the last one counts as zero, so the change is all of it."""
         parameters = self.parameters
         inputs = (parameters.error_gain * size, parameters.change_gain * size)
-        gains = tuned(parameters, self.tune(*inputs))
+        gains = tuned(parameters, self.tune(*mirrored(*inputs)))
         return memoryless_law(gains, error), Tuning(*gains, *inputs)
 
 
@@ -126,7 +127,7 @@ class SelfTuningChannel:
             state = PidState(0.0, error, size)
         rate = (size - state.size) / self.dt
         inputs = (parameters.error_gain * size, parameters.change_gain * rate)
-        gains = tuned(parameters, self.tune(*inputs))
+        gains = tuned(parameters, self.tune(*mirrored(*inputs)))
         command, integral = self_tuning_law(parameters, gains, state, error, self.dt)
         self._state = PidState(integral, error, size)
         return command, Tuning(*gains, *inputs)
@@ -159,7 +160,7 @@ class TrackingChannel:
         parameters, state, dt = self.parameters, self._state, self.dt
         rate = filtered(parameters.filter_time, state.rate, rate, dt)
         inputs = fuzzy_inputs(parameters, error, rate)
-        gains = tuned_within_reach(parameters, self.tune(*inputs))
+        gains = tuned_within_reach(parameters, self.tune(*mirrored(*inputs)))
         integral = tracking_integral(parameters, gains.ki, state.integral, error, dt)
         self._state = TrackingState(integral, rate)
         return tracking_law(gains, integral, error, rate, dt), Tuning(*gains, *inputs)

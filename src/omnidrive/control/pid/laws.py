@@ -200,9 +200,18 @@ def filtered(filter_time: float, last: float, value: float, dt: float) -> float:
 
 
 def fuzzy_inputs(parameters: TrackingParameters, error: float, rate: float) -> tuple[float, float]:
-    """Error and its rate as the fuzzy system sees them, clamped to its range [-1, 1]."""
+    """Error and its rate in parts of their ranges, clamped to [-1, 1]."""
     scaled_error, scaled_rate = error / parameters.error_range, rate / parameters.rate_range
     return min(max(scaled_error, -1.0), 1.0), min(max(scaled_rate, -1.0), 1.0)
+
+
+def mirrored(error: float, change: float) -> tuple[float, float]:
+    """Both inputs of the fuzzy system, seen from the side of negative errors.
+
+    The paper's table is odd: an error of the other sign calls for the opposite change of gains, so
+    left and right would be driven differently. On this side a great error raises kp and lowers ki.
+    """
+    return (-error, -change) if (error, change) > (0.0, 0.0) else (error, change)
 
 
 def tuned_within_reach(parameters: TrackingParameters, change: GainChange) -> Gains:

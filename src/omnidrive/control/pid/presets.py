@@ -36,9 +36,8 @@ def fuzzy_pid(kind: Kind, preset: PidPreset, dt: float) -> PidController:
         kind: ``t1`` for type-1 sets, ``t2`` for interval type-2 sets, ``t3`` for interval type-3.
         preset: ``paper`` follows the paper's text, mended where it diverges;
             ``published-code`` does what the author's code did: proportional control;
-            ``recommended`` follows the reference's motion and corrects signed errors in B. It has
-            the paper's fuzzy system, whose table is odd: positive errors lower kp and raise ki,
-            negative ones do the opposite, so that left and right are not quite alike.
+            ``recommended`` follows the reference's motion and corrects signed errors in B, tuned by
+            the paper's fuzzy system, which sees both signs of an error alike.
         dt: Sample time in s.
 
     Raises:

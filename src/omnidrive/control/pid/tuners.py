@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from math import isfinite, nan
 from typing import Literal
 
 from omnidrive.control.pid.channel import Tuner
@@ -52,13 +54,14 @@ def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
     Raises:
         InvalidInput: There is no such kind or preset.
     """
-    infer = gain_inference(kind, preset)
+    return partial(_changes, gain_inference(kind, preset))
 
-    def tune(error: float, change: float) -> GainChange:
-        kp, ki, kd = infer(error, change).tolist()
-        return kp, ki, kd
 
-    return tune
+def _changes(infer: Inference, error: float, change: float) -> GainChange:
+    if not (isfinite(error) and isfinite(change)):
+        return nan, nan, nan  # a lost measurement: the loop stops the robot, nothing is raised
+    kp, ki, kd = infer(error, change).tolist()
+    return kp, ki, kd
 
 
 def _paper(kind: Kind) -> Inference:
