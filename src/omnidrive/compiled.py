@@ -25,15 +25,17 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     Numba renews a kept result when the kernel's own file changes, but not when a kernel that it
     calls does. So each state of the package's sources keeps its results apart.
 
+    A kernel runs without the interpreter's lock, so that threads can share the work.
+
     Run-time type checks that wrap the kernel are taken off: the compiler cannot see through them.
     """
     plain = unwrap(kernel)
     before = _config.CACHE_DIR
     _config.CACHE_DIR = str(_cache_folder(before))
     try:
-        machine = njit(cache=True, error_model="numpy")(plain)
+        machine = njit(cache=True, error_model="numpy", nogil=True)(plain)
     except RuntimeError:  # nowhere to write: compile in every process
-        machine = njit(error_model="numpy")(plain)
+        machine = njit(error_model="numpy", nogil=True)(plain)
     finally:
         _config.CACHE_DIR = before
     return cast("Callable[P, R]", machine)

@@ -66,6 +66,19 @@ def test_the_default_controllers_go_with_the_preset(tmp_path):
     assert demand.controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
 
 
+def test_compare_with_several_seeds(tmp_path):
+    done = omnidrive(
+        "compare", "--plant", "kinematic", "--tasks", "noise", "--noise-seeds", "3",
+        "--controllers", "fuzzy_t1,recommended", "--out", "here", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "Paired differences with noise" in done.stdout
+    data = json.loads((tmp_path / "here" / "results.json").read_text())
+    assert data["scenario"]["tasks"]["noise"]["repeats"] == 3
+    assert len(data["runs"]) == 6
+    assert "Paired differences with noise" in (tmp_path / "here" / "report.html").read_text()
+
+
 def test_compare_on_a_users_map(tmp_path):
     depot = shared("maps/nav2/depot.yaml")
     done = omnidrive(
@@ -131,6 +144,8 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--duration", "3000"], "need 0.1 to 3600 s"),
         (["compare", "--speed", "0.0001"], "need 0.1 to 3600 s"),
         (["compare", "--jobs", "0"], "jobs"),
+        (["compare", "--noise-seeds", "0"], "noise.repeats is 0 seeds, need 1 to 200 seeds"),
+        (["compare", "--tasks", "step", "--noise-seeds", "9"], "is for the task noise"),
         (["compare", "--no-such-option"], "No such option"),
         (["run", "--controller", "pdi"], "did you mean 'pid'?"),
         (["run", "--horizon", "9"], "--horizon is for the controller nmpc"),

@@ -103,6 +103,34 @@ def study():
     )
 
 
+def with_gains(result, *, constant=False):
+    """The same run, as if its controller had tuned its gains (or had none to tune)."""
+    t = result.run.t
+    move = np.where(t < t[-1], 0.0 if constant else np.sin(t), np.nan)
+    columns = {
+        f"{name}_{axis}": (middle + share * move, unit)
+        for axis, share in (("x", 0.5), ("heading", 0.2))
+        for name, middle, unit in (("kp", 5.0, "1/s"), ("ki", 1.0, "1/s^2"), ("kd", 0.3, "1"),
+                                   ("error_input", 0.0, "1"), ("change_input", 0.0, "1"))
+    }  # fmt: skip
+    details = {name: values for name, (values, _) in columns.items()}
+    units = {name: unit for name, (_, unit) in columns.items()}
+    return replace(result, run=replace(result.run, details=details, detail_units=units))
+
+
+@pytest.fixture(scope="session")
+def tuning(part):
+    """Two runs on a path, the first with moving gains, the other with constant ones."""
+    first, other = part.tracks
+    return replace(
+        part,
+        tracks=(
+            with_gains(replace(first, controller="fuzzy_t1")),
+            with_gains(replace(other, controller="pid"), constant=True),
+        ),
+    )
+
+
 @pytest.fixture(scope="session")
 def part(study):
     """The same study with two controllers and one task."""

@@ -61,6 +61,42 @@ def test_part_of_a_study_leaves_out_what_it_did_not_run(part):
     assert names == DIAGRAMS | {"xy_comparison", "heading_comparison"}
 
 
+def test_gains_are_drawn_where_they_are_logged(tuning):
+    figures = dict(draw_figures(tuning))
+    assert set(figures) - DIAGRAMS == {"xy_comparison", "heading_comparison", "gain_history"}
+    panels = figures["gain_history"].axes
+    assert len(panels) == 5 * 2
+    assert [len(axes.lines) for axes in panels] == [2] * 6 + [1] * 4  # nothing sees pid's inputs
+    assert [axes.get_title(loc="left") for axes in panels[:2]] == ["x of the robot", "Heading"]
+    labels = [axes.get_ylabel() for axes in panels[::2]]
+    assert labels[:4] == ["kp in 1/s", "ki in 1/s²", "kd, no unit", "scaled error, no unit"]
+    colours = [controller_ink(name).light for name in ("fuzzy_t1", "pid")]
+    assert [line.get_color() for line in panels[0].lines] == colours
+
+
+def test_gains_of_a_step_response(study, tuning):
+    step = replace(study.steps[0], run=tuning.tracks[0].run)
+    names = {name for name, _ in draw_figures(replace(study, tracks=(), steps=(step,)))}
+    assert names == DIAGRAMS | {"step_response", "step_gain_history"}
+
+
+def test_differences_are_drawn_where_there_are_several_seeds(study):
+    noisy = study.select("noise")[:3]
+    several = [
+        replace(r, repeat=k, metrics=r.metrics._replace(me=r.metrics.me + 1e-3 * k * i))
+        for k in range(4)
+        for i, r in enumerate(noisy)
+    ]
+    figures = dict(draw_figures(replace(study, tracks=tuple(several), steps=())))
+    assert set(figures) == DIAGRAMS | {"noise_xy", "noise_heading", "noise_differences"}
+    panels = figures["noise_differences"].axes
+    assert [len(axes.patches) for axes in panels] == [3] * 4
+    assert "first of 4 seeds" in {
+        text.get_text()[19:] for text in figures["noise_xy"].axes[1].texts
+    }
+    assert len(figures["noise_xy"].axes[2].lines) == 3  # of each controller, the first run
+
+
 def test_study_without_runs_has_only_diagrams(part):
     assert {name for name, _ in draw_figures(replace(part, tracks=()))} == DIAGRAMS
 

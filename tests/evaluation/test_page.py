@@ -57,6 +57,31 @@ def test_numbers_that_are_not_finite_become_null(part):
     assert data_of(page_text(broken, ()))["groups"][0]["runs"][0]["yawRate"][5] is None
 
 
+def test_gains_are_told_with_their_inputs(tuning, study):
+    (group,) = data_of(page_text(tuning, ()))["groups"]
+    assert [(q["title"], q["unit"]) for q in group["tuning"][:5]] == [
+        ("kp", "1/s"), ("ki", "1/s²"), ("kd", ""),
+        ("scaled error", ""), ("scaled change of error", ""),
+    ]  # fmt: skip
+    fuzzy, pid = (run["tuning"] for run in group["runs"])
+    run = tuning.tracks[0].run
+    np.testing.assert_allclose(fuzzy["kp x"][:-1], run.details["kp_x"][:-1], atol=5.1e-6)
+    assert fuzzy["kp x"][-1] is None
+    assert set(fuzzy) - set(pid) == {
+        f"{name} {axis}" for name in ("error_input", "change_input") for axis in ("x", "heading")
+    }
+    assert not any(group["tuning"] for group in data_of(page_text(study, ()))["groups"])
+
+
+def test_of_repeated_runs_the_first_is_played(study):
+    noisy = study.select("noise")
+    again = tuple(replace(r, repeat=1, run=study.tracks[0].run) for r in noisy)
+    (group,) = data_of(page_text(replace(study, tracks=noisy + again, steps=()), ()))["groups"]
+    assert group["label"] == "Noise 30 s, first of 2"
+    assert len(group["runs"]) == len(noisy)
+    assert group["runs"][0]["measured"] is not None
+
+
 def test_page_names_no_address_to_load_from(study):
     text = page_text(study, TABLES)
     assert not re.search(r"""(?:src|href|action)=["']?(?!["'#]|data:)""", text.split("</head>")[0])
@@ -241,6 +266,41 @@ def test_charts_share_cursor_zoom_and_clock(study, visit):
     assert high == pytest.approx(15.0, abs=0.2)
     page.click("#chart-fit")
     assert page.evaluate("Charts.span()") == [0, 20]
+
+
+@pytest.mark.browser
+def test_gains_have_charts_of_one_channel_at_a_time(tuning, visit):
+    page = visit(tuning)
+    charts = page.locator("#tuning-charts .chart")
+    heads = charts.locator("strong").all_inner_texts()
+    assert heads == ["kp in 1/s", "ki in 1/s²", "kd, no unit", "scaled error, no unit",
+                     "scaled change of error, no unit"]  # fmt: skip
+    page.locator("#scrub").fill("7.5")
+    settle(page)
+    value = tuning.tracks[0].run.details
+    shown = charts.nth(0).locator(".value:visible b").all_inner_texts()
+    assert shown == [f"{value['kp_x'][75]:.3f}", "5.000"]
+    assert charts.nth(3).locator(".value:visible").count() == 1
+    page.evaluate("Charts.show(5, 10)")
+    page.select_option("#tuning-channel", "heading")
+    settle(page)
+    assert charts.count() == 5
+    shown = charts.nth(0).locator(".value:visible b").all_inner_texts()
+    assert shown == [f"{value['kp_heading'][75]:.3f}", "5.000"]
+    assert page.evaluate("Charts.span()") == [5, 10]
+    over = charts.nth(0).locator(".u-over")
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    settle(page)
+    assert page.evaluate("Race.time()") == pytest.approx(7.5, abs=0.1)
+    page.locator("#runs input").nth(1).uncheck()
+    assert charts.nth(0).locator(".value:visible").count() == 1
+
+
+@pytest.mark.browser
+def test_without_gains_there_are_no_such_charts(study, visit):
+    assert not visit(study).locator("#tuning").is_visible()
 
 
 @pytest.mark.browser

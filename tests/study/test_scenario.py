@@ -85,6 +85,13 @@ def changed(*path, value):
             {**changed("sample_time", value=0.005), "tasks": {"track": {"durations": [3600]}}},
             "asks for a run of 720000 samples, need at most 200000",
         ),
+        (changed("tasks", "noise", "repeats", value=0), "repeats is 0 seeds, need 1 to 200 seeds"),
+        (changed("tasks", "noise", "repeats", value=2.5), "repeats: input should be a valid int"),
+        (changed("tasks", "track", "repeats", value=2), "unknown key 'tasks.track.repeats'"),
+        (
+            changed("tasks", "noise", value={"durations": [3600], "repeats": 30}),
+            "asks for 1080000 samples with noise, need at most 1000000",
+        ),
         (changed("seed", value=1.5), "seed: input should be a valid integer"),
         ({}, "'name' is missing"),
         (

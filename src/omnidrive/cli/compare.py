@@ -29,6 +29,7 @@ from omnidrive.cli.options import (
 from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
 from omnidrive.study import ControllerName, Scenario, TaskName, run_study
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 
 def compare(
@@ -58,6 +59,14 @@ def compare(
         ),
     ] = None,
     seed: SeedOption = None,
+    noise_seeds: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Repeat the task noise with N seeds: means with intervals, paired differences.",
+            rich_help_panel="How to drive",
+        ),
+    ] = None,
     jobs: JobsOption = None,
     out: OutOption = None,
     json: JsonOption = False,
@@ -73,9 +82,10 @@ def compare(
     * `omnidrive compare`
     * `omnidrive compare --map depot.yaml --start 2,2 --goal 27,13 --robot small --speed 0.6`
     * `omnidrive compare --tasks track --controllers nmpc,recommended --plant ball`
+    * `omnidrive compare --tasks noise --noise-seeds 50`
     """
     demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
-    resolved = _restrict(demand.resolve(), controllers, tasks)
+    resolved = _restrict(demand.resolve(), controllers, tasks, noise_seeds)
     folder = out or new_folder(resolved.name)
     with LiveProgress() as progress:
         study = run_study(resolved, folder, processes=jobs or cores(), watcher=progress)
@@ -90,8 +100,10 @@ def compare(
     study.raise_if_failed()
 
 
-def _restrict(scenario: Scenario, controllers: str | None, tasks: str | None) -> Scenario:
-    """Keep only some controllers and tasks."""
+def _restrict(
+    scenario: Scenario, controllers: str | None, tasks: str | None, noise_seeds: int | None
+) -> Scenario:
+    """Keep only some controllers and tasks, and choose the number of seeds."""
     changes: dict[str, object] = {}
     if controllers is not None:
         chosen = choose_many("controller", controllers, get_args(ControllerName))
@@ -107,4 +119,13 @@ def _restrict(scenario: Scenario, controllers: str | None, tasks: str | None) ->
     horizon_only = [n for n in get_args(TaskName) if getattr(scenario.tasks, n)] == ["horizon"]
     if horizon_only and "nmpc" not in scenario.controllers:
         raise InvalidInput("the task horizon is for the controller nmpc, which was left out")
-    return scenario
+    return scenario if noise_seeds is None else _repeated(scenario, noise_seeds)
+
+
+def _repeated(scenario: Scenario, seeds: int) -> Scenario:
+    """The task noise with so many seeds."""
+    data = scenario_data(scenario)
+    if data["tasks"]["noise"] is None:
+        raise InvalidInput("--noise-seeds is for the task noise, which was left out")
+    data["tasks"]["noise"]["repeats"] = seeds
+    return parse_scenario(data, "with these options")

@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 
 from omnidrive.cli.compare import compare
+from omnidrive.cli.fuzzy import fuzzy
 from omnidrive.cli.plan import plan
 from omnidrive.cli.run import run
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
@@ -30,6 +31,7 @@ app = typer.Typer(
 app.command()(compare)
 app.command()(plan)
 app.command()(run)
+app.add_typer(fuzzy, name="fuzzy")
 
 
 def _print_version(wanted: bool) -> None:

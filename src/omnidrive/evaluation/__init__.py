@@ -3,13 +3,23 @@
 from omnidrive.evaluation.figures import write_figures
 from omnidrive.evaluation.metrics import Metrics, heading_error, measure, position_error
 from omnidrive.evaluation.page import write_page
+from omnidrive.evaluation.paired import (
+    MEASURES,
+    PairedDifference,
+    Repeated,
+    paired_differences,
+    repeated_runs,
+)
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.step_response import StepResponse, step_response
 from omnidrive.evaluation.tables import Table, study_tables
 
 __all__ = [
+    "MEASURES",
     "STEP_AXES",
     "Metrics",
+    "PairedDifference",
+    "Repeated",
     "StepResponse",
     "StepResult",
     "StudyResults",
@@ -17,7 +27,9 @@ __all__ = [
     "TrackResult",
     "heading_error",
     "measure",
+    "paired_differences",
     "position_error",
+    "repeated_runs",
     "step_response",
     "study_tables",
     "write_figures",

@@ -28,6 +28,7 @@ class TrackResult:
         metrics: Its numbers.
         min_clearance: Least distance between the robot's body and an obstacle, in m; negative
             where they would overlap.
+        repeat: Which of several runs with other random numbers, counted from 0.
     """
 
     controller: str
@@ -38,12 +39,14 @@ class TrackResult:
     run: Run
     metrics: Metrics
     min_clearance: float
+    repeat: int = 0
 
     @property
     def name(self) -> str:
         """Unique in its study: also the stem of its time-series file."""
         horizon = f"-N{self.horizon}" if self.task == "horizon" else ""
-        return f"{self.task}-{self.controller}-{self.duration:g}s{horizon}"
+        repeat = f"-r{self.repeat}" if self.repeat else ""
+        return f"{self.task}-{self.controller}-{self.duration:g}s{horizon}{repeat}"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -99,6 +102,20 @@ class StudyResults:
         """Tracking runs, then step responses."""
         return (*self.tracks, *self.steps)
 
-    def select(self, task: str, *, duration: float | None = None) -> tuple[TrackResult, ...]:
-        """Tracking runs of one task, perhaps of one duration (s), in order."""
-        return tuple(r for r in self.tracks if r.task == task and duration in (None, r.duration))
+    def select(
+        self, task: str, *, duration: float | None = None, repeat: int | None = 0
+    ) -> tuple[TrackResult, ...]:
+        """Tracking runs of one task, perhaps of one duration (s), in order.
+
+        Of runs that were repeated, the first; ``repeat=None`` gives all.
+        """
+        return tuple(
+            r
+            for r in self.tracks
+            if r.task == task and duration in (None, r.duration) and repeat in (None, r.repeat)
+        )
+
+    @property
+    def repeats(self) -> int:
+        """With how many seeds of the noise every controller drove."""
+        return max((r.repeat for r in self.tracks), default=0) + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite, nan
 
@@ -9,6 +10,14 @@ import numpy as np
 
 from omnidrive.control.pid.rules import LABELS, paper_rules
 from omnidrive.control.pid.rules import published_rules as code_rules
+from omnidrive.evaluation.paired import (
+    MEASURE_LABELS,
+    MEASURES,
+    PairedDifference,
+    Repeated,
+    paired_differences,
+    repeated_runs,
+)
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
 from omnidrive.simulation import Outcome
@@ -48,6 +57,7 @@ def study_tables(
     tables = [
         _tracking_table(results, published),
         _noise_table(results, published),
+        paired_table(results),
         _step_table(results, published),
         _horizon_table(results),
     ]
@@ -117,13 +127,20 @@ def _tracking_table(results: StudyResults, published: bool) -> Table:
 
 
 def _noise_table(results: StudyResults, published: bool) -> Table:
-    rows = []
-    for r in results.select("noise"):
+    repeated, rows = repeated_runs(results), []
+    for r in () if repeated else results.select("noise"):
         m = r.metrics
         me, mae = _beside(published, (r.task, r.duration, r.controller))
         rows.append(
             (f"{r.duration:g} s", _name(r), _of(r, m.me_measured, 4), me,
              _of(r, m.mae_measured, 4), mae, _of(r, m.me, 4), _of(r, m.mae, 4), *_price(r))
+        )  # fmt: skip
+    for group in repeated:
+        me, mae = _beside(published, ("noise", group.duration, group.controller))
+        cells = [_mean(group, measure) for measure in ("me_measured", "mae_measured", "me", "mae")]
+        rows.append(
+            (f"{group.duration:g} s", _name_of_many(group), cells[0], me, cells[1], mae,
+             *cells[2:], *_price_of_many(group))
         )  # fmt: skip
     return Table(
         "Tracking error with the paper's noise",
@@ -131,9 +148,81 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
          "ME true, m", "MAE true, rad", *_PRICE_COLUMNS),
         tuple(rows),
         "Measured: against the noisy pose, as the paper's author computed it. True: against where "
-        "the robot was. The noise is biased, so no controller without an estimator can be right.",
+        "the robot was. The noise is biased, so no controller without an estimator can be right."
+        + (_OF_MANY.format(results.repeats) if repeated else ""),
         keys=2,
     )  # fmt: skip
+
+
+_OF_MANY = (
+    " Over {} seeds: mean ± half of its 95 % interval; the largest error and the least clearance "
+    "are those of all runs."
+)
+
+
+def _name_of_many(group: Repeated) -> str:
+    """The controller, and how many of its runs stopped before the end and count for nothing."""
+    stopped = len(group.runs) - len(group.finished)
+    return group.controller + (f" ({stopped} of {len(group.runs)} stopped)" if stopped else "")
+
+
+def _mean(group: Repeated, measure: str) -> str:
+    found = group.estimate(measure)
+    return f"{_number(found.mean, 5)} ± {_number(found.margin, 5)}"
+
+
+def _price_of_many(group: Repeated) -> tuple[str, ...]:
+    """Cells under ``_PRICE_COLUMNS``: the worst of distances, the mean of the others."""
+    results = group.finished.values()
+
+    def over(reduce: Callable[[Array], float], values: list[float], decimals: int) -> str:
+        return _number(float(reduce(np.array(values))) if values else nan, decimals)
+
+    metrics = [r.metrics for r in results]
+    return (
+        over(np.max, [m.max_error for m in metrics], 4),
+        over(np.mean, [m.wheel_acceleration for m in metrics], 1),
+        over(np.mean, [m.work for m in metrics], 0),
+        over(np.mean, [m.step_time_median for m in metrics], 0),
+        over(np.mean, [m.step_time_p99 for m in metrics], 0),
+        over(np.min, [r.min_clearance for r in results], 3),
+    )
+
+
+def paired_table(results: StudyResults) -> Table:
+    """Every two controllers under the same noise: by how much one is better, and is it sure."""
+    found = paired_differences(results)
+    order = {key: k for k, key in enumerate(dict.fromkeys(map(_pair, found)))}
+    return Table(
+        "Paired differences with noise",
+        ("controllers", "time", "error", "mean difference", "95 % interval", "p", "seeds",
+         "the first is"),
+        tuple(_paired_row(d) for d in sorted(found, key=lambda d: order[_pair(d)])),
+        "First minus second controller under the same random numbers, so negative where the first "
+        "errs less. Intervals: Student's t on the differences, each by itself, not corrected for "
+        "the number of pairs. p and verdict: its test, corrected for the number of pairs by Holm, "
+        "for each error separately; no difference shown: p of 0.05 or more. Only seeds under "
+        "which both reached the end count.",
+        keys=3,
+    )  # fmt: skip
+
+
+def _pair(difference: PairedDifference) -> tuple[float, str, str]:
+    return difference.duration, difference.first, difference.second
+
+
+def _paired_row(d: PairedDifference) -> tuple[str, ...]:
+    mean, _, low, high = d.difference.text(1e3)
+    return (
+        f"{d.first} − {d.second}",
+        f"{d.duration:g} s",
+        f"{MEASURE_LABELS[d.measure]}, m{MEASURES[d.measure]}",
+        mean,
+        f"{low} to {high}",
+        f"{d.p:.3f}" if d.p >= 1e-3 else "< 0.001",
+        str(d.difference.number),
+        d.verdict,
+    )
 
 
 def _step_table(results: StudyResults, published: bool) -> Table:

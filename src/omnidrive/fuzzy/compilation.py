@@ -26,6 +26,7 @@ from omnidrive.fuzzy.kernels import (
 from omnidrive.fuzzy.packed import Packed, pack
 from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.sets import WHOLE, Plane, sets_of
+from omnidrive.fuzzy.strips import strips_of
 from omnidrive.fuzzy.sugeno import functions_of
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
 
@@ -112,7 +113,7 @@ def _packed(system: FuzzySystem, options: Options, plane: Plane) -> Packed:
     elif options.centroid == "exact":
         upper = lines_of(system, shapes, plane)
         lower = lines_of(system, shapes, plane, of_lower=True) if system.type > 1 else upper
-        method, rest = EXACT, (upper, lower)
+        method, rest = EXACT, (upper, lower, strips_of(system, shapes))
     else:
         method, rest = SAMPLED, (samples_of(system, shapes, options.samples, plane),)
     frame = Frame(

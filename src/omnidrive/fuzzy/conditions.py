@@ -124,14 +124,15 @@ def fire(
             degrees[0, sets + k] = degrees[1, sets + k] = 0.0
             k = skips[k]
             continue
-        for bound in range(0 if uncertain else 1, 2):
+        for other in range(2 if uncertain else 1):
+            bound = 1 - other
             joined: float = 1.0 - kind
             for t in range(begin, end):
                 index, hedge = terms[2 * t], terms[2 * t + 1]
                 each: float = degrees[bound, index]
                 if hedge != _PLAIN:
                     if hedge == _NOT and uncertain:  # "not" turns one bound into the other
-                        each = degrees[1 - bound, index]
+                        each = degrees[other, index]
                     each = hedged(hedge, each)
                 if kind == _AND:
                     joined = conjoin(conjunction, joined, each)
@@ -142,5 +143,8 @@ def fire(
             degrees[bound, sets + k] = joined
             if k >= first_rule:
                 strengths[bound, k - first_rule] = joined * weights[k - first_rule]
+            if bound == 1 and joined <= 0.0:  # then so is the lower degree
+                degrees[0, sets + k] = 0.0
+                break
         k += 1
     return strengths

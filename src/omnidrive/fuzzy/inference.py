@@ -154,13 +154,13 @@ class Inference:
                 f"needs rows of {len(self._inputs)} inputs ({', '.join(self._inputs)}), "
                 f"got an array of shape {rows.shape}"
             )
-        found = np.empty((3, len(rows), len(self._outputs)))
+        found = np.empty((len(rows), 3, len(self._outputs)))
         edges = np.linspace(0, len(rows), max(1, min(threads, len(rows))) + 1).astype(int).tolist()
 
         def part(begin: int, end: int) -> None:
-            status, bad = self._rows(rows[begin:end], found[:, begin:end])
+            status, bad = self._rows(rows[begin:end], found[begin:end])
             if status:
-                raise self._refusal(status, rows[begin + bad], f"row {begin + bad}: ")
+                raise self._refusal(status, rows[begin + bad].tolist(), f"row {begin + bad}: ")
 
         if len(edges) == 2:
             part(*edges)
@@ -168,7 +168,7 @@ class Inference:
             with ThreadPoolExecutor(len(edges) - 1) as pool:
                 for done in [pool.submit(part, *each) for each in pairwise(edges)]:
                     done.result()
-        return found
+        return found.transpose(1, 0, 2)
 
     def fired(self, *inputs: float) -> list[Fired]:
         """The rules that fire, the strongest first; for type 3, over the whole footprints.
@@ -177,10 +177,10 @@ class Inference:
             InvalidInput: As for a call.
         """
         self._all(inputs)  # refuses what has to be refused
-        begin, end, first, last = self._planes[0].tolist()
-        lower, upper = rule_strengths(
-            self._numbers[begin:end], self._integers[first:last], np.array(inputs, dtype=np.float64)
-        )
+        if self._many:
+            return Inference(self.system.without_secondary()).fired(*inputs)
+        x = np.array(inputs, dtype=np.float64)
+        lower, upper = rule_strengths(self._numbers, self._integers, x)
         found = [
             Fired(k + 1, self.system.rules[k], float(lower[k]), float(upper[k]))
             for k in np.flatnonzero(upper > 0.0).tolist()
@@ -197,10 +197,11 @@ class Inference:
             raise InvalidInput(
                 f"needs {len(self._inputs)} inputs ({', '.join(self._inputs)}), got {len(x)}"
             )
+        found: Array
         if self._many:
-            found = np.empty((3, 1, len(self._outputs)))
-            status, _ = self._rows(np.array([x]), found)
-            found = found[:, 0]
+            row = np.empty((1, 3, len(self._outputs)))
+            status, _ = self._rows(np.array([x]), row)
+            found = row[0]
         else:
             status, found = infer_one(self._numbers, self._integers, x)
         if status:

@@ -24,6 +24,7 @@ from omnidrive.fuzzy.sampled import (
     sampled_value,
 )
 from omnidrive.fuzzy.sets import Sets, fuzzify
+from omnidrive.fuzzy.strips import strips_centroid
 from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
 
 Array = np.ndarray
@@ -210,9 +211,15 @@ def _infer_exact(
     """Outputs by way of polylines; those of which no rule speaks are left alone."""
     switches, cuts = integers_of(p, 3), c.implication[0] == MIN
     upper, lower = _lines(p, _REST), _lines(p, _REST + 5)
+    rows, corners = integers_of(p, _REST + 10), numbers_of(p, _REST + 11)
     heights = strongest(c, strengths)
     for o in range(found.shape[1]):
         first, last = c.first_shape[o], c.first_shape[o + 1]
+        if rows[o] == 1:
+            if last > first and heights[1, first:last].max() > 0.0:
+                value = strips_centroid(corners, first, heights[1, first:last])
+                found[0, o] = found[1, o] = found[2, o] = value
+            continue
         high = polyline(upper, o, cuts, heights[1, first:last])
         if high.shape[1] > 0:
             if switches[1] == 1:
@@ -293,7 +300,7 @@ def infer_rows(
     integers: Int[Array, " integers"],
     planes: Int[Array, "planes 4"],
     rows: Float[Array, "rows inputs"],
-    found: Float[Array, "3 rows outputs"],
+    found: Float[Array, "rows 3 outputs"],
 ) -> tuple[int, int]:
     """Fill in value, least and greatest of every output for each row.
 
@@ -310,21 +317,20 @@ def infer_rows(
     Returns:
         A status; the first row that is not fine, or the number of rows.
     """
-    each = np.empty((3, found.shape[2]))
-    for r in range(len(rows)):
-        x = rows[r].copy()
-        levels = 0.0
-        found[:, r, :] = 0.0
-        for k in range(len(planes)):
-            p = Packed(numbers[planes[k, 0] : planes[k, 1]], integers[planes[k, 2] : planes[k, 3]])
+    each, x, levels = np.empty(found.shape[1:]), np.empty(rows.shape[1]), 0.0
+    found[:] = 0.0
+    for k in range(len(planes)):
+        p = Packed(numbers[planes[k, 0] : planes[k, 1]], integers[planes[k, 2] : planes[k, 3]])
+        level = numbers_of(p, 2)[0]
+        levels += level
+        for r in range(len(rows)):
+            x[:] = rows[r]
             status = admitted(p, x)
             if status == FINE:
                 status = infer(p, x, each)
             if status != FINE:
                 return status, r
-            level = numbers_of(p, 2)[0]
-            levels += level
-            found[:, r, :] += level * each
-        if len(planes) > 1:
-            found[:, r, :] /= levels
+            found[r] += level * each
+    if len(planes) > 1:
+        found /= levels
     return FINE, len(rows)

@@ -419,6 +419,20 @@ class FuzzySystem:
             ),
         )
 
+    def without_secondary(self) -> FuzzySystem:
+        """The system of type 2 with the same footprints."""
+
+        def plain(sets: Sequence[FuzzySet | LinearFunction]) -> tuple[FuzzySet, ...]:
+            return tuple(replace(s, secondary=None) for s in sets if isinstance(s, FuzzySet))
+
+        return replace(
+            self,
+            inputs=tuple(replace(v, sets=plain(v.sets)) for v in self.inputs),
+            outputs=tuple(
+                v if v.is_sugeno else replace(v, sets=plain(v.sets)) for v in self.outputs
+            ),
+        )
+
 
 def terms(condition: Condition) -> Iterator[Is]:
     """Every ``variable is set`` in a condition, left to right.

@@ -16,7 +16,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from omnidrive.errors import CannotWrite
-from omnidrive.evaluation import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation import (
+    MEASURES,
+    STEP_AXES,
+    PairedDifference,
+    Repeated,
+    StepResult,
+    StudyResults,
+    TrackResult,
+    paired_differences,
+    repeated_runs,
+)
 from omnidrive.maps import save_nav2_map
 from omnidrive.simulation import Outcome, Run
 from omnidrive.study.prepared import Prepared
@@ -75,6 +85,8 @@ class RunFolder:
             "path": {"length": results.spline.length, "cells": len(results.path.poses)},
             "runs": [track_record(result) for result in results.tracks],
             "step_response": [row for step in results.steps for row in step_records(step)],
+            "repeated": [mean_record(group) for group in repeated_runs(results)],
+            "paired": [paired_record(difference) for difference in paired_differences(results)],
             "timing_s": timing,
         }
         with self.whole("results.json") as path:
@@ -143,6 +155,7 @@ def track_record(result: TrackResult) -> dict[str, Any]:
         "duration": result.duration,
         "noise": result.noise,
         "horizon": result.horizon,
+        "repeat": result.repeat,
         "finished": run.outcome is Outcome.FINISHED,
         "outcome": run.outcome.value,
         "me": m.me,
@@ -176,6 +189,39 @@ def step_records(result: StepResult) -> list[dict[str, Any]]:
         )
         for axis, response in zip(STEP_AXES, result.responses, strict=True)
     ]
+
+
+def mean_record(group: Repeated) -> dict[str, Any]:
+    """One entry of ``repeated`` in results.json: means over the runs that finished."""
+    estimates = {measure: group.estimate(measure)._asdict() for measure in MEASURES}
+    return {
+        "controller": group.controller,
+        "duration": group.duration,
+        "runs": len(group.runs),
+        "finished": len(group.finished),
+        **{
+            measure: _json_safe({k: found[k] for k in ("mean", "low", "high")})
+            for measure, found in estimates.items()
+        },
+    }
+
+
+def paired_record(found: PairedDifference) -> dict[str, Any]:
+    """One entry of ``paired`` in results.json."""
+    mean, low, high, count = found.difference
+    return {
+        "first": found.first,
+        "second": found.second,
+        "duration": found.duration,
+        "measure": found.measure,
+        "unit": MEASURES[found.measure],
+        "seeds": count,
+        "mean": mean,
+        "low": low,
+        "high": high,
+        "p": found.p,
+        "verdict": found.verdict,
+    }
 
 
 def _json_safe(record: dict[str, Any]) -> dict[str, Any]:

@@ -22,7 +22,6 @@ from omnidrive.simulation import KinematicPlant, MujocoPlant, PaperNoise, Plant,
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
     ControllerName,
-    DurationsTask,
     PlantName,
     Scenario,
     TaskName,
@@ -38,6 +37,8 @@ class Job(NamedTuple):
     """Of the reference, in s."""
     horizon: int | None = None
     """Prediction horizon of the NMPC, in steps; None for other controllers."""
+    repeat: int = 0
+    """Which of the task's random numbers, counted from 0."""
 
 
 def jobs_of(scenario: Scenario) -> list[Job]:
@@ -47,11 +48,15 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     def horizon(name: ControllerName) -> int | None:
         return scenario.nmpc.horizon if name == "nmpc" else None
 
-    following: tuple[tuple[TaskName, DurationsTask | None], ...]
-    following = (("track", tasks.track), ("noise", tasks.noise))
-    for task, wanted in following:
-        for duration in wanted.durations if wanted else ():
-            jobs += [Job(task, name, duration, horizon(name)) for name in scenario.controllers]
+    for duration in tasks.track.durations if tasks.track else ():
+        jobs += [Job("track", name, duration, horizon(name)) for name in scenario.controllers]
+    if tasks.noise:
+        jobs += [
+            Job("noise", name, duration, horizon(name), repeat)
+            for duration in tasks.noise.durations
+            for repeat in range(tasks.noise.repeats)
+            for name in scenario.controllers
+        ]
     if tasks.step:
         seconds = tasks.step.duration
         jobs += [Job("step", name, seconds, horizon(name)) for name in scenario.controllers]
@@ -95,11 +100,15 @@ def make_plant(robot: Robot, name: PlantName) -> Plant:
 
 
 def _track(prepared: Prepared, job: Job) -> TrackResult:
-    """Follow the path; with noise, every controller sees the same random numbers."""
+    """Follow the path; with noise, every controller sees the same random numbers.
+
+    Those of repeat 0 are those of ``[seed, duration]``: a zero at the end of a numpy seed of few
+    words does not count.
+    """
     scenario = prepared.scenario
     reference = prepared.reference(job.duration)
     noise = job.task == "noise"
-    rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6)])
+    rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
     run = simulate(
         make_plant(prepared.robot, scenario.plant),
         make_controller(scenario, job.controller, job.horizon),
@@ -110,7 +119,7 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     )
     return TrackResult(
         job.controller, job.task, job.duration, noise, job.horizon, run,
-        measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]),
+        measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]), job.repeat,
     )  # fmt: skip
 
 

@@ -29,6 +29,9 @@ DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
 MAX_STEPS = 200_000
 """Most samples of one run: an hour at 50 Hz; its log stays below a gigabyte."""
 
+MAX_NOISE_STEPS = 1_000_000
+"""Most samples of one controller's runs with noise over one duration: all are kept in memory."""
+
 Seconds = Annotated[float, Bounds(0.1, 3600.0, "s")]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
@@ -70,6 +73,13 @@ class DurationsTask(_Section):
     durations: Annotated[tuple[Seconds, ...], Field(min_length=1, max_length=20), _Different]
 
 
+class NoiseTask(DurationsTask):
+    """The same with the paper's noise on the measured pose."""
+
+    repeats: Annotated[int, Bounds(1, 200, "seeds")] = 1
+    """How many times, each with other random numbers; every controller meets the same ones."""
+
+
 class StepTask(_Section):
     """Stand still, then let the reference jump in x, y (m) and heading (rad) at once."""
 
@@ -88,7 +98,7 @@ class Tasks(_Section):
     """What the controllers have to do; None leaves a task out."""
 
     track: DurationsTask | None = None
-    noise: DurationsTask | None = None
+    noise: NoiseTask | None = None
     step: StepTask | None = None
     horizon: HorizonTask | None = None
 
@@ -109,6 +119,11 @@ class Tasks(_Section):
     def longest(self) -> float:
         """Duration of the longest run, in s."""
         return max((*self.following, self.step.duration if self.step else 0.0))
+
+    @property
+    def with_noise(self) -> float:
+        """Seconds that each controller drives with noise, all repeats of the longest together."""
+        return self.noise.repeats * max(self.noise.durations) if self.noise else 0.0
 
 
 class NmpcSection(_Section):
@@ -153,6 +168,12 @@ class Scenario(_Section):
                 f"asks for a run of {steps:.0f} samples, need at most {MAX_STEPS}: "
                 "shorten the longest duration or lengthen sample_time"
             )
+        steps = self.tasks.with_noise / self.sample_time
+        if steps > MAX_NOISE_STEPS:
+            raise ValueError(
+                f"asks for {steps:.0f} samples with noise, need at most {MAX_NOISE_STEPS}: "
+                "lower tasks.noise.repeats or shorten its longest duration"
+            )
         return self
 
 
@@ -189,7 +210,7 @@ def study_tasks(duration: float) -> Tasks:
     slower = round(1.5 * duration, 6)
     return Tasks(
         track=DurationsTask(durations=(duration, slower)),
-        noise=DurationsTask(durations=(slower,)),
+        noise=NoiseTask(durations=(slower,)),
         step=StepTask(displacement=(1.0, 1.0, 0.25 * pi), duration=10.0),
         horizon=HorizonTask(duration=duration, horizons=(5, 10, 15, 20, 25, 30)),
     )

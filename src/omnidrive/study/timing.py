@@ -66,7 +66,7 @@ def _scaled(scenario: Scenario, factor: float) -> Scenario:
 
 
 def one_task(tasks: Tasks, name: TaskName) -> Tasks:
-    """One task alone, with the first of its durations.
+    """One task alone, once, with the first of its durations.
 
     Raises:
         InvalidInput: The scenario does not have it.
@@ -75,5 +75,5 @@ def one_task(tasks: Tasks, name: TaskName) -> Tasks:
     if task is None:
         raise InvalidInput(f"the scenario has no task '{name}'")
     if isinstance(task, DurationsTask):
-        task = DurationsTask(durations=task.durations[:1])
+        task = type(task)(durations=task.durations[:1])
     return Tasks(**{name: task})

@@ -1,7 +1,18 @@
-"""The paper's figures, drawn from a study."""
+"""The paper's figures, drawn from a study, and pictures of fuzzy systems."""
 
 from omnidrive.evaluation.figures.catalogue import draw_figures, write_figures
+from omnidrive.evaluation.figures.control_surface import control_surface
+from omnidrive.evaluation.figures.membership import membership_figure
 from omnidrive.evaluation.figures.route import route_figure
+from omnidrive.evaluation.figures.rule_viewer import rule_viewer
 from omnidrive.evaluation.figures.style import save
 
-__all__ = ["draw_figures", "route_figure", "save", "write_figures"]
+__all__ = [
+    "control_surface",
+    "draw_figures",
+    "membership_figure",
+    "route_figure",
+    "rule_viewer",
+    "save",
+    "write_figures",
+]

@@ -8,6 +8,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.comparison import heading_comparison, xy_comparison
+from omnidrive.evaluation.figures.differences import noise_differences
+from omnidrive.evaluation.figures.gains import gain_history, step_gain_history
 from omnidrive.evaluation.figures.horizon import horizon_bars
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.membership import membership_functions
@@ -30,6 +32,9 @@ _FIGURES: dict[str, Draw] = {
     "step_response": step_response,
     "noise_xy": lambda results: xy_comparison(results, "noise"),
     "noise_heading": lambda results: heading_comparison(results, "noise"),
+    "noise_differences": noise_differences,
+    "gain_history": gain_history,
+    "step_gain_history": step_gain_history,
 }
 
 

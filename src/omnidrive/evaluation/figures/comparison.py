@@ -39,7 +39,7 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     for axes in (whole, close):
         _paths(axes, lines)
     if task == "noise":
-        _measured(close, lines)
+        _measured(close, lines, results.repeats)
     x, y, half = _interesting(lines)
     wide = 2.2 * half
     close.set(xlim=(x - wide, x + wide), ylim=(y - half, y + half), aspect="equal")
@@ -107,11 +107,12 @@ def _paths(axes: Axes, lines: list[Curve]) -> None:
     axes.plot(x, y, color=INK, ls=_DASHES, lw=1.0, label="Reference", zorder=40)
 
 
-def _measured(axes: Axes, lines: list[Curve]) -> None:
+def _measured(axes: Axes, lines: list[Curve], seeds: int) -> None:
     for _, colour, result in lines:
         x, y = result.run.measured[:, 0], result.run.measured[:, 1]
         axes.plot(x, y, ".", color=colour, ms=3.5, alpha=0.45, mew=0.0, zorder=1)
-    axes.text(0.985, 0.04, "dots: as measured", transform=axes.transAxes, ha="right", fontsize=7.5)
+    text = "dots: as measured" + (f"; first of {seeds} seeds" if seeds > 1 else "")
+    axes.text(0.985, 0.04, text, transform=axes.transAxes, ha="right", fontsize=7.5)
 
 
 def _distances(axes: Axes, lines: list[Curve]) -> None:

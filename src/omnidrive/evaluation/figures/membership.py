@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.control.pid import gain_inference
-from omnidrive.evaluation.figures.style import canvas
-from omnidrive.fuzzy import FuzzySet, InputVariable, OutputVariable
-from omnidrive.fuzzy.sets import bounds
+from omnidrive.evaluation.figures.style import FAINT, INK, canvas, styled
+from omnidrive.fuzzy import FuzzySet, InputVariable, LinearFunction, OutputVariable
+from omnidrive.fuzzy.sets import Plane, bounds
 
-_COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
+Array = np.ndarray
+
+COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
+"""Of the sets of a variable, in turn."""
+
+PLAIN: Any = {"text.parse_math": False}
+"""Names from files are shown as they are, with every dollar."""
+
+_LABELLED = 60  # sets; more names would be a grey band
+_ROWS = 4  # of names above the functions, at most
+_GROUND = {"boxstyle": "square,pad=0.05", "fc": "white", "ec": "none"}
+_INNER = (0.25, 0.5, 0.75)  # levels of the secondary functions that are drawn
 
 
 def membership_functions() -> Figure:
@@ -21,27 +35,138 @@ def membership_functions() -> Figure:
     systems = (gain_inference("t1", "paper").system, gain_inference("t2", "paper").system)
     for (left, right), system in zip(panels, systems, strict=True):
         title = "Type-1" if system.type == 1 else "Interval type-2"
-        draw_sets(left, system.inputs[0])
+        draw_sets(left, system.inputs[0], 3.6)
         left.set(title=f"{title} sets of the inputs", ylabel="degree of membership")
         left.set_xlabel("scaled error e, change of error de")
-        draw_sets(right, system.outputs[0])
+        draw_sets(right, system.outputs[0], 3.6)
         right.set(title=f"{title} sets of the outputs", xlabel="change of gain kp, ki, kd")
     return figure
 
 
-def draw_sets(axes: Axes, variable: InputVariable | OutputVariable) -> None:
-    """One variable: upper functions, lower functions and what lies between."""
+def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "") -> Figure:
+    """Sets of one variable with their footprints; of a Sugeno output, its functions.
+
+    Args:
+        variable: Of a system of any type.
+        unit: Of its values, for the axis.
+    """
+    with styled(), mpl.rc_context(PLAIN):
+        figure = canvas(7.2, 2.9)
+        axes = figure.add_subplot()
+        axes.set_title(shortened(variable.name, 60))
+        axes.set_xlabel(shortened(variable.name, 60) + (f" in {unit}" if unit else ""))
+        if isinstance(variable, OutputVariable) and variable.is_sugeno:
+            _draw_functions(axes, variable)
+        else:
+            draw_sets(axes, variable, 6.2)
+            axes.set_ylabel("degree of membership")
+    return figure
+
+
+def shortened(name: str, most: int = 16) -> str:
+    """A name that fits where it is shown."""
+    return name if len(name) <= most else name[: most - 1] + "…"
+
+
+def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float) -> None:
+    """One variable: upper functions, lower functions and what lies between.
+
+    Args:
+        axes: Where to draw.
+        variable: With fuzzy sets.
+        width: Of the axes, in inches, about: so that names do not collide.
+    """
     sets = [each for each in variable.sets if isinstance(each, FuzzySet)]
-    at = np.linspace(variable.low, variable.high, 1001)
+    at = drawn_at(variable)
+    names = []
     for k, (each, low, high) in enumerate(zip(sets, *bounds(sets, at), strict=True)):
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour = COLOURS[k % len(COLOURS)]
         axes.plot(at, high, color=colour, lw=1.4)
         if each.lower is not None:
             axes.fill_between(at, low, high, color=colour, alpha=0.25, lw=0.0)
             axes.plot(at, low, color=colour, lw=0.9, ls=(0, (3, 1.5)))
-        peak = float(at[high >= high.max() - 1e-9].mean())
-        axes.annotate(each.name, (peak, 1.0), (0, 3), textcoords="offset points", ha="center",
-                      color=colour, fontsize=8, fontweight="bold")  # fmt: skip
+        if each.secondary is not None:
+            for level in _INNER:
+                (inner,), (outer,) = bounds([each], at, Plane(level, of_lower=False))
+                axes.fill_between(at, inner, outer, color=colour, alpha=0.15, lw=0.0)
+        top = float(high.max())
+        if top > 0.0:
+            peak = float(at[high >= top - 1e-9].mean())
+            names.append(_Name(shortened(each.name), colour, peak, top))
     axes.set_xlim(variable.low, variable.high)
-    axes.set_ylim(0.0, 1.14)
+    rows = _draw_names(axes, names, width, variable.high - variable.low)
+    axes.set_ylim(0.0, 1.03 + 0.11 * rows)
     axes.set_yticks([0.0, 0.5, 1.0])
+
+
+def drawn_at(variable: InputVariable | OutputVariable) -> Array:
+    """Points at which the sets of a variable are drawn: a grid, and every corner."""
+    at = [np.linspace(variable.low, variable.high, 1001)]
+    for each in variable.sets:
+        if isinstance(each, FuzzySet) and each.upper.is_piecewise_linear:
+            at.append(np.array([x for x, _ in each.upper.vertices]))
+    return np.unique(np.clip(np.concatenate(at), variable.low, variable.high))
+
+
+class _Name(NamedTuple):
+    text: str
+    colour: str
+    at: float
+    top: float
+
+
+def _draw_names(axes: Axes, names: list[_Name], width: float, span: float) -> int:
+    """Names above their sets, in as few rows as keep them apart; returns how many rows."""
+    if len(names) > _LABELLED:
+        middle = 0.5 * sum(axes.get_xlim())
+        axes.text(middle, 1.02, f"{len(names)} sets", ha="center", va="bottom", color=INK)
+        return 1
+    size = 8.0 if len(names) <= 12 else 7.0
+    letter = 0.66 * size / 72.0 / width * span  # width of a bold letter, in units of x
+    taken: list[float] = []  # where each row ends
+    for name in sorted(names, key=lambda each: each.at):
+        half = 0.5 * letter * len(name.text)
+        row = next((r for r, end in enumerate(taken) if name.at - half > end), len(taken))
+        if row == len(taken):
+            if row == _ROWS:  # no room left: legible in part is better than not at all
+                continue
+            taken.append(0.0)
+        taken[row] = name.at + half + letter
+        y = 1.02 + 0.11 * row
+        if row or name.top < 0.99:
+            axes.plot([name.at, name.at], [name.top, y], color=FAINT, lw=0.4, zorder=1)
+        axes.annotate(name.text, (name.at, y), (0, 1), textcoords="offset points", ha="center",
+                      va="bottom", color=name.colour, fontsize=size, fontweight="bold",
+                      bbox=_GROUND)  # fmt: skip
+    return len(taken)
+
+
+def _draw_functions(axes: Axes, variable: OutputVariable) -> None:
+    """Functions of a Sugeno output: constants as lines where they lie, the others as text."""
+    functions = [each for each in variable.sets if isinstance(each, LinearFunction)]
+    constants = [each for each in functions if not any(each.coefficients)]
+    linear = [each for each in functions if any(each.coefficients)]
+    values = [each.constant for each in constants]
+    low, high = min(variable.low, *values, variable.low), max(variable.high, *values, variable.high)
+    margin = 0.04 * (high - low)
+    names = []
+    for k, each in enumerate(constants):
+        colour = COLOURS[k % len(COLOURS)]
+        axes.plot([each.constant] * 2, [0.0, 1.0], color=colour, lw=1.6)
+        names.append(_Name(shortened(each.name), colour, each.constant, 1.0))
+    rows = _draw_names(axes, names, 6.2, high - low) if names else 1
+    axes.set_xlim(low - margin, high + margin)
+    axes.set_ylim(0.0, 1.03 + 0.11 * rows)
+    axes.set_yticks([])
+    if linear:
+        formulas = [_formula(each) for each in linear[:8]]
+        if len(linear) > 8:
+            formulas.append(f"and {len(linear) - 8} more")
+        axes.set_xlabel("\n".join((axes.get_xlabel(), *formulas)))
+
+
+def _formula(each: LinearFunction) -> str:
+    parts = [f"{each.constant:g}"] if each.constant else []
+    parts += [f"{c:g} x{k}" for k, c in enumerate(each.coefficients, 1) if c]
+    shown = " + ".join(parts[:8]).replace("+ -", "− ")
+    return f"{shortened(each.name)} = {shown}{' + ...' if len(parts) > 8 else ''}"

@@ -1,5 +1,6 @@
 "use strict";
-/* Time series under the map: one clock, one zoom and one cursor for all. */
+/* Time series under the map: one clock, one zoom and one cursor for all. What tunes its gains has charts of its own,
+   of one channel at a time. */
 const Charts = (() => {
   const MM = 1e3;
   const KINDS = [
@@ -8,9 +9,14 @@ const Charts = (() => {
     { column: "speed", title: "Speed", unit: "m/s", factor: 1, digits: 3, floor: true },
     { column: "yawRate", title: "Yaw rate", unit: "rad/s", factor: 1, digits: 3, floor: false },
   ];
+  const DIGITS = 3; // of gains and their inputs
   const FONT = "11px system-ui, sans-serif";
   const host = document.getElementById("charts");
+  const tuningPart = document.getElementById("tuning");
+  const tuningHost = document.getElementById("tuning-charts");
+  const channel = document.getElementById("tuning-channel");
   const rangeText = document.getElementById("chart-range");
+  const HELD = uPlot.paths.stepped({ align: 1 }); // a gain holds until the next sample
   const panels = [];
   let group = null;
   let time = 0;
@@ -28,8 +34,8 @@ const Charts = (() => {
   function columns(kind) {
     const rows = group.t.length;
     const series = group.runs.map((run) => {
-      const column = run[kind.column];
-      return Array.from({ length: rows }, (_, k) => (Number.isFinite(column[k]) ? column[k] * kind.factor : null));
+      const column = run.column(kind.column);
+      return Array.from({ length: rows }, (_, k) => (column && Number.isFinite(column[k]) ? column[k] * kind.factor : null));
     });
     return [Array.from(group.t), ...series];
   }
@@ -56,7 +62,7 @@ const Charts = (() => {
       cursor: { sync: { key: "race" }, drag: { x: true, y: false, dist: 4 }, points: { size: 7 } },
       scales: { x: { time: false }, y: { range } },
       axes: [axis(30, (_, ticks) => ticks.map((t) => `${+t.toPrecision(6)} s`)), axis(52)],
-      series: [{}, ...group.runs.map((run) => ({ label: run.label, show: run.visible, stroke: run.colour(), width: 1.6, spanGaps: false }))],
+      series: [{}, ...group.runs.map((run) => ({ label: run.label, show: run.visible, stroke: run.colour(), width: 1.6, spanGaps: false, paths: kind.held ? HELD : undefined }))],
       hooks: {
         ready: [(chart) => attach(panel, chart)],
         setCursor: [(chart) => show(panel, chart.cursor.idx)],
@@ -95,9 +101,9 @@ const Charts = (() => {
     panel.clock.textContent = `t = ${(hovering ? group.t[row] : time).toFixed(2)} s`;
     panel.clock.classList.toggle("hovering", hovering);
     group.runs.forEach((run, k) => {
-      const value = hovering && row >= run.rows ? NaN : run.at(at)[kind.column];
+      const value = hovering && row >= run.rows ? NaN : run.value(kind.column, at);
       panel.values[k].textContent = Number.isFinite(value) ? (value * kind.factor).toFixed(kind.digits) : "–";
-      panel.items[k].hidden = !run.visible;
+      panel.items[k].hidden = !run.visible || !run.column(kind.column);
     });
   }
 
@@ -113,11 +119,11 @@ const Charts = (() => {
     rangeText.textContent = `${min.toFixed(2)} s to ${max.toFixed(2)} s`;
   }
 
-  function build(kind) {
-    const root = element("figure", "chart", host);
+  function build(kind, where) {
+    const root = element("figure", "chart", where);
     const head = element("figcaption", "chart-head", root);
-    element("strong", "", head).textContent = `${kind.title} in ${kind.unit}`;
-    const panel = { kind, root, items: [], values: [], clock: element("span", "clock", head), chart: null };
+    element("strong", "", head).textContent = kind.unit ? `${kind.title} in ${kind.unit}` : `${kind.title}, no unit`;
+    const panel = { kind, root, where, items: [], values: [], clock: element("span", "clock", head), chart: null };
     const list = element("div", "chart-values", root);
     for (const run of group.runs) {
       const item = element("span", "value", list);
@@ -133,14 +139,47 @@ const Charts = (() => {
   }
 
   function load(next) {
-    for (const panel of panels.splice(0)) {
+    clear(host);
+    group = next;
+    KINDS.forEach((kind) => build(kind, host));
+    listChannels();
+    buildTuning();
+    zoomTo(0, group.duration);
+  }
+
+  /* Take away the charts in one place. */
+  function clear(where) {
+    const gone = panels.filter((panel) => panel.where === where);
+    panels.splice(0, panels.length, ...panels.filter((panel) => panel.where !== where));
+    for (const panel of gone) {
       panel.chart.destroy();
       panel.root.remove();
     }
-    group = next;
-    KINDS.forEach(build);
-    zoomTo(0, group.duration);
   }
+
+  /* The channels of this group; the one that was chosen stays, if there is one. */
+  function listChannels() {
+    const names = [...new Set(group.tuning.map((each) => each.channel))];
+    const chosen = names.includes(channel.value) ? channel.value : names[0];
+    channel.replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
+    tuningPart.hidden = names.length === 0;
+  }
+
+  function buildTuning() {
+    clear(tuningHost);
+    for (const each of group.tuning.filter((one) => one.channel === channel.value)) {
+      const column = `${each.quantity} ${each.channel}`;
+      build({ column, title: each.title, unit: each.unit, factor: 1, digits: DIGITS, floor: false, held: true }, tuningHost);
+    }
+  }
+
+  channel.addEventListener("change", () => {
+    const [min, max] = span;
+    buildTuning();
+    zooming = true;
+    for (const { chart, where } of panels) if (where === tuningHost) chart.setScale("x", { min, max });
+    zooming = false;
+  });
 
   function zoomTo(min, max) {
     if (panels.length) panels[0].chart.setScale("x", { min: Math.max(min, 0), max: Math.min(max, group.duration) });
@@ -153,11 +192,12 @@ const Charts = (() => {
     zoomTo(middle - 0.5 * length, middle + 0.5 * length);
   }
 
-  new ResizeObserver(() => {
+  const resized = new ResizeObserver(() => {
     for (const { chart, root } of panels) {
       if (root.clientWidth && root.clientWidth !== chart.width) chart.setSize({ width: root.clientWidth, height: 190 });
     }
-  }).observe(host);
+  });
+  for (const where of [host, tuningHost]) resized.observe(where);
 
   return {
     load,

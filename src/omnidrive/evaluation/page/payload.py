@@ -16,6 +16,7 @@ from omnidrive.evaluation.palette import (
     horizon_inks,
 )
 from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.tuning import INPUTS, tuning_of, unit_text
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome, Run
 
@@ -83,6 +84,8 @@ def _groups(results: StudyResults) -> list[dict[str, Any]]:
         else:
             drawn = [_controller(r) for r in runs]
         name = f"{_TASKS[task]} {duration:g} s"
+        seeds = len({r.repeat for r in results.select(task, duration=duration, repeat=None)})
+        name += f", first of {seeds}" if seeds > 1 else ""
         groups.append(_group(f"{task}-{duration:g}", name, [r.run for r in runs], drawn))
     if results.steps:
         runs_of_steps = [r.run for r in results.steps]
@@ -100,8 +103,23 @@ def _group(name: str, label: str, runs: list[Run], drawn: list[dict[str, Any]]) 
         "onMap": name != "step",
         "t": _column(longest.t),
         "target": [_column(longest.target[:, i]) for i in range(3)],
+        "tuning": _quantities(runs),
         "runs": drawn,
     }
+
+
+def _quantities(runs: list[Run]) -> list[dict[str, str]]:
+    """What the runs' controllers tune, and from what, once each."""
+    every = [each for run in runs for each in tuning_of(run)]
+    return [
+        {
+            "quantity": quantity,
+            "title": INPUTS.get(quantity, quantity),
+            "channel": channel,
+            "unit": unit_text(unit),
+        }
+        for quantity, channel, unit in dict.fromkeys(each[:3] for each in every)
+    ]
 
 
 def _controller(result: TrackResult | StepResult) -> dict[str, Any]:
@@ -125,8 +143,10 @@ def _run(run: Run, label: str, short: str, ink: Ink) -> dict[str, Any]:
         "measured": [_column(run.measured[:, i]) for i in (0, 1)] if noisy else None,
         "speed": _column(speed),
         "yawRate": _column(run.twist[:, 2]),
+        "tuning": {f"{each.quantity} {each.channel}": _column(each.values)
+                   for each in tuning_of(run)},
         "ended": None if run.outcome is Outcome.FINISHED else run.outcome.value,
-    }
+    }  # fmt: skip
 
 
 def _column(values: Num[Array, " rows"]) -> list[float | None]:

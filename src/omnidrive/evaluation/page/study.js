@@ -22,10 +22,19 @@ const Study = (() => {
       distance[k] = Math.hypot(x[k] - target.x[k], y[k] - target.y[k]);
       turn[k] = wrap(yaw[k] - target.yaw[k]);
     }
+    const tuning = Object.fromEntries(Object.entries(run.tuning).map(([name, column]) => [name, numbers(column)]));
     return {
       label: run.label, short: run.short, ink: run.ink, ended: run.ended, rows, visible: true,
       x, y, yaw, distance, turn, speed: numbers(run.speed), yawRate: numbers(run.yawRate),
       measured: run.measured && run.measured.map(numbers),
+      tuning,
+      /* A column by name; undefined if the run has none. */
+      column(name) { return this[name] ?? tuning[name]; },
+      /* Its value at a fractional row; what the controller chose holds until the next row. */
+      value(name, row) {
+        if (this[name]) return sample(this[name], row);
+        return tuning[name]?.[Math.floor(row + 1e-6)] ?? NaN;
+      },
       colour() { return this.ink[Theme.dark() ? 1 : 0]; },
       at(row) {
         const value = (name) => sample(this[name], row);
@@ -43,7 +52,7 @@ const Study = (() => {
     const target = { x, y, yaw, at: (row) => ({ x: sample(x, row), y: sample(y, row), yaw: sample(yaw, row) }) };
     const t = numbers(group.t);
     return {
-      id: group.id, label: group.label, onMap: group.onMap, t, target, duration: t[t.length - 1],
+      id: group.id, label: group.label, onMap: group.onMap, tuning: group.tuning, t, target, duration: t[t.length - 1],
       runs: group.runs.map((run) => decodeRun(run, target)),
     };
   }

@@ -1,0 +1,354 @@
+"""`omnidrive fuzzy`: look at fuzzy systems in files, convert them, evaluate them."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import typer
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from omnidrive.cli.fuzzy_text import (
+    fired_lines,
+    headline,
+    outputs_table,
+    rule_lines,
+    rules_table,
+    variable_lines,
+)
+from omnidrive.cli.options import choose_one, cores
+from omnidrive.cli.progress import print_tables
+from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
+from omnidrive.evaluation.figures import save as save_figure
+from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, load, save
+from omnidrive.fuzzy.compilation import Centroid, NoRule, OutOfRange, Reduction
+from omnidrive.fuzzy.csv_rows import evaluate_csv
+from omnidrive.fuzzy.system import ALGORITHMS, nearest
+from omnidrive.yaml_file import one_line
+
+fuzzy = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
+)
+
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A fuzzy system: .fis, .fll, .fcl, .fml or .xml.")
+]
+Type2Option = Annotated[
+    str | None,
+    typer.Option(
+        "--type2",
+        metavar="SCALE,LAG[,LAG]",
+        help="Make a type-1 system interval type-2: peak of every lower function, 0 to 1, and the "
+        "degree up to which it is zero, on the left and the right side. A Sugeno system's outputs "
+        "have no sets: its inputs alone become uncertain.",
+    ),
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
+
+
+@fuzzy.command()
+def show(
+    file: FileArgument,
+    inputs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME=X,NAME=Y",
+            help="Also show what the system answers here, and the rules that fire; beyond a range, "
+            "its end is taken. Plain numbers are taken in the order of the inputs.",
+        ),
+    ] = None,
+    type2: Type2Option = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="New folder for pictures: sets, control surfaces and, for the inputs given or the "
+            "middles of the ranges, the rule viewer.",
+        ),
+    ] = None,
+) -> None:
+    """Print a system's variables, sets and rules; draw them.
+
+    For example:
+
+    * `omnidrive fuzzy show tipper.fis`
+    * `omnidrive fuzzy show tipper.fis --inputs "service=3,food=8" --out pictures`
+    """
+    system = _load(file, type2)
+    inference = Inference(system)
+    given = None if inputs is None else _parse_inputs(inputs, system)
+    if given is not None:
+        inference.interval(*given)  # refuses what has to be refused, before anything is printed
+    if out is not None:
+        _new_folder(out)
+    _print(system)
+    if given is not None:
+        for variable, value in zip(system.inputs, given, strict=True):
+            if not variable.low <= value <= variable.high:
+                end = variable.low if value < variable.low else variable.high
+                _warn(f"{variable.name} = {value:g} is out of range: taken as {end:g}")
+        for line in [*fired_lines(inference, given), ""]:
+            typer.echo(line)
+        print_tables([outputs_table(inference, given)])
+    if out is not None:
+        count = _draw(inference, given, out)
+        typer.echo(f"{count} pictures written to {one_line(str(out))}")
+
+
+@fuzzy.command()
+def convert(
+    file: FileArgument,
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="File to write; its suffix names the format.")
+    ],
+    type2: Type2Option = None,
+    force: ForceOption = False,
+) -> None:
+    """Write a system in another format, exactly; what a format cannot say is refused.
+
+    For example:
+
+    * `omnidrive fuzzy convert tipper.fis tipper.fll`
+    * `omnidrive fuzzy convert tipper.fll tipper2.fis --type2 0.8,0.2`
+    """
+    system = _load(file, type2)
+    _free(out, force)
+    save(system, out)
+    typer.echo(f"written to {one_line(str(out))}")
+
+
+@fuzzy.command(name="eval")
+def evaluate(
+    file: FileArgument,
+    source: Annotated[
+        Path,
+        typer.Option(
+            "--in",
+            metavar="INPUTS.csv",
+            help="One row per evaluation; columns named after the inputs, in any order. Others are "
+            "left alone.",
+        ),
+    ],
+    target: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="OUTPUTS.csv",
+            help="One column per output; in type 2 also NAME_lower and NAME_upper.",
+        ),
+    ],
+    centroid: Annotated[
+        str | None,
+        typer.Option(
+            metavar="exact|matlab",
+            help="In closed form, or on samples as Matlab does [default: exact where it applies].",
+        ),
+    ] = None,
+    samples: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="How many samples --centroid matlab takes [default: 101]."),
+    ] = None,
+    type2: Type2Option = None,
+    reduction: Annotated[
+        str, typer.Option(metavar="centroid|cos", help="Centroid, or centre of sets.")
+    ] = "centroid",
+    algorithm: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(ALGORITHMS),
+            help="Type reduction of a type-2 system [default: as the file says, else km].",
+        ),
+    ] = None,
+    out_of_range: Annotated[
+        str,
+        typer.Option(
+            metavar="clamp|matlab|raise",
+            help="Beyond its range an input is taken at the end of it, as it is, or is refused.",
+        ),
+    ] = "clamp",
+    no_rule: Annotated[
+        str,
+        typer.Option(
+            metavar="default|raise",
+            help="Where no rule fires the output has its default (else the middle of its range), "
+            "or the row is refused.",
+        ),
+    ] = "default",
+    threads: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Cores to use; changes no number [default: every core]."
+        ),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Evaluate a system for every row of a table.
+
+    Numbers are written so that the same ones are read. A value that is none ends it with the line
+    and the column, and leaves no file.
+
+    For example:
+
+    * `omnidrive fuzzy eval tipper.fis --in inputs.csv --out outputs.csv`
+    * `omnidrive fuzzy eval tipper.fis --in inputs.csv --out outputs.csv --type2 0.8,0.2
+      --reduction cos`
+    """
+    choices = {
+        "centroid": None if centroid is None else _choice("--centroid", centroid, Centroid),
+        "reduction": _choice("--reduction", reduction, Reduction),
+        "out_of_range": _choice("--out-of-range", out_of_range, OutOfRange),
+        "no_rule": _choice("--no-rule", no_rule, NoRule),
+    }
+    if algorithm is not None:
+        choices["algorithm"] = choose_one("--algorithm", algorithm, ALGORITHMS)
+    system = _load(file, type2)
+    if algorithm is not None and system.type == 1:
+        raise InvalidInput("--algorithm is for type-2 systems, and this one is of type 1")
+    inference = Inference(system, samples=101 if samples is None else samples, **choices)
+    if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
+        raise InvalidInput("--samples is for --centroid matlab, and this centroid is exact")
+    _free(target, force)
+    done = evaluate_csv(inference, source, target, threads=threads or cores())
+    if done.unused:
+        shown = ", ".join(done.unused[:6]) + (", ..." if len(done.unused) > 6 else "")
+        _warn(f"columns that name no input, not used: {shown}")
+    typer.echo(f"{done.rows} rows written to {one_line(str(target))}")
+
+
+def _choice(option: str, value: str, names: Any) -> Any:
+    return choose_one(option, value, get_args(names))
+
+
+def _load(file: Path, type2: str | None) -> FuzzySystem:
+    """The system in a file, made uncertain if that is asked; gaps are told on standard error."""
+    footprint = None if type2 is None else _parse_footprint(type2)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        system = load(file)
+    for each in caught:
+        _warn(str(each.message))
+    if footprint is None:
+        return system
+    if system.type > 1:
+        raise InvalidInput(
+            f"--type2 is for type-1 systems; {one_line(str(file))} is of type {system.type} already"
+        )
+    return system.with_footprint(footprint)
+
+
+def _parse_footprint(text: str) -> Footprint:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in {2, 3}:
+        raise InvalidInput(
+            f"--type2 must be SCALE,LAG or SCALE,LAG,LAG, such as 0.8,0.2; got "
+            f"'{one_line(text, 60)}'"
+        )
+    return Footprint(*numbers)
+
+
+def _parse_inputs(text: str, system: FuzzySystem) -> list[float]:
+    """Read ``NAME=X,NAME=Y`` in any order, or numbers in the order of the inputs."""
+    names = [variable.name for variable in system.inputs]
+    parts = text.split(",")
+    if "=" not in text:
+        if len(parts) != len(names):
+            raise InvalidInput(
+                f"--inputs needs {len(names)} numbers ({', '.join(names)}), got {len(parts)}"
+            )
+        return [_number(name, part) for name, part in zip(names, parts, strict=True)]
+    given: dict[str, float] = {}
+    for part in parts:
+        name, _, value = part.rpartition("=")
+        name = name.strip()
+        if name not in names:
+            raise InvalidInput(
+                f"--inputs: there is no input {one_line(name, 60)!r}{nearest(name, names)}"
+            )
+        if name in given:
+            raise InvalidInput(f"--inputs: the input {name!r} is there twice")
+        given[name] = _number(name, value)
+    missing = [name for name in names if name not in given]
+    if missing:
+        raise InvalidInput(f"--inputs: the input {missing[0]!r} is missing")
+    return [given[name] for name in names]
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidInput(
+            f"--inputs: expected a number for {name!r}, got '{one_line(text.strip(), 60)}'"
+        ) from None
+
+
+def _free(path: Path, force: bool) -> None:
+    """Refuse to write where something is."""
+    if path.is_symlink() or (path.exists() and not path.is_file()):  # such as /dev/stdout
+        raise CannotWrite(f"{one_line(str(path))} is not a plain file; name another")
+    if path.exists() and not force:
+        raise CannotWrite(f"{one_line(str(path))} is there already; name another, or add --force")
+
+
+def _new_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        empty = not any(path.iterdir())
+    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+        reason = getattr(error, "strerror", None) or error
+        raise CannotWrite(f"cannot write to {one_line(str(path))}: {reason}") from None
+    if not empty:
+        raise CannotWrite(f"{one_line(str(path))} is not empty; name a new folder with --out")
+
+
+def _print(system: FuzzySystem) -> None:
+    for line in [*headline(system), *variable_lines(system), ""]:
+        typer.echo(line)
+    table = rules_table(system)
+    if table is not None:
+        print_tables([table])
+        return
+    for line in ["rules", *rule_lines(system), ""]:
+        typer.echo(line)
+
+
+def _draw(inference: Inference, given: list[float] | None, folder: Path) -> int:
+    """Write every picture of a system; returns how many."""
+    system = inference.system
+    pictures: dict[str, Callable[[], Figure]] = {}
+    for k, variable in enumerate(system.variables, 1):
+        pictures[f"sets-{k}-{_plain(variable.name)}"] = partial(membership_figure, variable)
+    for k, output in enumerate(system.outputs, 1):
+        name = output.name
+        pictures[f"surface-{k}-{_plain(name)}"] = partial(control_surface, inference, name)
+    pictures["rules"] = partial(rule_viewer, inference, given)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a name in a script that our font has not
+        for name, draw in pictures.items():
+            path = folder / f"{name}.png"
+            try:
+                save_figure(draw(), path)
+            except OSError as error:
+                reason = error.strerror or error
+                raise CannotWrite(f"cannot write {one_line(str(path))}: {reason}") from None
+    return len(pictures)
+
+
+def _plain(name: str) -> str:
+    """A name as part of a file's name."""
+    return re.sub(r"[^A-Za-z0-9_]+", "-", name)[:40].strip("-") or "variable"
+
+
+def _warn(message: str) -> None:
+    Console(stderr=True).print(f"omnidrive: {message}", markup=False, highlight=False)

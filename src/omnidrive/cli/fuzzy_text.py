@@ -1,0 +1,189 @@
+"""A fuzzy system in words and tables, for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from omnidrive.errors import InvalidInput
+from omnidrive.evaluation import Table
+from omnidrive.fuzzy import (
+    And,
+    Footprint,
+    FuzzySet,
+    FuzzySystem,
+    Inference,
+    Is,
+    LinearFunction,
+    OutputVariable,
+    Rule,
+    rule_text,
+)
+
+_SETS, _RULES, _FIRED, _COLUMNS = 60, 60, 20, 20  # most that are shown
+_CELL = 40  # characters of a cell
+_WIDTH = 300  # characters of a rule
+
+
+def headline(system: FuzzySystem) -> list[str]:
+    """Kind, type, sizes and operators of a system, one fact a line."""
+    kind = "Sugeno" if system.is_sugeno else "Mamdani"
+    names = {1: "type 1", 2: "interval type 2", 3: "interval type 3"}
+    counts = ", ".join(
+        _counted(len(some), what)
+        for some, what in (
+            (system.inputs, "input"),
+            (system.outputs, "output"),
+            (system.rules, "rule"),
+        )
+    )
+    operators = [f"and = {system.conjunction}", f"or = {system.disjunction}"]
+    if not system.is_sugeno:
+        operators.append(f"implication = {system.implication}")
+    if system.type > 1:
+        operators.append(f"type reduction = {system.algorithm}")
+    return [f"{system.name}: {kind}, {names[system.type]}; {counts}", ", ".join(operators)]
+
+
+def variable_lines(system: FuzzySystem) -> list[str]:
+    """Every variable with its range, and its sets with parameters and footprints."""
+    lines: list[str] = []
+    for variable in system.variables:
+        span = f"[{variable.low:g}, {variable.high:g}]"
+        if isinstance(variable, OutputVariable):
+            how = [] if variable.is_sugeno else [f"aggregation = {variable.aggregation}"]
+            how.append(f"defuzzifier = {variable.defuzzifier}")
+            if variable.default is not None:
+                how.append(f"default = {variable.default:g}")
+            lines += ["", f"output {variable.name} in {span}, {', '.join(how)}"]
+        else:
+            lines += ["", f"input {variable.name} in {span}"]
+        width = min(max(len(each.name) for each in variable.sets), 20)
+        lines += [
+            f"  {each.name:<{width}}  {_described(each, system)}" for each in variable.sets[:_SETS]
+        ]
+        lines += filter(None, [_more(len(variable.sets), _SETS, "set")])
+    return lines
+
+
+def rules_table(system: FuzzySystem) -> Table | None:
+    """Rules as a table, rows and columns the sets of two inputs; None where they are no such."""
+    if len(system.inputs) != 2 or max(len(v.sets) for v in system.inputs) > _COLUMNS:
+        return None
+    down, across = system.inputs
+    cells: dict[tuple[str, str], str] = {}
+    for rule in system.rules:
+        pair = _pair(rule, down.name, across.name)
+        if pair is None or pair in cells or rule.weight != 1.0:
+            return None
+        cells[pair] = "/".join(_concluded(rule, output.name) for output in system.outputs)
+    if len(cells) != len(down.sets) * len(across.sets) or max(map(len, cells.values())) > _CELL:
+        return None
+    rows = tuple(
+        (row.name, *(cells[row.name, column.name] for column in across.sets)) for row in down.sets
+    )
+    outputs = "/".join(output.name for output in system.outputs)
+    return Table(
+        f"Rules: {outputs}, for each {down.name} (down) and {across.name} (across)",
+        (down.name, *(each.name for each in across.sets)),
+        rows,
+    )
+
+
+def rule_lines(system: FuzzySystem) -> list[str]:
+    """Rules as text, with their numbers; how many more there are, if not all are shown."""
+    width = len(str(len(system.rules)))
+    lines = [
+        f"{number:>{width}}  {shortened_rule(rule)}"
+        for number, rule in enumerate(system.rules[:_RULES], 1)
+    ]
+    return [*lines, *filter(None, [_more(len(system.rules), _RULES, "rule")])]
+
+
+def fired_lines(inference: Inference, inputs: Sequence[float]) -> list[str]:
+    """The rules that fire, the strongest first."""
+    fired = inference.fired(*inputs)
+    if not fired:
+        return ["No rule fires."]
+    strengths = [
+        f"{each.upper:.4f}"
+        if inference.system.type == 1
+        else f"{each.lower:.4f} to {each.upper:.4f}"
+        for each in fired[:_FIRED]
+    ]
+    width = max(len(str(each.number)) for each in fired)
+    lines = [
+        f"{each.number:>{width}}  {strength}  {shortened_rule(each.rule)}"
+        for each, strength in zip(fired, strengths, strict=False)
+    ]
+    more = _more(len(fired), _FIRED, "weaker rule")
+    return ["Rules that fire, with their strength", *lines, *filter(None, [more])]
+
+
+def outputs_table(inference: Inference, inputs: Sequence[float]) -> Table:
+    """Value of every output, with its interval in a system of type 2 or 3."""
+    system = inference.system
+    values = inference(dict(zip((v.name for v in system.inputs), inputs, strict=True)))
+    least, greatest = inference.interval(*inputs)
+    typed = system.type > 1
+    rows = tuple(
+        (name[:_CELL], repr(value), *[repr(float(end[o])) for end in (least, greatest)] * typed)
+        for o, (name, value) in enumerate(values.items())
+    )
+    headings = ("output", "value", *("least", "greatest") * typed)
+    return Table("Outputs", headings, rows)
+
+
+def shortened_rule(rule: Rule) -> str:
+    """Text of a rule, cut if it is long."""
+    try:
+        text = rule_text(rule)
+    except InvalidInput:
+        return "(a rule too long to show)"
+    return text if len(text) <= _WIDTH else text[: _WIDTH - 3] + "..."
+
+
+def _pair(rule: Rule, down: str, across: str) -> tuple[str, str] | None:
+    """Sets of two inputs that a rule joins by "and"; None if it does otherwise."""
+    parts = rule.condition.parts if isinstance(rule.condition, And) else ()
+    terms = {part.variable: part.set for part in parts if isinstance(part, Is) and not part.hedges}
+    if len(parts) != 2 or set(terms) != {down, across}:
+        return None
+    return terms[down], terms[across]
+
+
+def _concluded(rule: Rule, output: str) -> str:
+    term = next((each for each in rule.conclusions if each.variable == output), None)
+    return " ".join((*term.hedges, term.set)) if term else "-"
+
+
+def _linear(function: LinearFunction, system: FuzzySystem) -> str:
+    parts = [f"{function.constant:g}"]
+    named = zip(function.coefficients, system.inputs, strict=False)
+    parts += [f"{c:g} {variable.name}" for c, variable in named]
+    shown = " + ".join(parts[:8]) + (" + ..." if len(parts) > 8 else "")
+    return shown.replace("+ -", "- ")
+
+
+def _described(each: FuzzySet | LinearFunction, system: FuzzySystem) -> str:
+    """Parameters of a set, and what makes it type-2 or type-3."""
+    if isinstance(each, LinearFunction):
+        return _linear(each, system)
+    text = str(each.upper)
+    if isinstance(each.lower, Footprint):
+        left, right = each.lower.lags
+        lags = f"{left:g}" if left == right else f"{left:g} left, {right:g} right"
+        text += f", lower: scale {each.lower.scale:g}, lag {lags}"
+    elif each.lower is not None:
+        text += f", lower: {each.lower}"
+    if each.secondary is not None:
+        third = each.secondary
+        text += f", secondary: spread {third.spread:g}, scale {third.scale:g}, lag {third.lag:g}"
+    return text
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _more(count: int, shown: int, what: str) -> str:
+    return f"... and {_counted(count - shown, f'more {what}')}" if count > shown else ""

@@ -1,0 +1,107 @@
+"""How the fuzzy systems tune their gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from omnidrive.evaluation.figures.style import FAINT, canvas, legend_above
+from omnidrive.evaluation.palette import controller_ink, controller_label
+from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.tuning import GAINS, INPUTS, Tuned, tuning_of, unit_text
+
+
+class _History(NamedTuple):
+    result: TrackResult | StepResult
+    tuned: list[Tuned]
+
+
+def gain_history(results: StudyResults) -> Figure | None:
+    """Gains over the path in its longest time, without noise if there are such runs."""
+    return _figure(
+        _histories(results.select("track")) or _histories(results.select("noise")),
+        results.repeats,
+    )
+
+
+def step_gain_history(results: StudyResults) -> Figure | None:
+    """Gains over a step response: errors are large there, and so are the changes."""
+    return _figure(_histories(results.steps), results.repeats)
+
+
+def _figure(histories: list[_History], repeats: int) -> Figure | None:
+    """A row for each gain, above the inputs from which they follow; a column per channel."""
+    if not histories:
+        return None
+    every = [each for history in histories for each in history.tuned]
+    quantities = [q for q in (*GAINS, *INPUTS) if any(each.quantity == q for each in every)]
+    channels = list(dict.fromkeys(each.channel for each in every))
+    figure = canvas(1.2 + 3.2 * len(channels), 0.9 + 1.45 * len(quantities))
+    panels = figure.subplots(
+        len(quantities), len(channels), sharex=True, sharey="row", squeeze=False
+    )
+    for row, quantity in zip(panels, quantities, strict=True):
+        for axes, channel in zip(row, channels, strict=True):
+            _draw(axes, histories, quantity, channel)
+        unit = unit_text(next(each.unit for each in every if each.quantity == quantity))
+        name = INPUTS.get(quantity, quantity).replace(" of ", "\nof ")
+        row[0].set_ylabel(f"{name} in {unit}" if unit else f"{name}, no unit")
+    for axes, channel in zip(panels[0], channels, strict=True):
+        axes.set_title(_title(channel))
+    for axes in panels[-1]:
+        axes.set_xlabel("time in s")
+    figure.align_ylabels(panels[:, 0])
+    handles = [axes for axes in panels.flat if axes.lines]
+    legend_above(figure, max(handles, key=lambda axes: len(axes.get_legend_handles_labels()[1])))
+    figure.supxlabel(_caption(histories, repeats), fontsize=7.5, color=FAINT)
+    return figure
+
+
+def _histories(runs: Sequence[TrackResult | StepResult]) -> list[_History]:
+    """Runs that log gains, over their longest duration."""
+    logged = [h for h in (_History(r, tuning_of(r.run)) for r in runs) if h.tuned]
+    longest = max((_seconds(history.result) for history in logged), default=0.0)
+    return [history for history in logged if _seconds(history.result) == longest]
+
+
+def _seconds(result: TrackResult | StepResult) -> float:
+    return result.duration if isinstance(result, TrackResult) else 0.0
+
+
+def _draw(axes: Axes, histories: list[_History], quantity: str, channel: str) -> None:
+    """One quantity of one channel; later curves are thinner, so that they hide none."""
+    for k, (result, tuned) in enumerate(histories):
+        for each in tuned:
+            if (each.quantity, each.channel) == (quantity, channel):
+                axes.step(
+                    result.run.t, each.values, where="post",
+                    color=controller_ink(result.controller).light,
+                    label=controller_label(result.controller),
+                    lw=2.4 - 1.4 * k / max(len(histories) - 1, 1),
+                )  # fmt: skip
+    axes.margins(x=0.0)
+    axes.ticklabel_format(axis="y", useOffset=False)
+    low, high = axes.get_ylim()
+    if high - low < 1e-6 * max(abs(low), abs(high), 1e-9):  # nothing moves
+        axes.set_ylim(low - 0.5, high + 0.5)
+
+
+def _title(channel: str) -> str:
+    return {"x": "x of the robot", "y": "y of the robot"}.get(channel, channel.capitalize())
+
+
+def _caption(histories: list[_History], repeats: int) -> str:
+    """Which runs these are, and how to read them."""
+    result = histories[0].result
+    if isinstance(result, StepResult):
+        what = "Step response"
+    elif result.noise:
+        what = f"{result.duration:g} s with noise" + (
+            f", first of {repeats} seeds" if repeats > 1 else ""
+        )
+    else:
+        what = f"{result.duration:g} s without noise"
+    return f"{what}. Gains in use, and the inputs by which the fuzzy system chose them."

@@ -1,0 +1,279 @@
+"""How a fuzzy system comes from inputs to outputs: rules that fire, conclusions, values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from omnidrive.errors import InvalidInput
+from omnidrive.evaluation.figures.membership import PLAIN, drawn_at, shortened
+from omnidrive.evaluation.figures.style import FAINT, INK, canvas, styled
+from omnidrive.fuzzy import (
+    Fired,
+    FuzzySet,
+    Inference,
+    InputVariable,
+    Is,
+    LinearFunction,
+    OutputVariable,
+)
+from omnidrive.fuzzy.joined import joined_conclusions, shaped, widest
+from omnidrive.fuzzy.norms import HEDGE_CODES, hedged
+from omnidrive.fuzzy.sets import bounds
+from omnidrive.fuzzy.system import nearest, terms
+
+Array = np.ndarray
+
+_INPUT, _OUTPUT, _VALUE = "#0072b2", "#e69f00", "#d55e00"
+_GROUND = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75}
+_RULES, _INPUTS, _OUTPUTS = 8, 4, 4  # most that one figure shows
+
+
+def rule_viewer(
+    inference: Inference, inputs: Mapping[str, float] | Sequence[float] | None = None
+) -> Figure:
+    """The rules that fire for some inputs, the strongest first, and what comes of them.
+
+    One row per rule: the sets of its condition with the degree of the input, and its conclusions
+    cut (or scaled) by its strength. Last row: the joined conclusion about each output, its value
+    and, of a type-2 system, the interval. Of a type-3 system the widest slice is drawn.
+
+    Args:
+        inference: The system, and how it is evaluated.
+        inputs: One value per input, by name or in order; None: the middles of the ranges.
+
+    Raises:
+        InvalidInput: An input is missing or unknown, or refused by the inference.
+    """
+    x = _ordered(inference, inputs)
+    system = inference.system
+    fired = inference.fired(*x)
+    shown, ins, outs = fired[:_RULES], system.inputs[:_INPUTS], system.outputs[:_OUTPUTS]
+    taken = [
+        min(max(value, v.low), v.high) if inference.options.out_of_range == "clamp" else value
+        for v, value in zip(system.inputs, x, strict=True)
+    ]
+    with styled(), mpl.rc_context(PLAIN):
+        rows, columns = len(shown) + 1, len(ins) + len(outs)
+        figure = canvas(max(0.6 + 1.6 * columns, 4.6), 0.75 + 0.72 * len(shown) + 1.35)
+        panels = figure.subplots(
+            rows, columns, squeeze=False, height_ratios=[1.0] * len(shown) + [1.6]
+        )
+        for k, variable in enumerate(ins):
+            panels[0, k].set_title(_with_value(variable.name, taken[k]), fontsize=8.5)
+            for row, each in enumerate(shown):
+                _draw_condition(panels[row, k], inference, variable, each, taken[k])
+            panels[-1, k].axis("off")
+        for o in range(len(outs)):
+            column = panels[:, len(ins) + o]
+            column[0].set_title(shortened(outs[o].name), fontsize=8.5)
+            for row, each in enumerate(shown):
+                _draw_conclusion(column[row], inference, o, each, taken)
+        _draw_results(panels[-1, len(ins) :].tolist(), inference, x, taken)
+        for row, each in enumerate(shown):
+            _label_rule(panels[row, 0], each)
+        _finish(panels, len(ins))
+        left_out = _left_out(inference, len(fired))
+        note = panels[-1, 0]
+        note.text(0.0, 0.9, left_out, transform=note.transAxes, va="top", fontsize=7.5, color=INK)
+    return figure
+
+
+def _ordered(
+    inference: Inference, inputs: Mapping[str, float] | Sequence[float] | None
+) -> list[float]:
+    variables = inference.system.inputs
+    if inputs is None:
+        return [0.5 * (v.low + v.high) for v in variables]
+    if not isinstance(inputs, Mapping):
+        return [float(each) for each in inputs]
+    names = [v.name for v in variables]
+    for name in inputs:
+        if name not in names:
+            raise InvalidInput(f"there is no input {name!r}{nearest(name, names)}")
+    for name in names:
+        if name not in inputs:
+            raise InvalidInput(f"the input {name!r} is missing")
+    return [float(inputs[name]) for name in names]
+
+
+def _with_value(name: str, value: float) -> str:
+    return f"{shortened(name)} = {value:.4g}"
+
+
+def _left_out(inference: Inference, fired: int) -> str:
+    """What the figure does not show, in words."""
+    system = inference.system
+    lines = []
+    if fired == 0:
+        lines.append("no rule fires")
+    if fired > _RULES:
+        lines.append(f"and {fired - _RULES} weaker rules")
+    if len(system.inputs) > _INPUTS:
+        lines.append(f"and {len(system.inputs) - _INPUTS} more inputs")
+    if len(system.outputs) > _OUTPUTS:
+        lines.append(f"and {len(system.outputs) - _OUTPUTS} more outputs")
+    if not system.is_sugeno and inference.options.reduction == "cos":
+        lines.append("values: centre of sets,\nnot of these areas")
+    if system.type == 3:
+        lines.append(f"slice at level {widest(inference).level:g}")
+    return "\n".join(lines)
+
+
+def _label_rule(axes: Axes, each: Fired) -> None:
+    strength = f"{each.upper:.3g}"
+    if each.lower != each.upper:
+        strength = f"{each.lower:.3g} to {strength}"
+    axes.set_ylabel(
+        f"rule {each.number}\n{strength}", rotation=0, ha="right", va="center", fontsize=7.5
+    )
+
+
+def _draw_condition(
+    axes: Axes, inference: Inference, variable: InputVariable, fired: Fired, value: float
+) -> None:
+    """The sets that a rule asks of one input, filled up to the degree of its value."""
+    asked = [term for term in terms(fired.rule.condition) if term.variable == variable.name]
+    at = drawn_at(variable)
+    for term in asked:
+        low, high = _degrees(inference, variable, term, at)
+        (least,), (most,) = _degrees(inference, variable, term, np.array([value]))
+        axes.plot(at, high, color=_INPUT, lw=1.0)
+        axes.fill_between(at, np.minimum(high, most), color=_INPUT, alpha=0.18, lw=0.0)
+        if inference.system.type > 1:
+            axes.plot(at, low, color=_INPUT, lw=0.7, ls=(0, (3, 1.5)))
+            axes.fill_between(at, np.minimum(low, least), color=_INPUT, alpha=0.3, lw=0.0)
+    axes.axvline(value, color=_VALUE, lw=1.0)
+    _name(axes, " / ".join(_term_text(term) for term in asked[:2]) or "—")
+    axes.set_xlim(variable.low, variable.high)
+
+
+def _degrees(
+    inference: Inference, variable: InputVariable, term: Is, at: Array
+) -> tuple[Array, Array]:
+    """Lower and upper degree of each point under the hedges of a term."""
+    named = [each for each in variable.sets if each.name == term.set]
+    if not named:  # "any"
+        return np.ones_like(at), np.ones_like(at)
+    (low,), (high,) = bounds(named, at, widest(inference))
+    for hedge in reversed(term.hedges):
+        low, high = (
+            np.array([hedged(HEDGE_CODES[hedge], v) for v in each.tolist()]) for each in (low, high)
+        )
+        if hedge == "not":
+            low, high = high, low
+    return low, high
+
+
+def _term_text(term: Is) -> str:
+    return " ".join((*term.hedges, shortened(term.set, 12))).strip()
+
+
+def _name(axes: Axes, text: str) -> None:
+    axes.text(0.02, 0.97, text, transform=axes.transAxes, va="top", fontsize=7, fontweight="bold",
+              bbox=_GROUND)  # fmt: skip
+
+
+def _draw_conclusion(
+    axes: Axes, inference: Inference, o: int, fired: Fired, taken: Sequence[float]
+) -> None:
+    """What one rule concludes about one output."""
+    variable = inference.system.outputs[o]
+    term = next((t for t in fired.rule.conclusions if t.variable == variable.name), None)
+    if term is None:
+        _name(axes, "—")
+        return
+    _name(axes, _term_text(term))
+    named = next(each for each in variable.sets if each.name == term.set)
+    if isinstance(named, LinearFunction):
+        _draw_stem(axes, _value_of(named, taken), fired)
+        axes.set_xlim(*_span(variable, inference, taken))
+        return
+    at = drawn_at(variable)
+    assert isinstance(named, FuzzySet)
+    (low,), (high,) = bounds([named], at, widest(inference))
+    axes.plot(at, 1.0 - low if term.hedges else high, color=FAINT, lw=0.7)
+    cut = shaped(inference, o, fired, at)
+    if cut is not None:
+        _draw_area(axes, (at, cut[0]), (at, cut[1]), uncertain=inference.system.type > 1)
+    axes.set_xlim(variable.low, variable.high)
+
+
+def _draw_area(
+    axes: Axes, lower: tuple[Array, Array], upper: tuple[Array, Array], *, uncertain: bool
+) -> None:
+    axes.fill_between(*upper, color=_OUTPUT, alpha=0.3, lw=0.0)
+    axes.plot(*upper, color=_OUTPUT, lw=1.0)
+    if uncertain:
+        axes.fill_between(*lower, color=_OUTPUT, alpha=0.45, lw=0.0)
+        axes.plot(*lower, color=_OUTPUT, lw=0.7, ls=(0, (3, 1.5)))
+
+
+def _draw_stem(axes: Axes, value: float, fired: Fired) -> None:
+    axes.plot([value, value], [0.0, fired.upper], color=_OUTPUT, lw=1.4)
+    axes.plot([value, value], [fired.lower, fired.upper], "o", color=_OUTPUT, ms=3.0)
+
+
+def _value_of(function: LinearFunction, taken: Sequence[float]) -> float:
+    return function.constant + sum(
+        c * x for c, x in zip(function.coefficients, taken, strict=False)
+    )
+
+
+def _span(
+    variable: OutputVariable, inference: Inference, taken: Sequence[float]
+) -> tuple[float, float]:
+    """Range of a Sugeno output, widened to what its functions conclude."""
+    functions = [each for each in variable.sets if isinstance(each, LinearFunction)]
+    values = [_value_of(each, taken) for each in functions]
+    low, high = min(variable.low, *values, variable.low), max(variable.high, *values, variable.high)
+    return low - 0.04 * (high - low), high + 0.04 * (high - low)
+
+
+def _draw_results(
+    panels: Sequence[Axes], inference: Inference, x: Sequence[float], taken: Sequence[float]
+) -> None:
+    """The joined conclusion about each output, and the value made of it."""
+    system = inference.system
+    value, least, greatest = inference.batch(np.array([x]))[:, 0]
+    joined = () if system.is_sugeno else joined_conclusions(inference, *x)
+    fired = inference.fired(*x)
+    for o, axes in enumerate(panels):
+        variable = system.outputs[o]
+        if system.is_sugeno:
+            for each in fired:
+                for term in each.rule.conclusions:
+                    function = next((s for s in variable.sets if s.name == term.set), None)
+                    if term.variable == variable.name and isinstance(function, LinearFunction):
+                        _draw_stem(axes, _value_of(function, taken), each)
+            axes.set_xlim(*_span(variable, inference, taken))
+        else:
+            lower, upper = joined[o]
+            _draw_area(axes, (lower[0], lower[1]), (upper[0], upper[1]), uncertain=system.type > 1)
+            axes.set_xlim(variable.low, variable.high)
+        if system.type > 1:
+            axes.axvspan(least[o], greatest[o], color=_VALUE, alpha=0.18, lw=0.0)
+        axes.axvline(value[o], color=_VALUE, lw=1.3)
+        text = f"{value[o]:.5g}"
+        if system.type > 1:
+            text += f"\n[{least[o]:.4g}, {greatest[o]:.4g}]"
+        axes.set_xlabel(text, color=_VALUE, fontsize=7.5, fontweight="bold")
+
+
+def _finish(panels: Array, inputs: int) -> None:
+    """Ticks and limits, the same in every panel."""
+    rows = len(panels)
+    for row in range(rows):
+        for k, axes in enumerate(panels[row]):
+            axes.set_ylim(0.0, max(1.08, axes.get_ylim()[1] if row == rows - 1 else 0.0))
+            axes.set_yticks([])
+            axes.grid(visible=False)
+            axes.tick_params(labelsize=7, length=2.5)
+            axes.locator_params(axis="x", nbins=3)
+            last = row == (rows - 2 if k < inputs else rows - 1)
+            if not last:
+                axes.tick_params(labelbottom=False)

@@ -1,0 +1,377 @@
+"""`omnidrive fuzzy` as a user meets it."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnidrive.cli.fuzzy import fuzzy as app
+from omnidrive.fuzzy import (
+    Footprint,
+    FuzzySet,
+    FuzzySystem,
+    Inference,
+    InputVariable,
+    LinearFunction,
+    Membership,
+    OutputVariable,
+    load,
+    parse_rule,
+    save,
+)
+from omnidrive.fuzzy.csv_rows import evaluate_csv
+from tests.shared_data import shared
+
+
+def thirds(low, high):
+    """Three triangles that cover a range."""
+    width = 0.5 * (high - low)
+    peaks = ((name, low + k * width) for k, name in enumerate(("low", "middle", "high")))
+    return tuple(
+        FuzzySet(name, Membership("trimf", (at - width, at, at + width))) for name, at in peaks
+    )
+
+
+RULES = (
+    "if service is low or food is low then tip is low",
+    "if service is middle then tip is middle and 'slow, ok' is high",
+    "if service is high and food is not low then tip is high with 0.9",
+)
+TIPPER = FuzzySystem(
+    "tipper",
+    (InputVariable("service", 0, 10, thirds(0, 10)), InputVariable("food", 0, 10, thirds(0, 10))),
+    (OutputVariable("tip", 0, 30, thirds(0, 30)), OutputVariable("slow, ok", 0, 1, thirds(0, 1))),
+    tuple(map(parse_rule, RULES)),
+)
+SUGENO = FuzzySystem(
+    "linear",
+    (InputVariable("x", 0, 1, thirds(0, 1)),),
+    (OutputVariable("y", 0, 1, (LinearFunction("a", 0.25), LinearFunction("b", 0.5, (2.0,)))),),
+    tuple(map(parse_rule, ("if x is low then y is a", "if x is middle then y is b"))),
+)
+
+
+@pytest.fixture
+def fuzzy(monkeypatch, capsys, tmp_path):
+    """Run the command in this process; gives status, standard output and standard error."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    save(TIPPER, "tipper.fis")
+    save(SUGENO, "linear.fis")
+
+    def run(*args):
+        try:
+            status = app([*map(str, args)], prog_name="omnidrive fuzzy", standalone_mode=False)
+        except Exception as error:
+            status = sys.modules["omnidrive.cli.main"]._explain(error)
+        said = capsys.readouterr()
+        return int(status or 0), said.out, said.err
+
+    return run
+
+
+def table(path):
+    return np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+
+
+def write(text, name="in.csv"):
+    with open(name, "w", encoding="utf-8", newline="") as stream:
+        stream.write(text)
+
+
+def test_the_command_as_it_is_installed(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "omnidrive", "fuzzy", "show", "no.fis"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
+        env={**os.environ, "COLUMNS": "200"},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "no.fis: cannot be read: No such file" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_show_describes_variables_sets_and_rules(fuzzy):
+    status, out, err = fuzzy("show", "tipper.fis")
+    assert (status, err) == (0, "")
+    assert "tipper: Mamdani, type 1; 2 inputs, 2 outputs, 3 rules" in out
+    assert "and = min, or = max, implication = min" in out
+    assert "input service in [0, 10]" in out
+    assert "  middle  trimf [0 5 10]" in out
+    assert "3  if service is high and food is not low then tip is high with 0.9" in out
+
+
+def test_show_a_sugeno_system(fuzzy):
+    status, out, _ = fuzzy("show", "linear.fis", "--inputs", "x=0.25")
+    assert status == 0
+    assert "linear: Sugeno, type 1; 1 input, 1 output, 2 rules" in out
+    assert "b  0.5 + 2 x" in out
+    assert repr(Inference(SUGENO)({"x": 0.25})["y"]) in out
+
+
+def test_show_answers_for_given_inputs(fuzzy):
+    status, out, err = fuzzy("show", "tipper.fis", "--inputs", "food=8, service=12")
+    assert status == 0
+    assert "service = 12 is out of range: taken as 10" in err
+    assert re.search(r"^3  0\.9000  if service is high", out, re.MULTILINE)
+    assert repr(float(Inference(TIPPER)(10, 8)[0])) in out
+    assert fuzzy("show", "tipper.fis", "--inputs", "12,8")[1] == out
+
+
+def test_show_a_type_2_system_with_intervals(fuzzy):
+    status, out, _ = fuzzy("show", "tipper.fis", "--type2", "0.8,0.1,0.3", "--inputs", "3,8")
+    assert status == 0
+    assert "interval type 2" in out
+    assert "trimf [0 5 10], lower: scale 0.8, lag 0.1 left, 0.3 right" in out
+    least, greatest = Inference(TIPPER.with_footprint(Footprint(0.8, 0.1, 0.3))).interval(3, 8)
+    assert repr(float(least[0])) in out
+    assert repr(float(greatest[0])) in out
+
+
+def test_show_the_papers_rules_as_a_table(fuzzy):
+    status, out, _ = fuzzy("show", shared("paper/IT1FUZZY.fis"))
+    assert status == 0
+    assert "Rules: kp/ki/kd, for each error (down) and derror (across)" in out
+    row = next(line for line in out.splitlines() if line.startswith("│ HM"))
+    assert [cell.strip() for cell in row.strip("│").split("│")][:3] == [
+        "HM",
+        "HS/ZO/HB",
+        "ZO/ZO/LS",
+    ]
+
+
+def test_show_bounds_what_it_prints(fuzzy, tmp_path):
+    many = tuple(
+        parse_rule(f"if service is low then tip is low with {k / 999}") for k in range(999)
+    )
+    save(FuzzySystem("big", TIPPER.inputs, TIPPER.outputs, many), tmp_path / "big.fis")
+    status, out, _ = fuzzy("show", "big.fis", "--inputs", "1,1")
+    assert status == 0
+    assert "... and 939 more rules" in out
+    assert "... and 978 more weaker rules" in out
+    assert len(out.splitlines()) < 150
+
+
+def test_show_warns_of_gaps(fuzzy, tmp_path):
+    sets = (FuzzySet("low", Membership("trimf", (0, 1, 2))),)
+    gappy = InputVariable("service", 0, 10, sets)
+    rules = (parse_rule("if service is low then tip is low"),)
+    save(FuzzySystem("gappy", (gappy,), TIPPER.outputs, rules), tmp_path / "gappy.fis")
+    status, _, err = fuzzy("show", "gappy.fis")
+    assert status == 0
+    assert "no set of 'service' covers" in err
+
+
+def test_show_draws_pictures_in_a_new_folder(fuzzy, tmp_path):
+    status, out, err = fuzzy("show", "tipper.fis", "--inputs", "3,8", "--out", "a/pictures")
+    assert (status, err) == (0, "")
+    assert "7 pictures written to a/pictures" in out
+    assert sorted(path.name for path in (tmp_path / "a/pictures").iterdir()) == [
+        "rules.png", "sets-1-service.png", "sets-2-food.png", "sets-3-tip.png",
+        "sets-4-slow-ok.png", "surface-1-tip.png", "surface-2-slow-ok.png",
+    ]  # fmt: skip
+    assert fuzzy("show", "tipper.fis", "--out", "a/pictures")[0] == 2
+
+
+def test_convert_keeps_the_system_and_overwrites_only_by_force(fuzzy):
+    assert fuzzy("convert", "linear.fis", "linear.fll") == (0, "written to linear.fll\n", "")
+    assert load("linear.fll") == load("linear.fis")
+    status, out, err = fuzzy("convert", "linear.fis", "linear.fll")
+    assert (status, out) == (2, "")
+    assert "linear.fll is there already; name another, or add --force" in err
+    assert fuzzy("convert", "linear.fis", "linear.fll", "--force")[0] == 0
+
+
+def test_convert_makes_type_2(fuzzy):
+    assert fuzzy("convert", "tipper.fis", "tipper2.fis", "--type2", "0.8,0.2")[0] == 0
+    assert load("tipper2.fis").outputs == TIPPER.with_footprint(Footprint(0.8, 0.2)).outputs
+
+
+def test_eval_takes_columns_by_name_and_loses_no_bit(fuzzy):
+    x = np.random.default_rng(0).uniform(-1, 11, (500, 2))
+    write("food,t,service\n" + "".join(f"{b!r},now,{a!r}\n" for a, b in x.tolist()))
+    status, out, err = fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")
+    assert (status, out) == (0, "500 rows written to out.csv\n")
+    assert "columns that name no input, not used: t" in err
+    with open("out.csv", encoding="utf-8") as stream:
+        assert stream.readline() == 'tip,"slow, ok"\n'
+    assert (table("out.csv") == Inference(TIPPER).batch(x)[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        ("--centroid matlab --samples 51", {"centroid": "matlab", "samples": 51}),
+        ("--reduction cos --algorithm eiasc", {"reduction": "cos", "algorithm": "eiasc"}),
+        ("--algorithm nie-tan --threads 2", {"algorithm": "nie-tan"}),
+        ("--out-of-range matlab", {"out_of_range": "matlab"}),
+    ],
+)
+def test_eval_of_type_2_with_options(fuzzy, words, options):
+    x = np.random.default_rng(1).uniform(-1, 11, (50, 2))
+    write("service,food\n" + "".join(f"{a!r},{b!r}\n" for a, b in x.tolist()))
+    args = ["--in", "in.csv", "--out", "out.csv", "--type2", "0.8,0.2", *words.split()]
+    assert fuzzy("eval", "tipper.fis", *args)[0] == 0
+    with open("out.csv", encoding="utf-8") as stream:
+        assert stream.readline().startswith("tip,tip_lower,tip_upper,")
+    found = Inference(TIPPER.with_footprint(Footprint(0.8, 0.2)), **options).batch(x)
+    assert (table("out.csv").reshape(50, 2, 3) == found.transpose(1, 2, 0)).all()
+
+
+def test_eval_of_a_sugeno_system_whose_inputs_are_of_type_2(fuzzy):
+    write("x\n0.3\n")
+    args = ["--in", "in.csv", "--out", "out.csv", "--type2", "0.8,0.2"]
+    assert fuzzy("eval", "linear.fis", *args)[0] == 0
+    value, lower, upper = table("out.csv")[0]
+    assert lower < value < upper
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeffservice,food\r\n\r\n1,2\r\n 3.5 ,+4\r\n\r\n",
+        'food,"service",note\n2,1,"a, b"\n"4","3.5",\n',
+        "service , food\n1.,2\n3.5e0,.4E1",
+    ],
+)
+def test_eval_reads_what_spreadsheets_write(fuzzy, text):
+    write(text)
+    assert fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")[0] == 0
+    assert (table("out.csv") == Inference(TIPPER).batch(np.array([[1, 2], [3.5, 4]]))[0]).all()
+
+
+def test_eval_without_rows_has_headings(fuzzy):
+    write("service,food\n")
+    assert fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")[0] == 0
+    with open("out.csv", encoding="utf-8") as stream:
+        assert stream.read() == 'tip,"slow, ok"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "line 1: expected the columns service, food, got an empty line"),
+        ("service\n1\n", "line 1: there is no column 'food'"),
+        ("service,foot\n1,2\n", "there is no column 'food'; did you mean 'foot'?"),
+        ("service;food\n1;2\n", "the separator must be a comma, not ';'"),
+        ("food,service,food\n1,2,3\n", "line 1: the column 'food' is there twice"),
+        ("service,food\n1,2\n\n3\n", "line 4: expected 2 values, as in line 1, got 1"),
+        ("service,food\n1,2\n1,2,3\n", "line 3: expected 2 values, as in line 1, got 3"),
+        ("service,food\n1,\n", "line 2, column 'food': expected a number, got nothing"),
+        (
+            "service,food\n1,2\n1,two\n",
+            "line 3, column 'food': expected a finite number, got 'two'",
+        ),
+        ("service,food\n1,1_0\n", "line 2, column 'food': expected a finite number, got '1_0'"),
+        ("service,food\nnan,1\n", "line 2, column 'service': expected a finite number, got 'nan'"),
+        ("service,food\n1,1e999\n", "expected a finite number, got '1e999'"),
+        ("service,food\n1,__import__('os')\n", "expected a finite number"),
+        ('service,food\n1,"2\n3"\n', "line 2: is not comma-separated values"),
+        ("service,food\n1,2\n1,\0\n", "line 3: expected text, got a NUL character"),
+        ("service,food\n1,2\r3,4\n", "line 2: is not comma-separated values"),
+        ("x" * 2_000_000, "line 1 is longer than 1000000 bytes"),
+        ("service,food\n1," + "1" * 2_000_000, "line 2: is not comma-separated values"),
+    ],
+)
+def test_a_bad_table_is_refused_with_its_place_and_leaves_nothing(fuzzy, text, message):
+    write(text)
+    status, out, err = fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")
+    assert (status, out) == (2, "")
+    assert f"in.csv: {message}" in err or message in err
+    assert not [name for name in os.listdir() if "out.csv" in name]
+
+
+def test_rows_are_refused_by_choice(fuzzy):
+    write("service,food\n" + "1,1\n" * 50 + "\n11,1\n")
+    args = ("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")
+    status, _, err = fuzzy(*args, "--out-of-range", "raise")
+    assert status == 2
+    assert "in.csv: line 53: the input 'service' is 11, outside its range [0, 10]" in err
+    status, _, err = fuzzy(*args, "--out-of-range", "matlab", "--no-rule", "raise")
+    assert status == 2
+    assert "in.csv: line 53: no rule fires for service = 11, food = 1" in err
+
+
+def test_a_fault_far_into_the_file_leaves_the_old_output(fuzzy, monkeypatch, tmp_path):
+    monkeypatch.setattr("omnidrive.fuzzy.csv_rows._BLOCK", 1000)
+    write("old", "out.csv")
+    write("service,food\n" + "1.25,2\n" * 5000 + "1,x\n")
+    inference = Inference(TIPPER)
+    with pytest.raises(ValueError, match="line 5002, column 'food'"):
+        evaluate_csv(inference, tmp_path / "in.csv", tmp_path / "out.csv")
+    assert (tmp_path / "out.csv").read_text() == "old"
+    write("service,food\n" + "1.25,2\n" * 5000)
+    assert evaluate_csv(inference, tmp_path / "in.csv", tmp_path / "out.csv").rows == 5000
+    assert (table("out.csv") == inference(1.25, 2)).all()
+    assert sorted(os.listdir()) == ["in.csv", "linear.fis", "out.csv", "tipper.fis"]
+
+
+SHOW, EVAL = ("show", "tipper.fis"), ("eval", "tipper.fis", "--in", "in.csv", "--out")
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (("show", "no.fis"), "no.fis: cannot be read: No such file"),
+        (("show", "in.csv"), "its suffix must be one of .fis, .fll"),
+        (("show", "bad.fis"), "bad.fis: line 1, column 1"),
+        ((*SHOW, "--type2", "0.8"), "--type2 must be SCALE,LAG or SCALE,LAG,LAG"),
+        ((*SHOW, "--type2", "0.8,x"), "such as 0.8,0.2; got '0.8,x'"),
+        ((*SHOW, "--type2", "2,0"), "a footprint's scale must lie in [0, 1], got 2"),
+        ((*SHOW, "--inputs", "food=1"), "the input 'service' is missing"),
+        ((*SHOW, "--inputs", "fod=1"), "no input 'fod'; did you mean 'food'?"),
+        ((*SHOW, "--inputs", "food=1,food=2"), "the input 'food' is there twice"),
+        ((*SHOW, "--inputs", "1"), "--inputs needs 2 numbers (service, food), got 1"),
+        ((*SHOW, "--inputs", "food=1,service=2+3"), "expected a number for 'service', got '2+3'"),
+        ((*SHOW, "--inputs", "nan,1"), "the input 'service' is nan"),
+        ((*SHOW, "--out", "in.csv"), "cannot write to in.csv"),
+        (("convert", "tipper.fis", "a.doc"), "its suffix must be one of"),
+        (("convert", "tipper.fis", "a.fll", "--type2", "1,0"), "no sets of type 2"),
+        (("convert", "tipper.fis", "no/a.fis"), "cannot write no/a.fis"),
+        ((*EVAL, "in.csv"), "in.csv is there already; name another, or add --force"),
+        ((*EVAL, "/dev/null", "--force"), "/dev/null is not a plain file"),
+        ((*EVAL, "no/out.csv"), "cannot write no/out.csv: No such file"),
+        ((*EVAL, "o.csv", "--centroid", "exat"), "no --centroid 'exat'; there are exact, matlab"),
+        ((*EVAL, "o.csv", "--samples", "9"), "--samples is for --centroid matlab"),
+        ((*EVAL, "o.csv", "--algorithm", "km"), "--algorithm is for type-2 systems"),
+        ((*EVAL, "o.csv", "--threads", "0"), "threads"),
+        (("eval", "tipper.fis", "--in", "no.csv", "--out", "o.csv"), "no.csv: cannot be read: No"),
+        (("eval", "type2.fis", *EVAL[2:], "o.csv", "--type2", "1,0"), "of type 2 already"),
+    ],
+)  # fmt: skip
+def test_a_mistake_gets_one_paragraph_and_status_2(fuzzy, args, message):
+    write("service,food\n1,2\n")
+    write("nonsense\n", "bad.fis")
+    save(TIPPER.with_footprint(Footprint(0.8, 0.2)), "type2.fis")
+    before = sorted(os.listdir())
+    status, out, err = fuzzy(*args)
+    assert status == 2, out + err
+    assert message in " ".join(err.split())
+    assert out == ""
+    assert sorted(os.listdir()) == before
+
+
+@pytest.mark.parametrize("verb", ["show", "convert", "eval"])
+def test_help_has_an_example(fuzzy, verb):
+    status, out, _ = fuzzy(verb, "--help")
+    assert status == 0
+    assert f"omnidrive fuzzy {verb} tipper.fis" in out
+
+
+def test_the_guides_python_and_commands_run(fuzzy, tmp_path):
+    guide = (Path(__file__).resolve().parents[2] / "docs" / "fuzzy.md").read_text(encoding="utf-8")
+    code = "".join(re.findall(r"```python\n(.*?)```", guide, re.DOTALL))
+    exec(compile(code, "fuzzy.md", "exec"), {})
+    assert {"service.png", "surface.png", "rules.png"} <= set(os.listdir())
+    write("food,service\n8,3\n", "inputs.csv")
+    shell = "".join(re.findall(r"```sh\n(.*?)```", guide, re.DOTALL))
+    commands = re.findall(r"^omnidrive fuzzy (.*?)(?: +#.*)?$", shell, re.MULTILINE)
+    assert {command.split()[0] for command in commands} == {"show", "convert", "eval"}
+    for command in commands:
+        assert fuzzy(*shlex.split(command))[0] == 0, command
+    value = Inference(load("tipper.fis"))(3.0, 8.0)
+    assert (table("outputs.csv") == value).all()

@@ -1,0 +1,189 @@
+import warnings
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from PIL import Image
+
+from omnidrive.control.pid import gain_inference
+from omnidrive.errors import InvalidInput
+from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer, save
+from omnidrive.fuzzy import (
+    Footprint,
+    FuzzySet,
+    FuzzySystem,
+    Inference,
+    InputVariable,
+    LinearFunction,
+    Membership,
+    OutputVariable,
+    Secondary,
+    parse_rule,
+)
+from omnidrive.fuzzy.joined import joined_conclusions, shaped
+
+PAPER = gain_inference("t1", "paper").system
+FOOTPRINT = Footprint(0.8, 0.2, 0.1)
+
+
+def parts(count, low=0.0, high=1.0, shape="trimf"):
+    """Sets S1, S2, ... that cover a range."""
+    width = (high - low) / (count - 1)
+    peaks = [low + k * width for k in range(count)]
+    functions = [
+        (at - width, at, at + width) if shape == "trimf" else (0.4 * width, at) for at in peaks
+    ]
+    return tuple(FuzzySet(f"S{k}", Membership(shape, p)) for k, p in enumerate(functions, 1))
+
+
+def system(rules, inputs=3, **options):
+    names = ("x", "y", "z")[:inputs]
+    output = OutputVariable("u", -1, 1, parts(4, -1, 1), options.pop("aggregation", "max"))
+    return FuzzySystem(
+        "some",
+        tuple(InputVariable(name, 0, 1, parts(3, shape="gaussmf")) for name in names),
+        (output,),
+        tuple(map(parse_rule, rules)),
+        **options,
+    )
+
+
+MIXED = system(
+    ("if x is S1 and not y is S2 or z is very S3 then u is S1 with 0.8",
+     "if x is S3 then u is not S4", "if z is S2 and y is any then u is S3"),
+)  # fmt: skip
+SUGENO = FuzzySystem(
+    "linear",
+    (InputVariable("x", 0, 1, parts(3)),),
+    (OutputVariable("u", 0, 1, (LinearFunction("a", 0.2), LinearFunction("b", 1.0, (2.0,)))),),
+    tuple(map(parse_rule, ("if x is S1 then u is a", "if x is S2 then u is b"))),
+)
+
+
+def centroid(curve):
+    """Of the area under a polyline."""
+    x, y = curve
+    width, left, right = np.diff(x), y[:-1], y[1:]
+    area = (width * (left + right) / 2).sum()
+    return (width * (x[:-1] * (2 * left + right) + x[1:] * (left + 2 * right)) / 6).sum() / area
+
+
+@pytest.mark.parametrize("implication", ["min", "prod"])
+def test_the_joined_conclusion_has_the_centroid_of_the_inference(implication):
+    rng = np.random.default_rng(3)
+    rules = [f"if x is S{k} and y is S{4 - k} then u is S{k + 1}" for k in (1, 2, 3)]
+    inference = Inference(system(rules, 2, implication=implication))
+    assert inference.options.centroid == "exact"
+    for x in rng.uniform(0, 1, (20, 2)).tolist():
+        (joined,) = joined_conclusions(inference, *x)
+        assert centroid(joined.upper) == pytest.approx(inference(*x)[0], abs=1e-12)
+        assert (joined.lower == joined.upper).all()
+
+
+@pytest.mark.parametrize("aggregation", ["max", "sum", "probor"])
+def test_the_sampled_conclusion_has_the_centroid_of_the_inference(aggregation):
+    rules = [f"if x is S{k} then u is S{k + 1}" for k in (1, 2, 3)]
+    sampled = system(rules, 1, aggregation=aggregation)
+    inference = Inference(sampled, centroid="matlab", samples=201)
+    (joined,) = joined_conclusions(inference, 0.3)
+    at, degrees = joined.upper
+    assert (at * degrees).sum() / degrees.sum() == pytest.approx(inference(0.3)[0], abs=1e-12)
+
+
+def test_the_conclusions_of_rules_make_up_the_joined_one():
+    inference = Inference(PAPER.with_footprint(FOOTPRINT))
+    at = np.linspace(-0.1, 0.1, 501)
+    for o, joined in enumerate(joined_conclusions(inference, 0.3, -0.1)):
+        cuts = [shaped(inference, o, each, at) for each in inference.fired(0.3, -0.1)]
+        for bound, curve in enumerate(joined):
+            most = np.max([cut[bound] for cut in cuts], axis=0)
+            assert np.interp(at, *curve) == pytest.approx(most, abs=1e-9)
+        assert (np.interp(at, *joined.lower) <= np.interp(at, *joined.upper) + 1e-12).all()
+
+
+def test_where_no_rule_fires_the_joined_conclusion_is_empty():
+    sets = (FuzzySet("low", Membership("trimf", (0, 0.1, 0.2))),)
+    rules = (parse_rule("if x is low then u is S1"),)
+    output = OutputVariable("u", 0, 1, parts(3))
+    inference = Inference(FuzzySystem("gap", (InputVariable("x", 0, 1, sets),), (output,), rules))
+    (joined,) = joined_conclusions(inference, 0.5)
+    assert not joined.upper[1].any()
+    assert rule_viewer(inference, [0.5]).axes
+
+
+def check(figure, path):
+    """It can be written without a warning, and nothing that is drawn is cut off at its edge."""
+    save(figure, path)
+    with Image.open(path) as image:
+        grey = np.asarray(image.convert("L"))
+    assert grey.std() > 5.0
+    edge = np.concatenate([grey[:2].ravel(), grey[-2:].ravel(), grey[:, :2].ravel(),
+                           grey[:, -2:].ravel()])  # fmt: skip
+    assert edge.min() == 255
+
+
+@pytest.mark.parametrize("type_", [1, 2, 3])
+def test_pictures_of_the_papers_system(tmp_path, type_):
+    drawn = PAPER
+    if type_ > 1:
+        secondary = Secondary(1.0, 0.8, 0.1) if type_ == 3 else None
+        drawn = PAPER.with_footprint(FOOTPRINT, secondary=secondary)
+    check(membership_figure(drawn.inputs[0], unit="m"), tmp_path / "sets.png")
+    check(rule_viewer(Inference(drawn), {"error": 0.3, "derror": -0.1}), tmp_path / "rules.png")
+
+
+def test_control_surfaces(tmp_path):
+    check(control_surface(Inference(PAPER), "ki"), tmp_path / "two.png")
+    check(control_surface(Inference(SUGENO.with_footprint(FOOTPRINT))), tmp_path / "one.png")
+    figure = control_surface(Inference(MIXED), "u", {"x": 0.25})
+    check(figure, tmp_path / "three.png")
+    assert figure.get_supxlabel() == "with x = 0.25"
+    assert control_surface(Inference(MIXED)).get_supxlabel() == "with z = 0.5"
+
+
+def test_the_drawn_surface_is_the_inference():
+    inference = Inference(MIXED)
+    figure = control_surface(inference)
+    (mesh,) = [each for each in figure.axes[0].collections if each.get_array() is not None][:1]
+    x = np.linspace(0, 1, 101)
+    rows = np.column_stack([*(a.ravel() for a in np.meshgrid(x, x)), np.full(101 * 101, 0.5)])
+    assert (np.ravel(np.asarray(mesh.get_array())) == inference.batch(rows)[0, :, 0]).all()
+
+
+@pytest.mark.parametrize("count", [2, 3, 20, 200])
+def test_names_of_sets_keep_apart(tmp_path, count):
+    figure = membership_figure(InputVariable("v", 0, 1, parts(count)))
+    check(figure, tmp_path / "sets.png")
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    for k, one in enumerate(boxes):
+        assert not any(one.overlaps(other) for other in boxes[k + 1 :])
+    assert len(boxes) == (count if count <= 20 else 1)
+
+
+@pytest.mark.parametrize("reduction", ["centroid", "cos"])
+def test_rule_viewers_of_other_systems(tmp_path, reduction):
+    for k, drawn in enumerate((MIXED, MIXED.with_footprint(FOOTPRINT), SUGENO)):
+        check(rule_viewer(Inference(drawn, reduction=reduction)), tmp_path / f"{k}.png")
+
+
+def test_names_are_shown_as_they_are(tmp_path):
+    odd = InputVariable(r"$\frac{x", 0, 1, (FuzzySet("$a_b$ 50%", parts(2)[0].upper), *parts(2)))
+    check(membership_figure(odd), tmp_path / "odd.png")
+    assert mpl.rcParams["text.parse_math"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # our font has no such glyph
+        save(membership_figure(InputVariable("温度", 0, 1, parts(2))), tmp_path / "cjk.png")
+
+
+def test_what_is_not_there_cannot_be_drawn():
+    inference = Inference(PAPER)
+    with pytest.raises(InvalidInput, match="no output 'kq'"):
+        control_surface(inference, "kq")
+    with pytest.raises(InvalidInput, match="no input 'eror'; did you mean 'error'"):
+        control_surface(inference, "kp", {"eror": 0.0})
+    with pytest.raises(InvalidInput, match="every input is held"):
+        control_surface(inference, "kp", {"error": 0.0, "derror": 0.0})
+    with pytest.raises(InvalidInput, match="the input 'derror' is missing"):
+        rule_viewer(inference, {"error": 0.0})
+    with pytest.raises(InvalidInput, match="Sugeno system has no joined conclusion"):
+        joined_conclusions(Inference(SUGENO), 0.5)

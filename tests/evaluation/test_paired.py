@@ -1,0 +1,121 @@
+"""Controllers against each other under the same noise, on numbers known by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from omnidrive.evaluation import paired_differences, repeated_runs, study_tables
+from omnidrive.simulation import Outcome
+
+SEEDS = 12
+LUCK = np.random.default_rng(3).normal(size=SEEDS)  # how hard each seed is, for everyone
+OWN = np.random.default_rng(4).normal(size=(3, SEEDS))
+ME = {
+    "fuzzy_t1": 0.05 + 0.01 * LUCK,
+    "fuzzy_t2": 0.05 + 0.01 * LUCK + 1e-4 * OWN[1] + 1e-3,
+    "recommended": 0.05 + 0.01 * LUCK + 1e-3 * OWN[2] - 1e-5,
+}
+
+
+@pytest.fixture(scope="module")
+def repeated(study):
+    """A study whose errors with noise are those of ``ME``."""
+    some = study.select("noise")[0]
+    return replace(
+        study,
+        tracks=tuple(
+            replace(some, controller=name, repeat=k, metrics=some.metrics._replace(me=values[k]))
+            for k in range(SEEDS)
+            for name, values in ME.items()
+        ),
+    )
+
+
+def found(results, first, second, measure="me"):
+    (one,) = (
+        d
+        for d in paired_differences(results)
+        if (d.first, d.second, d.measure) == (first, second, measure)
+    )
+    return one
+
+
+def test_differences_are_scipys_though_the_seeds_vary_more(repeated):
+    d = found(repeated, "fuzzy_t2", "fuzzy_t1")
+    theirs = stats.ttest_rel(ME["fuzzy_t2"], ME["fuzzy_t1"])
+    assert d.difference[1:3] == pytest.approx(tuple(theirs.confidence_interval()), rel=1e-9)
+    assert d.difference.number == SEEDS
+    assert d.verdict == "worse"
+    assert stats.ttest_ind(ME["fuzzy_t2"], ME["fuzzy_t1"]).pvalue > 0.5
+
+
+def test_verdicts(repeated):
+    assert found(repeated, "recommended", "fuzzy_t1").verdict == "no difference shown"
+    assert found(repeated, "recommended", "fuzzy_t2").verdict == "better"
+    assert found(repeated, "fuzzy_t2", "fuzzy_t1", "mae").verdict == "no difference shown"
+    assert found(repeated, "fuzzy_t2", "fuzzy_t1", "mae").difference.mean == 0.0
+
+
+def test_p_is_corrected_for_the_number_of_pairs(repeated):
+    alone = replace(
+        repeated, tracks=tuple(r for r in repeated.tracks if r.controller != "fuzzy_t1")
+    )
+    single = found(alone, "recommended", "fuzzy_t2").p
+    assert single == pytest.approx(
+        stats.ttest_rel(ME["recommended"], ME["fuzzy_t2"]).pvalue, rel=1e-6
+    )
+    assert found(repeated, "recommended", "fuzzy_t2").p == pytest.approx(2.0 * single)
+
+
+def test_a_seed_under_which_one_stopped_counts_for_neither(repeated):
+    def stopped(result):
+        run = replace(result.run, outcome=Outcome.CONTROLLER_FAILED)
+        return replace(result, run=run, metrics=result.metrics._replace(me=99.0))
+
+    broken = replace(
+        repeated,
+        tracks=tuple(
+            stopped(r) if (r.controller, r.repeat) == ("fuzzy_t1", 5) else r
+            for r in repeated.tracks
+        ),
+    )
+    keep = np.arange(SEEDS) != 5
+    d = found(broken, "fuzzy_t2", "fuzzy_t1")
+    assert d.difference.number == SEEDS - 1
+    assert d.difference.mean == pytest.approx((ME["fuzzy_t2"] - ME["fuzzy_t1"])[keep].mean())
+    assert found(broken, "recommended", "fuzzy_t2").difference.number == SEEDS
+    noise = table(broken, "Tracking error with the paper's noise")
+    assert noise.rows[0][1] == "fuzzy_t1 (1 of 12 stopped)"
+
+
+def table(results, title):
+    return next(t for t in study_tables(results, published=False) if t.title == title)
+
+
+def test_tables_show_means_and_differences_with_intervals(repeated):
+    noise = table(repeated, "Tracking error with the paper's noise")
+    cells = dict(zip(noise.columns, noise.rows[0], strict=True))
+    low, high = stats.t.interval(
+        0.95, SEEDS - 1, np.mean(ME["fuzzy_t1"]), stats.sem(ME["fuzzy_t1"])
+    )
+    assert cells["ME true, m"] == f"{np.mean(ME['fuzzy_t1']):.5f} ± {0.5 * (high - low):.5f}"
+    assert "Over 12 seeds" in noise.note
+    paired = table(repeated, "Paired differences with noise")
+    assert len(paired.rows) == 3 * 4
+    assert {row[0] for row in paired.rows} == {
+        "fuzzy_t2 \N{MINUS SIGN} fuzzy_t1",
+        "recommended \N{MINUS SIGN} fuzzy_t1",
+        "recommended \N{MINUS SIGN} fuzzy_t2",
+    }
+    assert "Holm" in paired.note
+    row = dict(zip(paired.columns, paired.rows[2], strict=True))
+    assert row["error"] == "ME true, mm"
+    assert row["mean difference"].startswith("+0.98")
+    assert (row["p"], row["seeds"], row["the first is"]) == ("< 0.001", "12", "worse")
+
+
+def test_one_seed_has_no_differences(study):
+    assert repeated_runs(study) == paired_differences(study) == []
+    assert all("Paired" not in t.title for t in study_tables(study, published=True))

@@ -1,0 +1,64 @@
+"""Intervals and tests of means, against SciPy's."""
+
+from math import isnan
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from omnidrive.evaluation.uncertainty import estimate, holm, p_value
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=st.integers(0, 2**32), count=st.integers(2, 60), shift=st.floats(-2, 2))
+def test_the_interval_and_p_of_differences_are_those_of_the_paired_test(seed, count, shift):
+    a, b = np.random.default_rng(seed).normal(size=(2, count))
+    a += shift
+    theirs = stats.ttest_rel(a, b)
+    low, high = theirs.confidence_interval(0.95)
+    ours = estimate(a - b)
+    assert (ours.low, ours.high) == pytest.approx((low, high), rel=1e-9)
+    assert ours.mean == pytest.approx(np.mean(a - b))
+    assert p_value(a - b) == pytest.approx(theirs.pvalue, rel=1e-9)
+
+
+def test_the_interval_holds_the_true_mean_as_often_as_it_says():
+    draws = np.random.default_rng(1).normal(3.0, 2.0, size=(2000, 8))
+    held = [e.low <= 3.0 <= e.high for e in map(estimate, draws)]
+    assert np.mean(held) == pytest.approx(0.95, abs=0.02)
+
+
+def test_too_few_values_have_no_interval():
+    assert isnan(estimate(np.array([])).mean)
+    one = estimate(np.array([2.0]))
+    assert (one.mean, one.number) == (2.0, 1)
+    assert isnan(one.low)
+    assert isnan(p_value(np.array([2.0])))
+
+
+def test_values_without_spread():
+    assert estimate(np.full(5, 0.5))[:3] == (0.5, 0.5, 0.5)
+    assert p_value(np.full(5, 0.5)) == 0.0
+    assert p_value(np.zeros(5)) == 1.0
+
+
+def test_holm_by_hand():
+    """Holm 1979: 0.01 * 4, 0.015 * 3, 0.03 * 2, and 0.04 no less than its forerunner."""
+    assert holm([0.03, 0.01, 0.04, 0.015]) == pytest.approx([0.06, 0.04, 0.06, 0.045])
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([1.0, 2.0, 3.0], ("+2.0", "2.5", "\N{MINUS SIGN}0.5", "+4.5")),
+        ([-0.0101, -0.0102, -0.0103], ("\N{MINUS SIGN}0.01020", "0.00025",
+                                       "\N{MINUS SIGN}0.01045", "\N{MINUS SIGN}0.00995")),
+        ([0.0, 0.0], ("+0.0000", "0.0000", "+0.0000", "+0.0000")),
+    ],
+)  # fmt: skip
+def test_printed_with_two_digits_of_the_margin(values, texts):
+    assert estimate(np.array(values)).text() == texts

@@ -1,0 +1,98 @@
+"""Noise with several seeds: the same for every controller, and the first one as ever."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from scipy import stats
+
+from omnidrive.study import Job, jobs_of, one_task, prepare, retime, run_job, run_study
+from tests.study.small import noise_scenario, small_scenario
+from tests.study.test_study import numbers
+
+SEEDS = 3
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("repeats") / "run"
+    run_study(noise_scenario(SEEDS), path)
+    return path
+
+
+def noise(folder, run):
+    table = pq.read_table(folder / run["series"])
+    return np.array([table[f"measured_{c}"].to_numpy() - table[c].to_numpy() for c in ("x", "yaw")])
+
+
+def test_the_first_seed_is_that_of_a_study_without_repeats(folder):
+    once = [job for job in jobs_of(small_scenario()) if job.task == "noise"]
+    assert [job.repeat for job in once] == [0] * 4
+    first = next(r for r in numbers(folder)["runs"] if r["controller"] == "recommended")
+    alone = run_job(prepare(small_scenario()), Job("noise", "recommended", 20.0))
+    assert alone.name == first["name"] == "noise-recommended-20s"
+    assert alone.metrics.me == first["me"]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2**32, 2**53])
+@pytest.mark.parametrize("duration", [0.1, 30.0, 3600.0])
+def test_a_zero_at_the_end_of_a_seed_does_not_count(seed, duration):
+    """What keeps the numbers of studies that knew no repeats."""
+    words = [seed, round(duration * 1e6)]
+    before, now = (np.random.default_rng(w).random(5) for w in (words, [*words, 0]))
+    assert before.tobytes() == now.tobytes()
+
+
+def test_each_seed_has_its_noise_and_all_controllers_share_it(folder):
+    runs = json.loads((folder / "results.json").read_text())["runs"]
+    assert len({r["name"] for r in runs}) == len(runs) == 3 * SEEDS
+    by_seed = {}
+    for run in runs:
+        by_seed.setdefault(run["repeat"], []).append(noise(folder, run))
+    assert sorted(by_seed) == list(range(SEEDS))
+    for first, *others in by_seed.values():
+        for other in others:
+            np.testing.assert_allclose(other, first, atol=1e-12)
+    rows = [same[0] for same in by_seed.values()]
+    assert all(np.abs(a - b).max() > 0.05 for a, b in pairwise(rows))
+
+
+def test_the_same_numbers_on_two_cores(folder, tmp_path):
+    run_study(noise_scenario(SEEDS), tmp_path / "again", processes=2)
+    assert numbers(tmp_path / "again") == numbers(folder)
+
+
+def test_results_hold_means_and_differences(folder):
+    data = json.loads((folder / "results.json").read_text())
+    errors = {
+        name: np.array([r["me"] for r in data["runs"] if r["controller"] == name])
+        for name in ("fuzzy_t1", "fuzzy_t2", "recommended")
+    }
+    mean = next(m for m in data["repeated"] if m["controller"] == "recommended")
+    assert (mean["runs"], mean["finished"], mean["duration"]) == (SEEDS, SEEDS, 20.0)
+    assert mean["me"]["mean"] == pytest.approx(errors["recommended"].mean())
+    assert mean["me"]["low"] < mean["me"]["mean"] < mean["me"]["high"]
+    assert len(data["paired"]) == 3 * 4
+    pair = next(
+        p for p in data["paired"]
+        if (p["first"], p["second"], p["measure"]) == ("recommended", "fuzzy_t1", "me")
+    )  # fmt: skip
+    theirs = stats.ttest_rel(errors["recommended"], errors["fuzzy_t1"]).confidence_interval()
+    assert (pair["low"], pair["high"]) == pytest.approx((theirs.low, theirs.high))
+    assert (pair["seeds"], pair["unit"]) == (SEEDS, "m")
+    assert pair["verdict"] in {"better", "worse", "no difference shown"}
+    assert 0.0 <= pair["p"] <= 1.0
+
+
+def test_a_study_without_repeats_has_neither():
+    study = run_study(small_scenario(controllers=("recommended",)))
+    assert study.results.repeats == 1
+    assert not [t for t in study.tables if "Paired" in t.title]
+
+
+def test_other_times_keep_the_seeds_and_one_task_is_done_once():
+    scenario = noise_scenario(7)
+    assert retime(scenario, duration=25.0).tasks.noise.repeats == 7
+    assert one_task(scenario.tasks, "noise").noise.repeats == 1
