@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 import omnidrive
+from omnidrive.control.pid import gain_tuning_system
+from omnidrive.control.pid.rules import paper_rules
+from omnidrive.fuzzy import save
 from tests.shared_data import shared
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -59,7 +62,9 @@ def test_the_readmes_commands_run(command, tmp_path):
         words[words.index("depot.yaml")] = str(shared("maps/nav2/depot.yaml"))
     if "runs/NAME/scenario.yaml" in words:
         run("-m", "omnidrive", "plan", "--out", "runs/NAME", cwd=tmp_path)
-    quick = [] if words[0] == "plan" else ["--plant", "kinematic"]
+    if "tuner.fis" in words:
+        save(gain_tuning_system(paper_rules()), tmp_path / "tuner.fis")
+    quick = [] if words[0] in {"plan", "fuzzy"} else ["--plant", "kinematic"]
     assert run("-m", "omnidrive", *words, *quick, cwd=tmp_path)
 
 

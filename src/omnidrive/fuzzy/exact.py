@@ -298,10 +298,17 @@ def exact_value(defuzzifier: int, line: Float[Array, "4 pieces"]) -> float:
     """One number for a conclusion that is a polyline, in closed form."""
     if defuzzifier == CENTROID:
         area, moment = _left_part(line, np.inf)
-        return moment / area
+        return _within(line, moment / area if area > 0.0 else np.nan)
     if defuzzifier == BISECTOR:
         return _bisector(line)
     return _maximum(defuzzifier, line)
+
+
+@compiled
+def _within(line: Float[Array, "4 pieces"], mean: float) -> float:
+    """A mean, brought between the ends: denormal degrees leave too few figures of it."""
+    first, last = float(line[0, 0]), float(line[1, -1])
+    return min(max(mean, first), last) if np.isfinite(mean) else 0.5 * (first + last)
 
 
 @compiled
@@ -378,7 +385,7 @@ def exact_interval(
     """
     low_area, low_moment = _left_part(lower, np.inf)
     area, moment = _left_part(upper, np.inf)
-    middle = (moment + low_moment) / (area + low_area)
+    middle = _within(upper, (moment + low_moment) / (area + low_area) if area > 0.0 else np.nan)
     if algorithm == NIE_TAN:
         return middle, middle
     if low_area <= 0.0:
@@ -396,4 +403,4 @@ def exact_interval(
         if step > 0 and better <= greatest:
             break
         greatest = better
-    return least, greatest
+    return _within(upper, least), _within(upper, greatest)

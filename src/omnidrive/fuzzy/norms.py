@@ -67,7 +67,8 @@ def disjoin(conorm: int, a: float, b: float) -> float:  # noqa: PLR0911
     if conorm == 4:
         return (a + b) / (1.0 + a * b)
     if conorm == 5:
-        return (a + b - 2.0 * a * b) / (1.0 - a * b) if a * b < 1.0 else 1.0
+        rest = (1.0 - a) + a * (1.0 - b)  # 1 - a b, without the difference of numbers near 1
+        return (a * (1.0 - b) + b * (1.0 - a)) / rest if rest > 0.0 else 1.0
     if conorm == 6:
         return max(a, b) if a + b < 1.0 else 1.0
     return a + b

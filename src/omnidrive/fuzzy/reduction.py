@@ -82,10 +82,8 @@ def greatest(
     """The greatest of :func:`reduced`: lower weights left of it, upper ones right of it."""
     if algorithm == NIE_TAN:
         return _middle(running_sums(at, lower, upper))
-    if algorithm == EIASC:
+    if algorithm in (EIASC, IASC):  # from the left, IASC would subtract down to nothing
         return _scanned_back(at, lower, upper)
-    if algorithm == IASC:
-        return _scanned(at, lower, upper)
     return _switched(algorithm, 1.7, at, running_sums(at, lower, upper), 0)
 
 

@@ -56,12 +56,16 @@ class LookupSurface:
             )
         self.inference = inference
         self._low = np.array([variable.low for variable in inputs])
+        self._high = np.array([variable.high for variable in inputs])
         self._step = np.array([(v.high - v.low) / (nodes - 1) for v in inputs])
         self._nodes = np.full(len(inputs), nodes)
         self._table = inference.batch(self._grid(np.zeros(1), nodes))[0]
         random = (rng or np.random.default_rng(0)).random((100_000, len(inputs)))
         points = np.concatenate(
-            [self._grid(np.array([0.5]), nodes - 1), self._low + random * self._step * (nodes - 1)]
+            [
+                self._grid(np.array([0.5]), nodes - 1),
+                np.minimum(self._low + random * self._step * (nodes - 1), self._high),
+            ]
         )
         self.errors = self._measured(points)
 
@@ -93,7 +97,9 @@ class LookupSurface:
         axes = [
             a + h * (np.arange(count) + shift) for a, h in zip(self._low, self._step, strict=True)
         ]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+        within: Array = np.minimum(points, self._high)  # rounding may pass the upper end
+        return within
 
     def _measured(self, points: Float[Array, "points inputs"]) -> tuple[Error, ...]:
         difference = np.abs(self.batch(points) - self.inference.batch(points)[0])

@@ -97,7 +97,7 @@ class MemorylessChannel:
         """Command for this error; the last one counts as zero, so the change is all of it."""
         parameters = self.parameters
         inputs = (parameters.error_gain * size, parameters.change_gain * size)
-        gains = tuned(parameters, self.tune(*mirrored(*inputs)))
+        gains = tuned(parameters, self.tune(*inputs))
         return memoryless_law(gains, error), Tuning(*gains, *inputs)
 
 
@@ -127,7 +127,7 @@ class SelfTuningChannel:
             state = PidState(0.0, error, size)
         rate = (size - state.size) / self.dt
         inputs = (parameters.error_gain * size, parameters.change_gain * rate)
-        gains = tuned(parameters, self.tune(*mirrored(*inputs)))
+        gains = tuned(parameters, self.tune(*inputs))
         command, integral = self_tuning_law(parameters, gains, state, error, self.dt)
         self._state = PidState(integral, error, size)
         return command, Tuning(*gains, *inputs)

@@ -1,0 +1,233 @@
+"""What inference does with inputs it should not get, and that it never answers NaN."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.inference import Inference
+from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.system import (
+    Footprint,
+    FuzzySet,
+    FuzzySystem,
+    InputVariable,
+    Is,
+    LinearFunction,
+    OutputVariable,
+    Rule,
+    Secondary,
+)
+from tests.fuzzy import oracle
+from tests.fuzzy.systems import systems
+
+NAN, INF = float("nan"), float("inf")
+
+
+def heater(**output):
+    """Cold heats, hot cools; between 20 and 22 degrees no rule fires."""
+    cold = FuzzySet("cold", Membership("linzmf", (10, 20)))
+    hot = FuzzySet("hot", Membership("trimf", (22, 30, 38)))
+    wet = FuzzySet("wet", Membership("linsmf", (0, 100)))
+    sets = tuple(FuzzySet(n, Membership("trimf", (a, b, c)))
+                 for n, a, b, c in (("off", 0, 1, 2), ("on", 2, 3, 4)))  # fmt: skip
+    return FuzzySystem(
+        "heater",
+        (InputVariable("temp", 0, 35, (cold, hot)), InputVariable("damp", 0, 100, (wet,))),
+        (OutputVariable("power", 0, 5, sets, **output),),
+        (
+            Rule(Is("temp", "cold"), (Is("power", "on"),)),
+            Rule(Is("temp", "hot"), (Is("power", "off"),)),
+        ),
+    )
+
+
+KINDS = {
+    1: heater(),
+    2: heater().with_footprint(Footprint(0.9, 0.1)),
+    3: heater().with_footprint(Footprint(0.9, 0.1), secondary=Secondary()),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("bad", [NAN, INF, -INF])
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("policy", ["clamp", "matlab", "raise"])
+def test_an_input_that_is_no_number_is_refused_by_name(kind, bad, place, policy):
+    run = Inference(KINDS[kind], out_of_range=policy)
+    x = [15.0, 50.0]
+    x[place] = bad
+    name = ("temp", "damp")[place]
+    means = "not a number" if bad != bad else "infinite"
+    rows = np.array([[15.0, 50.0]] * 3 + [x])
+    for call in (lambda: run(*x), lambda: run(np.array(x)), lambda: run.interval(*x),
+                 lambda: run.fired(*x), lambda: run({"temp": x[0], "damp": x[1]})):  # fmt: skip
+        with pytest.raises(InvalidInput, match=f"{name!r} is .*{means}"):
+            call()
+    for threads in (1, 3):
+        with pytest.raises(InvalidInput, match=rf"row 3: the input {name!r} is .*{means}"):
+            run.batch(rows, threads=threads)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_out_of_range_is_the_end_of_the_range_as_it_is_or_an_error(kind):
+    system = KINDS[kind]
+    assert Inference(system)(40.0, 50.0) == Inference(system)(35.0, 50.0)
+    assert Inference(system)(-1e300, 1e300) == Inference(system)(0.0, 100.0)
+    as_it_is = Inference(system, out_of_range="matlab")
+    assert as_it_is(40.0, 50.0)[0] == 2.5  # beyond hot, which ends at 38: no rule fires
+    refuses = Inference(system, out_of_range="raise")
+    assert refuses(35.0, 0.0) == Inference(system)(35.0, 0.0)
+    with pytest.raises(InvalidInput, match=r"'damp' is -1, outside its range \[0, 100\]"):
+        refuses(15.0, -1.0)
+    with pytest.raises(InvalidInput, match=r"row 1: the input 'temp' is 36, outside"):
+        refuses.batch(np.array([[35.0, 0.0], [36.0, 0.0]]))
+    with pytest.raises(InvalidInput, match="'damp' is nan, not a number"):
+        refuses(36.0, NAN)  # what is no number is worse
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_where_no_rule_fires_the_default_answers_or_an_error(kind):
+    system = KINDS[kind]
+    assert Inference(system)(21.0, 0.0)[0] == 2.5
+    assert Inference(system).fired(21.0, 0.0) == []
+    seven = replace(system, outputs=(replace(system.outputs[0], default=7.0),))
+    value, least, greatest = Inference(seven).batch(np.array([[21.0, 0.0]]))[:, 0, 0]
+    assert value == pytest.approx(7.0, abs=1e-14)
+    assert (least, greatest) == (value, value)
+    refuses = Inference(system, no_rule="raise")
+    with pytest.raises(InvalidInput, match="no rule fires for temp = 21, damp = 0"):
+        refuses(21.0, 0.0)
+    with pytest.raises(InvalidInput, match="row 2: no rule fires"):
+        refuses(np.array([[15.0, 0.0], [25.0, 0.0], [21.0, 0.0]]))
+    assert refuses(15.0, 0.0) == Inference(system)(15.0, 0.0)
+
+
+def test_an_output_of_which_no_rule_speaks_takes_its_default():
+    system = heater()
+    lamp = replace(system.outputs[0], name="lamp", default=4.0)
+    both = replace(system, outputs=(*system.outputs, lamp))
+    assert Inference(both)(15.0, 0.0)[1] == 4.0
+    with pytest.raises(InvalidInput, match="no rule fires"):
+        Inference(both, no_rule="raise")(15.0, 0.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_wrong_numbers_and_names_of_inputs_are_refused(kind):
+    run = Inference(KINDS[kind])
+    for call in (
+        lambda: run(),
+        lambda: run(1.0),
+        lambda: run(1.0, 2.0, 3.0),
+        lambda: run(np.zeros(3)),
+        lambda: run(np.zeros((2, 3))),
+        lambda: run(np.array(1.0)),
+        lambda: run.interval(1.0),
+        lambda: run.fired(1.0, 2.0, 3.0),
+    ):
+        with pytest.raises(InvalidInput, match=r"2 inputs \(temp, damp\), got"):
+            call()
+    with pytest.raises(InvalidInput, match="there is no input 'tmep'; did you mean 'temp'"):
+        run({"tmep": 1.0, "damp": 2.0})
+    with pytest.raises(InvalidInput, match="the input 'damp' is missing"):
+        run({"temp": 1.0})
+    with pytest.raises(InvalidInput, match="there is no input 'x'"):
+        run({"temp": 1.0, "damp": 2.0, "x": 3.0})
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"samples": 1}, "needs 2 to"),
+        ({"samples": 10**9}, "needs 2 to"),
+        ({"slices": 0}, "needs 1 to"),
+        ({"slices": 10**6}, "needs 1 to"),
+    ],
+)
+def test_options_beyond_their_range_are_refused(options, says):
+    with pytest.raises(InvalidInput, match=says):
+        Inference(heater(), **options)
+
+
+def test_what_has_no_exact_centroid_says_why():
+    output = replace(heater().outputs[0], aggregation="sum")
+    with pytest.raises(InvalidInput, match="aggregated by sum, not max; ask for centroid matlab"):
+        Inference(replace(heater(), outputs=(output,)), centroid="exact")
+
+
+def test_only_a_centroid_comes_of_type_2():
+    with pytest.raises(InvalidInput, match="bisector is for type 1"):
+        Inference(heater(defuzzifier="bisector").with_footprint(Footprint(0.9)))
+
+
+EXTREMES = st.sampled_from([0.0, -0.0, 5e-324, 1e-300, 1.0, 1e6, 1e150, 1e300, 1.7e308])
+
+
+@given(systems(), st.integers(0, 2**32 - 1), st.lists(EXTREMES, min_size=6, max_size=6),
+       st.sampled_from(["clamp", "matlab"]), st.sampled_from(["centroid", "cos"]))  # fmt: skip
+@settings(max_examples=200, deadline=None)
+def test_never_nan_and_never_out_of_range(system, seed, extremes, policy, reduction):
+    """All shapes, norms, types and defuzzifiers; inputs within, beyond and far beyond."""
+    if system.type > 1 and not system.is_sugeno:
+        system = replace(
+            system, outputs=tuple(replace(o, defuzzifier="centroid") for o in system.outputs)
+        )
+    if system.is_sugeno:
+        policy = "clamp"  # a linear function of 1e308 is no number of any use
+    width = len(system.inputs)
+    rng = np.random.default_rng(seed)
+    corners = [[v.low if rng.random() < 0.5 else v.high for v in system.inputs] for _ in range(3)]
+    at = np.concatenate(
+        [
+            oracle.points_in(system, rng, 6, beyond=0.5),
+            np.array(corners),
+            [extremes[:width]],
+            [[-v for v in extremes[-width:]]],
+        ]
+    )
+    options = {"out_of_range": policy, "samples": 31, "slices": 2, "reduction": reduction}
+    found = Inference(system, **options).batch(at)
+    assert np.isfinite(found).all()
+    if system.is_sugeno:
+        return
+    for o, output in enumerate(system.outputs):
+        slack = 1e-9 * (output.high - output.low)
+        default = (output.low + output.high) / 2 if output.default is None else output.default
+        low, high = min(output.low, default) - slack, max(output.high, default) + slack
+        assert (low <= found[..., o]).all()
+        assert (found[..., o] <= high).all()
+
+
+@pytest.mark.parametrize("implication", ["min", "prod"])
+@pytest.mark.parametrize("centroid", ["exact", "matlab"])
+@pytest.mark.parametrize("far", [20.0, 37.0, 38.4, 38.55, 50.0])
+def test_a_rule_that_hardly_fires_does_not_throw_the_output_out_of_its_range(
+    implication, centroid, far
+):
+    """The tail of a Gaussian is a denormal number: few figures are left of a weight."""
+    tail = FuzzySet("tail", Membership("gaussmf", (1.0, 0.0)))
+    top = FuzzySet("top", Membership("trimf", (1.5, 1.6, 1.7)))
+    system = FuzzySystem(
+        "s",
+        (InputVariable("x", 0, 100, (tail,)),),
+        (OutputVariable("y", 1.5, 1.7, (top,)),),
+        (Rule(Is("x", "tail"), (Is("y", "top"),)),),
+        implication=implication,
+    )
+    for each in (system, system.with_footprint(Footprint(1.0, 0.0))):
+        assert 1.5 <= Inference(each, centroid=centroid)(far)[0] <= 1.7
+
+
+def test_a_constant_that_overflows_is_not_nan():
+    f = LinearFunction("f", 1e308, (1e308,))
+    cold = FuzzySet("cold", Membership("linsmf", (0, 1)))
+    system = FuzzySystem(
+        "s",
+        (InputVariable("x", 0, 10, (cold,)),),
+        (OutputVariable("y", 0, 1, (f,)),),
+        (Rule(Is("x", "cold"), (Is("y", "f"),)),),
+    )
+    assert not np.isnan(Inference(system)(5.0)).any()
