@@ -4,7 +4,7 @@ It shares no code with the inference under test but the data classes and the gen
 """
 
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import inf
 
 import numpy as np
@@ -13,7 +13,7 @@ from omnidrive.fuzzy.system import And, Footprint, FuzzySet, Is
 
 
 def _trapezoid(x, a, b, c, d):
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rise = np.where(x >= b, 1.0, (x - a) / (b - a) if b > a else 0.0)
         fall = np.where(x <= c, 1.0, (d - x) / (d - c) if d > c else 0.0)
     return np.clip(np.minimum(rise, fall), 0.0, 1.0)
@@ -295,7 +295,7 @@ def centre_of_sets(system, inputs, samples=101):
             lower.append(low)
             upper.append(high)
         lower, upper = np.array(lower), np.array(upper)
-        if not len(ends) or upper.sum() <= 0:
+        if not ends or upper.sum() <= 0:
             middle = (output.low + output.high) / 2
             left = right = middle if output.default is None else output.default
         else:
@@ -330,7 +330,7 @@ def pieces(system, output, inputs):
         return aggregate(system, output, inputs, x)[1]
 
     knots = sorted(corners)
-    for a, b in zip(knots, knots[1:], strict=False):
+    for a, b in pairwise(knots):
         inside = np.array([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b])
         lines = []
         for each, negated, _, high in found:
@@ -347,7 +347,7 @@ def pieces(system, output, inputs):
                 if a < x < b:
                     breaks.add(float(x))
         within = sorted(breaks)
-        for x0, x1 in zip(within, within[1:], strict=False):
+        for x0, x1 in pairwise(within):
             near, far = joined(np.array([0.75 * x0 + 0.25 * x1, 0.25 * x0 + 0.75 * x1]))
             result.append((x0, x1, near - (far - near) / 2, far + (far - near) / 2))
     return np.array(result)

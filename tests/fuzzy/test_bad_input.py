@@ -61,7 +61,7 @@ def test_an_input_that_is_no_number_is_refused_by_name(kind, bad, place, policy)
     x = [15.0, 50.0]
     x[place] = bad
     name = ("temp", "damp")[place]
-    means = "not a number" if bad != bad else "infinite"
+    means = "not a number" if np.isnan(bad) else "infinite"
     rows = np.array([[15.0, 50.0]] * 3 + [x])
     for call in (lambda: run(*x), lambda: run(np.array(x)), lambda: run.interval(*x),
                  lambda: run.fired(*x), lambda: run({"temp": x[0], "damp": x[1]})):  # fmt: skip
@@ -119,7 +119,7 @@ def test_an_output_of_which_no_rule_speaks_takes_its_default():
 def test_wrong_numbers_and_names_of_inputs_are_refused(kind):
     run = Inference(KINDS[kind])
     for call in (
-        lambda: run(),
+        run,
         lambda: run(1.0),
         lambda: run(1.0, 2.0, 3.0),
         lambda: run(np.zeros(3)),
@@ -168,7 +168,7 @@ EXTREMES = st.sampled_from([0.0, -0.0, 5e-324, 1e-300, 1.0, 1e6, 1e150, 1e300, 1
 
 @given(systems(), st.integers(0, 2**32 - 1), st.lists(EXTREMES, min_size=6, max_size=6),
        st.sampled_from(["clamp", "matlab"]), st.sampled_from(["centroid", "cos"]))  # fmt: skip
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_never_nan_and_never_out_of_range(system, seed, extremes, policy, reduction):
     """All shapes, norms, types and defuzzifiers; inputs within, beyond and far beyond."""
     if system.type > 1 and not system.is_sugeno:

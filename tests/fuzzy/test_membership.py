@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.membership import SHAPES, Membership
-from omnidrive.fuzzy.norms import AGGREGATIONS, CONORMS, HEDGE_CODES, NORMS, conjoin, disjoin, hedged
+from omnidrive.fuzzy.norms import (
+    AGGREGATIONS,
+    CONORMS,
+    HEDGE_CODES,
+    NORMS,
+    conjoin,
+    disjoin,
+    hedged,
+)
 from omnidrive.fuzzy.sets import bounds
 from omnidrive.fuzzy.system import Footprint, FuzzySet, Secondary
 from tests.fuzzy import oracle

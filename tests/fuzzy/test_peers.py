@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from omnidrive.fuzzy.inference import Inference
@@ -42,6 +42,8 @@ def blunted(system):
         return replace(each, upper=Membership(function.shape, apart))
 
     def of(variable):
+        if getattr(variable, "is_sugeno", False):
+            return variable
         return replace(variable, sets=tuple(map(one, variable.sets)))
 
     return replace(
@@ -58,13 +60,12 @@ def clearly_fires(system, x):
     return True
 
 
-# --- simpful ---------------------------------------------------------------------------------------
+# --- simpful --------------------
 
 
 def simpful_text(condition):
     if isinstance(condition, Is):
-        text = f"({condition.variable} IS {condition.set})"
-        return f"(NOT {text})" if condition.hedges else text
+        return f"({condition.variable} IS {condition.set})"
     word = " AND " if isinstance(condition, And) else " OR "
     first, *others = map(simpful_text, condition.parts)
     for other in others:
@@ -115,8 +116,7 @@ def answers(system, peer, infer, x):
 
 
 SIMPFUL = SHARED | {
-    "types": (1,),
-    "hedges": ("not",),
+    "types": (1,),  # no "not": its parser stumbles over "(NOT (a)) OR (NOT (b))"
     "conjunctions": ("min", "prod"),
     "shapes": ("trimf", "trapmf", "gaussmf", "sigmf"),
     "implications": ("min",),
@@ -126,10 +126,11 @@ SIMPFUL = SHARED | {
 }
 
 
-@given(systems(**SIMPFUL).map(blunted), SEEDS)
-@settings(max_examples=40, deadline=None)
+@given(systems(**SIMPFUL), SEEDS)
+@settings(max_examples=25, deadline=None)
 def test_simpful_agrees_on_101_samples(system, seed):
     """Mamdani: at 101 points simpful's sum is Matlab's."""
+    system = blunted(system)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     assume(clearly_fires(system, x))
     peer = simpful_system(system)
@@ -141,15 +142,11 @@ def test_simpful_agrees_on_101_samples(system, seed):
     np.testing.assert_allclose(found / scale, expected / scale, atol=1e-10)
 
 
-@given(
-    systems(**SIMPFUL | {"sugeno": (True,), "defuzzifiers": ("wtaver",)}).map(
-        lambda s: replace(blunted_inputs(s))
-    ),
-    SEEDS,
-)
+@given(systems(**SIMPFUL | {"sugeno": (True,), "defuzzifiers": ("wtaver",)}), SEEDS)
 @settings(max_examples=60, deadline=None)
 def test_simpful_agrees_on_sugeno(system, seed):
     """Without weights: simpful leaves them out of the divisor."""
+    system = blunted(system)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     for output in system.outputs:
         fired = [u for *_, u in oracle.conclusions(system, output, x)]
@@ -160,30 +157,7 @@ def test_simpful_agrees_on_sugeno(system, seed):
     np.testing.assert_allclose(Inference(system)(*x), expected, rtol=1e-9, atol=1e-7)
 
 
-def blunted_inputs(system):
-    return replace(
-        system,
-        inputs=blunted(replace(system, outputs=system.outputs)).inputs
-        if not system.is_sugeno
-        else tuple(_blunt(v) for v in system.inputs),
-    )
-
-
-def _blunt(variable):
-    def one(each):
-        f = each.upper
-        if f.shape not in {"trimf", "trapmf"}:
-            return each
-        width = f.parameters[-1] - f.parameters[0]
-        return replace(
-            each,
-            upper=Membership(f.shape, tuple(v + 0.1 * k * width for k, v in enumerate(f.parameters))),
-        )
-
-    return replace(variable, sets=tuple(map(one, variable.sets)))
-
-
-# --- pyit2fls --------------------------------------------------------------------------------------
+# --- pyit2fls --------------------
 
 PYIT2FLS = SHARED | {
     "shapes": ("trimf", "gaussmf"),
@@ -201,6 +175,27 @@ def flat(system):
         return replace(rule, condition=And(c.parts) if isinstance(c, Or) else c)
 
     return replace(system, rules=tuple(map(one, system.rules)))
+
+
+def expressible(system):
+    """With footprints that pyit2fls can draw: narrower Gaussians, and triangles that lag."""
+
+    def one(each):
+        p, lower = each.upper.parameters, each.lower
+        if each.upper.shape == "gaussmf":
+            lower = Membership("gaussmf", (0.6 * p[0], p[1]))
+        elif isinstance(lower, Membership):
+            lower = Footprint(0.8, 0.1, 0.3)
+        else:
+            lower = replace(lower, left=min(lower.lags[0], 0.5), right=min(lower.lags[1], 0.5))
+        return replace(each, lower=lower)
+
+    def of(variable):
+        return replace(variable, sets=tuple(map(one, variable.sets)))
+
+    return replace(
+        system, inputs=tuple(map(of, system.inputs)), outputs=tuple(map(of, system.outputs))
+    )
 
 
 def pyit2fls_curves(each):
@@ -234,12 +229,13 @@ def add_rules(system, peer, sets):
         )
 
 
-@given(systems(**PYIT2FLS, types=(1,), conjunctions=("min",), implications=("min",)).map(flat).map(blunted)
-       | systems(**PYIT2FLS, types=(1,), conjunctions=("prod",), implications=("prod",)).map(flat).map(blunted),
+@given(systems(**PYIT2FLS, types=(1,), conjunctions=("min",), implications=("min",))
+       | systems(**PYIT2FLS, types=(1,), conjunctions=("prod",), implications=("prod",)),
        SEEDS)  # fmt: skip
 @settings(max_examples=60, deadline=None)
 def test_pyit2fls_agrees_on_type_1(system, seed):
     """It integrates by the trapezoid rule: on fine samples that is the exact centroid."""
+    system = blunted(flat(system))
     pyit2fls = pytest.importorskip("pyit2fls")
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     assume(clearly_fires(system, x))
@@ -266,22 +262,19 @@ TYPE_2 = PYIT2FLS | {"types": (2,), "algorithms": ("km",)}
 
 @given(
     (systems(**TYPE_2, conjunctions=("min",), implications=("min",))
-     | systems(**TYPE_2, conjunctions=("prod",), implications=("prod",))).map(flat).map(blunted),
+     | systems(**TYPE_2, conjunctions=("prod",), implications=("prod",))),
     SEEDS,
     st.sampled_from([("Centroid", "centroid"), ("CoSet", "cos")]),
     st.sampled_from(["KM", "EIASC"]),
 )  # fmt: skip
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 def test_pyit2fls_agrees_on_type_2(system, seed, method, algorithm):
     """Its EKM is wrong by up to 1e-2, and may hang; its KM stops within 1e-6 of the end.
 
     Gaussians have a narrower Gaussian as lower function, triangles a lag: both it can express.
     """
     pyit2fls = pytest.importorskip("pyit2fls")
-    for v in system.variables:
-        for s in v.sets:
-            gaussian = s.upper.shape == "gaussmf"
-            assume(isinstance(s.lower, Membership) if gaussian else isinstance(s.lower, Footprint))
+    system = expressible(blunted(flat(system)))
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     assume(clearly_fires(system, x))
     output = system.outputs[0]

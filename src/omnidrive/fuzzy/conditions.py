@@ -13,6 +13,9 @@ from omnidrive.fuzzy.system import And, Condition, FuzzySystem, Is
 
 Array = np.ndarray
 
+FAINTEST = 1e-200
+"""Strength up to which a rule does not fire: areas of such heights would be denormal numbers."""
+
 _AND, _OR, _PLAIN, _NOT = 0, 1, -1, HEDGE_CODES["not"]
 
 
@@ -142,7 +145,8 @@ def fire(
                     joined = disjoin(disjunction, joined, each)
             degrees[bound, sets + k] = joined
             if k >= first_rule:
-                strengths[bound, k - first_rule] = joined * weights[k - first_rule]
+                strength = joined * weights[k - first_rule]
+                strengths[bound, k - first_rule] = strength if strength > FAINTEST else 0.0
             if bound == 1 and joined <= 0.0:  # then so is the lower degree
                 degrees[0, sets + k] = 0.0
                 break

@@ -44,9 +44,9 @@ class Tuning(NamedTuple):
     ki: float
     kd: float
     error_input: float
-    """Scaled error, as the fuzzy system saw it."""
+    """Scaled error, before any mirroring."""
     change_input: float
-    """Scaled change of the error, as the fuzzy system saw it."""
+    """Scaled change of the error, likewise."""
 
 
 Parameters = MemorylessParameters | SelfTuningParameters | TrackingParameters
