@@ -40,7 +40,8 @@ def _gauss(x, s, c):
 
 
 def _sig(x, a, c):
-    return 0.5 * (1.0 + np.tanh(0.5 * a * (x - c)))
+    z = a * (x - c)
+    return np.exp(np.minimum(z, 0.0)) / (1.0 + np.exp(-np.abs(z)))
 
 
 def _gauss2(x, s1, c1, s2, c2):
@@ -89,7 +90,8 @@ FORMULAS = {
 
 def curve(function, x):
     """Degrees of an array of points in one membership function."""
-    return FORMULAS[function.shape](np.atleast_1d(np.asarray(x, float)), *function.parameters)
+    with np.errstate(over="ignore"):
+        return FORMULAS[function.shape](np.atleast_1d(np.asarray(x, float)), *function.parameters)
 
 
 def peak(function):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from omnidrive.fuzzy.exact import exact_interval
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.reduction import reduced
@@ -234,6 +235,17 @@ def test_a_wider_footprint_makes_a_wider_interval():
             assert (least <= before[0] + 1e-12).all()
             assert (greatest >= before[1] - 1e-12).all()
         before = least, greatest
+
+
+@pytest.mark.parametrize("faint", [1e-6, 1e-12, 1e-30, 1e-70, 1e-150])
+def test_next_to_no_lower_membership_is_like_none(faint):
+    """The ends must not be the difference of two areas that nearly agree."""
+    upper = np.array([[-1.0, 0.0], [0.0, 1.0], [0.0, 0.4], [0.4, 0.7]])
+    lower = np.array([[0.0], [1.0], [faint], [faint]])
+    least, greatest = exact_interval(0, lower, upper)
+    room = 1e-12 + 3 * faint ** (1 / 3)  # where what is left of the upper function weighs as little
+    assert -1.0 <= least <= -1.0 + room
+    assert 1.0 - room <= greatest <= 1.0
 
 
 def test_without_lower_membership_the_interval_is_the_support():

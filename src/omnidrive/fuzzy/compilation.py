@@ -93,7 +93,8 @@ def slices(count: int) -> list[Plane]:
     """Planes at ``count`` levels, through the upper and through the lower secondary functions.
 
     The levels are the middles of equal parts of [0, 1], so that the sum over them is the midpoint
-    rule: its error falls with the square of their number.
+    rule; its error falls at least with their number, and with its square where planes are smooth
+    in their level.
     """
     levels = (np.arange(count) + 0.5) / count
     return [Plane(level, of_lower) for level in levels.tolist() for of_lower in (False, True)]

@@ -328,6 +328,22 @@ def _left_part(line: Float[Array, "4 pieces"], split: float) -> tuple[float, flo
 
 
 @compiled
+def _right_part(line: Float[Array, "4 pieces"], split: float) -> tuple[float, float]:
+    """As :func:`_left_part`, right of ``split``: no difference of two areas that nearly agree."""
+    area, moment = 0.0, 0.0
+    for k in range(line.shape[1]):
+        x0, x1, y0, y1 = line[0, k], line[1, k], line[2, k], line[3, k]
+        if split >= x1:
+            continue
+        if split > x0:
+            y0 = y0 + (y1 - y0) * (split - x0) / (x1 - x0)
+            x0 = split
+        area += 0.5 * (x1 - x0) * (y0 + y1)
+        moment += (x1 - x0) * (x0 * (2.0 * y0 + y1) + x1 * (y0 + 2.0 * y1)) / 6.0
+    return area, moment
+
+
+@compiled
 def _bisector(line: Float[Array, "4 pieces"]) -> float:
     """Where half of the area lies to the left."""
     missing = 0.5 * _left_part(line, np.inf)[0]
@@ -392,14 +408,14 @@ def exact_interval(
         return float(upper[0, 0]), float(upper[1, -1])
     least = greatest = middle
     for step in range(200):
-        (u, um), (w, wm) = _left_part(upper, least), _left_part(lower, least)
-        better = (um + low_moment - wm) / (u + low_area - w)
+        (u, um), (w, wm) = _left_part(upper, least), _right_part(lower, least)
+        better = (um + wm) / (u + w)
         if step > 0 and better >= least:
             break
         least = better
     for step in range(200):
-        (u, um), (w, wm) = _left_part(upper, greatest), _left_part(lower, greatest)
-        better = (wm + moment - um) / (w + area - u)
+        (u, um), (w, wm) = _right_part(upper, greatest), _left_part(lower, greatest)
+        better = (um + wm) / (u + w)
         if step > 0 and better <= greatest:
             break
         greatest = better

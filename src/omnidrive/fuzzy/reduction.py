@@ -135,16 +135,18 @@ def _switched(
     last = len(at)
     p, q = 2 * before, 2 - 2 * before  # columns of the weights before and after the mean
     count = round(last / part) if algorithm == EKM else _left_of(at, _middle(sums), last // 2)
-    if sums[count, p] + sums[last, q] - sums[count, q] <= 0.0:  # beyond all that weighs anything
-        count = _left_of(at, _middle(sums), count)
     mean: float = at[min(count, last - 1)]
     for _ in range(last + 1):
         area = sums[count, p] + (sums[last, q] - sums[count, q])
-        if area <= 0.0:  # the mean is the only point that weighs anything
+        lost = area <= 0.0  # beyond all that weighs anything: then every lower weight is zero
+        while area <= 0.0 and 0 < count + before < last + 1:
+            count += 2 * before - 1
+            area = sums[count, p] + (sums[last, q] - sums[count, q])
+        if area <= 0.0:
             break
         mean = (sums[count, p + 1] + (sums[last, q + 1] - sums[count, q + 1])) / area
         found = _left_of(at, mean, count)
-        if found == count:
+        if lost or found == count:
             break
         count = found
     return mean
