@@ -35,9 +35,9 @@ def test_an_edited_callee_is_compiled_anew(tmp_path):
 
     before = run()
     assert run() == before
-    callee = tmp_path / "omnidrive" / "control" / "fuzzy" / "sets.py"
+    callee = tmp_path / "omnidrive" / "fuzzy" / "membership.py"
     text = callee.read_text()
-    edited = text.replace("return (x - a) / (b - a)", "return 0.5 * (x - a) / (b - a)")
+    edited = text.replace("return (x - p) / (q - p)", "return 0.5 * (x - p) / (q - p)")
     assert edited != text
     callee.write_text(edited)
     assert run() != before

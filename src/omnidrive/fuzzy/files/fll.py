@@ -91,9 +91,7 @@ def _sets(variable: Variable) -> list[str]:
 def _defuzzified(output: OutputVariable) -> list[str]:
     words = {str(k): v for k, v in DEFUZZIFIERS.items()}
     defuzzifier = word("defuzzifier", str(output.defuzzifier), words, "FLL")
-    aggregation = "none"
-    if not output.is_sugeno or output.aggregation == "sum":
-        aggregation = word("aggregation", output.aggregation, AGGREGATIONS, "FLL")
+    aggregation = word("aggregation", output.aggregation, AGGREGATIONS, "FLL")
     kind = "TakagiSugeno" if output.is_sugeno else str(RESOLUTION)
     return [
         f"  aggregation: {aggregation}",

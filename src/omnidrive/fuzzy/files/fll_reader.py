@@ -329,7 +329,8 @@ def _check_output(component: _Component, output: OutputVariable, rules: list[Pla
             line.place, f"output {output.name!r} may leave its range: clipping cannot be expressed"
         )
     line = component.get("aggregation")
-    if output.is_sugeno and line is not None and output.aggregation != "sum":
+    if output.is_sugeno and component.choice(AGGREGATIONS, "aggregation") not in {None, "sum"}:
+        assert line is not None
         shared = shared_conclusion(output.name, rules)
         if shared is not None:
             raise malformed(
