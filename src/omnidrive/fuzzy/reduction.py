@@ -181,7 +181,7 @@ def _scanned(
 ) -> float:
     """As :func:`_switched`, by moving the switch from the left end as long as the mean follows.
 
-    IASC (Duran, Bernal & Melgarejo 2008); for the least mean also EIASC (Wu & Nie 2011).
+    The least mean of IASC (Duran, Bernal & Melgarejo 2008) and of EIASC (Wu & Nie 2011).
     """
     area, moment = _sums(at, before, after, 0)
     count = 0
@@ -197,7 +197,7 @@ def _scanned(
 def _scanned_back(
     at: Float[Array, " points"], before: Float[Array, " points"], after: Float[Array, " points"]
 ) -> float:
-    """As :func:`_scanned`, from the right end: the second half of EIASC (Wu & Nie 2011)."""
+    """As :func:`_scanned`, from the right end: the greatest mean of EIASC (Wu & Nie 2011)."""
     area, moment = _sums(at, before, after, len(at))
     count = len(at)
     while count > 0 and not (area > 0.0 and at[count - 1] * area <= moment):
