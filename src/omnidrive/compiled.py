@@ -10,7 +10,7 @@ from inspect import unwrap
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import njit
+from numba import njit, typeof
 from numba.core import config as numba_config
 
 P = ParamSpec("P")
@@ -29,16 +29,40 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
 
     Run-time type checks that wrap the kernel are taken off: the compiler cannot see through them.
     """
+    return _compiled(kernel)
+
+
+def compiled_sums(kernel: Callable[P, R]) -> Callable[P, R]:
+    """As :func:`compiled`, for sums whose terms may be added in any order: several at once.
+
+    The order, and with it the last digit, depends on the processor, but not on anything else.
+    """
+    return _compiled(kernel, fastmath={"reassoc"})
+
+
+def _compiled(kernel: Callable[P, R], fastmath: bool | set[str] = False) -> Callable[P, R]:
     plain = unwrap(kernel)
     before = _config.CACHE_DIR
     _config.CACHE_DIR = str(_cache_folder(before))
     try:
-        machine = njit(cache=True, error_model="numpy", nogil=True)(plain)
+        machine = njit(cache=True, error_model="numpy", nogil=True, fastmath=fastmath)(plain)
     except RuntimeError:  # nowhere to write: compile in every process
-        machine = njit(error_model="numpy", nogil=True)(plain)
+        machine = njit(error_model="numpy", nogil=True, fastmath=fastmath)(plain)
     finally:
         _config.CACHE_DIR = before
     return cast("Callable[P, R]", machine)
+
+
+def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Callable[P, R]:
+    """A compiled kernel for arguments of exactly the types of the examples, called directly.
+
+    It does without the look at every argument by which a kernel chooses its machine code; other
+    types are refused or converted.
+    """
+    machine: Any = kernel
+    types = tuple(map(typeof, examples))
+    machine.compile(types)
+    return cast("Callable[P, R]", machine.overloads[types].entry_point)
 
 
 def kernels_are_kept() -> bool:

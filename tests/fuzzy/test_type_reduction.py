@@ -93,7 +93,7 @@ WEIGHTS = st.lists(
 @settings(max_examples=200, deadline=None)
 def test_every_algorithm_finds_the_best_of_all_switch_points(points):
     """Lone points, points that share a place, weights of zero, no lower weight at all."""
-    at, part, upper = np.array(sorted(points)).T
+    at, part, upper = np.array(sorted(points)).T.copy()
     upper = np.where(upper < 1e-6, 0.0, upper)
     lower = upper * np.where(part < 1e-6, 0.0, part)
     assume(upper.max() > 0)

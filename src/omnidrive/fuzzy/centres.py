@@ -10,10 +10,11 @@ from jaxtyping import Float, Int
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.exact import exact_interval, lines_of, polyline
-from omnidrive.fuzzy.reduction import KM, greatest, least, reduced
+from omnidrive.fuzzy.reduction import KM, greatest_from, least_from, middle, reduced
 from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.sets import WHOLE, Plane
 from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.views import part
 
 Array = np.ndarray
 
@@ -82,12 +83,13 @@ def _sampled(
 
 
 @compiled
-def centre_of_sets(
+def centre_of_sets(  # noqa: PLR0917
     s: Centres,
     first: int,
     last: int,
     algorithm: int,
     weights: Float[Array, "2 shapes"],
+    points: Float[Array, "2 points"],
 ) -> tuple[float, float]:
     """Least and greatest mean of the centroids of the shapes, by the strengths of their rules.
 
@@ -99,14 +101,17 @@ def centre_of_sets(
         last: The one after its last.
         algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
         weights: Sums of the least and the greatest strengths of the rules that conclude each
-            shape; not all zero.
+            shape; where the latter are all zero, the mean is nan.
+        points: Room for the weights in the order of the centroids.
     """
-    low, high = np.empty(last - first), np.empty(last - first)
+    low, high = part(points[0], 0, last - first), part(points[1], 0, last - first)
     for k in range(first, last):
         shape = first + s.least_shape[k]
         low[k - first], high[k - first] = weights[0, shape], weights[1, shape]
-    left = least(algorithm, s.least[first:last], low, high)
+    at = part(s.least, first, last)
+    left = least_from(middle(at, low, high), algorithm, at, low, high)
     for k in range(first, last):
         shape = first + s.greatest_shape[k]
         low[k - first], high[k - first] = weights[0, shape], weights[1, shape]
-    return left, greatest(algorithm, s.greatest[first:last], low, high)
+    at = part(s.greatest, first, last)
+    return left, greatest_from(middle(at, low, high), algorithm, at, low, high)

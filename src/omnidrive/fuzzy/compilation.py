@@ -128,6 +128,7 @@ def _packed(system: FuzzySystem, options: Options, plane: Plane) -> Packed:
                 ALGORITHMS.index(options.algorithm),
                 _OUT_OF_RANGE[options.out_of_range],
                 _NO_RULE[options.no_rule],
+                options.samples if method == SAMPLED else max(map(len, shapes)),
             ],
             dtype=np.int64,
         ),

@@ -87,10 +87,12 @@ def _shapes(system: FuzzySystem, output: int) -> tuple[Shape, ...]:
 
 
 @compiled
-def strongest(c: Conclusions, strengths: Float[Array, "2 rules"]) -> Float[Array, "2 shapes"]:
-    """Least and greatest strength of the strongest rule that concludes each shape."""
+def strongest(
+    c: Conclusions, strengths: Float[Array, "2 rules"], heights: Float[Array, "2 shapes"]
+) -> None:
+    """Fill in the least and greatest strength of the strongest rule that concludes each shape."""
     shapes, outputs = c.shapes, len(c.aggregations)
-    heights = np.zeros((2, c.first_shape[-1]))
+    heights[:] = 0.0
     for r in range(strengths.shape[1]):
         low, high = strengths[0, r], strengths[1, r]
         if high > 0.0:
@@ -99,26 +101,24 @@ def strongest(c: Conclusions, strengths: Float[Array, "2 rules"]) -> Float[Array
                 if k >= 0:
                     heights[0, k] = max(heights[0, k], low)
                     heights[1, k] = max(heights[1, k], high)
-    return heights
 
 
 @compiled
 def summed(
-    c: Conclusions, strengths: Float[Array, "2 rules"], uncertain: bool
-) -> Float[Array, "2 shapes"]:
-    """Sums of the least and of the greatest strengths of the rules that conclude each shape.
+    c: Conclusions, strengths: Float[Array, "2 rules"], weights: Float[Array, "2 shapes"]
+) -> None:
+    """Fill in, for each shape, the sums of the least and greatest strengths of its rules.
 
     Rules with one conclusion have one centroid, so a weighted mean over rules may add up their
     weights first.
     """
     shapes, outputs = c.shapes, len(c.aggregations)
-    weights = np.zeros((2, c.first_shape[-1]))
+    weights[:] = 0.0
     for r in range(strengths.shape[1]):
-        low, high = strengths[0 if uncertain else 1, r], strengths[1, r]
+        low, high = strengths[0, r], strengths[1, r]
         if high > 0.0:
             for o in range(r * outputs, (r + 1) * outputs):
                 k = shapes[o]
                 if k >= 0:
                     weights[0, k] += low
                     weights[1, k] += high
-    return weights

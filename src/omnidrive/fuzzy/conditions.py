@@ -10,12 +10,14 @@ from jaxtyping import Float, Int
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import CONORMS, HEDGE_CODES, NORMS, conjoin, disjoin, hedged
 from omnidrive.fuzzy.system import And, Condition, FuzzySystem, Is
+from omnidrive.fuzzy.views import part
 
 Array = np.ndarray
 
 FAINTEST = 1e-200
 """Strength up to which a rule does not fire: areas of such heights would be denormal numbers."""
 
+_MIN = NORMS["min"]
 _AND, _OR, _PLAIN, _NOT = 0, 1, -1, HEDGE_CODES["not"]
 
 
@@ -36,6 +38,9 @@ class Conditions(NamedTuple):
     """The first node after each that does not begin, like it, with "x is A and": none of those
     between holds where x is not A at all."""
     weights: Float[Array, " rules"]
+    plain: Int[Array, " terms_by_rules"]
+    """Where all conditions only join sets by "and": the first set of each, then the second, and so
+    on; a condition with fewer has, instead, the number of all sets. Otherwise empty."""
 
 
 def conditions_of(system: FuzzySystem) -> Conditions:
@@ -48,6 +53,7 @@ def conditions_of(system: FuzzySystem) -> Conditions:
         terms,
         _skips(heads, terms, len(system.rules)),
         np.array([rule.weight for rule in system.rules]),
+        _plain(heads, terms, len(sets), len(system.rules)),
     )
 
 
@@ -98,28 +104,74 @@ def _skips(
     return skips
 
 
-@compiled
-def room(c: Conditions) -> int:
-    """How many degrees the nodes need, after those of the sets."""
-    return len(c.skips)
+def _plain(
+    heads: Int[Array, " heads"], terms: Int[Array, " operands"], sets: int, rules: int
+) -> Int[Array, " terms_by_rules"]:
+    """:attr:`Conditions.plain`."""
+    joins_sets = len(heads) == 2 * (rules + 1) and not heads[::2].any()
+    if not joins_sets or (terms[1::2] != _PLAIN).any():
+        return np.empty(0, dtype=np.int64)
+    edges = heads[1::2]
+    table = np.full((rules, np.diff(edges).max()), sets)
+    for row, begin, end in zip(table, edges[:-1], edges[1:], strict=True):
+        row[: end - begin] = terms[2 * begin : 2 * end : 2]
+    return table.T.ravel()
 
 
 @compiled
 def fire(
-    c: Conditions, degrees: Float[Array, "2 degrees"], uncertain: bool
-) -> Float[Array, "2 rules"]:
-    """Least and greatest strength of every rule; only the greatest unless ``uncertain``.
+    c: Conditions, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
+) -> None:
+    """Fill in the least and greatest strength of every rule.
 
     Args:
         c: The conditions.
         degrees: Lower and upper degree of each set; those of the nodes are filled in.
-        uncertain: Whether the bounds differ; if not, there are only upper degrees.
+        strengths: To fill in.
     """
+    if len(c.plain) > 0:
+        _fire_plain(c, degrees, strengths)
+    else:
+        _fire_any(c, degrees, strengths)
+
+
+@compiled
+def _fire_plain(
+    c: Conditions, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
+) -> None:
+    plain, weights, conjunction = c.plain, c.weights, c.norms[_AND]
+    rules, sets = len(weights), degrees.shape[1] - len(c.skips)
+    lower, upper, low, high = degrees[0], degrees[1], strengths[0], strengths[1]
+    lower[sets] = upper[sets] = 1.0  # joining it changes nothing
+    for r in range(rules):
+        low[r] = high[r] = 1.0
+    for begin in range(0, len(plain), rules):
+        row = part(plain, begin, begin + rules)
+        for r in range(rules):
+            k = np.uint64(row[r])  # no look whether it counts from the end
+            least, most = lower[k], upper[k]
+            if conjunction == _MIN:
+                low[r] = least if least < low[r] else low[r]
+                high[r] = most if most < high[r] else high[r]
+            else:
+                low[r] = conjoin(conjunction, low[r], least)
+                high[r] = conjoin(conjunction, high[r], most)
+    for r in range(rules):
+        weight = weights[r]
+        low[r] = low[r] * weight if low[r] * weight > FAINTEST else 0.0
+        high[r] = high[r] * weight if high[r] * weight > FAINTEST else 0.0
+
+
+@compiled
+def _fire_any(
+    c: Conditions, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
+) -> None:
     nodes, terms, weights, skips = c.nodes, c.terms, c.weights, c.skips  # look-ups cost in loops
     conjunction, disjunction = c.norms[_AND], c.norms[_OR]
     count, rules = len(skips), len(weights)
     sets, first_rule = degrees.shape[1] - count, count - rules
-    strengths = np.zeros((2, rules))
+    for r in range(rules):
+        strengths[0, r] = strengths[1, r] = 0.0
     k = 0
     while k < count:
         kind, begin, end = nodes[2 * k], nodes[2 * k + 1], nodes[2 * k + 3]
@@ -127,28 +179,27 @@ def fire(
             degrees[0, sets + k] = degrees[1, sets + k] = 0.0
             k = skips[k]
             continue
-        for other in range(2 if uncertain else 1):
-            bound = 1 - other
-            joined: float = 1.0 - kind
-            for t in range(begin, end):
-                index, hedge = terms[2 * t], terms[2 * t + 1]
-                each: float = degrees[bound, index]
-                if hedge != _PLAIN:
-                    if hedge == _NOT and uncertain:  # "not" turns one bound into the other
-                        each = degrees[other, index]
-                    each = hedged(hedge, each)
-                if kind == _AND:
-                    joined = conjoin(conjunction, joined, each)
-                    if joined <= 0.0:
-                        break
-                else:
-                    joined = disjoin(disjunction, joined, each)
-            degrees[bound, sets + k] = joined
-            if k >= first_rule:
-                strength = joined * weights[k - first_rule]
-                strengths[bound, k - first_rule] = strength if strength > FAINTEST else 0.0
-            if bound == 1 and joined <= 0.0:  # then so is the lower degree
-                degrees[0, sets + k] = 0.0
-                break
+        low: float = 1.0 - kind
+        high: float = low
+        for t in range(begin, end):
+            index, hedge = terms[2 * t], terms[2 * t + 1]
+            least: float = degrees[0, index]
+            most: float = degrees[1, index]
+            if hedge == _NOT:
+                least, most = 1.0 - most, 1.0 - least
+            elif hedge != _PLAIN:
+                least, most = hedged(hedge, least), hedged(hedge, most)
+            if kind == _AND:
+                low, high = conjoin(conjunction, low, least), conjoin(conjunction, high, most)
+                if high <= 0.0:
+                    break
+            else:
+                low, high = disjoin(disjunction, low, least), disjoin(disjunction, high, most)
+        degrees[0, sets + k], degrees[1, sets + k] = low, high
+        if k >= first_rule:
+            weight = weights[k - first_rule]
+            if low * weight > FAINTEST:
+                strengths[0, k - first_rule] = low * weight
+            if high * weight > FAINTEST:
+                strengths[1, k - first_rule] = high * weight
         k += 1
-    return strengths

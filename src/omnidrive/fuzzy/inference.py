@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, cast, get_args, overload
 
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.compiled import entry_point
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.compilation import (
     MAX_SAMPLES,
@@ -25,7 +27,6 @@ from omnidrive.fuzzy.exact import why_not_exact
 from omnidrive.fuzzy.kernels import (
     NO_RULE,
     NOT_FINITE,
-    infer_one,
     infer_rows,
     rule_strengths,
     value_of_one,
@@ -100,6 +101,8 @@ class Inference:
         self._outputs = tuple(variable.name for variable in system.outputs)
         self._numbers, self._integers, self._planes = compile_system(system, options)
         self._many = len(self._planes) > 1
+        self._count = len(self._inputs)
+        self._blank = np.empty(len(self._outputs))
 
     @overload
     def __call__(self, inputs: Mapping[str, float], /) -> dict[str, float]: ...
@@ -118,13 +121,13 @@ class Inference:
         """
         if len(inputs) == 1 and not isinstance(inputs[0], float | int):
             return self._other_form(inputs[0])
-        x = tuple(map(float, cast("tuple[float, ...]", inputs)))
-        if self._many or len(x) != len(self._inputs):
-            several: Array = self._all(x)[0]
+        if self._many or len(inputs) != self._count:
+            several: Array = self._all(cast("tuple[float, ...]", inputs))[0]
             return several
-        status, values = value_of_one(self._numbers, self._integers, x)
+        values = self._blank.copy()
+        status = self._value_of_one(self._numbers, self._integers, inputs, values)
         if status:
-            raise self._refusal(status, x)
+            raise self._refusal(status, cast("tuple[float, ...]", inputs))
         return values
 
     def interval(self, *inputs: float) -> tuple[Float[Array, " outputs"], Float[Array, " outputs"]]:
@@ -187,6 +190,11 @@ class Inference:
         ]
         return sorted(found, key=lambda each: -each.upper)
 
+    @cached_property
+    def _value_of_one(self) -> Callable[..., int]:
+        inputs = (0.0,) * self._count
+        return entry_point(value_of_one, self._numbers, self._integers, inputs, self._blank)
+
     def _rows(self, rows: Array, found: Array) -> tuple[int, int]:
         return infer_rows(self._numbers, self._integers, self._planes, rows, found)
 
@@ -197,16 +205,12 @@ class Inference:
             raise InvalidInput(
                 f"needs {len(self._inputs)} inputs ({', '.join(self._inputs)}), got {len(x)}"
             )
-        found: Array
-        if self._many:
-            row = np.empty((1, 3, len(self._outputs)))
-            status, _ = self._rows(np.array([x]), row)
-            found = row[0]
-        else:
-            status, found = infer_one(self._numbers, self._integers, x)
+        found = np.empty((1, 3, len(self._outputs)))
+        status, _ = self._rows(np.array([x]), found)
         if status:
             raise self._refusal(status, x)
-        return found
+        only: Array = found[0]
+        return only
 
     def _other_form(self, inputs: Mapping[str, float] | Array) -> Array | dict[str, float]:
         if isinstance(inputs, Mapping):

@@ -47,7 +47,8 @@ def joined_conclusions(inference: Inference, *inputs: float) -> tuple[Joined, ..
         raise InvalidInput("a Sugeno system has no joined conclusion")
     c, shapes = conclusions_of(system)
     strengths = _strengths(inference, inputs)
-    heights = strongest(c, strengths)
+    heights = np.empty((2, sum(map(len, shapes))))
+    strongest(c, strengths, heights)
     if options.centroid == "exact":
         curves = [
             _pieces(inference, c, shapes, heights[bound], plane, of_lower=bound == 0)
@@ -76,9 +77,7 @@ def shaped(
     degrees = np.array(Shape(named, bool(term.hedges)).bounds(at, widest(inference)))
     found = np.empty_like(degrees)
     for bound, strength in enumerate((fired.lower, fired.upper)):
-        joined_by_max(
-            np.array([strength]), degrees[bound : bound + 1], _cuts(inference), found[bound]
-        )
+        joined_by_max(np.array([strength]), degrees[bound], _cuts(inference), found[bound])
     return found[0], found[1]
 
 
@@ -135,13 +134,14 @@ def _sampled(
     system, count = inference.system, inference.options.samples
     samples = samples_of(system, shapes, count, plane)
     at = samples.at.reshape(-1, count)
-    degrees = samples.degrees.reshape(2, -1, count)[bound]
+    degrees = samples.degrees.reshape(2, -1)[bound]
     curves = []
     for o, output in enumerate(system.outputs):
         first, last = c.first_shape[o], c.first_shape[o + 1]
         joined = np.empty(count)
         if AGGREGATIONS[output.aggregation] == MAX:
-            joined_by_max(heights[bound, first:last], degrees[first:last], _cuts(inference), joined)
+            own = degrees[first * count : last * count]
+            joined_by_max(heights[bound, first:last], own, _cuts(inference), joined)
         else:
             joined_by_rule(c, o, strengths[bound], degrees, joined)
         curves.append(np.array([at[o], joined]))

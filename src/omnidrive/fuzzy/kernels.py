@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.centres import Centres, centre_of_sets
 from omnidrive.fuzzy.conclusions import Conclusions, strongest, summed
-from omnidrive.fuzzy.conditions import Conditions, fire, room
+from omnidrive.fuzzy.conditions import Conditions, fire
 from omnidrive.fuzzy.exact import Lines, exact_interval, exact_value, polyline
 from omnidrive.fuzzy.packed import Packed, integers_of, numbers_of
 from omnidrive.fuzzy.reduction import reduced
@@ -26,6 +26,7 @@ from omnidrive.fuzzy.sampled import (
 from omnidrive.fuzzy.sets import Sets, fuzzify
 from omnidrive.fuzzy.strips import strips_centroid
 from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
+from omnidrive.fuzzy.views import borrowed, part, table
 
 Array = np.ndarray
 
@@ -43,12 +44,24 @@ class Frame(NamedTuple):
     """Value of each output where no rule fires."""
     levels: Float[Array, " 1"]
     """Weight of this plane in a system of type 3; 1 otherwise."""
-    switches: Int[Array, " 5"]
+    switches: Int[Array, " 6"]
     """How conclusions are found, whether the system is uncertain, the algorithm of type reduction,
-    what happens to inputs out of range, and where no rule fires."""
+    what happens to inputs out of range, where no rule fires, and :attr:`Room.points`' length."""
 
 
-_SETS, _CONDITIONS, _CONCLUSIONS, _REST = 4, 10, 15, 20
+class Room(NamedTuple):
+    """Where a system notes what it finds on the way: lower values, then upper ones."""
+
+    degrees: Float[Array, "2 degrees"]
+    """Of sets and of nodes."""
+    strengths: Float[Array, "2 rules"]
+    heights: Float[Array, "2 shapes"]
+    """Strength with which each shape is concluded."""
+    points: Float[Array, "2 points"]
+    """Weights of the samples, or of the centroids, of one output."""
+
+
+_SETS, _CONDITIONS, _CONCLUSIONS, _REST = 4, 10, 16, 21
 """Where the arrays of :class:`Sets` and so on begin among those of a packed system."""
 
 
@@ -83,6 +96,7 @@ def _conditions(p: Packed) -> Conditions:
         integers_of(p, _CONDITIONS + 2),
         integers_of(p, _CONDITIONS + 3),
         numbers_of(p, _CONDITIONS + 4),
+        integers_of(p, _CONDITIONS + 5),
     )
 
 
@@ -144,114 +158,132 @@ def admitted(p: Packed, x: Float[Array, " inputs"]) -> int:
 
 
 @compiled
-def strengths_of(p: Packed, x: Float[Array, " inputs"]) -> Float[Array, "2 rules"]:
-    """Least and greatest strength of every rule; only the greatest where they are equal."""
-    conditions = _conditions(p)
-    uncertain = integers_of(p, 3)[1] == 1
-    return fire(conditions, fuzzify(_sets(p), x, room(conditions), uncertain), uncertain)
+def _sizes(p: Packed) -> tuple[int, int, int, int]:
+    """Columns of the tables of :class:`Room`."""
+    sets, nodes = len(integers_of(p, _SETS + 4)), len(integers_of(p, _CONDITIONS + 3))
+    rules, shapes = len(numbers_of(p, _CONDITIONS + 4)), integers_of(p, _CONCLUSIONS + 1)[-1]
+    return sets + nodes, rules, shapes, integers_of(p, 3)[5]
 
 
 @compiled
-def infer(p: Packed, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]) -> int:
-    """Value, least and greatest of every output, for inputs that are admitted; returns a status.
+def room_size(p: Packed) -> int:
+    """How many numbers :func:`room_in` needs."""
+    degrees, rules, shapes, points = _sizes(p)
+    return 2 * (degrees + rules + shapes + points)
+
+
+@compiled
+def room_in(p: Packed, space: Float[Array, " numbers"]) -> Room:
+    """Room for one evaluation of a system at a time; the caller must keep ``space``."""
+    degrees, rules, shapes, points = _sizes(p)
+    return Room(
+        table(space, 0, 2, degrees),
+        table(space, 2 * degrees, 2, rules),
+        table(space, 2 * (degrees + rules), 2, shapes),
+        table(space, 2 * (degrees + rules + shapes), 2, points),
+    )
+
+
+@compiled
+def strengths_of(p: Packed, room: Room, x: Float[Array, " inputs"]) -> None:
+    """Fill in the least and greatest strength of every rule."""
+    fuzzify(_sets(p), x, integers_of(p, 3)[1] == 1, room.degrees)
+    fire(_conditions(p), room.degrees, room.strengths)
+
+
+@compiled
+def infer(
+    p: Packed, room: Room, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]
+) -> int:
+    """Value, least and greatest of every output; brings inputs into range; returns a status.
 
     The value of a system of type 2 is the middle of its interval.
     """
-    conclusions, switches = _conclusions(p), integers_of(p, 3)
-    strengths = strengths_of(p, x)
-    found[0, :] = np.nan
+    status = admitted(p, x)
+    if status != FINE:
+        return status
+    switches = integers_of(p, 3)
+    strengths_of(p, room, x)
     if switches[0] == SAMPLED:
-        _infer_sampled(p, conclusions, strengths, found)
+        _infer_sampled(p, room, found)
     elif switches[0] == EXACT:
-        _infer_exact(p, conclusions, strengths, found)
+        _infer_exact(p, room, found)
     else:
-        _infer_weighted(p, conclusions, strengths, x, found)
-    status, fallbacks = FINE, numbers_of(p, 1)
+        _infer_weighted(p, room, x, found)
+    fallbacks = numbers_of(p, 1)
     for o in range(found.shape[1]):
-        if np.isnan(found[0, o]):
-            found[:, o] = fallbacks[o]
+        if np.isnan(found[1, o]):
+            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
             status = NO_RULE if switches[4] == REFUSE else status
+        else:
+            found[0, o] = 0.5 * (found[1, o] + found[2, o])
     return status
 
 
 @compiled
-def _infer_sampled(
-    p: Packed, c: Conclusions, strengths: Float[Array, "2 rules"], found: Float[Array, "3 outputs"]
-) -> None:
-    """Outputs by way of samples; those of which no rule speaks are left alone."""
-    s, switches = _samples(p), integers_of(p, 3)
-    outputs, cuts = found.shape[1], c.implication[0] == MIN
-    count, shapes = len(s.at) // outputs, c.first_shape[-1]
-    heights = strongest(c, strengths)
-    degrees = s.degrees.reshape((2, shapes, count))
-    both = np.empty((2, count))
-    for o in range(outputs):
+def _infer_sampled(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
+    """Least and greatest of every output by way of samples; nan if no rule speaks of it."""
+    c, s, switches = _conclusions(p), _samples(p), integers_of(p, 3)
+    cuts, uncertain, count = c.implication[0] == MIN, switches[1] == 1, switches[5]
+    shapes, heights, points = c.first_shape[-1], room.heights, room.points
+    strongest(c, room.strengths, heights)
+    for o in range(found.shape[1]):
         first, last = c.first_shape[o], c.first_shape[o + 1]
-        some = False
-        for bound in range(0 if switches[1] == 1 else 1, 2):
+        for bound in range(0 if uncertain else 1, 2):
+            degrees = part(s.degrees, bound * shapes * count, (bound + 1) * shapes * count)
+            joined = points[bound]
             if c.aggregations[o] == MAX:
-                some = joined_by_max(
-                    heights[bound, first:last], degrees[bound, first:last], cuts, both[bound]
-                )
+                own = part(degrees, first * count, last * count)
+                joined_by_max(part(heights[bound], first, last), own, cuts, joined)
             else:
-                some = joined_by_rule(c, o, strengths[bound], degrees[bound], both[bound])
-        if some:
-            at = s.at[o * count : (o + 1) * count]
-            if switches[1] == 1:
-                found[1, o], found[2, o] = reduced(switches[2], at, both[0], both[1])
-            else:
-                found[1, o] = found[2, o] = sampled_value(c.defuzzifiers[o], at, both[1])
-            found[0, o] = 0.5 * (found[1, o] + found[2, o])
+                joined_by_rule(c, o, room.strengths[bound], degrees, joined)
+        at = part(s.at, o * count, (o + 1) * count)
+        if uncertain:
+            found[1, o], found[2, o] = reduced(switches[2], at, points[0], points[1])
+        else:
+            found[1, o] = found[2, o] = sampled_value(c.defuzzifiers[o], at, points[1])
 
 
 @compiled
-def _infer_exact(
-    p: Packed, c: Conclusions, strengths: Float[Array, "2 rules"], found: Float[Array, "3 outputs"]
-) -> None:
-    """Outputs by way of polylines; those of which no rule speaks are left alone."""
-    switches, cuts = integers_of(p, 3), c.implication[0] == MIN
-    upper, lower = _lines(p, _REST), _lines(p, _REST + 5)
+def _infer_exact(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
+    """Least and greatest of every output by way of polylines; nan if no rule speaks of it."""
+    c, switches, heights = _conclusions(p), integers_of(p, 3), room.heights
     rows, corners = integers_of(p, _REST + 10), numbers_of(p, _REST + 11)
-    heights = strongest(c, strengths)
+    cuts = c.implication[0] == MIN
+    strongest(c, room.strengths, heights)
     for o in range(found.shape[1]):
         first, last = c.first_shape[o], c.first_shape[o + 1]
         if rows[o] == 1:
-            if last > first and heights[1, first:last].max() > 0.0:
-                value = strips_centroid(corners, first, heights[1, first:last])
-                found[0, o] = found[1, o] = found[2, o] = value
+            found[1, o] = found[2, o] = strips_centroid(
+                corners, first, part(heights[1], first, last)
+            )
             continue
-        high = polyline(upper, o, cuts, heights[1, first:last])
-        if high.shape[1] > 0:
-            if switches[1] == 1:
-                low = polyline(lower, o, cuts, heights[0, first:last])
-                found[1, o], found[2, o] = exact_interval(switches[2], low, high)
-            else:
-                found[1, o] = found[2, o] = exact_value(c.defuzzifiers[o], high)
-            found[0, o] = 0.5 * (found[1, o] + found[2, o])
+        high = polyline(_lines(p, _REST), o, cuts, part(heights[1], first, last))
+        if high.shape[1] == 0:
+            found[1, o] = np.nan
+        elif switches[1] == 1:
+            low = polyline(_lines(p, _REST + 5), o, cuts, part(heights[0], first, last))
+            found[1, o], found[2, o] = exact_interval(switches[2], low, high)
+        else:
+            found[1, o] = found[2, o] = exact_value(c.defuzzifiers[o], high)
 
 
 @compiled
 def _infer_weighted(
-    p: Packed,
-    c: Conclusions,
-    strengths: Float[Array, "2 rules"],
-    x: Float[Array, " inputs"],
-    found: Float[Array, "3 outputs"],
+    p: Packed, room: Room, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]
 ) -> None:
-    """Outputs as weighted means over rules; those of which no rule speaks are left alone."""
-    switches = integers_of(p, 3)
-    weights = summed(c, strengths, switches[1] == 1)
+    """Least and greatest of every output as means over rules; nan if no rule speaks of it."""
+    c, switches, weights = _conclusions(p), integers_of(p, 3), room.heights
+    summed(c, room.strengths, weights)
     for o in range(found.shape[1]):
         first, last = c.first_shape[o], c.first_shape[o + 1]
-        low, high = weights[0, first:last], weights[1, first:last]
-        if high.sum() > 0.0:
-            if switches[0] == SUGENO:
-                is_sum, functions = c.defuzzifiers[o] == WTSUM, Functions(numbers_of(p, _REST))
-                ends = sugeno_interval(functions, first, is_sum, switches[2], x, low, high)
-            else:
-                ends = centre_of_sets(_centres(p), first, last, switches[2], weights)
-            found[1, o], found[2, o] = ends
-            found[0, o] = 0.5 * (found[1, o] + found[2, o])
+        if switches[0] == SUGENO:
+            is_sum, functions = c.defuzzifiers[o] == WTSUM, Functions(numbers_of(p, _REST))
+            low, high = part(weights[0], first, last), part(weights[1], first, last)
+            ends = sugeno_interval(functions, first, is_sum, switches[2], x, low, high)
+        else:
+            ends = centre_of_sets(_centres(p), first, last, switches[2], weights, room.points)
+        found[1, o], found[2, o] = ends
 
 
 @compiled
@@ -262,36 +294,48 @@ def rule_strengths(
 ) -> Float[Array, "2 rules"]:
     """Least and greatest strength of every rule, for inputs that are brought into their range."""
     p = Packed(numbers, integers)
-    admitted(p, x)
-    strengths = strengths_of(p, x)
-    if integers_of(p, 3)[1] == 0:
-        strengths[0] = strengths[1]
-    return strengths
+    return _strengths_in(p, np.empty(room_size(p)), x)
 
 
 @compiled
-def infer_one(
-    numbers: Float[Array, " numbers"], integers: Int[Array, " integers"], x: tuple[float, ...]
-) -> tuple[int, Float[Array, "3 outputs"]]:
-    """Status, and value, least and greatest of every output, of a system of type 1 or 2."""
-    p = Packed(numbers, integers)
-    inputs = np.empty(len(x))
-    for i in range(len(x)):
-        inputs[i] = x[i]
-    found = np.empty((3, len(numbers_of(p, 1))))
-    status = admitted(p, inputs)
-    if status == FINE:
-        status = infer(p, inputs, found)
-    return status, found
+def _strengths_in(
+    p: Packed, space: Float[Array, " numbers"], x: Float[Array, " inputs"]
+) -> Float[Array, "2 rules"]:
+    room = room_in(p, space)
+    admitted(p, x)
+    strengths_of(p, room, x)
+    return room.strengths.copy()
 
 
 @compiled
 def value_of_one(
-    numbers: Float[Array, " numbers"], integers: Int[Array, " integers"], x: tuple[float, ...]
-) -> tuple[int, Float[Array, " outputs"]]:
-    """As :func:`infer_one`, but only the values: a view less to make for Python."""
-    status, found = infer_one(numbers, integers, x)
-    return status, found[0]
+    numbers: Float[Array, " numbers"],
+    integers: Int[Array, " integers"],
+    x: tuple[float, ...],
+    values: Float[Array, " outputs"],
+) -> int:
+    """Fill in the value of every output of a system of type 1 or 2; returns a status."""
+    p = Packed(borrowed(numbers), borrowed(integers))
+    space = np.empty(room_size(p) + len(x) + 3 * len(values))
+    return _value_in(p, space, x, borrowed(values))
+
+
+@compiled
+def _value_in(
+    p: Packed,
+    space: Float[Array, " numbers"],
+    x: tuple[float, ...],
+    values: Float[Array, " outputs"],
+) -> int:
+    begin, lent = room_size(p), borrowed(space)
+    inputs = part(lent, begin, begin + len(x))
+    for i in range(len(x)):
+        inputs[i] = x[i]
+    found = table(lent, begin + len(x), 3, len(values))
+    status = infer(p, room_in(p, lent), inputs, found)
+    for o in range(len(values)):
+        values[o] = found[0, o]
+    return status
 
 
 @compiled
@@ -320,17 +364,38 @@ def infer_rows(
     each, x, levels = np.empty(found.shape[1:]), np.empty(rows.shape[1]), 0.0
     found[:] = 0.0
     for k in range(len(planes)):
-        p = Packed(numbers[planes[k, 0] : planes[k, 1]], integers[planes[k, 2] : planes[k, 3]])
+        p = Packed(
+            borrowed(numbers)[planes[k, 0] : planes[k, 1]],
+            borrowed(integers)[planes[k, 2] : planes[k, 3]],
+        )
         level = numbers_of(p, 2)[0]
         levels += level
-        for r in range(len(rows)):
-            x[:] = rows[r]
-            status = admitted(p, x)
-            if status == FINE:
-                status = infer(p, x, each)
-            if status != FINE:
-                return status, r
-            found[r] += level * each
+        status, row = _add_plane(p, np.empty(room_size(p)), level, rows, x, each, found)
+        if status != FINE:
+            return status, row
     if len(planes) > 1:
         found /= levels
+    return FINE, len(rows)
+
+
+@compiled
+def _add_plane(  # noqa: PLR0917
+    p: Packed,
+    space: Float[Array, " numbers"],
+    level: float,
+    rows: Float[Array, "rows inputs"],
+    owned_x: Float[Array, " inputs"],
+    owned_each: Float[Array, "3 outputs"],
+    found: Float[Array, "rows 3 outputs"],
+) -> tuple[int, int]:
+    room, x, each = room_in(p, space), borrowed(owned_x), borrowed(owned_each)
+    for r in range(len(rows)):
+        for i in range(len(x)):
+            x[i] = rows[r, i]
+        status = infer(p, room, x, each)
+        if status != FINE:
+            return status, r
+        for i in range(3):
+            for o in range(each.shape[1]):
+                found[r, i, o] += level * each[i, o]
     return FINE, len(rows)

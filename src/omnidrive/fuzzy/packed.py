@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
+from omnidrive.fuzzy.views import part
 
 Array = np.ndarray
 
@@ -41,10 +42,10 @@ def pack(arrays: Sequence[Array]) -> Packed:
 @compiled
 def numbers_of(packed: Packed, k: int) -> Float[Array, " numbers"]:
     """Array ``k``, which holds numbers."""
-    return packed.numbers[packed.integers[2 * k] : packed.integers[2 * k + 1]]
+    return part(packed.numbers, packed.integers[2 * k], packed.integers[2 * k + 1])
 
 
 @compiled
 def integers_of(packed: Packed, k: int) -> Int[Array, " integers"]:
     """Array ``k``, which holds integers."""
-    return packed.integers[packed.integers[2 * k] : packed.integers[2 * k + 1]]
+    return part(packed.integers, packed.integers[2 * k], packed.integers[2 * k + 1])

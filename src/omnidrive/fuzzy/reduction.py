@@ -5,34 +5,24 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.compiled import compiled
+from omnidrive.compiled import compiled, compiled_sums
+from omnidrive.fuzzy.views import part
 
 Array = np.ndarray
 
 KM, EKM, EIASC, IASC, NIE_TAN = range(5)  # the order of system.ALGORITHMS
 
 
-@compiled
+@compiled_sums
 def moments(
     at: Float[Array, " points"], weights: Float[Array, " points"], begin: int, end: int
 ) -> tuple[float, float]:
-    """Sum of the weights, and of weight times point, of the points from ``begin`` up to ``end``.
-
-    Four sums side by side: a processor adds them at once.
-    """
-    a0, a1, a2, a3 = 0.0, 0.0, 0.0, 0.0
-    m0, m1, m2, m3 = 0.0, 0.0, 0.0, 0.0
-    x, w = at[begin:end], weights[begin:end]
-    fours = len(w) // 4
-    for k in range(fours):
-        i = 4 * k
-        a0, m0 = a0 + w[i], m0 + w[i] * x[i]
-        a1, m1 = a1 + w[i + 1], m1 + w[i + 1] * x[i + 1]
-        a2, m2 = a2 + w[i + 2], m2 + w[i + 2] * x[i + 2]
-        a3, m3 = a3 + w[i + 3], m3 + w[i + 3] * x[i + 3]
-    for i in range(4 * fours, len(w)):
-        a0, m0 = a0 + w[i], m0 + w[i] * x[i]
-    return (a0 + a1) + (a2 + a3), (m0 + m1) + (m2 + m3)
+    """Sum of the weights, and of weight times point, of the points from ``begin`` up to ``end``."""
+    area, moment, x, w = 0.0, 0.0, part(at, begin, end), part(weights, begin, end)
+    for i in range(len(x)):
+        area += w[i]
+        moment += w[i] * x[i]
+    return area, moment
 
 
 @compiled
@@ -49,75 +39,75 @@ def reduced(
             same two numbers, in different numbers of steps; Nie-Tan gives one number between them.
         at: The points x, in ascending order.
         lower: Least weight of each point, not negative.
-        upper: Greatest weight of each point, at least one of them positive.
+        upper: Greatest weight of each point; if all are zero, so there is no mean, it is nan.
     """
-    if algorithm in (KM, EKM):
-        sums = running_sums(at, lower, upper)
-        return _switched(algorithm, 2.4, at, sums, 1), _switched(algorithm, 1.7, at, sums, 0)
-    return least(algorithm, at, lower, upper), greatest(algorithm, at, lower, upper)
+    mean = middle(at, lower, upper)
+    if algorithm == KM and not np.isnan(mean):  # both begin at one point, with the same four sums
+        count = _left_of(at, mean, _place(at, mean))
+        (a, am), (b, bm) = moments(at, lower, 0, count), moments(at, lower, count, len(at))
+        (c, cm), (d, dm) = moments(at, upper, 0, count), moments(at, upper, count, len(at))
+        return (
+            _switched(at, upper, lower, count, c + b, cm + bm, 1),
+            _switched(at, lower, upper, count, a + d, am + dm, -1),
+        )
+    return (
+        least_from(mean, algorithm, at, lower, upper),
+        greatest_from(mean, algorithm, at, lower, upper),
+    )
 
 
 @compiled
-def least(
+def middle(
+    at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
+) -> float:
+    """Mean under the middles of the weights (Nie & Tan 2008); where Karnik & Mendel begin."""
+    (a, am), (b, bm) = moments(at, lower, 0, len(at)), moments(at, upper, 0, len(at))
+    return (am + bm) / (a + b) if b > 0.0 else np.nan
+
+
+@compiled
+def least_from(
+    mean: float,
     algorithm: int,
     at: Float[Array, " points"],
     lower: Float[Array, " points"],
     upper: Float[Array, " points"],
 ) -> float:
-    """The least of :func:`reduced`: upper weights left of it, lower ones right of it."""
-    if algorithm == NIE_TAN:
-        return _middle(running_sums(at, lower, upper))
+    """The least of :func:`reduced`, given :func:`middle`: upper weights left of it, lower right."""
+    if algorithm == NIE_TAN or np.isnan(mean):
+        return mean
     if algorithm in (EIASC, IASC):
         return _scanned(at, upper, lower)
-    return _switched(algorithm, 2.4, at, running_sums(at, lower, upper), 1)
+    count = round(len(at) / 2.4) if algorithm == EKM else _left_of(at, mean, _place(at, mean))
+    return _switched(at, upper, lower, count, *_sums(at, upper, lower, count), 1)
 
 
 @compiled
-def greatest(
+def greatest_from(
+    mean: float,
     algorithm: int,
     at: Float[Array, " points"],
     lower: Float[Array, " points"],
     upper: Float[Array, " points"],
 ) -> float:
     """The greatest of :func:`reduced`: lower weights left of it, upper ones right of it."""
-    if algorithm == NIE_TAN:
-        return _middle(running_sums(at, lower, upper))
+    if algorithm == NIE_TAN or np.isnan(mean):
+        return mean
     if algorithm in (EIASC, IASC):  # from the left, IASC would subtract down to nothing
         return _scanned_back(at, lower, upper)
-    return _switched(algorithm, 1.7, at, running_sums(at, lower, upper), 0)
+    count = round(len(at) / 1.7) if algorithm == EKM else _left_of(at, mean, _place(at, mean))
+    return _switched(at, lower, upper, count, *_sums(at, lower, upper, count), -1)
 
 
 @compiled
-def running_sums(
-    at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
-) -> Float[Array, "sums 4"]:
-    """Sums over the points before each: lower weight, it times point, and of the upper weight."""
-    sums = np.empty((len(at) + 1, 4))
-    a, am, b, bm = 0.0, 0.0, 0.0, 0.0
-    for i in range(len(at)):
-        sums[i, 0], sums[i, 1], sums[i, 2], sums[i, 3] = a, am, b, bm
-        x, low, high = at[i], lower[i], upper[i]
-        a, am, b, bm = a + low, am + low * x, b + high, bm + high * x
-    sums[len(at), 0], sums[len(at), 1] = a, am
-    sums[len(at), 2], sums[len(at), 3] = b, bm
-    return sums
-
-
-@compiled
-def _middle(sums: Float[Array, "sums 4"]) -> float:
-    """Mean under the middles of the weights (Nie & Tan 2008); where Karnik & Mendel begin."""
-    last = len(sums) - 1
-    middle: float = (sums[last, 1] + sums[last, 3]) / (sums[last, 0] + sums[last, 2])
-    return middle
-
-
-@compiled
-def _switched(
-    algorithm: int,
-    part: float,
+def _switched(  # noqa: PLR0917
     at: Float[Array, " points"],
-    sums: Float[Array, "sums 4"],
-    before: int,
+    before: Float[Array, " points"],
+    after: Float[Array, " points"],
+    count: int,
+    area: float,
+    moment: float,
+    inward: int,
 ) -> float:
     """Fixed point of the mean with one kind of weights left of it and the other right of it.
 
@@ -126,36 +116,53 @@ def _switched(
     of the weights; EKM's is a fixed part of the points (Wu & Mendel 2009).
 
     Args:
-        algorithm: KM or EKM.
-        part: By what EKM divides the number of points for its guess.
         at: The points.
-        sums: Their :func:`running_sums`.
-        before: 0 for lower weights left of the mean, 1 for upper ones.
+        before: Weights left of the mean.
+        after: Weights right of it.
+        count: How many points lie left of it, at first.
+        area: Sum of the weights if so.
+        moment: Sum of weight times point if so.
+        inward: From the end that is sought to the other: 1 for the least mean, -1 for the greatest.
     """
-    last = len(at)
-    p, q = 2 * before, 2 - 2 * before  # columns of the weights before and after the mean
-    count = round(last / part) if algorithm == EKM else _left_of(at, _middle(sums), last // 2)
+    last, exact = len(at), area
     mean: float = at[min(count, last - 1)]
     for _ in range(last + 1):
-        area = sums[count, p] + (sums[last, q] - sums[count, q])
         lost = area <= 0.0  # beyond all that weighs anything: then every lower weight is zero
-        while area <= 0.0 and 0 < count + before < last + 1:
-            count += 2 * before - 1
-            area = sums[count, p] + (sums[last, q] - sums[count, q])
+        while area <= 0.0 and 0 <= count + inward <= last:
+            k = count if inward > 0 else count - 1
+            area = inward * (before[k] - after[k])
+            moment, count = area * at[k], count + inward
         if area <= 0.0:
             break
-        mean = (sums[count, p + 1] + (sums[last, q + 1] - sums[count, q + 1])) / area
-        found = _left_of(at, mean, count)
-        if lost or found == count:
+        mean, begin = moment / area, count
+        if lost:
             break
-        count = found
+        while count < last and at[count] < mean:
+            change = before[count] - after[count]
+            area, moment, count = area + change, moment + change * at[count], count + 1
+        while count > 0 and at[count - 1] >= mean:
+            count -= 1
+            change = after[count] - before[count]
+            area, moment = area + change, moment + change * at[count]
+        if count == begin:
+            break
+        if area < 0.5 * exact:  # free of the rounding of what was taken away
+            area, moment = _sums(at, before, after, count)
+            exact = area
     return mean
+
+
+@compiled
+def _place(at: Float[Array, " points"], mean: float) -> int:
+    """About how many points lie left of ``mean``, which lies among them: if they are even."""
+    width = at[-1] - at[0]
+    return int((mean - at[0]) / width * len(at)) if width > 0.0 else 0
 
 
 @compiled
 def _left_of(at: Float[Array, " points"], mean: float, guess: int) -> int:
     """How many points lie left of ``mean``, sought from ``guess`` on."""
-    count = guess
+    count = min(max(guess, 0), len(at))
     while count < len(at) and at[count] < mean:
         count += 1
     while count > 0 and at[count - 1] >= mean:
@@ -171,7 +178,8 @@ def _sums(
     count: int,
 ) -> tuple[float, float]:
     """Sum of the weights and of weight times point, ``before`` for the first ``count`` points."""
-    (a, am), (b, bm) = moments(at, before, 0, count), moments(at, after, count, len(at))
+    a, am = moments(at, before, 0, count)
+    b, bm = moments(at, after, count, len(at))
     return a + b, am + bm
 
 

@@ -13,6 +13,7 @@ from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, disjoin
 from omnidrive.fuzzy.reduction import moments
 from omnidrive.fuzzy.sets import WHOLE, Plane
 from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.views import part
 
 Array = np.ndarray
 
@@ -41,14 +42,14 @@ def samples_of(
 @compiled
 def joined_by_max(
     heights: Float[Array, " shapes"],
-    degrees: Float[Array, "shapes samples"],
+    degrees: Float[Array, " shapes_of_samples"],
     cuts: bool,
     joined: Float[Array, " samples"],
-) -> bool:
-    """Fill in the greatest of the cut (or scaled) shapes; returns whether there is any."""
+) -> None:
+    """Fill in the greatest of the cut (or scaled) shapes."""
     joined[:] = 0.0
     for k in range(len(heights)):
-        height, shape = heights[k], degrees[k]
+        height, shape = heights[k], part(degrees, k * len(joined), (k + 1) * len(joined))
         if height > 0.0:
             if cuts:
                 for i in range(len(joined)):
@@ -56,7 +57,6 @@ def joined_by_max(
             else:
                 for i in range(len(joined)):
                     joined[i] = max(joined[i], height * shape[i])
-    return _any(joined)
 
 
 @compiled
@@ -64,9 +64,9 @@ def joined_by_rule(
     c: Conclusions,
     output: int,
     strengths: Float[Array, " rules"],
-    degrees: Float[Array, "shapes samples"],
+    degrees: Float[Array, " shapes_of_samples"],
     joined: Float[Array, " samples"],
-) -> bool:
+) -> None:
     """As :func:`joined_by_max`, by another aggregation, to which every rule adds its conclusion."""
     outputs, aggregation, cuts = (
         len(c.aggregations),
@@ -77,39 +77,34 @@ def joined_by_rule(
     for r in range(len(strengths)):
         k, strength = c.shapes[r * outputs + output], strengths[r]
         if k >= 0 and strength > 0.0:
+            shape = part(degrees, k * len(joined), (k + 1) * len(joined))
             for i in range(len(joined)):
-                each = min(strength, degrees[k, i]) if cuts else strength * degrees[k, i]
+                each = min(strength, shape[i]) if cuts else strength * shape[i]
                 joined[i] = disjoin(aggregation, joined[i], each)
-    return _any(joined)
-
-
-@compiled
-def _any(degrees: Float[Array, " samples"]) -> bool:
-    for each in degrees:  # noqa: SIM110 - a generator would not compile to as little
-        if each > 0.0:
-            return True
-    return False
 
 
 @compiled
 def sampled_value(
     defuzzifier: int, at: Float[Array, " samples"], degrees: Float[Array, " samples"]
 ) -> float:
-    """One number for a conclusion on samples, by Matlab's rules (its ``defuzz``).
+    """One number for a conclusion on samples, by Matlab's rules (its ``defuzz``); nan for none.
 
     The centroid is ``sum(degree x)/sum(degree)``; the bisector is the first sample at which half
     of the sum is reached; maxima are the samples of the greatest degree.
     """
     if defuzzifier == CENTROID:
         area, moment = moments(at, degrees, 0, len(at))
-        return moment / area
+        return moment / area if area > 0.0 else np.nan
+    top = degrees.max()
+    if top <= 0.0:
+        return np.nan
     if defuzzifier == BISECTOR:
         half, running = 0.5 * degrees.sum(), 0.0
         for i in range(len(at)):
             running += degrees[i]
             if running >= half:
                 return float(at[i])
-    return of_maxima(defuzzifier, at[degrees == degrees.max()])
+    return of_maxima(defuzzifier, at[degrees == top])
 
 
 @compiled

@@ -96,26 +96,26 @@ def _bounds(
     s: Sets, at: Float[Array, " points"]
 ) -> tuple[Float[Array, "sets points"], Float[Array, "sets points"]]:
     lower, upper = np.empty((len(s.lower), len(at))), np.empty((len(s.lower), len(at)))
-    x = np.empty(1)
+    x, degrees = np.empty(1), np.empty((2, len(s.lower)))
     for i in range(len(at)):
         x[0] = at[i]
-        degrees = fuzzify(s, x, 0, True)
+        fuzzify(s, x, True, degrees)
         lower[:, i], upper[:, i] = degrees[0], degrees[1]
     return lower, upper
 
 
 @compiled
 def fuzzify(
-    s: Sets, x: Float[Array, " variables"], room: int, uncertain: bool
-) -> Float[Array, "2 degrees"]:
-    """Lower and upper degree of every set, with room for more; only upper unless ``uncertain``."""
+    s: Sets, x: Float[Array, " variables"], uncertain: bool, degrees: Float[Array, "2 degrees"]
+) -> None:
+    """Fill in the lower and upper degree of every set; they are equal unless ``uncertain``."""
     curves = Curves(s.kernels, s.parameters, s.points)
     first_set, lower, footprints = s.first_set, s.lower, s.footprints
-    degrees = np.empty((2, len(lower) + room))
     for i in range(len(x)):
         for k in range(first_set[i], first_set[i + 1]):
             high = degree(curves, k, x[i])
-            if uncertain:
+            low = high
+            if uncertain and (high > 0.0 or lower[k] != k):
                 base = high if lower[k] == k else degree(curves, lower[k], x[i])
                 lag = (
                     footprints[5 * k + 1] if x[i] < footprints[5 * k + 3] else footprints[5 * k + 2]
@@ -125,6 +125,4 @@ def fuzzify(
                 if width < 1.0:
                     middle, half = 0.5 * (low + high), 0.5 * width * (high - low)
                     low, high = middle - half, middle + half
-                degrees[0, k] = low
-            degrees[1, k] = high
-    return degrees
+            degrees[0, k], degrees[1, k] = low, high

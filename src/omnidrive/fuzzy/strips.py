@@ -73,7 +73,7 @@ def strips_centroid(
     Args:
         corners: Of all shapes, as in :class:`Strips`.
         first: First shape of the output.
-        heights: Where each shape of the output is cut, 0 to 1; not all zero.
+        heights: Where each shape of the output is cut, 0 to 1; where none is, the result is nan.
     """
     area, moment = 0.0, 0.0
     for k in range(len(heights)):
@@ -100,7 +100,7 @@ def strips_centroid(
                 da, dm = _strip(a, rise, end, fall, between, top)
                 area, moment = area - da, moment - dm
             between = max(between, heights[i])
-    return moment / area
+    return moment / area if area > 0.0 else np.nan
 
 
 @compiled

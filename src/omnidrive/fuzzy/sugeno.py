@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
-from omnidrive.fuzzy.reduction import greatest, least
+from omnidrive.fuzzy.reduction import reduced
 from omnidrive.fuzzy.system import FuzzySystem, LinearFunction
 
 Array = np.ndarray
@@ -55,8 +55,10 @@ def sugeno_interval(  # noqa: PLR0917
         algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
         x: The inputs.
         lower: Sum of the least strengths of the rules that conclude each function of the output.
-        upper: Sum of their greatest strengths; not all zero.
+        upper: Sum of their greatest strengths; where all are zero, the output is nan.
     """
+    if upper.sum() <= 0.0:
+        return np.nan, np.nan
     count, width = len(lower), len(x) + 1
     values = np.empty(count)
     for k in range(count):
@@ -73,7 +75,4 @@ def sugeno_interval(  # noqa: PLR0917
         return low, high
     order = np.argsort(values)
     at, low_weights, high_weights = values[order], lower[order], upper[order]
-    return (
-        least(algorithm, at, low_weights, high_weights),
-        greatest(algorithm, at, low_weights, high_weights),
-    )
+    return reduced(algorithm, at, low_weights, high_weights)
