@@ -327,12 +327,10 @@ def _value_in(
     x: tuple[float, ...],
     values: Float[Array, " outputs"],
 ) -> int:
-    begin, lent = room_size(p), borrowed(space)
-    inputs = part(lent, begin, begin + len(x))
+    inputs, found = _ends(p, space, len(x), len(values))
     for i in range(len(x)):
         inputs[i] = x[i]
-    found = table(lent, begin + len(x), 3, len(values))
-    status = infer(p, room_in(p, lent), inputs, found)
+    status = infer(p, room_in(p, space), inputs, found)
     for o in range(len(values)):
         values[o] = found[0, o]
     return status
@@ -361,16 +359,15 @@ def infer_rows(
     Returns:
         A status; the first row that is not fine, or the number of rows.
     """
-    each, x, levels = np.empty(found.shape[1:]), np.empty(rows.shape[1]), 0.0
-    found[:] = 0.0
+    levels, inputs, outputs = 0.0, rows.shape[1], found.shape[2]
     for k in range(len(planes)):
         p = Packed(
             borrowed(numbers)[planes[k, 0] : planes[k, 1]],
             borrowed(integers)[planes[k, 2] : planes[k, 3]],
         )
-        level = numbers_of(p, 2)[0]
-        levels += level
-        status, row = _add_plane(p, np.empty(room_size(p)), level, rows, x, each, found)
+        levels += numbers_of(p, 2)[0]
+        space = np.empty(room_size(p) + inputs + 3 * outputs)
+        status, row = _infer_plane(p, space, rows, k > 0, found)
         if status != FINE:
             return status, row
     if len(planes) > 1:
@@ -379,23 +376,34 @@ def infer_rows(
 
 
 @compiled
-def _add_plane(  # noqa: PLR0917
+def _infer_plane(
     p: Packed,
     space: Float[Array, " numbers"],
-    level: float,
     rows: Float[Array, "rows inputs"],
-    owned_x: Float[Array, " inputs"],
-    owned_each: Float[Array, "3 outputs"],
+    further: bool,
     found: Float[Array, "rows 3 outputs"],
 ) -> tuple[int, int]:
-    room, x, each = room_in(p, space), borrowed(owned_x), borrowed(owned_each)
+    """Fill in, or add to what is there, what one plane finds, times its level; status and row."""
+    level, inputs, outputs = numbers_of(p, 2)[0], rows.shape[1], found.shape[2]
+    x, each = _ends(p, space, inputs, outputs)
+    room = room_in(p, space)
     for r in range(len(rows)):
-        for i in range(len(x)):
+        for i in range(inputs):
             x[i] = rows[r, i]
         status = infer(p, room, x, each)
         if status != FINE:
             return status, r
         for i in range(3):
-            for o in range(each.shape[1]):
-                found[r, i, o] += level * each[i, o]
+            for o in range(outputs):
+                before = found[r, i, o] if further else 0.0
+                found[r, i, o] = before + level * each[i, o]
     return FINE, len(rows)
+
+
+@compiled
+def _ends(
+    p: Packed, space: Float[Array, " numbers"], inputs: int, outputs: int
+) -> tuple[Float[Array, " inputs"], Float[Array, "3 outputs"]]:
+    """Place for inputs and for outputs in ``space``, after what :func:`room_in` takes."""
+    begin = room_size(p)
+    return part(space, begin, begin + inputs), table(space, begin + inputs, 3, outputs)
