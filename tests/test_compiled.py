@@ -9,8 +9,10 @@ from pathlib import Path
 import omnidrive
 
 PROGRAM = """
-from omnidrive.control.pid import fuzzy_tuner
-print(fuzzy_tuner("t1", "paper")(0.4, -0.3))
+import numpy as np
+from omnidrive.fuzzy import FuzzySet, Membership
+from omnidrive.fuzzy.sets import bounds
+print(bounds([FuzzySet("low", Membership("trimf", (0.0, 1.0, 2.0)))], np.array([0.4])))
 """
 
 

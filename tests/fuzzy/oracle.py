@@ -116,7 +116,9 @@ def bounds(each, x, plane=None):
     lower = upper
     if isinstance(each.lower, Footprint):
         left, right = each.lower.lags
-        lag = np.where(x < peak(each.upper), left, right)
+        lag = np.select(
+            [x < peak(each.upper), x > peak(each.upper)], [left, right], min(left, right)
+        )
         lower = each.lower.scale * np.maximum(0.0, (upper - lag) / (1.0 - lag))
     elif each.lower is not None:
         lower = curve(each.lower, x)
@@ -244,7 +246,7 @@ def centroid(system, inputs, samples=101, plane=None):
     """Value, least, greatest of each output by samples of the joined conclusions."""
     found = []
     for output in system.outputs:
-        at = np.linspace(output.low, output.high, samples)
+        at = even(output, samples)
         lower, upper = aggregate(system, output, inputs, at, plane)
         if upper.max() <= 0:
             middle = (output.low + output.high) / 2
@@ -285,7 +287,7 @@ def centre_of_sets(system, inputs, samples=101):
     """Value, least, greatest of each output from the centroids of the sets concluded."""
     found = []
     for output in system.outputs:
-        at = np.linspace(output.low, output.high, samples)
+        at = even(output, samples)
         ends, lower, upper = [], [], []
         for each, negated, low, high in conclusions(system, output, inputs):
             curves = bounds(each, at)
@@ -377,6 +379,13 @@ def points_in(system, rng, count, beyond=0.0):
     low = np.array([v.low for v in system.inputs])
     width = np.array([v.high for v in system.inputs]) - low
     return low + width * (rng.random((count, len(low))) * (1 + 2 * beyond) - beyond)
+
+
+def even(variable, count):
+    """Even samples of its range, those on one side of the middle as far from it as the others."""
+    middle, half = (variable.low + variable.high) / 2, (variable.high - variable.low) / 2
+    inner = middle + half * (np.arange(1 - count, count, 2) / (count - 1))[1:-1]
+    return np.concatenate([[variable.low], inner, [variable.high]])
 
 
 def spans(system):

@@ -36,7 +36,9 @@ _PRINTABLE = st.characters(exclude_categories=("C", "Z"))
 
 PRINTABLE_NAMES = (
     IDENTIFIERS
-    | st.builds("".join, st.tuples(_PRINTABLE, st.text(_PRINTABLE | st.just(" ")), _PRINTABLE))
+    | st.builds(
+        "".join, st.tuples(_PRINTABLE, st.text(_PRINTABLE | st.just(" "), max_size=20), _PRINTABLE)
+    )
     | st.sampled_from(["it's", "very", "IS", "a b", "x%y", "x#y", "//", "a:b", "[a]", '"', "'"])
 )
 """All that the model allows."""

@@ -92,7 +92,7 @@ def test_mamdani_on_samples_is_what_the_book_says(system, seed):
 def well_posed(system, x):
     """Whether every output is clearly spoken of or clearly not, beyond what rounding decides."""
     for output in system.outputs:
-        at = np.linspace(output.low, output.high, 41)
+        at = oracle.even(output, 41)
         top = oracle.aggregate(system, output, x, at)[1].max()
         if 0.0 < top < 1e-6:
             return False
@@ -132,7 +132,7 @@ def test_other_defuzzifiers_on_samples_are_matlabs(system, seed):
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
         found = run(*x)
         for value, output in zip(found, system.outputs, strict=True):
-            at = np.linspace(output.low, output.high, 41)
+            at = oracle.even(output, 41)
             y = oracle.aggregate(system, output, x, at)[1]
             assume(y.max() == 0 or y.max() > 1e-6)
             if y.max() > 0:

@@ -54,7 +54,7 @@ def blunted(system):
 def clearly_fires(system, x):
     """Every output is concluded about: peers answer 0, or nothing, where none is."""
     for output in system.outputs:
-        at = np.linspace(output.low, output.high, 101)
+        at = oracle.even(output, 101)
         if oracle.aggregate(system, output, x, at)[1].max() < 1e-4:
             return False
     return True
@@ -279,7 +279,7 @@ def test_pyit2fls_agrees_on_type_2(system, seed, method, algorithm):
     assume(clearly_fires(system, x))
     output = system.outputs[0]
     assume(output.high - output.low > 1.0)  # its KM stops within 1e-6, however narrow the range
-    at = np.linspace(output.low, output.high, 101)
+    at = oracle.even(output, 101)
     lower = oracle.aggregate(system, output, x, at)[0]
     # where nothing is sure, it takes the second and the last but one point for the ends
     assume(lower.max() > 1e-4)
@@ -291,7 +291,7 @@ def test_pyit2fls_agrees_on_type_2(system, seed, method, algorithm):
     peer = pyit2fls.IT2Mamdani(norm, pyit2fls.max_s_norm, method=method[0], algorithm=algorithm)
     sets = {}
     for v in system.variables:
-        domain = np.linspace(v.low, v.high, 101)
+        domain = oracle.even(v, 101)
         for s in v.sets:
             mf, upper, low = pyit2fls_curves(s)
             sets[v.name, s.name] = pyit2fls.IT2FS(domain, mf, upper, mf, low)

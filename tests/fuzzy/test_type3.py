@@ -72,7 +72,7 @@ def test_it_is_the_mean_of_its_planes_weighted_by_their_levels(system, seed, sli
     run = Inference(system, centroid="matlab", samples=21, slices=slices, algorithm=algorithm)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     output = system.outputs[0]
-    at = np.linspace(output.low, output.high, 21)
+    at = oracle.even(output, 21)
     for k in range(slices):
         for of_lower in (False, True):
             plane = ((k + 0.5) / slices, of_lower)

@@ -49,7 +49,7 @@ def steady(system, x, samples):
     """
     weights = []
     for output in system.outputs:
-        at = np.linspace(output.low, output.high, samples)
+        at = oracle.even(output, samples)
         weights += oracle.aggregate(system, output, x, at)
         for each, negated, *strengths in oracle.conclusions(system, output, x):
             degrees = oracle.bounds(each, at)
@@ -118,7 +118,7 @@ def test_the_interval_on_samples_is_what_the_book_says(system, seed):
     assume(spoken_of(system, x))
     found = run.batch(x[None])[:, 0]
     for output in system.outputs:
-        at = np.linspace(output.low, output.high, 31)
+        at = oracle.even(output, 31)
         low, high = oracle.aggregate(system, output, x, at)
         assume(high.max() == 0 or high.max() > 1e-6)
         assume(((low == 0) | (low > 1e-9)).all())  # where a weight ends decides the interval
@@ -136,7 +136,7 @@ def test_centre_of_sets_is_what_the_book_says(system, seed):
         found = list(oracle.conclusions(system, output, x))
         assume(all(u == 0 or u > 1e-6 for *_, u in found))
         assume(all(v == 0 or v > 1e-9 for *_, v, _ in found))
-        at = np.linspace(output.low, output.high, 31)
+        at = oracle.even(output, 31)
         for each, negated, *_ in found:
             low, high = oracle.bounds(each, at)
             low, high = (1 - high, 1 - low) if negated else (low, high)

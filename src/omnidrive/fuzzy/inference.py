@@ -130,6 +130,9 @@ class Inference:
             raise self._refusal(status, cast("tuple[float, ...]", inputs))
         return values
 
+    def __getstate__(self) -> dict[str, object]:
+        return {k: v for k, v in vars(self).items() if k != "_value_of_one"}  # belongs to a process
+
     def interval(self, *inputs: float) -> tuple[Float[Array, " outputs"], Float[Array, " outputs"]]:
         """Least and greatest value of every output, for one number per input.
 

@@ -34,9 +34,20 @@ def samples_of(
     system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], count: int, plane: Plane = WHOLE
 ) -> Samples:
     """``count`` samples of each output of a system."""
-    at = [np.linspace(output.low, output.high, count) for output in system.outputs]
+    at = [_even(output.low, output.high, count) for output in system.outputs]
     pairs = [shape.bounds(at[o], plane) for o in range(len(system.outputs)) for shape in shapes[o]]
     return Samples(np.concatenate(at), np.array(pairs).transpose(1, 0, 2).ravel())
+
+
+def _even(low: float, high: float, count: int) -> Float[Array, " samples"]:
+    """Even samples, as far from the middle on either side to the last digit.
+
+    So a symmetric system is odd even where a set begins with a step at the middle.
+    """
+    part = np.arange(1 - count, count, 2) / (count - 1)
+    at: Array = 0.5 * (low + high) + 0.5 * (high - low) * part
+    at[0], at[-1] = low, high
+    return at
 
 
 @compiled

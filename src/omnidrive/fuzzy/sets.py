@@ -117,12 +117,14 @@ def fuzzify(
             low = high
             if uncertain and (high > 0.0 or lower[k] != k):
                 base = high if lower[k] == k else degree(curves, lower[k], x[i])
-                lag = (
-                    footprints[5 * k + 1] if x[i] < footprints[5 * k + 3] else footprints[5 * k + 2]
-                )
+                lag, right, middle = (
+                    footprints[5 * k + 1], footprints[5 * k + 2], footprints[5 * k + 3]
+                )  # fmt: skip
+                if x[i] >= middle:
+                    lag = right if x[i] > middle else min(lag, right)
                 low = footprints[5 * k] * max(0.0, (base - lag) / (1.0 - lag))
                 width = footprints[5 * k + 4]
                 if width < 1.0:
-                    middle, half = 0.5 * (low + high), 0.5 * width * (high - low)
-                    low, high = middle - half, middle + half
+                    centre, half = 0.5 * (low + high), 0.5 * width * (high - low)
+                    low, high = centre - half, centre + half
             degrees[0, k], degrees[1, k] = low, high

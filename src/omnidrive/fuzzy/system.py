@@ -44,7 +44,7 @@ class Footprint:
     It is ``scale max(0, (upper - lag)/(1 - lag))``.
 
     On a straight side from a to b the lower function leaves zero at a + lag (b - a), as Matlab's
-    LowerScale and LowerLag say.
+    LowerScale and LowerLag say. At the middle itself the lesser lag counts.
 
     Attributes:
         scale: Peak of the lower function over that of the upper one, 0 to 1.

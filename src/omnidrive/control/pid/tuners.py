@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from math import isfinite, nan
 from typing import Literal
 
@@ -29,6 +29,7 @@ SLICES = 5
 range."""
 
 
+@cache
 def gain_inference(kind: Kind, preset: Preset) -> Inference:
     """The fuzzy system of a preset, ready to be evaluated.
 
