@@ -22,7 +22,7 @@ from rich.table import Table
 from omnidrive.control.pid import gain_tuning_system
 from omnidrive.control.pid.rules import published_rules
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, LookupSurface, Secondary
-from omnidrive.fuzzy.system import terms
+from omnidrive.fuzzy.rules import terms
 
 ROUNDS = 5
 CALLS = 20_000  # of ours per round

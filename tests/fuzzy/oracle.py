@@ -9,7 +9,8 @@ from math import inf
 
 import numpy as np
 
-from omnidrive.fuzzy.system import And, Footprint, FuzzySet, Is
+from omnidrive.fuzzy.rules import And, Is
+from omnidrive.fuzzy.variables import Footprint, FuzzySet
 
 
 def _trapezoid(x, a, b, c, d):

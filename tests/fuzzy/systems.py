@@ -8,20 +8,15 @@ from hypothesis import strategies as st
 from omnidrive.fuzzy.membership import SHAPES, Membership
 from omnidrive.fuzzy.norms import AGGREGATIONS, CONORMS, IMPLICATIONS, NORMS
 from omnidrive.fuzzy.rule_text import RESERVED, normalised
-from omnidrive.fuzzy.system import (
-    ALGORITHMS,
+from omnidrive.fuzzy.rules import HEDGES, And, Is, Or, Rule
+from omnidrive.fuzzy.system import ALGORITHMS, FuzzySystem
+from omnidrive.fuzzy.variables import (
     DEFUZZIFIERS,
-    HEDGES,
-    And,
     Footprint,
     FuzzySet,
-    FuzzySystem,
     InputVariable,
-    Is,
     LinearFunction,
-    Or,
     OutputVariable,
-    Rule,
     Secondary,
 )
 

@@ -10,15 +10,14 @@ from hypothesis import strategies as st
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.system import (
+from omnidrive.fuzzy.rules import Is, Rule
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import (
     Footprint,
     FuzzySet,
-    FuzzySystem,
     InputVariable,
-    Is,
     LinearFunction,
     OutputVariable,
-    Rule,
     Secondary,
 )
 from tests.fuzzy import oracle

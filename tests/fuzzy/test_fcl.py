@@ -10,7 +10,8 @@ from omnidrive.fuzzy.files.fcl_words import RESERVED
 from omnidrive.fuzzy.files.fll_terms import FUNCTIONS
 from omnidrive.fuzzy.files.polyline import simplest
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.system import And, Footprint, FuzzySet, Is, LinearFunction, Or
+from omnidrive.fuzzy.rules import And, Is, Or
+from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction
 from tests.fuzzy.mutations import mutated
 from tests.fuzzy.systems import IDENTIFIERS, systems
 

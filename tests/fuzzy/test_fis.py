@@ -13,17 +13,14 @@ from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files import GapWarning, load, save
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
 from omnidrive.fuzzy.membership import SHAPES, Membership
-from omnidrive.fuzzy.system import (
-    And,
+from omnidrive.fuzzy.rules import And, Is, Or, Rule
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import (
     Footprint,
     FuzzySet,
-    FuzzySystem,
     InputVariable,
-    Is,
     LinearFunction,
-    Or,
     OutputVariable,
-    Rule,
     Secondary,
 )
 from tests.fuzzy.systems import PRINTABLE_NAMES, systems

@@ -9,7 +9,8 @@ from omnidrive.errors import InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files.fll import read_fll, write_fll
 from omnidrive.fuzzy.files.fll_terms import FUNCTIONS
 from omnidrive.fuzzy.membership import SHAPES, Membership
-from omnidrive.fuzzy.system import And, Footprint, Is, LinearFunction, Or
+from omnidrive.fuzzy.rules import And, Is, Or
+from omnidrive.fuzzy.variables import Footprint, LinearFunction
 from tests.fuzzy.mutations import mutated
 from tests.fuzzy.systems import IDENTIFIERS, systems
 

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files.fml import read_fml, write_fml
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.system import And, Footprint, Is, LinearFunction, Or
+from omnidrive.fuzzy.rules import And, Is, Or
+from omnidrive.fuzzy.variables import Footprint, LinearFunction
 from tests.fuzzy.mutations import mutated
 from tests.fuzzy.systems import PRINTABLE_NAMES, systems
 

@@ -11,17 +11,9 @@ from hypothesis import strategies as st
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.system import (
-    HEDGES,
-    And,
-    FuzzySet,
-    FuzzySystem,
-    InputVariable,
-    Is,
-    LinearFunction,
-    OutputVariable,
-    Rule,
-)
+from omnidrive.fuzzy.rules import HEDGES, And, Is, Rule
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import FuzzySet, InputVariable, LinearFunction, OutputVariable
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 from tests.shared_data import shared, shared_table

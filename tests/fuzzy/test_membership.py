@@ -19,7 +19,7 @@ from omnidrive.fuzzy.norms import (
     hedged,
 )
 from omnidrive.fuzzy.sets import bounds
-from omnidrive.fuzzy.system import Footprint, FuzzySet, Secondary
+from omnidrive.fuzzy.variables import Footprint, FuzzySet, Secondary
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import fuzzy_sets, memberships
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.system import And, Footprint, Is, Or
+from omnidrive.fuzzy.rules import And, Is, Or
+from omnidrive.fuzzy.variables import Footprint
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 

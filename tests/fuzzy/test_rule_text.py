@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.place import Place
 from omnidrive.fuzzy.rule_text import MAX_LENGTH, normalised, parse_rule, rule_text
-from omnidrive.fuzzy.system import MAX_DEPTH, And, Is, Or, Rule
+from omnidrive.fuzzy.rules import MAX_DEPTH, And, Is, Or, Rule
 from tests.fuzzy.systems import PRINTABLE_NAMES, rules, systems
 
 A, B, C = Is("a", "low"), Is("b", "high", ("not", "very")), Is("c", "mid")

@@ -9,7 +9,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.surface import MAX_NODES, LookupSurface
-from omnidrive.fuzzy.system import Footprint
+from omnidrive.fuzzy.variables import Footprint
 from tests.shared_data import shared
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
-from omnidrive.fuzzy.system import Footprint, FuzzySet, Secondary
+from omnidrive.fuzzy.variables import Footprint, FuzzySet, Secondary
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 from tests.shared_data import shared

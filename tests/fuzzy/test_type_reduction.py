@@ -11,7 +11,8 @@ from omnidrive.fuzzy.exact import exact_interval
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.reduction import reduced
-from omnidrive.fuzzy.system import ALGORITHMS, Footprint
+from omnidrive.fuzzy.system import ALGORITHMS
+from omnidrive.fuzzy.variables import Footprint
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 from tests.shared_data import shared, shared_table

@@ -27,9 +27,10 @@ from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, load, save
+from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.compilation import Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.fuzzy.csv_rows import evaluate_csv
-from omnidrive.fuzzy.system import ALGORITHMS, nearest
+from omnidrive.fuzzy.system import ALGORITHMS
 from omnidrive.yaml_file import one_line
 
 fuzzy = typer.Typer(

@@ -4,18 +4,15 @@ from omnidrive.fuzzy.files import GapWarning, load, save
 from omnidrive.fuzzy.inference import Fired, Inference
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rule_text import parse_rule, rule_text
+from omnidrive.fuzzy.rules import And, Is, Or, Rule
 from omnidrive.fuzzy.surface import LookupSurface
-from omnidrive.fuzzy.system import (
-    And,
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import (
     Footprint,
     FuzzySet,
-    FuzzySystem,
     InputVariable,
-    Is,
     LinearFunction,
-    Or,
     OutputVariable,
-    Rule,
     Secondary,
 )
 

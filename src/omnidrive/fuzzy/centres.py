@@ -9,7 +9,8 @@ from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
-from omnidrive.fuzzy.exact import exact_interval, lines_of, polyline
+from omnidrive.fuzzy.exact import exact_interval, polyline
+from omnidrive.fuzzy.lines import lines_of
 from omnidrive.fuzzy.reduction import KM, greatest_from, least_from, middle, reduced
 from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.sets import WHOLE, Plane

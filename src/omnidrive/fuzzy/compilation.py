@@ -11,7 +11,6 @@ from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.centres import centres_of
 from omnidrive.fuzzy.conclusions import conclusions_of
 from omnidrive.fuzzy.conditions import conditions_of
-from omnidrive.fuzzy.exact import lines_of, why_not_exact
 from omnidrive.fuzzy.kernels import (
     AS_IS,
     CENTRE_OF_SETS,
@@ -20,9 +19,9 @@ from omnidrive.fuzzy.kernels import (
     REFUSE,
     SAMPLED,
     SUGENO,
-    Frame,
-    parts,
 )
+from omnidrive.fuzzy.layout import Frame, parts
+from omnidrive.fuzzy.lines import lines_of, why_not_exact
 from omnidrive.fuzzy.packed import Packed, pack
 from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.sets import WHOLE, Plane, sets_of

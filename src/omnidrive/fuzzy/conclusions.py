@@ -10,7 +10,8 @@ from jaxtyping import Float, Int
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS
 from omnidrive.fuzzy.sets import WHOLE, Plane, bounds
-from omnidrive.fuzzy.system import DEFUZZIFIERS, FuzzySet, FuzzySystem, LinearFunction
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import DEFUZZIFIERS, FuzzySet, LinearFunction
 
 Array = np.ndarray
 

@@ -9,7 +9,8 @@ from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import CONORMS, HEDGE_CODES, NORMS, conjoin, disjoin, hedged
-from omnidrive.fuzzy.system import And, Condition, FuzzySystem, Is
+from omnidrive.fuzzy.rules import And, Condition, Is
+from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.views import part
 
 Array = np.ndarray

@@ -17,8 +17,8 @@ from jaxtyping import Float
 from pyarrow import csv as arrow
 
 from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.inference import Inference
-from omnidrive.fuzzy.system import nearest
 from omnidrive.yaml_file import one_line, shown
 
 Array = np.ndarray

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from omnidrive.compiled import entry_point
 from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.compilation import (
     MAX_SAMPLES,
     MAX_SLICES,
@@ -23,7 +24,6 @@ from omnidrive.fuzzy.compilation import (
     Reduction,
     compile_system,
 )
-from omnidrive.fuzzy.exact import why_not_exact
 from omnidrive.fuzzy.kernels import (
     NO_RULE,
     NOT_FINITE,
@@ -31,7 +31,9 @@ from omnidrive.fuzzy.kernels import (
     rule_strengths,
     value_of_one,
 )
-from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem, Rule, nearest
+from omnidrive.fuzzy.lines import why_not_exact
+from omnidrive.fuzzy.rules import Rule
+from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
 
 Array = np.ndarray
 

@@ -10,8 +10,9 @@ from jaxtyping import Float
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.compilation import slices
 from omnidrive.fuzzy.conclusions import Conclusions, Shape, conclusions_of, strongest
-from omnidrive.fuzzy.exact import lines_of, polyline
+from omnidrive.fuzzy.exact import polyline
 from omnidrive.fuzzy.inference import Fired, Inference
+from omnidrive.fuzzy.lines import lines_of
 from omnidrive.fuzzy.norms import AGGREGATIONS
 from omnidrive.fuzzy.sampled import MAX, joined_by_max, joined_by_rule, samples_of
 from omnidrive.fuzzy.sets import WHOLE, Plane

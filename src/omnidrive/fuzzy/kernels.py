@@ -2,31 +2,51 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.centres import Centres, centre_of_sets
-from omnidrive.fuzzy.conclusions import Conclusions, strongest, summed
-from omnidrive.fuzzy.conditions import Conditions, fire
-from omnidrive.fuzzy.exact import Lines, exact_interval, exact_value, polyline
+from omnidrive.fuzzy.centres import centre_of_sets
+from omnidrive.fuzzy.conclusions import strongest, summed
+from omnidrive.fuzzy.conditions import fire
+from omnidrive.fuzzy.exact import exact_interval, exact_value, polyline
+from omnidrive.fuzzy.layout import (
+    ALGORITHM,
+    BEYOND,
+    FALLBACKS,
+    HOW,
+    LEVELS,
+    POINTS,
+    RANGES,
+    REST,
+    SILENT,
+    SWITCHES,
+    UNCERTAIN,
+    Room,
+    centres_in,
+    conclusions_in,
+    conditions_in,
+    ends_in,
+    lines_in,
+    room_in,
+    room_size,
+    samples_in,
+    sets_in,
+)
 from omnidrive.fuzzy.packed import Packed, integers_of, numbers_of
 from omnidrive.fuzzy.reduction import reduced
 from omnidrive.fuzzy.sampled import (
     MAX,
     MIN,
     WTSUM,
-    Samples,
     joined_by_max,
     joined_by_rule,
     sampled_value,
 )
-from omnidrive.fuzzy.sets import Sets, fuzzify
+from omnidrive.fuzzy.sets import fuzzify
 from omnidrive.fuzzy.strips import strips_centroid
 from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
-from omnidrive.fuzzy.views import borrowed, part, table
+from omnidrive.fuzzy.views import borrowed, part
 
 Array = np.ndarray
 
@@ -35,160 +55,31 @@ CLAMP, AS_IS, REFUSE = range(3)
 FINE, NOT_FINITE, OUT_OF_RANGE, NO_RULE = range(4)
 
 
-class Frame(NamedTuple):
-    """What surrounds the inference proper."""
-
-    ranges: Float[Array, " range_ends"]
-    """Low and high of each input."""
-    fallbacks: Float[Array, " outputs"]
-    """Value of each output where no rule fires."""
-    levels: Float[Array, " 1"]
-    """Weight of this plane in a system of type 3; 1 otherwise."""
-    switches: Int[Array, " 6"]
-    """How conclusions are found, whether the system is uncertain, the algorithm of type reduction,
-    what happens to inputs out of range, where no rule fires, and :attr:`Room.points`' length."""
-
-
-class Room(NamedTuple):
-    """Where a system notes what it finds on the way: lower values, then upper ones."""
-
-    degrees: Float[Array, "2 degrees"]
-    """Of sets and of nodes."""
-    strengths: Float[Array, "2 rules"]
-    heights: Float[Array, "2 shapes"]
-    """Strength with which each shape is concluded."""
-    points: Float[Array, "2 points"]
-    """Weights of the samples, or of the centroids, of one output."""
-
-
-_SETS, _CONDITIONS, _CONCLUSIONS, _REST = 4, 10, 16, 21
-"""Where the arrays of :class:`Sets` and so on begin among those of a packed system."""
-
-
-def parts(
-    frame: Frame,
-    sets: Sets,
-    conditions: Conditions,
-    conclusions: Conclusions,
-    *rest: tuple[Array, ...],
-) -> list[Array]:
-    """The arrays of a system in the order in which the kernels unpack them."""
-    return [*frame, *sets, *conditions, *conclusions, *(a for each in rest for a in each)]
-
-
-@compiled
-def _sets(p: Packed) -> Sets:
-    return Sets(
-        integers_of(p, _SETS),
-        integers_of(p, _SETS + 1),
-        numbers_of(p, _SETS + 2),
-        numbers_of(p, _SETS + 3),
-        integers_of(p, _SETS + 4),
-        numbers_of(p, _SETS + 5),
-    )
-
-
-@compiled
-def _conditions(p: Packed) -> Conditions:
-    return Conditions(
-        integers_of(p, _CONDITIONS),
-        integers_of(p, _CONDITIONS + 1),
-        integers_of(p, _CONDITIONS + 2),
-        integers_of(p, _CONDITIONS + 3),
-        numbers_of(p, _CONDITIONS + 4),
-        integers_of(p, _CONDITIONS + 5),
-    )
-
-
-@compiled
-def _conclusions(p: Packed) -> Conclusions:
-    return Conclusions(
-        integers_of(p, _CONCLUSIONS),
-        integers_of(p, _CONCLUSIONS + 1),
-        integers_of(p, _CONCLUSIONS + 2),
-        integers_of(p, _CONCLUSIONS + 3),
-        integers_of(p, _CONCLUSIONS + 4),
-    )
-
-
-@compiled
-def _samples(p: Packed) -> Samples:
-    return Samples(numbers_of(p, _REST), numbers_of(p, _REST + 1))
-
-
-@compiled
-def _lines(p: Packed, begin: int) -> Lines:
-    return Lines(
-        integers_of(p, begin),
-        numbers_of(p, begin + 1),
-        integers_of(p, begin + 2),
-        integers_of(p, begin + 3),
-        numbers_of(p, begin + 4),
-    )
-
-
-@compiled
-def _centres(p: Packed) -> Centres:
-    return Centres(
-        numbers_of(p, _REST),
-        integers_of(p, _REST + 1),
-        numbers_of(p, _REST + 2),
-        integers_of(p, _REST + 3),
-    )
-
-
 @compiled
 def admitted(p: Packed, x: Float[Array, " inputs"]) -> int:
     """Bring inputs into their range, in place, if that is what happens to them; returns a status.
 
     What is not finite is refused always.
     """
-    ranges, switches = numbers_of(p, 0), integers_of(p, 3)
+    ranges, switches = numbers_of(p, RANGES), integers_of(p, SWITCHES)
     status = FINE
     for i in range(len(x)):
         low, high = ranges[2 * i], ranges[2 * i + 1]
         if not np.isfinite(x[i]):
             return NOT_FINITE
         if x[i] < low or x[i] > high:
-            if switches[3] == REFUSE:
+            if switches[BEYOND] == REFUSE:
                 status = OUT_OF_RANGE
-            elif switches[3] == CLAMP:
+            elif switches[BEYOND] == CLAMP:
                 x[i] = min(max(x[i], low), high)
     return status
 
 
 @compiled
-def _sizes(p: Packed) -> tuple[int, int, int, int]:
-    """Columns of the tables of :class:`Room`."""
-    sets, nodes = len(integers_of(p, _SETS + 4)), len(integers_of(p, _CONDITIONS + 3))
-    rules, shapes = len(numbers_of(p, _CONDITIONS + 4)), integers_of(p, _CONCLUSIONS + 1)[-1]
-    return sets + nodes, rules, shapes, integers_of(p, 3)[5]
-
-
-@compiled
-def room_size(p: Packed) -> int:
-    """How many numbers :func:`room_in` needs."""
-    degrees, rules, shapes, points = _sizes(p)
-    return 2 * (degrees + rules + shapes + points)
-
-
-@compiled
-def room_in(p: Packed, space: Float[Array, " numbers"]) -> Room:
-    """Room for one evaluation of a system at a time; the caller must keep ``space``."""
-    degrees, rules, shapes, points = _sizes(p)
-    return Room(
-        table(space, 0, 2, degrees),
-        table(space, 2 * degrees, 2, rules),
-        table(space, 2 * (degrees + rules), 2, shapes),
-        table(space, 2 * (degrees + rules + shapes), 2, points),
-    )
-
-
-@compiled
 def strengths_of(p: Packed, room: Room, x: Float[Array, " inputs"]) -> None:
     """Fill in the least and greatest strength of every rule."""
-    fuzzify(_sets(p), x, integers_of(p, 3)[1] == 1, room.degrees)
-    fire(_conditions(p), room.degrees, room.strengths)
+    fuzzify(sets_in(p), x, integers_of(p, SWITCHES)[UNCERTAIN] == 1, room.degrees)
+    fire(conditions_in(p), room.degrees, room.strengths)
 
 
 @compiled
@@ -202,19 +93,19 @@ def infer(
     status = admitted(p, x)
     if status != FINE:
         return status
-    switches = integers_of(p, 3)
+    switches = integers_of(p, SWITCHES)
     strengths_of(p, room, x)
-    if switches[0] == SAMPLED:
+    if switches[HOW] == SAMPLED:
         _infer_sampled(p, room, found)
-    elif switches[0] == EXACT:
+    elif switches[HOW] == EXACT:
         _infer_exact(p, room, found)
     else:
         _infer_weighted(p, room, x, found)
-    fallbacks = numbers_of(p, 1)
+    fallbacks = numbers_of(p, FALLBACKS)
     for o in range(found.shape[1]):
         if np.isnan(found[1, o]):
             found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
-            status = NO_RULE if switches[4] == REFUSE else status
+            status = NO_RULE if switches[SILENT] == REFUSE else status
         else:
             found[0, o] = 0.5 * (found[1, o] + found[2, o])
     return status
@@ -223,8 +114,8 @@ def infer(
 @compiled
 def _infer_sampled(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
     """Least and greatest of every output by way of samples; nan if no rule speaks of it."""
-    c, s, switches = _conclusions(p), _samples(p), integers_of(p, 3)
-    cuts, uncertain, count = c.implication[0] == MIN, switches[1] == 1, switches[5]
+    c, s, switches = conclusions_in(p), samples_in(p), integers_of(p, SWITCHES)
+    cuts, uncertain, count = c.implication[0] == MIN, switches[UNCERTAIN] == 1, switches[POINTS]
     shapes, heights, points = c.first_shape[-1], room.heights, room.points
     strongest(c, room.strengths, heights)
     for o in range(found.shape[1]):
@@ -239,7 +130,7 @@ def _infer_sampled(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> N
                 joined_by_rule(c, o, room.strengths[bound], degrees, joined)
         at = part(s.at, o * count, (o + 1) * count)
         if uncertain:
-            found[1, o], found[2, o] = reduced(switches[2], at, points[0], points[1])
+            found[1, o], found[2, o] = reduced(switches[ALGORITHM], at, points[0], points[1])
         else:
             found[1, o] = found[2, o] = sampled_value(c.defuzzifiers[o], at, points[1])
 
@@ -247,8 +138,8 @@ def _infer_sampled(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> N
 @compiled
 def _infer_exact(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
     """Least and greatest of every output by way of polylines; nan if no rule speaks of it."""
-    c, switches, heights = _conclusions(p), integers_of(p, 3), room.heights
-    rows, corners = integers_of(p, _REST + 10), numbers_of(p, _REST + 11)
+    c, switches, heights = conclusions_in(p), integers_of(p, SWITCHES), room.heights
+    rows, corners = integers_of(p, REST + 10), numbers_of(p, REST + 11)
     cuts = c.implication[0] == MIN
     strongest(c, room.strengths, heights)
     for o in range(found.shape[1]):
@@ -258,12 +149,12 @@ def _infer_exact(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> Non
                 corners, first, part(heights[1], first, last)
             )
             continue
-        high = polyline(_lines(p, _REST), o, cuts, part(heights[1], first, last))
+        high = polyline(lines_in(p, REST), o, cuts, part(heights[1], first, last))
         if high.shape[1] == 0:
             found[1, o] = np.nan
-        elif switches[1] == 1:
-            low = polyline(_lines(p, _REST + 5), o, cuts, part(heights[0], first, last))
-            found[1, o], found[2, o] = exact_interval(switches[2], low, high)
+        elif switches[UNCERTAIN] == 1:
+            low = polyline(lines_in(p, REST + 5), o, cuts, part(heights[0], first, last))
+            found[1, o], found[2, o] = exact_interval(switches[ALGORITHM], low, high)
         else:
             found[1, o] = found[2, o] = exact_value(c.defuzzifiers[o], high)
 
@@ -273,16 +164,18 @@ def _infer_weighted(
     p: Packed, room: Room, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]
 ) -> None:
     """Least and greatest of every output as means over rules; nan if no rule speaks of it."""
-    c, switches, weights = _conclusions(p), integers_of(p, 3), room.heights
+    c, switches, weights = conclusions_in(p), integers_of(p, SWITCHES), room.heights
     summed(c, room.strengths, weights)
     for o in range(found.shape[1]):
         first, last = c.first_shape[o], c.first_shape[o + 1]
-        if switches[0] == SUGENO:
-            is_sum, functions = c.defuzzifiers[o] == WTSUM, Functions(numbers_of(p, _REST))
+        if switches[HOW] == SUGENO:
+            is_sum, functions = c.defuzzifiers[o] == WTSUM, Functions(numbers_of(p, REST))
             low, high = part(weights[0], first, last), part(weights[1], first, last)
-            ends = sugeno_interval(functions, first, is_sum, switches[2], x, low, high)
+            ends = sugeno_interval(functions, first, is_sum, switches[ALGORITHM], x, low, high)
         else:
-            ends = centre_of_sets(_centres(p), first, last, switches[2], weights, room.points)
+            ends = centre_of_sets(
+                centres_in(p), first, last, switches[ALGORITHM], weights, room.points
+            )
         found[1, o], found[2, o] = ends
 
 
@@ -327,7 +220,7 @@ def _value_in(
     x: tuple[float, ...],
     values: Float[Array, " outputs"],
 ) -> int:
-    inputs, found = _ends(p, space, len(x), len(values))
+    inputs, found = ends_in(p, space, len(x), len(values))
     for i in range(len(x)):
         inputs[i] = x[i]
     status = infer(p, room_in(p, space), inputs, found)
@@ -365,7 +258,7 @@ def infer_rows(
             borrowed(numbers)[planes[k, 0] : planes[k, 1]],
             borrowed(integers)[planes[k, 2] : planes[k, 3]],
         )
-        levels += numbers_of(p, 2)[0]
+        levels += numbers_of(p, LEVELS)[0]
         space = np.empty(room_size(p) + inputs + 3 * outputs)
         status, row = _infer_plane(p, space, rows, k > 0, found)
         if status != FINE:
@@ -384,8 +277,8 @@ def _infer_plane(
     found: Float[Array, "rows 3 outputs"],
 ) -> tuple[int, int]:
     """Fill in, or add to what is there, what one plane finds, times its level; status and row."""
-    level, inputs, outputs = numbers_of(p, 2)[0], rows.shape[1], found.shape[2]
-    x, each = _ends(p, space, inputs, outputs)
+    level, inputs, outputs = numbers_of(p, LEVELS)[0], rows.shape[1], found.shape[2]
+    x, each = ends_in(p, space, inputs, outputs)
     room = room_in(p, space)
     for r in range(len(rows)):
         for i in range(inputs):
@@ -398,12 +291,3 @@ def _infer_plane(
                 before = found[r, i, o] if further else 0.0
                 found[r, i, o] = before + level * each[i, o]
     return FINE, len(rows)
-
-
-@compiled
-def _ends(
-    p: Packed, space: Float[Array, " numbers"], inputs: int, outputs: int
-) -> tuple[Float[Array, " inputs"], Float[Array, "3 outputs"]]:
-    """Place for inputs and for outputs in ``space``, after what :func:`room_in` takes."""
-    begin = room_size(p)
-    return part(space, begin, begin + inputs), table(space, begin + inputs, 3, outputs)

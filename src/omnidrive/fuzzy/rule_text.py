@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.place import Place, malformed, number
-from omnidrive.fuzzy.system import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule, terms
+from omnidrive.fuzzy.rules import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule, terms
 
 MAX_LENGTH = 10_000
 """Most characters of one rule."""

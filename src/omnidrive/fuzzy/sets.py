@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.membership import Curves, Membership, degree
-from omnidrive.fuzzy.system import Footprint, FuzzySet
+from omnidrive.fuzzy.variables import Footprint, FuzzySet
 
 Array = np.ndarray
 

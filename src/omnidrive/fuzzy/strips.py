@@ -12,7 +12,8 @@ from jaxtyping import Float, Int
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.membership import SHAPES, TRAPEZOID
-from omnidrive.fuzzy.system import FuzzySet, FuzzySystem, OutputVariable
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import FuzzySet, OutputVariable
 
 Array = np.ndarray
 

@@ -10,7 +10,8 @@ from jaxtyping import Float
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.reduction import reduced
-from omnidrive.fuzzy.system import FuzzySystem, LinearFunction
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import LinearFunction
 
 Array = np.ndarray
 

@@ -15,7 +15,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.evaluation.figures.membership import PLAIN, shortened
 from omnidrive.evaluation.figures.style import INK, canvas, styled
 from omnidrive.fuzzy import Inference, InputVariable
-from omnidrive.fuzzy.system import nearest
+from omnidrive.fuzzy.checks import nearest
 
 Array = np.ndarray
 

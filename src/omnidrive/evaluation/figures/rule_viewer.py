@@ -21,10 +21,11 @@ from omnidrive.fuzzy import (
     LinearFunction,
     OutputVariable,
 )
+from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.joined import joined_conclusions, shaped, widest
 from omnidrive.fuzzy.norms import HEDGE_CODES, hedged
+from omnidrive.fuzzy.rules import terms
 from omnidrive.fuzzy.sets import bounds
-from omnidrive.fuzzy.system import nearest, terms
 
 Array = np.ndarray
 

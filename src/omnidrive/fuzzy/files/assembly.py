@@ -10,17 +10,9 @@ from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files.source import Place, malformed
-from omnidrive.fuzzy.system import (
-    And,
-    Condition,
-    FuzzySystem,
-    InputVariable,
-    Is,
-    LinearFunction,
-    Or,
-    OutputVariable,
-    Rule,
-)
+from omnidrive.fuzzy.rules import And, Condition, Is, Or, Rule
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import InputVariable, LinearFunction, OutputVariable
 
 
 class PlacedRule(NamedTuple):

@@ -20,14 +20,9 @@ from omnidrive.fuzzy.files.writable import (
     word,
 )
 from omnidrive.fuzzy.rule_text import rule_text
-from omnidrive.fuzzy.system import (
-    FuzzySet,
-    FuzzySystem,
-    InputVariable,
-    LinearFunction,
-    Or,
-    OutputVariable,
-)
+from omnidrive.fuzzy.rules import Or
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import FuzzySet, InputVariable, LinearFunction, OutputVariable
 
 LANGUAGE: dict[Dialect, str] = {"iec": "IEC 61131-7", "fuzzylite": "fuzzylite's FCL"}
 

@@ -16,15 +16,9 @@ from omnidrive.fuzzy.files.fcl_words import (
     PARTNERS,
 )
 from omnidrive.fuzzy.files.source import malformed
-from omnidrive.fuzzy.system import (
-    And,
-    Defuzzifier,
-    FuzzySystem,
-    InputVariable,
-    LinearFunction,
-    Or,
-    OutputVariable,
-)
+from omnidrive.fuzzy.rules import And, Or
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import Defuzzifier, InputVariable, LinearFunction, OutputVariable
 
 
 def system_of(

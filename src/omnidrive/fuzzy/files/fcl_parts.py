@@ -11,10 +11,7 @@ from omnidrive.fuzzy.files.fcl_terms import support
 from omnidrive.fuzzy.files.fcl_text import Token
 from omnidrive.fuzzy.files.polyline import simplest
 from omnidrive.fuzzy.files.source import Place, malformed
-from omnidrive.fuzzy.system import (
-    FuzzySet,
-    LinearFunction,
-)
+from omnidrive.fuzzy.variables import FuzzySet, LinearFunction
 
 
 class Chosen(NamedTuple):

@@ -26,14 +26,8 @@ from omnidrive.fuzzy.files.fcl_words import (
 from omnidrive.fuzzy.files.fll_terms import READ as FLL_TERMS
 from omnidrive.fuzzy.files.fll_terms import Word, read_term
 from omnidrive.fuzzy.files.source import malformed
-from omnidrive.fuzzy.system import (
-    MAX_RULES,
-    MAX_SETS,
-    MAX_VARIABLES,
-    FuzzySet,
-    FuzzySystem,
-    LinearFunction,
-)
+from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES, FuzzySystem
+from omnidrive.fuzzy.variables import MAX_SETS, FuzzySet, LinearFunction
 
 
 class FclReader:

@@ -9,7 +9,7 @@ from omnidrive.fuzzy.files.assembly import PlacedRule, placed
 from omnidrive.fuzzy.files.fcl_text import FclText, Token
 from omnidrive.fuzzy.files.source import malformed
 from omnidrive.fuzzy.rule_text import normalised
-from omnidrive.fuzzy.system import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule
+from omnidrive.fuzzy.rules import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule
 
 MAX_HEDGES = 10
 """Most hedges before a set."""

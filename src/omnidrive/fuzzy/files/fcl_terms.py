@@ -11,7 +11,7 @@ from omnidrive.fuzzy.files.polyline import CORNERS
 from omnidrive.fuzzy.files.source import malformed
 from omnidrive.fuzzy.files.writable import real
 from omnidrive.fuzzy.membership import MAX_POINTS, Membership
-from omnidrive.fuzzy.system import FuzzySet, LinearFunction
+from omnidrive.fuzzy.variables import FuzzySet, LinearFunction
 
 TERMS: dict[str, tuple[str, tuple[int, ...]]] = {
     "TRIAN": ("trimf", (0, 1, 2)),

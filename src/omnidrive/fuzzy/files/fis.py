@@ -21,20 +21,15 @@ from omnidrive.fuzzy.files.fis_words import (
 from omnidrive.fuzzy.files.fis_writer import write_fis
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.place import Place, malformed
-from omnidrive.fuzzy.system import (
-    Algorithm,
-    And,
+from omnidrive.fuzzy.rules import And, Hedge, Is, Or, Rule
+from omnidrive.fuzzy.system import Algorithm, FuzzySystem
+from omnidrive.fuzzy.variables import (
     Defuzzifier,
     Footprint,
     FuzzySet,
-    FuzzySystem,
-    Hedge,
     InputVariable,
-    Is,
     LinearFunction,
-    Or,
     OutputVariable,
-    Rule,
     Variable,
 )
 

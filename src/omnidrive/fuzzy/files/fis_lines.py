@@ -7,7 +7,8 @@ from math import isfinite
 from typing import NamedTuple, NoReturn
 
 from omnidrive.fuzzy.place import Place, malformed, number
-from omnidrive.fuzzy.system import MAX_RULES, MAX_SETS, MAX_VARIABLES
+from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES
+from omnidrive.fuzzy.variables import MAX_SETS
 
 _NOT_CODE = re.compile(r"""'[^']*'|"[^"]*"|[%#]|//""")
 _SECTION = re.compile(r"\s*\[([A-Za-z]+)\s*(?:(\d+)\s*)?\]\s*")

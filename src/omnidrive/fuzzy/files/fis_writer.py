@@ -12,17 +12,9 @@ from omnidrive.fuzzy.files.fis_words import (
 )
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rule_text import normalised, rule_text
-from omnidrive.fuzzy.system import (
-    Condition,
-    Footprint,
-    FuzzySet,
-    FuzzySystem,
-    Is,
-    LinearFunction,
-    Or,
-    Rule,
-    Variable,
-)
+from omnidrive.fuzzy.rules import Condition, Is, Or, Rule
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction, Variable
 
 
 def write_fis(system: FuzzySystem) -> str:

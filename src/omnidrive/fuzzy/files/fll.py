@@ -20,11 +20,8 @@ from omnidrive.fuzzy.files.writable import (
     word,
 )
 from omnidrive.fuzzy.rule_text import RESERVED, rule_text
-from omnidrive.fuzzy.system import (
-    FuzzySystem,
-    OutputVariable,
-    Variable,
-)
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import OutputVariable, Variable
 
 RESOLUTION = 1000
 """Of the integrals, as written: fuzzylite's own default differs from release to release."""

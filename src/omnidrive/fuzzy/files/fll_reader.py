@@ -27,17 +27,14 @@ from omnidrive.fuzzy.files.fll_words import (
 )
 from omnidrive.fuzzy.files.source import Place, malformed, number
 from omnidrive.fuzzy.rule_text import parse_rule
-from omnidrive.fuzzy.system import (
-    MAX_RULES,
+from omnidrive.fuzzy.rules import And, Or
+from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES, FuzzySystem
+from omnidrive.fuzzy.variables import (
     MAX_SETS,
-    MAX_VARIABLES,
-    And,
     Defuzzifier,
     FuzzySet,
-    FuzzySystem,
     InputVariable,
     LinearFunction,
-    Or,
     OutputVariable,
 )
 

@@ -11,7 +11,7 @@ from omnidrive.fuzzy.files.assembly import placed
 from omnidrive.fuzzy.files.source import Place, malformed, number
 from omnidrive.fuzzy.files.writable import real
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.system import FuzzySet, LinearFunction
+from omnidrive.fuzzy.variables import FuzzySet, LinearFunction
 
 
 class Word(NamedTuple):

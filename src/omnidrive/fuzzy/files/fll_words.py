@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from omnidrive.fuzzy.system import Defuzzifier
+from omnidrive.fuzzy.variables import Defuzzifier
 
 CONJUNCTIONS = {
     "min": "Minimum",

@@ -22,16 +22,9 @@ from omnidrive.fuzzy.files.fml_words import (
 from omnidrive.fuzzy.files.writable import check_type_1, real, word
 from omnidrive.fuzzy.files.xml_tree import read_xml
 from omnidrive.fuzzy.rule_text import normalised
-from omnidrive.fuzzy.system import (
-    FuzzySet,
-    FuzzySystem,
-    Is,
-    LinearFunction,
-    Or,
-    OutputVariable,
-    Rule,
-    Variable,
-)
+from omnidrive.fuzzy.rules import Is, Or, Rule
+from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import FuzzySet, LinearFunction, OutputVariable, Variable
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

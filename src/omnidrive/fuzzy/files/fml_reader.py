@@ -19,21 +19,14 @@ from omnidrive.fuzzy.files.fml_words import (
 )
 from omnidrive.fuzzy.files.source import malformed, number
 from omnidrive.fuzzy.files.xml_tree import Element
-from omnidrive.fuzzy.system import (
-    MAX_RULES,
+from omnidrive.fuzzy.rules import And, Condition, Hedge, Is, Or, Rule
+from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES, FuzzySystem
+from omnidrive.fuzzy.variables import (
     MAX_SETS,
-    MAX_VARIABLES,
-    And,
-    Condition,
     FuzzySet,
-    FuzzySystem,
-    Hedge,
     InputVariable,
-    Is,
     LinearFunction,
-    Or,
     OutputVariable,
-    Rule,
 )
 
 VARIABLES = ("fuzzyVariable", "tskVariable")

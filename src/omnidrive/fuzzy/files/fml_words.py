@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from omnidrive.fuzzy.system import Defuzzifier, Hedge
+from omnidrive.fuzzy.rules import Hedge
+from omnidrive.fuzzy.variables import Defuzzifier
 
 NAMESPACE = "http://www.ieee1855.org"
 
