@@ -65,9 +65,9 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
     return cast("Callable[P, R]", machine.overloads[types].entry_point)
 
 
-def kernels_are_kept() -> bool:
-    """Whether kernels were compiled before, so that nobody has to wait for it again."""
-    return any(_cache_folder(_config.CACHE_DIR).rglob("*.nbc"))
+def kernels_are_kept(name: str = "*") -> bool:
+    """Whether a kernel, or any, was compiled before, so that nobody has to wait for it again."""
+    return any(_cache_folder(_config.CACHE_DIR).rglob(f"*.{name}-*.nbc"))
 
 
 @cache

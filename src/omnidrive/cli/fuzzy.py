@@ -23,6 +23,7 @@ from omnidrive.cli.fuzzy_text import (
 )
 from omnidrive.cli.options import choose_one, cores
 from omnidrive.cli.progress import print_tables
+from omnidrive.compiled import kernels_are_kept
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
@@ -85,6 +86,7 @@ def show(
     """
     system = _load(file, type2)
     inference = Inference(system)
+    _say_compiling()
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
         inference.interval(*given)  # refuses what has to be refused, before anything is printed
@@ -217,6 +219,7 @@ def evaluate(
     if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
         raise InvalidInput("--samples is for --centroid matlab, and this centroid is exact")
     _free(target, force)
+    _say_compiling()
     done = evaluate_csv(inference, source, target, threads=threads or cores())
     if done.unused:
         shown = ", ".join(done.unused[:6]) + (", ..." if len(done.unused) > 6 else "")
@@ -336,6 +339,8 @@ def _draw(inference: Inference, given: list[float] | None, folder: Path) -> int:
     pictures["rules"] = partial(rule_viewer, inference, given)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # a name in a script that our font has not
+        # BLAS may leave floating-point flags that mean nothing; Matplotlib's projection shows them
+        warnings.filterwarnings("ignore", "overflow encountered in dot")
         for name, draw in pictures.items():
             path = folder / f"{name}.png"
             try:
@@ -349,6 +354,11 @@ def _draw(inference: Inference, given: list[float] | None, folder: Path) -> int:
 def _plain(name: str) -> str:
     """A name as part of a file's name."""
     return re.sub(r"[^A-Za-z0-9_]+", "-", name)[:40].strip("-") or "variable"
+
+
+def _say_compiling() -> None:
+    if not kernels_are_kept("infer_rows"):
+        _warn("compiling, the first time only; it takes about half a minute")
 
 
 def _warn(message: str) -> None:
