@@ -24,8 +24,8 @@ from omnidrive.control.pid.rules import published_rules
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, LookupSurface, Secondary
 from omnidrive.fuzzy.rules import terms
 
-ROUNDS = 5
-CALLS = 20_000  # of ours per round
+ROUNDS = 9
+CALLS = 10_000  # of ours per round
 PEER_CALLS = {"scikit-fuzzy": 2, "simpful": 10, "pyit2fls centre of sets": 10}  # 30 for others
 BATCH, PEER_BATCH = 1_000_000, 20_000
 FOOTPRINT = Footprint(scale=1.0, left=0.3)

@@ -61,8 +61,21 @@ def middle(
     at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
 ) -> float:
     """Mean under the middles of the weights (Nie & Tan 2008); where Karnik & Mendel begin."""
-    (a, am), (b, bm) = moments(at, lower, 0, len(at)), moments(at, upper, 0, len(at))
-    return (am + bm) / (a + b) if b > 0.0 else np.nan
+    area, moment = _both(at, lower, upper)
+    return moment / area if area > 0.0 else np.nan
+
+
+@compiled_sums
+def _both(
+    at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
+) -> tuple[float, float]:
+    """As :func:`moments`, of the sums of two kinds of weights."""
+    area, moment = 0.0, 0.0
+    for i in range(len(at)):
+        weight = lower[i] + upper[i]
+        area += weight
+        moment += weight * at[i]
+    return area, moment
 
 
 @compiled
