@@ -14,8 +14,10 @@ from omnidrive.control import (
     Status,
     classical_pid,
     fuzzy_pid,
+    holonomic_nmpc,
     unicycle_nmpc,
 )
+from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
@@ -23,6 +25,7 @@ from omnidrive.simulation import KinematicPlant, Outcome, simulate
 from tests.laws.motions import Circle, turned
 
 DT = 0.1
+SMALL = named_robot("small")
 CONTROLLERS = {
     "feedforward": lambda: FeedforwardController(DT),
     "fuzzy_t1": lambda: fuzzy_pid("t1", "paper", DT),
@@ -39,6 +42,7 @@ CONTROLLERS = {
     "pid_recommended": lambda: classical_pid("recommended", DT),
     "nmpc": lambda: unicycle_nmpc("paper", DT),
     "nmpc_published": lambda: unicycle_nmpc("published-code", DT),
+    "nmpc_recommended": lambda: holonomic_nmpc(SMALL.chassis, DT),
 }
 DOES_NOT_WRAP = {
     "fuzzy_t1_published",
@@ -46,8 +50,8 @@ DOES_NOT_WRAP = {
     "fuzzy_t3_published",
     "pid_published",
 }  # as the published code
+BRIDGES = {"nmpc_recommended": FOLLOWED + RAMP}  # steps that an old plan covers
 PARKS_ASIDE = {"nmpc_published": 0.13}  # m: a unicycle sees no way to move sideways at rest
-SMALL = named_robot("small")
 every_controller = pytest.mark.parametrize("name", CONTROLLERS)
 
 
@@ -138,7 +142,7 @@ def test_lost_measurements_end_the_run_as_a_value(name):
         sensor=Blind(),
     )
     assert run.outcome is Outcome.CONTROLLER_FAILED
-    assert len(run.t) == 5
+    assert len(run.t) == 5 + BRIDGES.get(name, 0)
 
 
 @every_controller

@@ -12,6 +12,7 @@ from omnidrive.control import (
     FeedforwardController,
     classical_pid,
     fuzzy_pid,
+    holonomic_nmpc,
     unicycle_nmpc,
 )
 from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
@@ -72,18 +73,21 @@ def run_job(prepared: Prepared, job: Job) -> TrackResult | StepResult:
 
 
 def make_controller(
-    scenario: Scenario, name: ControllerName, horizon: int | None = None
+    scenario: Scenario, robot: Robot, name: ControllerName, horizon: int | None = None
 ) -> Controller:
     """A fresh controller as the scenario asks for it; ``horizon`` (steps) overrides its own."""
     steps = horizon or scenario.nmpc.horizon
     dt, preset = scenario.sample_time, scenario.preset
-    nmpc_preset = "paper" if preset == "recommended" else preset
     table: dict[ControllerName, Callable[[], Controller]] = {
         "pid": lambda: classical_pid(preset, dt),
         "fuzzy_t1": lambda: fuzzy_pid("t1", preset, dt),
         "fuzzy_t2": lambda: fuzzy_pid("t2", preset, dt),
         "fuzzy_t3": lambda: fuzzy_pid("t3", preset, dt),
-        "nmpc": lambda: unicycle_nmpc(nmpc_preset, dt, horizon=steps, solver=scenario.nmpc.solver),
+        "nmpc": lambda: (
+            holonomic_nmpc(robot.chassis, dt, horizon=steps, solver=scenario.nmpc.solver)
+            if preset == "recommended"
+            else unicycle_nmpc(preset, dt, horizon=steps, solver=scenario.nmpc.solver)
+        ),
         "recommended": lambda: FeedforwardController(dt, scenario.recommended),
     }
     return table[name]()
@@ -111,7 +115,7 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
     run = simulate(
         make_plant(prepared.robot, scenario.plant),
-        make_controller(scenario, job.controller, job.horizon),
+        make_controller(scenario, prepared.robot, job.controller, job.horizon),
         reference,
         start=reference.at(0.0).pose,
         dt=scenario.sample_time,
@@ -132,7 +136,7 @@ def _step(prepared: Prepared, job: Job) -> StepResult:
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
     run = simulate(
         make_plant(prepared.robot, scenario.plant),
-        make_controller(scenario, job.controller, job.horizon),
+        make_controller(scenario, prepared.robot, job.controller, job.horizon),
         Hold(goal, job.duration),
         start=start,
         dt=scenario.sample_time,

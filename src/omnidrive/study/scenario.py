@@ -154,8 +154,8 @@ class Scenario(_Section):
     preset: PresetName = "paper"
     """Whether the paper's controllers follow its text, its published code, or what we recommend.
 
-    The classical `pid` follows the fuzzy PIDs; `recommended` has no form of `nmpc` yet, which keeps
-    that of `paper`."""
+    The classical `pid` follows the fuzzy PIDs; `recommended` makes `nmpc` that of a holonomic robot
+    within what its wheels can do."""
     nmpc: NmpcSection = NmpcSection()
     recommended: FeedforwardGains = FeedforwardGains()
     tasks: Tasks

@@ -28,6 +28,16 @@ class IpoptSettings(NamedTuple):
     max_iterations: Annotated[int, Bounds(1, 3000, "1")] = 200
     """IPOPT's ``max_iter``."""
 
+    def options(self) -> dict[str, object]:
+        """What CasADi is told: these, and to be quiet."""
+        return {
+            "print_time": False,
+            "ipopt.print_level": 0,
+            "ipopt.sb": "yes",
+            "ipopt.tol": self.tolerance,
+            "ipopt.max_iter": self.max_iterations,
+        }
+
 
 @dataclass(slots=True)
 class IpoptSolver:
@@ -44,7 +54,7 @@ class IpoptSolver:
     _programs: dict[int, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _casadi()
+        casadi()
 
     def solve(self, problem: Problem, guess: Float[Array, "stages 2"]) -> Solution:
         """Local optimum near ``guess`` (m/s, rad/s); if IPOPT fails, the better of the two."""
@@ -70,7 +80,12 @@ class IpoptSolver:
         return plan if stats["success"] or plan.cost <= start.cost else start
 
 
-def _casadi() -> ModuleType:
+def casadi() -> ModuleType:
+    """The library.
+
+    Raises:
+        MissingExtra: It is not installed.
+    """
     try:
         return import_module("casadi")
     except ImportError as error:
@@ -88,7 +103,7 @@ def _pack(
 
 def _program(stages: int, settings: IpoptSettings) -> Callable[..., Any]:
     """:class:`Problem` as a nonlinear program; its parameters are the fields, in order."""
-    ca = _casadi()
+    ca = casadi()
     controls, states = ca.SX.sym("u", 2, stages), ca.SX.sym("x", 3, stages + 1)
     dt, start = ca.SX.sym("dt"), ca.SX.sym("start", 3)
     targets, feedforward = ca.SX.sym("xref", 3, stages + 1), ca.SX.sym("uref", 2, stages)
@@ -106,12 +121,5 @@ def _program(stages: int, settings: IpoptSettings) -> Callable[..., Any]:
         "f": cost,
         "g": ca.vertcat(states[:, 0] - start, ca.vec(gaps)),
     }
-    options = {
-        "print_time": False,
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
-        "ipopt.tol": settings.tolerance,
-        "ipopt.max_iter": settings.max_iterations,
-    }
-    program: Callable[..., Any] = ca.nlpsol("nmpc", "ipopt", nlp, options)
+    program: Callable[..., Any] = ca.nlpsol("nmpc", "ipopt", nlp, settings.options())
     return program

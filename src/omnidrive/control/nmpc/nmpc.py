@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.control.controller import Command, Status
+from omnidrive.control.nmpc.checks import check_settings
 from omnidrive.control.nmpc.ipopt import IpoptSolver
 from omnidrive.control.nmpc.presets import PRESETS, NmpcParameters, Preset
 from omnidrive.control.nmpc.problem import Problem
@@ -19,7 +20,6 @@ from omnidrive.control.nmpc.sqp import SqpSolver
 from omnidrive.control.nmpc.tracking import tracking_problem
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
-from omnidrive.parameter import bounds_of
 from omnidrive.reference import Reference
 
 Array = np.ndarray
@@ -88,15 +88,7 @@ class NmpcController:
     solution: Solution | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.dt) and self.dt > 0.0):
-            raise InvalidInput(f"the sample time must be positive, got {self.dt:g} s")
-        if self.horizon < 1:
-            raise InvalidInput(f"the horizon must be at least 1 stage, got {self.horizon}")
-        for name, bounds in bounds_of(type(self.parameters)).items():
-            try:
-                bounds.check(getattr(self.parameters, name))
-            except ValueError as error:
-                raise InvalidInput(f"{name} {error}") from error
+        check_settings(self.dt, self.horizon, self.parameters)
 
     def reset(self, pose: Pose) -> None:
         """Forget the last plan."""
