@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import NamedTuple
 
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import bounds_of
 
 
-def check_settings(dt: float, horizon: int, parameters: NamedTuple) -> None:
-    """Refuse a sample time (s), a number of stages or a parameter outside its domain."""
+def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> None:
+    """Refuse a sample time (s), a number of stages or a parameter outside its domain.
+
+    ``parameters`` is a named tuple whose fields carry :class:`~omnidrive.parameter.Bounds`.
+    """
     if not (isfinite(dt) and dt > 0.0):
         raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
     if horizon < 1:
