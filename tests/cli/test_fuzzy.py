@@ -56,6 +56,12 @@ SUGENO = FuzzySystem(
 )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _kernels():
+    """Whichever test comes first need not say that it compiles."""
+    Inference(TIPPER).batch(np.zeros((1, 2)))
+
+
 @pytest.fixture
 def fuzzy(monkeypatch, capsys, tmp_path):
     """Run the command in this process; gives status, standard output and standard error."""
@@ -103,6 +109,14 @@ def test_show_describes_variables_sets_and_rules(fuzzy):
     assert "input service in [0, 10]" in out
     assert "  middle  trimf [0 5 10]" in out
     assert "3  if service is high and food is not low then tip is high with 0.9" in out
+
+
+def test_who_has_to_wait_for_the_compiler_is_told(fuzzy, monkeypatch):
+    asked = []
+    monkeypatch.setattr("omnidrive.cli.fuzzy.kernels_are_kept", asked.append)
+    assert "compiling" not in fuzzy("show", "tipper.fis")[2]
+    assert "compiling, the first time only" in fuzzy("show", "tipper.fis", "--inputs", "3,8")[2]
+    assert asked == ["infer_rows"]
 
 
 def test_show_a_sugeno_system(fuzzy):

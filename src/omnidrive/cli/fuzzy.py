@@ -21,7 +21,7 @@ from omnidrive.cli.fuzzy_text import (
     rules_table,
     variable_lines,
 )
-from omnidrive.cli.options import choose_one, cores
+from omnidrive.cli.options import choose_one, cores, two_or_three
 from omnidrive.cli.progress import print_tables
 from omnidrive.compiled import kernels_are_kept
 from omnidrive.errors import CannotWrite, InvalidInput
@@ -52,6 +52,63 @@ Type2Option = Annotated[
         "degree up to which it is zero, on the left and the right side. A Sugeno system's outputs "
         "have no sets: its inputs alone become uncertain.",
     ),
+]
+InOption = Annotated[
+    Path,
+    typer.Option(
+        "--in",
+        metavar="INPUTS.csv",
+        help="One row per evaluation; columns named after the inputs, in any order. Others are "
+        "left alone.",
+    ),
+]
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--out",
+        metavar="OUTPUTS.csv",
+        help="One column per output; in type 2 also NAME_lower and NAME_upper.",
+    ),
+]
+CentroidOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="exact|matlab",
+        help="In closed form, or on samples as Matlab does [default: exact where it applies].",
+    ),
+]
+SamplesOption = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="How many samples --centroid matlab takes [default: 101]."),
+]
+ReductionOption = Annotated[
+    str, typer.Option(metavar="centroid|cos", help="Centroid, or centre of sets.")
+]
+AlgorithmOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(ALGORITHMS),
+        help="Type reduction of a type-2 system [default: as the file says, else km].",
+    ),
+]
+OutOfRangeOption = Annotated[
+    str,
+    typer.Option(
+        metavar="clamp|matlab|raise",
+        help="Beyond its range an input is taken at the end of it, as it is, or is refused.",
+    ),
+]
+NoRuleOption = Annotated[
+    str,
+    typer.Option(
+        metavar="default|raise",
+        help="Where no rule fires the output has its default (else the middle of its range), "
+        "or the row is refused.",
+    ),
+]
+ThreadsOption = Annotated[
+    int | None,
+    typer.Option(metavar="N", min=1, help="Cores to use; changes no number [default: every core]."),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
 
@@ -86,7 +143,8 @@ def show(
     """
     system = _load(file, type2)
     inference = Inference(system)
-    _say_compiling()
+    if inputs is not None or out is not None:  # the system alone needs no kernel
+        _say_compiling()
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
         inference.interval(*given)  # refuses what has to be refused, before anything is printed
@@ -131,66 +189,16 @@ def convert(
 @fuzzy.command(name="eval")
 def evaluate(
     file: FileArgument,
-    source: Annotated[
-        Path,
-        typer.Option(
-            "--in",
-            metavar="INPUTS.csv",
-            help="One row per evaluation; columns named after the inputs, in any order. Others are "
-            "left alone.",
-        ),
-    ],
-    target: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            metavar="OUTPUTS.csv",
-            help="One column per output; in type 2 also NAME_lower and NAME_upper.",
-        ),
-    ],
-    centroid: Annotated[
-        str | None,
-        typer.Option(
-            metavar="exact|matlab",
-            help="In closed form, or on samples as Matlab does [default: exact where it applies].",
-        ),
-    ] = None,
-    samples: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="How many samples --centroid matlab takes [default: 101]."),
-    ] = None,
+    source: InOption,
+    target: OutOption,
+    centroid: CentroidOption = None,
+    samples: SamplesOption = None,
     type2: Type2Option = None,
-    reduction: Annotated[
-        str, typer.Option(metavar="centroid|cos", help="Centroid, or centre of sets.")
-    ] = "centroid",
-    algorithm: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(ALGORITHMS),
-            help="Type reduction of a type-2 system [default: as the file says, else km].",
-        ),
-    ] = None,
-    out_of_range: Annotated[
-        str,
-        typer.Option(
-            metavar="clamp|matlab|raise",
-            help="Beyond its range an input is taken at the end of it, as it is, or is refused.",
-        ),
-    ] = "clamp",
-    no_rule: Annotated[
-        str,
-        typer.Option(
-            metavar="default|raise",
-            help="Where no rule fires the output has its default (else the middle of its range), "
-            "or the row is refused.",
-        ),
-    ] = "default",
-    threads: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", min=1, help="Cores to use; changes no number [default: every core]."
-        ),
-    ] = None,
+    reduction: ReductionOption = "centroid",
+    algorithm: AlgorithmOption = None,
+    out_of_range: OutOfRangeOption = "clamp",
+    no_rule: NoRuleOption = "default",
+    threads: ThreadsOption = None,
     force: ForceOption = False,
 ) -> None:
     """Evaluate a system for every row of a table.
@@ -249,11 +257,8 @@ def _load(file: Path, type2: str | None) -> FuzzySystem:
 
 
 def _parse_footprint(text: str) -> Footprint:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in {2, 3}:
+    numbers = two_or_three(text)
+    if not numbers:
         raise InvalidInput(
             f"--type2 must be SCALE,LAG or SCALE,LAG,LAG, such as 0.8,0.2; got "
             f"'{one_line(text, 60)}'"

@@ -175,13 +175,19 @@ def _plain_name(text: str) -> str:
     return plain.lstrip("_.-")[:60] or "map"
 
 
-def parse_place(name: str, text: str) -> Place:
-    """Read ``X,Y`` or ``X,Y,HEADING``."""
+def two_or_three(text: str) -> list[float]:
+    """Two or three numbers with commas between; none if that is not what ``text`` is."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        numbers = []
-    if len(numbers) not in {2, 3}:
+        return []
+    return numbers if len(numbers) in {2, 3} else []
+
+
+def parse_place(name: str, text: str) -> Place:
+    """Read ``X,Y`` or ``X,Y,HEADING``."""
+    numbers = two_or_three(text)
+    if not numbers:
         raise InvalidInput(
             f"--{name} must be X,Y or X,Y,HEADING in m, m, rad, such as 1.5,2 or 1.5,2,-0.78; "
             f"got '{text}'"
