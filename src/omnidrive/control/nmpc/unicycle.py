@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.cost import tracking_cost
 from omnidrive.control.nmpc.problem import Problem
 
 Array = np.ndarray
@@ -45,15 +46,10 @@ def cost(
     problem: Problem, states: Float[Array, "points 3"], controls: Float[Array, "stages 2"]
 ) -> float:
     """J of :class:`Problem`."""
-    total = 0.0
-    for k in range(len(states)):
-        for i in range(3):
-            total += problem.state_weights[k, i] * (states[k, i] - problem.targets[k, i]) ** 2
-    for k in range(len(controls)):
-        for i in range(2):
-            deviation = controls[k, i] - problem.feedforward[k, i]
-            total += problem.control_weights[i] * deviation**2
-    return total
+    p = problem
+    return tracking_cost(
+        states, p.targets, p.state_weights, controls, p.feedforward, p.control_weights
+    )
 
 
 @compiled

@@ -84,6 +84,26 @@ def _search(  # noqa: PLR0917
 
 
 @compiled
+def _first(p: HolonomicProblem, unlimited: Float[Array, "stages 3"], least: float) -> Iterate:
+    """Slowed velocities, and multipliers of one barrier, ``least`` or more."""
+    stages, wheels = len(unlimited), len(p.limits)
+    velocities = slowed(p, unlimited)
+    excess = cost(p, roll_out(p, velocities), velocities) - cost(
+        p, roll_out(p, unlimited), unlimited
+    )
+    at = Iterate(
+        velocities,
+        np.zeros((stages, wheels, 2)),
+        np.empty((stages, wheels, 2)),
+        np.empty((stages, wheels, 4)),
+        np.empty((stages, 4, 4)),
+    )
+    evaluate(p, at)
+    at.multipliers[:] = max(excess / (2 * stages * wheels), least) / at.rooms
+    return at
+
+
+@compiled
 def solve_limited(
     p: HolonomicProblem,
     unlimited: Float[Array, "stages 3"],
@@ -104,19 +124,7 @@ def solve_limited(
     """
     stages, wheels = len(unlimited), len(p.limits)
     count = 2 * stages * wheels
-    velocities = slowed(p, unlimited)
-    excess = cost(p, roll_out(p, velocities), velocities) - cost(
-        p, roll_out(p, unlimited), unlimited
-    )
-    at = Iterate(
-        velocities,
-        np.zeros((stages, wheels, 2)),
-        np.empty((stages, wheels, 2)),
-        np.empty((stages, wheels, 4)),
-        np.empty((stages, 4, 4)),
-    )
-    evaluate(p, at)
-    at.multipliers[:] = max(excess / count, tolerance) / at.rooms
+    at = _first(p, unlimited, tolerance)
     f = Factors(np.zeros((stages, 3, 3)), np.zeros((stages, 3, 3)))
     step = Step(np.empty((stages, 3)), np.empty((stages, wheels, 2)), np.empty((stages, wheels, 2)))
     products = np.empty((stages, wheels, 2))

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.cost import tracking_cost
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 
 Array = np.ndarray
@@ -36,14 +37,9 @@ def cost(
     velocities: Float[Array, "stages 3"],
 ) -> float:
     """J of :class:`HolonomicProblem`."""
-    total = 0.0
-    for k in range(len(states)):
-        for i in range(3):
-            total += p.state_weights[k, i] * (states[k, i] - p.targets[k, i]) ** 2
-    for k in range(len(velocities)):
-        for i in range(3):
-            total += p.control_weights[i] * (velocities[k, i] - p.feedforward[k, i]) ** 2
-    return total
+    return tracking_cost(
+        states, p.targets, p.state_weights, velocities, p.feedforward, p.control_weights
+    )
 
 
 @compiled
