@@ -139,6 +139,18 @@ def test_it_converges_though_the_wheels_can_do_less_than_is_asked(limit):
     assert sum(plan.iterations > 0 for plan in plans) > 100
 
 
+@pytest.mark.long
+def test_long_horizons_far_beyond_the_wheels_converge_nearly_always():
+    plans = []
+    for seed in range(3000):
+        rng = np.random.default_rng(seed)
+        stages, limit = int(rng.integers(1, 61)), float(rng.uniform(2, 20))
+        plans.append(HolonomicSolver().solve(problem(rng, stages, limit)))
+    assert all(plan.violation <= 0.0 for plan in plans)
+    assert sum(plan.exit is Exit.CONVERGED for plan in plans) >= 2990
+    assert np.percentile([plan.iterations for plan in plans], 99) < 70
+
+
 @given(SEEDS, st.floats(4.0, 20.0))
 @settings(max_examples=40, deadline=None)
 def test_ipopt_finds_nothing_better(seed, limit):

@@ -500,15 +500,18 @@ def test_the_unit_of_a_variable_does_not_matter(system, seed, by):
     np.testing.assert_allclose(by * here, there, rtol=1e-15, atol=1e-300)
 
 
+def reducible(system):
+    """The system; of type 2 and 3 with outputs that are reduced to centroids."""
+    if system.type == 1:
+        return system
+    outputs = (o if o.is_sugeno else replace(o, defuzzifier=None) for o in system.outputs)
+    return replace(system, outputs=tuple(outputs))
+
+
 @given(systems(names=st.from_regex(r"[a-z]{1,6}", fullmatch=True)), SEEDS)
 @settings(max_examples=30, deadline=None)
 def test_one_call_a_batch_a_dict_and_threads_give_the_same_bits(system, seed):
-    if system.type > 1:
-        system = replace(
-            system,
-            outputs=tuple(replace(o, defuzzifier=None) if not o.is_sugeno else o
-                          for o in system.outputs),
-        )  # fmt: skip
+    system = reducible(system)
     run = Inference(system, samples=31, slices=2)
     at = oracle.points_in(system, np.random.default_rng(seed), 12, beyond=0.3)
     at = at[: len(at) // 3 * 3]
@@ -545,12 +548,7 @@ def test_a_batch_leaves_its_rows_as_they_are():
 @given(systems(types=(1, 2), hedges=HEDGES, **CONTINUOUS), SEEDS)
 @settings(max_examples=80, deadline=None)
 def test_the_rules_that_fire_are_reported_with_their_strengths(system, seed):
-    if system.type > 1:
-        system = replace(
-            system,
-            outputs=tuple(replace(o, defuzzifier=None) if not o.is_sugeno else o
-                          for o in system.outputs),
-        )  # fmt: skip
+    system = reducible(system)
     run = Inference(system, samples=11)
     x = oracle.points_in(system, np.random.default_rng(seed), 1, beyond=0.2)[0]
     fired = run.fired(*x)
