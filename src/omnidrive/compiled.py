@@ -40,14 +40,23 @@ def compiled_sums(kernel: Callable[P, R]) -> Callable[P, R]:
     return _compiled(kernel, fastmath={"reassoc"})
 
 
-def _compiled(kernel: Callable[P, R], fastmath: bool | set[str] = False) -> Callable[P, R]:
+def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
+    """As :func:`compiled`, for a small part of other kernels: they take it in whole.
+
+    A call costs two atomic operations for every array that it hands over, also inside a tuple:
+    for a dozen arrays, more than a loop over a few stages does.
+    """
+    return _compiled(kernel, forceinline=True)
+
+
+def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
     plain = unwrap(kernel)
     before = _config.CACHE_DIR
     _config.CACHE_DIR = str(_cache_folder(before))
     try:
-        machine = njit(cache=True, error_model="numpy", nogil=True, fastmath=fastmath)(plain)
+        machine = njit(cache=True, error_model="numpy", nogil=True, **options)(plain)
     except RuntimeError:  # nowhere to write: compile in every process
-        machine = njit(error_model="numpy", nogil=True, fastmath=fastmath)(plain)
+        machine = njit(error_model="numpy", nogil=True, **options)(plain)
     finally:
         _config.CACHE_DIR = before
     return cast("Callable[P, R]", machine)

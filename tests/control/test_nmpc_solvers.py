@@ -17,7 +17,7 @@ from omnidrive.control.nmpc import (
 )
 from omnidrive.control.nmpc import ipopt as ipopt_module
 from omnidrive.control.nmpc.newton import newton_step
-from omnidrive.control.nmpc.sqp import _evaluate
+from omnidrive.control.nmpc.unicycle import evaluate
 from omnidrive.errors import MissingExtra
 from omnidrive.geometry import Pose
 from omnidrive.planning import SplinePath
@@ -56,9 +56,8 @@ def beside(gap, stages=15):
 
 
 def slope_of(problem: Problem, controls):
-    states = unicycle.roll_out(problem, controls)
-    adjoint = unicycle.costates(problem, states, controls)
-    return unicycle.gradient(problem, states, controls, adjoint)
+    point, _ = evaluate(problem, controls)
+    return point.gradient
 
 
 def cost_of(problem: Problem, controls):
@@ -87,7 +86,7 @@ def test_gradient_is_that_of_the_cost():
 
 def test_newton_step_solves_the_exact_newton_system():
     problem = problem_at(3.0, (0.02, -0.05, 0.1))
-    point = _evaluate(problem, 0.9 * problem.feedforward)
+    point, _ = evaluate(problem, 0.9 * problem.feedforward)
     hessian = numeric_jacobian(lambda u: slope_of(problem, u), point.controls, 1e-5)
     assert np.linalg.eigvalsh(hessian)[0] > 0.0
     definite, step = newton_step(problem, point, 1.0)
@@ -98,7 +97,7 @@ def test_newton_step_solves_the_exact_newton_system():
 
 def test_newton_step_holds_the_controls_at_their_limits():
     problem = problem_at(0.0, (-0.5, -0.5, 0.0))
-    point = _evaluate(problem, np.tile(problem.limits, (15, 1)))
+    point, _ = evaluate(problem, np.tile(problem.limits, (15, 1)))
     assert not point.free.all()
     _, step = newton_step(problem, point, 0.0)
     assert (step[~point.free] == 0.0).all()
@@ -106,7 +105,7 @@ def test_newton_step_holds_the_controls_at_their_limits():
 
 def test_indefinite_model_yields_negative_curvature():
     problem = beside(0.8)
-    point = _evaluate(problem, np.zeros((15, 2)))
+    point, _ = evaluate(problem, np.zeros((15, 2)))
     assert np.abs(point.gradient).max() == 0.0  # the saddle
     definite, direction = newton_step(problem, point, 1.0)
     assert not definite

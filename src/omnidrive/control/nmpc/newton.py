@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from math import cos, hypot, sin
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from omnidrive.compiled import compiled
+from omnidrive.compiled import inlined
+from omnidrive.control.nmpc.point import Point
 from omnidrive.control.nmpc.problem import Problem
-from omnidrive.control.nmpc.unicycle import linearise
 
 Array = np.ndarray
 
@@ -18,22 +18,40 @@ _LEAST_CURVATURE = 1e-8
 """A control Hessian with an eigenvalue below this counts as not positive definite."""
 
 
-class Point(NamedTuple):
-    """Controls and what they lead to."""
+class _ToCome(NamedTuple):
+    """What a deviation d = (x, y, t) of a state adds to J from its stage on: g'd + d'H d / 2.
 
-    controls: Float[Array, "stages 2"]
-    """Within the limits."""
-    states: Float[Array, "points 3"]
-    """Their roll-out."""
-    costates: Float[Array, "points 3"]
-    """dJ/dx_k."""
-    gradient: Float[Array, "stages 2"]
-    """dJ/du_k."""
-    free: Bool[Array, "stages 2"]
-    """False where a control stands at a limit and the gradient pushes it outward."""
+    The slope of J is counted by the controls: g comes only from later changes of theirs.
+    """
+
+    gx: float
+    gy: float
+    gt: float
+    xx: float
+    xy: float
+    xt: float
+    yy: float
+    yt: float
+    tt: float
 
 
-@compiled
+class _ByChange(NamedTuple):
+    """What a change u = (s, r) of its speed and yaw rate adds to that: g'u + u'H u / 2 + u'M d."""
+
+    gs: float
+    gr: float
+    ss: float
+    sr: float
+    rr: float
+    sx: float
+    sy: float
+    st: float
+    rx: float
+    ry: float
+    rt: float
+
+
+@inlined
 def newton_step(
     problem: Problem, point: Point, curvature: float
 ) -> tuple[bool, Float[Array, "stages 2"]]:
@@ -54,126 +72,174 @@ def newton_step(
         the step is a direction of negative curvature: a unit vector at the last stage that shows
         it, zero before, optimal feedback after.
     """
-    stages = len(point.controls)
-    gains, offsets = np.zeros((stages, 2, 3)), np.zeros((stages, 2, 1))
-    value_x, value_xx = np.zeros((3, 1)), np.zeros((3, 3))
-    for i in range(3):
-        value_xx[i, i] = 2.0 * problem.state_weights[stages, i]
-    for k in range(stages - 1, -1, -1):
-        a, b = linearise(problem, point.states[k], point.controls[k])
-        value_a, value_b = _product(value_xx, a), _product(value_xx, b)
-        xx, ux, uu = _against(a, value_a), _against(b, value_a), _against(b, value_b)
-        _add_stage(problem, point, k, curvature, (xx, ux, uu))
-        definite, inverse, worst = _inverse_on(uu, point.free[k])
-        if not definite:
-            offsets = np.zeros((stages, 2, 1))
-            offsets[k, 0, 0], offsets[k, 1, 0] = worst[0, 0], worst[1, 0]
-            return False, _follow(problem, point, gains, offsets)
-        u = _against(b, value_x)
-        for i in range(2):
-            u[i, 0] += point.gradient[k, i]
-        gain, offset = _product(inverse, ux), _product(inverse, u)
-        for i in range(2):
-            offsets[k, i, 0] = -offset[i, 0]
-            for j in range(3):
-                gains[k, i, j] = -gain[i, j]
-        value_x = _against(a, value_x) - _against(ux, offset)
-        value_xx = xx - _against(ux, gain)
-    return True, _follow(problem, point, gains, offsets)
+    feedback = np.empty((len(point.controls), 2, 4))
+    definite = _sweep(problem, point, curvature, feedback)
+    return definite, _follow(problem, point, feedback)
 
 
-@compiled
-def _add_stage(
-    problem: Problem,
-    point: Point,
-    k: int,
-    curvature: float,
-    hessians: tuple[Float[Array, "3 3"], Float[Array, "2 3"], Float[Array, "2 2"]],
-) -> None:
-    """Add the Hessian of stage k's cost and motion: sum_i l_i d2f_i, costate l of stage k + 1.
+@inlined
+def _sweep(
+    problem: Problem, point: Point, curvature: float, feedback: Float[Array, "stages 2 4"]
+) -> bool:
+    """Minimise the model from the last stage to the first.
 
-    ``hessians`` are those by (state, state), (control, state) and (control, control).
-    """
-    xx, ux, uu = hessians
-    for i in range(3):
-        xx[i, i] += 2.0 * problem.state_weights[k, i]
-    for i in range(2):
-        uu[i, i] += 2.0 * problem.control_weights[i]
-    scale, yaw = curvature * problem.dt, point.states[k, 2]
-    along_x, along_y = scale * point.costates[k + 1, 0], scale * point.costates[k + 1, 1]
-    xx[2, 2] -= point.controls[k, 0] * (cos(yaw) * along_x + sin(yaw) * along_y)
-    ux[0, 2] += cos(yaw) * along_y - sin(yaw) * along_x
-
-
-@compiled
-def _inverse_on(
-    hessian: Float[Array, "2 2"], free: Bool[Array, " 2"]
-) -> tuple[bool, Float[Array, "2 2"], Float[Array, "2 1"]]:
-    """Inverse of ``hessian`` in the free controls, zero elsewhere.
+    Args:
+        problem: What is minimised.
+        point: Where the model is taken.
+        curvature: As for :func:`newton_step`.
+        feedback: Filled in, for each stage: the change of the speed, as a constant and the factors
+            of x, y and t, and likewise that of the yaw rate.
 
     Returns:
-        Whether it is positive definite there; the inverse; if it is not, a unit eigenvector of
-        its least eigenvalue instead.
+        Whether the model has a minimum. If it has none, the feedback is that of the direction.
     """
-    inverse, worst = np.zeros((2, 2)), np.zeros((2, 1))
-    first, mixed, second = hessian[0, 0], hessian[0, 1], hessian[1, 1]
-    if free[0] and free[1]:
-        least = 0.5 * (first + second) - hypot(0.5 * (first - second), mixed)
-        if least < _LEAST_CURVATURE:
-            if first > second:  # of the two formulas, the one that does not cancel
-                worst[0, 0], worst[1, 0] = -mixed, first - least
-            else:
-                worst[0, 0], worst[1, 0] = second - least, -mixed
-            worst *= 1.0 / max(hypot(worst[0, 0], worst[1, 0]), 1e-300)
-            return False, inverse, worst
-        determinant = first * second - mixed * mixed
-        inverse[0, 0], inverse[1, 1] = second / determinant, first / determinant
-        inverse[0, 1] = inverse[1, 0] = -mixed / determinant
-        return True, inverse, worst
-    for i in range(2):
-        if free[i]:
-            if hessian[i, i] < _LEAST_CURVATURE:
-                worst[i, 0] = 1.0
-                return False, inverse, worst
-            inverse[i, i] = 1.0 / hessian[i, i]
-    return True, inverse, worst
+    weights, free, definite = problem.state_weights, point.free, True
+    last = len(free)
+    qx, qy, qt = 2.0 * weights[last, 0], 2.0 * weights[last, 1], 2.0 * weights[last, 2]
+    to_come = _ToCome(0.0, 0.0, 0.0, qx, 0.0, 0.0, qy, 0.0, qt)
+    for k in range(last - 1, -1, -1):
+        here, change = _through_motion(problem, point, k, curvature, to_come)
+        definite, inverse = _inverse_on(change, free[k, 0], free[k, 1])
+        if not definite:
+            _show(feedback, k, _least_eigenvector(change, free[k, 0], free[k, 1]))
+            break
+        to_come = _best(here, change, inverse, feedback, k)
+    return definite
 
 
-@compiled
+@inlined
+def _through_motion(
+    problem: Problem, point: Point, k: int, curvature: float, ahead: _ToCome
+) -> tuple[_ToCome, _ByChange]:
+    """What is to come from stage k on, given what is from its end on.
+
+    The products with A = I + [0 0 f; 0 0 g; 0 0 0] and B = [a 0; b 0; 0 dt] are written out. To
+    the Hessian belongs the curvature of the motion, sum_i l_i d2f_i, with the costate l of the
+    stage's end.
+    """
+    h, dt, weights, slope = ahead, problem.dt, problem.state_weights, point.gradient
+    a, b = point.courses[k, 0], point.courses[k, 1]
+    f, g = -point.controls[k, 0] * b, point.controls[k, 0] * a
+    lx, ly = curvature * point.costates[k + 1, 0], curvature * point.costates[k + 1, 1]
+    sx, sy, st = a * h.xx + b * h.xy, a * h.xy + b * h.yy, a * h.xt + b * h.yt
+    rx, ry, rt = dt * h.xt, dt * h.yt, dt * h.tt
+    xt, yt = h.xt + f * h.xx + g * h.xy, h.yt + f * h.xy + g * h.yy
+    tt = h.tt + f * (h.xt + xt) + g * (h.yt + yt)
+    change = _ByChange(
+        gs=a * h.gx + b * h.gy + slope[k, 0],
+        gr=dt * h.gt + slope[k, 1],
+        ss=a * sx + b * sy + 2.0 * problem.control_weights[0],
+        sr=dt * st,
+        rr=dt * rt + 2.0 * problem.control_weights[1],
+        sx=sx,
+        sy=sy,
+        st=st + f * sx + g * sy + a * ly - b * lx,
+        rx=rx,
+        ry=ry,
+        rt=rt + f * rx + g * ry,
+    )
+    here = _ToCome(
+        gx=h.gx,
+        gy=h.gy,
+        gt=h.gt + f * h.gx + g * h.gy,
+        xx=h.xx + 2.0 * weights[k, 0],
+        xy=h.xy,
+        xt=xt,
+        yy=h.yy + 2.0 * weights[k, 1],
+        yt=yt,
+        tt=tt + 2.0 * weights[k, 2] + f * ly - g * lx,
+    )
+    return here, change
+
+
+@inlined
+def _inverse_on(
+    u: _ByChange, free_speed: bool, free_rate: bool
+) -> tuple[bool, tuple[float, float, float]]:
+    """Inverse of the Hessian of the free controls, zero elsewhere.
+
+    Returns:
+        Whether it is positive definite there; and the inverse's entries ss, sr and rr.
+    """
+    ss, rr = u.ss if free_speed else np.inf, u.rr if free_rate else np.inf
+    sr = u.sr if free_speed and free_rate else 0.0
+    above, over = ss - _LEAST_CURVATURE, rr - _LEAST_CURVATURE
+    if not (above > 0.0 and over > 0.0 and above * over >= sr * sr):
+        return False, (0.0, 0.0, 0.0)
+    if sr == 0.0:
+        return True, (1.0 / ss, 0.0, 1.0 / rr)
+    scale = 1.0 / (ss * rr - sr * sr)
+    return True, (scale * rr, -scale * sr, scale * ss)
+
+
+@inlined
+def _best(
+    here: _ToCome,
+    u: _ByChange,
+    inverse: tuple[float, float, float],
+    feedback: Float[Array, "stages 2 4"],
+    k: int,
+) -> _ToCome:
+    """What is to come with the best change of the controls; that is noted in ``feedback``."""
+    ss, sr, rr = inverse
+    s1, sx = -ss * u.gs - sr * u.gr, -ss * u.sx - sr * u.rx
+    sy, st = -ss * u.sy - sr * u.ry, -ss * u.st - sr * u.rt
+    r1, rx = -sr * u.gs - rr * u.gr, -sr * u.sx - rr * u.rx
+    ry, rt = -sr * u.sy - rr * u.ry, -sr * u.st - rr * u.rt
+    feedback[k, 0, 0], feedback[k, 0, 1], feedback[k, 0, 2], feedback[k, 0, 3] = s1, sx, sy, st
+    feedback[k, 1, 0], feedback[k, 1, 1], feedback[k, 1, 2], feedback[k, 1, 3] = r1, rx, ry, rt
+    return _ToCome(
+        gx=here.gx + u.sx * s1 + u.rx * r1,
+        gy=here.gy + u.sy * s1 + u.ry * r1,
+        gt=here.gt + u.st * s1 + u.rt * r1,
+        xx=here.xx + u.sx * sx + u.rx * rx,
+        xy=here.xy + u.sx * sy + u.rx * ry,
+        xt=here.xt + u.sx * st + u.rx * rt,
+        yy=here.yy + u.sy * sy + u.ry * ry,
+        yt=here.yt + u.sy * st + u.ry * rt,
+        tt=here.tt + u.st * st + u.rt * rt,
+    )
+
+
+@inlined
+def _least_eigenvector(u: _ByChange, free_speed: bool, free_rate: bool) -> tuple[float, float]:
+    """Unit eigenvector, of the Hessian of the free controls, to its least eigenvalue."""
+    if not free_rate:
+        return 1.0, 0.0
+    if not free_speed:
+        return 0.0, 1.0
+    least = 0.5 * (u.ss + u.rr) - hypot(0.5 * (u.ss - u.rr), u.sr)
+    if u.ss > u.rr:  # of the two formulas, the one that does not cancel
+        speed, rate = -u.sr, u.ss - least
+    else:
+        speed, rate = u.rr - least, -u.sr
+    length = max(hypot(speed, rate), 1e-300)
+    return speed / length, rate / length
+
+
+@inlined
+def _show(feedback: Float[Array, "stages 2 4"], stage: int, direction: tuple[float, float]) -> None:
+    """Leave of the feedback what begins with a given change of one stage's controls."""
+    for k in range(len(feedback)):
+        for i in range(2):
+            feedback[k, i, 0] = direction[i] if k == stage else 0.0
+            for j in range(1, 4):
+                feedback[k, i, j] = feedback[k, i, j] if k > stage else 0.0
+
+
+@inlined
 def _follow(
-    problem: Problem,
-    point: Point,
-    gains: Float[Array, "stages 2 3"],
-    offsets: Float[Array, "stages 2 1"],
+    problem: Problem, point: Point, feedback: Float[Array, "stages 2 4"]
 ) -> Float[Array, "stages 2"]:
-    """Roll the feedback law ``gains @ dx + offsets`` out through the linearised motion."""
-    stages = len(offsets)
-    steps, deviation = np.empty((stages, 2)), np.zeros((3, 1))
-    for k in range(stages):
-        step = offsets[k] + _product(gains[k], deviation)
-        steps[k, 0], steps[k, 1] = step[0, 0], step[1, 0]
-        a, b = linearise(problem, point.states[k], point.controls[k])
-        deviation = _product(a, deviation) + _product(b, step)
+    """Roll the feedback out through the linearised motion."""
+    controls, courses, dt, law = point.controls, point.courses, problem.dt, feedback
+    steps = np.empty((len(controls), 2))
+    x = y = t = 0.0
+    for k in range(len(controls)):
+        speed = law[k, 0, 0] + law[k, 0, 1] * x + law[k, 0, 2] * y + law[k, 0, 3] * t
+        rate = law[k, 1, 0] + law[k, 1, 1] * x + law[k, 1, 2] * y + law[k, 1, 3] * t
+        steps[k, 0], steps[k, 1] = speed, rate
+        x += courses[k, 0] * speed - courses[k, 1] * controls[k, 0] * t
+        y += courses[k, 1] * speed + courses[k, 0] * controls[k, 0] * t
+        t += dt * rate
     return steps
-
-
-@compiled
-def _product(a: Float[Array, "n m"], b: Float[Array, "m p"]) -> Float[Array, "n p"]:
-    """Matrix product; at this size, faster than a call of BLAS."""
-    out = np.zeros((a.shape[0], b.shape[1]))
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            for k in range(a.shape[1]):
-                out[i, j] += a[i, k] * b[k, j]
-    return out
-
-
-@compiled
-def _against(a: Float[Array, "m n"], b: Float[Array, "m p"]) -> Float[Array, "n p"]:
-    """Product of the transpose of ``a`` with ``b``."""
-    out = np.zeros((a.shape[1], b.shape[1]))
-    for i in range(a.shape[1]):
-        for j in range(b.shape[1]):
-            for k in range(a.shape[0]):
-                out[i, j] += a[k, i] * b[k, j]
-    return out

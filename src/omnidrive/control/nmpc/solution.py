@@ -51,7 +51,18 @@ class Solution:
         cls, problem: Problem, controls: Float[Array, "stages 2"], iterations: int, exit: Exit
     ) -> Solution:
         """Evaluate ``controls`` on ``problem`` afresh, trusting no solver's own account."""
-        states, cost, residual = unicycle.assess(problem, controls)
+        return cls.assessed(controls, unicycle.assess(problem, controls), iterations, exit)
+
+    @classmethod
+    def assessed(
+        cls,
+        controls: Float[Array, "stages 2"],
+        assessment: tuple[Float[Array, "points 3"], float, float],
+        iterations: int,
+        exit: Exit,
+    ) -> Solution:
+        """Of controls that :func:`unicycle.assess` has assessed."""
+        states, cost, residual = assessment
         if not isfinite(cost):
             exit = Exit.UNUSABLE
         return cls(controls, states, cost, residual, iterations, exit)

@@ -8,17 +8,19 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.newton import Point, newton_step
+from omnidrive.compiled import compiled, inlined
+from omnidrive.control.nmpc.newton import newton_step
+from omnidrive.control.nmpc.point import Point, blank_point
 from omnidrive.control.nmpc.problem import Problem
 from omnidrive.control.nmpc.solution import Exit, Solution
 from omnidrive.control.nmpc.unicycle import (
+    assess,
     clip,
-    cost,
-    costates,
-    gradient,
+    clipped,
+    differentiate,
+    drive,
+    evaluate,
     kkt_residual,
-    roll_out,
 )
 from omnidrive.parameter import Bounds
 
@@ -55,8 +57,8 @@ class SqpSolver:
 
     def solve(self, problem: Problem, guess: Float[Array, "stages 2"]) -> Solution:
         """Local optimum reached from ``guess`` (m/s, rad/s)."""
-        controls, iterations, code = _minimise(problem, guess, *self.settings)
-        return Solution.of(problem, controls, iterations, _EXITS[code])
+        controls, assessed, iterations, code = _minimise(*problem, guess, *self.settings)
+        return Solution.assessed(controls, assessed, iterations, _EXITS[code])
 
 
 _CONVERGED, _CAPPED, _STALLED = 0, 1, 2
@@ -69,116 +71,146 @@ _ROUNDING = 1e-11
 
 
 @compiled
-def _minimise(
+def _minimise(  # noqa: PLR0917
+    dt: float,
+    start: Float[Array, " 3"],
+    targets: Float[Array, "points 3"],
+    feedforward: Float[Array, "stages 2"],
+    state_weights: Float[Array, "points 3"],
+    control_weights: Float[Array, " 2"],
+    limits: Float[Array, " 2"],
+    guess: Float[Array, "stages 2"],
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Float[Array, "stages 2"], tuple[Float[Array, "points 3"], float, float], int, int]:
+    """Controls, what they lead to, iterations and exit; a problem's fields are quicker to take."""
+    problem = Problem(dt, start, targets, feedforward, state_weights, control_weights, limits)
+    controls, iterations, code = _descend(problem, guess, tolerance, max_iterations)
+    return controls, assess(problem, controls), iterations, code
+
+
+@inlined
+def _descend(
     problem: Problem, guess: Float[Array, "stages 2"], tolerance: float, max_iterations: int
 ) -> tuple[Float[Array, "stages 2"], int, int]:
-    point = _evaluate(problem, clip(problem, guess))
-    for iteration in range(max_iterations):
-        stationary = kkt_residual(problem, point.controls, point.gradient) <= tolerance
+    point, value = evaluate(problem, clip(problem, guess))
+    trial = blank_point(len(guess))
+    for iteration in range(max_iterations + 1):
+        stationary = kkt_residual(problem, point) <= tolerance
+        if iteration == max_iterations:
+            break
         definite, step = newton_step(problem, point, 1.0)
         if stationary and definite:
-            return point.controls, iteration, _CONVERGED
-        if stationary:
-            moved, controls = _escape(problem, point, step)
-        else:
-            moved, controls = _advance(problem, point, step, definite)
+            break
+        moved, reached = False, value
+        if definite:
+            moved, reached = _search(problem, point, value, step, trial)
         if not moved:
-            return point.controls, iteration, _CONVERGED if stationary else _STALLED
-        point = _evaluate(problem, controls)
-    if kkt_residual(problem, point.controls, point.gradient) <= tolerance:
-        return point.controls, max_iterations, _CONVERGED
-    return point.controls, max_iterations, _CAPPED
+            moved, reached = _detour(problem, point, value, step, definite, stationary, trial)
+        if not moved:
+            break
+        point, trial, value = trial, point, reached
+        differentiate(problem, point)
+    capped = iteration == max_iterations
+    code = _CONVERGED if stationary else _CAPPED if capped else _STALLED
+    return point.controls, iteration, code
 
 
-@compiled
-def _evaluate(problem: Problem, controls: Float[Array, "stages 2"]) -> Point:
-    states = roll_out(problem, controls)
-    adjoint = costates(problem, states, controls)
-    slope = gradient(problem, states, controls, adjoint)
-    free = np.ones((len(controls), 2), dtype=np.bool_)
-    for k in range(len(controls)):
-        for i in range(2):
-            outward = slope[k, i] * controls[k, i] < 0.0
-            free[k, i] = abs(controls[k, i]) < problem.limits[i] or not outward
-    return Point(controls, states, adjoint, slope, free)
-
-
-@compiled
-def _advance(
-    problem: Problem, point: Point, step: Float[Array, "stages 2"], definite: bool
-) -> tuple[bool, Float[Array, "stages 2"]]:
-    """Take Newton's step; where that is none, the better of Gauss-Newton's and an escape.
+@inlined
+def _search(
+    problem: Problem, point: Point, value: float, step: Float[Array, "stages 2"], trial: Point
+) -> tuple[bool, float]:
+    """Halve a descent step until J falls enough: Armijo's rule along the projected arc.
 
     Args:
         problem: What is minimised.
-        point: Not stationary.
-        step: From :func:`newton_step` with the exact Hessian.
-        definite: As it says.
+        point: Where the step begins.
+        value: J there.
+        step: A descent direction.
+        trial: Filled in: where it ends.
 
     Returns:
-        Whether J fell, and the new controls.
+        Whether J fell, and J there.
     """
-    if definite:
-        moved, controls = _search(problem, point, step)
+    moved, reached, scale = False, value, 1.0
+    for _ in range(_MAX_HALVINGS):
+        predicted, reached = _try(problem, point, scale, step, trial)
+        moved = reached <= value * (1.0 + _ROUNDING) + _ARMIJO * predicted
         if moved:
-            return True, controls
-    _, descent = newton_step(problem, point, 0.0)
-    moved, controls = _search(problem, point, descent)
-    if not definite:
-        escaped, other = _escape(problem, point, step)
-        here = cost(problem, roll_out(problem, controls), controls)
-        if escaped and cost(problem, roll_out(problem, other), other) < here:
-            return True, other
-    return moved, controls
+            break
+        scale *= 0.5
+    return moved, reached
 
 
-@compiled
-def _search(
-    problem: Problem, point: Point, step: Float[Array, "stages 2"]
-) -> tuple[bool, Float[Array, "stages 2"]]:
-    """Halve a descent step until J falls enough: Armijo's rule along the projected arc.
-
-    Returns:
-        Whether J fell, and the new controls.
-    """
-    start = cost(problem, point.states, point.controls)
-    for halvings in range(_MAX_HALVINGS):
-        controls, predicted = _moved(problem, point, 0.5**halvings, step)
-        reached = cost(problem, roll_out(problem, controls), controls)
-        if reached <= start * (1.0 + _ROUNDING) + _ARMIJO * predicted:
-            return True, controls
-    return False, point.controls
-
-
-@compiled
-def _moved(
-    problem: Problem, point: Point, scale: float, step: Float[Array, "stages 2"]
-) -> tuple[Float[Array, "stages 2"], float]:
-    """Controls after a scaled step, clipped; and what that changes J by, to first order."""
-    controls = clip(problem, point.controls + scale * step)
+@inlined
+def _try(
+    problem: Problem, point: Point, scale: float, step: Float[Array, "stages 2"], trial: Point
+) -> tuple[float, float]:
+    """Drive a scaled step, clipped; what that changes J by, to first order, and J there."""
+    limits, controls, slope, moved = problem.limits, point.controls, point.gradient, trial.controls
     change = 0.0
     for k in range(len(controls)):
         for i in range(2):
-            change += point.gradient[k, i] * (controls[k, i] - point.controls[k, i])
-    return controls, change
+            moved[k, i] = clipped(controls[k, i] + scale * step[k, i], limits[i])
+            change += slope[k, i] * (moved[k, i] - controls[k, i])
+    return change, drive(problem, trial)
 
 
 @compiled
-def _escape(
-    problem: Problem, point: Point, direction: Float[Array, "stages 2"]
-) -> tuple[bool, Float[Array, "stages 2"]]:
-    """Leave a saddle along a direction of negative curvature, to the side where J is lower.
+def _detour(  # noqa: PLR0917
+    problem: Problem,
+    point: Point,
+    value: float,
+    step: Float[Array, "stages 2"],
+    definite: bool,
+    stationary: bool,
+    trial: Point,
+) -> tuple[bool, float]:
+    """Go on where Newton's step is none, or leads nowhere.
+
+    By Gauss-Newton's step, unless the point is stationary; and by an escape, if the Hessian is
+    not positive definite; by the better of the two, where there are two.
+
+    Args:
+        problem: What is minimised.
+        point: Where to begin.
+        value: J there.
+        step: From :func:`newton_step` with the exact Hessian.
+        definite: As it says.
+        stationary: Whether the KKT residual is below the tolerance.
+        trial: Filled in: where it ends.
 
     Returns:
-        Whether J fell, and the new controls.
+        Whether J fell, and J there.
     """
-    start = cost(problem, point.states, point.controls)
-    for halvings in range(_MAX_HALVINGS):
-        scale = 0.5**halvings
-        ahead, _ = _moved(problem, point, scale, direction)
-        back, _ = _moved(problem, point, -scale, direction)
-        reached_ahead = cost(problem, roll_out(problem, ahead), ahead)
-        reached_back = cost(problem, roll_out(problem, back), back)
-        if min(reached_ahead, reached_back) < start * (1.0 - _ROUNDING):
-            return True, ahead if reached_ahead <= reached_back else back
-    return False, point.controls
+    moved, reached, side, below = False, value, 0.0, value
+    if not definite:
+        side, below = _escape(problem, point, value, step, trial)
+    if not stationary:
+        _, descent = newton_step(problem, point, 0.0)
+        moved, reached = _search(problem, point, value, descent, trial)
+    if side != 0.0 and not (moved and reached <= below):
+        moved = True
+        _, reached = _try(problem, point, side, step, trial)
+    return moved, reached
+
+
+@inlined
+def _escape(
+    problem: Problem, point: Point, value: float, direction: Float[Array, "stages 2"], trial: Point
+) -> tuple[float, float]:
+    """Leave a saddle along a direction of negative curvature, to the side where J is lower.
+
+    The arguments are those of :func:`_search`; ``trial`` is only used.
+
+    Returns:
+        How far to go, with sign, 0 if J falls nowhere; and J there.
+    """
+    scale = 1.0
+    for _ in range(_MAX_HALVINGS):
+        _, ahead = _try(problem, point, scale, direction, trial)
+        _, back = _try(problem, point, -scale, direction, trial)
+        if min(ahead, back) < value * (1.0 - _ROUNDING):
+            return (scale, ahead) if ahead <= back else (-scale, back)
+        scale *= 0.5
+    return 0.0, value
