@@ -96,10 +96,9 @@ class NmpcController:
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
         """Command for the pose measured at ``t`` (s)."""
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is caught below
-            problem = tracking_problem(
-                self.parameters, t, pose, reference, horizon=self.horizon, dt=self.dt
-            )
+        problem = tracking_problem(
+            self.parameters, t, pose, reference, horizon=self.horizon, dt=self.dt
+        )
         if not isfinite(problem.start.sum() + problem.targets.sum() + problem.feedforward.sum()):
             self.solution = None
             return Command(_STOP, Status.FAILED)
@@ -115,7 +114,7 @@ class NmpcController:
         """The last plan without its first stage, or the reference's own controls."""
         if self.solution is None:
             return problem.feedforward
-        return np.vstack([self.solution.controls[1:], problem.feedforward[-1:]])
+        return np.concatenate([self.solution.controls[1:], problem.feedforward[-1:]])
 
 
 def unicycle_nmpc(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from math import copysign, cos, hypot, sin
+
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.presets import NmpcParameters
 from omnidrive.control.nmpc.problem import Problem
 from omnidrive.geometry import Pose, wrap
 from omnidrive.reference import Reference
 
 Array = np.ndarray
+
+_wrap = inlined(wrap)
 
 
 def tracking_problem(
@@ -41,16 +46,20 @@ def tracking_problem(
     )
 
 
+@compiled
 def nearest_branch(headings: Float[Array, " n"], yaw: float) -> Float[Array, " n"]:
     """``headings`` without jumps, moved as a whole by the turns that bring the first near ``yaw``.
 
     All in rad. The steps between headings are taken the short way round.
     """
-    steps = wrap(np.diff(headings))
-    first = yaw + wrap(float(headings[0]) - yaw)
-    return np.cumsum(np.concatenate([[first], steps]))
+    branch = np.empty(len(headings))
+    branch[0] = yaw + _wrap(headings[0] - yaw)
+    for k in range(1, len(headings)):
+        branch[k] = branch[k - 1] + _wrap(headings[k] - headings[k - 1])
+    return branch
 
 
+@compiled
 def finite_differences(targets: Float[Array, "points 3"], dt: float) -> Float[Array, "stages 2"]:
     """Speed (m/s) and yaw rate (rad/s) that lead from each waypoint to the next.
 
@@ -61,7 +70,10 @@ def finite_differences(targets: Float[Array, "points 3"], dt: float) -> Float[Ar
         targets: Waypoints ``dt`` apart; m, m, rad, the yaw without jumps.
         dt: In s.
     """
-    dx, dy, turn = np.diff(targets, axis=0).T
-    yaw = targets[:-1, 2]
-    speed = np.copysign(np.hypot(dx, dy), np.cos(yaw) * dx + np.sin(yaw) * dy)
-    return np.column_stack([speed, turn]) / dt
+    controls = np.empty((len(targets) - 1, 2))
+    for k in range(len(controls)):
+        dx, dy = targets[k + 1, 0] - targets[k, 0], targets[k + 1, 1] - targets[k, 1]
+        along = cos(targets[k, 2]) * dx + sin(targets[k, 2]) * dy
+        controls[k, 0] = copysign(hypot(dx, dy), along) / dt
+        controls[k, 1] = (targets[k + 1, 2] - targets[k, 2]) / dt
+    return controls
