@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help demo env test lint types contract test-long lock clean
+.PHONY: help demo env test lint types contract test-long peers-if-possible lock clean
 
 help:  ## say what each target does
 	@grep -hE '^[a-z%-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -30,6 +30,11 @@ contract: .venv/ready-dev
 	$(BIN)/lint-imports --no-logo
 
 bench-fuzzy: .venv/peers/ready
+
+bench-nmpc: peers-if-possible
+
+peers-if-possible: | .venv/made
+	-@$(MAKE) --no-print-directory .venv/peers/ready
 
 bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints ratios and writes benchmarks/out/NAME.json
 	$(BIN)/python benchmarks/$*.py

@@ -6,18 +6,15 @@ figures are ratios of medians. Peers run in an environment of their own: see fuz
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from statistics import median
 from time import perf_counter
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+from figures import publish, ratio, row
+from peer_process import PeerProcess, PeersMissing
 
 from omnidrive.control.pid import gain_tuning_system
 from omnidrive.control.pid.rules import published_rules
@@ -29,7 +26,6 @@ CALLS = 10_000  # of ours per round
 PEER_CALLS = {"scikit-fuzzy": 2, "simpful": 10, "pyit2fls centre of sets": 10}  # 30 for others
 BATCH, PEER_BATCH = 1_000_000, 20_000
 FOOTPRINT = Footprint(scale=1.0, left=0.3)
-PEER_PYTHON = Path(".venv/peers/bin/python")
 
 TYPE_1 = gain_tuning_system(published_rules())
 TYPE_2 = TYPE_1.with_footprint(FOOTPRINT)
@@ -63,18 +59,15 @@ class Peers:
     """The other libraries, in a process of their own."""
 
     def __init__(self, system: FuzzySystem) -> None:
-        if not PEER_PYTHON.exists():
-            sys.exit("the peers are not installed; run: make bench-fuzzy")
-        script = Path(__file__).with_name("fuzzy_peers.py")
-        self._process = subprocess.Popen(
-            [PEER_PYTHON, script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        self._send(described(system))
+        try:
+            self._process = PeerProcess("fuzzy_peers.py")
+        except PeersMissing as error:
+            sys.exit(f"{error}; run: make bench-fuzzy")
+        self._process.tell(described(system))
 
     def time(self, peer: str, rows: np.ndarray) -> float:
         """Seconds per row; stops the benchmark if the peer computes something else."""
-        self._send({"peer": peer, "rows": rows.tolist()})
-        answer = json.loads(self._process.stdout.readline())
+        answer = self._process.ask({"peer": peer, "rows": rows.tolist()})
         inference, tolerance = SAME[peer]
         difference = np.abs(np.array(answer["outputs"]) - inference(rows)).max()
         if not difference <= tolerance:
@@ -84,12 +77,7 @@ class Peers:
         return answer["seconds"]
 
     def close(self) -> None:
-        self._process.stdin.close()
-        self._process.wait()
-
-    def _send(self, value: object) -> None:
-        self._process.stdin.write(json.dumps(value) + "\n")
-        self._process.stdin.flush()
+        self._process.close()
 
 
 def described(system: FuzzySystem) -> dict[str, object]:
@@ -117,8 +105,8 @@ def calls(function: Callable, rows: list[list[float]]) -> float:
     """Seconds per call, one row at a time."""
     function(*rows[0])
     began = perf_counter()
-    for row in rows:
-        function(*row)
+    for pair in rows:
+        function(*pair)
     return (perf_counter() - began) / len(rows)
 
 
@@ -197,24 +185,8 @@ def figures(t: dict[str, float]) -> list[dict[str, object]]:
     return rows
 
 
-def ratio(name: str, value: float, target: float) -> dict[str, object]:
-    return row(name, value, "1", f">= {target:g}", value >= target)
-
-
-def row(name, value, unit, target="", holds=True) -> dict[str, object]:
-    return {"name": name, "value": float(f"{value:.4g}"), "unit": unit, "target": target,
-            "holds": bool(holds)}  # fmt: skip
-
-
 def main() -> None:
-    rows = figures(measured())
-    table = Table("what", "value", "unit", "target", "holds")
-    for r in rows:
-        table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], str(r["holds"]))
-    Console(width=120).print(table)
-    out = Path(__file__).parent / "out"
-    out.mkdir(exist_ok=True)
-    (out / "fuzzy.json").write_text(json.dumps(rows, indent=1) + "\n")
+    publish("fuzzy", figures(measured()))
 
 
 if __name__ == "__main__":

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
-from rich.console import Console
-from rich.table import Table
+from figures import at_most, publish, row
 
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import ROBOTS
@@ -30,7 +28,7 @@ def study_rows() -> list[dict[str, object]]:
         study = run_study(paper_scenario(), Path(folder) / "timed", processes=2)
         total = perf_counter() - began
     rows = [row(f"study: {part}", seconds, "s") for part, seconds in study.timing.items()]
-    return [*rows, row("study: total", total, "s", f"<= {STUDY_LIMIT:g}", total <= STUDY_LIMIT)]
+    return [*rows, at_most("study: total", total, "s", STUDY_LIMIT)]
 
 
 def plant_rows() -> list[dict[str, object]]:
@@ -49,19 +47,8 @@ def plant_rows() -> list[dict[str, object]]:
     return [row(names[pair], median(factors[pair]), "1") for pair in pairs]
 
 
-def row(name, value, unit, target="", holds=True) -> dict[str, object]:
-    return {"name": name, "value": round(value, 3), "unit": unit, "target": target, "holds": holds}
-
-
 def main() -> None:
-    rows = study_rows() + plant_rows()
-    table = Table("what", "value", "unit", "target", "holds")
-    for r in rows:
-        table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], str(r["holds"]))
-    Console().print(table)
-    out = Path(__file__).parent / "out"
-    out.mkdir(exist_ok=True)
-    (out / "study.json").write_text(json.dumps(rows, indent=1) + "\n")
+    publish("study", study_rows() + plant_rows())
 
 
 if __name__ == "__main__":

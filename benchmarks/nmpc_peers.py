@@ -1,0 +1,106 @@
+"""The problems of the NMPC benchmark in do-mpc, timed on request.
+
+Runs in an environment of its own. Every line that it reads is a request, ``{"peer": name, "case":
+name, "statement": ..., "reset": whether the stream begins, "problems": [[start, targets,
+feedforward], ...]}``, which it answers with the seconds and the first controls of each. The
+problems of a case come in the order of the stream: every solution begins the next search.
+"""
+
+import json
+import os
+import sys
+import warnings
+from time import perf_counter
+
+warnings.filterwarnings("ignore")
+
+try:
+    import do_mpc
+    import nmpc_models as models
+    import numpy as np
+except ImportError as error:
+    sys.exit(str(error))
+
+
+def do_mpc_model(s):
+    model = do_mpc.model.Model("discrete", "SX")
+    x = model.set_variable("_x", "state", (3, 1))
+    u = model.set_variable("_u", "control", (models.controls(s), 1))
+    model.set_variable("_tvp", "target", (3, 1))
+    model.set_variable("_tvp", "feedforward", (models.controls(s), 1))
+    model.set_rhs("state", models.next_state(s, x, u))
+    model.setup()
+    return model
+
+
+class DoMpc:
+    def __init__(self, s):
+        model = do_mpc_model(s)
+        x, u = model.x["state"], model.u["control"]
+        mpc = do_mpc.controller.MPC(model)
+        mpc.settings.n_horizon, mpc.settings.t_step = s["stages"], s["dt"]
+        mpc.settings.supress_ipopt_output()
+        target, feedforward = model.tvp["target"], model.tvp["feedforward"]
+        mpc.set_objective(
+            lterm=models.stage_cost(s, x, u, target, feedforward),
+            mterm=models.terminal_cost(s, x, target),
+        )
+        mpc.set_rterm(control=0.0)
+        if models.bounds(s) is not None:
+            mpc.bounds["lower", "_u", "control"] = -np.array(models.bounds(s))
+            mpc.bounds["upper", "_u", "control"] = np.array(models.bounds(s))
+        rows = models.limited(s, x, u)
+        for i in range(rows.shape[0]):
+            mpc.set_nl_cons(f"forward {i}", rows[i], ub=1.0)
+            mpc.set_nl_cons(f"backward {i}", -rows[i], ub=1.0)
+        self._ahead, self._problem = mpc.get_tvp_template(), None
+        mpc.set_tvp_fun(self._reference)
+        mpc.setup()
+        self._mpc = mpc
+
+    def _reference(self, _):
+        _, targets, feedforward = self._problem or ([], [], [])
+        for k, target in enumerate(targets):
+            self._ahead["_tvp", k, "target"] = target
+            if k < len(feedforward):
+                self._ahead["_tvp", k, "feedforward"] = feedforward[k]
+        return self._ahead
+
+    def reset(self, problem):
+        self._mpc.reset_history()
+        self._mpc.x0 = problem[0]
+        self._mpc.set_initial_guess()
+
+    def __call__(self, problem):
+        self._problem = problem
+        return self._mpc.make_step(problem[0]).ravel().tolist()
+
+
+PEERS = {"do-mpc": DoMpc}
+
+
+def main():
+    answers = os.fdopen(os.dup(1), "w")  # whatever a library prints is no answer
+    os.dup2(2, 1)
+    made = {}
+    for line in sys.stdin:
+        request = json.loads(line)
+        if request == "ready?":
+            print(json.dumps("yes"), file=answers, flush=True)
+            continue
+        key = request["peer"], request["case"]
+        if key not in made:
+            made[key] = PEERS[request["peer"]](request["statement"])
+        problems = [[np.array(part) for part in problem] for problem in request["problems"]]
+        if request["reset"]:
+            made[key].reset(problems[0])
+        seconds, controls = [], []
+        for problem in problems:
+            began = perf_counter()
+            controls.append(made[key](problem))
+            seconds.append(perf_counter() - began)
+        print(json.dumps({"seconds": seconds, "controls": controls}), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    main()
