@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import nmpc_models as models
 import numpy as np
+from nmpc_streams import AnyProblem, numbers
 
 PAPERS_OPTIONS = {
     "ipopt": {
@@ -43,17 +44,17 @@ class Ipopt:
     def reset(self) -> None:
         self._states = self._plan = None
 
-    def __call__(self, problem) -> np.ndarray:
+    def __call__(self, problem: AnyProblem) -> np.ndarray:
         """Controls of the plan."""
         if self._plan is None:
             self._states = np.tile(problem.start, (self._stages + 1, 1))
-            self._plan = problem.feedforward
+            self._plan = np.zeros((self._stages, self._controls))
         else:
             self._states = np.concatenate([self._states[1:], self._states[-1:]])
             self._plan = np.concatenate([self._plan[1:], self._plan[-1:]])
         result = self._program(
             x0=np.concatenate([self._states.ravel(), self._plan.ravel()]),
-            p=np.concatenate([problem.start, problem.targets.ravel(), problem.feedforward.ravel()]),
+            p=np.concatenate([part.ravel() for part in numbers(problem).values()]),
             lbx=-self._upper,
             ubx=self._upper,
             lbg=-self._room,
@@ -70,18 +71,24 @@ def program(s: dict, options: dict) -> tuple[ca.Function, np.ndarray]:
     """The program, and by how much its constraints may differ from zero."""
     stages, controls = s["stages"], models.controls(s)
     x, u = ca.SX.sym("x", 3, stages + 1), ca.SX.sym("u", controls, stages)
-    start = ca.SX.sym("start", 3)
+    start, previous = ca.SX.sym("start", 3), ca.SX.sym("previous", 3)
     targets, feedforward = ca.SX.sym("xref", 3, stages + 1), ca.SX.sym("uref", controls, stages)
-    cost, constraints = models.terminal_cost(s, x[:, stages], targets[:, stages]), [x[:, 0] - start]
-    room = [np.zeros(3)]
+    centres = ca.SX.sym("centres", 2 * models.places(s), stages + 1)
+    parts = [start, targets, feedforward]
+    if s["model"] == "holonomic":
+        parts += [previous, centres]
+    cost = models.terminal_cost(s, x[:, stages], targets[:, stages], centres[:, stages])
+    constraints, room = [x[:, 0] - start], [np.zeros(3)]
+    before = ca.horzcat(previous[:controls], u)
     for k in range(stages):
-        cost += models.stage_cost(s, x[:, k], u[:, k], targets[:, k], feedforward[:, k])
-        rows = models.limited(s, x[:, k], u[:, k])
+        ahead = models.Ahead(targets[:, k], feedforward[:, k], centres[:, k])
+        cost += models.stage_cost(s, x[:, k], u[:, k], ahead)
+        rows = models.limited(s, u[:, k], before[:, k])
         constraints += [x[:, k + 1] - models.next_state(s, x[:, k], u[:, k]), rows]
         room += [np.zeros(3), np.ones(rows.shape[0])]
     nlp = {
         "x": ca.vertcat(ca.vec(x), ca.vec(u)),
-        "p": ca.vertcat(start, ca.vec(targets), ca.vec(feedforward)),
+        "p": ca.vertcat(*map(ca.vec, parts)),
         "f": cost,
         "g": ca.vertcat(*constraints),
     }

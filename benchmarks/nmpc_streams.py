@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,20 +14,44 @@ from omnidrive.control.nmpc import PRESETS, NmpcController, Problem, SqpSolver
 from omnidrive.control.nmpc.cost import tracking_cost
 from omnidrive.control.nmpc.holonomic import (
     HolonomicController,
-    HolonomicParameters,
     HolonomicPlanner,
     HolonomicProblem,
     HolonomicSolver,
+    KeepOut,
+    Limits,
+    holonomic_nmpc,
+    joined,
+    rate_limits,
+    speed_limits,
 )
+from omnidrive.control.nmpc.holonomic.controller import KeepOutsAhead
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move
 from omnidrive.reference import Setpoint
 from omnidrive.robot import named_robot
 
 DT, STEPS = 0.1, 300
 SPEED, YAW_RATE, ARC = 0.7, 0.5, 6.0  # m/s, rad/s, seconds from one bend to the next
+ADVANCE, WAVE, WAVE_RATE = 0.5, 0.6, 0.8  # m/s, m, rad/s
 POSITION_NOISE, HEADING_NOISE, SEED = 0.01, 0.02, 1  # m, rad
 KICKS = {60: (0.3, 0.27, 0.5), 150: (-0.1, -0.39, -0.5), 240: (-0.4, 0.0, 0.5)}  # m, m, rad
 """By how much the robot is displaced before a step."""
+MAX_WHEEL_ACCELERATION = 60.0  # rad/s^2
+
+
+class Disc(NamedTuple):
+    """An obstacle that the reference meets."""
+
+    met: float
+    """When the reference passes it, in s."""
+    left: float
+    """How far to the left of the reference its centre is then, in m."""
+    drift: float = 0.0
+    """Its velocity to the left, in m/s."""
+    distance: float = 0.3
+    """To keep from its centre, in m."""
+
+
+OBSTACLES = (Disc(9.0, 0.15), Disc(18.0, -0.1, drift=-0.15), Disc(27.0, -0.15))
 
 AnyProblem = Problem | HolonomicProblem
 
@@ -52,14 +78,48 @@ class Bends:
         return np.array(rows)
 
 
+def obstacles(t: float, points: int, dt: float) -> list[KeepOut]:
+    """Where :data:`OBSTACLES` are at the times t, t + dt, ..."""
+    return [
+        KeepOut(_on_the_left(met, left + drift * (t - met + dt * np.arange(points))), distance)
+        for met, left, drift, distance in OBSTACLES
+    ]
+
+
+def _on_the_left(met: float, left: np.ndarray) -> np.ndarray:
+    x, y, yaw = Waves().at(met).pose
+    return np.array([x, y]) + np.outer(left, [-np.sin(yaw), np.cos(yaw)])
+
+
+class Waves:
+    """A sine along x, driven along the heading: unlike :class:`Bends`, nothing of it jumps."""
+
+    duration = 1e4
+
+    def at(self, t: float) -> Setpoint:
+        x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
+        return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
+
+    def window(self, t: float, n: int, dt: float) -> np.ndarray:
+        at = t + dt * np.arange(n)
+        vx, vy = np.full(n, ADVANCE), WAVE * WAVE_RATE * np.cos(WAVE_RATE * at)
+        yaw_rate = -vx * WAVE * WAVE_RATE**2 * np.sin(WAVE_RATE * at) / (vx**2 + vy**2)
+        y, yaw = WAVE * np.sin(WAVE_RATE * at), np.arctan2(vy, vx)
+        return np.column_stack([ADVANCE * at, y, yaw, vx, vy, yaw_rate])
+
+
 @dataclass
 class Recorder:
-    """A solver that keeps the problems it was given."""
+    """A solver that keeps the problems it was given, within other ``limits`` if there are some."""
 
     solver: Any
-    problems: list[Any] = field(default_factory=list)
+    limits: Limits | None = None
+    problems: deque[Any] = field(default_factory=lambda: deque(maxlen=STEPS))
+    """The last of them: a controller warms up with another."""
 
     def solve(self, problem: AnyProblem, *guess: np.ndarray) -> Any:
+        if self.limits is not None:
+            problem = problem._replace(limits=self.limits)
         self.problems.append(deepcopy(problem))
         return self.solver.solve(problem, *guess)
 
@@ -67,15 +127,26 @@ class Recorder:
 def unicycle_stream(stages: int) -> list[Problem]:
     """What the paper's controller is asked in every step."""
     recorder = Recorder(SqpSolver())
-    drive(NmpcController(DT, stages, PRESETS["paper"], recorder))
-    return recorder.problems
+    drive(NmpcController(DT, stages, PRESETS["paper"], recorder), Bends())
+    return list(recorder.problems)
 
 
 def holonomic_stream(stages: int, max_wheel_speed: float) -> list[HolonomicProblem]:
     """What the controller within the wheels' limits is asked; robot ``paper``, slower wheels."""
     recorder = Recorder(HolonomicSolver())
-    drive(holonomic_controller(stages, max_wheel_speed, recorder))
-    return recorder.problems
+    drive(holonomic_controller(stages, max_wheel_speed, recorder), Bends())
+    return list(recorder.problems)
+
+
+def obstacle_stream(stages: int, max_wheel_speed: float) -> list[HolonomicProblem]:
+    """What it is asked among :data:`OBSTACLES`, if the wheels do not accelerate at once either."""
+    wheels = named_robot("paper").chassis.jacobian
+    limits = joined(
+        speed_limits(wheels, max_wheel_speed, DT), rate_limits(wheels, MAX_WHEEL_ACCELERATION, DT)
+    )
+    recorder = Recorder(HolonomicSolver(), limits)
+    drive(holonomic_controller(stages, max_wheel_speed, recorder, obstacles), Waves())
+    return list(recorder.problems)
 
 
 def statement(problem: AnyProblem) -> dict[str, object]:
@@ -87,17 +158,28 @@ def statement(problem: AnyProblem) -> dict[str, object]:
         "stage_weights": problem.state_weights[0].tolist(),
         "terminal_weights": problem.state_weights[-1].tolist(),
         "control_weights": problem.control_weights.tolist(),
-        "limits": problem.limits.tolist(),
     }
-    if isinstance(problem, HolonomicProblem):
-        common |= {"model": "holonomic", "wheels": problem.wheels.tolist()}
-    return common
+    if isinstance(problem, Problem):
+        return common | {"limits": problem.limits.tolist()}
+    limits, places = problem.limits._asdict(), problem.keep_outs
+    rows = {name: part.tolist() for name, part in limits.items()}
+    kept = {"radii": places.radii.tolist(), "weights": places.weights.tolist()}
+    return common | {"model": "holonomic"} | rows | kept
+
+
+def numbers(problem: AnyProblem) -> dict[str, np.ndarray]:
+    """What problems of a stream do not have in common: see nmpc_models.py."""
+    own = {name: getattr(problem, name) for name in ("start", "targets", "feedforward")}
+    if isinstance(problem, Problem):
+        return own
+    centres = np.hstack([np.empty((len(problem.targets), 0)), *problem.keep_outs.centres])
+    return own | {"previous": problem.previous, "centres": centres}
 
 
 def closed_loop_cost(stages: int, max_wheel_speed: float, solver: HolonomicPlanner) -> float:
     """Sum of the stage costs of what the robot truly did."""
     controller = holonomic_controller(stages, max_wheel_speed, solver)
-    p, states = controller.parameters, drive(controller)
+    p, states = controller.parameters, drive(controller, Bends())
     targets = Bends().window(0.0, len(states), DT)[:, :3]
     return tracking_cost(
         states,
@@ -110,15 +192,18 @@ def closed_loop_cost(stages: int, max_wheel_speed: float, solver: HolonomicPlann
 
 
 def holonomic_controller(
-    stages: int, max_wheel_speed: float, solver: HolonomicPlanner
+    stages: int,
+    max_wheel_speed: float,
+    solver: HolonomicPlanner,
+    keep_outs: KeepOutsAhead | Sequence[KeepOut] = (),
 ) -> HolonomicController:
     chassis = replace(named_robot("paper"), max_wheel_speed=max_wheel_speed).chassis
-    return HolonomicController(DT, stages, HolonomicParameters(), chassis, solver)
+    return holonomic_nmpc(chassis, DT, stages, solver=solver, keep_outs=keep_outs)
 
 
-def drive(controller: NmpcController | HolonomicController) -> np.ndarray:
+def drive(controller: NmpcController | HolonomicController, reference: Bends | Waves) -> np.ndarray:
     """True poses of a robot that moves as it is told, measured with noise, and kicked."""
-    rng, reference = np.random.default_rng(SEED), Bends()
+    rng = np.random.default_rng(SEED)
     pose = reference.at(0.0).pose
     controller.reset(pose)
     poses = [pose]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
 from functools import cache
@@ -16,6 +17,7 @@ from numba.core import config as numba_config
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_log = logging.getLogger("omnidrive")
 _config: Any = numba_config  # its attributes are made at run time
 
 
@@ -77,6 +79,15 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
 def kernels_are_kept(name: str = "*") -> bool:
     """Whether a kernel, or any, was compiled before, so that nobody has to wait for it again."""
     return any(_cache_folder(_config.CACHE_DIR).rglob(f"*.{name}-*.nbc"))
+
+
+def announce_compiling(name: str) -> None:
+    """Log a warning if a kernel will first have to be compiled, and how to do that beforehand."""
+    if not kernels_are_kept(name):
+        _log.warning(
+            "compiling numerical kernels, the first time only: up to a minute; "
+            "`omnidrive warmup` does it beforehand"
+        )
 
 
 @cache

@@ -57,7 +57,7 @@ def test_compare_with_the_recommended_preset(tmp_path):
 
 
 def test_the_default_controllers_go_with_the_preset(tmp_path):
-    everybody = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended")
+    everybody = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended")
     assert Demand("paper").resolve().controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
     assert Demand("paper", preset="recommended").resolve().controllers == everybody
     save_scenario(paper_scenario(), tmp_path / "s.yaml")

@@ -1,5 +1,6 @@
 """Holonomic NMPC: derivatives, optimality, agreement with IPOPT, laws."""
 
+from inspect import unwrap
 from math import cos, pi, sin
 
 import numpy as np
@@ -7,18 +8,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omnidrive.control.nmpc.holonomic.limits import reduced_gradient, within_limits
+from omnidrive.control.nmpc.holonomic import (
+    HolonomicProblem,
+    HolonomicSolver,
+    InteriorSettings,
+    KeepOut,
+    joined,
+    keep_outs,
+    rate_limits,
+    speed_limits,
+)
+from omnidrive.control.nmpc.holonomic.distance import distance, keep_out_cost
+from omnidrive.control.nmpc.holonomic.iterate import cost, evaluate, iterate, reduced_gradient
 from omnidrive.control.nmpc.holonomic.linear import unlimited
 from omnidrive.control.nmpc.holonomic.motion import (
     arc,
-    cost,
+    largest_part,
+    limited,
     roll_out,
-    wheel_speed,
-    wheel_speed_slopes,
+    twist,
+    twist_derivatives,
+    twists_of,
+    velocity,
 )
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, InteriorSettings
 from omnidrive.control.nmpc.solution import Exit
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.robot import Chassis
 
@@ -31,24 +45,57 @@ CHASSIS = Chassis.omni(
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def problem(rng, stages=15, limit=20.0, speed=0.7, kick=0.3):
-    """A wavy reference of about ``speed`` m/s, and a start beside it."""
+SQUARE = np.array([[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]])
+
+
+def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, places=0):
+    """A wavy reference of about 0.7 m/s, and a start beside it.
+
+    With limits of the wheels' ``rate`` in rad/s^2, or a lag in s, the robot moves at first; with
+    ``places``, discs, squares and moving discs lie near the reference.
+    """
     dt, phase = 0.1, rng.uniform(-pi, pi)
     t = phase + dt * np.arange(stages + 1)
-    targets = np.column_stack(
-        [speed * t, 0.5 * np.sin(speed * 2 * t), rng.uniform(-3, 3) + 0.5 * t]
-    )
+    targets = np.column_stack([0.7 * t, 0.5 * np.sin(1.4 * t), rng.uniform(-3, 3) + 0.5 * t])
     start = targets[0] + kick * rng.normal(size=3)
+    state_weights = np.tile([15.0, 15.0, 15.0], (stages + 1, 1)) * rng.uniform(0.5, 2.0, 3)
+    control_weights = rng.uniform(0.2, 2.0, 3)
+    limits = speed_limits(CHASSIS.jacobian, limit, dt, (lag, lag))
+    if rate is not None:
+        limits = joined(limits, rate_limits(CHASSIS.jacobian, rate, dt))
+    previous = np.zeros(3)
+    if rate is not None or lag:
+        previous = rng.normal(size=3) * [0.4, 0.4, 0.8]
+        previous *= min(1.0, limit / np.abs(CHASSIS.jacobian @ previous).max())
     return HolonomicProblem(
         dt,
         start,
+        previous,
         targets,
         np.diff(targets, axis=0) / dt,
-        np.tile([15.0, 15.0, 15.0], (stages + 1, 1)) * rng.uniform(0.5, 2.0, 3),
-        rng.uniform(0.2, 2.0, 3),
-        CHASSIS.jacobian.copy(),
-        np.full(4, limit),
+        state_weights,
+        control_weights,
+        limits,
+        keep_outs([place(rng, k, targets) for k in range(places)], stages + 1),
     )
+
+
+def place(rng, k, targets):
+    """Near the reference: a disc, a rounded square, and a disc that crosses it."""
+    centre = targets[rng.integers(len(targets)), :2] + 0.3 * rng.normal(size=2)
+    moves = np.linspace(0.0, 0.5, len(targets))[:, None] * rng.normal(size=2)
+    return (
+        KeepOut(centre, rng.uniform(0.1, 0.4)),
+        KeepOut(centre, rng.uniform(0.05, 0.2), SQUARE),
+        KeepOut(centre + moves, rng.uniform(0.1, 0.4)),
+    )[k % 3]
+
+
+def gradient_of(p, velocities):
+    """Derivative of J."""
+    at = iterate(velocities, np.empty((len(velocities), 0)))
+    evaluate(p, at)
+    return reduced_gradient(p.dt, at, np.empty((len(velocities), 0)))
 
 
 @pytest.mark.parametrize("half", [0.0, 1e-3, 0.019999, 0.020001, 0.3, -1.2, 1.6, -2.5])
@@ -64,51 +111,65 @@ def test_the_arcs_factor_and_its_derivatives(half):
 @given(SEEDS)
 @settings(max_examples=50, deadline=None)
 def test_a_stage_is_driven_by_the_twist_that_leads_from_its_start_to_its_end(seed):
-    rng = np.random.default_rng(seed)
-    p = problem(rng)
-    yaw, vx, vy, rate = rng.uniform(-3, 3, 4)
-    moved = Pose(p.dt * vx, p.dt * vy, yaw + p.dt * rate)
-    expected = CHASSIS.wheel_speeds(twist_between(Pose(0.0, 0.0, yaw), moved, p.dt))
-    found = [wheel_speed(p, i, yaw, vx, vy, rate) for i in range(4)]
-    np.testing.assert_allclose(found, expected, atol=1e-10)
+    yaw, vx, vy, rate = np.random.default_rng(seed).uniform(-3, 3, 4).tolist()
+    moved = Pose(0.1 * vx, 0.1 * vy, yaw + 0.1 * rate)
+    ahead, left = twist(0.1, yaw, vx, vy, rate)
+    expected = twist_between(Pose(0.0, 0.0, yaw), moved, 0.1)
+    np.testing.assert_allclose([ahead, left, rate], expected, atol=1e-12)
+    np.testing.assert_allclose(velocity(0.1, yaw, ahead, left, rate), [vx, vy], atol=1e-12)
 
 
 @given(SEEDS)
 @settings(max_examples=50, deadline=None)
-def test_derivatives_of_wheel_speeds(seed):
+def test_derivatives_of_twists(seed):
     rng = np.random.default_rng(seed)
-    p, stage = problem(rng), rng.uniform(-3, 3, 4)
-    slopes, bends = np.empty(4), np.empty((4, 4))
-    up, down, other = np.empty(4), np.empty(4), np.empty((4, 4))
-    value = wheel_speed_slopes(p, 1, tuple(stage.tolist()), slopes, bends)
-    assert value == pytest.approx(wheel_speed(p, 1, *stage.tolist()), abs=1e-12)
+    stage, pull = rng.uniform(-3, 3, 4), tuple(rng.normal(size=2).tolist())
+
+    def at(stage):
+        slopes, bends = np.empty((1, 2, 4)), np.empty((1, 4, 4))
+        value = twist_derivatives(0.1, tuple(stage.tolist()), pull, slopes, bends, 0)
+        return np.array(value), slopes[0], bends[0]
+
+    value, slopes, bends = at(stage)
+    np.testing.assert_allclose(value, twist(0.1, *stage.tolist()), atol=1e-12)
     for a in range(4):
         step = 1e-6 * np.eye(4)[a]
-        above = wheel_speed_slopes(p, 1, tuple((stage + step).tolist()), up, other)
-        below = wheel_speed_slopes(p, 1, tuple((stage - step).tolist()), down, other)
-        assert slopes[a] == pytest.approx((above - below) / 2e-6, rel=1e-6, abs=1e-6)
-        np.testing.assert_allclose(bends[a], (up - down) / 2e-6, rtol=1e-5, atol=1e-5)
+        above, up, _ = at(stage + step)
+        below, down, _ = at(stage - step)
+        np.testing.assert_allclose(slopes[:, a], (above - below) / 2e-6, rtol=1e-6, atol=1e-6)
+        pulled = np.array(pull) @ (up - down) / 2e-6
+        np.testing.assert_allclose(bends[a, : a + 1], pulled[: a + 1], rtol=1e-5, atol=1e-5)
+
+
+@given(SEEDS, st.integers(1, 6))
+@settings(max_examples=30, deadline=None)
+def test_derivatives_of_limits_and_of_the_cost(seed, stages):
+    """Of the Lagrangian, by every velocity, with the states that follow."""
+    rng = np.random.default_rng(seed)
+    p = problem(rng, stages, rate=50.0, lag=0.05, places=3)
+    v, pulls = rng.normal(size=(stages, 3)), rng.normal(size=(stages, 8))
+
+    def lagrangian(v):
+        twists = twists_of(p, v)
+        values = [[limited(p, i, twists, k) for i in range(8)] for k in range(stages)]
+        return cost(p, roll_out(p, v), v) + (pulls * values / p.limits.bounds).sum()
+
+    at = iterate(v, np.tile(p.limits.bounds, (stages, 1)))
+    evaluate(p, at)
+    gradient = reduced_gradient(p.dt, at, pulls)
+    for k in range(stages):
+        for i in range(3):
+            step = np.zeros((stages, 3))
+            step[k, i] = 1e-6
+            slope = (lagrangian(v + step) - lagrangian(v - step)) / 2e-6
+            assert gradient[k, i] == pytest.approx(slope, rel=1e-5, abs=1e-4)
 
 
 @given(SEEDS, st.integers(1, 30))
 @settings(max_examples=50, deadline=None)
 def test_without_limits_the_gradient_vanishes(seed, stages):
     p = problem(np.random.default_rng(seed), stages)
-    found = unlimited(p)
-    gradient = reduced_gradient(p, found, np.zeros((stages, 4, 4)), np.zeros((stages, 4)))
-    assert np.abs(gradient).max() < 1e-9
-
-
-def test_the_gradient_is_that_of_the_cost():
-    rng = np.random.default_rng(3)
-    p = problem(rng)
-    v = rng.normal(size=(15, 3))
-    gradient = reduced_gradient(p, v, np.zeros((15, 4, 4)), np.zeros((15, 4)))
-    for k, i in ((0, 0), (7, 1), (14, 2)):
-        step = np.zeros((15, 3))
-        step[k, i] = 1e-6
-        above, below = (cost(p, roll_out(p, v + s), v + s) for s in (step, -step))
-        assert gradient[k, i] == pytest.approx((above - below) / 2e-6, rel=1e-6)
+    assert np.abs(gradient_of(p, unlimited(p))).max() < 1e-9
 
 
 @given(SEEDS, st.integers(1, 30), st.floats(6.0, 20.0))
@@ -121,7 +182,7 @@ def test_every_plan_keeps_the_limits_and_is_optimal_if_it_says_so(seed, stages, 
     if found.exit is Exit.CONVERGED:
         assert found.residual < 1e-6
     assert found.check(p) == (found.residual, found.violation)
-    if within_limits(p, unlimited(p)) <= 1.0:
+    if largest_part(p, twists_of(p, unlimited(p))) <= 1.0:
         assert found.iterations == 0
         assert not found.multipliers.any()
     else:
@@ -151,19 +212,111 @@ def test_long_horizons_far_beyond_the_wheels_converge_nearly_always():
     assert np.percentile([plan.iterations for plan in plans], 99) < 70
 
 
-@given(SEEDS, st.floats(4.0, 20.0))
-@settings(max_examples=40, deadline=None)
-def test_ipopt_finds_nothing_better(seed, limit):
-    pytest.importorskip("casadi")
-    from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
+@pytest.mark.parametrize("rate", [20.0, 60.0])
+@pytest.mark.parametrize("lag", [0.0, 0.1])
+@pytest.mark.parametrize("places", [0, 3])
+def test_it_converges_with_rates_lag_and_keep_outs(rate, lag, places):
+    given = {"rate": rate, "lag": lag, "places": places}
+    problems = [problem(np.random.default_rng(seed), 20, 12.0, **given) for seed in range(100)]
+    plans = [HolonomicSolver().solve(p) for p in problems]
+    assert sum(plan.exit is Exit.CONVERGED for plan in plans) >= 97
+    assert max(plan.violation for plan in plans) < 1e-9
+    for p, plan in zip(problems, plans, strict=True):
+        if plan.exit is Exit.CONVERGED:
+            assert plan.residual < 1e-6
+            twists = np.vstack([p.previous, twists_of(p, plan.velocities)])
+            asked = twists[1:] + lag / p.dt * np.diff(twists, axis=0)
+            assert np.abs(asked @ CHASSIS.jacobian.T).max() <= 12.0 * (1 + 1e-9)
+            wheels = np.diff(twists @ CHASSIS.jacobian.T, axis=0) / p.dt
+            assert np.abs(wheels).max() <= rate * (1 + 1e-9)
 
-    p = problem(np.random.default_rng(seed), 10, limit)
+
+IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "places": 3}]
+
+
+@pytest.mark.parametrize("more", IPOPTS)
+@given(SEEDS, st.floats(4.0, 20.0))
+@settings(max_examples=25, deadline=None)
+def test_ipopt_finds_nothing_better(more, seed, limit):
+    """With keep-outs there may be several optima: then neither is better on the whole."""
+    pytest.importorskip("casadi")
+    from omnidrive.control.nmpc.holonomic import HolonomicIpopt
+
+    p = problem(np.random.default_rng(seed), 10, limit, **more)
     found = HolonomicSolver().solve(p)
     theirs = HolonomicIpopt().solve(p)
     assert theirs.exit is Exit.CONVERGED
+    if "places" in more:
+        return
     assert theirs.residual < 1e-4
     assert found.cost <= theirs.cost * (1 + 1e-6) + 1e-9
     np.testing.assert_allclose(found.velocities, theirs.velocities, atol=1e-4)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5, 3.0])
+def test_a_robot_faster_than_its_limits_brakes_as_hard_as_it_may(factor):
+    """No plan can keep the wheels' speed at once: the least is violated, and later nothing."""
+    rates = rate_limits(CHASSIS.jacobian, 40.0, 0.1)
+    p = problem(np.random.default_rng(3), 20)
+    fast = np.array([0.6, 0.2, 0.5])
+    fast *= factor * 10.0 / np.abs(CHASSIS.jacobian @ fast).max()
+    p = p._replace(previous=fast, limits=joined(speed_limits(CHASSIS.jacobian, 10.0, 0.1), rates))
+    found = HolonomicSolver().solve(p)
+    assert found.exit is Exit.CONVERGED
+    wheels = np.abs(np.vstack([fast, twists_of(p, found.velocities)]) @ CHASSIS.jacobian.T)
+    needed = np.maximum(10.0 * factor - 4.0 * np.arange(21), 10.0)  # braking at 40 rad/s^2
+    assert (wheels.max(axis=1) <= 1.03 * needed).all()
+    assert found.violation == pytest.approx(max(factor - 1.4, 0.0), abs=0.03 * factor)
+
+
+@pytest.mark.parametrize("corners", [None, SQUARE])
+@pytest.mark.parametrize("weight", [1e3, 1e5])
+def test_a_start_inside_a_keep_out_is_left_and_a_reference_through_it_evaded(corners, weight):
+    p = problem(np.random.default_rng(2), 30, kick=0.0)
+    inside = KeepOut(p.start[:2] + np.array([0.05, 0.02]), 0.3, corners, weight)
+    across = KeepOut(p.targets[20, :2] + np.array([0.03, 0.05]), 0.25, corners, weight)
+    p = p._replace(keep_outs=keep_outs([inside, across], 31))
+    found = HolonomicSolver().solve(p)
+    assert found.exit is Exit.CONVERGED
+    far = np.array(
+        [
+            [distance(p.keep_outs, j, k, *found.states[k, :2].tolist())[0] for k in range(31)]
+            for j in range(2)
+        ]
+    )
+    allowed = 30.0 / weight**0.75
+    assert far[0, 0] < 0.3
+    assert far[0, 6:].min() > 0.3 - allowed
+    assert far[1].min() > 0.25 - allowed
+
+
+@given(SEEDS)
+@settings(max_examples=50, deadline=None)
+def test_the_distance_to_a_keep_out_and_its_derivatives(seed):
+    rng = np.random.default_rng(seed)
+    corners = [None, SQUARE, SQUARE[:2]][seed % 3]
+    places = keep_outs([KeepOut(np.array([0.3, -0.2]), 0.2, corners)], 1)
+    x, y = rng.normal(size=2)
+    far, nx, ny, curvature = distance(places, 0, 0, x, y)
+    if corners is None:
+        assert far == pytest.approx(np.hypot(x - 0.3, y + 0.2))
+    if far > 1e-3:
+        assert np.hypot(nx, ny) == pytest.approx(1.0)
+        for dx, dy in ((1e-6, 0.0), (0.0, 1e-6)):
+            above, ax, ay, _ = distance(places, 0, 0, x + dx, y + dy)
+            below, bx, by, _ = distance(places, 0, 0, x - dx, y - dy)
+            assert (above - below) / 2e-6 == pytest.approx((nx * dx + ny * dy) * 1e6, abs=1e-5)
+            expected = [
+                curvature * (dx - nx * (nx * dx + ny * dy)) * 1e6,
+                curvature * (dy - ny * (nx * dx + ny * dy)) * 1e6,
+            ]
+            np.testing.assert_allclose([(ax - bx) / 2e-6, (ay - by) / 2e-6], expected, atol=1e-3)
+
+
+def test_inside_a_polygon_the_distance_is_negative():
+    places = keep_outs([KeepOut(np.zeros(2), 0.1, SQUARE)], 1)
+    assert distance(places, 0, 0, 0.15, 0.0)[:3] == pytest.approx((-0.05, 1.0, 0.0))
+    assert keep_out_cost(places, np.array([[0.15, 0.0, 0.0]])) == pytest.approx(1e4 * 0.15**2)
 
 
 @given(SEEDS, st.floats(-pi, pi))
@@ -190,14 +343,13 @@ def test_turning_the_world_turns_the_plan(seed, angle):
 def test_many_at_once_are_the_same_as_one_by_one():
     rng = np.random.default_rng(5)
     weights = problem(rng)
-    each = [problem(rng, limit=8.0) for _ in range(20)]
+    each = [problem(rng, limit=8.0, rate=50.0) for _ in range(20)]
     each = [
         p._replace(state_weights=weights.state_weights, control_weights=weights.control_weights)
         for p in each
     ]
-    together = each[0]._replace(
-        **{f: np.array([getattr(p, f) for p in each]) for f in ("start", "targets", "feedforward")}
-    )
+    fields = ("start", "previous", "targets", "feedforward")
+    together = each[0]._replace(**{f: np.array([getattr(p, f) for p in each]) for f in fields})
     velocities, iterations = HolonomicSolver().solve_many(together)
     for k, p in enumerate(each):
         one = HolonomicSolver().solve(p)
@@ -205,9 +357,13 @@ def test_many_at_once_are_the_same_as_one_by_one():
         assert one.iterations == iterations[k]
 
 
-def test_what_is_not_finite_is_unusable():
-    p = problem(np.random.default_rng(1))
-    assert HolonomicSolver().solve(p._replace(start=np.array([0.0, np.nan, 0.0]))).exit is (
+@pytest.mark.parametrize("field", ["start", "previous", "targets", "feedforward"])
+@pytest.mark.parametrize("deadline", [None, 1.0])
+def test_what_is_not_finite_is_unusable(field, deadline):
+    p = problem(np.random.default_rng(1), rate=50.0)
+    bad = getattr(p, field).copy()
+    bad.flat[1] = np.nan
+    assert HolonomicSolver(deadline=deadline).solve(p._replace(**{field: bad})).exit is (
         Exit.UNUSABLE
     )
 
@@ -225,3 +381,43 @@ def test_the_twist_of_a_plan_is_within_the_chassis_limits():
     twist = twist_between(Pose(*p.start), Pose(*found.states[1]), p.dt)
     assert isinstance(twist, BodyTwist)
     assert np.abs(CHASSIS.wheel_speeds(twist)).max() <= 6.0 * (1 + 1e-7)
+
+
+def test_a_deadline_is_kept_by_a_plan_within_the_limits():
+    p = problem(np.random.default_rng(2), 40, 3.0, rate=30.0, places=3)
+    late = HolonomicSolver(deadline=0.0).solve(p)
+    assert late.exit is Exit.LATE
+    assert late.iterations == 0
+    assert late.violation < 1e-9
+    in_time = HolonomicSolver(deadline=60.0).solve(p)
+    assert in_time.exit is Exit.CONVERGED
+    assert np.array_equal(in_time.velocities, HolonomicSolver().solve(p).velocities)
+    assert in_time.cost < late.cost
+    with pytest.raises(InvalidInput, match="deadline must not be negative"):
+        HolonomicSolver(deadline=-1.0)
+
+
+def test_the_same_problem_has_the_same_solution_bit_for_bit():
+    p = problem(np.random.default_rng(2), 30, 6.0, rate=50.0, lag=0.05, places=3)
+    one, other = HolonomicSolver().solve(p), HolonomicSolver().solve(p)
+    assert np.array_equal(one.velocities, other.velocities)
+    assert np.array_equal(one.multipliers, other.multipliers)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: unwrap(speed_limits)(np.ones((4, 2)), 1.0, 0.1), r"three columns, got \(4, 2\)"),
+        (lambda: unwrap(speed_limits)(np.eye(3), np.ones(2), 0.1), "3 rows need one bound or 3"),
+        (lambda: rate_limits(np.eye(3), 0.0, 0.1), "bounds must be positive and finite, got 0"),
+        (lambda: speed_limits(np.eye(3), 1.0, 0.1, (0.0, -1.0)), "lag must not be negative"),
+        (lambda: KeepOut(np.array([np.nan, 0.0]), 0.1), "finite points"),
+        (lambda: KeepOut(np.zeros(2), 0.0), "radius of a keep-out must be positive, got 0"),
+        (lambda: KeepOut(np.zeros(2), 0.1, weight=-1.0), "weight of a keep-out must be positive"),
+        (lambda: KeepOut(np.zeros(2), 0.1, SQUARE[::-1]), "counter-clockwise"),
+        (lambda: keep_outs([KeepOut(np.zeros((3, 2)), 0.1)], 16), "3 centres, but the plan 16"),
+    ],
+)  # fmt: skip
+def test_bad_limits_and_keep_outs_are_refused(make, message):
+    with pytest.raises(InvalidInput, match=message):
+        make()

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from omnidrive.control import HolonomicParameters, Status, holonomic_nmpc
-from omnidrive.control.nmpc.holonomic import HolonomicSolver, InteriorSettings, Rung
+from omnidrive.control.nmpc.holonomic import (
+    Actuation,
+    HolonomicSolver,
+    InteriorSettings,
+    KeepOut,
+    Rung,
+)
 from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
 from omnidrive.errors import InvalidInput
-from omnidrive.geometry import BodyTwist, Pose, move
+from omnidrive.geometry import BodyTwist, Pose, move, wrap
 from omnidrive.reference import Hold
-from omnidrive.robot import named_robot
+from omnidrive.robot import Chassis, named_robot
 from tests.laws.motions import Circle
 
 DT = 0.1
@@ -76,12 +82,104 @@ def test_a_capped_plan_keeps_the_limits_and_says_so():
     assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
 
 
-@pytest.mark.parametrize("far", [3.0, 1e3, 1e6])
+@pytest.mark.parametrize("far", [3.0, 1e3, 1e5])
 def test_a_target_far_away_is_approached_at_full_speed_within_the_limits(far):
     command = holonomic_nmpc(CHASSIS, DT).step(0.0, Pose(0.0, 0.0, 0.3), Hold(Pose(far, 0, 0), 9.0))
     speeds = np.abs(CHASSIS.wheel_speeds(command.twist))
     assert speeds.max() == pytest.approx(CHASSIS.max_wheel_speed, rel=5e-3)
     assert speeds.max() <= CHASSIS.max_wheel_speed * (1 + 1e-6)
+
+
+def test_what_is_asked_for_leads_a_robot_with_lag_and_delay_along_the_reference():
+    """The robot of the model, late by a fraction of a step, with a lag of one."""
+    lag, delay = 0.1, 0.25
+    controller = holonomic_nmpc(CHASSIS, DT, actuation=Actuation(lag=(lag, lag), delay=delay))
+    reference = Circle()
+    pose, twist, errors = reference.at(0.0).pose, np.zeros(3), []
+    controller.reset(pose)
+    asked = [np.zeros(3)] * 3
+    for k in range(60):
+        asked.append(np.array(controller.step(k * DT, pose, reference).twist))
+        earlier = twist
+        twist = earlier + DT / (lag + DT) * (asked[-4] - earlier)  # acts 0.25 s later:
+        pose = move(pose, BodyTwist(*earlier.tolist()), 0.05)  # half a step of the one before
+        pose = move(pose, BodyTwist(*twist.tolist()), 0.05)
+        errors.append(np.hypot(*np.subtract(pose[:2], reference.at((k + 1) * DT).pose[:2])))
+    assert max(errors[40:]) < 5e-4
+
+
+def test_acceleration_is_limited_to_what_the_wheels_can_push():
+    robot = named_robot("small")
+    controller = holonomic_nmpc(robot.chassis, DT, actuation=Actuation(acceleration=robot.traction))
+    controller.reset(Pose(0.0, 0.0, 0.0))
+    pose, twists = Pose(0.0, 0.0, 0.0), [np.zeros(3)]
+    for k in range(20):
+        command = controller.step(k * DT, pose, Hold(Pose(1.0, 0.5, 1.0), 9.0))
+        twists.append(np.array(command.twist))
+        pose = move(pose, command.twist, DT)
+    used = np.abs(np.diff(twists, axis=0) / DT @ robot.traction.T)
+    assert used[0].max() == pytest.approx(1.0, abs=1e-3)
+    assert used.max() < 1.0 + 1e-6
+    assert np.allclose(pose, (1.0, 0.5, 1.0), atol=1e-3)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_keep_out_on_the_way_is_evaded(moving):
+    speed = np.array([0.0, 0.2 if moving else 0.0])
+
+    def ahead(t, points, dt):
+        times = t + dt * np.arange(points)
+        return [KeepOut(np.array([1.0, 0.02]) + (times[:, None] - 2.0) * speed, 0.4)]
+
+    fixed = [KeepOut(np.array([1.0, 0.02]), 0.4)]
+    controller = holonomic_nmpc(CHASSIS, DT, 30, keep_outs=ahead if moving else fixed)
+    pose = Pose(0.0, 0.0, 0.0)
+    controller.reset(pose)
+    nearest, statuses = np.inf, set()
+    for k in range(60):
+        command = controller.step(k * DT, pose, Hold(Pose(2.0, 0.0, 0.0), 9.0))
+        statuses.add(command.status)
+        pose = move(pose, command.twist, DT)
+        centre = np.array([1.0, 0.02]) + ((k + 1) * DT - 2.0) * speed
+        nearest = min(nearest, np.hypot(*(np.array(pose[:2]) - centre)))
+    assert nearest > 0.38
+    assert statuses == {Status.OK}
+    assert np.allclose(pose, (2.0, 0.0, 0.0), atol=0.01)
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize("turns", [0.0, 2 * np.pi, -4 * np.pi])
+def test_a_circle_is_driven_across_the_branch_of_the_heading(sense, turns):
+    """The reference's heading jumps from pi to -pi, the measured one does not."""
+
+    class Wrapped(Circle):
+        def window(self, t, n, dt):
+            rows = np.array(
+                [[*self.at(t + k * dt).pose, *self.at(t + k * dt).twist] for k in range(n)]
+            )
+            rows[:, 2] = wrap(sense * rows[:, 2])
+            return rows * [1.0, sense, 1.0, 1.0, sense, sense]
+
+    reference, controller = Wrapped(), holonomic_nmpc(CHASSIS, DT)
+    pose = Pose(*reference.window(0.0, 1, DT)[0, :3].tolist())
+    pose = pose._replace(yaw=pose.yaw + turns)
+    controller.reset(pose)
+    for k in range(80):
+        command = controller.step(k * DT, pose, reference)
+        assert command.status is Status.OK
+        pose = move(pose, command.twist, DT)
+        x, y, yaw = reference.window((k + 1) * DT, 1, DT)[0, :3]
+        assert np.hypot(pose.x - x, pose.y - y) < 1e-6
+        assert abs(wrap(pose.yaw - yaw)) < 1e-6
+
+
+def test_a_deadline_that_passed_gives_a_plan_within_the_limits():
+    solver = HolonomicSolver(deadline=0.0)
+    controller = holonomic_nmpc(CHASSIS, DT, solver=solver)
+    command = controller.step(0.0, Pose(40.0, -30.0, 2.0), Circle())
+    assert rung(command) is Rung.FEASIBLE
+    assert command.status is Status.FALLBACK
+    assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
 
 
 def test_ipopt_drives_alike():
@@ -98,11 +196,26 @@ def test_ipopt_drives_alike():
         ({"dt": 0.0}, "the sample time must be positive, got 0 s"),
         ({"horizon": 0}, "the horizon must be at least 1 stage, got 0"),
         ({"parameters": HolonomicParameters(position_weight=-1.0)}, "position_weight"),
+        ({"parameters": HolonomicParameters(velocity_weight=0.0)}, "velocity_weight"),
+        ({"chassis": Chassis(CHASSIS.jacobian, 0.0)}, "the wheels must be able to turn, got 0"),
     ],
 )
 def test_bad_arguments_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
         holonomic_nmpc(**{"chassis": CHASSIS, "dt": DT, **settings})
+
+
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
+def test_a_negative_lag_or_delay_is_refused(value):
+    for name, given in (("lag", (0.1, value)), ("delay", value)):
+        with pytest.raises(InvalidInput, match=f"the {name} must not be negative, got"):
+            Actuation(**{name: given})
+
+
+def test_a_chassis_that_cannot_move_in_every_direction_is_refused():
+    wheels = np.array([[20.0, 0.0, 5.0], [20.0, 0.0, -5.0]])  # a differential drive
+    with pytest.raises(InvalidInput, match="rank 2, need 3"):
+        Chassis(wheels, 50.0)
 
 
 def test_a_solver_that_is_none_is_refused():

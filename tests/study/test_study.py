@@ -73,7 +73,7 @@ def test_results_follow_the_documented_schema(folder):
     for run in data["runs"]:
         assert run["finished"] is True
         assert run["noise"] == (run["task"] == "noise")
-        assert (run["horizon"] is None) == (run["controller"] != "nmpc")
+        assert (run["horizon"] is None) == (run["controller"] not in {"nmpc", "recommended"})
         for key in ("me", "mae", "max_error", "me_measured", "mae_measured", "min_clearance"):
             assert isfinite(run[key])
         assert 0 < run["step_time_us"]["median"] <= run["step_time_us"]["p99"]
@@ -104,8 +104,8 @@ def test_the_gains_are_in_the_time_series(folder):
     goal, seen = (np.array([s[f"{what}_{k}"] for k in "xy"]) for what in ("target", "measured"))
     distance = np.hypot(*(goal[:, 1:] - seen[:, :-1]))
     assert s["error_input_position"][:-1] == pytest.approx(0.5 * distance)
-    plain = pq.read_table(folder / "series" / "track-recommended-20s.parquet")
-    assert plain.column_names[-1] == "step_time"
+    plans = pq.read_table(folder / "series" / "track-recommended-20s.parquet")
+    assert plans.column_names[-4:] == ["step_time", "rung", "solver_iterations", "kkt_residual"]
 
 
 def test_the_folder_holds_report_and_figures(folder):
@@ -179,10 +179,10 @@ def test_a_duration_that_the_robot_cannot_do_is_refused_before_anything_runs(tmp
 
 
 def test_a_study_of_the_recommended_preset(tmp_path):
-    names = ("pid", "fuzzy_t1", "nmpc")
+    names = ("pid", "fuzzy_t1", "recommended")
     scenario = small_scenario(preset="recommended", controllers=names)
     study = run_study(scenario, tmp_path / "run")
-    plans = [r.run for r in study.results.runs if r.controller == "nmpc"]
+    plans = [r.run for r in study.results.runs if r.controller == "recommended"]
     assert plans
     assert all((run.details["rung"][:-1] == 0.0).all() for run in plans)
     pid, fuzzy = (r for r in study.results.select("noise") if r.controller in names[:2])

@@ -28,7 +28,7 @@ from omnidrive.cli.options import (
 )
 from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
-from omnidrive.study import ControllerName, Scenario, TaskName, run_study
+from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, run_study
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 
@@ -117,8 +117,10 @@ def _restrict(
         changes["tasks"] = scenario.tasks.model_copy(update=kept)
     scenario = scenario.model_copy(update=changes)
     horizon_only = [n for n in get_args(TaskName) if getattr(scenario.tasks, n)] == ["horizon"]
-    if horizon_only and "nmpc" not in scenario.controllers:
-        raise InvalidInput("the task horizon is for the controller nmpc, which was left out")
+    if horizon_only and not set(PREDICTIVE) & set(scenario.controllers):
+        raise InvalidInput(
+            f"the task horizon is for {' and '.join(PREDICTIVE)}, which were left out"
+        )
     return scenario if noise_seeds is None else _repeated(scenario, noise_seeds)
 
 

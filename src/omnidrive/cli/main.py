@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
@@ -18,6 +19,7 @@ from omnidrive.cli.compare import compare
 from omnidrive.cli.fuzzy import fuzzy
 from omnidrive.cli.plan import plan
 from omnidrive.cli.run import run
+from omnidrive.cli.warmup import warmup
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
 
 app = typer.Typer(
@@ -31,6 +33,7 @@ app = typer.Typer(
 app.command()(compare)
 app.command()(plan)
 app.command()(run)
+app.command()(warmup)
 app.add_typer(fuzzy, name="fuzzy")
 
 
@@ -72,6 +75,7 @@ def main() -> None:
     for number in _ENDINGS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup does
             signal.signal(number, _interrupt)
+    logging.getLogger("omnidrive").setLevel(logging.ERROR)  # the progress says the rest
     status = _status()
     _stop_listening()
     sys.exit(status)

@@ -26,7 +26,7 @@ from omnidrive.cli.options import (
 )
 from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
-from omnidrive.study import ControllerName, Scenario, TaskName, one_task, run_study
+from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, one_task, run_study
 
 
 def run(
@@ -97,8 +97,10 @@ def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None)
         "tasks": one_task(scenario.tasks, chosen),
     }
     if horizon is not None:
-        if name != "nmpc":
-            raise InvalidInput(f"--horizon is for the controller nmpc, not {name}")
+        if name not in PREDICTIVE:
+            raise InvalidInput(
+                f"--horizon is for the controllers {' and '.join(PREDICTIVE)}, not {name}"
+            )
         if not 1 <= horizon <= 200:
             raise InvalidInput(f"the horizon is {horizon} steps, need 1 to 200 steps")
         changes["nmpc"] = scenario.nmpc.model_copy(update={"horizon": horizon})

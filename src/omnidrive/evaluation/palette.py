@@ -23,9 +23,10 @@ _CONTROLLERS = {
     "fuzzy_t2": ("Interval type-2 fuzzy PID", "IT2", Ink("#0072b2", "#56b4e9")),
     "fuzzy_t3": ("Interval type-3 fuzzy PID", "IT3", Ink("#d55e00", "#e0503c")),
     "nmpc": ("NMPC", "NMPC", Ink("#cc79a7", "#e39ac3")),
+    "feedforward": ("Feedforward", "FF", Ink("#882255", "#c46ba0")),
     "recommended": ("Recommended", "Rec.", Ink("#009e73", "#1fc998")),
 }
-_SPARE = (Ink("#882255", "#c46ba0"), Ink("#9c8f00", "#f0e442"), Ink("#56b4e9", "#9ad7fb"))
+_SPARE = (Ink("#8c564b", "#c49c94"), Ink("#9c8f00", "#f0e442"), Ink("#56b4e9", "#9ad7fb"))
 
 # ends of viridis, cut where it would fade into the ground
 _RAMPS = Ink("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae #c4e65a")

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import pi
+
+import numpy as np
+from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.robot.chassis import Chassis
+
+Array = np.ndarray
+
+GRAVITY = 9.81
+"""In m/s^2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +40,11 @@ class OmniWheel:
     roller_mass: float = 0.012
     row_gap: float = 0.022
 
+    @property
+    def total_mass(self) -> float:
+        """Hub, rim and rollers, in kg."""
+        return self.mass + 2 * self.rollers_per_row * self.roller_mass
+
 
 @dataclass(frozen=True, slots=True)
 class Robot:
@@ -48,6 +62,8 @@ class Robot:
         max_torque: Torque that a motor gives at its wheel, in N m.
         servo_gain: Torque per unit of wheel-speed error, in N m s/rad.
         friction: Coulomb friction coefficient between roller and floor.
+        lag: Time constants with which translation and rotation follow commands, in s, as
+            :func:`omnidrive.simulation.identify_lag` finds them on physics with rollers.
         assumed_arm: The arm that the wheel controller believes in, in m; differs from ``arm`` on
             a miscalibrated robot, whose yaw then comes out at ``assumed_arm / arm`` of the command.
     """
@@ -63,12 +79,44 @@ class Robot:
     max_torque: float
     servo_gain: float
     friction: float
+    lag: tuple[float, float]
     assumed_arm: float
 
     @property
     def chassis(self) -> Chassis:
         """The true wheel matrix."""
         return self._chassis(self.arm)
+
+    @property
+    def yaw_inertia(self) -> float:
+        """About the centre, in kg m^2, the wheels as points."""
+        wheels = len(self.wheel_angles) * self.wheel.total_mass
+        return self.disc_inertia(self.mass - wheels) + wheels * self.arm**2
+
+    def disc_inertia(self, mass: float) -> float:
+        """Of all but the wheels, of this mass in kg: a disc of 0.8 arm, about its axis, kg m^2."""
+        return 0.5 * mass * (0.8 * self.arm) ** 2
+
+    @property
+    def traction(self) -> Float[Array, "faces 3"]:
+        """``|traction @ (ax, ay, yaw acceleration)| <= 1``: what the wheels can push, in B.
+
+        Every wheel pushes along its direction, up to what friction carries, with the load on all
+        alike, or the motor gives. All that they can do together is a zonotope of forces and torque;
+        its faces are spanned by pairs of wheels (McMullen, "On zonotopes", Trans. AMS 159, 1971).
+        Rows are in s^2/m, s^2/m and s^2/rad. Beyond, a wheel spins or falls behind.
+        """
+        wheels = len(self.wheel_angles)
+        most = min(
+            self.friction * self.mass * GRAVITY / wheels, self.max_torque / self.wheel.radius
+        )
+        pushes = self.wheel.radius * self.chassis.jacobian  # force and torque per unit of push
+        inertia = np.array([self.mass, self.mass, self.yaw_inertia])
+        faces = np.array([np.cross(a, b) for a, b in combinations(pushes, 2)])
+        faces = faces[np.linalg.norm(faces, axis=1) > 1e-9 * self.arm]
+        reach = most * np.abs(faces @ pushes.T).sum(axis=1)
+        rows: Float[Array, "faces 3"] = faces * inertia / reach[:, None]
+        return rows
 
     @property
     def drive(self) -> Chassis:
@@ -100,6 +148,7 @@ _PAPER = Robot(
     max_torque=50.0,
     servo_gain=20.0,
     friction=1.0,
+    lag=(0.0065, 0.0013),
     assumed_arm=0.5 * 2**0.5,
 )
 _SMALL = Robot(
@@ -114,6 +163,7 @@ _SMALL = Robot(
     max_torque=2.0,
     servo_gain=1.0,
     friction=0.8,
+    lag=(0.018, 0.006),
     assumed_arm=0.25,
 )
 ROBOTS = {robot.name: robot for robot in (_PAPER, _SMALL)}

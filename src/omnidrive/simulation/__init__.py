@@ -1,5 +1,6 @@
 """The robot's answer to a command, and the loop that closes around it."""
 
+from omnidrive.simulation.identify import identify_lag
 from omnidrive.simulation.kinematic import KinematicPlant
 from omnidrive.simulation.loop import Outcome, Run, simulate
 from omnidrive.simulation.mujoco_plant import MujocoPlant
@@ -16,5 +17,6 @@ __all__ = [
     "Plant",
     "Run",
     "Sensor",
+    "identify_lag",
     "simulate",
 ]

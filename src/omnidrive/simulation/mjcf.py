@@ -14,14 +14,14 @@ from math import cos, pi, sin, sqrt
 from typing import Literal
 from xml.etree import ElementTree as ET
 
-from omnidrive.robot import OmniWheel, Robot
+from omnidrive.robot import GRAVITY, OmniWheel, Robot
 
 WheelModel = Literal["rollers", "ball"]
 
 TIMESTEP = 0.002
 """Longest physics step in s: short enough for the stiffest named servo."""
 
-_GRAVITY = 9.81
+
 _SAG = 0.002  # m that a sprung axle gives under the robot's weight
 _SPRING_DAMPING_RATIO = 0.7
 _ROLLER_ARMATURE = 1e-6  # kg m^2; more makes the robot creep
@@ -68,14 +68,12 @@ def _friction(robot: Robot) -> str:
 
 
 def _wheel_mass(wheel: OmniWheel, wheels: WheelModel) -> float:
-    rollers = 2 * wheel.rollers_per_row * wheel.roller_mass if wheels == "rollers" else 0.0
-    return wheel.mass + rollers
+    return wheel.total_mass if wheels == "rollers" else wheel.mass
 
 
 def _add_chassis(base: ET.Element, robot: Robot, wheels: WheelModel) -> None:
-    """Mass of everything but the wheels: a disc of 0.8 arm."""
     mass = robot.mass - len(robot.wheel_angles) * _wheel_mass(robot.wheel, wheels)
-    about_z = 0.5 * mass * (0.8 * robot.arm) ** 2
+    about_z = robot.disc_inertia(mass)
     about_x = 0.5 * about_z + mass * 0.08**2 / 12.0
     _add(
         base, "inertial", pos=_numbers(0, 0, robot.com_height - robot.wheel.radius), mass=mass,
@@ -88,7 +86,7 @@ def _add_wheel_body(base: ET.Element, robot: Robot, i: int, angle: float) -> ET.
     pos = _numbers(robot.arm * cos(angle), robot.arm * sin(angle), 0.0)
     body = _add(base, "body", name=f"wheel{i}", pos=pos, quat=_about_z(angle))
     load = robot.mass / len(robot.wheel_angles)
-    stiffness = load * _GRAVITY / _SAG
+    stiffness = load * GRAVITY / _SAG
     _add(
         body, "joint", name=f"spring{i}", type="slide", axis="0 0 1", armature=0.02,
         stiffness=stiffness, springref=-_SAG,

@@ -5,6 +5,7 @@ from omnidrive.study.jobs import Job, jobs_of, make_controller, make_plant, run_
 from omnidrive.study.plan import plan_facts, save_plan
 from omnidrive.study.prepared import Prepared, lay_out, prepare
 from omnidrive.study.scenario import (
+    PREDICTIVE,
     ControllerName,
     MapSection,
     PlantName,
@@ -21,8 +22,10 @@ from omnidrive.study.scenario import (
 from omnidrive.study.scenario_file import load_scenario, save_scenario
 from omnidrive.study.study import Study, Watcher, run_study
 from omnidrive.study.timing import one_task, retime
+from omnidrive.study.warm_up import warm_up
 
 __all__ = [
+    "PREDICTIVE",
     "ControllerName",
     "Job",
     "MapSection",
@@ -53,4 +56,5 @@ __all__ = [
     "save_plan",
     "save_scenario",
     "study_tasks",
+    "warm_up",
 ]

@@ -15,6 +15,7 @@ from omnidrive.control import (
     holonomic_nmpc,
     unicycle_nmpc,
 )
+from omnidrive.control.nmpc.holonomic import Actuation
 from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
@@ -22,6 +23,7 @@ from omnidrive.robot import Robot
 from omnidrive.simulation import KinematicPlant, MujocoPlant, PaperNoise, Plant, simulate
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
+    PREDICTIVE,
     ControllerName,
     PlantName,
     Scenario,
@@ -47,7 +49,7 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     tasks, jobs = scenario.tasks, []
 
     def horizon(name: ControllerName) -> int | None:
-        return scenario.nmpc.horizon if name == "nmpc" else None
+        return scenario.nmpc.horizon if name in PREDICTIVE else None
 
     for duration in tasks.track.durations if tasks.track else ():
         jobs += [Job("track", name, duration, horizon(name)) for name in scenario.controllers]
@@ -61,9 +63,10 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     if tasks.step:
         seconds = tasks.step.duration
         jobs += [Job("step", name, seconds, horizon(name)) for name in scenario.controllers]
-    if tasks.horizon and "nmpc" in scenario.controllers:
+    swept = next((name for name in PREDICTIVE if name in scenario.controllers), None)
+    if tasks.horizon and swept:
         seconds = tasks.horizon.duration
-        jobs += [Job("horizon", "nmpc", seconds, n) for n in tasks.horizon.horizons]
+        jobs += [Job("horizon", swept, seconds, n) for n in tasks.horizon.horizons]
     return jobs
 
 
@@ -83,12 +86,21 @@ def make_controller(
         "fuzzy_t1": lambda: fuzzy_pid("t1", preset, dt),
         "fuzzy_t2": lambda: fuzzy_pid("t2", preset, dt),
         "fuzzy_t3": lambda: fuzzy_pid("t3", preset, dt),
-        "nmpc": lambda: (
-            holonomic_nmpc(robot.chassis, dt, horizon=steps, solver=scenario.nmpc.solver)
-            if preset == "recommended"
-            else unicycle_nmpc(preset, dt, horizon=steps, solver=scenario.nmpc.solver)
+        "nmpc": lambda: unicycle_nmpc(
+            "paper" if preset == "recommended" else preset,
+            dt,
+            horizon=steps,
+            solver=scenario.nmpc.solver,
         ),
-        "recommended": lambda: FeedforwardController(dt, scenario.recommended),
+        "feedforward": lambda: FeedforwardController(dt, scenario.feedforward),
+        "recommended": lambda: holonomic_nmpc(
+            robot.chassis,
+            dt,
+            horizon=steps,
+            parameters=scenario.recommended,
+            solver=scenario.nmpc.solver,
+            actuation=Actuation(robot.traction, robot.lag),
+        ),
     }
     return table[name]()
 

@@ -8,12 +8,16 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from omnidrive.control import FeedforwardGains
+from omnidrive.control import FeedforwardGains, HolonomicParameters
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
 from omnidrive.robot import named_robot
 
-ControllerName = Literal["pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended"]
+ControllerName = Literal[
+    "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended"
+]
+PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
+"""Who plans over a horizon."""
 TaskName = Literal["track", "noise", "step", "horizon"]
 PlantName = Literal["rollers", "ball", "kinematic"]
 PresetName = Literal["paper", "published-code", "recommended"]
@@ -154,10 +158,11 @@ class Scenario(_Section):
     preset: PresetName = "paper"
     """Whether the paper's controllers follow its text, its published code, or what we recommend.
 
-    The classical `pid` follows the fuzzy PIDs; `recommended` makes `nmpc` that of a holonomic robot
-    within what its wheels can do."""
+    The classical `pid` follows the fuzzy PIDs. `nmpc` is the paper's, with its text's weights where
+    the preset is ours; our own is the controller `recommended`, the same in every preset."""
     nmpc: NmpcSection = NmpcSection()
-    recommended: FeedforwardGains = FeedforwardGains()
+    feedforward: FeedforwardGains = FeedforwardGains()
+    recommended: HolonomicParameters = HolonomicParameters()
     tasks: Tasks
 
     @model_validator(mode="after")

@@ -1,11 +1,20 @@
-"""What is checked of a predictive controller before it drives."""
+"""What is done for a predictive controller before it drives."""
 
 from __future__ import annotations
 
 from math import isfinite
+from typing import TypeVar
 
+from omnidrive.compiled import announce_compiling
+from omnidrive.control.controller import Controller
 from omnidrive.errors import InvalidInput
+from omnidrive.geometry import Pose
 from omnidrive.parameter import bounds_of
+from omnidrive.reference import Hold
+
+C = TypeVar("C", bound=Controller)
+
+_START, _FAR = Pose(0.0, 0.0, 0.0), Pose(1e3, 0.0, 0.0)
 
 
 def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> None:
@@ -22,3 +31,15 @@ def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> No
             bounds.check(getattr(parameters, name))
         except ValueError as error:
             raise InvalidInput(f"{name} {error}") from error
+
+
+def compiled_first(controller: C, kernel: str) -> C:
+    """The controller, after a step that does not matter: no other has to wait for a compiler.
+
+    The step is towards a place far away, where limits bind. ``kernel`` is one that it needs.
+    """
+    announce_compiling(kernel)
+    controller.reset(_START)
+    controller.step(0.0, _START, Hold(_FAR, 1.0))
+    controller.reset(_START)
+    return controller

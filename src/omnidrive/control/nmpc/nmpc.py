@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.control.controller import Command, Status
-from omnidrive.control.nmpc.checks import check_settings
+from omnidrive.control.nmpc.checks import check_settings, compiled_first
 from omnidrive.control.nmpc.ipopt import IpoptSolver
 from omnidrive.control.nmpc.presets import PRESETS, NmpcParameters, Preset
 from omnidrive.control.nmpc.problem import Problem
@@ -140,4 +140,4 @@ def unicycle_nmpc(
     if solver not in _SOLVERS:
         raise InvalidInput(f"there is no solver '{solver}'; there are {', '.join(_SOLVERS)}")
     parameters = PRESETS[preset] if isinstance(preset, str) else preset
-    return NmpcController(dt, horizon, parameters, _SOLVERS[solver]())
+    return compiled_first(NmpcController(dt, horizon, parameters, _SOLVERS[solver]()), "_minimise")

@@ -21,6 +21,7 @@ class Exit(Enum):
 
     CONVERGED = "the KKT residual is below the tolerance"
     CAPPED = "the iteration cap was reached first"
+    LATE = "the deadline was reached first"
     STALLED = "no step lowers the cost any further, yet the KKT residual is above the tolerance"
     UNUSABLE = "the problem or its solution is not finite"
 

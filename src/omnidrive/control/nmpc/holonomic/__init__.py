@@ -1,5 +1,6 @@
 """NMPC of robots that move in any direction, within what their wheels can do."""
 
+from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.controller import (
     HolonomicController,
     HolonomicParameters,
@@ -7,11 +8,14 @@ from omnidrive.control.nmpc.holonomic.controller import (
     holonomic_nmpc,
 )
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.keep_out import KeepOut, keep_outs
+from omnidrive.control.nmpc.holonomic.limits import joined, rate_limits, speed_limits
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOuts, Limits
 from omnidrive.control.nmpc.holonomic.solution import HolonomicPlanner, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, InteriorSettings
 
 __all__ = [
+    "Actuation",
     "HolonomicController",
     "HolonomicIpopt",
     "HolonomicParameters",
@@ -20,6 +24,13 @@ __all__ = [
     "HolonomicSolution",
     "HolonomicSolver",
     "InteriorSettings",
+    "KeepOut",
+    "KeepOuts",
+    "Limits",
     "Rung",
     "holonomic_nmpc",
+    "joined",
+    "keep_outs",
+    "rate_limits",
+    "speed_limits",
 ]

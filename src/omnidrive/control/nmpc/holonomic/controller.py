@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import isfinite
@@ -11,20 +12,24 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from omnidrive.control.controller import Command, Status
-from omnidrive.control.nmpc.checks import check_settings
+from omnidrive.control.nmpc.checks import check_settings, compiled_first
+from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.keep_out import KeepOut, keep_outs
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, Limits
 from omnidrive.control.nmpc.holonomic.solution import HolonomicPlanner, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver
 from omnidrive.control.nmpc.solution import Exit
 from omnidrive.control.nmpc.tracking import nearest_branch
 from omnidrive.errors import InvalidInput
-from omnidrive.geometry import BodyTwist, Pose, twist_between
+from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.parameter import Bounds
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
 
 SolverName = Literal["sqp", "casadi"]
+KeepOutsAhead = Callable[[float, int, float], Sequence[KeepOut]]
+"""``keep_outs(t, points, dt)``: where to stay out of at the times t, t + dt, ... (s)."""
 
 _SOLVERS: dict[SolverName, Callable[[], HolonomicPlanner]] = {
     "sqp": HolonomicSolver,
@@ -60,6 +65,25 @@ class HolonomicParameters(NamedTuple):
     """First two diagonal entries of R."""
     yaw_rate_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/rad^2")] = 1.0
     """Third diagonal entry of R."""
+    terminal_factor: Annotated[float, Bounds(0.0, 1e3, "1")] = 1.0
+    """The terminal state's weight is this multiple of what its error costs from there on, if no
+    limit binds: with 1 a plan is as good as one without end, however short its horizon."""
+
+    def state_weights(self, points: int, dt: float) -> np.ndarray:
+        """Diagonals of Q_k, for ``points`` states ``dt`` s apart.
+
+        The terminal weight P solves the stationary Riccati equation of ``x + dt v``:
+        ``P^2 dt^2 - q dt^2 P - q r = 0`` (Rawlings, Mayne & Diehl, 2017, section 1.3.4).
+        """
+        q = np.array([self.position_weight, self.position_weight, self.heading_weight])
+        weights = np.tile(q, (points, 1))
+        to_go = 0.5 * (q + np.sqrt(q * q + 4.0 * q * self.control_weights() / (dt * dt)))
+        weights[-1] = self.terminal_factor * to_go
+        return weights
+
+    def control_weights(self) -> np.ndarray:
+        """Diagonal of R."""
+        return np.array([self.velocity_weight, self.velocity_weight, self.yaw_rate_weight])
 
 
 @dataclass(slots=True)
@@ -67,8 +91,10 @@ class HolonomicController:
     """A :class:`~omnidrive.control.Controller` that plans anew at every step.
 
     The target of every stage is the reference's pose at its end, and its velocity what leads there
-    from the one before: a robot on the reference stays on it. The command is the body twist that
-    leads along an arc to the first planned state.
+    from the one before: a robot on the reference stays on it. The twist of a stage is that which
+    leads along an arc to the next planned state; what is asked for is it and, against the lag, as
+    much more as it changes. Against the delay, a plan begins where the twists asked for before lead
+    until it acts.
 
     No step begins from the last one's plan, so a bad measurement spoils no later step. Where there
     is no plan, the old one goes on for a few steps, and then the robot comes to rest: the rungs of
@@ -79,7 +105,9 @@ class HolonomicController:
         horizon: N, stages of the plan.
         parameters: Weights.
         chassis: The wheels, and how fast they can turn.
+        actuation: How the robot follows.
         solver: What finds the plan.
+        keep_outs: Where to stay out of.
         solution: The latest plan; None after ``reset``.
     """
 
@@ -87,9 +115,14 @@ class HolonomicController:
     horizon: int
     parameters: HolonomicParameters
     chassis: Chassis
+    actuation: Actuation
     solver: HolonomicPlanner
+    keep_outs: KeepOutsAhead
     solution: HolonomicSolution | None = field(default=None, init=False)
     _age: int = field(default=0, init=False)
+    _twists: deque[BodyTwist] = field(init=False, repr=False)
+    """What the robot does, by the model: from the first that will still act, to the last asked."""
+    _limits: Limits = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_settings(self.dt, self.horizon, self.parameters)
@@ -97,6 +130,9 @@ class HolonomicController:
             raise InvalidInput(
                 f"the wheels must be able to turn, got {self.chassis.max_wheel_speed:g} rad/s"
             )
+        self._limits = self.actuation.limits(self.chassis, self.dt)
+        self._twists = deque(maxlen=int(self.actuation.delay / self.dt) + 1)
+        self._forget()
 
     @property
     def detail_units(self) -> Mapping[str, str]:
@@ -104,30 +140,43 @@ class HolonomicController:
         return {"rung": "1", "solver_iterations": "1", "kkt_residual": "1"}
 
     def reset(self, pose: Pose) -> None:
-        """Forget the last plan."""
-        self.solution = None
-        self._age = 0
+        """Forget the last plan; the robot is at rest."""
+        self._forget()
+
+    def _forget(self) -> None:
+        self.solution, self._age = None, 0
+        self._twists.extend([_STOP] * (self._twists.maxlen or 0))
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
         """Command for the pose measured at ``t`` (s)."""
-        problem = self._problem(t, pose, reference)
+        problem = self._problem(t + self.actuation.delay, self._after_delay(pose), reference)
         usable = isfinite(problem.start.sum() + problem.targets.sum())
         solution = self.solver.solve(problem) if usable else None
-        if solution is None or solution.exit is Exit.UNUSABLE or solution.violation > 1e-3:
+        if solution is None or solution.exit is Exit.UNUSABLE:
             return self._without_plan()
         self.solution, self._age = solution, 0
         rung = Rung.CONVERGED if solution.exit is Exit.CONVERGED else Rung.FEASIBLE
         status = Status.OK if rung is Rung.CONVERGED else Status.FALLBACK
-        return Command(self._twist(solution, 0), status, self._details(rung, solution))
+        return Command(self._ask(self._twist(solution, 0)), status, self._details(rung, solution))
+
+    def _after_delay(self, pose: Pose) -> Pose:
+        """Where the twists asked for before lead until the next one acts."""
+        if self.actuation.delay > 0.0:
+            first, *others = self._twists
+            pose = move(pose, first, self.actuation.delay - len(others) * self.dt)
+            for twist in others:
+                pose = move(pose, twist, self.dt)
+        return pose
 
     def _without_plan(self) -> Command:
         self._age += 1
         plan, age = self.solution, self._age
         if plan is None or age > FOLLOWED + RAMP or age >= len(plan.velocities):
+            self._ask(_STOP)
             return Command(_STOP, Status.FAILED, self._details(Rung.STOP, None))
         part = min(1.0, (FOLLOWED + RAMP - age + 1) / (RAMP + 1))
         vx, vy, yaw_rate = self._twist(plan, age)
-        twist = BodyTwist(part * vx, part * vy, part * yaw_rate)
+        twist = self._ask(BodyTwist(part * vx, part * vy, part * yaw_rate))
         rung = Rung.OLD_PLAN if part == 1.0 else Rung.RAMP
         return Command(twist, Status.FALLBACK, self._details(rung, None))
 
@@ -135,37 +184,49 @@ class HolonomicController:
         here, there = plan.states[stage : stage + 2].tolist()
         return twist_between(Pose(*here), Pose(*there), self.dt)
 
+    def _ask(self, twist: BodyTwist) -> BodyTwist:
+        """What to ask for so that the robot does this next."""
+        before = self._twists[-1]
+        self._twists.append(twist)
+        moving, turning = (lag / self.dt for lag in self.actuation.lag)
+        return BodyTwist(
+            twist.vx + moving * (twist.vx - before.vx),
+            twist.vy + moving * (twist.vy - before.vy),
+            twist.yaw_rate + turning * (twist.yaw_rate - before.yaw_rate),
+        )
+
     def _details(self, rung: Rung, plan: HolonomicSolution | None) -> tuple[float, float, float]:
         if plan is None:
             return float(rung), 0.0, np.nan
         return float(rung), float(plan.iterations), plan.residual
 
     def _problem(self, t: float, pose: Pose, reference: Reference) -> HolonomicProblem:
-        p, chassis = self.parameters, self.chassis
-        targets = reference.window(t, self.horizon + 1, self.dt)[:, :3].copy()
+        points = self.horizon + 1
+        targets = reference.window(t, points, self.dt)[:, :3].copy()
         with np.errstate(invalid="ignore"):  # what is not finite is caught by the caller
             targets[:, 2] = nearest_branch(targets[:, 2], pose.yaw)
             feedforward = np.diff(targets, axis=0) / self.dt
         return HolonomicProblem(
             dt=float(self.dt),
             start=np.array(pose, dtype=float),
+            previous=np.array(self._twists[-1]),
             targets=targets,
             feedforward=feedforward,
-            state_weights=np.tile(
-                [p.position_weight, p.position_weight, p.heading_weight], (self.horizon + 1, 1)
-            ),
-            control_weights=np.array([p.velocity_weight, p.velocity_weight, p.yaw_rate_weight]),
-            wheels=np.ascontiguousarray(chassis.jacobian, dtype=float),
-            limits=np.full(len(chassis.jacobian), float(chassis.max_wheel_speed)),
+            state_weights=self.parameters.state_weights(points, self.dt),
+            control_weights=self.parameters.control_weights(),
+            limits=self._limits,
+            keep_outs=keep_outs(self.keep_outs(t, points, self.dt), points),
         )
 
 
-def holonomic_nmpc(
+def holonomic_nmpc(  # noqa: PLR0917
     chassis: Chassis,
     dt: float,
     horizon: int = 15,
     parameters: HolonomicParameters | None = None,
-    solver: SolverName = "sqp",
+    solver: SolverName | HolonomicPlanner = "sqp",
+    actuation: Actuation | None = None,
+    keep_outs: KeepOutsAhead | Sequence[KeepOut] = (),
 ) -> HolonomicController:
     """NMPC of a holonomic robot within what its wheels can do.
 
@@ -174,14 +235,31 @@ def holonomic_nmpc(
         dt: Sample time in s.
         horizon: N, stages of the plan.
         parameters: Weights.
-        solver: ``sqp``, this package's own, or ``casadi``, which is IPOPT.
+        solver: ``sqp``, this package's own; ``casadi``, which is IPOPT; or one with other settings.
+        actuation: Limits of acceleration, lag and delay; the default has none of them.
+        keep_outs: Places that stay where they are, or what tells for every step where they will be.
 
     Raises:
         InvalidInput: An argument is outside its domain.
         MissingExtra: ``solver`` is ``casadi``, which is not installed.
     """
-    if solver not in _SOLVERS:
-        raise InvalidInput(f"there is no solver '{solver}'; there are {', '.join(_SOLVERS)}")
-    return HolonomicController(
-        dt, horizon, parameters or HolonomicParameters(), chassis, _SOLVERS[solver]()
+    if isinstance(solver, str):
+        if solver not in _SOLVERS:
+            raise InvalidInput(f"there is no solver '{solver}'; there are {', '.join(_SOLVERS)}")
+        solver = _SOLVERS[solver]()
+    return compiled_first(
+        HolonomicController(
+            dt,
+            horizon,
+            parameters or HolonomicParameters(),
+            chassis,
+            actuation or Actuation(),
+            solver,
+            keep_outs if callable(keep_outs) else _still(keep_outs),
+        ),
+        "_solve",
     )
+
+
+def _still(places: Sequence[KeepOut]) -> KeepOutsAhead:
+    return lambda t, points, dt: places

@@ -1,17 +1,26 @@
-"""A primal-dual interior-point method for the wheels' limits, with Riccati sweeps for its steps."""
+"""A primal-dual interior-point method for all limits, with Riccati sweeps for its steps."""
 
 from __future__ import annotations
 
 from math import log
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.limits import Iterate, evaluate, reduced_gradient, slowed
-from omnidrive.control.nmpc.holonomic.motion import cost, roll_out, wheel_speed
+from omnidrive.compiled import compiled, inlined
+from omnidrive.control.nmpc.holonomic.distance import keep_out_cost
+from omnidrive.control.nmpc.holonomic.iterate import (
+    Iterate,
+    cost,
+    evaluate,
+    iterate,
+    largest_slope,
+)
+from omnidrive.control.nmpc.holonomic.motion import limited, roll_out, twists_of
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.riccati import Factors, Step, factorise, newton_step
+from omnidrive.control.nmpc.holonomic.start import bounds_of, is_coupled, slowed
 
 Array = np.ndarray
 
@@ -19,6 +28,11 @@ CONVERGED, CAPPED, STALLED = range(3)
 
 _TO_BOUNDARY = 0.995
 """Part of the way to a limit that a step may go (Nocedal & Wright, 2006, section 19.2)."""
+_BARRIER_PER_SLOPE = 1e-3
+"""Least barrier per unit of the Lagrangian's gradient, as long as the mean product has it: where
+complementarity ran ahead of the gradient, as it may while the Hessian is shifted, iterates would
+creep along the limits (Wright, "Primal-Dual Interior-Point Methods", 1997, chapter 6, bounds the
+same ratio). Ten times as much makes steps useless, a third of it converges less often."""
 _MAX_HALVINGS = 30
 _ARMIJO = 1e-4
 """Share of the predicted fall that is enough (Nocedal & Wright, 2006, section 3.1)."""
@@ -26,142 +40,191 @@ _ROUNDING = 1e-12
 """Relative difference of the merit that may be rounding."""
 
 
-@compiled
-def _residuals(p: HolonomicProblem, at: Iterate) -> tuple[float, float]:
-    """Largest entry of the Lagrangian's gradient, and largest room x multiplier."""
-    pulls = at.multipliers[:, :, 0] - at.multipliers[:, :, 1]
-    gradient = reduced_gradient(p, at.velocities, at.slopes, pulls)
-    return np.abs(gradient).max(), (at.rooms * at.multipliers).max()
+class Search(NamedTuple):
+    """All that the method keeps from one iteration to the next."""
+
+    at: Iterate
+    factors: Factors
+    step: Step
+    products: Float[Array, "stages rows 2"]
+    """Room x multiplier that the step aims at."""
+    memory: Float[Array, " 3"]
+    """Shift of the Hessian, the barrier that is held (0: none), and iterations so far."""
 
 
 @compiled
-def _merit(p: HolonomicProblem, velocities: Float[Array, "stages 3"], barrier: float) -> float:
-    """J with a logarithmic barrier before every limit; infinite beyond."""
-    total, yaw = cost(p, roll_out(p, velocities), velocities), p.start[2]
-    for k in range(len(velocities)):
-        vx, vy, rate = velocities[k, 0], velocities[k, 1], velocities[k, 2]
-        for i in range(len(p.limits)):
-            speed = wheel_speed(p, i, yaw, vx, vy, rate) / p.limits[i]
-            if not abs(speed) < 1.0:
-                return np.inf
-            total -= barrier * log((1.0 - speed) * (1.0 + speed))
-        yaw += p.dt * rate
-    return total
+def begin(p: HolonomicProblem, unlimited: Float[Array, "stages 3"], least: float) -> Search:
+    """Slowed velocities, and multipliers of one barrier, ``least`` or more.
 
-
-@compiled
-def _room(values: Float[Array, "stages wheels 2"], step: Float[Array, "stages wheels 2"]) -> float:
-    """Largest part of a step, at most 1, that leaves every value positive or zero."""
-    part = 1.0
-    flat, changes = values.ravel(), step.ravel()
-    for i in range(len(flat)):
-        if changes[i] < 0.0:
-            part = min(part, -flat[i] / changes[i])
-    return part
-
-
-@compiled
-def _search(  # noqa: PLR0917
-    p: HolonomicProblem, at: Iterate, step: Step, barrier: float, longest: float, least: float
-) -> float:
-    """Part of a step, found by halving, with which the merit falls enough; 0 if there is none."""
-    none = np.zeros((len(at.velocities), len(p.limits)))
-    for k in range(len(at.velocities)):
-        for w in range(len(p.limits)):
-            none[k, w] = barrier / at.rooms[k, w, 0] - barrier / at.rooms[k, w, 1]
-    descent = (reduced_gradient(p, at.velocities, at.slopes, none) * step.velocities).sum()
-    if not descent < 0.0:
-        return 0.0
-    merit, part = _merit(p, at.velocities, barrier), longest
-    for _ in range(_MAX_HALVINGS):
-        reached = _merit(p, at.velocities + part * step.velocities, barrier)
-        if reached <= merit + _ARMIJO * part * descent + _ROUNDING * abs(merit):
-            return part
-        part *= 0.5
-        if part < least:
-            break
-    return 0.0
-
-
-@compiled
-def _first(p: HolonomicProblem, unlimited: Float[Array, "stages 3"], least: float) -> Iterate:
-    """Slowed velocities, and multipliers of one barrier, ``least`` or more."""
-    stages, wheels = len(unlimited), len(p.limits)
-    velocities = slowed(p, unlimited)
-    excess = cost(p, roll_out(p, velocities), velocities) - cost(
-        p, roll_out(p, unlimited), unlimited
-    )
-    at = Iterate(
-        velocities,
-        np.zeros((stages, wheels, 2)),
-        np.empty((stages, wheels, 2)),
-        np.empty((stages, wheels, 4)),
-        np.empty((stages, 4, 4)),
-    )
+    The first barrier is what the slowed start costs more than if nothing were in the way.
+    """
+    bounds = bounds_of(p)
+    stages, rows = bounds.shape
+    velocities = slowed(p, bounds)
+    free = roll_out(p, unlimited)
+    least_cost = cost(p, free, unlimited) - keep_out_cost(p.keep_outs, free)
+    excess = cost(p, roll_out(p, velocities), velocities) - least_cost
+    at = iterate(velocities, bounds)
     evaluate(p, at)
-    at.multipliers[:] = max(excess / (2 * stages * wheels), least) / at.rooms
-    return at
+    at.multipliers[:] = max(excess / (2 * stages * rows), least) / at.rooms
+    width = 6 if is_coupled(p) else 3
+    return Search(
+        at,
+        Factors(np.empty((stages, 3, width)), np.empty((stages, 6))),
+        Step(
+            np.empty((stages, 3)),
+            np.empty((stages + 1, 3)),
+            np.empty((stages, rows)),
+            np.empty((stages, rows, 2)),
+        ),
+        np.empty((stages, rows, 2)),
+        np.zeros(3),
+    )
 
 
 @compiled
-def solve_limited(
-    p: HolonomicProblem,
-    unlimited: Float[Array, "stages 3"],
-    tolerance: float,
-    max_iterations: int,
-) -> tuple[Iterate, int, int]:
-    """Local optimum within the wheels' limits, from the optimum without them.
+def advance(p: HolonomicProblem, search: Search, tolerance: float, until: int) -> int:
+    """Go on until the optimum, or until so many iterations were made in all; returns why it ended.
 
     A primal-dual interior-point method whose iterates all keep within the limits: the rooms are
     not variables of their own. Mehrotra's predictor and corrector (Nocedal & Wright, "Numerical
     Optimization", 2nd ed. 2006, section 16.6) go on as long as they lower the merit. Where they do
     not, one barrier is held until its minimum is near (the monotone mode of Wachter & Biegler,
     Math. Program. 106, 2006). The Hessian is exact, and shifted where it is not positive definite.
-    The first barrier is what the slowed start costs more than no limits.
-
-    Returns:
-        The last iterate, the number of iterations, and why it stopped.
     """
-    stages, wheels = len(unlimited), len(p.limits)
-    count = 2 * stages * wheels
-    at = _first(p, unlimited, tolerance)
-    f = Factors(np.zeros((stages, 3, 3)), np.zeros((stages, 3, 3)))
-    step = Step(np.empty((stages, 3)), np.empty((stages, wheels, 2)), np.empty((stages, wheels, 2)))
-    products = np.empty((stages, wheels, 2))
-    shift, held = 0.0, 0.0
-    for iteration in range(max_iterations):
+    at, step, memory = search.at, search.step, search.memory
+    while True:
         evaluate(p, at)
-        slope, product = _residuals(p, at)
+        slope, product, mean = _residuals(p, at)
         if slope <= tolerance and product <= tolerance:
-            return at, iteration, CONVERGED
-        shift = factorise(p, at, f, shift)
-        if held > 0.0 and max(slope, product) <= 10.0 * held:
-            held = 0.0
+            return CONVERGED
+        if memory[2] >= until:
+            return CAPPED
+        memory[0] = factorise(p, at, search.factors, memory[0])
+        if memory[1] > 0.0 and max(slope, product) <= 10.0 * memory[1]:
+            memory[1] = 0.0
         part = 0.0
-        if held == 0.0:
-            mean = (at.rooms * at.multipliers).sum() / count
-            products[:] = 0.0
-            newton_step(p, at, f, products, step)
-            primal, dual = _room(at.rooms, step.rooms), _room(at.multipliers, step.multipliers)
-            after = (
-                (at.rooms + primal * step.rooms) * (at.multipliers + dual * step.multipliers)
-            ).sum() / count
-            barrier = max(mean * (after / mean) ** 3, 0.1 * tolerance)
-            products[:] = barrier - step.rooms * step.multipliers
-            newton_step(p, at, f, products, step)
-            longest = min(1.0, _TO_BOUNDARY * _room(at.rooms, step.rooms))
-            part = _search(p, at, step, barrier, longest, 0.1 * longest)
+        if memory[1] == 0.0:
+            least = max(0.1 * tolerance, min(_BARRIER_PER_SLOPE * slope, mean))
+            barrier = _predict(p, search, mean, least)
+            part = _correct(p, search, barrier, 0.1)
             if part == 0.0:
-                held = max(barrier, 0.5 * mean)
+                memory[1] = max(barrier, 0.5 * mean)
         if part == 0.0:
-            products[:] = held
-            newton_step(p, at, f, products, step)
-            longest = min(1.0, _TO_BOUNDARY * _room(at.rooms, step.rooms))
-            part = _search(p, at, step, held, longest, 0.0)
+            search.products[:] = memory[1]
+            part = _correct(p, search, memory[1], 0.0)
             if part == 0.0:
-                return at, iteration, STALLED
+                return STALLED
         dual = min(1.0, _TO_BOUNDARY * _room(at.multipliers, step.multipliers))
         at.velocities[:] += part * step.velocities
         at.multipliers[:] += dual * step.multipliers
-    evaluate(p, at)
-    return at, max_iterations, CAPPED
+        memory[2] += 1
+
+
+@inlined
+def _residuals(p: HolonomicProblem, at: Iterate) -> tuple[float, float, float]:
+    """Largest entry of the Lagrangian's gradient; largest and mean room x multiplier."""
+    rooms, multipliers = at.rooms, at.multipliers
+    pulls = np.empty(at.bounds.shape)
+    largest, total = 0.0, 0.0
+    for k in range(len(pulls)):
+        for w in range(rooms.shape[1]):
+            pulls[k, w] = multipliers[k, w, 0] - multipliers[k, w, 1]
+            for side in range(2):
+                product = rooms[k, w, side] * multipliers[k, w, side]
+                largest, total = max(largest, product), total + product
+    return largest_slope(p.dt, at, pulls), largest, total / rooms.size
+
+
+@inlined
+def _predict(p: HolonomicProblem, search: Search, mean: float, least: float) -> float:
+    """Mehrotra's predictor: sets what the corrector aims at, and returns its barrier."""
+    at, step, products = search.at, search.step, search.products
+    products[:] = 0.0
+    newton_step(p, at, search.factors, products, step)
+    primal = _longest(at, step, 1.0)
+    dual, after = _room(at.multipliers, step.multipliers), 0.0
+    for k in range(at.rooms.shape[0]):
+        for w in range(at.rooms.shape[1]):
+            for side, room in ((0, -step.values[k, w]), (1, step.values[k, w])):
+                products[k, w, side] = -room * step.multipliers[k, w, side]
+                after += (at.rooms[k, w, side] + primal * room) * (
+                    at.multipliers[k, w, side] + dual * step.multipliers[k, w, side]
+                )
+    barrier = max(mean * (after / at.rooms.size / mean) ** 3, least)
+    products[:] += barrier
+    return barrier
+
+
+@inlined
+def _correct(p: HolonomicProblem, search: Search, barrier: float, least: float) -> float:
+    """Step towards the products; the part of it to go, 0 if it would be less than ``least``."""
+    newton_step(p, search.at, search.factors, search.products, search.step)
+    longest = _longest(search.at, search.step, _TO_BOUNDARY)
+    return _search(p, search.at, search.step, barrier, longest, least * longest)
+
+
+@inlined
+def _longest(at: Iterate, step: Step, reach: float) -> float:
+    """Largest part of a step, at most 1, that goes ``reach`` of the way to the nearest limit."""
+    part = 1.0
+    for k in range(at.rooms.shape[0]):
+        for w in range(at.rooms.shape[1]):
+            room = at.rooms[k, w, 0] if step.values[k, w] > 0.0 else at.rooms[k, w, 1]
+            if part * abs(step.values[k, w]) > reach * room:
+                part = reach * room / abs(step.values[k, w])
+    return part
+
+
+@inlined
+def _room(values: Float[Array, "stages rows 2"], step: Float[Array, "stages rows 2"]) -> float:
+    """Largest part of a step, at most 1, that leaves every value positive or zero."""
+    part = 1.0
+    flat, changes = values.ravel(), step.ravel()
+    for i in range(len(flat)):
+        if part * changes[i] < -flat[i]:
+            part = -flat[i] / changes[i]
+    return part
+
+
+@inlined
+def _merit(
+    p: HolonomicProblem,
+    velocities: Float[Array, "stages 3"],
+    bounds: Float[Array, "stages rows"],
+    barrier: float,
+) -> float:
+    """J with a logarithmic barrier before every limit; infinite beyond."""
+    total, twists = cost(p, roll_out(p, velocities), velocities), twists_of(p, velocities)
+    for k in range(len(velocities)):
+        room = 1.0
+        for i in range(bounds.shape[1]):
+            value = limited(p, i, twists, k) / bounds[k, i]
+            if not abs(value) < 1.0:
+                return np.inf
+            room *= (1.0 - value) * (1.0 + value)
+        total -= barrier * log(room)
+    return total
+
+
+@inlined
+def _search(  # noqa: PLR0917
+    p: HolonomicProblem, at: Iterate, step: Step, barrier: float, longest: float, least: float
+) -> float:
+    """Part of a step, found by halving, with which the merit falls enough; 0 if there is none."""
+    descent = (at.by_velocity * step.velocities).sum() + (at.by_state * step.poses).sum()
+    for k in range(at.rooms.shape[0]):
+        for w in range(at.rooms.shape[1]):
+            push = barrier / at.rooms[k, w, 0] - barrier / at.rooms[k, w, 1]
+            descent += push * step.values[k, w]
+    if not descent < 0.0:
+        return 0.0
+    merit, part = _merit(p, at.velocities, at.bounds, barrier), longest
+    for _ in range(_MAX_HALVINGS):
+        reached = _merit(p, at.velocities + part * step.velocities, at.bounds, barrier)
+        if reached <= merit + _ARMIJO * part * descent + _ROUNDING * abs(merit):
+            return part
+        part *= 0.5
+        if part < least:
+            break
+    return 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from omnidrive.control.nmpc.holonomic.solution import HolonomicSolution
 from omnidrive.control.nmpc.ipopt import IpoptSettings, casadi
 from omnidrive.control.nmpc.solution import Exit
 
+Shape = tuple[int, int, tuple[int, ...]]
+"""Stages, limits, and the number of the first corner of every keep-out."""
+
 
 @dataclass(slots=True)
 class HolonomicIpopt:
@@ -24,7 +28,7 @@ class HolonomicIpopt:
     """
 
     settings: IpoptSettings = field(default_factory=IpoptSettings)
-    _programs: dict[tuple[int, int], Any] = field(default_factory=dict, init=False, repr=False)
+    _programs: dict[Shape, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         casadi()
@@ -32,53 +36,98 @@ class HolonomicIpopt:
     def solve(self, problem: HolonomicProblem) -> HolonomicSolution:
         """Local optimum, reached from the optimum without limits."""
         guess = unlimited(problem)
-        stages, wheels = len(guess), len(problem.limits)
+        stages, rows = len(guess), len(problem.limits.bounds)
         if not np.isfinite(guess).all():
-            none = np.zeros((stages, wheels))
+            none = np.zeros((stages, rows))
             return HolonomicSolution.of(problem, guess, none, 0, Exit.UNUSABLE)
-        if (stages, wheels) not in self._programs:
-            self._programs[stages, wheels] = _program(stages, wheels, self.settings)
-        program = self._programs[stages, wheels]
-        limits = np.tile(problem.limits, stages)
+        shape = (stages, rows, tuple(problem.keep_outs.first.tolist()))
+        if shape not in self._programs:
+            self._programs[shape] = _program(shape, self.settings)
+        program = self._programs[shape]
+        bounds = np.tile(problem.limits.bounds, stages)
         still = np.zeros(3 * (stages + 1))
         result = program(
             x0=np.concatenate([guess.ravel(), roll_out(problem, guess).ravel()]),
-            p=np.concatenate([np.ravel(part) for part in problem[:-1]]),
-            lbg=np.concatenate([still, -limits]),
-            ubg=np.concatenate([still, limits]),
+            p=parameters(problem),
+            lbg=np.concatenate([still, -bounds]),
+            ubg=np.concatenate([still, bounds]),
         )
         stats = program.stats()
         velocities = np.asarray(result["x"]).ravel()[: 3 * stages].reshape(stages, 3)
-        multipliers = (np.asarray(result["lam_g"]).ravel()[len(still) :] * limits).reshape(
-            stages, wheels
+        multipliers = (np.asarray(result["lam_g"]).ravel()[len(still) :] * bounds).reshape(
+            stages, rows
         )
         exit = Exit.CONVERGED if stats["success"] else Exit.CAPPED
         return HolonomicSolution.of(problem, velocities, multipliers, stats["iter_count"], exit)
 
 
-def _program(stages: int, wheels: int, settings: IpoptSettings) -> Any:
-    """:class:`HolonomicProblem` as a nonlinear program; its parameters are the fields, in order."""
-    ca = casadi()
-    velocities, states = ca.SX.sym("v", 3, stages), ca.SX.sym("x", 3, stages + 1)
-    dt, start = ca.SX.sym("dt"), ca.SX.sym("start", 3)
-    targets, feedforward = ca.SX.sym("xref", 3, stages + 1), ca.SX.sym("vref", 3, stages)
-    q, r, rows = ca.SX.sym("q", 3, stages + 1), ca.SX.sym("r", 3), ca.SX.sym("j", 3, wheels)
+def parameters(problem: HolonomicProblem) -> np.ndarray:
+    """All fields that :func:`_program` has symbols for, in order."""
+    limits, places = problem.limits, problem.keep_outs
+    kept = (limits.now, limits.before, places.corners, places.radii, places.weights, places.centres)
+    return np.concatenate([np.ravel(part) for part in (*problem[:-2], *kept)])
 
-    half = 0.5 * dt * velocities[2, :]
-    heading = states[2, :-1] + half
-    # h / sin(h) is 0 / 0 at rest
-    stretch = ca.if_else(ca.fabs(half) < 1e-4, 1.0 + half**2 / 6.0, half / ca.sin(half))
-    ahead = ca.cos(heading) * velocities[0, :] + ca.sin(heading) * velocities[1, :]
-    left = ca.cos(heading) * velocities[1, :] - ca.sin(heading) * velocities[0, :]
-    twists = ca.vertcat(stretch * ahead, stretch * left, velocities[2, :])
+
+def _program(shape: Shape, settings: IpoptSettings) -> Any:
+    """:class:`HolonomicProblem` as a nonlinear program."""
+    ca = casadi()
+    stages, rows, first = shape
+    velocities, states = ca.SX.sym("v", 3, stages), ca.SX.sym("x", 3, stages + 1)
+    dt, start, previous = ca.SX.sym("dt"), ca.SX.sym("start", 3), ca.SX.sym("b", 3)
+    targets, feedforward = ca.SX.sym("xref", 3, stages + 1), ca.SX.sym("vref", 3, stages)
+    q, r = ca.SX.sym("q", 3, stages + 1), ca.SX.sym("r", 3)
+    now, before = ca.SX.sym("now", 3, rows), ca.SX.sym("before", 3, rows)
+    places = [
+        (ca.SX.sym("corners", 2, b - a), ca.SX.sym("centres", 2, stages + 1))
+        for a, b in pairwise(first)
+    ]
+    radii, weights = ca.SX.sym("radii", len(places)), ca.SX.sym("weights", len(places))
+
+    twists = _twists(dt, states[2, :-1], velocities)
+    earlier = ca.horzcat(previous, twists[:, :-1])
+    limited = now.T @ twists - before.T @ earlier
     gaps = states[:, 1:] - states[:, :-1] - dt * velocities
     cost = ca.sum1(ca.vec(q * (states - targets) ** 2)) + ca.sum1(
         ca.vec(ca.repmat(r, 1, stages) * (velocities - feedforward) ** 2)
     )
+    for j, (corners, centres) in enumerate(places):
+        for k in range(stages + 1):
+            far = _distance(corners, states[:2, k] - centres[:, k])
+            cost += weights[j] * ca.fmax(radii[j] - far, 0.0) ** 2
+    fields = (dt, start, previous, targets, feedforward, q, r, now, before)
+    kept = (*(corners for corners, _ in places), radii, weights, *(c for _, c in places))
     nlp = {
         "x": ca.vertcat(ca.vec(velocities), ca.vec(states)),
-        "p": ca.vertcat(dt, start, *map(ca.vec, (targets, feedforward, q)), r, ca.vec(rows)),
+        "p": ca.vertcat(*map(ca.vec, (*fields, *kept))),
         "f": cost,
-        "g": ca.vertcat(states[:, 0] - start, ca.vec(gaps), ca.vec(rows.T @ twists)),
+        "g": ca.vertcat(states[:, 0] - start, ca.vec(gaps), ca.vec(limited)),
     }
     return ca.nlpsol("holonomic", "ipopt", nlp, settings.options())
+
+
+def _twists(dt: Any, yaw: Any, velocities: Any) -> Any:
+    """Body twist of every stage."""
+    ca = casadi()
+    half = 0.5 * dt * velocities[2, :]
+    heading = yaw + half
+    # h / sin(h) is 0 / 0 at rest
+    stretch = ca.if_else(ca.fabs(half) < 1e-4, 1.0 + half**2 / 6.0, half / ca.sin(half))
+    ahead = ca.cos(heading) * velocities[0, :] + ca.sin(heading) * velocities[1, :]
+    left = ca.cos(heading) * velocities[1, :] - ca.sin(heading) * velocities[0, :]
+    return ca.vertcat(stretch * ahead, stretch * left, velocities[2, :])
+
+
+def _distance(corners: Any, place: Any) -> Any:
+    """Signed distance from a place to a polygon, both relative to the polygon's centre."""
+    ca = casadi()
+    count = corners.shape[1]
+    if count == 1:
+        return ca.norm_2(place - corners[:, 0])
+    squares, outs = [], []
+    for i in range(count):
+        here, edge = corners[:, i], corners[:, (i + 1) % count] - corners[:, i]
+        along = ca.fmin(ca.fmax(ca.dot(place - here, edge) / ca.sumsqr(edge), 0.0), 1.0)
+        squares.append(ca.sumsqr(place - here - along * edge))
+        outs.append((edge[1] * (place - here)[0] - edge[0] * (place - here)[1]) / ca.norm_2(edge))
+    nearest, outermost = ca.sqrt(ca.mmin(ca.vertcat(*squares))), ca.mmax(ca.vertcat(*outs))
+    return nearest if count == 2 else ca.if_else(outermost > 0.0, nearest, outermost)

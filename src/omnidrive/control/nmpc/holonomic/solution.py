@@ -10,12 +10,21 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.limits import reduced_gradient
-from omnidrive.control.nmpc.holonomic.motion import cost, roll_out, wheel_speed_slopes
+from omnidrive.control.nmpc.holonomic.iterate import (
+    cost,
+    evaluate,
+    iterate,
+    largest_slope,
+)
+from omnidrive.control.nmpc.holonomic.motion import largest_part, roll_out, twists_of
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.start import bounds_of
 from omnidrive.control.nmpc.solution import Exit
 
 Array = np.ndarray
+
+Account = tuple[Float[Array, "points 3"], float, float, float]
+"""States, J, KKT residual and violation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,12 +34,12 @@ class HolonomicSolution:
     Attributes:
         velocities: v_k in W; m/s, m/s, rad/s.
         states: x_k, the exact roll-out of ``velocities``; m, m, rad.
-        multipliers: Of every wheel's limit at every stage, in units of J: positive where the upper
-            limit holds the wheel back, negative where the lower does.
+        multipliers: Of every limit at every stage, in units of J: positive where the upper bound
+            holds the robot back, negative where the lower does.
         cost: J.
         residual: Largest entry of the gradient of the Lagrangian and of multiplier x room left.
-        violation: By how much the worst wheel exceeds its limit, as a part of it; 0 if none does.
-        iterations: Of the interior-point method; 0 where no limit binds.
+        violation: By how much the worst limit is exceeded, as a part of its bound; 0 if none is.
+        iterations: Of the interior-point method; 0 where no limit binds and no keep-out is near.
         exit: Why the solver stopped.
     """
 
@@ -48,21 +57,33 @@ class HolonomicSolution:
         cls,
         problem: HolonomicProblem,
         velocities: Float[Array, "stages 3"],
-        multipliers: Float[Array, "stages wheels"],
+        multipliers: Float[Array, "stages rows"],
         iterations: int,
         exit: Exit,
     ) -> HolonomicSolution:
         """Evaluate a plan afresh, trusting no solver's own account."""
-        residual, violation = assess(problem, velocities, multipliers)
-        states = roll_out(problem, velocities)
-        value = cost(problem, states, velocities)
+        account = assess(problem, velocities, multipliers)
+        return cls.accounted(velocities, multipliers, account, iterations, exit)
+
+    @classmethod
+    def accounted(
+        cls,
+        velocities: Float[Array, "stages 3"],
+        multipliers: Float[Array, "stages rows"],
+        account: Account,
+        iterations: int,
+        exit: Exit,
+    ) -> HolonomicSolution:
+        """Of a plan and what :func:`assess` says of it."""
+        states, value, residual, violation = account
         if not isfinite(value + residual + violation):
             exit = Exit.UNUSABLE
         return cls(velocities, states, multipliers, value, residual, violation, iterations, exit)
 
     def check(self, problem: HolonomicProblem) -> tuple[float, float]:
         """Residual and violation, evaluated afresh."""
-        return assess(problem, self.velocities, self.multipliers)
+        _, _, residual, violation = assess(problem, self.velocities, self.multipliers)
+        return residual, violation
 
 
 @runtime_checkable
@@ -78,20 +99,21 @@ class HolonomicPlanner(Protocol):
 def assess(
     p: HolonomicProblem,
     velocities: Float[Array, "stages 3"],
-    multipliers: Float[Array, "stages wheels"],
-) -> tuple[float, float]:
-    """KKT residual and violation of a plan, from nothing but the problem."""
-    stages, wheels = len(velocities), len(p.limits)
-    slopes, bends, yaw = np.empty((stages, wheels, 4)), np.empty((4, 4)), p.start[2]
-    residual, violation = 0.0, 0.0
+    multipliers: Float[Array, "stages rows"],
+) -> Account:
+    """States, J, KKT residual and violation of a plan, from nothing but the problem."""
+    stages, states = len(velocities), roll_out(p, velocities)
+    binding = multipliers.any()
+    at = iterate(velocities, bounds_of(p) if binding else np.empty((stages, 0)))
     for k in range(stages):
-        stage = (yaw, velocities[k, 0], velocities[k, 1], velocities[k, 2])
-        for w in range(wheels):
-            speed = wheel_speed_slopes(p, w, stage, slopes[k, w], bends) / p.limits[w]
-            slopes[k, w] /= p.limits[w]
-            violation = max(violation, abs(speed) - 1.0)
-            room = 1.0 - speed if multipliers[k, w] > 0.0 else 1.0 + speed
-            residual = max(residual, abs(multipliers[k, w]) * abs(room))
-        yaw += p.dt * velocities[k, 2]
-    gradient = reduced_gradient(p, velocities, slopes, multipliers)
-    return max(residual, np.abs(gradient).max()), violation
+        for i in range(at.bounds.shape[1]):
+            at.multipliers[k, i, 0] = max(multipliers[k, i], 0.0)
+            at.multipliers[k, i, 1] = max(-multipliers[k, i], 0.0)
+    evaluate(p, at)
+    residual = largest_slope(p.dt, at, multipliers if binding else at.bounds)
+    for k in range(stages):
+        for i in range(at.bounds.shape[1]):
+            for side in range(2):
+                residual = max(residual, at.multipliers[k, i, side] * abs(at.rooms[k, i, side]))
+    violation = max(largest_part(p, twists_of(p, velocities)) - 1.0, 0.0)
+    return states, cost(p, states, velocities), residual, violation

@@ -1,29 +1,29 @@
-"""Solver of holonomic problems: at once where no wheel is at its limit, else interior-point."""
+"""Solver of holonomic problems: at once where nothing is in the way, else interior-point."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from time import perf_counter
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.interior import (
-    CAPPED,
-    CONVERGED,
-    STALLED,
-    solve_limited,
-)
-from omnidrive.control.nmpc.holonomic.limits import within_limits
+from omnidrive.control.nmpc.holonomic.distance import keep_out_cost
+from omnidrive.control.nmpc.holonomic.interior import CAPPED, CONVERGED, STALLED, advance, begin
 from omnidrive.control.nmpc.holonomic.linear import unlimited
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.solution import HolonomicSolution
+from omnidrive.control.nmpc.holonomic.motion import largest_part, roll_out, twists_of
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOuts, Limits
+from omnidrive.control.nmpc.holonomic.solution import Account, HolonomicSolution, assess
 from omnidrive.control.nmpc.solution import Exit
+from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds
 
 Array = np.ndarray
 
+_BETWEEN_LOOKS = 4
+"""Iterations between two looks at the clock, where there is a deadline."""
 _EXITS = {CONVERGED: Exit.CONVERGED, CAPPED: Exit.CAPPED, STALLED: Exit.STALLED}
 
 
@@ -40,17 +40,53 @@ class InteriorSettings(NamedTuple):
 class HolonomicSolver:
     """Finds the optimum of a :class:`HolonomicProblem`.
 
-    Where no wheel reaches its limit the optimum is that of a linear-quadratic problem, found at
+    Where nothing is in the way the optimum is that of a linear-quadratic problem, found at
     once (:func:`~omnidrive.control.nmpc.holonomic.linear.unlimited`) and accepted only if every
-    wheel can follow it. Elsewhere an interior-point method goes on from it.
+    limit allows it and it stays out of all keep-outs. Elsewhere an interior-point method goes on
+    from it.
+
+    Attributes:
+        settings: When it stops.
+        deadline: Time after which the plan so far is returned, in s from the call; None: never.
+            Every plan keeps the limits, and each step towards the optimum is one for the better.
     """
 
     settings: InteriorSettings = field(default_factory=InteriorSettings)
+    deadline: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.deadline is not None and not self.deadline >= 0.0:
+            raise InvalidInput(f"a deadline must not be negative, got {self.deadline:g} s")
 
     def solve(self, problem: HolonomicProblem) -> HolonomicSolution:
         """Local optimum, reached from the optimum without limits; never raises."""
-        velocities, multipliers, iterations, code = _minimise(problem, *self.settings)
-        return HolonomicSolution.of(problem, velocities, multipliers, iterations, _EXITS[code])
+        if self.deadline is not None:
+            return self._solve_by(perf_counter() + self.deadline, problem)
+        *fields, limits, places = problem
+        velocities, multipliers, account, iterations, code = _solve(
+            *fields, *limits, *places, *self.settings
+        )
+        return HolonomicSolution.accounted(
+            velocities, multipliers, account, iterations, _EXITS[code]
+        )
+
+    def _solve_by(self, deadline: float, problem: HolonomicProblem) -> HolonomicSolution:
+        tolerance, most = self.settings
+        velocities = unlimited(problem)
+        if not is_obstructed(problem, velocities):
+            none = np.zeros((len(velocities), len(problem.limits.bounds)))
+            return HolonomicSolution.of(problem, velocities, none, 0, Exit.CONVERGED)
+        search, until, exit = begin(problem, velocities, tolerance), 0, Exit.LATE
+        before = perf_counter()
+        while until < most and 2.0 * perf_counter() - before <= deadline:  # time for as much again
+            before, until = perf_counter(), min(until + _BETWEEN_LOOKS, most)
+            code = advance(problem, search, tolerance, until)
+            if code != CAPPED or until == most:
+                exit = _EXITS[code]
+                break
+        multipliers = np.ascontiguousarray(-np.diff(search.at.multipliers, axis=2)[:, :, 0])
+        iterations = int(search.memory[2])
+        return HolonomicSolution.of(problem, search.at.velocities, multipliers, iterations, exit)
 
     def solve_many(
         self, problems: HolonomicProblem
@@ -58,8 +94,8 @@ class HolonomicSolver:
         """Velocities and iterations of many problems of one shape.
 
         Args:
-            problems: ``start``, ``targets`` and ``feedforward`` have one axis more, the first, over
-                the problems; the rest is theirs in common.
+            problems: ``start``, ``previous``, ``targets`` and ``feedforward`` have one axis more,
+                the first, over the problems; the rest is theirs in common.
 
         Returns:
             Velocities, and interior-point iterations: negative where they did not converge.
@@ -68,14 +104,60 @@ class HolonomicSolver:
 
 
 @compiled
+def _solve(  # noqa: PLR0917
+    dt: float,
+    start: Float[Array, " 3"],
+    previous: Float[Array, " 3"],
+    targets: Float[Array, "points 3"],
+    feedforward: Float[Array, "stages 3"],
+    state_weights: Float[Array, "points 3"],
+    control_weights: Float[Array, " 3"],
+    now: Float[Array, "rows 3"],
+    before: Float[Array, "rows 3"],
+    bounds: Float[Array, " rows"],
+    corners: Float[Array, "corners 2"],
+    first: Int[Array, " starts"],
+    radii: Float[Array, " places"],
+    weights: Float[Array, " places"],
+    centres: Float[Array, "places points 2"],
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Float[Array, "stages 3"], Float[Array, "stages rows"], Account, int, int]:
+    """A plan and its account; a problem's fields are quicker to take one by one."""
+    p = HolonomicProblem(
+        dt,
+        start,
+        previous,
+        targets,
+        feedforward,
+        state_weights,
+        control_weights,
+        Limits(now, before, bounds),
+        KeepOuts(corners, first, radii, weights, centres),
+    )
+    velocities, multipliers, iterations, code = _minimise(p, tolerance, max_iterations)
+    return velocities, multipliers, assess(p, velocities, multipliers), iterations, code
+
+
+@compiled
 def _minimise(
     p: HolonomicProblem, tolerance: float, max_iterations: int
-) -> tuple[Float[Array, "stages 3"], Float[Array, "stages wheels"], int, int]:
+) -> tuple[Float[Array, "stages 3"], Float[Array, "stages rows"], int, int]:
     velocities = unlimited(p)
-    if not within_limits(p, velocities) > 1.0:
-        return velocities, np.zeros((len(velocities), len(p.limits))), 0, CONVERGED
-    at, iterations, code = solve_limited(p, velocities, tolerance, max_iterations)
-    return at.velocities, at.multipliers[:, :, 0] - at.multipliers[:, :, 1], iterations, code
+    if not is_obstructed(p, velocities):
+        return velocities, np.zeros((len(velocities), len(p.limits.bounds))), 0, CONVERGED
+    search = begin(p, velocities, tolerance)
+    code = advance(p, search, tolerance, max_iterations)
+    both = search.at.multipliers
+    return search.at.velocities, both[:, :, 0] - both[:, :, 1], int(search.memory[2]), code
+
+
+@compiled
+def is_obstructed(p: HolonomicProblem, velocities: Float[Array, "stages 3"]) -> bool:
+    """Whether a plan needs more than a limit allows, or comes too near a keep-out."""
+    if largest_part(p, twists_of(p, velocities)) > 1.0:
+        return True
+    return keep_out_cost(p.keep_outs, roll_out(p, velocities)) > 0.0
 
 
 @compiled
@@ -87,12 +169,13 @@ def _minimise_many(
         one = HolonomicProblem(
             p.dt,
             p.start[k],
+            p.previous[k],
             p.targets[k],
             p.feedforward[k],
             p.state_weights,
             p.control_weights,
-            p.wheels,
             p.limits,
+            p.keep_outs,
         )
         found, _, spent, code = _minimise(one, tolerance, max_iterations)
         velocities[k] = found

@@ -1,0 +1,47 @@
+"""How a robot follows what is asked of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.control.nmpc.holonomic.limits import joined, rate_limits, speed_limits
+from omnidrive.control.nmpc.holonomic.problem import Limits
+from omnidrive.errors import InvalidInput
+from omnidrive.robot import Chassis
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Actuation:
+    """What a plan takes into account of the robot besides the speed of its wheels.
+
+    Attributes:
+        acceleration: ``|acceleration @ (ax, ay, yaw acceleration)| <= 1`` in B; s^2/m, s^2/m and
+            s^2/rad. What the wheels can push is :attr:`omnidrive.robot.Robot.traction`; the unit
+            matrix over limits is a limit of the body twist's acceleration, and the wheel matrix
+            over a limit in rad/s^2 is one of the wheels'. None: no limit.
+        lag: Time constants in s with which translation and rotation follow what is asked for; see
+            :func:`omnidrive.simulation.identify_lag`.
+        delay: Time in s from a measurement until what is asked for thereupon begins to act.
+    """
+
+    acceleration: Float[Array, "rows 3"] | None = None
+    lag: tuple[float, float] = (0.0, 0.0)
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (*(("lag", each) for each in self.lag), ("delay", self.delay)):
+            if not (isfinite(value) and value >= 0.0):
+                raise InvalidInput(f"the {name} must not be negative, got {value:g} s")
+
+    def limits(self, chassis: Chassis, dt: float) -> Limits:
+        """Limits of the wheels' speeds and, where there is one, of acceleration."""
+        speeds = speed_limits(chassis.jacobian, chassis.max_wheel_speed, dt, self.lag)
+        if self.acceleration is None:
+            return speeds
+        return joined(speeds, rate_limits(self.acceleration, 1.0, dt))

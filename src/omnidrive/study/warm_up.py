@@ -1,0 +1,59 @@
+"""Compilation of every kernel before it is needed."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+
+from omnidrive.control.nmpc.holonomic import HolonomicSolver, keep_outs, speed_limits
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.robot import named_robot
+from omnidrive.study.jobs import make_controller
+from omnidrive.study.prepared import lay_out
+from omnidrive.study.scenario import PresetName, paper_scenario
+from omnidrive.study.study import Unwatched, Watcher
+
+
+def warm_up(watcher: Watcher | None = None) -> None:
+    """Plan a path, let every controller of every preset command once, and solve in a batch.
+
+    What is compiled is kept on disk: for this version of the package, and this processor.
+    """
+    watch = watcher or Unwatched()
+    scenarios = [paper_scenario(preset) for preset in get_args(PresetName)]
+    watch.part("warm up", 2 + sum(len(scenario.controllers) for scenario in scenarios))
+    for scenario in scenarios:
+        prepared = lay_out(scenario)
+        if scenario is scenarios[0]:
+            watch.done("planning")
+        reference = prepared.reference(20.0)
+        for name in scenario.controllers:
+            controller = make_controller(scenario, prepared.robot, name)
+            controller.reset(reference.at(0.0).pose)
+            controller.step(0.0, reference.at(0.1).pose, reference)
+            watch.done(name)
+    _batch()
+    watch.done("batches")
+
+
+def _batch() -> None:
+    """A problem alone, with and without a deadline, and as a batch of one."""
+    points, chassis = 3, named_robot("paper").chassis
+    problem = HolonomicProblem(
+        dt=0.1,
+        start=np.zeros(3),
+        previous=np.zeros(3),
+        targets=np.ones((points, 3)),
+        feedforward=np.zeros((points - 1, 3)),
+        state_weights=np.ones((points, 3)),
+        control_weights=np.ones(3),
+        limits=speed_limits(chassis.jacobian, 1.0, 0.1),
+        keep_outs=keep_outs((), points),
+    )
+    HolonomicSolver(deadline=10.0).solve(problem)
+    one = {
+        name: getattr(problem, name)[None]
+        for name in ("start", "previous", "targets", "feedforward")
+    }
+    HolonomicSolver().solve_many(problem._replace(**one))
