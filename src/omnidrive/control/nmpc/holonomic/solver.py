@@ -62,9 +62,8 @@ class HolonomicSolver:
         """Local optimum, reached from the optimum without limits; never raises."""
         if self.deadline is not None:
             return self._solve_by(perf_counter() + self.deadline, problem)
-        *fields, limits, places = problem
         velocities, multipliers, account, iterations, code = _solve(
-            *fields, *limits, *places, *self.settings
+            *problem[:-2], *problem.limits, *problem.keep_outs, *self.settings
         )
         return HolonomicSolution.accounted(
             velocities, multipliers, account, iterations, _EXITS[code]
