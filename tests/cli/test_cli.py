@@ -138,7 +138,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--duration", "25", "--speed", "0.4"], "give one of them"),
         (["compare", "--plant", "rolers"], "no plant 'rolers'; there are rollers, ball, kin"),
         (["compare", "--controllers", "nmcp"], "did you mean 'nmpc'?"),
-        (["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"], "for the controller nmpc"),
+        (["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"], "is for nmpc and rec"),
         (["compare", "--seed", "-1"], "seed is -1, need 0 to"),
         (["compare", "--seed", "9" * 20], "seed is 1e+20"),
         (["compare", "--duration", "3000"], "need 0.1 to 3600 s"),
@@ -148,7 +148,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--tasks", "step", "--noise-seeds", "9"], "is for the task noise"),
         (["compare", "--no-such-option"], "No such option"),
         (["run", "--controller", "pdi"], "did you mean 'pid'?"),
-        (["run", "--horizon", "9"], "--horizon is for the controller nmpc"),
+        (["run", "--controller", "pid", "--horizon", "9"], "for the controllers nmpc and rec"),
         (["compare", *QUICK, "--out", "/proc/no/such"], "cannot write to /proc/no/such"),
         (["fly"], "No such command"),
     ],
@@ -197,12 +197,12 @@ def test_the_published_codes_slip_goes_with_its_preset(tmp_path, args, arm):
 
 def test_a_run_that_fails_shows_no_error_figures_and_has_status_1(tmp_path):
     code = (
-        "import sys, omnidrive.control.feedforward as f, omnidrive.control as c\n"
-        "real = f.FeedforwardController.step\n"
+        "import sys, omnidrive.control.nmpc.holonomic.controller as f, omnidrive.control as c\n"
+        "real = f.HolonomicController.step\n"
         "def step(self, t, pose, reference):\n"
         "    command = real(self, t, pose, reference)\n"
         "    return command if t < 3 else command._replace(status=c.Status.FAILED)\n"
-        "f.FeedforwardController.step = step\n"
+        "f.HolonomicController.step = step\n"
         "from omnidrive.cli import main\n"
         f"sys.argv[1:] = ['compare', *{QUICK}, '--jobs', '1', '--out', 'failed']\n"
         "main()\n"

@@ -204,7 +204,7 @@ def test_bad_settings_are_refused(arguments, message):
     ("arguments", "message"),
     [
         ({"preset": "papre"}, "no preset 'papre'; there are paper, published-code"),
-        ({"solver": "acados"}, "no solver 'acados'; there are sqp, casadi"),
+        ({"solver": "acados"}, "no solver 'acados'; there are sqp, rti, casadi"),
     ],
 )
 def test_names_nobody_has_are_refused(arguments, message):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidGeometry, InvalidInput
 from omnidrive.geometry import BodyTwist
-from omnidrive.robot import ROBOTS, Chassis, named_robot
+from omnidrive.robot import GRAVITY, ROBOTS, Chassis, named_robot
 
 speed = st.floats(-8, 8)
 every_robot = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
@@ -44,6 +44,28 @@ def test_the_papers_wheel_equation():
 def test_two_wheels_are_not_omnidirectional():
     with pytest.raises(InvalidGeometry, match="rank 2, need 3"):
         Chassis.omni(angles=(0.0, np.pi), arm=0.2, wheel_radius=0.05, max_wheel_speed=10.0)
+
+
+@every_robot
+@given(part=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), way=st.integers(0, 2**32 - 1))
+def test_traction_is_what_the_wheels_can_push_together(robot, part, way):
+    """Whatever they push is within, and in every direction they can push up to the limit."""
+    most = min(robot.friction * robot.mass * GRAVITY / 4, robot.max_torque / robot.wheel.radius)
+    pushes = robot.wheel.radius * robot.chassis.jacobian
+    inertia = np.array([robot.mass, robot.mass, robot.yaw_inertia])
+    reached = most * np.array(part) @ pushes / inertia
+    assert np.abs(robot.traction @ reached).max() <= 1.0 + 1e-9
+    normal = robot.traction[way % len(robot.traction)]
+    furthest = most * np.sign(pushes @ (normal / inertia)) @ pushes / inertia
+    assert np.abs(robot.traction @ furthest).max() == pytest.approx(1.0)
+
+
+def test_traction_of_the_papers_robot_by_hand():
+    """Along a wheel's direction two of four wheels push: half of g; straight on, all of them."""
+    rows = named_robot("paper").traction
+    diagonal = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0])
+    assert 1.0 / np.abs(rows @ diagonal).max() == pytest.approx(0.5 * GRAVITY)
+    assert 1.0 / np.abs(rows @ [1.0, 0.0, 0.0]).max() == pytest.approx(np.sqrt(0.5) * GRAVITY)
 
 
 def test_an_unknown_robot_is_named_with_those_that_exist():

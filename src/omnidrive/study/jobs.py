@@ -63,7 +63,8 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     if tasks.step:
         seconds = tasks.step.duration
         jobs += [Job("step", name, seconds, horizon(name)) for name in scenario.controllers]
-    swept = next((name for name in PREDICTIVE if name in scenario.controllers), None)
+    order = PREDICTIVE[::-1] if scenario.preset == "recommended" else PREDICTIVE
+    swept = next((name for name in order if name in scenario.controllers), None)
     if tasks.horizon and swept:
         seconds = tasks.horizon.duration
         jobs += [Job("horizon", swept, seconds, n) for n in tasks.horizon.horizons]
@@ -97,9 +98,9 @@ def make_controller(
             robot.chassis,
             dt,
             horizon=steps,
-            parameters=scenario.recommended,
+            parameters=scenario.recommended.weights,
             solver=scenario.nmpc.solver,
-            actuation=Actuation(robot.traction, robot.lag),
+            actuation=Actuation(robot.traction / scenario.recommended.traction, robot.lag),
         ),
     }
     return table[name]()

@@ -134,7 +134,17 @@ class NmpcSection(_Section):
     """The NMPC's prediction horizon and solver."""
 
     horizon: Horizon = 15
-    solver: Literal["sqp", "casadi"] = "sqp"
+    solver: Literal["sqp", "rti", "casadi"] = "sqp"
+
+
+class RecommendedSection(_Section):
+    """Weights of the recommended NMPC, and how hard it may accelerate."""
+
+    weights: HolonomicParameters = HolonomicParameters()
+    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 5.0
+    """Acceleration that a plan may ask for, as a multiple of what the wheels can push. Beyond 1 a
+    wheel may spin: the robot follows a reference that starts too fast more closely, but loses its
+    odometry; without another measurement of the pose take 0.85."""
 
 
 class Scenario(_Section):
@@ -162,7 +172,7 @@ class Scenario(_Section):
     the preset is ours; our own is the controller `recommended`, the same in every preset."""
     nmpc: NmpcSection = NmpcSection()
     feedforward: FeedforwardGains = FeedforwardGains()
-    recommended: HolonomicParameters = HolonomicParameters()
+    recommended: RecommendedSection = RecommendedSection()
     tasks: Tasks
 
     @model_validator(mode="after")

@@ -16,7 +16,7 @@ from omnidrive.control.nmpc.ipopt import IpoptSolver
 from omnidrive.control.nmpc.presets import PRESETS, NmpcParameters, Preset
 from omnidrive.control.nmpc.problem import Problem
 from omnidrive.control.nmpc.solution import Exit, Solution, Solver
-from omnidrive.control.nmpc.sqp import SqpSolver
+from omnidrive.control.nmpc.sqp import SqpSettings, SqpSolver
 from omnidrive.control.nmpc.tracking import tracking_problem
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
@@ -24,9 +24,13 @@ from omnidrive.reference import Reference
 
 Array = np.ndarray
 
-SolverName = Literal["sqp", "casadi"]
+SolverName = Literal["sqp", "rti", "casadi"]
 
-_SOLVERS: dict[SolverName, Callable[[], Solver]] = {"sqp": SqpSolver, "casadi": IpoptSolver}
+_SOLVERS: dict[SolverName, Callable[[], Solver]] = {
+    "sqp": SqpSolver,
+    "rti": lambda: SqpSolver(SqpSettings(max_iterations=1)),
+    "casadi": IpoptSolver,
+}
 _STATUS = {
     Exit.CONVERGED: Status.OK,
     Exit.CAPPED: Status.FALLBACK,
@@ -129,7 +133,10 @@ def unicycle_nmpc(
         preset: Weights and limits, by name or by value.
         dt: Sample time in s.
         horizon: N, stages of the plan.
-        solver: ``sqp``, this package's own, or ``casadi``, the paper's.
+        solver: ``sqp``, this package's own, converged in every step; ``rti``, the same but for one
+            iteration per step (the real-time iteration of Diehl, Bock & Schloeder, SIAM J. Control
+            Optim. 43(5), 2005), whose plans are seldom optimal, and say so; or ``casadi``, the
+            paper's.
 
     Raises:
         InvalidInput: ``dt``, ``horizon`` or a name is outside its domain.

@@ -18,7 +18,7 @@ from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
 from omnidrive.control.nmpc.holonomic.keep_out import KeepOut, keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, Limits
 from omnidrive.control.nmpc.holonomic.solution import HolonomicPlanner, HolonomicSolution
-from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver
+from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, InteriorSettings
 from omnidrive.control.nmpc.solution import Exit
 from omnidrive.control.nmpc.tracking import nearest_branch
 from omnidrive.errors import InvalidInput
@@ -27,12 +27,15 @@ from omnidrive.parameter import Bounds
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
 
-SolverName = Literal["sqp", "casadi"]
+SolverName = Literal["sqp", "rti", "casadi"]
 KeepOutsAhead = Callable[[float, int, float], Sequence[KeepOut]]
 """``keep_outs(t, points, dt)``: where to stay out of at the times t, t + dt, ... (s)."""
 
+REAL_TIME = 4
+"""Interior-point iterations of a step with the solver ``rti``."""
 _SOLVERS: dict[SolverName, Callable[[], HolonomicPlanner]] = {
     "sqp": HolonomicSolver,
+    "rti": lambda: HolonomicSolver(InteriorSettings(max_iterations=REAL_TIME)),
     "casadi": HolonomicIpopt,
 }
 _STOP = BodyTwist(0.0, 0.0, 0.0)
@@ -57,9 +60,9 @@ class Rung(IntEnum):
 class HolonomicParameters(NamedTuple):
     """What the controller minimises."""
 
-    position_weight: Annotated[float, Bounds(0.0, 1e6, "1/m^2")] = 40.0
+    position_weight: Annotated[float, Bounds(0.0, 1e6, "1/m^2")] = 75.0
     """First two diagonal entries of Q."""
-    heading_weight: Annotated[float, Bounds(0.0, 1e6, "1/rad^2")] = 40.0
+    heading_weight: Annotated[float, Bounds(0.0, 1e6, "1/rad^2")] = 90.0
     """Third diagonal entry of Q."""
     velocity_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/m^2")] = 1.0
     """First two diagonal entries of R."""
@@ -235,7 +238,9 @@ def holonomic_nmpc(  # noqa: PLR0917
         dt: Sample time in s.
         horizon: N, stages of the plan.
         parameters: Weights.
-        solver: ``sqp``, this package's own; ``casadi``, which is IPOPT; or one with other settings.
+        solver: ``sqp``, this package's own; ``rti``, the same with few iterations: within all
+            limits, but not optimal where one binds; ``casadi``, which is IPOPT; or one with
+            settings of its own, such as a deadline.
         actuation: Limits of acceleration, lag and delay; the default has none of them.
         keep_outs: Places that stay where they are, or what tells for every step where they will be.
 
