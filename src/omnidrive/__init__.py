@@ -6,13 +6,17 @@ from omnidrive.control import (
     FeedforwardController,
     FeedforwardGains,
     FuzzyPidController,
+    HolonomicController,
+    HolonomicParameters,
     NmpcController,
     Status,
     TrackingPidController,
     classical_pid,
     fuzzy_pid,
+    holonomic_nmpc,
     unicycle_nmpc,
 )
+from omnidrive.control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOut
 from omnidrive.errors import OmnidriveError
 from omnidrive.evaluation import Metrics, StepResponse, measure, step_response
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
@@ -28,11 +32,13 @@ from omnidrive.simulation import (
     PaperNoise,
     Plant,
     Run,
+    identify_lag,
     simulate,
 )
 from omnidrive.study import Scenario, Study, load_scenario, paper_scenario, run_study
 
 __all__ = [
+    "Actuation",
     "BodyTwist",
     "Chassis",
     "Command",
@@ -41,6 +47,10 @@ __all__ = [
     "FeedforwardGains",
     "FuzzyPidController",
     "Hold",
+    "HolonomicController",
+    "HolonomicParameters",
+    "HolonomicSolver",
+    "KeepOut",
     "KinematicPlant",
     "Measurement",
     "Metrics",
@@ -69,6 +79,8 @@ __all__ = [
     "WorldTwist",
     "classical_pid",
     "fuzzy_pid",
+    "holonomic_nmpc",
+    "identify_lag",
     "load_nav2_map",
     "load_scenario",
     "measure",
