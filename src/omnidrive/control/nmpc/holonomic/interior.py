@@ -136,7 +136,7 @@ def _residuals(p: HolonomicProblem, at: Iterate) -> tuple[float, float, float]:
     return largest_slope(p.dt, at, pulls), largest, total / rooms.size
 
 
-@inlined
+@compiled
 def _predict(p: HolonomicProblem, search: Search, mean: float, least: float) -> float:
     """Mehrotra's predictor: sets what the corrector aims at, and returns its barrier."""
     at, step, products = search.at, search.step, search.products
@@ -156,7 +156,7 @@ def _predict(p: HolonomicProblem, search: Search, mean: float, least: float) -> 
     return barrier
 
 
-@inlined
+@compiled
 def _correct(p: HolonomicProblem, search: Search, barrier: float, least: float) -> float:
     """Step towards the products; the part of it to go, 0 if it would be less than ``least``."""
     newton_step(p, search.at, search.factors, search.products, search.step)
@@ -187,7 +187,7 @@ def _room(values: Float[Array, "stages rows 2"], step: Float[Array, "stages rows
     return part
 
 
-@inlined
+@compiled
 def _merit(
     p: HolonomicProblem,
     velocities: Float[Array, "stages 3"],

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.cost import tracking_cost
 from omnidrive.control.nmpc.holonomic.distance import add_keep_outs, keep_out_cost
 from omnidrive.control.nmpc.holonomic.motion import roll_out, twist_derivatives
@@ -75,7 +75,7 @@ def cost(
     ) + keep_out_cost(p.keep_outs, states)
 
 
-@inlined
+@compiled
 def evaluate(p: HolonomicProblem, at: Iterate) -> None:
     """Fill in what follows of velocities and multipliers."""
     _fill_objective(p, at)
@@ -148,7 +148,7 @@ def _fill_limits(p: HolonomicProblem, at: Iterate) -> None:
             rooms[k, i, 0], rooms[k, i, 1] = 1.0 - value, 1.0 + value
 
 
-@inlined
+@compiled
 def reduced_gradient(
     dt: float, at: Iterate, pulls: Float[Array, "stages rows"]
 ) -> Float[Array, "stages 3"]:

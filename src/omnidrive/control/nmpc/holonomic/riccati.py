@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.iterate import Iterate
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 
@@ -61,7 +61,7 @@ def factorise(p: HolonomicProblem, at: Iterate, f: Factors, last: float) -> floa
     return shift
 
 
-@inlined
+@compiled
 def _sweep(p: HolonomicProblem, at: Iterate, shift: float, f: Factors) -> bool:
     """Backward Riccati sweep; False if the Hessian, shifted, is not positive definite.
 
@@ -174,7 +174,7 @@ def _solve(
     return (y0 - l10 * z1 - l20 * z2) * d0, z1, z2
 
 
-@inlined
+@compiled
 def newton_step(
     p: HolonomicProblem,
     at: Iterate,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.linear import policy
 from omnidrive.control.nmpc.holonomic.motion import limited, twist, velocity
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
@@ -24,7 +24,7 @@ def is_coupled(p: HolonomicProblem) -> bool:
     return bool(p.limits.before.any())
 
 
-@inlined
+@compiled
 def bounds_of(p: HolonomicProblem) -> Float[Array, "stages rows"]:
     """Bound of every limit at every stage: its own, or a little more than what braking needs.
 
@@ -43,7 +43,7 @@ def bounds_of(p: HolonomicProblem) -> Float[Array, "stages rows"]:
     return bounds
 
 
-@inlined
+@compiled
 def slowed(p: HolonomicProblem, bounds: Float[Array, "stages rows"]) -> Float[Array, "stages 3"]:
     """Velocities that go on as before as little as the limits demand.
 
@@ -92,7 +92,7 @@ def _part(
     return part
 
 
-@inlined
+@compiled
 def _brake(p: HolonomicProblem, twists: Float[Array, "stages 3"], k: int) -> float:
     """Fill in stage k's twist: that of the stage before, unless a limit is too near.
 
