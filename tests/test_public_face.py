@@ -64,7 +64,7 @@ def test_the_readmes_commands_run(command, tmp_path):
         run("-m", "omnidrive", "plan", "--out", "runs/NAME", cwd=tmp_path)
     if "tuner.fis" in words:
         save(gain_tuning_system(paper_rules()), tmp_path / "tuner.fis")
-    quick = [] if words[0] in {"plan", "fuzzy"} else ["--plant", "kinematic"]
+    quick = [] if words[0] in {"plan", "fuzzy", "warmup"} else ["--plant", "kinematic"]
     assert run("-m", "omnidrive", *words, *quick, cwd=tmp_path)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -80,7 +81,8 @@ def save(figure: Figure, path: Path) -> None:
     kind = path.suffix.removeprefix(".")
     part = path.with_name(path.name + ".part")  # so that the file is whole or absent
     try:
-        with styled():
+        # matplotlib also projects the padding of surfaces' faces, which it leaves uninitialised
+        with styled(), np.errstate(over="ignore", invalid="ignore"):
             figure.savefig(part, format=kind, dpi=160, metadata=metadata[kind])
         part.replace(path)
     finally:
