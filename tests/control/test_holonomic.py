@@ -238,7 +238,7 @@ IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "place
 @given(SEEDS, st.floats(4.0, 20.0))
 @settings(max_examples=25, deadline=None)
 def test_ipopt_finds_nothing_better(more, seed, limit):
-    """With keep-outs there may be several optima: then neither is better on the whole."""
+    """With keep-outs there may be several optima: then each holds by the other's account."""
     pytest.importorskip("casadi")
     from omnidrive.control.nmpc.holonomic import HolonomicIpopt
 
@@ -246,9 +246,10 @@ def test_ipopt_finds_nothing_better(more, seed, limit):
     found = HolonomicSolver().solve(p)
     theirs = HolonomicIpopt().solve(p)
     assert theirs.exit is Exit.CONVERGED
-    if "places" in more:
+    if "places" in more and not np.allclose(found.velocities, theirs.velocities, atol=1e-3):
+        assert theirs.residual < 1e-2
         return
-    assert theirs.residual < 1e-4
+    assert theirs.residual < (1e-2 if "places" in more else 1e-4)
     assert found.cost <= theirs.cost * (1 + 1e-6) + 1e-9
     np.testing.assert_allclose(found.velocities, theirs.velocities, atol=1e-4)
 

@@ -1,15 +1,19 @@
 """Checks on physics that take minutes."""
 
 import json
+from math import dist
 
 import pytest
 
+from omnidrive.evaluation import measure
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.geometry import move
 from omnidrive.planning import Place
-from omnidrive.simulation import Outcome
+from omnidrive.simulation import MujocoPlant, Outcome, simulate
 from omnidrive.study import (
     Job,
     jobs_of,
+    make_controller,
     map_scenario,
     paper_scenario,
     prepare,
@@ -17,6 +21,7 @@ from omnidrive.study import (
     run_job,
     run_study,
 )
+from omnidrive.study.scenario import RecommendedSection
 from tests.shared_data import shared
 
 pytestmark = pytest.mark.long
@@ -70,3 +75,37 @@ def test_physics_is_bitwise_the_same_across_jobs(tmp_path):
         assert b.pop("step_time_us")
         assert a == b
     assert one["step_response"] == two["step_response"]
+
+
+class Odometer(MujocoPlant):
+    """Also integrates the wheels' speeds, as the robot's own odometry does, every 10 ms."""
+
+    def reset(self, pose):
+        self.lost, self.odometry = [0.0], pose
+        return super().reset(pose)
+
+    def step(self, twist, dt):
+        for _ in range(10):
+            measured = super().step(twist, dt / 10)
+            rolled = self.robot.chassis.twist(self._data.actuator_velocity)
+            self.odometry = move(self.odometry, rolled, dt / 10)
+        self.lost.append(dist(measured.pose[:2], self.odometry[:2]))
+        return measured
+
+
+def test_more_traction_follows_more_closely_and_loses_odometry():
+    """The table of decision 0007; -s prints it."""
+    paper = prepare(paper_scenario())
+    reference, robot = paper.reference(20.0), paper.robot
+    found = {}
+    for traction in (0.85, 1.0, 2.0, 5.0):
+        section = RecommendedSection(traction=traction)
+        scenario = paper.scenario.model_copy(update={"recommended": section})
+        controller = make_controller(scenario, robot, "recommended")
+        plant = Odometer(robot)
+        run = simulate(plant, controller, reference, start=reference.at(0.0).pose, dt=0.1)
+        metrics = measure(run, robot.drive)
+        found[traction] = metrics.me, plant.lost[10]
+        print(f"{traction:4g} {metrics.me:.4f} {metrics.mae:.4f} {plant.lost[10]:.2f}")
+    assert found[5.0][0] < 0.8 * found[0.85][0]
+    assert found[0.85][1] < 0.3 * found[5.0][1]

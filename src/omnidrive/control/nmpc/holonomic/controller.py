@@ -222,10 +222,11 @@ class HolonomicController:
         )
 
 
-def holonomic_nmpc(  # noqa: PLR0917
+def holonomic_nmpc(
     chassis: Chassis,
     dt: float,
     horizon: int = 15,
+    *,
     parameters: HolonomicParameters | None = None,
     solver: SolverName | HolonomicPlanner = "sqp",
     actuation: Actuation | None = None,

@@ -161,7 +161,7 @@ def _correct(p: HolonomicProblem, search: Search, barrier: float, least: float) 
     """Step towards the products; the part of it to go, 0 if it would be less than ``least``."""
     newton_step(p, search.at, search.factors, search.products, search.step)
     longest = _longest(search.at, search.step, _TO_BOUNDARY)
-    return _search(p, search.at, search.step, barrier, longest, least * longest)
+    return _search(p, search, barrier, longest, least * longest)
 
 
 @inlined
@@ -208,10 +208,11 @@ def _merit(
 
 
 @inlined
-def _search(  # noqa: PLR0917
-    p: HolonomicProblem, at: Iterate, step: Step, barrier: float, longest: float, least: float
+def _search(
+    p: HolonomicProblem, search: Search, barrier: float, longest: float, least: float
 ) -> float:
     """Part of a step, found by halving, with which the merit falls enough; 0 if there is none."""
+    at, step = search.at, search.step
     descent = (at.by_velocity * step.velocities).sum() + (at.by_state * step.poses).sum()
     for k in range(at.rooms.shape[0]):
         for w in range(at.rooms.shape[1]):
