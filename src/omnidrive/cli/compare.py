@@ -31,6 +31,31 @@ from omnidrive.errors import InvalidInput
 from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, run_study
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
+ControllersOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,...",
+        help=f"Only these controllers: {', '.join(get_args(ControllerName))}.",
+        rich_help_panel="How to drive",
+    ),
+]
+TasksOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,...",
+        help=f"Only these tasks: {', '.join(get_args(TaskName))}.",
+        rich_help_panel="How to drive",
+    ),
+]
+NoiseSeedsOption = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Repeat the task noise with N seeds: means with intervals, paired differences.",
+        rich_help_panel="How to drive",
+    ),
+]
+
 
 def compare(
     scenario: ScenarioArgument = "paper",
@@ -42,31 +67,10 @@ def compare(
     robot: RobotOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
-    controllers: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B,...",
-            help=f"Only these controllers: {', '.join(get_args(ControllerName))}.",
-            rich_help_panel="How to drive",
-        ),
-    ] = None,
-    tasks: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B,...",
-            help=f"Only these tasks: {', '.join(get_args(TaskName))}.",
-            rich_help_panel="How to drive",
-        ),
-    ] = None,
+    controllers: ControllersOption = None,
+    tasks: TasksOption = None,
     seed: SeedOption = None,
-    noise_seeds: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Repeat the task noise with N seeds: means with intervals, paired differences.",
-            rich_help_panel="How to drive",
-        ),
-    ] = None,
+    noise_seeds: NoiseSeedsOption = None,
     jobs: JobsOption = None,
     out: OutOption = None,
     json: JsonOption = False,
