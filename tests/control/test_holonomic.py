@@ -18,7 +18,9 @@ from omnidrive.control.nmpc.holonomic import (
     rate_limits,
     speed_limits,
 )
+from omnidrive.control.nmpc.holonomic.active_set import hold_limits
 from omnidrive.control.nmpc.holonomic.distance import distance, keep_out_cost
+from omnidrive.control.nmpc.holonomic.interior import CONVERGED, advance, begin
 from omnidrive.control.nmpc.holonomic.iterate import cost, evaluate, iterate, reduced_gradient
 from omnidrive.control.nmpc.holonomic.linear import unlimited
 from omnidrive.control.nmpc.holonomic.motion import (
@@ -31,6 +33,7 @@ from omnidrive.control.nmpc.holonomic.motion import (
     twists_of,
     velocity,
 )
+from omnidrive.control.nmpc.holonomic.solution import HolonomicSolution
 from omnidrive.control.nmpc.solution import Exit
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between
@@ -95,7 +98,7 @@ def gradient_of(p, velocities):
     """Derivative of J."""
     at = iterate(velocities, np.empty((len(velocities), 0)))
     evaluate(p, at)
-    return reduced_gradient(p.dt, at, np.empty((len(velocities), 0)))
+    return reduced_gradient(p.dt, at)
 
 
 @pytest.mark.parametrize("half", [0.0, 1e-3, 0.019999, 0.020001, 0.3, -1.2, 1.6, -2.5])
@@ -155,8 +158,9 @@ def test_derivatives_of_limits_and_of_the_cost(seed, stages):
         return cost(p, roll_out(p, v), v) + (pulls * values / p.limits.bounds).sum()
 
     at = iterate(v, np.tile(p.limits.bounds, (stages, 1)))
+    at.pulls[:] = pulls
     evaluate(p, at)
-    gradient = reduced_gradient(p.dt, at, pulls)
+    gradient = reduced_gradient(p.dt, at)
     for k in range(stages):
         for i in range(3):
             step = np.zeros((stages, 3))
@@ -229,6 +233,27 @@ def test_it_converges_with_rates_lag_and_keep_outs(rate, lag, places):
             assert np.abs(asked @ CHASSIS.jacobian.T).max() <= 12.0 * (1 + 1e-9)
             wheels = np.diff(twists @ CHASSIS.jacobian.T, axis=0) / p.dt
             assert np.abs(wheels).max() <= rate * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("limit", "more", "share"),
+    [(20.0, {}, 0.9), (10.0, {}, 0.5), (20.0, {"rate": 60.0}, 0.1), (20.0, {"places": 3}, 0.1)],
+)
+def test_holding_what_binds_often_finds_what_the_interior_point_method_does(limit, more, share):
+    found = []
+    for seed in range(100):
+        p = problem(np.random.default_rng(seed), 15, limit, **more)
+        at, iterations = hold_limits(p, unlimited(p), 1e-8, 200)
+        found.append(iterations >= 0)
+        if iterations >= 0:
+            plan = HolonomicSolution.of(p, at.velocities, at.pulls, iterations, Exit.CONVERGED)
+            assert plan.residual <= 1e-8
+            assert plan.violation <= 0.0
+            search = begin(p, unlimited(p), 1e-8)
+            assert advance(p, search, 1e-8, 200) == CONVERGED
+            if "places" not in more:  # else there may be several optima
+                np.testing.assert_allclose(at.velocities, search.at.velocities, atol=1e-5)
+    assert np.mean(found) > share
 
 
 IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "places": 3}]

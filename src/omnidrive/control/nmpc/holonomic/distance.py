@@ -67,7 +67,7 @@ def add_keep_outs(
     places: KeepOuts,
     states: Float[Array, "points 3"],
     slopes: Float[Array, "points 3"],
-    bends: Float[Array, "points 3"],
+    bends: Float[Array, "points 2 3"],
 ) -> None:
     """Add the derivatives of :func:`keep_out_cost` by the states.
 
@@ -75,7 +75,8 @@ def add_keep_outs(
         places: The keep-outs.
         states: x_k.
         slopes: To add to: derivatives by (x, y, yaw).
-        bends: To add to: second derivatives by (x, x), (x, y) and (y, y).
+        bends: To add to: second derivatives by (x, x), (x, y) and (y, y), in two parts: along the
+            gradient of the distance, where they are positive, and across it, where they are not.
     """
     for j in range(len(places.radii)):
         for k in range(len(states)):
@@ -86,6 +87,9 @@ def add_keep_outs(
                 slopes[k, 0] -= push * nx
                 slopes[k, 1] -= push * ny
                 along, across = 2.0 * places.weights[j], -push * curvature
-                bends[k, 0] += along * nx * nx + across * ny * ny
-                bends[k, 1] += (along - across) * nx * ny
-                bends[k, 2] += along * ny * ny + across * nx * nx
+                bends[k, 0, 0] += along * nx * nx
+                bends[k, 0, 1] += along * nx * ny
+                bends[k, 0, 2] += along * ny * ny
+                bends[k, 1, 0] += across * ny * ny
+                bends[k, 1, 1] -= across * nx * ny
+                bends[k, 1, 2] += across * nx * nx

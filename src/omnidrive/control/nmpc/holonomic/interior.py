@@ -19,8 +19,16 @@ from omnidrive.control.nmpc.holonomic.iterate import (
 )
 from omnidrive.control.nmpc.holonomic.motion import limited, roll_out, twists_of
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.riccati import Factors, Step, factorise, newton_step
-from omnidrive.control.nmpc.holonomic.start import bounds_of, is_coupled, slowed
+from omnidrive.control.nmpc.holonomic.riccati import (
+    LARGEST_SHIFT,
+    Factors,
+    Step,
+    factorise,
+    factors,
+    newton_step,
+    step_of,
+)
+from omnidrive.control.nmpc.holonomic.start import bounds_of, slowed
 
 Array = np.ndarray
 
@@ -44,8 +52,12 @@ class Search(NamedTuple):
     """All that the method keeps from one iteration to the next."""
 
     at: Iterate
+    multipliers: Float[Array, "stages rows 2"]
+    """Of the upper and the lower side of every limit, positive."""
     factors: Factors
     step: Step
+    changes: Float[Array, "stages rows 2"]
+    """Step of the multipliers."""
     products: Float[Array, "stages rows 2"]
     """Room x multiplier that the step aims at."""
     memory: Float[Array, " 3"]
@@ -66,17 +78,13 @@ def begin(p: HolonomicProblem, unlimited: Float[Array, "stages 3"], least: float
     excess = cost(p, roll_out(p, velocities), velocities) - least_cost
     at = iterate(velocities, bounds)
     evaluate(p, at)
-    at.multipliers[:] = max(excess / (2 * stages * rows), least) / at.rooms
-    width = 6 if is_coupled(p) else 3
+    multipliers = max(excess / (2 * stages * rows), least) / at.rooms
     return Search(
         at,
-        Factors(np.empty((stages, 3, width)), np.empty((stages, 6))),
-        Step(
-            np.empty((stages, 3)),
-            np.empty((stages + 1, 3)),
-            np.empty((stages, rows)),
-            np.empty((stages, rows, 2)),
-        ),
+        multipliers,
+        factors(stages, rows),
+        step_of(stages, rows),
+        np.empty((stages, rows, 2)),
         np.empty((stages, rows, 2)),
         np.zeros(3),
     )
@@ -92,15 +100,19 @@ def advance(p: HolonomicProblem, search: Search, tolerance: float, until: int) -
     not, one barrier is held until its minimum is near (the monotone mode of Wachter & Biegler,
     Math. Program. 106, 2006). The Hessian is exact, and shifted where it is not positive definite.
     """
-    at, step, memory = search.at, search.step, search.memory
+    at, memory = search.at, search.memory
     while True:
+        _fill_pulls(search)
         evaluate(p, at)
-        slope, product, mean = _residuals(p, at)
+        slope, product, mean = _residuals(p, search)
         if slope <= tolerance and product <= tolerance:
             return CONVERGED
         if memory[2] >= until:
             return CAPPED
+        _fill_weights(search)
         memory[0] = factorise(p, at, search.factors, memory[0])
+        if memory[0] >= LARGEST_SHIFT:
+            return STALLED
         if memory[1] > 0.0 and max(slope, product) <= 10.0 * memory[1]:
             memory[1] = 0.0
         part = 0.0
@@ -115,41 +127,75 @@ def advance(p: HolonomicProblem, search: Search, tolerance: float, until: int) -
             part = _correct(p, search, memory[1], 0.0)
             if part == 0.0:
                 return STALLED
-        dual = min(1.0, _TO_BOUNDARY * _room(at.multipliers, step.multipliers))
-        at.velocities[:] += part * step.velocities
-        at.multipliers[:] += dual * step.multipliers
+        dual = min(1.0, _TO_BOUNDARY * _room(search.multipliers, search.changes))
+        at.velocities[:] += part * search.step.velocities
+        search.multipliers[:] += dual * search.changes
         memory[2] += 1
 
 
 @inlined
-def _residuals(p: HolonomicProblem, at: Iterate) -> tuple[float, float, float]:
-    """Largest entry of the Lagrangian's gradient; largest and mean room x multiplier."""
-    rooms, multipliers = at.rooms, at.multipliers
-    pulls = np.empty(at.bounds.shape)
-    largest, total = 0.0, 0.0
-    for k in range(len(pulls)):
-        for w in range(rooms.shape[1]):
+def _fill_pulls(search: Search) -> None:
+    pulls, multipliers = search.at.pulls, search.multipliers
+    for k in range(pulls.shape[0]):
+        for w in range(pulls.shape[1]):
             pulls[k, w] = multipliers[k, w, 0] - multipliers[k, w, 1]
+
+
+@inlined
+def _fill_weights(search: Search) -> None:
+    """What the barrier adds to the Hessian by the values of the limits."""
+    weights, multipliers, rooms = search.factors.weights, search.multipliers, search.at.rooms
+    for k in range(weights.shape[0]):
+        for w in range(weights.shape[1]):
+            weights[k, w] = multipliers[k, w, 0] / rooms[k, w, 0]
+            weights[k, w] += multipliers[k, w, 1] / rooms[k, w, 1]
+
+
+@inlined
+def _residuals(p: HolonomicProblem, search: Search) -> tuple[float, float, float]:
+    """Largest entry of the Lagrangian's gradient; largest and mean room x multiplier."""
+    rooms, multipliers = search.at.rooms, search.multipliers
+    largest, total = 0.0, 0.0
+    for k in range(rooms.shape[0]):
+        for w in range(rooms.shape[1]):
             for side in range(2):
                 product = rooms[k, w, side] * multipliers[k, w, side]
                 largest, total = max(largest, product), total + product
-    return largest_slope(p.dt, at, pulls), largest, total / rooms.size
+    return largest_slope(p.dt, search.at), largest, total / rooms.size
+
+
+@compiled
+def _step(p: HolonomicProblem, search: Search) -> None:
+    """Fill in Newton's step towards room x multiplier = ``products``."""
+    rooms, products, multipliers = search.at.rooms, search.products, search.multipliers
+    values, changes = search.step.values, search.changes
+    pulls = np.empty(values.shape)
+    for k in range(values.shape[0]):
+        for w in range(values.shape[1]):
+            pulls[k, w] = products[k, w, 0] / rooms[k, w, 0] - products[k, w, 1] / rooms[k, w, 1]
+    newton_step(p, search.at, search.factors, pulls, search.step)
+    for k in range(values.shape[0]):
+        for w in range(values.shape[1]):
+            for side, room in ((0, -values[k, w]), (1, values[k, w])):
+                wanted = products[k, w, side] - multipliers[k, w, side] * room
+                changes[k, w, side] = wanted / rooms[k, w, side] - multipliers[k, w, side]
 
 
 @compiled
 def _predict(p: HolonomicProblem, search: Search, mean: float, least: float) -> float:
     """Mehrotra's predictor: sets what the corrector aims at, and returns its barrier."""
     at, step, products = search.at, search.step, search.products
+    multipliers, changes = search.multipliers, search.changes
     products[:] = 0.0
-    newton_step(p, at, search.factors, products, step)
+    _step(p, search)
     primal = _longest(at, step, 1.0)
-    dual, after = _room(at.multipliers, step.multipliers), 0.0
+    dual, after = _room(multipliers, changes), 0.0
     for k in range(at.rooms.shape[0]):
         for w in range(at.rooms.shape[1]):
             for side, room in ((0, -step.values[k, w]), (1, step.values[k, w])):
-                products[k, w, side] = -room * step.multipliers[k, w, side]
+                products[k, w, side] = -room * changes[k, w, side]
                 after += (at.rooms[k, w, side] + primal * room) * (
-                    at.multipliers[k, w, side] + dual * step.multipliers[k, w, side]
+                    multipliers[k, w, side] + dual * changes[k, w, side]
                 )
     barrier = max(mean * (after / at.rooms.size / mean) ** 3, least)
     products[:] += barrier
@@ -159,7 +205,7 @@ def _predict(p: HolonomicProblem, search: Search, mean: float, least: float) -> 
 @compiled
 def _correct(p: HolonomicProblem, search: Search, barrier: float, least: float) -> float:
     """Step towards the products; the part of it to go, 0 if it would be less than ``least``."""
-    newton_step(p, search.at, search.factors, search.products, search.step)
+    _step(p, search)
     longest = _longest(search.at, search.step, _TO_BOUNDARY)
     return _search(p, search, barrier, longest, least * longest)
 

@@ -25,7 +25,8 @@ class Iterate(NamedTuple):
     """
 
     velocities: Float[Array, "stages 3"]
-    multipliers: Float[Array, "stages rows 2"]
+    pulls: Float[Array, "stages rows"]
+    """Multiplier of every limit's upper side minus that of its lower one."""
     bounds: Float[Array, "stages rows"]
     """Of every limit at every stage: :func:`~omnidrive.control.nmpc.holonomic.start.bounds_of`."""
     twists: Float[Array, "stages 3"]
@@ -42,8 +43,9 @@ class Iterate(NamedTuple):
     """Derivatives of J by every velocity, the states held."""
     by_state: Float[Array, "points 3"]
     """Derivatives of J by every state."""
-    by_place: Float[Array, "points 3"]
-    """Second derivatives of the keep-outs' cost by (x, x), (x, y) and (y, y)."""
+    by_place: Float[Array, "points 2 3"]
+    """Second derivatives of the keep-outs' cost by (x, x), (x, y) and (y, y), in two parts:
+    :func:`~omnidrive.control.nmpc.holonomic.distance.add_keep_outs`."""
 
 
 @inlined
@@ -52,7 +54,7 @@ def iterate(velocities: Float[Array, "stages 3"], bounds: Float[Array, "stages r
     stages, rows = bounds.shape
     return Iterate(
         velocities,
-        np.zeros((stages, rows, 2)),
+        np.zeros((stages, rows)),
         bounds,
         np.empty((stages, 3)),
         np.empty((stages, 2, 4)),
@@ -61,7 +63,7 @@ def iterate(velocities: Float[Array, "stages 3"], bounds: Float[Array, "stages r
         np.empty((stages, 4, 4)),
         np.empty((stages, 3)),
         np.empty((stages + 1, 3)),
-        np.empty((stages + 1, 3)),
+        np.empty((stages + 1, 2, 3)),
     )
 
 
@@ -90,7 +92,7 @@ def _fill_objective(p: HolonomicProblem, at: Iterate) -> None:
     for k in range(len(states)):
         for i in range(3):
             at.by_state[k, i] = 2.0 * p.state_weights[k, i] * (states[k, i] - p.targets[k, i])
-            at.by_place[k, i] = 0.0
+            at.by_place[k, 0, i], at.by_place[k, 1, i] = 0.0, 0.0
     for k in range(len(at.velocities)):
         for i in range(3):
             deviation = at.velocities[k, i] - p.feedforward[k, i]
@@ -105,12 +107,11 @@ def _fill_twists(p: HolonomicProblem, at: Iterate) -> None:
     for k in range(stages):
         pull_x, pull_y = 0.0, 0.0
         for i in range(at.bounds.shape[1]):
-            pull = (at.multipliers[k, i, 0] - at.multipliers[k, i, 1]) / at.bounds[k, i]
+            pull = at.pulls[k, i] / at.bounds[k, i]
             pull_x += pull * limits.now[i, 0]
             pull_y += pull * limits.now[i, 1]
             if k + 1 < stages:
-                pull = at.multipliers[k + 1, i, 0] - at.multipliers[k + 1, i, 1]
-                pull /= at.bounds[k + 1, i]
+                pull = at.pulls[k + 1, i] / at.bounds[k + 1, i]
                 pull_x -= pull * limits.before[i, 0]
                 pull_y -= pull * limits.before[i, 1]
         rate = at.velocities[k, 2]
@@ -149,11 +150,9 @@ def _fill_limits(p: HolonomicProblem, at: Iterate) -> None:
 
 
 @compiled
-def reduced_gradient(
-    dt: float, at: Iterate, pulls: Float[Array, "stages rows"]
-) -> Float[Array, "stages 3"]:
-    """Derivative of J + sum(pulls x values) by every velocity, states following: the adjoint."""
-    stages, rows, slopes = pulls.shape[0], pulls.shape[1], at.slopes
+def reduced_gradient(dt: float, at: Iterate) -> Float[Array, "stages 3"]:
+    """Derivative of the Lagrangian by every velocity, states following: the adjoint."""
+    stages, rows, slopes = at.bounds.shape[0], at.bounds.shape[1], at.slopes
     gradient, costate, earlier = np.empty((stages, 3)), np.zeros(3), np.zeros(3)
     for i in range(3):
         costate[i] = at.by_state[stages, i]
@@ -163,17 +162,19 @@ def reduced_gradient(
             costate[i] += at.by_state[k, i]
             earlier[i] = 0.0
         for w in range(rows):
-            costate[2] += pulls[k, w] * slopes[k, w, 0]
-            for i in range(3):
-                gradient[k, i] += pulls[k, w] * slopes[k, w, 1 + i]
-                earlier[i] += pulls[k, w] * slopes[k, w, 4 + i]
+            pull = at.pulls[k, w]
+            if pull != 0.0:
+                costate[2] += pull * slopes[k, w, 0]
+                for i in range(3):
+                    gradient[k, i] += pull * slopes[k, w, 1 + i]
+                    earlier[i] += pull * slopes[k, w, 4 + i]
     return gradient
 
 
 @inlined
-def largest_slope(dt: float, at: Iterate, pulls: Float[Array, "stages rows"]) -> float:
+def largest_slope(dt: float, at: Iterate) -> float:
     """Largest entry of :func:`reduced_gradient`; not a number if one of them is none."""
-    gradient, largest = reduced_gradient(dt, at, pulls), 0.0
+    gradient, largest = reduced_gradient(dt, at), 0.0
     for slope in gradient.flat:
         if abs(slope) > largest or isnan(slope):
             largest = abs(slope)

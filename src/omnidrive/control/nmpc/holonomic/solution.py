@@ -39,7 +39,7 @@ class HolonomicSolution:
         cost: J.
         residual: Largest entry of the gradient of the Lagrangian and of multiplier x room left.
         violation: By how much the worst limit is exceeded, as a part of its bound; 0 if none is.
-        iterations: Of the interior-point method; 0 where no limit binds and no keep-out is near.
+        iterations: Of the method that found it; 0 where no limit binds and no keep-out is near.
         exit: Why the solver stopped.
     """
 
@@ -105,15 +105,14 @@ def assess(
     stages, states = len(velocities), roll_out(p, velocities)
     binding = multipliers.any()
     at = iterate(velocities, bounds_of(p) if binding else np.empty((stages, 0)))
-    for k in range(stages):
-        for i in range(at.bounds.shape[1]):
-            at.multipliers[k, i, 0] = max(multipliers[k, i], 0.0)
-            at.multipliers[k, i, 1] = max(-multipliers[k, i], 0.0)
+    if binding:
+        at.pulls[:] = multipliers
     evaluate(p, at)
-    residual = largest_slope(p.dt, at, multipliers if binding else at.bounds)
+    residual = largest_slope(p.dt, at)
     for k in range(stages):
         for i in range(at.bounds.shape[1]):
-            for side in range(2):
-                residual = max(residual, at.multipliers[k, i, side] * abs(at.rooms[k, i, side]))
+            pull = at.pulls[k, i]
+            room = at.rooms[k, i, 0] if pull > 0.0 else at.rooms[k, i, 1]
+            residual = max(residual, abs(pull * room))
     violation = max(largest_part(p, twists_of(p, velocities)) - 1.0, 0.0)
     return states, cost(p, states, velocities), residual, violation

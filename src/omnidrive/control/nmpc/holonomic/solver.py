@@ -1,4 +1,4 @@
-"""Solver of holonomic problems: at once where nothing is in the way, else interior-point."""
+"""Solver of holonomic problems: at once where nothing is in the way, else in two attempts."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.holonomic.active_set import hold_limits
 from omnidrive.control.nmpc.holonomic.distance import keep_out_cost
 from omnidrive.control.nmpc.holonomic.interior import CAPPED, CONVERGED, STALLED, advance, begin
 from omnidrive.control.nmpc.holonomic.linear import unlimited
@@ -42,8 +43,9 @@ class HolonomicSolver:
 
     Where nothing is in the way the optimum is that of a linear-quadratic problem, found at
     once (:func:`~omnidrive.control.nmpc.holonomic.linear.unlimited`) and accepted only if every
-    limit allows it and it stays out of all keep-outs. Elsewhere an interior-point method goes on
-    from it.
+    limit allows it and it stays out of all keep-outs. Elsewhere Newton's method holds the limits
+    that bind (:func:`~omnidrive.control.nmpc.holonomic.active_set.hold_limits`), and where it does
+    not end soon an interior-point method begins anew.
 
     Attributes:
         settings: When it stops.
@@ -75,15 +77,20 @@ class HolonomicSolver:
         if not is_obstructed(problem, velocities):
             none = np.zeros((len(velocities), len(problem.limits.bounds)))
             return HolonomicSolution.of(problem, velocities, none, 0, Exit.CONVERGED)
-        search, until, exit = begin(problem, velocities, tolerance), 0, Exit.LATE
+        if perf_counter() < deadline:  # what follows is never longer than a few steps of the other
+            at, iterations = hold_limits(problem, velocities, *self.settings)
+            if iterations >= 0:
+                done = Exit.CONVERGED
+                return HolonomicSolution.of(problem, at.velocities, at.pulls, iterations, done)
         before = perf_counter()
+        search, until, exit = begin(problem, velocities, tolerance), 0, Exit.LATE
         while until < most and 2.0 * perf_counter() - before <= deadline:  # time for as much again
             before, until = perf_counter(), min(until + _BETWEEN_LOOKS, most)
             code = advance(problem, search, tolerance, until)
             if code != CAPPED or until == most:
                 exit = _EXITS[code]
                 break
-        multipliers = np.ascontiguousarray(-np.diff(search.at.multipliers, axis=2)[:, :, 0])
+        multipliers = search.at.pulls
         iterations = int(search.memory[2])
         return HolonomicSolution.of(problem, search.at.velocities, multipliers, iterations, exit)
 
@@ -97,7 +104,7 @@ class HolonomicSolver:
                 the first, over the problems; the rest is theirs in common.
 
         Returns:
-            Velocities, and interior-point iterations: negative where they did not converge.
+            Velocities, and iterations as in a solution: negative where they did not converge.
         """
         return _minimise_many(problems, *self.settings)
 
@@ -145,10 +152,12 @@ def _minimise(
     velocities = unlimited(p)
     if not is_obstructed(p, velocities):
         return velocities, np.zeros((len(velocities), len(p.limits.bounds))), 0, CONVERGED
+    at, iterations = hold_limits(p, velocities, tolerance, max_iterations)
+    if iterations >= 0:
+        return at.velocities, at.pulls, iterations, CONVERGED
     search = begin(p, velocities, tolerance)
     code = advance(p, search, tolerance, max_iterations)
-    both = search.at.multipliers
-    return search.at.velocities, both[:, :, 0] - both[:, :, 1], int(search.memory[2]), code
+    return search.at.velocities, search.at.pulls, int(search.memory[2]), code
 
 
 @compiled
