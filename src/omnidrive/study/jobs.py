@@ -100,7 +100,11 @@ def make_controller(
             horizon=steps,
             parameters=scenario.recommended.weights,
             solver=scenario.nmpc.solver,
-            actuation=Actuation(robot.traction / scenario.recommended.traction, robot.lag),
+            actuation=Actuation.of(
+                robot,
+                scenario.recommended.traction,
+                may_spin=scenario.recommended.may_spin,
+            ),
         ),
     }
     return table[name]()

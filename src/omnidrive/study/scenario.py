@@ -141,10 +141,12 @@ class RecommendedSection(_Section):
     """Weights of the recommended NMPC, and how hard it may accelerate."""
 
     weights: HolonomicParameters = HolonomicParameters()
-    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 5.0
-    """Acceleration that a plan may ask for, as a multiple of what the wheels can push. Beyond 1 a
-    wheel may spin: the robot follows a reference that starts too fast more closely, but loses its
-    odometry; without another measurement of the pose take 0.85."""
+    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.85
+    """Acceleration that a plan may ask for, as a multiple of what the wheels can push."""
+    may_spin: bool = True
+    """Whether wheels may spin where the robot does not get along as planned. It then follows more
+    closely, but its odometry is lost by decimetres at a hard start: say false for robots that
+    have no other measurement of their pose."""
 
 
 class Scenario(_Section):

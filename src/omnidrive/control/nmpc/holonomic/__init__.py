@@ -7,6 +7,7 @@ from omnidrive.control.nmpc.holonomic.controller import (
     Rung,
     holonomic_nmpc,
 )
+from omnidrive.control.nmpc.holonomic.grip import Grip
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
 from omnidrive.control.nmpc.holonomic.keep_out import KeepOut, keep_outs
 from omnidrive.control.nmpc.holonomic.limits import joined, rate_limits, speed_limits
@@ -16,6 +17,7 @@ from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, InteriorSet
 
 __all__ = [
     "Actuation",
+    "Grip",
     "HolonomicController",
     "HolonomicIpopt",
     "HolonomicParameters",

@@ -8,10 +8,11 @@ from math import isfinite
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.control.nmpc.holonomic.grip import Grip
 from omnidrive.control.nmpc.holonomic.limits import joined, rate_limits, speed_limits
 from omnidrive.control.nmpc.holonomic.problem import Limits
 from omnidrive.errors import InvalidInput
-from omnidrive.robot import Chassis
+from omnidrive.robot import Chassis, Robot
 
 Array = np.ndarray
 
@@ -27,17 +28,32 @@ class Actuation:
             over a limit in rad/s^2 is one of the wheels'. None: no limit.
         lag: Time constants in s with which translation and rotation follow what is asked for; see
             :func:`omnidrive.simulation.identify_lag`.
+        grip: How the wheels push, where they may slip; it stands in for ``lag`` in what is asked
+            for, and ``lag`` for it in the plan. None: ``lag`` says all.
         delay: Time in s from a measurement until what is asked for thereupon begins to act.
     """
 
     acceleration: Float[Array, "rows 3"] | None = None
     lag: tuple[float, float] = (0.0, 0.0)
+    grip: Grip | None = None
     delay: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in (*(("lag", each) for each in self.lag), ("delay", self.delay)):
             if not (isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"the {name} must not be negative, got {value:g} s")
+
+    @classmethod
+    def of(
+        cls, robot: Robot, traction: float = 0.85, *, may_spin: bool = True, delay: float = 0.0
+    ) -> Actuation:
+        """Of a robot whose plans accelerate by ``traction`` times what its wheels can push.
+
+        Where its wheels must not spin, see :attr:`Grip.may_spin`, it loses some centimetres of
+        odometry by a hard start, not decimetres, and follows less closely.
+        """
+        grip = Grip.of(robot, may_spin=may_spin)
+        return cls(robot.traction / traction, robot.lag, grip, delay)
 
     def limits(self, chassis: Chassis, dt: float) -> Limits:
         """Limits of the wheels' speeds and, where there is one, of acceleration."""

@@ -60,13 +60,13 @@ class Rung(IntEnum):
 class HolonomicParameters(NamedTuple):
     """What the controller minimises."""
 
-    position_weight: Annotated[float, Bounds(0.0, 1e6, "1/m^2")] = 75.0
+    position_weight: Annotated[float, Bounds(0.0, 1e6, "1/m^2")] = 90.0
     """First two diagonal entries of Q."""
-    heading_weight: Annotated[float, Bounds(0.0, 1e6, "1/rad^2")] = 90.0
+    heading_weight: Annotated[float, Bounds(0.0, 1e6, "1/rad^2")] = 40.0
     """Third diagonal entry of Q."""
     velocity_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/m^2")] = 1.0
     """First two diagonal entries of R."""
-    yaw_rate_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/rad^2")] = 1.0
+    yaw_rate_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/rad^2")] = 0.3
     """Third diagonal entry of R."""
     terminal_factor: Annotated[float, Bounds(0.0, 1e3, "1")] = 1.0
     """The terminal state's weight is this multiple of what its error costs from there on, if no
@@ -95,9 +95,9 @@ class HolonomicController:
 
     The target of every stage is the reference's pose at its end, and its velocity what leads there
     from the one before: a robot on the reference stays on it. The twist of a stage is that which
-    leads along an arc to the next planned state; what is asked for is it and, against the lag, as
-    much more as it changes. Against the delay, a plan begins where the twists asked for before lead
-    until it acts.
+    leads along an arc to the next planned state; what is asked for is it and, against lag or the
+    slip of wheels, as much more as it changes. Against the delay, a plan begins where the twists
+    asked for before lead until it acts.
 
     No step begins from the last one's plan, so a bad measurement spoils no later step. Where there
     is no plan, the old one goes on for a few steps, and then the robot comes to rest: the rungs of
@@ -125,6 +125,8 @@ class HolonomicController:
     _age: int = field(default=0, init=False)
     _twists: deque[BodyTwist] = field(init=False, repr=False)
     """What the robot does, by the model: from the first that will still act, to the last asked."""
+    _moving: BodyTwist = field(init=False, repr=False)
+    """How it moves when that begins to act; only with a grip."""
     _limits: Limits = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -147,7 +149,7 @@ class HolonomicController:
         self._forget()
 
     def _forget(self) -> None:
-        self.solution, self._age = None, 0
+        self.solution, self._age, self._moving = None, 0, _STOP
         self._twists.extend([_STOP] * (self._twists.maxlen or 0))
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
@@ -191,6 +193,9 @@ class HolonomicController:
         """What to ask for so that the robot does this next."""
         before = self._twists[-1]
         self._twists.append(twist)
+        if self.actuation.grip is not None:
+            asked, self._moving = self.actuation.grip.ask(twist, self._moving, self.dt)
+            return asked
         moving, turning = (lag / self.dt for lag in self.actuation.lag)
         return BodyTwist(
             twist.vx + moving * (twist.vx - before.vx),

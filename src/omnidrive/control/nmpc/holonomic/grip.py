@@ -1,0 +1,167 @@
+"""What to ask of wheels that slip, so that the robot does what is wanted."""
+
+from __future__ import annotations
+
+from math import ceil, cos, sin
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.compiled import compiled, inlined
+from omnidrive.control.nmpc.holonomic.motion import twist
+from omnidrive.geometry import BodyTwist
+from omnidrive.robot import GRAVITY, Robot
+
+Array = np.ndarray
+
+Vector = tuple[float, float, float]
+
+_SHARE = 0.95
+"""Part of its grip that a wheel is counted on for: load shifts from wheel to wheel."""
+_STEP = 0.75
+"""Length of an integration step, as a part of the shortest time constant."""
+_MAX_STEPS = 2000
+_TRIALS = 6
+"""Corrections of what is asked for: each leaves lag / dt of the error, while wheels hold."""
+
+
+class Grip(NamedTuple):
+    """How wheels push a robot towards the body twist c that it is asked for.
+
+    Wheel i pushes along its direction in proportion to how much its rim is faster than the robot,
+    and no more than its grip::
+
+        f_i = clip(rims_i @ (stiffness (c - b)), -most, most)
+        inertia (db/dt + w x b) = rims^T f
+
+    with the body twist b, of yaw rate w. While no wheel is at the end of its grip these are lags of
+    ``inertia / (stiffness sum(rims^2))``; beyond, robots fall behind by far more. Creep of rollers,
+    the motors' servos and their inertia are all in the stiffness (Pacejka, "Tire and Vehicle
+    Dynamics", 3rd ed. 2012, section 1.2: force in proportion to slip, up to friction).
+    """
+
+    rims: Float[Array, "wheels 3"]
+    """Speed of every rim per unit of body twist, in 1, 1 and m/rad."""
+    inertia: Float[Array, " 3"]
+    """Mass in kg, twice, and yaw inertia in kg m^2."""
+    stiffness: Float[Array, " 3"]
+    """Against slip in translation, twice, and in rotation, in N s/m."""
+    most: float
+    """In N."""
+    max_rim_speed: float
+    """That a wheel can be asked for, in m/s."""
+    may_spin: bool
+    """Whether a wheel may be asked for so much that it still spins in the end, where the robot does
+    not get along as wanted: every moment of the step then pushes, but odometry loses count."""
+
+    @classmethod
+    def of(cls, robot: Robot, *, may_spin: bool = True) -> Grip:
+        """Of a robot with its mass and friction, as stiff as explains its lags."""
+        rims = robot.wheel.radius * robot.chassis.jacobian
+        load = robot.mass * GRAVITY / len(rims)
+        inertia = np.array([robot.mass, robot.mass, robot.yaw_inertia])
+        lags = np.array([robot.lag[0], *robot.lag])
+        return cls(
+            np.ascontiguousarray(rims),
+            inertia,
+            inertia / (lags * (rims**2).sum(axis=0)),
+            _SHARE * min(robot.friction * load, robot.max_torque / robot.wheel.radius),
+            robot.wheel.radius * robot.max_wheel_speed,
+            may_spin,
+        )
+
+    def ask(self, wanted: BodyTwist, before: BodyTwist, dt: float) -> tuple[BodyTwist, BodyTwist]:
+        """What to ask for so that the robot moves for ``dt`` seconds as by a wanted twist.
+
+        Args:
+            wanted: The twist that, held, leads where the robot shall be.
+            before: Its twist at first.
+            dt: In s.
+
+        Returns:
+            The twist to ask for, as near as the wheels allow, and the robot's twist in the end.
+        """
+        asked, after = _ask(self, _vector(wanted), _vector(before), float(dt))
+        return BodyTwist(*asked), BodyTwist(*after)
+
+
+def _vector(twist: BodyTwist) -> Vector:
+    return float(twist.vx), float(twist.vy), float(twist.yaw_rate)
+
+
+@compiled
+def _ask(grip: Grip, wanted: Vector, before: Vector, dt: float) -> tuple[Vector, Vector]:
+    asked, after = wanted, before
+    for _ in range(_TRIALS):
+        done, after = driven(grip, before, asked, dt)
+        asked = (
+            asked[0] + wanted[0] - done[0],
+            asked[1] + wanted[1] - done[1],
+            asked[2] + wanted[2] - done[2],
+        )
+        asked = _within(grip, asked)
+        if not grip.may_spin:
+            _, after = driven(grip, before, asked, dt)
+            asked = _held(grip, asked, after)
+    _, after = driven(grip, before, asked, dt)
+    return asked, after
+
+
+@inlined
+def _held(grip: Grip, asked: Vector, after: Vector) -> Vector:
+    """So much nearer to the twist in the end that no wheel slips any more by then."""
+    rims, stiffness, peak = grip.rims, grip.stiffness, grip.most
+    x, y, yaw = asked[0] - after[0], asked[1] - after[1], asked[2] - after[2]
+    for i in range(len(rims)):
+        push = rims[i, 0] * stiffness[0] * x + rims[i, 1] * stiffness[1] * y
+        push += rims[i, 2] * stiffness[2] * yaw
+        peak = max(peak, abs(push))
+    part = grip.most / peak
+    return after[0] + part * x, after[1] + part * y, after[2] + part * yaw
+
+
+@inlined
+def _within(grip: Grip, asked: Vector) -> Vector:
+    """The largest multiple of a twist, at most 1, that no rim is too slow for."""
+    peak, rims = grip.max_rim_speed, grip.rims
+    for i in range(len(rims)):
+        speed = rims[i, 0] * asked[0] + rims[i, 1] * asked[1] + rims[i, 2] * asked[2]
+        peak = max(peak, abs(speed))
+    part = grip.max_rim_speed / peak
+    return part * asked[0], part * asked[1], part * asked[2]
+
+
+@compiled
+def driven(grip: Grip, before: Vector, asked: Vector, dt: float) -> tuple[Vector, Vector]:
+    """What a robot does that is asked for a twist for ``dt`` seconds.
+
+    By Euler's explicit method, which loses just the distance that a lag does, however long a step.
+
+    Returns:
+        The twist that, held, leads to the same place; the twist in the end.
+    """
+    rims, inertia, stiffness = grip.rims, grip.inertia, grip.stiffness
+    fastest = 0.0
+    for a in range(3):
+        fastest = max(fastest, stiffness[a] * (rims[:, a] ** 2).sum() / inertia[a])
+    steps = int(min(ceil(dt * fastest / _STEP), _MAX_STEPS))
+    h = dt / steps
+    vx, vy, w = before
+    x, y, yaw = 0.0, 0.0, 0.0
+    for _ in range(steps):
+        fx, fy, torque = 0.0, 0.0, 0.0
+        pull_x, pull_y = stiffness[0] * (asked[0] - vx), stiffness[1] * (asked[1] - vy)
+        pull_yaw = stiffness[2] * (asked[2] - w)
+        for i in range(len(rims)):
+            push = rims[i, 0] * pull_x + rims[i, 1] * pull_y + rims[i, 2] * pull_yaw
+            push = min(max(push, -grip.most), grip.most)
+            fx, fy = fx + rims[i, 0] * push, fy + rims[i, 1] * push
+            torque += rims[i, 2] * push
+        turn = h * w
+        c, s = cos(yaw + 0.5 * turn), sin(yaw + 0.5 * turn)
+        x, y, yaw = x + h * (c * vx - s * vy), y + h * (s * vx + c * vy), yaw + turn
+        ax, ay = fx / inertia[0] + w * vy, fy / inertia[1] - w * vx
+        vx, vy, w = vx + h * ax, vy + h * ay, w + h * torque / inertia[2]
+    ahead, left = twist(dt, 0.0, x / dt, y / dt, yaw / dt)
+    return (ahead, left, yaw / dt), (vx, vy, w)

@@ -1,0 +1,109 @@
+"""What to ask of wheels that slip."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.control.nmpc.holonomic import Actuation, Grip
+from omnidrive.control.nmpc.holonomic.grip import driven
+from omnidrive.geometry import BodyTwist, Pose, move, twist_between
+from omnidrive.robot import named_robot
+from omnidrive.simulation import MujocoPlant
+
+DT = 0.1
+ROBOTS = [named_robot("paper"), named_robot("small")]
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_gentle_changes_are_followed_with_the_robots_lag(robot):
+    """Distance lost: lag x change of velocity, for translation and for rotation."""
+    grip, asked = Grip.of(robot), (2e-3, -1e-3, 3e-3)
+    done, after = driven(grip, (0.0, 0.0, 0.0), asked, 0.2)
+    lost = (np.array(asked) - done) * 0.2 / np.array(asked)
+    assert lost == pytest.approx([robot.lag[0], robot.lag[0], robot.lag[1]], rel=0.02)
+    np.testing.assert_allclose(after, asked, rtol=2e-3)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_no_robot_accelerates_by_more_than_its_traction(robot):
+    rng = np.random.default_rng(1)
+    grip = Grip.of(robot)
+    for _ in range(100):
+        asked = tuple((rng.normal(size=3) * [2.0, 2.0, 4.0]).tolist())
+        _, after = driven(grip, (0.0, 0.0, 0.0), asked, 1e-3)
+        assert np.abs(robot.traction @ after).max() <= 1e-3 * (1 + 1e-9)
+    _, after = driven(grip, (0.0, 0.0, 0.0), (0.0, 0.0, 50.0), 1e-3)
+    assert np.abs(robot.traction @ after).max() == pytest.approx(0.95e-3, rel=1e-6)
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_what_is_asked_for_leads_where_it_should_if_the_wheels_can(seed):
+    rng = np.random.default_rng(seed)
+    robot = ROBOTS[seed % 2]
+    before = rng.normal(size=3) * [0.2, 0.2, 0.5]
+    change = rng.normal(size=3) * [0.1, 0.1, 0.2]
+    change *= min(1.0, 0.4 * DT / np.abs(robot.traction @ change).max())
+    wanted = BodyTwist(*(before + change).tolist())
+    asked, after = Grip.of(robot).ask(wanted, BodyTwist(*before.tolist()), DT)
+    done, ended = driven(Grip.of(robot), tuple(before.tolist()), tuple(asked), DT)
+    assert done == pytest.approx(tuple(wanted), abs=8e-3)
+    assert tuple(after) == ended
+    assert np.linalg.norm(np.subtract(asked, wanted)) < np.linalg.norm(change)
+
+
+def test_no_wheel_is_asked_for_more_than_it_reaches():
+    robot = named_robot("small")
+    asked, _ = Grip.of(robot).ask(BodyTwist(3.0, 1.0, 9.0), BodyTwist(0.0, 0.0, 0.0), DT)
+    speeds = np.abs(robot.chassis.wheel_speeds(asked))
+    assert speeds.max() == pytest.approx(robot.max_wheel_speed)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_wheels_that_must_not_spin_are_asked_for_what_they_reach(robot):
+    wanted, rest = BodyTwist(1.0, 0.3, 3.0), BodyTwist(0.0, 0.0, 0.0)
+    held = Grip.of(robot, may_spin=False)
+    for grip, spins in ((Grip.of(robot), True), (held, False)):
+        asked, after = grip.ask(wanted, rest, DT)
+        pushes = grip.rims @ (grip.stiffness * np.subtract(asked, after))
+        assert bool(np.abs(pushes).max() > 1.1 * grip.most) is spins
+    gentle, before = BodyTwist(0.51, 0.0, 0.2), BodyTwist(0.5, 0.0, 0.2)
+    assert held.ask(gentle, before, DT) == Grip.of(robot).ask(gentle, before, DT)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_it_foretells_rollers_better_than_a_lag(robot):
+    """Changes that need about what the wheels can push, on physics."""
+    rng, plant, grip = np.random.default_rng(4), MujocoPlant(robot), Grip.of(robot)
+    pose = plant.reset(Pose(0.0, 0.0, 0.0)).pose
+    command, moving, lagging, errors = np.zeros(3), (0.0, 0.0, 0.0), np.zeros(3), []
+    parts = DT / (np.array([robot.lag[0], *robot.lag]) + DT)
+    for _ in range(60):
+        change = rng.normal(size=3) * [1.0, 1.0, 2.0]
+        change *= rng.uniform(0.3, 0.9) * DT / np.abs(robot.traction @ change).max()
+        command = 0.9 * command + change
+        start, pose = pose, plant.step(BodyTwist(*command.tolist()), DT).pose
+        truth = np.array(twist_between(start, pose, DT))
+        done, moving = driven(grip, moving, tuple(command.tolist()), DT)
+        lagging = lagging + parts * (command - lagging)
+        errors.append((np.abs(done - truth), np.abs(lagging - truth)))
+    by_grip, by_lag = np.mean(errors, axis=0)
+    assert (by_grip[:2] < 0.5 * by_lag[:2]).all()
+    assert by_grip[2] < 0.8 * by_lag[2]
+
+
+def test_a_robot_drives_as_its_grip_says_through_bends():
+    """The controller's own model, closed: it stays on a circle that it joins at speed."""
+    robot = named_robot("paper")
+    grip = Actuation.of(robot).grip
+    assert grip is not None
+    moving, pose = BodyTwist(0.5, 0.0, 1.0), Pose(0.0, 0.0, 0.0)
+    for k in range(20):
+        there = move(Pose(0.0, 0.0, 0.0), BodyTwist(0.5, 0.0, 1.0), DT * (k + 1))
+        asked, _ = grip.ask(twist_between(pose, there, DT), moving, DT)
+        done, after = driven(grip, tuple(moving), tuple(asked), DT)
+        pose, moving = move(pose, BodyTwist(*done), DT), BodyTwist(*after)
+        assert np.hypot(pose.x - there.x, pose.y - there.y) < 1e-5
+    assert moving.vy == pytest.approx(0.0, abs=5e-3)

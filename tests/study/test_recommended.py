@@ -1,0 +1,72 @@
+"""The recommended controller on the paper's path, on physics."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from omnidrive.evaluation import measure
+from omnidrive.geometry import Pose, WorldTwist
+from omnidrive.reference import Setpoint
+from omnidrive.simulation import simulate
+from omnidrive.study import paper_scenario, prepare
+from omnidrive.study.jobs import make_controller, make_plant
+
+LAWS = {
+    "quintic": lambda part: part**3 * (10.0 - part * (15.0 - 6.0 * part)),
+    "raised cosine": lambda part: 0.5 - 0.5 * np.cos(pi * part),
+}
+"""Part of the spline's parameter by part of the time, from rest to rest."""
+
+
+class FromRestToRest:
+    """The spline over 20 s by one of :data:`LAWS`."""
+
+    duration = 20.0
+
+    def __init__(self, spline, law):
+        self.spline, self.law = spline, law
+
+    def window(self, t, n, dt):
+        at = t + dt * np.arange(n)
+        before, here, after = (self._poses(at + step) for step in (-1e-4, 0.0, 1e-4))
+        return np.hstack([here, (after - before) / 2e-4])
+
+    def _poses(self, t):
+        return self.spline.poses(self.law(np.clip(t / self.duration, 0.0, 1.0)))
+
+    def at(self, t):
+        row = self.window(t, 1, 0.0)[0].tolist()
+        return Setpoint(Pose(*row[:3]), WorldTwist(*row[3:]))
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return prepare(paper_scenario())
+
+
+def followed(paper, reference, **changes):
+    section = paper.scenario.recommended.model_copy(update=changes)
+    scenario = paper.scenario.model_copy(update={"recommended": section})
+    controller = make_controller(scenario, paper.robot, "recommended")
+    start = reference.at(0.0).pose
+    run = simulate(make_plant(paper.robot, "rollers"), controller, reference, start=start, dt=0.1)
+    return measure(run, paper.robot.drive)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("may_spin", [True, False])
+def test_from_rest_to_rest(paper, law, may_spin):
+    metrics = followed(paper, FromRestToRest(paper.spline, LAWS[law]), may_spin=may_spin)
+    assert metrics.me <= 0.0003
+    assert metrics.mae <= 0.0003
+
+
+def test_into_a_reference_that_moves_already(paper):
+    """Wheels spin at first, which is chaotic: another processor may differ by some percent."""
+    short, long = (followed(paper, paper.reference(seconds)) for seconds in (20.0, 30.0))
+    assert short.me <= 0.0042 * 1.1
+    assert short.mae <= 0.003 * 1.1
+    assert short.me_after_start <= 0.0004 * 1.1
+    assert long.me <= 0.0013 * 1.1
+    assert long.mae <= 0.001 * 1.1
