@@ -251,8 +251,11 @@ def test_holding_what_binds_often_finds_what_the_interior_point_method_does(limi
             assert plan.violation <= 0.0
             search = begin(p, unlimited(p), 1e-8)
             assert advance(p, search, 1e-8, 200) == CONVERGED
-            if "places" not in more:  # else there may be several optima
+            if "places" not in more:
                 np.testing.assert_allclose(at.velocities, search.at.velocities, atol=1e-5)
+            else:  # there may be several optima
+                other = search.at.velocities
+                assert plan.cost <= 1.01 * cost(p, roll_out(p, other), other)
     assert np.mean(found) > share
 
 
@@ -381,6 +384,17 @@ def test_many_at_once_are_the_same_as_one_by_one():
         one = HolonomicSolver().solve(p)
         assert np.array_equal(one.velocities, velocities[k])
         assert one.iterations == iterations[k]
+
+
+def test_of_many_those_that_found_nothing_are_told():
+    p = problem(np.random.default_rng(5), limit=8.0)
+    fields = ("start", "previous", "targets", "feedforward")
+    two = p._replace(**{f: np.array([getattr(p, f)] * 2) for f in fields})
+    two.start[1, 0] = np.nan
+    _, iterations = HolonomicSolver().solve_many(two)
+    assert iterations[0] > 0 > iterations[1]
+    _, iterations = HolonomicSolver(InteriorSettings(max_iterations=1)).solve_many(two)
+    assert iterations[0] == -2
 
 
 @pytest.mark.parametrize("field", ["start", "previous", "targets", "feedforward"])

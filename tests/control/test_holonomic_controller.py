@@ -187,14 +187,16 @@ def test_a_deadline_that_passed_gives_a_plan_within_the_limits():
 LOADED = """
 import omnidrive as od
 from omnidrive.control.nmpc.holonomic import active_set, interior
-robot = od.named_robot("small")
-od.holonomic_nmpc(robot.chassis, 0.05, 30, solver=od.HolonomicSolver(deadline=0.02))
+chassis = od.named_robot("small").chassis
+od.holonomic_nmpc(chassis, 0.02, {horizon}, solver=od.HolonomicSolver(deadline=1e-3))
 print(*(bool(f.signatures) for f in (active_set.hold_limits, interior.begin, interior.advance)))
 """
 
 
-def test_nothing_is_left_to_compile_or_to_load_in_the_first_step_before_a_deadline():
-    run = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+@pytest.mark.parametrize("horizon", [1, 15])
+def test_nothing_is_left_to_compile_or_to_load_in_the_first_step_before_a_deadline(horizon):
+    code = LOADED.format(horizon=horizon)
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["True"] * 3
 
 

@@ -62,11 +62,11 @@ def test_from_rest_to_rest(paper, law, may_spin):
     assert metrics.mae <= 0.0003
 
 
-def test_into_a_reference_that_moves_already(paper):
-    """Wheels spin at first, which is chaotic: another processor may differ by some percent."""
-    short, long = (followed(paper, paper.reference(seconds)) for seconds in (20.0, 30.0))
-    assert short.me <= 0.0042 * 1.1
-    assert short.mae <= 0.003 * 1.1
-    assert short.me_after_start <= 0.0004 * 1.1
-    assert long.me <= 0.0013 * 1.1
-    assert long.mae <= 0.001 * 1.1
+def test_on_the_kinematic_plant_nothing_is_corrected_that_is_not_there(paper):
+    controller = make_controller(
+        paper.scenario.model_copy(update={"plant": "kinematic"}), paper.robot, "recommended"
+    )
+    reference = FromRestToRest(paper.spline, LAWS["quintic"])
+    start = reference.at(0.0).pose
+    run = simulate(make_plant(paper.robot, "kinematic"), controller, reference, start=start, dt=0.1)
+    assert measure(run, paper.robot.drive).me < 1e-6

@@ -98,24 +98,36 @@ class Robot:
         return 0.5 * mass * (0.8 * self.arm) ** 2
 
     @property
+    def inertia(self) -> Float[Array, " 3"]:
+        """Mass in kg, twice, and yaw inertia in kg m^2."""
+        return np.array([self.mass, self.mass, self.yaw_inertia])
+
+    @property
+    def rims(self) -> Float[Array, "wheels 3"]:
+        """Speed of every rim per unit of body twist, in 1, 1 and m/rad."""
+        rows: Float[Array, "wheels 3"] = self.wheel.radius * self.chassis.jacobian
+        return rows
+
+    @property
+    def max_push(self) -> float:
+        """What friction carries of a wheel's push, the load on all alike, or the motor gives; N."""
+        load = self.mass * GRAVITY / len(self.wheel_angles)
+        return min(self.friction * load, self.max_torque / self.wheel.radius)
+
+    @property
     def traction(self) -> Float[Array, "faces 3"]:
         """``|traction @ (ax, ay, yaw acceleration)| <= 1``: what the wheels can push, in B.
 
-        Every wheel pushes along its direction, up to what friction carries, with the load on all
-        alike, or the motor gives. All that they can do together is a zonotope of forces and torque;
-        its faces are spanned by pairs of wheels (McMullen, "On zonotopes", Trans. AMS 159, 1971).
+        Every wheel pushes along its direction, up to :attr:`max_push`. All that they can do
+        together is a zonotope of forces and torque; its faces are spanned by pairs of wheels
+        (McMullen, "On zonotopes", Trans. AMS 159, 1971).
         Rows are in s^2/m, s^2/m and s^2/rad. Beyond, a wheel spins or falls behind.
         """
-        wheels = len(self.wheel_angles)
-        most = min(
-            self.friction * self.mass * GRAVITY / wheels, self.max_torque / self.wheel.radius
-        )
-        pushes = self.wheel.radius * self.chassis.jacobian  # force and torque per unit of push
-        inertia = np.array([self.mass, self.mass, self.yaw_inertia])
+        pushes = self.rims  # force and torque per unit of push
         faces = np.array([np.cross(a, b) for a, b in combinations(pushes, 2)])
         faces = faces[np.linalg.norm(faces, axis=1) > 1e-9 * self.arm]
-        reach = most * np.abs(faces @ pushes.T).sum(axis=1)
-        rows: Float[Array, "faces 3"] = faces * inertia / reach[:, None]
+        reach = self.max_push * np.abs(faces @ pushes.T).sum(axis=1)
+        rows: Float[Array, "faces 3"] = faces * self.inertia / reach[:, None]
         return rows
 
     @property

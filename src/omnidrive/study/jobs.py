@@ -100,14 +100,18 @@ def make_controller(
             horizon=steps,
             parameters=scenario.recommended.weights,
             solver=scenario.nmpc.solver,
-            actuation=Actuation.of(
-                robot,
-                scenario.recommended.traction,
-                may_spin=scenario.recommended.may_spin,
-            ),
+            actuation=_actuation(scenario, robot),
         ),
     }
     return table[name]()
+
+
+def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
+    """Of the robot on the scenario's plant: without masses it neither lags nor slips."""
+    section = scenario.recommended
+    if scenario.plant == "kinematic":
+        return Actuation(robot.traction / section.traction)
+    return Actuation.of(robot, section.traction, may_spin=section.may_spin)
 
 
 def make_plant(robot: Robot, name: PlantName) -> Plant:

@@ -51,6 +51,7 @@ def _batch() -> None:
         limits=speed_limits(chassis.jacobian, 1.0, 0.1),
         keep_outs=keep_outs((), points),
     )
+    HolonomicSolver().load(problem)
     HolonomicSolver(deadline=10.0).solve(problem)
     one = {
         name: getattr(problem, name)[None]

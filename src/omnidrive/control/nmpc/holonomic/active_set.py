@@ -8,7 +8,7 @@ from jaxtyping import Float
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.iterate import Iterate, evaluate, iterate, largest_slope
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.riccati import factors, is_definite, newton_step, step_of
+from omnidrive.control.nmpc.holonomic.riccati import factors, is_convex, newton_step, step_of
 from omnidrive.control.nmpc.holonomic.start import bounds_of
 
 Array = np.ndarray
@@ -28,10 +28,11 @@ def hold_limits(
     """Optimum reached from the plan without limits by holding those that bind at their bounds.
 
     The primal-dual active set method, which is a semismooth Newton method (Hintermuller, Ito &
-    Kunisch, SIAM J. Optim. 13, 2002), with the exact Hessian. What breaks a bound is held; what is
-    held and pulls inward is let go. Held values are kept at their bounds by multipliers and the
-    weight of an augmented Lagrangian (Nocedal & Wright, "Numerical Optimization", 2nd ed. 2006,
-    section 17.3). There is no line search: it ends at an optimum, or in vain.
+    Kunisch, SIAM J. Optim. 13, 2002), with the exact Hessian, or with keep-outs as planes where
+    that is not positive definite. What breaks a bound is held; what is held and pulls inward is let
+    go. Held values are kept at their bounds by multipliers and the weight of an augmented
+    Lagrangian (Nocedal & Wright, "Numerical Optimization", 2nd ed. 2006, section 17.3). There is no
+    line search: it ends at an optimum, or in vain.
 
     Args:
         p: The problem.
@@ -62,7 +63,7 @@ def hold_limits(
                     f.weights[k, i] = stiffness
                     above = _room_kept(at, k, i, tolerance) - _room(at, held, k, i)
                     pulls[k, i] = at.pulls[k, i] + stiffness * held[k, i] * above
-        if not (is_definite(p, at, 1.0, 0.0, f) or is_definite(p, at, 0.0, 0.0, f)):
+        if not is_convex(p, at, f):
             return at, -1
         newton_step(p, at, f, pulls, step)
         for k in range(stages):
@@ -82,7 +83,7 @@ def _hold_and_release(at: Iterate, held: Float[Array, "stages rows"]) -> float:
     for k in range(held.shape[0]):
         for i in range(held.shape[1]):
             if held[k, i] * at.pulls[k, i] < 0.0:
-                held[k, i], at.pulls[k, i] = 0.0, 0.0
+                held[k, i], at.pulls[k, i] = 0.0, 0.0  # the bends still have its pull
                 worst = np.inf
             elif held[k, i] != 0.0:
                 room = _room(at, held, k, i)

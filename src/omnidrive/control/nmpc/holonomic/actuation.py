@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 from jaxtyping import Float
@@ -51,7 +51,18 @@ class Actuation:
 
         Where its wheels must not spin, see :attr:`Grip.may_spin`, it loses some centimetres of
         odometry by a hard start, not decimetres, and follows less closely.
+
+        Args:
+            robot: With what :func:`omnidrive.simulation.identify_lag` finds for its lags.
+            traction: Positive; 1 is all that its wheels push with equal loads.
+            may_spin: Whether wheels may spin where the robot does not get along as planned.
+            delay: In s; not negative.
+
+        Raises:
+            InvalidInput: An argument, or what the robot is like, is outside its domain.
         """
+        if not 0.0 < traction < inf:
+            raise InvalidInput(f"the traction must be positive, got {traction:g}")
         grip = Grip.of(robot, may_spin=may_spin)
         return cls(robot.traction / traction, robot.lag, grip, delay)
 

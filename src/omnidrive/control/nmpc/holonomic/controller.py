@@ -24,7 +24,7 @@ from omnidrive.control.nmpc.tracking import nearest_branch
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.parameter import Bounds
-from omnidrive.reference import Reference
+from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Chassis
 
 SolverName = Literal["sqp", "rti", "casadi"]
@@ -32,7 +32,7 @@ KeepOutsAhead = Callable[[float, int, float], Sequence[KeepOut]]
 """``keep_outs(t, points, dt)``: where to stay out of at the times t, t + dt, ... (s)."""
 
 REAL_TIME = 4
-"""Interior-point iterations of a step with the solver ``rti``."""
+"""Iterations of each of its methods in a step with the solver ``rti``."""
 _SOLVERS: dict[SolverName, Callable[[], HolonomicPlanner]] = {
     "sqp": HolonomicSolver,
     "rti": lambda: HolonomicSolver(InteriorSettings(max_iterations=REAL_TIME)),
@@ -177,7 +177,8 @@ class HolonomicController:
         self._age += 1
         plan, age = self.solution, self._age
         if plan is None or age > FOLLOWED + RAMP or age >= len(plan.velocities):
-            self._ask(_STOP)
+            self._twists.append(_STOP)
+            self._moving = _STOP
             return Command(_STOP, Status.FAILED, self._details(Rung.STOP, None))
         part = min(1.0, (FOLLOWED + RAMP - age + 1) / (RAMP + 1))
         vx, vy, yaw_rate = self._twist(plan, age)
@@ -195,7 +196,7 @@ class HolonomicController:
         self._twists.append(twist)
         if self.actuation.grip is not None:
             asked, self._moving = self.actuation.grip.ask(twist, self._moving, self.dt)
-            return asked
+            return self.chassis.saturate(asked)  # which may allow less than the robot
         moving, turning = (lag / self.dt for lag in self.actuation.lag)
         return BodyTwist(
             twist.vx + moving * (twist.vx - before.vx),
@@ -245,7 +246,7 @@ def holonomic_nmpc(
         horizon: N, stages of the plan.
         parameters: Weights.
         solver: ``sqp``, this package's own; ``rti``, the same with few iterations: within all
-            limits, but not optimal where one binds; ``casadi``, which is IPOPT; or one with
+            limits, but not always optimal where one binds; ``casadi``, which is IPOPT; or one with
             settings of its own, such as a deadline.
         actuation: Limits of acceleration, lag and delay; the default has none of them.
         keep_outs: Places that stay where they are, or what tells for every step where they will be.
@@ -258,18 +259,19 @@ def holonomic_nmpc(
         if solver not in _SOLVERS:
             raise InvalidInput(f"there is no solver '{solver}'; there are {', '.join(_SOLVERS)}")
         solver = _SOLVERS[solver]()
-    return compiled_first(
-        HolonomicController(
-            dt,
-            horizon,
-            parameters or HolonomicParameters(),
-            chassis,
-            actuation or Actuation(),
-            solver,
-            keep_outs if callable(keep_outs) else _still(keep_outs),
-        ),
-        "_solve",
+    controller = HolonomicController(
+        dt,
+        horizon,
+        parameters or HolonomicParameters(),
+        chassis,
+        actuation or Actuation(),
+        solver,
+        keep_outs if callable(keep_outs) else _still(keep_outs),
     )
+    compiled_first(controller, "_solve")
+    if isinstance(solver, HolonomicSolver) and solver.deadline is not None:
+        solver.load(controller._problem(0.0, Pose(0.0, 0.0, 0.0), Hold(Pose(0.0, 0.0, 0.0), 1.0)))
+    return controller
 
 
 def _still(places: Sequence[KeepOut]) -> KeepOutsAhead:

@@ -10,8 +10,9 @@ from jaxtyping import Float
 
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.motion import twist
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
-from omnidrive.robot import GRAVITY, Robot
+from omnidrive.robot import Robot
 
 Array = np.ndarray
 
@@ -23,7 +24,11 @@ _STEP = 0.75
 """Length of an integration step, as a part of the shortest time constant."""
 _MAX_STEPS = 2000
 _TRIALS = 6
-"""Corrections of what is asked for: each leaves lag / dt of the error, while wheels hold."""
+"""Corrections of what is asked for: each leaves about lag / dt of the error, while wheels hold."""
+_SHORT = 2.0
+"""Sample time, as a multiple of a lag, up to which what is asked for is that against the lag: who
+asks for where a robot is so soon swings to and fro."""
+_BISECTIONS = 8
 
 
 class Grip(NamedTuple):
@@ -36,9 +41,12 @@ class Grip(NamedTuple):
         inertia (db/dt + w x b) = rims^T f
 
     with the body twist b, of yaw rate w. While no wheel is at the end of its grip these are lags of
-    ``inertia / (stiffness sum(rims^2))``; beyond, robots fall behind by far more. Creep of rollers,
+    ``inertia / (stiffness sum(rims^2))``, for wheels whose columns of ``rims`` are orthogonal, as
+    those of every symmetric robot; beyond, robots fall behind by far more. Creep of rollers,
     the motors' servos and their inertia are all in the stiffness (Pacejka, "Tire and Vehicle
     Dynamics", 3rd ed. 2012, section 1.2: force in proportion to slip, up to friction).
+
+    Nothing measured corrects it: it is as good as the robot's mass, friction and lags.
     """
 
     rims: Float[Array, "wheels 3"]
@@ -57,16 +65,21 @@ class Grip(NamedTuple):
 
     @classmethod
     def of(cls, robot: Robot, *, may_spin: bool = True) -> Grip:
-        """Of a robot with its mass and friction, as stiff as explains its lags."""
-        rims = robot.wheel.radius * robot.chassis.jacobian
-        load = robot.mass * GRAVITY / len(rims)
-        inertia = np.array([robot.mass, robot.mass, robot.yaw_inertia])
+        """Of a robot with its mass and friction, as stiff as explains its lags.
+
+        Raises:
+            InvalidInput: Mass, friction or a lag of the robot is not positive and finite.
+        """
+        rims, inertia = np.ascontiguousarray(robot.rims), robot.inertia
         lags = np.array([robot.lag[0], *robot.lag])
+        for name, values in (("mass", inertia), ("push", robot.max_push), ("lag", lags)):
+            if not (np.isfinite(values).all() and np.min(values) > 0.0):
+                raise InvalidInput(f"a grip needs a positive {name}, got {np.min(values):g}")
         return cls(
-            np.ascontiguousarray(rims),
+            rims,
             inertia,
             inertia / (lags * (rims**2).sum(axis=0)),
-            _SHARE * min(robot.friction * load, robot.max_torque / robot.wheel.radius),
+            _SHARE * robot.max_push,
             robot.wheel.radius * robot.max_wheel_speed,
             may_spin,
         )
@@ -92,33 +105,65 @@ def _vector(twist: BodyTwist) -> Vector:
 
 @compiled
 def _ask(grip: Grip, wanted: Vector, before: Vector, dt: float) -> tuple[Vector, Vector]:
+    """:meth:`Grip.ask`: as much more, time and again, as the robot would still fall behind."""
     asked, after = wanted, before
-    for _ in range(_TRIALS):
-        done, after = driven(grip, before, asked, dt)
+    lags = grip.inertia / (grip.stiffness * (grip.rims**2).sum(axis=0))
+    if dt < _SHORT * lags.max():
+        x, y, yaw = lags / dt
         asked = (
-            asked[0] + wanted[0] - done[0],
-            asked[1] + wanted[1] - done[1],
-            asked[2] + wanted[2] - done[2],
+            wanted[0] + x * (wanted[0] - before[0]),
+            wanted[1] + y * (wanted[1] - before[1]),
+            wanted[2] + yaw * (wanted[2] - before[2]),
         )
         asked = _within(grip, asked)
-        if not grip.may_spin:
-            _, after = driven(grip, before, asked, dt)
-            asked = _held(grip, asked, after)
+    else:
+        for _ in range(_TRIALS):
+            done, _ = driven(grip, before, asked, dt)
+            asked = (
+                asked[0] + wanted[0] - done[0],
+                asked[1] + wanted[1] - done[1],
+                asked[2] + wanted[2] - done[2],
+            )
+            asked = _within(grip, asked)
     _, after = driven(grip, before, asked, dt)
-    return asked, after
+    if grip.may_spin or not _spins(grip, asked, after):
+        return asked, after
+    return _held(grip, asked, before, dt)
+
+
+@compiled
+def _held(grip: Grip, asked: Vector, before: Vector, dt: float) -> tuple[Vector, Vector]:
+    """As large a part of the change asked for as leaves no wheel spinning in the end."""
+    low, high = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        part = _between(before, asked, middle)
+        _, after = driven(grip, before, part, dt)
+        if _spins(grip, part, after):
+            high = middle
+        else:
+            low = middle
+    part = _between(before, asked, low)
+    _, after = driven(grip, before, part, dt)
+    return part, after
 
 
 @inlined
-def _held(grip: Grip, asked: Vector, after: Vector) -> Vector:
-    """So much nearer to the twist in the end that no wheel slips any more by then."""
-    rims, stiffness, peak = grip.rims, grip.stiffness, grip.most
-    x, y, yaw = asked[0] - after[0], asked[1] - after[1], asked[2] - after[2]
+def _between(one: Vector, other: Vector, part: float) -> Vector:
+    x, y, yaw = one
+    return x + part * (other[0] - x), y + part * (other[1] - y), yaw + part * (other[2] - yaw)
+
+
+@inlined
+def _spins(grip: Grip, asked: Vector, after: Vector) -> bool:
+    """Whether any wheel is at the end of its grip."""
+    rims, stiffness, peak = grip.rims, grip.stiffness, 0.0
     for i in range(len(rims)):
-        push = rims[i, 0] * stiffness[0] * x + rims[i, 1] * stiffness[1] * y
-        push += rims[i, 2] * stiffness[2] * yaw
+        push = rims[i, 0] * stiffness[0] * (asked[0] - after[0])
+        push += rims[i, 1] * stiffness[1] * (asked[1] - after[1])
+        push += rims[i, 2] * stiffness[2] * (asked[2] - after[2])
         peak = max(peak, abs(push))
-    part = grip.most / peak
-    return after[0] + part * x, after[1] + part * y, after[2] + part * yaw
+    return peak >= grip.most
 
 
 @inlined

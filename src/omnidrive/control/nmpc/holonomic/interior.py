@@ -79,7 +79,7 @@ def begin(p: HolonomicProblem, unlimited: Float[Array, "stages 3"], least: float
     at = iterate(velocities, bounds)
     evaluate(p, at)
     multipliers = max(excess / (2 * stages * rows), least) / at.rooms
-    return Search(
+    search = Search(
         at,
         multipliers,
         factors(stages, rows),
@@ -88,6 +88,8 @@ def begin(p: HolonomicProblem, unlimited: Float[Array, "stages 3"], least: float
         np.empty((stages, rows, 2)),
         np.zeros(3),
     )
+    _fill_pulls(search)
+    return search
 
 
 @compiled
@@ -98,7 +100,8 @@ def advance(p: HolonomicProblem, search: Search, tolerance: float, until: int) -
     not variables of their own. Mehrotra's predictor and corrector (Nocedal & Wright, "Numerical
     Optimization", 2nd ed. 2006, section 16.6) go on as long as they lower the merit. Where they do
     not, one barrier is held until its minimum is near (the monotone mode of Wachter & Biegler,
-    Math. Program. 106, 2006). The Hessian is exact, and shifted where it is not positive definite.
+    Math. Program. 106, 2006). The Hessian is exact, and changed where it is not positive definite:
+    :func:`~omnidrive.control.nmpc.holonomic.riccati.factorise`.
     """
     at, memory = search.at, search.memory
     while True:

@@ -1,4 +1,4 @@
-"""Velocities on the way to the optimum, and all that the interior-point method asks of them."""
+"""Velocities on the way to the optimum, and all that Newton's method asks of them."""
 
 from __future__ import annotations
 

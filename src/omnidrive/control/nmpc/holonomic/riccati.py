@@ -1,4 +1,4 @@
-"""Newton's step of the interior-point method, by one backward and one forward sweep."""
+"""Newton's step, by one backward and one forward sweep."""
 
 from __future__ import annotations
 
@@ -79,12 +79,20 @@ def factorise(p: HolonomicProblem, at: Iterate, f: Factors, last: float) -> floa
         f: Has the weights; the rest is filled in.
         last: The shift of the iterate before.
     """
-    if is_definite(p, at, 1.0, 0.0, f) or is_definite(p, at, 0.0, 0.0, f):
+    if is_convex(p, at, f):
         return last / 3.0
     shift = max(last / 3.0, 1e-3)
     while shift < LARGEST_SHIFT and not is_definite(p, at, 0.0, shift, f):
         shift *= 4.0
     return shift
+
+
+@inlined
+def is_convex(p: HolonomicProblem, at: Iterate, f: Factors) -> bool:
+    """Factorise the Hessian, or that with keep-outs as planes; False if neither is definite."""
+    if is_definite(p, at, 1.0, 0.0, f):
+        return True
+    return len(p.keep_outs.radii) > 0 and is_definite(p, at, 0.0, 0.0, f)
 
 
 @compiled

@@ -34,7 +34,8 @@ class InteriorSettings(NamedTuple):
     tolerance: Annotated[float, Bounds(1e-12, 1e-2, "1")] = 1e-8
     """Largest entry of the KKT conditions that counts as none."""
     max_iterations: Annotated[int, Bounds(1, 1000, "1")] = 200
-    """Interior-point iterations after which the plan so far is returned: it keeps the limits."""
+    """Iterations of each method; after those of the interior-point method the plan so far is
+    returned: it keeps the limits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,7 @@ class HolonomicSolver:
         if not is_obstructed(problem, velocities):
             none = np.zeros((len(velocities), len(problem.limits.bounds)))
             return HolonomicSolution.of(problem, velocities, none, 0, Exit.CONVERGED)
-        if perf_counter() < deadline:  # what follows is never longer than a few steps of the other
+        if perf_counter() < deadline:  # a few sweeps, without another look at the clock
             at, iterations = hold_limits(problem, velocities, *self.settings)
             if iterations >= 0:
                 done = Exit.CONVERGED
@@ -94,6 +95,13 @@ class HolonomicSolver:
         iterations = int(search.memory[2])
         return HolonomicSolution.of(problem, search.at.velocities, multipliers, iterations, exit)
 
+    def load(self, problem: HolonomicProblem) -> None:
+        """Compile, or load, all that a deadline might cut off while a robot drives."""
+        velocities, (tolerance, most) = unlimited(problem), self.settings
+        is_obstructed(problem, velocities)
+        hold_limits(problem, velocities, tolerance, most)
+        advance(problem, begin(problem, velocities, tolerance), tolerance, 1)
+
     def solve_many(
         self, problems: HolonomicProblem
     ) -> tuple[Float[Array, "problems stages 3"], Int[Array, " problems"]]:
@@ -104,7 +112,7 @@ class HolonomicSolver:
                 the first, over the problems; the rest is theirs in common.
 
         Returns:
-            Velocities, and iterations as in a solution: negative where they did not converge.
+            Velocities; iterations n as in a solution, or -1 - n where they did not converge.
         """
         return _minimise_many(problems, *self.settings)
 
@@ -187,5 +195,6 @@ def _minimise_many(
         )
         found, _, spent, code = _minimise(one, tolerance, max_iterations)
         velocities[k] = found
-        iterations[k] = spent if code == CONVERGED else -spent
+        done = code == CONVERGED and np.isfinite(found).all()
+        iterations[k] = spent if done else -1 - spent
     return velocities, iterations
