@@ -22,7 +22,8 @@ _SHARE = 0.95
 """Part of its grip that a wheel is counted on for: load shifts from wheel to wheel."""
 _STEP = 0.75
 """Length of an integration step, as a part of the shortest time constant."""
-_MAX_STEPS = 2000
+_LEAST_LAG = 1e-4
+"""In s: shorter ones are none, and would take ever more integration steps."""
 _TRIALS = 6
 """Corrections of what is asked for: each leaves about lag / dt of the error, while wheels hold."""
 _SHORT = 2.0
@@ -68,13 +69,15 @@ class Grip(NamedTuple):
         """Of a robot with its mass and friction, as stiff as explains its lags.
 
         Raises:
-            InvalidInput: Mass, friction or a lag of the robot is not positive and finite.
+            InvalidInput: Mass or friction is not positive and finite, or a lag below 0.1 ms.
         """
         rims, inertia = np.ascontiguousarray(robot.rims), robot.inertia
         lags = np.array([robot.lag[0], *robot.lag])
-        for name, values in (("mass", inertia), ("push", robot.max_push), ("lag", lags)):
+        for name, values in (("mass", inertia), ("push", robot.max_push)):
             if not (np.isfinite(values).all() and np.min(values) > 0.0):
                 raise InvalidInput(f"a grip needs a positive {name}, got {np.min(values):g}")
+        if not (np.isfinite(lags).all() and lags.min() >= _LEAST_LAG):
+            raise InvalidInput(f"a grip needs lags of at least 0.1 ms, got {lags.min():g} s")
         return cls(
             rims,
             inertia,
@@ -190,7 +193,7 @@ def driven(grip: Grip, before: Vector, asked: Vector, dt: float) -> tuple[Vector
     fastest = 0.0
     for a in range(3):
         fastest = max(fastest, stiffness[a] * (rims[:, a] ** 2).sum() / inertia[a])
-    steps = int(min(ceil(dt * fastest / _STEP), _MAX_STEPS))
+    steps = ceil(dt * fastest / _STEP)
     h = dt / steps
     vx, vy, w = before
     x, y, yaw = 0.0, 0.0, 0.0
