@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated, get_args
+from typing import Annotated, Any, get_args
 
 import typer
 
@@ -31,22 +31,18 @@ from omnidrive.errors import InvalidInput
 from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, run_study
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
-ControllersOption = Annotated[
-    str | None,
-    typer.Option(
+
+def _only(what: str, names: object) -> Any:
+    """An option that keeps some of the names of a literal type, separated by commas."""
+    return typer.Option(
         metavar="A,B,...",
-        help=f"Only these controllers: {', '.join(get_args(ControllerName))}.",
+        help=f"Only these {what}: {', '.join(get_args(names))}.",
         rich_help_panel="How to drive",
-    ),
-]
-TasksOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="A,B,...",
-        help=f"Only these tasks: {', '.join(get_args(TaskName))}.",
-        rich_help_panel="How to drive",
-    ),
-]
+    )
+
+
+ControllersOption = Annotated[str | None, _only("controllers", ControllerName)]
+TasksOption = Annotated[str | None, _only("tasks", TaskName)]
 NoiseSeedsOption = Annotated[
     int | None,
     typer.Option(

@@ -134,6 +134,7 @@ class _Parser:
         self._next = 0
 
     def rule(self) -> Rule:
+        """The rule that the text is, to its end."""
         self._expect("if", "'if'")
         condition = self._any_of(0)
         if not self._accept("then"):

@@ -141,6 +141,7 @@ class _Clock:
 
     @contextmanager
     def part(self, name: str, steps: int) -> Iterator[None]:
+        """Tell the watcher of a part of so many steps, and take its time."""
         self.watcher.part(name, steps)
         began = perf_counter()
         yield

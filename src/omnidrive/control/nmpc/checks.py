@@ -34,14 +34,12 @@ def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> No
 
 
 def compiled_first(controller: C, kernel: str) -> C:
-    """The controller, after steps that do not matter: no other has to wait for a compiler.
+    """The controller, after a step that does not matter: no other has to wait for a compiler.
 
-    They are towards a place far away, where limits bind; two, because the first may spend a whole
-    deadline on compiling the beginning. ``kernel`` is one that it needs.
+    It is towards a place far away, where limits bind. ``kernel`` is one that it needs.
     """
     announce_compiling(kernel)
     controller.reset(_START)
-    for _ in range(2):
-        controller.step(0.0, _START, Hold(_FAR, 1.0))
+    controller.step(0.0, _START, Hold(_FAR, 1.0))
     controller.reset(_START)
     return controller

@@ -50,6 +50,7 @@ class _Meaning:
         self._is_fuzzylite = is_fuzzylite
 
     def system(self, name: str) -> FuzzySystem:
+        """The system that the file describes; ``name`` is for lack of one in the format."""
         rules = [each for block in self._blocks for each in block.rules]
         aggregations = self._aggregations()
         inputs = []

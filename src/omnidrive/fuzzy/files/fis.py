@@ -96,6 +96,7 @@ class _Reader:
             _check_key(self._head, key, place, _SYSTEM_KEYS)
 
     def system(self) -> FuzzySystem:
+        """The system that the sections describe."""
         head = self._head
         kinds = {"mamdani": "mamdani", "sugeno": "sugeno"}
         sugeno = _choice(head, "Type", kinds) == "sugeno"

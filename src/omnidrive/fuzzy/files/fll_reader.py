@@ -65,6 +65,7 @@ class _Line(NamedTuple):
     value_place: Place
 
     def words(self) -> list[Word]:
+        """The value split at blanks, each word with its place."""
         return [
             Word(match[0], self.value_place.after(self.value[: match.start()]))
             for match in re.finditer(r"\S+", self.value)
@@ -82,6 +83,7 @@ class _Component:
         self._fields: dict[str, _Line] = {}
 
     def add(self, line: _Line) -> None:
+        """Take in a line below the heading; refuse a key that is unknown, or there twice."""
         if line.key not in KEYS[self.kind]:
             known = ", ".join(sorted(KEYS[self.kind]))
             raise malformed(
@@ -103,6 +105,7 @@ class _Component:
         return None
 
     def is_true(self, *keys: str, default: bool = False) -> bool:
+        """What the first of the keys that is there says; refuse all but true and false."""
         line = self.get(*keys)
         if line is None:
             return default
@@ -116,6 +119,7 @@ class _Component:
         return None if line is None else _choice(line, line.value, known)
 
     def check_enabled(self) -> None:
+        """Refuse what is switched off."""
         if not self.is_true("enabled", default=True):
             line = self.get("enabled")
             raise malformed(

@@ -92,6 +92,7 @@ class _Builder:
         self._root: Element | None = None
 
     def root(self, text: str) -> Element:
+        """Parse a document; refuse what is no XML."""
         try:
             self._parser.Parse(text.encode("utf-8", "surrogatepass"), True)
         except expat.ExpatError as error:

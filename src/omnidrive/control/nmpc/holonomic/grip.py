@@ -153,30 +153,47 @@ def _held(grip: Grip, asked: Vector, before: Vector, dt: float) -> tuple[Vector,
 
 @inlined
 def _between(one: Vector, other: Vector, part: float) -> Vector:
+    """A part of the way from one to the other."""
     x, y, yaw = one
     return x + part * (other[0] - x), y + part * (other[1] - y), yaw + part * (other[2] - yaw)
 
 
 @inlined
+def _pull(stiffness: Float[Array, " 3"], asked: Vector, moving: Vector) -> Vector:
+    """What slip pulls at the robot, before the rims share it."""
+    return (
+        stiffness[0] * (asked[0] - moving[0]),
+        stiffness[1] * (asked[1] - moving[1]),
+        stiffness[2] * (asked[2] - moving[2]),
+    )
+
+
+@inlined
+def _at_rim(rims: Float[Array, "wheels 3"], wheel: int, vector: Vector) -> float:
+    """What a twist, or a pull, comes to along the rim of a wheel."""
+    x, y, yaw = vector
+    return float(rims[wheel, 0] * x + rims[wheel, 1] * y + rims[wheel, 2] * yaw)
+
+
+@inlined
+def _peak(rims: Float[Array, "wheels 3"], vector: Vector) -> float:
+    """The largest of a twist, or a pull, along any rim, whichever way."""
+    peak = 0.0
+    for i in range(len(rims)):
+        peak = max(peak, abs(_at_rim(rims, i, vector)))
+    return peak
+
+
+@inlined
 def _spins(grip: Grip, asked: Vector, after: Vector) -> bool:
     """Whether any wheel is at the end of its grip."""
-    rims, stiffness, peak = grip.rims, grip.stiffness, 0.0
-    for i in range(len(rims)):
-        push = rims[i, 0] * stiffness[0] * (asked[0] - after[0])
-        push += rims[i, 1] * stiffness[1] * (asked[1] - after[1])
-        push += rims[i, 2] * stiffness[2] * (asked[2] - after[2])
-        peak = max(peak, abs(push))
-    return peak >= grip.most
+    return _peak(grip.rims, _pull(grip.stiffness, asked, after)) >= grip.most
 
 
 @inlined
 def _within(grip: Grip, asked: Vector) -> Vector:
     """The largest multiple of a twist, at most 1, that no rim is too slow for."""
-    peak, rims = grip.max_rim_speed, grip.rims
-    for i in range(len(rims)):
-        speed = rims[i, 0] * asked[0] + rims[i, 1] * asked[1] + rims[i, 2] * asked[2]
-        peak = max(peak, abs(speed))
-    part = grip.max_rim_speed / peak
+    part = grip.max_rim_speed / max(grip.max_rim_speed, _peak(grip.rims, asked))
     return part * asked[0], part * asked[1], part * asked[2]
 
 
@@ -199,11 +216,9 @@ def driven(grip: Grip, before: Vector, asked: Vector, dt: float) -> tuple[Vector
     x, y, yaw = 0.0, 0.0, 0.0
     for _ in range(steps):
         fx, fy, torque = 0.0, 0.0, 0.0
-        pull_x, pull_y = stiffness[0] * (asked[0] - vx), stiffness[1] * (asked[1] - vy)
-        pull_yaw = stiffness[2] * (asked[2] - w)
+        pull = _pull(stiffness, asked, (vx, vy, w))
         for i in range(len(rims)):
-            push = rims[i, 0] * pull_x + rims[i, 1] * pull_y + rims[i, 2] * pull_yaw
-            push = min(max(push, -grip.most), grip.most)
+            push = min(max(_at_rim(rims, i, pull), -grip.most), grip.most)
             fx, fy = fx + rims[i, 0] * push, fy + rims[i, 1] * push
             torque += rims[i, 2] * push
         turn = h * w

@@ -138,6 +138,7 @@ def advance(p: HolonomicProblem, search: Search, tolerance: float, until: int) -
 
 @inlined
 def _fill_pulls(search: Search) -> None:
+    """How hard each limit pulls, by the multipliers of its two sides."""
     pulls, multipliers = search.at.pulls, search.multipliers
     for k in range(pulls.shape[0]):
         for w in range(pulls.shape[1]):
