@@ -3,6 +3,7 @@
 import os
 import re
 import time
+import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -446,14 +447,17 @@ def test_load_warns_of_gaps(tmp_path):
         load(tmp_path / "gap.fis")
 
 
-def test_hundred_megabytes_are_refused_at_once(tmp_path):
+def test_hundred_megabytes_are_refused_unread(tmp_path):
     path = tmp_path / "huge.fis"
     with path.open("wb") as stream:
         stream.truncate(100_000_000)
-    start = time.perf_counter()
-    with pytest.raises(InvalidFuzzyFile, match="larger than 8 MB"):
-        load(path)
-    assert time.perf_counter() - start < 2.0
+    tracemalloc.start()
+    try:
+        with pytest.raises(InvalidFuzzyFile, match="larger than 8 MB"):
+            load(path)
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize(
@@ -474,8 +478,9 @@ def test_hundred_megabytes_are_refused_at_once(tmp_path):
     ],
     ids=range(12),
 )
-def test_long_text_is_refused_soon(text):
-    start = time.perf_counter()
+def test_long_text_is_not_read_in_quadratic_time(text):
+    # of the processor, whatever else it does: a few seconds if linear, hours if quadratic
+    start = time.thread_time()
     message = refused(text)
-    assert time.perf_counter() - start < 5.0
+    assert time.thread_time() - start < 60.0
     assert len(message) < 400
