@@ -8,37 +8,61 @@ import signal
 import sys
 from contextlib import suppress
 from errno import ENOSPC, EPIPE
-from importlib.metadata import version
+from importlib import import_module
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console
+from typer.core import TyperGroup
 
-from omnidrive.cli.compare import compare
-from omnidrive.cli.fuzzy import fuzzy
-from omnidrive.cli.plan import plan
-from omnidrive.cli.run import run
-from omnidrive.cli.warmup import warmup
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
+
+VERBS = {
+    "compare": "Run the whole study: plan, drive with every controller, measure, report.",
+    "plan": "Search a path, smooth it, time it; say what it asks of the robot.",
+    "run": "Drive once: one controller, one task, its numbers, time series, figures and report.",
+    "warmup": "Compile all numerical kernels now, so that nothing has to wait for them later.",
+    "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
+}
+"""Each verb, which has a module of its name here, and the first sentence of its help."""
+
+
+class _Verbs(TyperGroup):
+    """Verbs whose modules are imported when they are asked for: help need not wait for physics."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        """The verb named first, with its module imported."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command and load_verb(command.name or ""), rest
+
+
+def load_verb(name: str) -> Any:
+    """Import a verb's module; returns the command that it is."""
+    verb = getattr(import_module(f"omnidrive.cli.{name}"), name)
+    if not isinstance(verb, typer.Typer):
+        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        alone.command()(verb)
+        verb = alone
+    return typer.main.get_command(verb)
+
 
 app = typer.Typer(
     name="omnidrive",
+    cls=_Verbs,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command()(compare)
-app.command()(plan)
-app.command()(run)
-app.command()(warmup)
-app.add_typer(fuzzy, name="fuzzy")
+for _name, _help in VERBS.items():
+    app.command(_name, help=_help)(lambda: None)
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version  # noqa: PLC0415 - takes as long as the rest of this
+
         typer.echo(f"omnidrive {version('omnidrive')}")
         raise typer.Exit
 
@@ -132,6 +156,8 @@ def _explain(error: BaseException) -> int:
 
 
 def _complain(message: str) -> None:
+    from rich.console import Console  # noqa: PLC0415 - nobody else needs it at once
+
     console = Console(stderr=True)
     with suppress(OSError):  # a terminal that was closed
         console.print("[bold red]omnidrive:[/] ", end="")

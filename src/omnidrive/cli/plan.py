@@ -37,7 +37,7 @@ def plan(
         ),
     ] = None,
 ) -> None:
-    """Search a path, smooth it, time it; print its length, clearance and shortest duration.
+    """Search a path, smooth it, time it; say what it asks of the robot.
 
     For example:
 

@@ -1,0 +1,32 @@
+from .controller import Command, Controller, DetailedController, Status
+from .feedforward import FeedforwardController, FeedforwardGains
+from .nmpc import NmpcController, unicycle_nmpc
+from .nmpc.holonomic import (
+    HolonomicController,
+    HolonomicParameters,
+    holonomic_nmpc,
+)
+from .pid import (
+    FuzzyPidController,
+    TrackingPidController,
+    classical_pid,
+    fuzzy_pid,
+)
+
+__all__ = [
+    "Command",
+    "Controller",
+    "DetailedController",
+    "FeedforwardController",
+    "FeedforwardGains",
+    "FuzzyPidController",
+    "HolonomicController",
+    "HolonomicParameters",
+    "NmpcController",
+    "Status",
+    "TrackingPidController",
+    "classical_pid",
+    "fuzzy_pid",
+    "holonomic_nmpc",
+    "unicycle_nmpc",
+]

@@ -1,0 +1,58 @@
+from .folder import RunFolder
+from .jobs import Job, jobs_of, make_controller, make_plant, run_job
+from .plan import plan_facts, save_plan
+from .prepared import Prepared, lay_out, prepare
+from .scenario import (
+    PREDICTIVE,
+    ControllerName,
+    MapSection,
+    PlantName,
+    PresetName,
+    RobotSection,
+    Scenario,
+    TaskName,
+    Tasks,
+    map_scenario,
+    paper_scenario,
+    robot_section,
+    study_tasks,
+)
+from .scenario_file import load_scenario, save_scenario
+from .study import Study, Watcher, run_study
+from .timing import one_task, retime
+from .warm_up import warm_up
+
+__all__ = [
+    "PREDICTIVE",
+    "ControllerName",
+    "Job",
+    "MapSection",
+    "PlantName",
+    "Prepared",
+    "PresetName",
+    "RobotSection",
+    "RunFolder",
+    "Scenario",
+    "Study",
+    "TaskName",
+    "Tasks",
+    "Watcher",
+    "jobs_of",
+    "lay_out",
+    "load_scenario",
+    "make_controller",
+    "make_plant",
+    "map_scenario",
+    "one_task",
+    "paper_scenario",
+    "plan_facts",
+    "prepare",
+    "retime",
+    "robot_section",
+    "run_job",
+    "run_study",
+    "save_plan",
+    "save_scenario",
+    "study_tasks",
+    "warm_up",
+]
