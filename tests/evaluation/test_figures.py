@@ -3,10 +3,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 from omnidrive.evaluation.figures import draw_figures, write_figures
+from omnidrive.evaluation.figures.route import draw_map
 from omnidrive.evaluation.palette import controller_ink, controller_label, horizon_inks
+from omnidrive.maps import OccupancyGrid
+from omnidrive.planning import Path
 
 DIAGRAMS = {"kinematics", "tracking_error", "membership_functions"}
 ALL = DIAGRAMS | {
@@ -130,3 +135,22 @@ def test_horizons_have_distinct_colours(count):
     inks = horizon_inks(count)
     assert len(set(inks)) == count
     assert all(len(colour) == 7 and colour[0] == "#" for ink in inks for colour in ink)
+
+
+def test_a_turned_map_is_drawn_where_it_lies():
+    """Each cell's colour, where its centre is on the figure."""
+    occupied = np.zeros((4, 6), bool)
+    occupied[1, 4] = occupied[3, 0] = True
+    grid = OccupancyGrid(occupied, 0.5, (2.0, 1.0), yaw=0.6)
+    figure = Figure(figsize=(5, 5))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw_map(axes, grid, grid, Path(np.array([[2.1, 1.1, 0.0], [2.1, 1.1, 0.0]])))
+    figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())[::-1]
+    for row, col in np.ndindex(occupied.shape):
+        x, y = axes.transData.transform(grid.centre(row, col)).astype(int)
+        assert (pixels[y, x, 0] < 128) == occupied[row, col]
+    left, right, bottom, top = grid.extent
+    assert (axes.get_xlim(), axes.get_ylim()) == ((left, right), (bottom, top))
+    assert 0.0 < left < 2.0

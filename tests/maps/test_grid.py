@@ -6,62 +6,168 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from omnidrive.errors import InvalidMap
+from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, paper_map, paper_wall
 
 small_grids = arrays(bool, (6, 8), elements=st.sampled_from([False, False, True]))
 
 
-def brute_distance(grid, x, y):
-    """Distance to the nearest occupied square, the ring outside included, square by square."""
+turns = st.sampled_from([0.0, 0.5, np.pi / 2, 3.0, -1.1])
+
+
+def in_grid_frame(grid, x, y):
+    """A point of W in the grid's own axes, in m, by complex numbers."""
+    turned = complex(x - grid.origin[0], y - grid.origin[1]) * np.exp(-1j * grid.yaw)
+    return turned.real, turned.imag
+
+
+def to_square(grid, x, y, row, col):
+    """Distance from a point of W to the square of one cell."""
+    side = grid.resolution
+    u, v = in_grid_frame(grid, x, y)
+    across = max(col * side - u, u - (col + 1) * side, 0.0)
+    along = max(row * side - v, v - (row + 1) * side, 0.0)
+    return np.hypot(across, along)
+
+
+def brute_distance(grid, x, y, *, kind=True):
+    """Distance to the nearest square that is taken, or free; the ring outside counts."""
     rows, cols = grid.occupied.shape
-    half = grid.resolution / 2
-    best = np.inf
-    for r in range(-1, rows + 1):
-        for c in range(-1, cols + 1):
-            if not grid.contains(r, c) or grid.occupied[r, c]:
-                cx, cy = grid.centre(r, c)
-                gap = np.hypot(max(abs(x - cx) - half, 0), max(abs(y - cy) - half, 0))
-                best = min(best, gap)
-    return best
+    return min(
+        (
+            to_square(grid, x, y, r, c)
+            for r in range(-1, rows + 1)
+            for c in range(-1, cols + 1)
+            if (grid.occupied[r, c] if grid.contains(r, c) else grid.walled) == kind
+        ),
+        default=np.inf,
+    )
 
 
-@settings(max_examples=60, deadline=None)
-@given(occupied=small_grids, x=st.floats(0.0, 1.999), y=st.floats(0.0, 1.499))
-def test_clearance_is_exact(occupied, x, y):
-    grid = OccupancyGrid(occupied, 0.25, (0.0, 0.0))
+@settings(max_examples=100, deadline=None)
+@given(
+    occupied=small_grids,
+    x=st.floats(0.0, 1.999),
+    y=st.floats(0.0, 1.499),
+    yaw=turns,
+    walled=st.booleans(),
+)
+def test_clearance_is_exact(occupied, x, y, yaw, walled):
+    grid = OccupancyGrid(occupied, 0.25, (4.0, -7.0), walled, yaw)
+    point = complex(x, y) * np.exp(1j * yaw) + complex(4.0, -7.0)
+    x, y = point.real, point.imag
     clearance = grid.clearance(np.array([[x, y]]))[0]
-    if grid.is_occupied(x, y):
-        free = OccupancyGrid(~occupied, 0.25)
-        if occupied.all():
-            assert clearance == -np.inf
-        else:
-            inner = [
-                np.hypot(
-                    max(abs(x - free.centre(r, c)[0]) - 0.125, 0),
-                    max(abs(y - free.centre(r, c)[1]) - 0.125, 0),
-                )
-                for r, c in np.argwhere(~occupied).tolist()
-            ]
-            assert clearance == pytest.approx(-min(inner), abs=1e-12)
-    else:
-        assert clearance == pytest.approx(brute_distance(grid, x, y), abs=1e-12)
+    expected = (
+        -brute_distance(grid, x, y, kind=False)
+        if grid.is_occupied(x, y)
+        else brute_distance(grid, x, y)
+    )
+    assert clearance == pytest.approx(expected, abs=1e-12)
+
+
+def test_clearance_outside_of_the_grid():
+    occupied = np.zeros((4, 6), bool)
+    occupied[1, 2] = True
+    points = np.array([[0.25, -3.0], [-3.0, 0.15], [9.0, 9.0], [0.25, 0.15], [np.nan, 0.0]])
+    walled, open_ = OccupancyGrid(occupied, 0.1), OccupancyGrid(occupied, 0.1, walled=False)
+    far = np.hypot(8.7, 8.8)
+    expected = [3.1, 3.2, far, -0.05, np.nan]
+    np.testing.assert_allclose(open_.clearance(points), expected, atol=1e-12)
+    expected = [-3.0, -3.0, -np.hypot(8.4, 8.6), -0.05, np.nan]
+    np.testing.assert_allclose(walled.clearance(points), expected, atol=1e-12)
+
+
+def test_clearance_where_nothing_is_taken_or_nothing_free():
+    points = np.array([[0.5, 0.5], [7.0, 7.0], [1e300, np.inf]])
+    empty = OccupancyGrid(np.zeros((3, 3), bool), 1.0, walled=False)
+    assert empty.clearance(points)[:2].tolist() == [np.inf, np.inf]
+    full = OccupancyGrid(np.ones((3, 3), bool), 1.0)
+    assert full.clearance(points)[:2].tolist() == [-np.inf, -np.inf]
+    assert np.isnan(full.clearance(points)[2])
+    assert full.clearance(np.empty((0, 2))).shape == (0,)
 
 
 @settings(max_examples=60, deadline=None)
-@given(occupied=small_grids, radius=st.floats(0.01, 0.8))
-def test_a_disc_on_a_free_cell_of_the_inflated_grid_touches_nothing(occupied, radius):
-    grid = OccupancyGrid(occupied, 0.25, (-1.0, 3.0))
+@given(
+    occupied=small_grids, radius=st.floats(0.01, 0.8) | st.sampled_from([0.125, 0.25, 0.375, 0.5]),
+    yaw=turns, walled=st.booleans(),
+)  # fmt: skip
+def test_a_disc_on_a_cell_is_free_if_and_only_if_it_touches_nothing(occupied, radius, yaw, walled):
+    grid = OccupancyGrid(occupied, 0.25, (-1.0, 3.0), walled, yaw)
     inflated = grid.inflated(radius)
-    assert (inflated.occupied | ~occupied).all()
-    for row, col in np.argwhere(~inflated.occupied).tolist():
-        assert brute_distance(grid, *grid.centre(row, col)) >= radius - 1e-12
+    assert (inflated.origin, inflated.walled, inflated.yaw) == (grid.origin, walled, yaw)
+    for row, col in np.ndindex(occupied.shape):
+        distance = brute_distance(grid, *grid.centre(row, col))
+        assert inflated.occupied[row, col] == (distance < radius - 1e-9)
 
 
-@given(row=st.integers(0, 5), col=st.integers(0, 7))
-def test_cell_and_centre_are_inverse(row, col):
-    grid = OccupancyGrid(np.zeros((6, 8), bool), 0.05, (-10.0, 4.0))
+@settings(max_examples=20, deadline=None)
+@given(occupied=small_grids, radius=st.floats(0.01, 0.8), seed=st.integers(0, 99))
+def test_on_any_point_of_a_free_cell_a_disc_reaches_in_by_half_a_diagonal_at_most(
+    occupied, radius, seed
+):
+    grid = OccupancyGrid(occupied, 0.25)
+    points = np.random.default_rng(seed).uniform((0, 0), (2.0, 1.5), (200, 2))
+    points = points[~grid.inflated(radius).occupied_at(points)]
+    assert (grid.clearance(points) >= radius - 0.25 * 0.5**0.5 - 1e-12).all()
+
+
+@pytest.mark.parametrize("radius", [np.nan, np.inf])
+def test_a_radius_that_is_not_finite_is_refused(radius):
+    with pytest.raises(InvalidInput, match="finite radius"):
+        paper_map().inflated(radius)
+
+
+@pytest.mark.parametrize("radius", [1e-200, 1e12, 1e200])
+def test_radii_of_any_size(radius):
+    occupied = np.zeros((3, 4), bool)
+    occupied[0, 0] = True
+    inflated = OccupancyGrid(occupied, 0.1, walled=False).inflated(radius).occupied
+    assert (inflated == (occupied if radius < 1 else True)).all()
+
+
+@given(row=st.integers(-3, 9), col=st.integers(-3, 9), yaw=st.floats(-7, 7))
+def test_cell_and_centre_are_inverse(row, col, yaw):
+    grid = OccupancyGrid(np.zeros((6, 8), bool), 0.05, (-10.0, 4.0), yaw=yaw)
     assert grid.cell(*grid.centre(row, col)) == (row, col)
+    centres = grid.centres(np.array([[row, col], [0, 0]]))
+    assert centres[0] == pytest.approx(grid.centre(row, col), abs=1e-12)
+    assert grid.cells_of(centres).tolist() == [[row, col], [0, 0]]
+
+
+def test_a_turned_grid_lies_where_nav2_puts_it():
+    """Turned by 90 degrees about its origin, the columns run along y and the rows along -x."""
+    grid = OccupancyGrid(np.zeros((2, 3), bool), 0.5, (10.0, 20.0), yaw=np.pi / 2)
+    assert grid.centre(0, 2) == pytest.approx((9.75, 21.25))
+    assert grid.extent == pytest.approx((9.0, 10.0, 20.0, 21.5))
+    assert grid.corners == pytest.approx(np.array([[10, 20], [10, 21.5], [9, 21.5], [9, 20]]))
+    assert grid.cell(9.3, 20.2) == (1, 0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(occupied=small_grids, yaw=st.floats(-7, 7), seed=st.integers(0, 99))
+def test_turning_map_and_points_together_changes_nothing(occupied, yaw, seed):
+    points = np.random.default_rng(seed).uniform((-1, -1), (3, 2.5), (50, 2))
+    turned = (points @ (1, 1j)) * np.exp(1j * yaw) + 2 - 1j
+    turned = np.column_stack([turned.real, turned.imag])
+    plain = OccupancyGrid(occupied, 0.25)
+    grid = OccupancyGrid(occupied, 0.25, (2.0, -1.0), yaw=yaw)
+    np.testing.assert_allclose(grid.clearance(turned), plain.clearance(points), atol=1e-12)
+    away = np.abs(points / 0.25 - np.round(points / 0.25)).min(axis=1) > 1e-9
+    assert (grid.occupied_at(turned) == plain.occupied_at(points))[away].all()
+    left, right, bottom, top = grid.extent
+    inside = grid.centres(np.argwhere(occupied | ~occupied))
+    assert (inside >= (left, bottom)).all()
+    assert (inside <= (right, top)).all()
+
+
+def test_many_points_are_looked_up_as_one():
+    grid = paper_wall()
+    points = np.random.default_rng(3).uniform(-1, 11, (300, 2))
+    alone = [grid.is_occupied(x, y) for x, y in points.tolist()]
+    assert grid.occupied_at(points).tolist() == alone
+    assert grid.cells_of(points).tolist() == [list(grid.cell(x, y)) for x, y in points.tolist()]
+    assert grid.cells_of(np.array([[1e300, -1e300]])).tolist() == [[-(2**62), 2**62]]
 
 
 def test_the_papers_map():
@@ -80,11 +186,58 @@ def test_a_resolution_that_is_not_positive_is_refused(resolution):
         OccupancyGrid(np.zeros((2, 2), bool), resolution)
 
 
+def test_a_grid_needs_cells():
+    with pytest.raises(InvalidMap, match="needs an array of booleans with one row"):
+        OccupancyGrid(np.zeros((0, 3), bool), 0.1)
+
+
+@pytest.mark.parametrize("place", [{"origin": (0.0, np.inf)}, {"yaw": np.nan}])
+def test_a_place_that_is_not_finite_is_refused(place):
+    with pytest.raises(InvalidMap, match="origin must be finite"):
+        OccupancyGrid(np.zeros((2, 2), bool), 0.1, **place)
+
+
+@settings(max_examples=100, deadline=None)
+@given(occupied=small_grids, x=st.floats(-3, 5), y=st.floats(-3, 5), yaw=turns)
+def test_the_nearest_free_cell(occupied, x, y, yaw):
+    grid = OccupancyGrid(occupied, 0.25, (1.0, 2.0), yaw=yaw)
+    free = np.argwhere(~occupied)
+    found = grid.nearest_free(x, y)
+    if len(free) == 0:
+        assert found is None
+        return
+    cell, distance = found
+    assert not occupied[cell]
+    centres = np.array([grid.centre(r, c) for r, c in free.tolist()])
+    assert distance == pytest.approx(np.hypot(*(centres - (x, y)).T).min(), abs=1e-12)
+    assert distance == pytest.approx(np.hypot(*np.subtract(grid.centre(*cell), (x, y))))
+
+
+def test_the_nearest_free_cell_of_a_point_far_away():
+    occupied = np.ones((30, 40), bool)
+    occupied[3, 39] = False
+    grid = OccupancyGrid(occupied, 0.1)
+    assert grid.nearest_free(-1e250, 1e250)[0] == (3, 39)
+    assert grid.nearest_free(1e5, 0.0)[1] == pytest.approx(1e5 - 3.95)
+
+
+@pytest.mark.parametrize(("cut_corners", "sizes"), [(False, [3, 8, 2]), (True, [13, 13, 13])])
+def test_the_size_of_a_region(cut_corners, sizes):
+    picture = ["..#..", ".#..#", "##.#.", "...#."]
+    grid = OccupancyGrid(np.array([[c == "#" for c in line] for line in picture]), 1.0)
+    for cell, size in zip([(0, 0), (0, 3), (3, 4)], sizes, strict=True):
+        assert grid.region_size(*cell, cut_corners=cut_corners) == size
+    assert grid.region_size(0, 2) == grid.region_size(9, 9) == 0
+
+
 @settings(max_examples=30, deadline=None)
-@given(occupied=small_grids, x=st.floats(-1, 1), y=st.floats(-1, 1), side=st.floats(0.05, 0.5))
-def test_one_grid_seen_through_the_cells_of_another(occupied, x, y, side):
-    here = OccupancyGrid(occupied, 0.25)
-    other = OccupancyGrid(np.zeros((5, 7), bool), side, (x, y))
+@given(
+    occupied=small_grids, x=st.floats(-1, 1), y=st.floats(-1, 1), side=st.floats(0.05, 0.5),
+    yaw=turns,
+)  # fmt: skip
+def test_one_grid_seen_through_the_cells_of_another(occupied, x, y, side, yaw):
+    here = OccupancyGrid(occupied, 0.25, (0.3, 0.1), yaw=0.4)
+    other = OccupancyGrid(np.zeros((5, 7), bool), side, (x, y), yaw=yaw)
     seen = here.occupied_on(other)
     for row in range(5):
         for col in range(7):
@@ -92,13 +245,13 @@ def test_one_grid_seen_through_the_cells_of_another(occupied, x, y, side):
 
 
 def test_the_papers_wall_lies_inside_its_inflation():
-    """A robot of 0.75 m on a free cell of the paper's map touches the wall nowhere."""
+    """A robot of 0.75 m on a free cell of the paper's map at most touches the wall."""
     wall, keepout = paper_wall(), paper_map()
     assert (keepout.occupied_on(wall) | ~wall.occupied).all()
     rows, cols = np.nonzero(~keepout.occupied)
     inside = [keepout.centre(r, c) for r, c in zip(rows.tolist(), cols.tolist(), strict=True)]
     inner = np.array([p for p in inside if 1.0 < p[0] < 9.0 and 1.0 < p[1] < 9.0])
-    assert wall.clearance(inner).min() > 0.75
+    assert wall.clearance(inner).min() >= 0.75 - 1e-12
     left, right, bottom, top = wall.extent
     assert (left, right, bottom, top) == pytest.approx(keepout.extent)
     assert wall.is_occupied(3.9, 3.0)

@@ -4,17 +4,21 @@ import os
 import struct
 import zlib
 from contextlib import suppress
+from fractions import Fraction
+from inspect import unwrap
 
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
-from omnidrive.errors import InvalidMap
+from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, load_nav2_map, save_nav2_map
+from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, occupied
+from omnidrive.maps.nav2 import kinds_of_greys
 from tests.shared_data import shared
 
 META = {
@@ -47,54 +51,111 @@ def test_the_last_row_of_the_picture_is_the_first_of_the_map(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("shade", "negate", "free_thresh", "free"),
+    ("mode", "negate", "free_thresh", "occupied_thresh", "free", "taken"),
+    # by hand: the greys that are free and those that are obstacles; the others are unknown
     [
-        (254, 0, 0.25, True),
-        (205, 0, 0.25, True),  # 205: 0.196 occupied; the grey of unknown cells
-        (205, 0, 0.196, False),
-        (205, 0, 0.1, False),
-        (0, 0, 0.25, False),
-        (0, 1, 0.25, True),
-        (255, 1, 0.25, False),
-        (204, 0, 0.2, True),  # exactly 0.2: thresholds are inclusive
+        ("trinary", 0, 0.25, 0.65, (192, 255), (0, 89)),  # 63.75 and 165.75 less than 255
+        ("trinary", 0, 0.196, 0.65, (206, 255), (0, 89)),  # 205, the grey of unknown cells: 0.19608
+        ("trinary", 0, 0.1, 0.65, (230, 255), (0, 89)),
+        ("trinary", 0, 0.2, 0.8, (204, 255), (0, 51)),  # 204 and 51 meet the thresholds
+        ("trinary", 0, 0.0, 1.0, (255, 255), (0, 0)),
+        ("trinary", 1, 0.25, 0.65, (0, 63), (166, 255)),
+        ("trinary", 1, 0.2, 0.8, (0, 51), (204, 255)),
+        ("scale", 0, 0.196, 0.65, (206, 255), (0, 89)),
+        ("scale", 1, 0.25, 0.65, (0, 63), (166, 255)),
+        ("raw", 0, 0.25, 0.65, (0, 25), (65, 100)),
+        ("raw", 1, 0.25, 0.65, (0, 25), (65, 100)),  # raw knows no negate
+        ("raw", 0, 0.196, 0.9, (0, 20), (90, 100)),  # in whole percent
+        ("raw", 0, 0.0, 1.0, (0, 0), (100, 100)),
     ],
 )
-def test_which_shades_are_free(tmp_path, shade, negate, free_thresh, free):
-    path = write(tmp_path, [[shade]], negate=negate, free_thresh=free_thresh)
-    assert load_nav2_map(path).occupied[0, 0] == (not free)
+@pytest.mark.parametrize("unknown", ["occupied", "free"])
+def test_what_every_grey_means(
+    tmp_path, mode, negate, free_thresh, occupied_thresh, free, taken, unknown
+):
+    path = write(
+        tmp_path, [range(256)], mode=mode, negate=negate, free_thresh=free_thresh,
+        occupied_thresh=occupied_thresh,
+    )  # fmt: skip
+    expected = [unknown == "occupied"] * 256
+    expected[free[0] : free[1] + 1] = [False] * (free[1] - free[0] + 1)
+    expected[taken[0] : taken[1] + 1] = [True] * (taken[1] - taken[0] + 1)
+    assert load_nav2_map(path, unknown=unknown).occupied[0].tolist() == expected
 
 
-def test_colours_are_averaged(tmp_path):
+def test_the_mode_is_trinary_and_not_negated_unless_said(tmp_path):
+    path = write(tmp_path, [[0, 100, 255]], mode=None, negate=None)
+    assert load_nav2_map(path).occupied.tolist() == [[True, True, False]]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    negate=st.booleans(), low=st.floats(0, 1), high=st.floats(0, 1),
+    mode=st.sampled_from(["trinary", "scale"]),
+)  # fmt: skip
+def test_greys_against_exact_fractions(negate, low, high, mode):
+    """Where a grey is not within single precision of a threshold, the rule in exact numbers."""
+    low, high = sorted((low, high))
+    assume(high - low > 1e-6)
+    kinds = kinds_of_greys(mode, negate=negate, free_thresh=low, occupied_thresh=high)
+    for grey in range(256):
+        occupancy = Fraction(grey if negate else 255 - grey, 255)
+        if min(abs(occupancy - Fraction(low)), abs(occupancy - Fraction(high))) < 1e-6:
+            continue
+        expected = FREE if occupancy <= low else TAKEN if occupancy >= high else UNKNOWN
+        assert kinds[grey] == expected
+
+
+def test_unknown_cells_are_one_or_the_other():
+    with pytest.raises(InvalidInput, match="can be 'occupied' or 'free', got 'grey'"):
+        unwrap(occupied)(np.zeros((1, 1), np.uint8), "grey")
+
+
+def test_colours_count_by_their_luma(tmp_path):
+    """Yellow: 0.299 + 0.587 of white."""
     Image.fromarray(np.array([[[255, 255, 0]]], np.uint8)).save(tmp_path / "map.png")
-    path = write(tmp_path, image="map.png", free_thresh=0.4)
+    path = write(tmp_path, image="map.png", free_thresh=0.12)
     assert not load_nav2_map(path).occupied[0, 0]
-    path = write(tmp_path, image="map.png", free_thresh=0.3)
+    path = write(tmp_path, image="map.png", free_thresh=0.11)
     assert load_nav2_map(path).occupied[0, 0]
 
 
+def test_a_turned_map(tmp_path):
+    grid = load_nav2_map(write(tmp_path, [[254, 0], [254, 254]], origin=[1.0, 2.0, 0.5]))
+    assert grid.yaw == 0.5
+    corner = complex(1.0, 2.0) + complex(0.15, 0.15) * np.exp(0.5j)
+    assert grid.centre(1, 1) == pytest.approx((corner.real, corner.imag))
+    assert grid.is_occupied(*grid.centre(1, 1))
+
+
 @settings(max_examples=20, deadline=None)
-@given(occupied=arrays(bool, (3, 5)), x=st.floats(-50, 50), y=st.floats(-50, 50))
-def test_what_is_saved_is_read_again(tmp_path_factory, occupied, x, y):
+@given(
+    occupied=arrays(bool, (3, 5)), x=st.floats(-50, 50), y=st.floats(-50, 50), yaw=st.floats(-7, 7),
+    unknown=st.sampled_from(["occupied", "free"]),
+)  # fmt: skip
+def test_what_is_saved_is_read_again(tmp_path_factory, occupied, x, y, yaw, unknown):
     path = tmp_path_factory.mktemp("map") / "saved.yaml"
-    save_nav2_map(OccupancyGrid(occupied, 0.05, (x, y)), path)
-    again = load_nav2_map(path)
+    save_nav2_map(OccupancyGrid(occupied, 0.05, (x, y), yaw=yaw), path)
+    again = load_nav2_map(path, unknown=unknown)
     assert (again.occupied == occupied).all()
-    assert (again.resolution, again.origin) == (0.05, (x, y))
+    assert (again.resolution, again.origin, again.yaw) == (0.05, (x, y), yaw)
 
 
 @pytest.mark.parametrize(
-    ("name", "shape", "free_share"),
+    ("name", "shape", "free", "taken"),
     [
-        ("depot", (307, 604), 0.968),
-        ("tb3_sandbox", (384, 384), 0.054),
-        ("smoothers_world", (300, 300), 0.882),
-        ("demo_map", (400, 400), 0.309),
+        ("depot", (307, 604), 179481, 5947),
+        ("tb3_sandbox", (384, 384), 7903, 870),
+        ("smoothers_world", (300, 300), 79424, 10576),
+        ("demo_map", (400, 400), 49371, 5714),
     ],
 )
-def test_real_maps(name, shape, free_share):
-    grid = load_nav2_map(shared(f"maps/nav2/{name}.yaml"))
+def test_real_maps(name, shape, free, taken):
+    path = shared(f"maps/nav2/{name}.yaml")
+    grid = load_nav2_map(path)
     assert grid.occupied.shape == shape
-    assert (~grid.occupied).mean() == pytest.approx(free_share, abs=5e-4)
+    assert np.count_nonzero(~grid.occupied) == free
+    assert np.count_nonzero(load_nav2_map(path, unknown="free").occupied) == taken
 
 
 @pytest.mark.parametrize(
@@ -109,9 +170,9 @@ def test_real_maps(name, shape, free_share):
         ({"resolution": None}, "does not set 'resolution'"),
         ({"origin": [0, 0]}, r"origin must be \[x, y, yaw\]"),
         ({"origin": [0, float("nan"), 0]}, r"origin must be \[x, y, yaw\]"),
-        ({"origin": [0, 0, 1.57]}, "yaw is 1.57 rad; only 0"),
+        ({"origin": [0, 0, "east"]}, r"origin must be \[x, y, yaw\]"),
         ({"free_thresh": 0.7}, "free_thresh .0.7. must be below"),
-        ({"mode": "raw"}, "mode 'raw' is not read"),
+        ({"mode": "rgb"}, "mode 'rgb' is not one of trinary, scale, raw"),
         ({"image": "no.pgm"}, "cannot read the map's picture .*no.pgm: No such file"),
         ({"image": None}, "does not set 'image'"),
         ({"image": "map.yaml"}, "is not a picture"),
@@ -121,7 +182,7 @@ def test_real_maps(name, shape, free_share):
         ({"image": "."}, "cannot read the map's picture .* is not a file"),
         ({"image": "loop.pgm"}, "cannot read the map's picture .*: Too many levels"),
         ({"image": "pipe.pgm"}, "cannot read the map's picture .* is not a file"),
-        ({"mode": ["raw"]}, r"mode \['raw'\] is not read"),
+        ({"mode": ["raw"]}, r"mode \['raw'\] is not one of"),
         ({"resolution": "nan"}, "resolution must be a number, got 'nan'"),
         ({"resolution": int("9" * 400)}, "is not a YAML map: found an integer beyond"),
         ({"resolution": "x" * 9000}, r"resolution must be a number, got 'xxx[x]*\.\.\.$"),
@@ -255,11 +316,19 @@ def test_pixels_of_every_kind(tmp_path, content, occupied):
 
 
 @pytest.mark.parametrize("negate", [0, 1])
-def test_a_transparent_cell_is_never_free(tmp_path, negate):
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+def test_a_cell_that_is_not_opaque_is_unknown(tmp_path, mode, negate):
     for grey in (b"\0", b"\xff"):
         path = picture(tmp_path, png(8, GREY_ALPHA, (grey + b"\x80") * 2))
-        path.write_text(path.read_text().replace("negate: 0", f"negate: {negate}"))
+        path.write_text(path.read_text().replace("negate: 0", f"negate: {negate}\nmode: {mode}"))
         assert load_nav2_map(path).occupied.all()
+        assert not load_nav2_map(path, unknown="free").occupied.any()
+
+
+def test_opacity_means_nothing_to_raw(tmp_path):
+    path = picture(tmp_path, png(8, GREY_ALPHA, b"\x00\x80\x64\x80"))
+    path.write_text(path.read_text() + "mode: raw\n")
+    assert load_nav2_map(path).occupied.tolist() == [[False, True]]
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,32 @@
-"""Where the robot may be: occupancy grids and the files they come from."""
+"""Where the robot may be: occupancy grids, the files they come from, and worlds made by chance."""
 
+from omnidrive.maps.ascii import load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
+from omnidrive.maps.kinds import Unknown
+from omnidrive.maps.load import load_map
+from omnidrive.maps.maze import maze_map
+from omnidrive.maps.movingai import load_movingai_map
 from omnidrive.maps.nav2 import load_nav2_map, save_nav2_map
+from omnidrive.maps.numpy_file import load_numpy_map
 from omnidrive.maps.paper import paper_map, paper_wall
+from omnidrive.maps.queries import Query, load_queries
+from omnidrive.maps.worlds import random_map, rooms_map, warehouse_map
 
-__all__ = ["OccupancyGrid", "load_nav2_map", "paper_map", "paper_wall", "save_nav2_map"]
+__all__ = [
+    "OccupancyGrid",
+    "Query",
+    "Unknown",
+    "load_ascii_map",
+    "load_map",
+    "load_movingai_map",
+    "load_nav2_map",
+    "load_numpy_map",
+    "load_queries",
+    "maze_map",
+    "paper_map",
+    "paper_wall",
+    "random_map",
+    "rooms_map",
+    "save_nav2_map",
+    "warehouse_map",
+]

@@ -2,47 +2,49 @@
 
 from __future__ import annotations
 
-import warnings
 from difflib import get_close_matches
 from math import isfinite, nan
 from pathlib import Path
-from stat import S_ISREG
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import yaml
-from jaxtyping import Float
-from PIL import Image, UnidentifiedImageError
-from PIL.ImageFile import ImageFile
+from jaxtyping import UInt8
+from PIL import Image
 
 from omnidrive.errors import InvalidMap
 from omnidrive.maps.grid import OccupancyGrid
+from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
+from omnidrive.maps.picture import read_picture
+from omnidrive.maps.source import refuse_resolution
 from omnidrive.yaml_file import one_line, read_yaml, shown
 
 Array = np.ndarray
 
+Mode = Literal["trinary", "scale", "raw"]
+
 _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
-_FINEST, _COARSEST = 1e-3, 10.0  # m per cell; beyond, the unit is wrong
-_MAX_CELLS = 50_000_000
-_FORMATS = ("PPM", "PNG", "BMP")  # PPM: PGM and PBM as well
-_GREY = {"1", "L", "LA"}
-_COLOUR = {"P", "PA", "RGB", "RGBA"}
-_GREY_16_BIT = {"I", "I;16", "I;16B"}  # I: how Pillow reads a PGM of more than 256 shades
+_MOST_OF_RAW = 100  # a raw pixel is an occupancy in percent; more is unknown
 
 
-def load_nav2_map(path: Path) -> OccupancyGrid:
-    """Read a Nav2 map; cells that are not known to be free count as obstacles.
+def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid:
+    """Read a Nav2 map.
 
-    The rules are those of nav2_map_server for the modes `trinary` and `scale`: with p the mean of a
-    pixel's colours, occupancy is 1 - p / 255 (p / 255 if `negate`), a cell is free where it is at
-    most `free_thresh`; one that is not opaque is never free. The image's last row is the map's
-    first.
+    The rules are those of ``nav2_map_server/src/map_io.cpp`` since 2025. With p the grey of a pixel
+    (0 to 255; of a colour, its luma), occupancy is 1 - p / 255, or p / 255 if ``negate``. In the
+    modes ``trinary`` and ``scale``, a cell is free where that is at most ``free_thresh``, an
+    obstacle where it is at least ``occupied_thresh``, and else unknown (``scale`` grades such
+    cells, but grades do not say whether they are free); one that is not opaque is unknown. In the
+    mode ``raw``, p is the occupancy in percent, whatever ``negate`` and the opacity; above 100 it
+    is unknown, else compared to the thresholds in whole percent, as Nav2 compares it to save the
+    map as ``trinary``. The image's last row is the map's first.
 
     Args:
-        path: The YAML file; `image` is looked up beside it.
+        path: The YAML file; ``image`` is looked up beside it.
+        unknown: What unknown cells count as.
 
     Raises:
-        InvalidMap: The file is missing, malformed, too large or uses `raw` mode or a turned origin.
+        InvalidMap: The file is missing, malformed or too large.
     """
     meta = read_yaml(path, "map", InvalidMap)
     if not isinstance(meta, dict):
@@ -53,26 +55,51 @@ def load_nav2_map(path: Path) -> OccupancyGrid:
             hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(_KEYS)}"
             raise InvalidMap(f"{path}: unknown key {shown(key)}; {hint}")
     resolution = _number(path, meta, "resolution")
-    if not _FINEST <= resolution <= _COARSEST:
+    refuse_resolution(resolution, one_line(str(path)))
+    table = _kinds_of_greys(path, meta)
+    x, y, yaw = _origin(path, meta)
+    if not isinstance(meta.get("image"), str):
+        raise InvalidMap(f"{path} does not set 'image', the name of the map's picture")
+    grey, opaque = read_picture(path.parent / meta["image"])
+    kinds = table[grey]
+    if opaque is not None and meta.get("mode") != "raw":
+        kinds[~opaque] = UNKNOWN
+    return OccupancyGrid(occupied(kinds[::-1], unknown), resolution, (x, y), yaw=yaw)
+
+
+def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
+    """Kind of a cell by the grey of its pixel, 0 to 255."""
+    free = _number(path, meta, "free_thresh")
+    taken = _number(path, meta, "occupied_thresh")
+    if not 0.0 <= free < taken <= 1.0:
         raise InvalidMap(
-            f"{path}: resolution is {resolution:g} m per cell, "
-            f"need {_FINEST:g} to {_COARSEST:g} m per cell"
-        )
-    free_below = _number(path, meta, "free_thresh")
-    occupied_above = _number(path, meta, "occupied_thresh")
-    if not 0.0 <= free_below < occupied_above <= 1.0:
-        raise InvalidMap(
-            f"{path}: free_thresh ({free_below:g}) must be below occupied_thresh "
-            f"({occupied_above:g}), both in 0 to 1"
+            f"{path}: free_thresh ({free:g}) must be below occupied_thresh ({taken:g}), "
+            "both in 0 to 1"
         )
     mode = meta.get("mode", "trinary")
-    if mode not in ("trinary", "scale"):  # a tuple: a list has no hash
-        raise InvalidMap(f"{path}: mode {shown(mode)} is not read; use trinary or scale")
+    if mode not in get_args(Mode):  # a tuple: a list has no hash
+        raise InvalidMap(f"{path}: mode {shown(mode)} is not one of {', '.join(get_args(Mode))}")
     negate = _number(path, meta, "negate", default=0.0) != 0.0
-    origin = _origin(path, meta)
-    shade = _read_image(path, meta)
-    occupancy = shade if negate else 1.0 - shade
-    return OccupancyGrid(~(occupancy[::-1] <= free_below), resolution, origin)  # NaN: not free
+    return kinds_of_greys(mode, negate=negate, free_thresh=free, occupied_thresh=taken)
+
+
+def kinds_of_greys(
+    mode: Mode, *, negate: bool, free_thresh: float, occupied_thresh: float
+) -> UInt8[Array, " 256"]:
+    """Kind of a cell by the grey of its opaque pixel, 0 to 255; see :func:`load_nav2_map`.
+
+    In single precision, as Nav2 computes it: thresholds that a grey meets exactly are inclusive
+    only up to its rounding.
+    """
+    greys = np.arange(256)
+    if mode == "raw":
+        free, taken = np.rint((100.0 * free_thresh, 100.0 * occupied_thresh))
+        kinds = np.where(greys <= free, FREE, np.where(greys >= taken, TAKEN, UNKNOWN))
+        return np.where(greys <= _MOST_OF_RAW, kinds, UNKNOWN).astype(np.uint8)
+    shade = greys.astype(np.float32) / np.float32(255.0)
+    occupancy = shade if negate else np.float32(1.0) - shade
+    taken_or_not = np.where(occupancy >= np.float32(occupied_thresh), TAKEN, UNKNOWN)
+    return np.where(occupancy <= np.float32(free_thresh), FREE, taken_or_not).astype(np.uint8)
 
 
 def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
@@ -84,7 +111,7 @@ def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
         "image": image.name,
         "mode": "trinary",
         "resolution": grid.resolution,
-        "origin": [*grid.origin, 0.0],
+        "origin": [*grid.origin, grid.yaw],
         "negate": 0,
         "occupied_thresh": 0.65,
         "free_thresh": 0.25,
@@ -110,59 +137,10 @@ def _as_float(value: Any) -> float:
         return nan
 
 
-def _origin(path: Path, meta: dict[Any, Any]) -> tuple[float, float]:
+def _origin(path: Path, meta: dict[Any, Any]) -> tuple[float, float, float]:
     origin: Any = meta.get("origin")
     numbers = [_as_float(v) for v in origin] if isinstance(origin, list) else []
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
         raise InvalidMap(f"{path}: origin must be [x, y, yaw] in m, m, rad, got {shown(origin)}")
     x, y, yaw = numbers
-    if yaw != 0.0:
-        raise InvalidMap(f"{path}: the origin's yaw is {yaw:g} rad; only 0 is read")
-    return x, y
-
-
-def _read_image(path: Path, meta: dict[Any, Any]) -> Float[Array, "rows cols"]:
-    """Shades from 0 (black) to 1 (white), NaN where the picture is not opaque."""
-    if not isinstance(meta.get("image"), str):
-        raise InvalidMap(f"{path} does not set 'image', the name of the map's picture")
-    file = path.parent / meta["image"]
-    name = one_line(str(file))
-    try:
-        return _decode(file, name)
-    except InvalidMap:
-        raise
-    except Image.DecompressionBombError:
-        raise InvalidMap(f"{name} has more than {_MAX_CELLS:,} cells") from None
-    except (UnidentifiedImageError, SyntaxError, ValueError):
-        raise InvalidMap(f"{name} is not a picture (PGM, PNG or BMP), or an empty one") from None
-    except OSError as error:
-        raise InvalidMap(
-            f"cannot read the map's picture {name}: {error.strerror or error}"
-        ) from None
-
-
-def _decode(file: Path, name: str) -> Float[Array, "rows cols"]:
-    if not S_ISREG(file.stat().st_mode):  # a pipe would be waited for
-        raise InvalidMap(f"cannot read the map's picture {name}: it is not a file")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow warns of what is refused here
-        with Image.open(file, formats=_FORMATS) as image:
-            return _shades(image, name)
-
-
-def _shades(image: ImageFile, name: str) -> Float[Array, "rows cols"]:
-    if image.width * image.height > _MAX_CELLS:
-        raise InvalidMap(f"{name} has more than {_MAX_CELLS:,} cells")
-    if image.mode in _GREY_16_BIT:
-        grey = np.asarray(image, dtype=float)
-        return np.where(grey == image.info.get("transparency"), nan, grey / 65535.0)
-    if image.mode not in _GREY | _COLOUR:
-        raise InvalidMap(
-            f"{name} has pixels of the kind {image.mode}; save it as grey, RGB or RGBA"
-        )
-    if image.mode == "L" and "transparency" in image.info:
-        # of a picture with 4 or 16 shades, Pillow scales the pixels but not the transparent shade
-        image.info["transparency"] *= {"L;2": 85, "L;4": 17}.get(str(image.tile[0][3]), 1)
-    layers = np.asarray(image.convert("LA" if image.mode in _GREY else "RGBA"))
-    shade = layers[..., :-1].mean(axis=2) / 255.0
-    return np.where(layers[..., -1] == 255, shade, nan)
+    return x, y, yaw

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import Affine2D
 
 from omnidrive.evaluation.figures.style import FAINT, INK, canvas, legend_above, styled
 from omnidrive.maps import OccupancyGrid
@@ -13,6 +14,7 @@ from omnidrive.planning import Path, SplinePath
 Array = np.ndarray
 
 _ARROWS = 24  # headings drawn along the path
+_OUTSIDE = "#f4f5f7"
 
 
 def route_figure(
@@ -43,14 +45,18 @@ def route_figure(
 def draw_map(axes: Axes, grid: OccupancyGrid, keepout: OccupancyGrid, path: Path) -> None:
     """Obstacles, the zone to keep out of and the cells that the search found."""
     near = keepout.occupied_on(grid)
-    left, right, bottom, top = grid.extent
+    height, width = (count * grid.resolution for count in near.shape)
+    placed = Affine2D().rotate(grid.yaw).translate(*grid.origin)
+    axes.set_facecolor(_OUTSIDE)  # seen around a turned map
     axes.imshow(
         _shades(grid, near),
-        extent=(left, right, bottom, top),
+        extent=(0.0, width, 0.0, height),
+        transform=placed + axes.transData,
         origin="lower",
         interpolation="nearest",
         zorder=0,
     )
+    left, right, bottom, top = grid.extent
     x, y = path.poses[:, 0], path.poses[:, 1]
     axes.plot(x, y, ".", color=FAINT, ms=2.5, label="Cells found", zorder=1)
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")

@@ -18,14 +18,14 @@ def tables_markup(tables: Sequence[Table]) -> str:
 def facts_markup(results: StudyResults) -> str:
     """What was driven where, as the items of a description list."""
     robot, grid = results.robot, results.obstacles
-    left, right, bottom, top = grid.extent
+    rows, cols = grid.occupied.shape
     bearings = ", ".join(f"{degrees(a):g}" for a in robot.wheel_angles)
     facts = {
         "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.arm:.4g} m, "
         f"r = {robot.wheel.radius:.4g} m, wheels at {bearings}°",
         "Plant": results.plant,
         "Sample time": f"{results.dt:g} s",
-        "Map": f"{right - left:.4g} m by {top - bottom:.4g} m, "
+        "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
         f"planned on cells of {results.keepout.resolution:g} m",
         "Path": f"{results.path.length:.2f} m, {len(results.path.poses)} cells",
     }

@@ -59,7 +59,8 @@ def _map(grid: OccupancyGrid, keepout: OccupancyGrid) -> dict[str, Any]:
         "rows": rows,
         "cols": cols,
         "resolution": grid.resolution,
-        "origin": list(grid.origin),
+        "origin": [*grid.origin, grid.yaw],
+        "extent": list(grid.extent),
         "kinds": _run_lengths(kinds.ravel()),
     }
 

@@ -68,14 +68,18 @@ class Scene {
   drawMap() {
     const { pen, camera } = this;
     this.picture ??= this.paintMap();
-    const { left, right, top, bottom } = Study.map;
-    const [x, y] = camera.toScreen(left, top);
+    const { rows, cols, resolution, x, y, yaw } = Study.map;
+    const side = resolution * camera.scale;
+    const box = [0, -rows * side, cols * side, rows * side];
+    pen.save();
+    pen.translate(...camera.toScreen(x, y));
+    pen.rotate(-yaw); // the screen's y axis points down
     pen.imageSmoothingEnabled = false;
-    const box = [x, y, (right - left) * camera.scale, (top - bottom) * camera.scale];
     pen.drawImage(this.picture, ...box);
     pen.strokeStyle = this.colours.obstacle;
     pen.lineWidth = 1;
     pen.strokeRect(...box);
+    pen.restore();
   }
 
   /* Lines at round coordinates, at least 70 px apart. */

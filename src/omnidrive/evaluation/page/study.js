@@ -62,11 +62,9 @@ const Study = (() => {
     for (let i = 0, cell = 0; i < map.kinds.length; i += 2) {
       kinds.fill(map.kinds[i], cell, (cell += map.kinds[i + 1]));
     }
-    const [left, bottom] = map.origin;
-    return {
-      rows: map.rows, cols: map.cols, resolution: map.resolution, kinds,
-      left, bottom, right: left + map.cols * map.resolution, top: bottom + map.rows * map.resolution,
-    };
+    const [x, y, yaw] = map.origin;
+    const [left, right, bottom, top] = map.extent;
+    return { rows: map.rows, cols: map.cols, resolution: map.resolution, kinds, x, y, yaw, left, right, bottom, top };
   }
 
   return {

@@ -1,0 +1,131 @@
+"""The cells of a grid that a robot's footprint covers, and grids inflated by it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from omnidrive.compiled import compiled
+from omnidrive.errors import InvalidInput
+
+Array = np.ndarray
+
+_TOUCH = 1e-9  # cells; a side that reaches no deeper into a square only touches it
+
+
+def check_footprint(polygon: Float[Array, "corners 2"]) -> None:
+    """Refuse what is no polygon.
+
+    Raises:
+        InvalidInput: Fewer than three corners, one that is not finite, or no area.
+    """
+    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
+        raise InvalidInput(
+            f"a footprint needs three corners or more, each (x, y), got shape {polygon.shape}"
+        )
+    if not np.isfinite(polygon).all():
+        raise InvalidInput("a footprint's corners must be finite, in m")
+    if np.linalg.matrix_rank(polygon[1:] - polygon[0]) < 2:
+        raise InvalidInput("a footprint needs an area: all its corners lie on one line")
+
+
+def covered_runs(polygon: Float[Array, "corners 2"], rows: int, cols: int) -> Int[Array, "runs 3"]:
+    """Squares of a grid that a polygon covers wholly or in part; touching does not count.
+
+    A square is covered if a side of the polygon passes through its interior, or if its centre lies
+    inside. Inside is where the polygon winds around (Sunday 2001, "Inclusion of a point in a
+    polygon"), so a polygon that crosses itself has no holes.
+
+    Args:
+        polygon: Corners (row, column) in cells, of the centre of cell (0, 0).
+        rows: Rows further away than this are left out.
+        cols: Likewise columns.
+
+    Returns:
+        For each run of neighbours: row, first and last column.
+    """
+    first, last = np.floor(polygon.min(axis=0) + 0.5), np.ceil(polygon.max(axis=0) - 0.5)
+    bottom, left = np.clip(first, (-rows, -cols), (rows, cols)).astype(int).tolist()
+    top, right = np.clip(last, (-rows, -cols), (rows, cols)).astype(int).tolist()
+    columns = np.arange(left, right + 1)
+    runs = [np.empty((0, 3), np.int64)]
+    for row in range(bottom, top + 1):
+        covered = _covered(polygon, row, columns)
+        ends = np.flatnonzero(np.diff(np.concatenate([[False], covered, [False]])))
+        first, last = columns[ends[::2]], columns[ends[1::2] - 1]
+        runs.append(np.column_stack([np.full(len(first), row), first, last]))
+    return np.concatenate(runs)
+
+
+def _covered(
+    polygon: Float[Array, "corners 2"], row: int, columns: Int[Array, " columns"]
+) -> Bool[Array, " columns"]:
+    """Which squares of one row the polygon covers."""
+    crossed = np.zeros(len(columns), bool)
+    winding = np.zeros(len(columns), int)
+    for (v0, u0), (v1, u1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        crossed |= _crosses((v0, u0), (v1, u1), row, columns)
+        if (v0 <= row) != (v1 <= row):  # the side passes the height of the centres
+            at = u0 + (row - v0) / (v1 - v0) * (u1 - u0)
+            winding += np.where(columns < at, 1 if v1 > v0 else -1, 0)
+    inside: Bool[Array, " columns"] = crossed | (winding != 0)
+    return inside
+
+
+def _crosses(
+    start: tuple[float, float], end: tuple[float, float], row: int, columns: Int[Array, " columns"]
+) -> Bool[Array, " columns"]:
+    """Whether a side passes through the interior of each square of one row.
+
+    The part of the side in the row's strip and the part in each column's overlap, as intervals of
+    the fraction of the side's length (Liang & Barsky 1984, "A new concept and method for line
+    clipping").
+    """
+    half = 0.5 - _TOUCH
+    first, last = np.zeros(len(columns)), np.ones(len(columns))
+    for begin, stop, middle in ((start[0], end[0], row), (start[1], end[1], columns)):
+        along = stop - begin
+        near, far = middle - half - begin, middle + half - begin
+        if along == 0.0:  # never inside if not between
+            first = np.where((near < 0.0) & (far > 0.0), first, 2.0)
+        else:
+            with np.errstate(over="ignore"):  # of a side that hardly has a length along this axis
+                enter, leave = near / along, far / along
+            first = np.maximum(first, np.minimum(enter, leave))
+            last = np.minimum(last, np.maximum(enter, leave))
+    return first < last
+
+
+@compiled
+def swept(
+    taken: Bool[Array, "rows cols"], outside: bool, runs: Int[Array, "runs 3"]
+) -> Bool[Array, "rows cols"]:
+    """From which cells one of the runs reaches a taken cell.
+
+    Args:
+        taken: The cells to look for.
+        outside: Whether everything outside the grid is taken too.
+        runs: Row, first and last column, counted from the cell looked from.
+    """
+    rows, cols = taken.shape
+    ahead = np.empty((rows, cols), np.int32)  # columns to the next taken cell of the row
+    for row in range(rows):
+        steps = 0 if outside else 2 * cols + 1
+        for col in range(cols - 1, -1, -1):
+            steps = 0 if taken[row, col] else steps + 1
+            ahead[row, col] = steps
+    out = np.zeros((rows, cols), np.bool_)
+    for row in range(rows):
+        for k in range(len(runs)):
+            source, first, last = row + runs[k, 0], runs[k, 1], runs[k, 2]
+            if not 0 <= source < rows:
+                if outside:
+                    out[row] = True
+                continue
+            for col in range(max(-first, 0), min(cols - first, cols)):
+                out[row, col] |= ahead[source, col + first] <= last - first
+            for col in range(min(max(-first, 0), cols)):  # the run begins left of the grid
+                out[row, col] |= outside or ahead[source, 0] <= col + last
+            for col in range(max(min(cols - first, cols), 0), cols):  # and right of it
+                out[row, col] |= outside
+    return out

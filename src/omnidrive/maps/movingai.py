@@ -1,0 +1,64 @@
+"""Maps of the MovingAI benchmarks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omnidrive.errors import InvalidMap
+from omnidrive.maps.grid import OccupancyGrid
+from omnidrive.maps.kinds import FREE, TAKEN, occupied
+from omnidrive.maps.source import MAX_CELLS, read_content, refuse_resolution, refuse_size
+from omnidrive.maps.text_rows import read_rows
+from omnidrive.yaml_file import one_line, shown
+
+_TERRAIN = {".": FREE, "G": FREE, "S": FREE, "@": TAKEN, "O": TAKEN, "T": TAKEN, "W": TAKEN}
+_HEADER_LINES = 4
+
+
+def load_movingai_map(path: Path, *, resolution: float = 1.0) -> OccupancyGrid:
+    """Read a ``.map`` file of type octile.
+
+    The format is that of Sturtevant 2012, "Benchmarks for grid-based pathfinding". Ground (``.``,
+    ``G``) and swamp (``S``) are free; everything else (``@``, ``O``, ``T``, ``W``) is an obstacle.
+    The file's first line of cells, its y = 0, is the top of the map: its cell (x, y) is the grid's
+    row ``height - 1 - y``, column x.
+
+    Args:
+        path: The file.
+        resolution: Side of a cell, in m; the file has none.
+
+    Raises:
+        InvalidMap: The file is missing, malformed or too large.
+    """
+    name = one_line(str(path))
+    refuse_resolution(resolution, name)
+    content = read_content(path, MAX_CELLS + MAX_CELLS // 10)  # the rest: ends of lines
+    *header, cells = [*content.split(b"\n", _HEADER_LINES), b""][: _HEADER_LINES + 1]
+    height, width = _size([line[:80].decode("latin-1").split() for line in header], name)
+    refuse_size(height, width, name)
+    kinds = read_rows(cells, _TERRAIN, name, _HEADER_LINES + 1)
+    if kinds.shape != (height, width):
+        rows, cols = kinds.shape
+        raise InvalidMap(
+            f"{name} says that it has {height:,} rows of {width:,} cells, but has {rows:,} "
+            f"of {cols:,}"
+        )
+    return OccupancyGrid(occupied(kinds, "occupied"), resolution)
+
+
+def _size(header: list[list[str]], name: str) -> tuple[int, int]:
+    """Height and width from the words of the header's lines."""
+    lines = {words[0]: words[1:] for words in header if words}
+    if header[:1] != [["type", "octile"]] or header[3:] != [["map"]]:
+        raise InvalidMap(
+            f"{name} is not a MovingAI map: it must begin with the lines 'type octile', "
+            "'height ...', 'width ...' and 'map'"
+        )
+    sizes = []
+    for key in ("height", "width"):
+        words = lines.get(key, [])
+        if len(words) != 1 or not (words[0].isascii() and words[0].isdigit()) or len(words[0]) > 9:
+            said = shown(" ".join(words))
+            raise InvalidMap(f"{name}: {key} must be a whole number, got {said}")
+        sizes.append(int(words[0]))
+    return sizes[0], sizes[1]

@@ -1,0 +1,99 @@
+"""Maps saved as NumPy arrays."""
+
+from __future__ import annotations
+
+from math import prod
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from jaxtyping import Shaped, UInt8
+from numpy.lib import format as npy
+
+from omnidrive.errors import InvalidMap
+from omnidrive.maps.grid import OccupancyGrid
+from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
+from omnidrive.maps.source import refuse_no_file, refuse_resolution, refuse_size
+from omnidrive.yaml_file import one_line, shown
+
+Array = np.ndarray
+
+_BLOCK = 1 << 20  # cells read at a time
+_READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def load_numpy_map(
+    path: Path, *, resolution: float = 1.0, unknown: Unknown = "occupied"
+) -> OccupancyGrid:
+    """Read an ``.npy`` file: an array of rows and columns, row 0 first, as a grid holds it.
+
+    True is an obstacle. Of numbers, 0 is free, what is negative or NaN is unknown (as in ROS, where
+    -1 is), and all else is an obstacle. Nothing in the file is unpickled.
+
+    Args:
+        path: The file.
+        resolution: Side of a cell, in m.
+        unknown: What unknown cells count as.
+
+    Raises:
+        InvalidMap: The file is missing, malformed or too large.
+    """
+    name = one_line(str(path))
+    refuse_resolution(resolution, name)
+    try:
+        status = path.stat()
+        refuse_no_file(status, f"the map {name}")
+        with path.open("rb") as file:
+            shape, columns_first, dtype = _header(file, name)
+            _refuse_short(status.st_size - file.tell(), shape, dtype, name)
+            kinds = _kinds(file, prod(shape), dtype, name)
+    except InvalidMap:
+        raise
+    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+        reason = getattr(error, "strerror", None) or error
+        raise InvalidMap(f"cannot read the map {name}: {reason}") from None
+    rows = kinds.reshape(shape[::-1]).T if columns_first else kinds.reshape(shape)
+    return OccupancyGrid(occupied(rows, unknown), resolution)
+
+
+def _header(file: BinaryIO, name: str) -> tuple[tuple[int, int], bool, np.dtype]:
+    """Shape, whether it is stored by columns, and type of the numbers."""
+    try:
+        shape, columns_first, dtype = _READ_HEADER[npy.read_magic(file)](file)
+    except Exception as error:  # NumPy's parser lets errors of many kinds through
+        reason = one_line(" ".join(str(error).split()), 200)
+        raise InvalidMap(f"{name} is not a NumPy array (.npy): {reason}") from None
+    if len(shape) != 2:
+        raise InvalidMap(f"{name} must hold rows and columns, got the shape {shown(shape)}")
+    if dtype.kind not in "biuf":
+        raise InvalidMap(f"{name} must hold booleans or numbers, got {shown(str(dtype))}")
+    refuse_size(*shape, name)
+    return shape, columns_first, dtype
+
+
+def _refuse_short(size: int, shape: tuple[int, int], dtype: np.dtype, name: str) -> None:
+    """Refuse a file with fewer bytes behind its header than the array has."""
+    needed = prod(shape) * dtype.itemsize
+    if size < needed:
+        raise InvalidMap(
+            f"{name} ends after {size:,} bytes of numbers; an array of "
+            f"{shape[0]:,} rows of {shape[1]:,} {dtype} has {needed:,}"
+        )
+
+
+def _kinds(file: BinaryIO, count: int, dtype: np.dtype, name: str) -> UInt8[Array, " cells"]:
+    """Kind of every cell, read block by block."""
+    kinds = np.empty(count, np.uint8)
+    for start in range(0, count, _BLOCK):
+        size = min(_BLOCK, count - start)
+        content = file.read(size * dtype.itemsize)
+        if len(content) < size * dtype.itemsize:
+            raise InvalidMap(f"{name} ends before its last cell")
+        kinds[start : start + size] = _kind_of(np.frombuffer(content, dtype))
+    return kinds
+
+
+def _kind_of(values: Shaped[Array, " cells"]) -> UInt8[Array, " cells"]:
+    """What each number says; NaN is neither at least 0 nor 0."""
+    known = values >= 0
+    return np.where(known, np.where(values == 0, FREE, TAKEN), UNKNOWN).astype(np.uint8)

@@ -1,0 +1,79 @@
+"""The picture of a map: its pixels' greys and which of them are opaque."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+from PIL import Image, UnidentifiedImageError
+from PIL.ImageFile import ImageFile
+
+from omnidrive.errors import InvalidMap
+from omnidrive.maps.source import MAX_CELLS, refuse_no_file
+from omnidrive.yaml_file import one_line
+
+Array = np.ndarray
+
+_FORMATS = ("PPM", "PNG", "BMP")  # PPM: PGM and PBM as well
+_GREY = {"1", "L", "LA"}
+_COLOUR = {"P", "PA", "RGB", "RGBA"}
+_GREY_16_BIT = {"I", "I;16", "I;16B"}  # I: how Pillow reads a PGM of more than 256 shades
+
+Pixels = tuple[UInt8[Array, "rows cols"], Bool[Array, "rows cols"] | None]
+
+
+def read_picture(file: Path) -> Pixels:
+    """Read a PGM, PNG or BMP picture, the top row first.
+
+    Returns:
+        Greys from 0 (black) to 255 (white), of a colour its luma 0.299 R + 0.587 G + 0.114 B
+        (ITU-R BT.601), of 16 bits the nearest of 8; and where the picture is wholly opaque, None if
+        everywhere.
+
+    Raises:
+        InvalidMap: The file is missing, malformed or too large.
+    """
+    name = one_line(str(file))
+    try:
+        return _decode(file, name)
+    except InvalidMap:
+        raise
+    except Image.DecompressionBombError:
+        raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells") from None
+    except (UnidentifiedImageError, SyntaxError, ValueError):
+        raise InvalidMap(f"{name} is not a picture (PGM, PNG or BMP), or an empty one") from None
+    except OSError as error:
+        raise InvalidMap(
+            f"cannot read the map's picture {name}: {error.strerror or error}"
+        ) from None
+
+
+def _decode(file: Path, name: str) -> Pixels:
+    refuse_no_file(file.stat(), f"the map's picture {name}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Pillow warns of what is refused here
+        with Image.open(file, formats=_FORMATS) as image:
+            if image.width * image.height > MAX_CELLS:
+                raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells")
+            return _pixels(image, name)
+
+
+def _pixels(image: ImageFile, name: str) -> Pixels:
+    if image.mode in _GREY_16_BIT:
+        wide = np.asarray(image).astype(np.int32)
+        transparent = image.info.get("transparency")
+        grey = ((wide + 128) // 257).astype(np.uint8)
+        return grey, None if transparent is None else wide != transparent
+    if image.mode not in _GREY | _COLOUR:
+        raise InvalidMap(
+            f"{name} has pixels of the kind {image.mode}; save it as grey, RGB or RGBA"
+        )
+    if image.mode == "L" and "transparency" in image.info:
+        # of a picture with 4 or 16 shades, Pillow scales the pixels but not the transparent shade
+        image.info["transparency"] *= {"L;2": 85, "L;4": 17}.get(str(image.tile[0][3]), 1)
+    if "A" not in image.getbands() and "transparency" not in image.info:
+        return np.array(image.convert("L")), None
+    layers = image.convert("LA" if image.mode in _GREY else "RGBA")
+    return np.array(layers.convert("L")), np.asarray(layers.getchannel("A")) == 255

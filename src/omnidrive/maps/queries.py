@@ -1,0 +1,94 @@
+"""Scenario files of the MovingAI benchmarks: queries with the lengths of their shortest paths."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from typing import NamedTuple
+
+from omnidrive.errors import InvalidMap
+from omnidrive.maps.grid import OccupancyGrid
+from omnidrive.maps.source import read_content
+from omnidrive.yaml_file import one_line, shown
+
+_MAX_BYTES = 16_000_000
+_FIELDS = 9  # bucket, map, width, height, start x, start y, goal x, goal y, length
+
+
+class Query(NamedTuple):
+    """One search to do.
+
+    Attributes:
+        start: Row and column of the grid.
+        goal: Row and column of the grid.
+        length: Of the shortest path, in cells, to the file's eight decimals: eight neighbours, a
+            diagonal move is sqrt(2) long and passes no obstacle's corner.
+    """
+
+    start: tuple[int, int]
+    goal: tuple[int, int]
+    length: float
+
+
+def load_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
+    """Read a ``.scen`` file of version 1 for a map that :func:`load_movingai_map` read.
+
+    The file counts y from the top: its cell (x, y) is the grid's row ``height - 1 - y``, column x.
+
+    Args:
+        path: The file.
+        grid: The map whose size the file must state.
+
+    Raises:
+        InvalidMap: The file is missing, malformed, too large or of a map of another size.
+    """
+    name = one_line(str(path))
+    lines = read_content(path, _MAX_BYTES).decode("latin-1").split("\n")
+    if lines[0].split() not in (["version", "1"], ["version", "1.0"]):
+        raise InvalidMap(
+            f"{name} is not a MovingAI scenario: its first line must be 'version 1', "
+            f"got {shown(lines[0].strip())}"
+        )
+    return [
+        _query(line, f"{name}, line {number}", *grid.occupied.shape)
+        for number, line in enumerate(lines[1:], 2)
+        if line.strip()
+    ]
+
+
+def _query(line: str, where: str, rows: int, cols: int) -> Query:
+    """The query of one line."""
+    words = line.split("\t") if "\t" in line else line.split()  # a map's name may hold blanks
+    if len(words) != _FIELDS:
+        raise InvalidMap(f"{where} has {len(words)} fields, need {_FIELDS}")
+    width, height, *ends = (_whole(word.strip(), where) for word in words[2:8])
+    if (height, width) != (rows, cols):
+        raise InvalidMap(
+            f"{where} is of a map of {height:,} rows of {width:,} cells, "
+            f"this one has {rows:,} of {cols:,}"
+        )
+    start, goal = (_cell(x, y, where, rows, cols) for x, y in (ends[:2], ends[2:]))
+    length = _length(words[8].strip(), where)
+    return Query(start, goal, length)
+
+
+def _whole(word: str, where: str) -> int:
+    if not (word.isascii() and word.isdigit() and len(word) <= 9):
+        raise InvalidMap(f"{where}: {shown(word)} is not a whole number")
+    return int(word)
+
+
+def _cell(x: int, y: int, where: str, rows: int, cols: int) -> tuple[int, int]:
+    if x >= cols or y >= rows:
+        raise InvalidMap(f"{where}: the cell ({x}, {y}) lies outside the map")
+    return rows - 1 - y, x
+
+
+def _length(word: str, where: str) -> float:
+    try:
+        length = float(word)
+    except ValueError:
+        length = -1.0
+    if not isfinite(length) or length < 0.0:
+        raise InvalidMap(f"{where}: {shown(word)} is not the length of a path")
+    return length
