@@ -97,6 +97,13 @@ def _crosses(
 
 
 @compiled
+def _mark(out: Bool[Array, " cols"], ahead: Int[Array, " cols"], most: int) -> None:
+    """Mark where the next taken cell is at most so many columns ahead."""
+    for col in range(len(out)):
+        out[col] |= ahead[col] <= most
+
+
+@compiled
 def swept(
     taken: Bool[Array, "rows cols"], outside: bool, runs: Int[Array, "runs 3"]
 ) -> Bool[Array, "rows cols"]:
@@ -122,8 +129,9 @@ def swept(
                 if outside:
                     out[row] = True
                 continue
-            for col in range(max(-first, 0), min(cols - first, cols)):
-                out[row, col] |= ahead[source, col + first] <= last - first
+            begin, end = max(-first, 0), min(cols - first, cols)
+            if begin < end:
+                _mark(out[row, begin:end], ahead[source, begin + first : end + first], last - first)
             for col in range(min(max(-first, 0), cols)):  # the run begins left of the grid
                 out[row, col] |= outside or ahead[source, 0] <= col + last
             for col in range(max(min(cols - first, cols), 0), cols):  # and right of it
