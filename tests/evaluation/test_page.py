@@ -3,13 +3,16 @@ import os
 import re
 import shutil
 from dataclasses import replace
+from io import BytesIO
 from time import monotonic
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from omnidrive.evaluation.page import page_text, write_page
 from omnidrive.evaluation.tables import Table
+from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome
 
 HOSTILE = "</script><script>window.hacked=1</script><img src=x onerror='window.hacked=2'>{{data}}"
@@ -47,6 +50,8 @@ def test_map_is_told_cell_by_cell(study):
     kinds = np.repeat(told["kinds"][::2], told["kinds"][1::2]).reshape(told["rows"], told["cols"])
     np.testing.assert_array_equal(kinds == 2, study.obstacles.occupied)
     np.testing.assert_array_equal(kinds > 0, study.keepout.occupied)
+    assert told["origin"] == [*study.obstacles.origin, 0.0]
+    assert told["extent"] == list(study.obstacles.extent)
 
 
 def test_numbers_that_are_not_finite_become_null(part):
@@ -173,6 +178,22 @@ def test_it_plays_pauses_and_ends(study, visit):
     page.locator("#scrub").fill("19.5")
     page.click("#play")
     wait_until(page, "Race.time() === 20 && !Race.playing()")
+
+
+@pytest.mark.browser
+def test_a_turned_map_is_drawn_where_it_lies(study, visit):
+    """The colour around the middle of each cell on the screen."""
+    occupied = np.random.default_rng(2).random((6, 5)) < 0.5
+    grid = OccupancyGrid(occupied, 2.0, (4.0, -3.0), yaw=0.5)
+    page = visit(replace(study, obstacles=grid, keepout=grid))
+    for name in ("trails", "cells"):
+        page.locator(f"#layer-{name}").uncheck()
+    shown = Image.open(BytesIO(picture(page))).convert("L")
+    for row, col in np.ndindex(occupied.shape):
+        x, y = page.evaluate("([x, y]) => Race.camera.toScreen(x, y)", list(grid.centre(row, col)))
+        around = np.asarray(shown.crop((int(x) - 8, int(y) - 8, int(x) + 9, int(y) + 9)))
+        assert 8 < x < shown.width - 8
+        assert (np.median(around) < 160) == occupied[row, col]
 
 
 @pytest.mark.browser
