@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.ndimage import distance_transform_edt, label
 
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, paper_map, paper_wall
@@ -99,6 +100,22 @@ def test_a_disc_on_a_cell_is_free_if_and_only_if_it_touches_nothing(occupied, ra
     for row, col in np.ndindex(occupied.shape):
         distance = brute_distance(grid, *grid.centre(row, col))
         assert inflated.occupied[row, col] == (distance < radius - 1e-9)
+
+
+@pytest.mark.parametrize("density", [0.0003, 0.01, 0.2])
+def test_large_grids_against_scipys_distance_transform(density):
+    """On a lattice of half cells, a square is all its points, so that distances to it are exact."""
+    occupied = np.random.default_rng(7).random((230, 410)) < density
+    squares = np.zeros((461, 821), bool)
+    for down in range(3):
+        for right in range(3):
+            squares[down : down + 459 : 2, right : right + 819 : 2] |= occupied
+    exact = 0.05 / 2 * distance_transform_edt(~squares)[1::2, 1::2]
+    grid = OccupancyGrid(occupied, 0.05, walled=False)
+    free = np.argwhere(~occupied)
+    np.testing.assert_allclose(grid.clearance(grid.centres(free)), exact[~occupied], atol=1e-12)
+    for radius in (0.026, 0.3, 1.0, 7.7):
+        assert (grid.inflated(radius).occupied == (exact < radius - 1e-9)).all()
 
 
 @settings(max_examples=20, deadline=None)
@@ -228,6 +245,14 @@ def test_the_size_of_a_region(cut_corners, sizes):
     for cell, size in zip([(0, 0), (0, 3), (3, 4)], sizes, strict=True):
         assert grid.region_size(*cell, cut_corners=cut_corners) == size
     assert grid.region_size(0, 2) == grid.region_size(9, 9) == 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(occupied=small_grids, row=st.integers(0, 5), col=st.integers(0, 7), cut=st.booleans())
+def test_the_size_of_a_region_is_that_of_scipys_label(occupied, row, col, cut):
+    regions, _ = label(~occupied, np.ones((3, 3)) if cut else None)
+    expected = 0 if occupied[row, col] else np.count_nonzero(regions == regions[row, col])
+    assert OccupancyGrid(occupied, 1.0).region_size(row, col, cut_corners=cut) == expected
 
 
 @settings(max_examples=30, deadline=None)

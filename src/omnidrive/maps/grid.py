@@ -8,11 +8,11 @@ from math import cos, floor, hypot, sin
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int32
-from scipy.ndimage import generate_binary_structure, label
 
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps.footprint import check_footprint, covered_runs, swept
 from omnidrive.maps.nearest import column_table, disc_reach, gaps, nearest_cell, within_reach
+from omnidrive.maps.region import flood
 
 Array = np.ndarray
 
@@ -213,8 +213,7 @@ class OccupancyGrid:
         """
         if not self.contains(row, col) or self.occupied[row, col]:
             return 0
-        regions, _ = label(~self.occupied, generate_binary_structure(2, 2 if cut_corners else 1))
-        return int(np.count_nonzero(regions == regions[row, col]))
+        return int(flood(self.occupied, row, col, 2 if cut_corners else 1))
 
     def _in_cells(self, points: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
         """(Row, column) of points of W, as fractions counted from the origin."""
