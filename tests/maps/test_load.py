@@ -99,7 +99,8 @@ def test_a_grid_saved_by_numpy_is_read_again(tmp_path_factory, occupied):
     ("content", "message"),
     [
         (b"", r"is not a NumPy array \(\.npy\)"),
-        (b"\x93NUMPY\x07\x07", "is not a NumPy array"),
+        (b"\x93NUMPY\x07\x07", r"is of version \(7, 7\) of NumPy's format, only \(1, 0\) is read"),
+        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff", r"is of version \(2, 0\)"),
         (npy(np.zeros(3)), r"must hold rows and columns, got the shape \(3,\)"),
         (npy(np.zeros((2, 2, 2))), "must hold rows and columns"),
         (npy(np.zeros((2, 2), complex)), "must hold booleans or numbers, got 'complex128'"),

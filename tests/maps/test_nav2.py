@@ -135,7 +135,8 @@ def test_a_turned_map(tmp_path):
 )  # fmt: skip
 def test_what_is_saved_is_read_again(tmp_path_factory, occupied, x, y, yaw, unknown):
     path = tmp_path_factory.mktemp("map") / "saved.yaml"
-    save_nav2_map(OccupancyGrid(occupied, 0.05, (x, y), yaw=yaw), path)
+    place = np.array([x, y])
+    save_nav2_map(OccupancyGrid(occupied, 0.05, (place[0], place[1]), yaw=yaw), path)
     again = load_nav2_map(path, unknown=unknown)
     assert (again.occupied == occupied).all()
     assert (again.resolution, again.origin, again.yaw) == (0.05, (x, y), yaw)

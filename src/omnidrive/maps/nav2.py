@@ -110,8 +110,8 @@ def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
     meta = {
         "image": image.name,
         "mode": "trinary",
-        "resolution": grid.resolution,
-        "origin": [*grid.origin, grid.yaw],
+        "resolution": float(grid.resolution),
+        "origin": [float(number) for number in (*grid.origin, grid.yaw)],
         "negate": 0,
         "occupied_thresh": 0.65,
         "free_thresh": 0.25,

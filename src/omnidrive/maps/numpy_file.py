@@ -19,7 +19,7 @@ from omnidrive.yaml_file import one_line, shown
 Array = np.ndarray
 
 _BLOCK = 1 << 20  # cells read at a time
-_READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_VERSION = (1, 0)  # later ones are for long descriptions, of arrays that are no map
 
 
 def load_numpy_map(
@@ -59,10 +59,14 @@ def load_numpy_map(
 def _header(file: BinaryIO, name: str) -> tuple[tuple[int, int], bool, np.dtype]:
     """Shape, whether it is stored by columns, and type of the numbers."""
     try:
-        shape, columns_first, dtype = _READ_HEADER[npy.read_magic(file)](file)
+        version = npy.read_magic(file)
+        if version == _VERSION:
+            shape, columns_first, dtype = npy.read_array_header_1_0(file)
     except Exception as error:  # NumPy's parser lets errors of many kinds through
         reason = one_line(" ".join(str(error).split()), 200)
         raise InvalidMap(f"{name} is not a NumPy array (.npy): {reason}") from None
+    if version != _VERSION:
+        raise InvalidMap(f"{name} is of version {version} of NumPy's format, only (1, 0) is read")
     if len(shape) != 2:
         raise InvalidMap(f"{name} must hold rows and columns, got the shape {shown(shape)}")
     if dtype.kind not in "biuf":

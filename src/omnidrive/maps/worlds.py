@@ -27,7 +27,7 @@ def random_map(
         InvalidInput: A number is out of range.
     """
     refuse_size(rows, cols, "the random map")
-    refuse_share(density, "the density of obstacles")
+    _refuse_share(density, "the density of obstacles")
     return OccupancyGrid(rng.random((rows, cols), dtype=np.float32) < density, resolution)
 
 
@@ -96,7 +96,7 @@ def warehouse_map(
         InvalidInput: A number is out of range.
     """
     refuse_size(rows, cols, "the warehouse")
-    refuse_share(filled, "the share of places with a shelf")
+    _refuse_share(filled, "the share of places with a shelf")
     if min(*shelf, aisle) < 1:
         raise InvalidInput(f"shelves ({shelf}) and aisles ({aisle}) must have a cell or more")
     row, inside_row = _places(rows, shelf[0], aisle)
@@ -113,7 +113,7 @@ def _places(count: int, size: int, aisle: int) -> tuple[Array, Array]:
     return np.maximum(place, 0), (place >= 0) & (at < size) & whole
 
 
-def refuse_share(value: float, what: str) -> None:
+def _refuse_share(value: float, what: str) -> None:
     """Refuse what is no share of a whole.
 
     Raises:
