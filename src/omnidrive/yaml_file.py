@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 _MAX_BYTES = 100_000
+_MAX_DEPTH = 30
+_LONGEST_NUMBER = 40  # characters
+_NOTHING = {"", "~", "null", "Null", "NULL"}
 
 
 def read_yaml(path: Path, what: str, refusal: type[Exception]) -> Any:
@@ -18,15 +22,8 @@ def read_yaml(path: Path, what: str, refusal: type[Exception]) -> Any:
         what: What it should hold, for messages: "map", "scenario".
         refusal: Raised with one short line if the file cannot be read or is not such YAML.
     """
+    content = _content(path, what, refusal, _MAX_BYTES)
     name = one_line(str(path))
-    try:
-        with path.open("rb") as file:
-            content = file.read(_MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
-        reason = getattr(error, "strerror", None) or error
-        raise refusal(f"cannot read the {what} {name}: {reason}") from None
-    if len(content) > _MAX_BYTES:
-        raise refusal(f"{name} is too large for a YAML {what}")
     try:
         return yaml.load(content.decode("utf-8"), _Loader)
     except RecursionError:
@@ -34,6 +31,29 @@ def read_yaml(path: Path, what: str, refusal: type[Exception]) -> Any:
     except Exception as error:  # PyYAML's constructors let errors of many kinds through
         reason = one_line(" ".join(str(error).split()), 200)
         raise refusal(f"{name} is not a YAML {what}: {reason}") from None
+
+
+def read_yaml_documents(
+    path: Path, what: str, refusal: type[Exception], *, max_bytes: int
+) -> list[Any]:
+    """Every document in a long YAML file: mappings, lists, numbers (all float), text and None.
+
+    It follows the parser's events, without PyYAML's tree of nodes: ten times as fast, and nothing
+    is constructed but these five. Aliases, tags, keys that stand twice and more than 30 levels
+    are refused.
+
+    Args:
+        path: As for :func:`read_yaml`.
+        what: As for :func:`read_yaml`.
+        refusal: As for :func:`read_yaml`.
+        max_bytes: Size of the largest file that is read.
+    """
+    content = _content(path, what, refusal, max_bytes)
+    try:
+        return _documents(yaml.parse(content.decode("utf-8"), Loader=_PARSER))
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8
+        reason = one_line(" ".join(str(error).split()), 200)
+        raise refusal(f"{one_line(str(path))} is not a YAML {what}: {reason}") from None
 
 
 def shown(value: Any) -> str:
@@ -45,6 +65,87 @@ def one_line(text: str, limit: int = 300) -> str:
     """``text`` with everything unprintable escaped, cut to ``limit`` characters."""
     line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[: limit + 1])
     return line if len(line) <= limit else line[: limit - 3] + "..."
+
+
+def _content(path: Path, what: str, refusal: type[Exception], max_bytes: int) -> bytes:
+    name = one_line(str(path))
+    try:
+        with path.open("rb") as file:
+            content = file.read(max_bytes + 1)
+    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+        reason = getattr(error, "strerror", None) or error
+        raise refusal(f"cannot read the {what} {name}: {reason}") from None
+    if len(content) > max_bytes:
+        raise refusal(f"{name} is too large for a YAML {what}")
+    return content
+
+
+def _documents(events: Iterable[yaml.Event]) -> list[Any]:
+    """Values from events; the stack holds what is in each open list, mapping or document."""
+    documents: list[Any] = []
+    stack: list[list[Any]] = []
+    for event in events:
+        if isinstance(event, yaml.ScalarEvent):
+            stack[-1].append(_scalar(event))
+        elif isinstance(event, yaml.CollectionStartEvent):
+            if len(stack) > _MAX_DEPTH:
+                raise _refused(event, f"it is nested more than {_MAX_DEPTH} deep")
+            _check_tag(event)
+            stack.append([])
+        elif isinstance(event, yaml.AliasEvent):
+            raise _refused(event, "aliases (*name) are not allowed")
+        elif isinstance(event, yaml.DocumentStartEvent):
+            stack.append([])
+        elif isinstance(event, yaml.MappingEndEvent):
+            items = stack.pop()
+            stack[-1].append(_mapping(items, event))
+        elif isinstance(event, yaml.SequenceEndEvent):
+            items = stack.pop()
+            stack[-1].append(items)
+        elif isinstance(event, yaml.DocumentEndEvent):
+            documents += stack.pop()
+    return documents
+
+
+def _check_tag(event: yaml.CollectionStartEvent | yaml.ScalarEvent) -> None:
+    if event.tag is not None:
+        raise _refused(event, "tags (!name) are not allowed")
+
+
+def _mapping(items: list[Any], event: yaml.Event) -> dict[Any, Any]:
+    keys = items[::2]
+    if any(isinstance(key, (list, dict)) for key in keys):
+        raise _refused(event, "a key is a list or a mapping")
+    mapping = dict(zip(keys, items[1::2], strict=True))
+    if len(mapping) < len(keys):
+        seen: set[Any] = set()
+        for key in keys:
+            if key in seen:
+                raise _refused(event, f"found the key {shown(key)} twice")
+            seen.add(key)
+    return mapping
+
+
+def _scalar(event: yaml.ScalarEvent) -> str | float | None:
+    text: str = event.value
+    _check_tag(event)
+    if not event.implicit[0]:  # it stands in quotes
+        return text
+    if text in _NOTHING:
+        return None
+    try:
+        return float(text) if len(text) <= _LONGEST_NUMBER else text
+    except ValueError:
+        return text
+
+
+def _refused(event: yaml.Event, fact: str) -> yaml.YAMLError:
+    mark: Any = event.start_mark
+    return yaml.MarkedYAMLError(problem=fact, problem_mark=mark)
+
+
+# the parser in C, if PyYAML was built with it, as its wheels are
+_PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Loader(yaml.SafeLoader):

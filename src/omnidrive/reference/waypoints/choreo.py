@@ -1,0 +1,156 @@
+"""Choreo trajectories (`.traj`): JSON, timed samples with velocities.
+
+Read are schema versions 0 to 4 (2025 and later) and the flat files of 2024. Written is version 3,
+as ChoreoLib and PathPlannerLib of 2026 want it. Source: Choreo, `src-core/src/spec/trajectory.rs`
+and ChoreoLib's loaders. Positions are in m, angles in rad, the frame is the field's: ours.
+"""
+
+from __future__ import annotations
+
+import json
+import pathlib
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.errors import InvalidReference
+from omnidrive.planning import Path
+from omnidrive.reference.sampled import SampledReference
+from omnidrive.reference.waypoints.field import Field, read_json
+from omnidrive.reference.waypoints.text_file import write_text
+from omnidrive.reference.waypoints.waypoints import Waypoints, timed
+
+Array = np.ndarray
+
+_VERSION = 3
+# Choreo's optimiser ends with samples less than a microsecond apart, and its files round to 1e-5 m:
+# nearer in time than this, a difference of two positions says nothing of the velocity
+_NEAREST = 5e-4  # s
+_NAMES = ("t", "x", "y", "heading", "vx", "vy", "omega")
+_NAMES_2024 = ("timestamp", "x", "y", "heading", "velocityX", "velocityY", "angularVelocity")
+_NO_FORCE = [0.0, 0.0, 0.0, 0.0]
+
+
+def read_choreo(file: pathlib.Path) -> SampledReference:
+    """Read a trajectory; of samples less than 0.5 ms apart, the first is kept, at the end the last.
+
+    The samples of a differential drive have no velocities in W: they are splined from rest to rest.
+
+    Raises:
+        InvalidReference: The file is no generated trajectory; the message says where.
+    """
+    root = read_json(file)
+    nested = root.get("trajectory")  # not in 2024
+    trajectory, names = (root, _NAMES_2024) if nested is None else (nested, _NAMES)
+    kind = trajectory.get("sampleType")
+    differential = kind is not None and kind.value == "Differential"
+    samples = trajectory["samples"].items()
+    if not samples:
+        raise trajectory["samples"].refusal(
+            "is empty: the trajectory was never generated; generate it in Choreo and save it"
+        )
+    known = names[:4] if differential else names
+    table = np.array([[sample[key].number() for key in known] for sample in samples])
+    kept = _apart(samples, table[:, 0])
+    table = table[kept]
+    twists = None if differential else table[:, 4:]
+    return timed(root.file, lambda i: samples[kept[i]].name, table[:, 0], table[:, 1:4], twists)
+
+
+def write_choreo(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
+    """Write a trajectory of a swerve drive that :func:`read_choreo` reads as exactly the same.
+
+    Choreo itself shows it with two waypoints, the ends. Accelerations are differences of the
+    velocities; the forces of the wheels are not known and are 0.
+
+    Raises:
+        InvalidReference: A path, which has no times, or samples less than 0.5 ms apart.
+    """
+    if isinstance(waypoints, Path):
+        raise InvalidReference(
+            "a Choreo trajectory needs times, which a path does not have: make a reference of it, "
+            "or save it as .csv, .path or .yaml"
+        )
+    if np.diff(waypoints.times).min() < _NEAREST:
+        raise InvalidReference(
+            f"a Choreo trajectory needs samples at least {_NEAREST:g} s apart; choose a longer dt"
+        )
+    accelerations = np.gradient(waypoints.twists, waypoints.times, axis=0)
+    table = np.column_stack([waypoints.times, waypoints.poses, waypoints.twists, accelerations])
+    keys = (*_NAMES, "ax", "ay", "alpha")
+    samples = [
+        {**dict(zip(keys, row, strict=True)), "fx": _NO_FORCE, "fy": _NO_FORCE}
+        for row in table.tolist()
+    ]
+    write_text(file, _document(file.stem, samples) + "\n")
+
+
+def _apart(samples: list[Field], times: Float[Array, " samples"]) -> Int[Array, " kept"]:
+    """Indices of samples that stand at least 0.5 ms apart, the last among them."""
+    kept = [0]
+    for i, (before, now) in enumerate(zip(times[:-1].tolist(), times[1:].tolist(), strict=True), 1):
+        if now < before:
+            raise samples[i].refusal(f"has the time {now:.9g} s, before {before:.9g} s; sort them")
+        if now - times[kept[-1]] >= _NEAREST:
+            kept.append(i)
+    if len(kept) > 1:
+        kept[-1] = len(times) - 1
+    return np.array(kept)
+
+
+def _document(name: str, samples: list[dict[str, Any]]) -> str:
+    """The file's text, one line per sample, as Choreo lays it out."""
+    ends = (samples[0], samples[-1])
+    duration = samples[-1]["t"]
+    rest = [{"from": end, "to": None, "data": {"type": "StopPoint", "props": {}}, "enabled": True}
+            for end, sample in zip(("first", "last"), ends, strict=True)
+            if sample["vx"] == sample["vy"] == sample["omega"] == 0.0]  # fmt: skip
+    dt = duration / (len(samples) - 1)
+    snapshot = {"waypoints": [_waypoint(s, len(samples) - 1) for s in ends], "constraints": rest}
+    params = {
+        "waypoints": [_expressions(waypoint) for waypoint in snapshot["waypoints"]],
+        "constraints": rest,
+        "targetDt": _expression(dt, "s"),
+    }
+    lines = ",\n".join("   " + json.dumps(sample) for sample in samples)
+    return (
+        "{\n"
+        f' "name": {json.dumps(name)},\n'
+        f' "version": {_VERSION},\n'
+        f' "snapshot": {json.dumps({**snapshot, "targetDt": dt})},\n'
+        f' "params": {json.dumps(params)},\n'
+        ' "trajectory": {\n'
+        '  "config": null,\n'
+        '  "sampleType": "Swerve",\n'
+        f'  "waypoints": {json.dumps([0.0, duration])},\n'
+        f'  "samples": [\n{lines}\n  ],\n'
+        '  "splits": [0],\n'
+        '  "forcesAvailable": false\n'
+        " },\n"
+        ' "events": []\n'
+        "}"
+    )
+
+
+def _waypoint(sample: dict[str, Any], intervals: int) -> dict[str, Any]:
+    return {
+        **{key: sample[key] for key in ("x", "y", "heading")},
+        "intervals": intervals,
+        "split": False,
+        "fixTranslation": True,
+        "fixHeading": True,
+        "overrideIntervals": False,
+    }
+
+
+def _expressions(waypoint: dict[str, Any]) -> dict[str, Any]:
+    units = {"x": "m", "y": "m", "heading": "rad"}
+    return {
+        key: _expression(value, units[key]) if key in units else value
+        for key, value in waypoint.items()
+    }
+
+
+def _expression(value: float, unit: str) -> dict[str, Any]:
+    return {"exp": f"{value!r} {unit}", "val": value}

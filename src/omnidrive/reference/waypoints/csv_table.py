@@ -1,0 +1,166 @@
+"""Waypoints as a table of comma-separated values.
+
+The first line names the columns: ``x``, ``y``, ``yaw``, for a timed file also ``t``, and if the
+velocities in W are known ``vx``, ``vy``, ``yaw_rate``, in any order. A name may carry its unit, as
+``yaw_deg``, ``yaw [deg]`` or ``vx_m_per_s``, or a line ``# units: s, m, m, deg`` names them all;
+otherwise they are s, m and rad. Other lines that begin with ``#`` are comments.
+"""
+
+from __future__ import annotations
+
+import pathlib
+import re
+from difflib import get_close_matches
+from math import pi
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.errors import InvalidReference
+from omnidrive.planning import Path
+from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
+from omnidrive.reference.waypoints.text_file import read_text, write_text
+from omnidrive.reference.waypoints.waypoints import Waypoints, timed, untimed
+from omnidrive.yaml_file import one_line, shown
+
+Array = np.ndarray
+
+_POSE, _TWIST = ("x", "y", "yaw"), ("vx", "vy", "yaw_rate")
+_DEGREE = pi / 180.0
+_TIME = {"s": 1.0, "ms": 1e-3}
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_ANGLE = {"rad": 1.0, "deg": _DEGREE}
+_SPEED = {"m_per_s": 1.0, "m_s": 1.0}
+_YAW_RATE = {"rad_per_s": 1.0, "rad_s": 1.0, "deg_per_s": _DEGREE, "deg_s": _DEGREE}
+_UNITS = {
+    "t": _TIME, "x": _LENGTH, "y": _LENGTH, "yaw": _ANGLE,
+    "vx": _SPEED, "vy": _SPEED, "yaw_rate": _YAW_RATE,
+}  # fmt: skip
+_OTHER_NAMES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
+_PATH_HEADER = "x_m,y_m,yaw_rad"
+_TIMED_HEADER = f"t_s,{_PATH_HEADER},vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
+
+
+def read_csv(file: pathlib.Path) -> Waypoints:
+    """Read a table: a :class:`SampledReference` if it has times, else a :class:`Path`.
+
+    Raises:
+        InvalidReference: The file is no such table; the message says where.
+    """
+    name, text = one_line(str(file)), read_text(file)
+    columns: dict[str, float] = {}
+    units: list[str] = []
+    rows, lines = [], []
+    for number, line in enumerate(text.splitlines(), 1):
+        where = f"{name}, line {number}"
+        cells = [cell.strip().strip('"') for cell in line.split(",")]
+        if line.lstrip().startswith("#"):
+            cells[0] = cells[0].lstrip("#").strip()
+            if cells[0].lower().startswith("units:"):
+                units = [cells[0][len("units:") :].strip(), *cells[1:]]
+            elif not columns and all(map(_column, cells)):
+                columns = _columns(where, cells)
+        elif any(cells) and not columns:
+            columns = _columns(where, cells)
+        elif any(cells):
+            rows.append(_numbers(where, cells, len(columns)))
+            lines.append(number)
+        if len(rows) > MOST_SAMPLES:
+            raise InvalidReference(f"{where}: more than {MOST_SAMPLES:,} waypoints; thin them out")
+    if not columns:
+        raise InvalidReference(f"{name} is empty; a table of waypoints begins with {_PATH_HEADER}")
+    table = np.array(rows, dtype=float).reshape(-1, len(columns)) * _factors(name, columns, units)
+    return _waypoints(name, lines, dict(zip(columns, table.T, strict=True)))
+
+
+def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
+    """Write a table that :func:`read_csv` reads as exactly the same; it names no frame."""
+    if isinstance(waypoints, Path):
+        header, table = _PATH_HEADER, waypoints.poses
+    else:
+        header = _TIMED_HEADER
+        table = np.column_stack([waypoints.times, waypoints.poses, waypoints.twists])
+    rows = (",".join(map(repr, row)) for row in table.tolist())
+    write_text(file, "\n".join([header, *rows, ""]))
+
+
+def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " rows"]]) -> Waypoints:
+    def place(i: int) -> str:
+        return f"line {lines[i]}"
+
+    poses = np.column_stack([column[key] for key in _POSE])
+    if "t" not in column:
+        return untimed(name, place, poses)
+    twists = np.column_stack([column[key] for key in _TWIST]) if "vx" in column else None
+    return timed(name, place, column["t"], poses, twists)
+
+
+def _column(title: str) -> tuple[str, str] | None:
+    """The quantity and unit that a title names; None if it names none, "" for no unit."""
+    words = re.sub(r"[^a-z0-9]+", "_", title.lower().replace("/", " per ")).strip("_")
+    for quantity in sorted((*_UNITS, *_OTHER_NAMES), key=len, reverse=True):
+        known = _OTHER_NAMES.get(quantity, quantity)
+        if words == quantity:
+            return known, ""
+        unit = words.removeprefix(f"{quantity}_")
+        if unit != words and unit in _UNITS[known]:
+            return known, unit
+    return None
+
+
+def _columns(where: str, titles: list[str]) -> dict[str, float]:
+    """Quantity of each column and the factor of its unit, 0 where the title has no unit."""
+    columns: dict[str, float] = {}
+    for title in titles:
+        found = _column(title)
+        if found is None:
+            near = get_close_matches(title, [*_UNITS, *_OTHER_NAMES], n=1)
+            hint = f"did you mean {near[0]}?" if near else "there are " + ", ".join(_UNITS)
+            raise InvalidReference(f"{where}: unknown column {shown(title)}; {hint}")
+        quantity, unit = found
+        if quantity in columns:
+            raise InvalidReference(f"{where}: two columns hold {quantity}; remove one")
+        columns[quantity] = _UNITS[quantity].get(unit, 0.0)
+    missing = [key for key in _POSE if key not in columns]
+    velocities = [key for key in _TWIST if key in columns]
+    if velocities and len(velocities) < len(_TWIST):
+        missing += [key for key in _TWIST if key not in columns]
+    if velocities and "t" not in columns:
+        missing.append("t")
+    if missing:
+        raise InvalidReference(f"{where}: there is no column {' and no column '.join(missing)}")
+    return columns
+
+
+def _factors(name: str, columns: dict[str, float], units: list[str]) -> Float[Array, " columns"]:
+    """What to multiply each column by, to have it in SI units."""
+    if units and len(units) != len(columns):
+        raise InvalidReference(f"{name}: {len(units)} units for {len(columns)} columns")
+    factors = []
+    for i, (quantity, factor) in enumerate(columns.items()):
+        said = _column(f"{quantity} {units[i]}") if units else None
+        if units and said is None:
+            known = ", ".join(_UNITS[quantity])
+            raise InvalidReference(
+                f"{name}: unknown unit {shown(units[i])} of {quantity}; there are {known}"
+            )
+        factors.append(factor or _UNITS[quantity].get(said[1] if said else "", 1.0))
+    return np.array(factors)
+
+
+def _numbers(where: str, cells: list[str], count: int) -> list[float]:
+    if len(cells) != count:
+        raise InvalidReference(f"{where}: {len(cells)} values, and the first line names {count}")
+    return [_number(where, cell) for cell in cells]
+
+
+def _number(where: str, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        raise InvalidReference(f"{where}: {shown(cell)} is not a number") from None
+    if not -LARGEST_NUMBER <= value <= LARGEST_NUMBER:  # also catches NaN
+        raise InvalidReference(
+            f"{where}: {shown(cell)} is not a finite number of at most {LARGEST_NUMBER:g}"
+        )
+    return value

@@ -1,0 +1,253 @@
+"""References through samples: against polynomials, by order of convergence, and laws."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.errors import InvalidReference
+from omnidrive.geometry import Pose, WorldTwist
+from omnidrive.planning import SplinePath
+from omnidrive.reference import Hold, Reference, SampledReference, UniformReference
+
+
+def cubic(t):
+    """A motion of third degree, and its derivative."""
+    t = np.asarray(t, dtype=float)
+    poses = np.stack([1 + t - 0.2 * t**3, 0.5 * t**2 - 2, 0.1 * t**3 - 0.3 * t**2 + 3], axis=-1)
+    twists = np.stack([1 - 0.6 * t**2, t, 0.3 * t**2 - 0.6 * t], axis=-1)
+    return poses, twists
+
+
+def wave(t):
+    """A smooth motion from rest to rest on [0, 2 pi], and its derivative."""
+    t = np.asarray(t, dtype=float)
+    poses = np.stack([np.cos(t), t - np.sin(t), 2 * np.sin(t / 2) ** 4], axis=-1)
+    twists = [-np.sin(t), 1 - np.cos(t), 4 * np.sin(t / 2) ** 3 * np.cos(t / 2)]
+    return poses, np.stack(twists, axis=-1)
+
+
+times_strategy = st.lists(st.floats(0.01, 2.0), min_size=1, max_size=12).map(
+    lambda steps: np.concatenate([[0.0], np.cumsum(steps)])
+)
+
+
+@st.composite
+def sampled(draw):
+    """Times, poses, and twists or None."""
+    times = draw(times_strategy)
+    numbers = st.floats(-3.0, 3.0)
+    rows = st.tuples(numbers, numbers, numbers)
+    shape = {"min_size": len(times), "max_size": len(times)}
+    poses = np.array(draw(st.lists(rows, **shape)))
+    return times, poses, draw(st.none() | st.lists(rows, **shape).map(np.array))
+
+
+def made(samples):
+    times, poses, twists = samples
+    if twists is None:
+        return SampledReference.through(times, poses)
+    return SampledReference(times, poses, twists)
+
+
+@given(times=times_strategy, part=st.floats(0.0, 1.0))
+def test_a_cubic_motion_is_met_exactly_between_its_samples(times, part):
+    reference = SampledReference(times, *cubic(times))
+    t = part * times[-1]
+    poses, twists = cubic(t)
+    size = 1.0 + times[-1] ** 3
+    # the yaw may differ by whole turns, where it turns more than half a one between two samples
+    turn = np.round((np.array(reference.at(t).pose)[2] - poses[2]) / (2 * np.pi))
+    if np.abs(np.diff(cubic(times)[0][:, 2])).max() < np.pi:
+        assert turn == 0
+        assert reference.at(t).pose == pytest.approx(poses, abs=1e-10 * size)
+        assert reference.at(t).twist == pytest.approx(twists, abs=1e-9 * size)
+
+
+@given(samples=sampled())
+def test_passes_through_its_samples(samples):
+    reference = made(samples)
+    for t, pose, twist in zip(reference.times, reference.poses, reference.twists, strict=True):
+        setpoint = reference.at(t)
+        assert setpoint.pose == pytest.approx(pose, abs=1e-9)
+        assert setpoint.twist == pytest.approx(twist, abs=1e-9)
+
+
+@given(samples=sampled(), part=st.floats(0.0, 1.0))
+def test_velocity_is_the_derivative_of_the_pose(samples, part):
+    reference = made(samples)
+    h = 1e-6
+    t = h + part * (reference.duration - 2 * h)
+    ahead, behind = (np.array(reference.at(t + s).pose) for s in (h, -h))
+    slope = (ahead - behind) / (2 * h)
+    # a cubic's second derivative jumps at a sample: by less than 1e6 h here, in 0.01 s or more
+    assert slope == pytest.approx(np.array(reference.at(t).twist), abs=0.5, rel=1e-3)
+
+
+@given(samples=sampled())
+def test_velocity_is_continuous_at_the_samples(samples):
+    reference = made(samples)
+    h = 1e-9
+    for t in reference.times[1:-1]:
+        before, after = (np.array(reference.at(t + s).twist) for s in (-h, h))
+        assert before == pytest.approx(after, abs=1e-3)
+
+
+@pytest.mark.parametrize("given_twists", [True, False])
+def test_error_falls_with_the_fourth_power_of_the_step(given_twists):
+    t = np.linspace(0.0, 2 * np.pi, 2003)
+    errors = []
+    for count in (20, 40, 80):
+        times = np.linspace(0.0, 2 * np.pi, count + 1)
+        poses, twists = wave(times)
+        reference = (
+            SampledReference(times, poses, twists)
+            if given_twists
+            else SampledReference.through(times, poses)
+        )
+        window = reference.window(0.0, len(t), t[1])
+        errors.append(np.abs(window[:, :3] - wave(t)[0]).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders == pytest.approx([4.0, 4.0], abs=0.3)
+
+
+def test_without_velocities_it_starts_and_ends_at_rest_with_continuous_acceleration():
+    times = np.array([0.0, 0.3, 1.0, 1.1, 2.5])
+    poses = np.array([[0, 0, 0], [1, 0, 1], [1, 2, 2], [0, 2, 2], [3, 3, 0.0]])
+    reference = SampledReference.through(times, poses)
+    assert reference.twists[[0, -1]] == pytest.approx(0.0, abs=1e-12)
+    h = 1e-5
+    for t in times[1:-1]:
+        here = np.array(reference.at(t).twist)
+        left = (here - reference.at(t - h).twist) / h
+        right = (np.array(reference.at(t + h).twist) - here) / h
+        assert left == pytest.approx(right, rel=1e-2, abs=0.05)
+
+
+def test_two_samples_without_velocities_are_joined_from_rest_to_rest():
+    reference = SampledReference.through(np.array([0.0, 2.0]), np.array([[0, 0, 0], [1, -1, 2.0]]))
+    assert reference.at(1.0).pose == pytest.approx((0.5, -0.5, 1.0))
+    assert reference.at(1.0).twist == pytest.approx((0.75, -0.75, 1.5))  # 3/2 of the mean
+
+
+@given(samples=sampled(), angle=st.floats(-3, 3), part=st.floats(0, 1))
+def test_turning_the_world_turns_the_curve(samples, angle, part):
+    reference = made(samples)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    shift = np.array([0, 0, angle])
+    turned = SampledReference.through(reference.times, reference.poses @ turn + shift)
+    plain = SampledReference.through(reference.times, reference.poses)
+    t = part * reference.duration
+    assert np.array(turned.at(t).pose) == pytest.approx(plain.at(t).pose @ turn + shift, abs=1e-9)
+
+
+@pytest.mark.parametrize("t", [-1.0, -1e-9, 3.0001, 1e9])
+def test_rests_outside_its_time(t):
+    times = np.linspace(0.0, 3.0, 4)
+    reference = SampledReference(times, *cubic(times))
+    setpoint = reference.at(t)
+    assert setpoint.twist == WorldTwist(0.0, 0.0, 0.0)
+    assert setpoint.pose == reference.at(0.0 if t < 0 else 3.0).pose
+
+
+@given(samples=sampled(), t=st.floats(-1, 25), n=st.integers(1, 40))
+def test_window_is_made_of_setpoints(samples, t, n):
+    reference = made(samples)
+    assert isinstance(reference, Reference)
+    window = reference.window(t, n, 0.1)
+    rows = [(*s.pose, *s.twist) for s in (reference.at(t + 0.1 * k) for k in range(n))]
+    assert window == pytest.approx(np.array(rows), abs=1e-9)
+
+
+def test_yaw_is_unwrapped_before_it_is_splined():
+    poses = np.array([[0, 0, 3.0], [1, 0, -3.0], [2, 0, -2.5], [3, 0, 3.0]])
+    reference = SampledReference.through(np.arange(4.0), poses)
+    turn = 2 * np.pi
+    assert reference.poses[:, 2] == pytest.approx([3.0, turn - 3.0, turn - 2.5, 3.0])
+    assert reference.window(0.0, 301, 0.01)[:, 2].min() > 2.9
+
+
+def test_times_count_from_the_first():
+    poses, twists = cubic(np.arange(3.0))
+    reference = SampledReference(np.arange(3.0) + 1.7e9, poses, twists)
+    assert reference.times.tolist() == [0.0, 1.0, 2.0]
+    assert reference.duration == 2.0
+    assert reference.at(1.0).pose == pytest.approx(poses[1])
+
+
+CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [3, 3, 2.0]])
+
+
+@settings(max_examples=20, deadline=None)
+@given(duration=st.floats(0.5, 20), dt=st.floats(0.05, 30))
+def test_samples_of_another_reference(duration, dt):
+    other = UniformReference(SplinePath(CONTROL), duration)
+    sampled = SampledReference.of(other, dt)
+    assert sampled.duration == duration
+    step = np.diff(sampled.times)
+    assert step == pytest.approx(step[0])
+    assert step[0] == pytest.approx(dt, rel=0.5) or len(step) == 1
+    rows = [(*s.pose, *s.twist) for s in map(other.at, sampled.times)]
+    assert np.hstack([sampled.poses, sampled.twists]) == pytest.approx(np.array(rows), abs=1e-9)
+    assert sampled.twists[-1] == pytest.approx(np.array(other.at(duration).twist))
+
+
+def test_standing_still_can_be_sampled():
+    sampled = SampledReference.of(Hold(Pose(1, 2, 3), 5.0), 0.1)
+    assert sampled.at(2.34) == Hold(Pose(1, 2, 3), 5.0).at(2.34)
+
+
+@pytest.mark.parametrize(
+    ("times", "poses", "message"),
+    [
+        ([0.0], [[0, 0, 0]], "needs at least two samples, got 1"),
+        ([], np.zeros((0, 3)), "needs at least two samples, got 0"),
+        ([0, 1, 1], np.zeros((3, 3)), "sample 2 is at 1 s, the one before it at 1 s"),
+        ([0, 1, 0.5], np.zeros((3, 3)), "times must grow by at least 1e-06 s: sample 2 is at 0.5"),
+        ([0, 1e-7], np.zeros((2, 3)), "times must grow"),
+        ([0, np.nan], np.zeros((2, 3)), "times must be finite numbers"),
+        ([0, 1], [[0, 0, 0], [0, np.inf, 0]], "poses must be finite numbers of at most 1e"),
+        ([0, 1], [[0, 0, 0], [0, 1e300, 0]], "poses must be finite numbers of at most 1e"),
+    ],
+)
+def test_samples_that_make_no_motion_are_refused(times, poses, message):
+    times, poses = np.array(times, float), np.array(poses, float)
+    with pytest.raises(InvalidReference, match=message):
+        SampledReference(times, poses, np.zeros(poses.shape))
+
+
+def test_shapes_that_disagree_are_refused():
+    """In a process of its own: here, the types would be checked before."""
+    code = (
+        "import numpy as np; from omnidrive.reference import SampledReference\n"
+        "SampledReference(np.arange(2.0), np.zeros((3, 3)), np.zeros((3, 3)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "InvalidReference: poses have the shape (3, 3), need (2, 3)" in done.stderr
+
+
+def test_twists_are_checked_as_well():
+    with pytest.raises(InvalidReference, match="twists must be finite"):
+        SampledReference(np.arange(2.0), np.zeros((2, 3)), np.full((2, 3), np.nan))
+
+
+@pytest.mark.parametrize(
+    ("duration", "dt", "message"),
+    [
+        (5.0, 0.0, "must be positive, got 0 s"),
+        (5.0, -1.0, "must be positive"),
+        (5.0, np.nan, "must be positive, got nan s"),
+        (5.0, np.inf, "must be positive"),
+        (0.0, 0.1, "a reference of 0 s cannot be sampled"),
+        (np.inf, 0.1, "a reference of inf s cannot be sampled"),
+        (5.0, 1e-300, "more than 100,000; choose a step of 5e-05 s or longer"),
+        (1e6, 0.1, "are 1e[+]07 samples, more than 100,000; choose a step of 10 s"),
+    ],
+)
+def test_what_cannot_be_sampled_is_refused(duration, dt, message):
+    with pytest.raises(InvalidReference, match=message):
+        SampledReference.of(Hold(Pose(0, 0, 0), duration), dt)

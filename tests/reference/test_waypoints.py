@@ -1,0 +1,370 @@
+"""Waypoint files: round trips, and what each format's fields mean."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.errors import CannotWrite, InvalidReference
+from omnidrive.geometry import Pose
+from omnidrive.planning import Path, SplinePath
+from omnidrive.reference import (
+    Hold,
+    SampledReference,
+    UniformReference,
+    load_waypoints,
+    save_waypoints,
+)
+from tests.shared_data import shared_table
+
+CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [1, 3, 4], [0, 3, 4.0]])
+REFERENCE = UniformReference(SplinePath(CONTROL), 6.0)
+PATH = Path(SplinePath(CONTROL).poses(np.linspace(0, 1, 30)))
+
+
+def turned(yaw):
+    """An angle by its direction alone."""
+    return np.column_stack([np.cos(yaw), np.sin(yaw)])
+
+
+def same(a, b):
+    return (
+        (a.times == b.times).all() and (a.poses == b.poses).all() and (a.twists == b.twists).all()
+    )
+
+
+# ---- all formats ----
+
+
+@pytest.mark.parametrize("ending", [".csv", ".traj"])
+def test_a_reference_comes_back_bit_for_bit(tmp_path, ending):
+    file = tmp_path / f"drive{ending}"
+    save_waypoints(file, REFERENCE, dt=0.05)
+    again = load_waypoints(file)
+    assert isinstance(again, SampledReference)
+    assert same(again, SampledReference.of(REFERENCE, 0.05))
+    text = file.read_text()
+    save_waypoints(file, again)  # without dt: its own samples
+    assert file.read_text() == text
+
+
+@pytest.mark.parametrize("ending", [".csv", ".yaml"])
+def test_a_path_comes_back(tmp_path, ending):
+    file = tmp_path / f"way{ending}"
+    save_waypoints(file, PATH)
+    again = load_waypoints(file)
+    assert isinstance(again, Path)
+    assert again.poses == pytest.approx(PATH.poses, abs=1e-12)
+
+
+def test_a_message_keeps_poses_and_times_but_not_velocities(tmp_path):
+    file = tmp_path / "drive.yaml"
+    save_waypoints(file, REFERENCE, dt=0.05)
+    again, sampled = load_waypoints(file), SampledReference.of(REFERENCE, 0.05)
+    assert again.times == pytest.approx(sampled.times, abs=1e-9)
+    assert again.poses == pytest.approx(sampled.poses, abs=1e-12)
+    # splined from rest to rest: away from the ends the velocities are found again
+    assert again.twists[20:-20] == pytest.approx(sampled.twists[20:-20], abs=1e-3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    ending=st.sampled_from([".csv", ".traj", ".yaml"]),
+    steps=st.lists(st.floats(1e-3, 10), min_size=1, max_size=8),
+    data=st.data(),
+)
+def test_any_reference_comes_back(tmp_path_factory, ending, steps, data):
+    count = len(steps) + 1
+    number = st.floats(-1e6, 1e6)
+    rows = st.lists(st.tuples(number, number, number), min_size=count, max_size=count)
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    reference = SampledReference(times, np.array(data.draw(rows)), np.array(data.draw(rows)))
+    file = tmp_path_factory.mktemp("way") / f"any{ending}"
+    save_waypoints(file, reference)
+    again = load_waypoints(file)
+    if ending == ".yaml":
+        assert again.times == pytest.approx(reference.times, abs=1e-9)
+        assert (again.poses[:, :2] == reference.poses[:, :2]).all()
+        assert turned(again.poses[:, 2]) == pytest.approx(turned(reference.poses[:, 2]), abs=1e-9)
+    else:
+        assert same(again, reference)
+
+
+def test_the_default_step_of_a_reference_is_20_ms(tmp_path):
+    save_waypoints(tmp_path / "a.csv", REFERENCE)
+    assert load_waypoints(tmp_path / "a.csv").times[1] == pytest.approx(0.02)
+
+
+def test_endings_may_be_in_capitals_and_names_plain_text(tmp_path):
+    save_waypoints(str(tmp_path / "A.CSV"), PATH)
+    assert (load_waypoints(str(tmp_path / "A.CSV")).poses == PATH.poses).all()
+
+
+@pytest.mark.parametrize("name", ["a.json", "a", "a.csv.gz", "path"])
+def test_other_endings_are_refused(tmp_path, name):
+    with pytest.raises(InvalidReference, match=r"names no format of waypoints; use \.csv, \.path"):
+        load_waypoints(tmp_path / name)
+    with pytest.raises(InvalidReference, match="names no format"):
+        save_waypoints(tmp_path / name, PATH)
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "options", "message"),
+    [
+        ("a.traj", PATH, {}, "a Choreo trajectory needs times, which a path does not have"),
+        ("a.csv", PATH, {"dt": 0.1}, "a path has no times: leave dt out"),
+        ("a.csv", Path(np.zeros((1, 3))), {}, "the path: a way needs at least 2 waypoints"),
+        ("a.yaml", Path(np.zeros((2, 3))), {}, "the path, pose 1: the same waypoint as before"),
+        ("a.csv", Path(np.array([[0, 0, 0], [np.nan, 1, 0]])), {}, "not made of finite numbers"),
+        ("a.csv", Path(np.zeros((100_001, 3))), {}, "100,001 waypoints are more than 100,000"),
+        ("a.csv", REFERENCE, {"dt": 0.0}, "must be positive, got 0 s"),
+        ("a.traj", REFERENCE, {"dt": 1e-4}, "needs samples at least 0.0005 s apart"),
+        ("a.csv", REFERENCE, {"dt": 1e-9}, "more than 100,000; choose a step of"),
+        ("a.yaml", REFERENCE, {"dt": 1e-4}, r"more than 10,000,000; .* choose a longer dt"),
+        ("a.path", Hold(Pose(1, 2, 3), 1.0), {}, "the waypoints are all at one place"),
+    ],
+)
+def test_what_a_format_cannot_hold_is_refused(tmp_path, name, what, options, message):
+    with pytest.raises(InvalidReference, match=message):
+        save_waypoints(tmp_path / name, what, **options)
+    assert not (tmp_path / name).exists()
+
+
+def test_a_file_that_cannot_be_written_says_so(tmp_path):
+    with pytest.raises(CannotWrite, match=r"cannot write the waypoints .*: No such file"):
+        save_waypoints(tmp_path / "no" / "a.csv", PATH)
+
+
+# ---- CSV ----
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,x,y,yaw\n0,1,2,0.5\n1,2,3,1\n",
+        "\ufefft,x,y,yaw\r\n0,1,2,0.5\r\n\r\n1,2,3,1\r\n",
+        "# t,x,y,yaw\n0 , 1 , 2 , 0.5\n# a remark\n1,2,3,1",
+        '"yaw","y","x","time"\n0.5,2,1,0\n1,3,2,1',
+        "t_s,x_m,y_m,yaw_rad\n0,1,2,0.5\n1,2,3,1",
+        f"t [ms],x (cm),Y_MM,theta [deg]\n0,100,2000,{np.rad2deg(0.5)}\n1e3,200,3000,{180 / np.pi}",
+        f"# units: s, m, m, deg\nt,x,y,heading\n0,1,2,{np.rad2deg(0.5)}\n1,2,3,{180 / np.pi}",
+        "# driven in hall 3, by night\nt,x,y,yaw\n5,1,2,0.5\n6,2,3,1",
+    ],
+)
+def test_tables_of_many_hands(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    reference = load_waypoints(tmp_path / "a.csv")
+    assert reference.times == pytest.approx([0.0, 1.0])
+    assert reference.poses == pytest.approx(np.array([[1, 2, 0.5], [2, 3, 1.0]]))
+
+
+def test_velocities_in_a_table(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "t,x,y,yaw,vx [m/s],vy [m/s],omega [deg/s]\n0,0,0,0,1,2,90\n1,1,2,1,3,4,180\n"
+    )
+    twists = load_waypoints(tmp_path / "a.csv").twists
+    assert twists == pytest.approx(np.array([[1, 2, np.pi / 2], [3, 4, np.pi]]))
+
+
+def test_a_table_without_times_is_a_path_with_its_yaw_unwrapped(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y,yaw\n0,0,3\n1,0,-3\n1,0,-2\n")
+    path = load_waypoints(tmp_path / "a.csv")
+    assert isinstance(path, Path)
+    assert path.poses[:, 2] == pytest.approx([3.0, 2 * np.pi - 3, 2 * np.pi - 2])
+
+
+def test_the_papers_reference_as_a_table(tmp_path):
+    """The reference data's samples, taken as a file, give back its own finer motion."""
+    theirs = shared_table("reference/ref_paper_T20.csv")
+    rows = [",".join(map(repr, row)) for row in theirs[:, :4].tolist()]
+    (tmp_path / "ref.csv").write_text("\n".join(["t,x,y,theta", *rows]))
+    reference = load_waypoints(tmp_path / "ref.csv")
+    window = reference.window(0.0, len(theirs), 0.1)
+    assert window[:, :2] == pytest.approx(theirs[:, 1:3], abs=1e-12)
+    middle = slice(20, -20)  # at its ends the paper's motion does not rest
+    speed = np.hypot(window[middle, 3], window[middle, 4])
+    assert speed == pytest.approx(theirs[middle, 4], abs=0.02)
+
+
+# ---- Choreo ----
+
+# written after the schema: heading wraps, the last two samples less than a microsecond apart
+SAMPLES = [
+    {"t": 0.0, "x": 1.0, "y": 1.0, "heading": 3.0, "vx": 0.0, "vy": 0.0, "omega": 0.0},
+    {"t": 0.5, "x": 1.5, "y": 1.0, "heading": -3.1, "vx": 2.0, "vy": 0.1, "omega": 0.4},
+    {"t": 1.0, "x": 2.0, "y": 1.0, "heading": -3.0, "vx": 0.01, "vy": 0.0, "omega": 0.0},
+    {"t": 1.0000003, "x": 2.00001, "y": 1.0, "heading": -3.0, "vx": 0.0, "vy": 0.0, "omega": 0.0},
+]
+
+
+def choreo(**changes):
+    trajectory = {"sampleType": "Swerve", "waypoints": [0.0, 1.0], "splits": [0]}
+    trajectory["samples"] = [{**s, "ax": 0.0, "fx": [0.0] * 4, "fy": [0.0] * 4} for s in SAMPLES]
+    trajectory.update(changes)
+    return {"name": "a", "version": 1, "snapshot": None, "params": {}, "trajectory": trajectory,
+            "events": []}  # fmt: skip
+
+
+def read(folder, name, content):
+    text = content if isinstance(content, str) else json.dumps(content)
+    (folder / name).write_text(text)
+    return load_waypoints(folder / name)
+
+
+def test_a_choreo_trajectory(tmp_path):
+    reference = read(tmp_path, "a.traj", choreo())
+    assert reference.times == pytest.approx([0.0, 0.5, 1.0000003])
+    turn = 2 * np.pi
+    assert reference.poses == pytest.approx(
+        np.array([[1, 1, 3], [1.5, 1, turn - 3.1], [2.00001, 1, turn - 3]])
+    )
+    assert reference.twists == pytest.approx(np.array([[0, 0, 0], [2, 0.1, 0.4], [0, 0, 0]]))
+    assert np.abs(reference.window(0.0, 1001, 0.001)[:, 3]).max() < 2.1
+
+
+def test_a_choreo_trajectory_of_2024(tmp_path):
+    names = {"t": "timestamp", "vx": "velocityX", "vy": "velocityY", "omega": "angularVelocity"}
+    samples = [{names.get(k, k): v for k, v in s.items()} for s in SAMPLES]
+    old = read(tmp_path, "old.traj", {"samples": samples, "eventMarkers": []})
+    assert same(old, read(tmp_path, "new.traj", choreo()))
+
+
+def test_a_choreo_trajectory_of_a_differential_drive_has_poses_alone(tmp_path):
+    samples = [
+        {"t": t, "x": t, "y": 0.0, "heading": 0.0, "vl": 1.0, "vr": 1.0} for t in (0.0, 1.0, 2.0)
+    ]
+    reference = read(tmp_path, "a.traj", choreo(sampleType="Differential", samples=samples))
+    assert reference.poses[:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert reference.twists[:, 0] == pytest.approx([0.0, 1.5, 0.0])
+
+
+def test_what_choreolib_needs_is_written(tmp_path):
+    """The fields that ChoreoLib's loader and PathPlannerLib's take, by name, without defaults."""
+    save_waypoints(tmp_path / "drive.traj", REFERENCE, dt=0.5)
+    data = json.loads((tmp_path / "drive.traj").read_text())
+    assert (data["name"], data["version"], data["events"]) == ("drive", 3, [])
+    trajectory = data["trajectory"]
+    assert trajectory["sampleType"] == "Swerve"
+    assert trajectory["splits"] == [0]
+    assert trajectory["waypoints"] == [0.0, 6.0]
+    for sample in trajectory["samples"]:
+        assert set(sample) == {*SAMPLES[0], "ax", "ay", "alpha", "fx", "fy"}
+        assert len(sample["fx"]) == len(sample["fy"]) == 4
+    first = trajectory["samples"][0]
+    assert [w["x"]["val"] for w in data["params"]["waypoints"]] == [first["x"], CONTROL[-1, 0]]
+    assert [w["x"] for w in data["snapshot"]["waypoints"]] == [first["x"], CONTROL[-1, 0]]
+    assert data["snapshot"]["constraints"] == []  # it does not rest at its ends
+
+
+def test_accelerations_in_a_choreo_trajectory(tmp_path):
+    times = np.linspace(0.0, 2.0, 201)
+    poses = np.column_stack([0.25 * times**2, -(times**2), 0.5 * times**2])
+    twists = np.column_stack([0.5 * times, -2.0 * times, times])
+    save_waypoints(tmp_path / "a.traj", SampledReference(times, poses, twists))
+    for sample in json.loads((tmp_path / "a.traj").read_text())["trajectory"]["samples"]:
+        found = [sample[key] for key in ("ax", "ay", "alpha")]
+        assert found == pytest.approx([0.5, -2.0, 1.0])
+
+
+def test_a_motion_that_rests_at_its_ends_has_stop_points(tmp_path):
+    reference = SampledReference.through(
+        np.arange(3.0), np.array([[0, 0, 0], [1, 1, 1], [2, 0, 0.0]])
+    )
+    reference = SampledReference(reference.times, reference.poses, np.round(reference.twists, 9))
+    save_waypoints(tmp_path / "a.traj", reference)
+    data = json.loads((tmp_path / "a.traj").read_text())
+    assert [c["from"] for c in data["params"]["constraints"]] == ["first", "last"]
+
+
+# ---- nav_msgs/Path ----
+
+ECHO = """\
+header:
+  stamp:
+    sec: 1717
+    nanosec: 500000000
+  frame_id: map
+poses:
+- header:
+    stamp:
+      sec: {s0}
+      nanosec: {n0}
+    frame_id: map
+  pose:
+    position:
+      x: 1.0
+      y: -2.5
+      z: 0.3
+    orientation:
+      x: 0.0
+      y: 0.0
+      z: 0.7071067811865476
+      w: 0.7071067811865476
+- header:
+    stamp:
+      sec: {s1}
+      nanosec: {n1}
+    frame_id: map
+  pose:
+    position:
+      x: 2.0
+      y: 1.0e-05
+      z: 0.0
+    orientation:
+      x: 0.0
+      y: 0.0
+      z: -1.0
+      w: 0.0
+---
+"""
+
+
+def test_a_message_as_echo_prints_it(tmp_path):
+    path = read(tmp_path, "plan.yaml", ECHO.format(s0=0, n0=0, s1=0, n1=0))
+    assert isinstance(path, Path)
+    assert path.poses == pytest.approx(np.array([[1, -2.5, np.pi / 2], [2, 1e-5, np.pi]]))
+
+
+def test_stamps_that_grow_are_times(tmp_path):
+    text = ECHO.format(s0=1_717_171_717, n0=900_000_000, s1=1_717_171_718, n1=150_000_001)
+    reference = read(tmp_path, "plan.yaml", text)
+    assert isinstance(reference, SampledReference)
+    assert reference.duration == pytest.approx(0.250000001, abs=1e-12)
+    assert reference.poses[:, 2] == pytest.approx([np.pi / 2, np.pi])
+
+
+def test_a_message_as_one_types_it_for_pub(tmp_path):
+    path = read(
+        tmp_path, "plan.yaml",
+        "{header: {frame_id: map}, poses: [{pose: {position: {x: 1, y: 2}, orientation: {w: 1.0}}},"
+        " {pose: {position: {x: 3.0}}}]}",
+    )  # fmt: skip
+    assert path.poses.tolist() == [[1.0, 2.0, 0.0], [3.0, 0.0, 0.0]]
+
+
+def test_a_message_of_ros_1(tmp_path):
+    text = (
+        ECHO.format(s0=1, n0=0, s1=2, n1=0).replace("nanosec:", "nsecs:").replace("sec:", "secs:")
+    )
+    text = text.replace("  frame_id", "  seq: 7\n  frame_id", 1).replace("---", "")
+    assert read(tmp_path, "plan.yaml", text).duration == 1.0
+
+
+def test_a_written_message_is_what_ros_expects(tmp_path):
+    """Loaded by PyYAML, as ros2 topic pub does: numbers are numbers, also the tiniest."""
+    reference = SampledReference(
+        np.array([0.0, 1.25]), np.array([[1e-7, 1e9, 0], [2, 1, np.pi]]), np.zeros((2, 3))
+    )
+    save_waypoints(tmp_path / "plan.yml", reference, frame_id="odom: x\n#'\"")
+    message, end = yaml.safe_load_all((tmp_path / "plan.yml").read_text())
+    assert end is None
+    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "odom: x\n#'\""}
+    first, last = message["poses"]
+    assert first["pose"]["position"] == {"x": 1e-7, "y": 1e9, "z": 0.0}
+    assert last["header"]["stamp"] == {"sec": 1, "nanosec": 250_000_000}
+    assert last["pose"]["orientation"] == pytest.approx({"x": 0, "y": 0, "z": 1, "w": 0})
+    for part in first["pose"].values():
+        assert all(isinstance(value, float) for value in part.values())

@@ -1,0 +1,316 @@
+"""PathPlanner files: the curves, the headings that PathPlannerLib gives, and curves fitted."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.errors import InvalidReference
+from omnidrive.geometry import wrap
+from omnidrive.planning import Path, SplinePath
+from omnidrive.reference import SampledReference, UniformReference, load_waypoints, save_waypoints
+from omnidrive.reference.waypoints.bezier import even_parameters, fit, points_at
+
+CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [1, 3, 4], [0, 3, 4.0]])
+
+
+def point(x, y):
+    return {"x": x, "y": y}
+
+
+def waypoint(anchor, before=None, after=None):
+    return {
+        "anchor": point(*anchor),
+        "prevControl": before and point(*before),
+        "nextControl": after and point(*after),
+        "isLocked": False,
+        "linkedName": None,
+    }
+
+
+def pathplanner(waypoints, **changes):
+    """A file after PathPlanner's schema of 2025."""
+    return {
+        "version": "2025.0",
+        "waypoints": waypoints,
+        "rotationTargets": [],
+        "constraintZones": [],
+        "pointTowardsZones": [],
+        "eventMarkers": [],
+        "globalConstraints": {"maxVelocity": 3.0},
+        "goalEndState": {"velocity": 0, "rotation": 90.0},
+        "reversed": False,
+        "folder": None,
+        "idealStartingState": {"velocity": 0, "rotation": 0.0},
+        "useDefaultConstraints": False,
+        **changes,
+    }
+
+
+STRAIGHT = [  # at even speed of its parameter, 6 m
+    waypoint((0, 0), after=(1, 0)),
+    waypoint((3, 0), (2, 0), (4, 0)),
+    waypoint((6, 0), (5, 0)),
+]
+CURVED = [
+    waypoint((1.4, 1.9), after=(3.8, 1.3)),
+    waypoint((7.7, 0.8), (5.9, 0.8), (9.0, 0.8)),
+    waypoint((6.0, 4.1), (9.0, 4.3)),
+]
+
+
+def read(folder, content):
+    (folder / "a.path").write_text(json.dumps(content))
+    return load_waypoints(folder / "a.path")
+
+
+def heading_at(path, x):
+    return np.interp(x, path.poses[:, 0], path.poses[:, 2])
+
+
+def casteljau(p, t):
+    while len(p) > 1:
+        p = (1 - t) * p[:-1] + t * p[1:]
+    return p[0]
+
+
+def distance(points, polyline):
+    """From each point to the nearest of a polyline, in m."""
+    start, step = polyline[:-1], np.diff(polyline, axis=0)
+    away = points[:, None] - start
+    along = np.clip((away * step).sum(2) / np.maximum((step**2).sum(1), 1e-300), 0, 1)
+    return np.linalg.norm(away - along[..., None] * step, axis=2).min(axis=1)
+
+
+def test_the_curve_is_bezier_and_met_within_a_millimetre(tmp_path):
+    path = read(tmp_path, pathplanner(CURVED))
+    first = np.array([[1.4, 1.9], [3.8, 1.3], [5.9, 0.8], [7.7, 0.8]])
+    second = np.array([[7.7, 0.8], [9.0, 0.8], [9.0, 4.3], [6.0, 4.1]])
+    exact = [casteljau(p, t) for p in (first, second) for t in np.linspace(0, 1, 500)]
+    assert distance(np.array(exact), path.poses[:, :2]).max() < 1e-3
+    assert distance(path.poses[:, :2], np.array(exact)).max() < 1e-3
+    assert path.poses[[0, -1], :2].tolist() == [[1.4, 1.9], [6.0, 4.1]]
+    assert np.linalg.norm(np.diff(path.poses[:, :2], axis=0), axis=1).max() <= 0.05
+
+
+def test_headings_are_eased_from_start_to_end(tmp_path):
+    path = read(tmp_path, pathplanner(STRAIGHT))
+    assert heading_at(path, 3.0) == pytest.approx(np.pi / 4, abs=1e-3)
+    assert heading_at(path, 1.5) == pytest.approx(np.pi / 4 * (1 - np.sqrt(0.5)), abs=1e-3)
+    assert path.poses[[0, -1], 2] == pytest.approx([0.0, np.pi / 2])
+
+
+def test_rotation_targets_hold_where_they_stand(tmp_path):
+    targets = [
+        {"waypointRelativePos": 1.5, "rotationDegrees": -170.0},
+        {"waypointRelativePos": 0.5, "rotationDegrees": 170.0},
+        {"waypointRelativePos": 0.0, "rotationDegrees": 33.0},  # the start says 0
+    ]
+    path = read(tmp_path, pathplanner(STRAIGHT, rotationTargets=targets))
+    assert heading_at(path, 1.5) == pytest.approx(np.deg2rad(170.0))
+    assert heading_at(path, 4.5) == pytest.approx(np.deg2rad(190.0))  # the short way
+    assert heading_at(path, 3.0) == pytest.approx(np.deg2rad(180.0), abs=1e-3)
+    assert path.poses[0, 2] == 0.0
+    assert path.poses[-1, 2] == pytest.approx(np.deg2rad(90.0))
+
+
+def test_zones_point_towards_a_place(tmp_path):
+    zone = {
+        "name": "tower",
+        "fieldPosition": point(3.0, 2.0),
+        "rotationOffset": 180.0,
+        "minWaypointRelativePos": 0.5,
+        "maxWaypointRelativePos": 1.25,
+    }
+    path = read(tmp_path, pathplanner(STRAIGHT, pointTowardsZones=[zone]))
+    for x in (1.6, 3.0, 3.7):
+        expected = np.arctan2(2.0, 3.0 - x) + np.pi
+        assert wrap(heading_at(path, x) - expected) == pytest.approx(0.0, abs=2e-3)
+    assert path.poses[0, 2] == 0.0
+
+
+def test_a_file_of_2024(tmp_path):
+    content = pathplanner(STRAIGHT, version=1.0)
+    for key in ("idealStartingState", "pointTowardsZones"):
+        del content[key]
+    there = read(tmp_path, {**content, "previewStartingState": {"rotation": 45.0, "velocity": 0}})
+    assert there.poses[0, 2] == pytest.approx(np.pi / 4)
+    none = read(tmp_path, {**content, "previewStartingState": None})
+    assert none.poses[:, 2] == pytest.approx(np.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (pathplanner(STRAIGHT[:1]), "waypoints has 1 entries, need at least 2"),
+        (pathplanner([]), "waypoints has 0 entries, need at least 2"),
+        (
+            pathplanner([STRAIGHT[0], waypoint((3, 0))]),
+            r"waypoints\[1\] does not set 'prevControl'",
+        ),
+        (
+            pathplanner([waypoint((3, 0)), STRAIGHT[2]]),
+            r"waypoints\[0\] does not set 'nextControl'",
+        ),
+        (
+            pathplanner([waypoint((1, 1), after=(1, 1)), waypoint((1, 1), (1, 1))]),
+            r"waypoints\[1\] is where waypoints\[0\] is; remove one",
+        ),
+        (
+            pathplanner([waypoint((1e9, 1), after=(1, 1)), waypoint((1, 1), (1, 1))]),
+            "waypoints need 59,999,999,940 samples to be followed, more than 100,000; are they",
+        ),
+        (pathplanner(STRAIGHT, goalEndState=None), "the file does not set 'goalEndState'"),
+        (
+            pathplanner(STRAIGHT, goalEndState={"velocity": 0, "rotation": "north"}),
+            "goalEndState.rotation is 'north', need a number",
+        ),
+        (
+            pathplanner(STRAIGHT, rotationTargets=[{"waypointRelativePos": 0.5}]),
+            r"rotationTargets\[0\] does not set 'rotationDegrees'",
+        ),
+        (pathplanner(STRAIGHT, rotationTargets=7), "rotationTargets is 7, need a list"),
+        (
+            {"waypoints": [{"anchorPoint": point(0, 0)}] * 2},  # of 2023
+            r"a.path: waypoints\[0\] does not set 'anchor'",
+        ),
+    ],
+)
+def test_a_bad_path_says_what_is_wrong(tmp_path, content, message):
+    with pytest.raises(InvalidReference, match=message):
+        read(tmp_path, content)
+
+
+# ---- writing ----
+
+
+def assert_near(path, again):
+    assert distance(path.poses[:, :2], again.poses[:, :2]).max() < 6e-3
+    assert distance(again.poses[:, :2], path.poses[:, :2]).max() < 6e-3
+    assert again.poses[[0, -1], :2] == pytest.approx(path.poses[[0, -1], :2], abs=1e-9)
+    assert wrap(again.poses[[0, -1], 2] - path.poses[[0, -1], 2]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_smooth_path_needs_few_curves(tmp_path):
+    path = Path(SplinePath(CONTROL).poses(np.linspace(0, 1, 200)))
+    save_waypoints(tmp_path / "a.path", path)
+    again = load_waypoints(tmp_path / "a.path")
+    assert_near(path, again)
+    assert len(json.loads((tmp_path / "a.path").read_text())["waypoints"]) <= 8
+    share = np.linspace(0, 1, 300)  # headings at the same share of the way
+    headings = []
+    for p in (path, again):
+        s = np.concatenate(
+            [[0], np.cumsum(np.linalg.norm(np.diff(p.poses[:, :2], axis=0), axis=1))]
+        )
+        headings.append(np.interp(share * s[-1], s, p.poses[:, 2]))
+    assert np.abs(headings[0] - headings[1]).max() < 0.03
+
+
+def test_corners_are_kept(tmp_path):
+    corners = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [2.5, 1.5, 0], [2.5, 1.4, 0.0]])
+    save_waypoints(tmp_path / "a.path", Path(corners))
+    again = load_waypoints(tmp_path / "a.path")
+    assert_near(Path(corners), again)
+    anchors = [
+        (w["anchor"]["x"], w["anchor"]["y"])
+        for w in json.loads((tmp_path / "a.path").read_text())["waypoints"]
+    ]
+    assert {tuple(c) for c in corners[:, :2].tolist()} <= set(anchors)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    points=st.lists(st.tuples(*[st.floats(-3, 3)] * 3), min_size=2, max_size=12),
+    scale=st.sampled_from([0.01, 1.0]),
+)
+def test_any_path_comes_back_within_its_tolerance(tmp_path_factory, points, scale):
+    poses = np.array(points) * [scale, scale, 1.0]
+    moving = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) > 1e-6
+    poses = poses[np.concatenate([[True], moving])]
+    if len(poses) < 2 or (np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) < 1e-6).any():
+        return
+    file = tmp_path_factory.mktemp("way") / "a.path"
+    save_waypoints(file, Path(poses))
+    assert_near(Path(poses), load_waypoints(file))
+
+
+def test_a_reference_keeps_its_shape_and_the_speeds_at_its_ends(tmp_path):
+    reference = UniformReference(SplinePath(CONTROL), 6.0)
+    save_waypoints(tmp_path / "a.path", reference)
+    content = json.loads((tmp_path / "a.path").read_text())
+    start = reference.at(0.0)
+    assert content["idealStartingState"]["velocity"] == pytest.approx(np.hypot(*start.twist[:2]))
+    assert content["idealStartingState"]["rotation"] == 0.0
+    assert content["goalEndState"]["rotation"] == pytest.approx(np.rad2deg(wrap(4.0)))
+    window = reference.window(0.0, 301, 0.02)
+    assert_near(Path(window[:, :3]), load_waypoints(tmp_path / "a.path"))
+
+
+def test_what_pathplannerlib_needs_is_written(tmp_path):
+    """The fields that its loader takes by name, without defaults."""
+    save_waypoints(tmp_path / "a.path", Path(np.array([[0, 0, 0], [1, 0, 1.0]])))
+    content = json.loads((tmp_path / "a.path").read_text())
+    assert set(pathplanner([])) == set(content)
+    assert content["version"].split(".")[0] == "2025"
+    limits = ("maxVelocity", "maxAcceleration", "maxAngularVelocity", "maxAngularAcceleration")
+    assert {*limits, "nominalVoltage", "unlimited"} == set(content["globalConstraints"])
+    assert content["waypoints"][0]["prevControl"] is content["waypoints"][-1]["nextControl"] is None
+    assert all(set(w) == set(waypoint((0, 0))) for w in content["waypoints"])
+    positions = [t["waypointRelativePos"] for t in content["rotationTargets"]]
+    assert positions == sorted(positions)
+
+
+def test_resting_is_left_out_and_turning_on_the_spot_refused(tmp_path):
+    times = np.arange(5.0)
+    poses = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 0, 0.0]])
+    save_waypoints(tmp_path / "a.path", SampledReference.through(times, poses))
+    assert load_waypoints(tmp_path / "a.path").poses[-1].tolist() == [1, 0, 0]
+    poses[3:, 2] = 1.0
+    with pytest.raises(InvalidReference, match="turns on the spot at x 1 m, y 0 m"):
+        save_waypoints(tmp_path / "b.path", SampledReference.through(times, poses))
+
+
+def test_a_path_of_a_hundred_kilometres_is_too_long(tmp_path):
+    with pytest.raises(InvalidReference, match="100000 m in 2 waypoints are too much"):
+        save_waypoints(tmp_path / "a.path", Path(np.array([[0, 0, 0], [1e5, 0, 0.0]])))
+
+
+# ---- curves ----
+
+
+@given(
+    controls=st.lists(st.tuples(*[st.floats(-5, 5)] * 2), min_size=4, max_size=4),
+    u=st.floats(0, 1),
+)
+def test_points_of_a_curve_are_those_of_de_casteljau(controls, u):
+    controls = np.array(controls)
+    assert points_at(controls[None], np.array([u]))[0] == pytest.approx(casteljau(controls, u))
+
+
+@given(controls=st.lists(st.tuples(*[st.floats(-2, 2)] * 2), min_size=4, max_size=4))
+def test_samples_are_near_enough_to_each_other_and_to_the_curve(controls):
+    controls = np.array([controls])
+    (count,) = even_parameters(controls, 1e-2, 0.2)
+    polyline = points_at(controls, np.linspace(0, 1, count + 1))
+    assert np.linalg.norm(np.diff(polyline, axis=0), axis=1).max() <= 0.2 + 1e-9
+    fine = points_at(controls, np.linspace(0, 1, 301))
+    assert distance(fine, polyline).max() <= 1e-2 + 1e-9
+
+
+def test_one_curve_is_found_again():
+    controls = np.array([[[0, 0], [1, 0], [2, 1], [2, 2.0]]])
+    points = points_at(controls, np.linspace(0, 1, 100))
+    chain = fit(points, 1e-3)
+    assert len(chain.controls) == 1
+    assert chain.controls == pytest.approx(controls, abs=0.02)
+
+
+def test_noise_is_fitted_as_well():
+    """Points of noise: no curve fits more than a few of them."""
+    rng = np.random.default_rng(5)
+    chain = fit(np.cumsum(rng.normal(size=(3_000, 2)), axis=0), 1e-3)
+    assert chain.parameters[-1] == len(chain.controls)
+    assert (np.diff(chain.parameters) >= 0).all()
