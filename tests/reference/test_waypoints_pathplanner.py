@@ -173,6 +173,10 @@ def test_a_file_of_2024(tmp_path):
         ),
         (pathplanner(STRAIGHT, rotationTargets=7), "rotationTargets is 7, need a list"),
         (
+            pathplanner(STRAIGHT, pointTowardsZones=[{}] * 1001),
+            "pointTowardsZones has more than 1,000 entries",
+        ),
+        (
             {"waypoints": [{"anchorPoint": point(0, 0)}] * 2},  # of 2023
             r"a.path: waypoints\[0\] does not set 'anchor'",
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ def fit(points: Float[Array, "points 2"], tolerance: float) -> Chain:
     """
     arriving, leaving, corner = _tangents(points)
     cuts = sorted({*np.flatnonzero(corner).tolist(), *range(0, len(points) - 1, _LONGEST_RUN)})
-    waiting = list(zip(cuts[:-1], cuts[1:], strict=True))[::-1]
+    waiting = list(pairwise(cuts))[::-1]
     controls: list[Float[Array, "4 2"]] = []
     parameters = [np.zeros(1)]
     while waiting:
@@ -102,9 +103,12 @@ def _tangents(
         smooth & corner[2:, None], steps[1:] + (1.0 - share) * bend, arriving[2:]
     )
     leaving[:-2] = np.where(smooth & corner[:-2, None], steps[:-1] - share * bend, leaving[:-2])
-    for tangents in (arriving, leaving):
-        tangents /= np.linalg.norm(tangents, axis=1)[:, None]
-    return arriving, leaving, corner
+    return _unit(arriving), _unit(leaving), corner
+
+
+def _unit(vectors: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+    unit: Float[Array, "n 2"] = vectors / np.linalg.norm(vectors, axis=1)[:, None]
+    return unit
 
 
 def _curve(

@@ -61,8 +61,8 @@ def read_choreo(file: pathlib.Path) -> SampledReference:
 def write_choreo(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
     """Write a trajectory of a swerve drive that :func:`read_choreo` reads as exactly the same.
 
-    Choreo itself shows it with two waypoints, the ends. Accelerations are differences of the
-    velocities; the forces of the wheels are not known and are 0.
+    Choreo itself shows it with two waypoints, the ends. As there, an acceleration is the mean one
+    until the next sample, 0 at the last. The forces of the wheels are not known and are 0.
 
     Raises:
         InvalidReference: A path, which has no times, or samples less than 0.5 ms apart.
@@ -76,7 +76,8 @@ def write_choreo(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> No
         raise InvalidReference(
             f"a Choreo trajectory needs samples at least {_NEAREST:g} s apart; choose a longer dt"
         )
-    accelerations = np.gradient(waypoints.twists, waypoints.times, axis=0)
+    means = np.diff(waypoints.twists, axis=0) / np.diff(waypoints.times)[:, None]
+    accelerations = np.vstack([means, np.zeros(3)])
     table = np.column_stack([waypoints.times, waypoints.poses, waypoints.twists, accelerations])
     keys = (*_NAMES, "ax", "ay", "alpha")
     samples = [

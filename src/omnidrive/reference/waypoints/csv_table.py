@@ -37,6 +37,7 @@ _UNITS = {
     "vx": _SPEED, "vy": _SPEED, "yaw_rate": _YAW_RATE,
 }  # fmt: skip
 _OTHER_NAMES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
+_LONGEST_TITLE = 60
 _PATH_HEADER = "x_m,y_m,yaw_rad"
 _TIMED_HEADER = f"t_s,{_PATH_HEADER},vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
 
@@ -51,25 +52,25 @@ def read_csv(file: pathlib.Path) -> Waypoints:
     columns: dict[str, float] = {}
     units: list[str] = []
     rows, lines = [], []
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(_lines(name, text), 1):
         where = f"{name}, line {number}"
         cells = [cell.strip().strip('"') for cell in line.split(",")]
         if line.lstrip().startswith("#"):
             cells[0] = cells[0].lstrip("#").strip()
             if cells[0].lower().startswith("units:"):
                 units = [cells[0][len("units:") :].strip(), *cells[1:]]
-            elif not columns and all(map(_column, cells)):
+            elif not columns and len(cells) <= len(_UNITS) and all(map(_column, cells)):
                 columns = _columns(where, cells)
         elif any(cells) and not columns:
             columns = _columns(where, cells)
         elif any(cells):
             rows.append(_numbers(where, cells, len(columns)))
             lines.append(number)
-        if len(rows) > MOST_SAMPLES:
-            raise InvalidReference(f"{where}: more than {MOST_SAMPLES:,} waypoints; thin them out")
     if not columns:
         raise InvalidReference(f"{name} is empty; a table of waypoints begins with {_PATH_HEADER}")
-    table = np.array(rows, dtype=float).reshape(-1, len(columns)) * _factors(name, columns, units)
+    table = np.array(rows, dtype=float).reshape(-1, len(columns))
+    _check_size(name, lines, table)
+    table *= _factors(name, columns, units)
     return _waypoints(name, lines, dict(zip(columns, table.T, strict=True)))
 
 
@@ -82,6 +83,14 @@ def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
         table = np.column_stack([waypoints.times, waypoints.poses, waypoints.twists])
     rows = (",".join(map(repr, row)) for row in table.tolist())
     write_text(file, "\n".join([header, *rows, ""]))
+
+
+def _lines(name: str, text: str) -> list[str]:
+    """The lines of a table, if they are few enough."""
+    lines = text.splitlines()
+    if len(lines) > MOST_SAMPLES:
+        raise InvalidReference(f"{name} has more than {MOST_SAMPLES:,} lines; thin them out")
+    return lines
 
 
 def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " rows"]]) -> Waypoints:
@@ -97,6 +106,8 @@ def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " row
 
 def _column(title: str) -> tuple[str, str] | None:
     """The quantity and unit that a title names; None if it names none, "" for no unit."""
+    if len(title) > _LONGEST_TITLE:
+        return None
     words = re.sub(r"[^a-z0-9]+", "_", title.lower().replace("/", " per ")).strip("_")
     for quantity in sorted((*_UNITS, *_OTHER_NAMES), key=len, reverse=True):
         known = _OTHER_NAMES.get(quantity, quantity)
@@ -151,16 +162,20 @@ def _factors(name: str, columns: dict[str, float], units: list[str]) -> Float[Ar
 def _numbers(where: str, cells: list[str], count: int) -> list[float]:
     if len(cells) != count:
         raise InvalidReference(f"{where}: {len(cells)} values, and the first line names {count}")
-    return [_number(where, cell) for cell in cells]
+    numbers: list[float] = []
+    for cell in cells:
+        try:
+            numbers.append(float(cell))
+        except ValueError:
+            raise InvalidReference(f"{where}: {shown(cell)} is not a number") from None
+    return numbers
 
 
-def _number(where: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        raise InvalidReference(f"{where}: {shown(cell)} is not a number") from None
-    if not -LARGEST_NUMBER <= value <= LARGEST_NUMBER:  # also catches NaN
+def _check_size(name: str, lines: list[int], table: Float[Array, "rows columns"]) -> None:
+    beyond = np.argwhere(~(np.abs(table) <= LARGEST_NUMBER))  # also finds NaN
+    if len(beyond):
+        i, j = beyond[0]
         raise InvalidReference(
-            f"{where}: {shown(cell)} is not a finite number of at most {LARGEST_NUMBER:g}"
+            f"{name}, line {lines[i]}: {table[i, j]:g} is not a finite number of at most "
+            f"{LARGEST_NUMBER:g}"
         )
-    return value

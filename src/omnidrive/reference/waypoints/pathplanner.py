@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import pathlib
+from itertools import pairwise
 from math import degrees, radians
 from typing import Any
 
@@ -29,6 +30,7 @@ Array = np.ndarray
 _READ_TOLERANCE = 1e-3  # m between the curve and the polyline through its samples
 _SPACING = 0.05  # m between samples at most
 _WRITE_TOLERANCE = 5e-3  # m between the path and the curves
+_MOST_ZONES = 1000
 _TURN_TOLERANCE = 0.01  # rad between the path's heading and PathPlanner's
 _VERSION = "2025.0"
 _CONSTRAINTS = {  # PathPlanner's own defaults: m/s, m/s^2, deg/s, deg/s^2, V
@@ -96,7 +98,7 @@ def _controls(root: Field) -> Float[Array, "curves 4 2"]:
     if len(waypoints) < 2:
         raise root["waypoints"].refusal(f"has {len(waypoints)} entries, need at least 2")
     curves = []
-    for now, after in zip(waypoints[:-1], waypoints[1:], strict=True):
+    for now, after in pairwise(waypoints):
         corners = (now["anchor"], now["nextControl"], after["prevControl"], after["anchor"])
         curve = [[corner["x"].number(), corner["y"].number()] for corner in corners]
         if all(point == curve[0] for point in curve):
@@ -124,18 +126,23 @@ def _point_towards(
     targets: dict[float, float],
 ) -> None:  # fmt: skip
     """Add the headings of the zones in which the robot points towards a place."""
-    zones = root.get("pointTowardsZones")
-    for zone in reversed(zones.items() if zones else []):  # of two, the first one holds
+    found = root.get("pointTowardsZones")
+    zones = found.items() if found else []
+    if len(zones) > _MOST_ZONES:
+        raise root["pointTowardsZones"].refusal(f"has more than {_MOST_ZONES:,} entries")
+    aims = np.full((len(points), 3), np.nan)  # x and y in m, then what to turn by, in rad
+    for zone in reversed(zones):  # of two, the first one holds
         low = zone["minWaypointRelativePos"].number()
         high = zone["maxWaypointRelativePos"].number()
         place, offset = zone["fieldPosition"], zone.get("rotationOffset")
-        aim = np.array([place["x"].number(), place["y"].number()])
         turn = radians(offset.number()) if offset else 0.0
         inside = (parameters >= low) & (parameters <= high)
-        inside[[0, -1]] = False
-        away = aim - points[inside]
-        headings = np.arctan2(away[:, 1], away[:, 0]) + turn
-        targets.update(zip(parameters[inside].tolist(), headings.tolist(), strict=True))
+        aims[inside] = place["x"].number(), place["y"].number(), turn
+    aimed = np.isfinite(aims[:, 0])
+    aimed[[0, -1]] = False
+    away = aims[aimed, :2] - points[aimed]
+    headings = np.arctan2(away[:, 1], away[:, 0]) + aims[aimed, 2]
+    targets.update(zip(parameters[aimed].tolist(), headings.tolist(), strict=True))
 
 
 def _travelled(points: Float[Array, "n 2"]) -> Float[Array, " n"]:

@@ -55,7 +55,7 @@ def save_waypoints(
     dt: float | None = None,
     frame_id: str = "map",
 ) -> None:
-    """Write a path or reference so that :func:`load_waypoints` reads it; the ending says the format.
+    """Write a path or reference so that :func:`load_waypoints` reads it; the ending tells how.
 
     Choreo files need times; PathPlanner files hold none. Each format's writer says how exactly it
     keeps what it is given: tables and Choreo files keep all of a reference's samples.
