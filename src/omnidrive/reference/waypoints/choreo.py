@@ -33,9 +33,10 @@ _NO_FORCE = [0.0, 0.0, 0.0, 0.0]
 
 
 def read_choreo(file: pathlib.Path) -> SampledReference:
-    """Read a trajectory; of samples less than 0.5 ms apart, the first is kept, at the end the last.
+    """Read a trajectory, all of its splits in one.
 
-    The samples of a differential drive have no velocities in W: they are splined from rest to rest.
+    Of samples less than 0.5 ms apart the first is kept, at the end the last. The samples of a
+    differential drive have no velocities in W: they are splined from rest to rest.
 
     Raises:
         InvalidReference: The file is no generated trajectory; the message says where.

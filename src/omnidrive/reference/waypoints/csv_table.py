@@ -38,6 +38,7 @@ _UNITS = {
 }  # fmt: skip
 _OTHER_NAMES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
 _LONGEST_TITLE = 60
+_MOST_LINES = 2 * MOST_SAMPLES  # remarks and empty lines among them
 _PATH_HEADER = "x_m,y_m,yaw_rad"
 _TIMED_HEADER = f"t_s,{_PATH_HEADER},vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
 
@@ -88,8 +89,8 @@ def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
 def _lines(name: str, text: str) -> list[str]:
     """The lines of a table, if they are few enough."""
     lines = text.splitlines()
-    if len(lines) > MOST_SAMPLES:
-        raise InvalidReference(f"{name} has more than {MOST_SAMPLES:,} lines; thin them out")
+    if len(lines) > _MOST_LINES:
+        raise InvalidReference(f"{name} has more than {_MOST_LINES:,} lines; thin them out")
     return lines
 
 
