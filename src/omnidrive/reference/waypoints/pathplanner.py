@@ -28,10 +28,10 @@ from omnidrive.reference.waypoints.waypoints import Waypoints, untimed
 Array = np.ndarray
 
 _READ_TOLERANCE = 1e-3  # m between the curve and the polyline through its samples
-_SPACING = 0.05  # m between samples at most
+_SPACING, _STEPS = 0.05, 20_000  # m between samples at most, if they are not more than this
 _WRITE_TOLERANCE = 5e-3  # m between the path and the curves
 _MOST_ZONES = 1000
-_TURN_TOLERANCE = 0.01  # rad between the path's heading and PathPlanner's
+_TURN_TOLERANCE = 0.01  # rad between the heading at a point of the path and PathPlanner's
 _VERSION = "2025.0"
 _CONSTRAINTS = {  # PathPlanner's own defaults: m/s, m/s^2, deg/s, deg/s^2, V
     "maxVelocity": 3.0,
@@ -44,7 +44,9 @@ _CONSTRAINTS = {  # PathPlanner's own defaults: m/s, m/s^2, deg/s, deg/s^2, V
 
 
 def read_pathplanner(file: pathlib.Path) -> Path:
-    """Read a path: poses no more than 5 cm apart, within 1 mm of the curves.
+    """Read a path: poses within 1 mm of the curves and no more than 5 cm apart.
+
+    On a way of more than a kilometre they may be further apart, by a 20,000th of it.
 
     The heading is what PathPlanner gives a holonomic robot: the rotations of the start, of the
     rotation targets and zones to point towards, and of the end, eased by a cosine of the distance
@@ -55,7 +57,8 @@ def read_pathplanner(file: pathlib.Path) -> Path:
     """
     root = read_json(file)
     controls = _controls(root)
-    counts = even_parameters(controls, _READ_TOLERANCE, _SPACING)
+    spacing = _spacing(float(np.linalg.norm(np.diff(controls, axis=1), axis=2).sum()))
+    counts = even_parameters(controls, _READ_TOLERANCE, spacing)
     if sum(counts) > MOST_SAMPLES:
         raise root["waypoints"].refusal(
             f"need {sum(counts):,} samples to be followed, more than {MOST_SAMPLES:,}; "
@@ -76,13 +79,13 @@ def read_pathplanner(file: pathlib.Path) -> Path:
 
 
 def write_pathplanner(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
-    """Write a path: within 5 mm of the polyline through the poses, headings within 0.01 rad.
+    """Write a path: within 5 mm of the polyline through the poses, headings within 0.02 rad.
 
     A reference loses its times, all but the speeds at its ends. Limits are left to PathPlanner's
     project. Its editor, not its library, lengthens control lines shorter than 0.25 m.
 
     Raises:
-        InvalidReference: The waypoints stand still, turn on the spot, or are 100 km long.
+        InvalidReference: The waypoints stand still or turn on the spot.
     """
     poses, speeds = waypoints.poses, (0.0, 0.0)
     if not isinstance(waypoints, Path):
@@ -145,6 +148,11 @@ def _point_towards(
     targets.update(zip(parameters[aimed].tolist(), headings.tolist(), strict=True))
 
 
+def _spacing(length: float) -> float:
+    """How far apart samples of a way of so many metres may be, in m."""
+    return max(_SPACING, length / _STEPS)
+
+
 def _travelled(points: Float[Array, "n 2"]) -> Float[Array, " n"]:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
@@ -178,13 +186,9 @@ def _moving(poses: Float[Array, "n 3"]) -> Float[Array, "moving 3"]:
 
 
 def _dense(poses: Float[Array, "n 3"]) -> Float[Array, "dense 3"]:
-    """The same polyline with poses no more than 5 cm apart."""
+    """The same polyline with more poses on its long edges."""
     lengths = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1)
-    counts = np.ceil(np.maximum(lengths / _SPACING, 1.0))
-    if counts.sum() > MOST_SAMPLES:
-        raise InvalidReference(
-            f"{lengths.sum():.0f} m in {len(poses):,} waypoints are too much for a PathPlanner path"
-        )
+    counts = np.ceil(np.maximum(lengths / _spacing(float(lengths.sum())), 1.0))
     at = np.concatenate([i + np.arange(n) / n for i, n in enumerate(counts)] + [[len(counts)]])
     yaw = np.unwrap(poses[:, 2])
     columns = [np.interp(at, np.arange(len(poses)), c) for c in (*poses[:, :2].T, yaw)]
@@ -192,7 +196,7 @@ def _dense(poses: Float[Array, "n 3"]) -> Float[Array, "dense 3"]:
 
 
 def _turns(s: Float[Array, " n"], yaw: Float[Array, " n"]) -> list[int]:
-    """Which headings PathPlanner must be told to have every one within 0.01 rad, the ends among."""
+    """Which headings PathPlanner must be told to have every one within 0.01 rad, the ends too."""
     needed, waiting = {0, len(s) - 1}, [(0, len(s) - 1)]
     while waiting:
         a, b = waiting.pop()
