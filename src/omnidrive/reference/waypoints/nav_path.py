@@ -47,7 +47,7 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
     table = np.array([_pose(pose) for pose in poses], dtype=float).reshape(-1, 3)
     if len(set(stamps.tolist())) <= 1:
         return untimed(name, lambda i: poses[i].name, table)
-    times = (stamps - stamps[0]) * 1e-9
+    times = (stamps - stamps[0]) / 1e9
     return timed(name, lambda i: f"{poses[i].name}.header.stamp", times, table, None)
 
 
