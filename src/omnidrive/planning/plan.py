@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.errors import InvalidPlace, NoPathFound
-from omnidrive.geometry import wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import Bounds
+from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path, SplinePath
+from omnidrive.planning.polyline import resampled, travelled
 from omnidrive.planning.search import search
 
 Array = np.ndarray
@@ -74,7 +75,7 @@ def plan(
     points = np.array([free.centre(row, col) for row, col in cells.tolist()])
     points = np.vstack([points, points[-1:]]) if len(points) == 1 else points
     points[0], points[-1] = start[:2], goal[:2]
-    path = Path(_with_headings(points, start, goal, options.turn_within))
+    path = Path(with_headings(points, start.yaw, goal.yaw, options.turn_within))
     return path, _smooth(free, points, start, goal, options)
 
 
@@ -87,7 +88,7 @@ def _smooth(
     while True:
         every_cell = spacing <= free.resolution
         chosen = points if every_cell and len(points) >= 4 else _resample(points, spacing)
-        spline = SplinePath(_with_headings(chosen, start, goal, options.turn_within))
+        spline = SplinePath(with_headings(chosen, start.yaw, goal.yaw, options.turn_within))
         if options.spacing == 0.0 or _is_free(free, spline):
             return spline
         if every_cell:
@@ -107,36 +108,8 @@ def _is_free(free: OccupancyGrid, spline: SplinePath) -> bool:
 
 def _resample(points: Float[Array, "points 2"], spacing: float) -> Float[Array, "samples 2"]:
     """Points at equal distances of about ``spacing`` (m) along a polyline; at least four."""
-    travelled = _travelled(points)
-    count = max(4, len(points) if spacing == 0.0 else 1 + round(travelled[-1] / spacing))
-    at = np.linspace(0.0, travelled[-1], count)
-    return np.stack([np.interp(at, travelled, column) for column in points.T], axis=1)
-
-
-def _travelled(points: Float[Array, "points 2"]) -> Float[Array, " points"]:
-    """Distance along the polyline up to each point, in m."""
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _with_headings(
-    points: Float[Array, "points 2"], start: Place, goal: Place, turn_within: float
-) -> Float[Array, "points 3"]:
-    """Add to each point the direction in which it was reached, bent to the ends' headings."""
-    steps = np.diff(points, axis=0)
-    yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
-    yaw = np.concatenate([yaw[:1], yaw])
-    travelled = _travelled(points)
-    if travelled[-1] == 0.0:  # turning on the spot
-        travelled = np.linspace(0.0, 1.0, len(points))
-    reach = max(min(turn_within, 0.5 * travelled[-1]), 1e-9)
-    for end, place, distance in ((0, start, travelled), (-1, goal, travelled[-1] - travelled)):
-        if place.yaw is not None:
-            turn = wrap(place.yaw - float(yaw[end]))
-            yaw = yaw + turn * np.maximum(1.0 - distance / reach, 0.0)
-    if start.yaw is not None:
-        yaw = yaw + 2.0 * np.pi * np.round((start.yaw - yaw[0]) / (2.0 * np.pi))
-    return np.column_stack([points, yaw])
+    length = travelled(points)[-1]
+    return resampled(points, max(4, len(points) if spacing == 0.0 else 1 + round(length / spacing)))
 
 
 def _check_place(

@@ -1,0 +1,189 @@
+"""How smooth, how safe and how fast paths are: ours, SciPy's splines and gradient smoothing.
+
+All smooth the same shortest ways between random free cells of the shared maps. A path collides if
+a sample of it, 40 a cell, lies in an occupied cell. Curvatures are the greatest of each path, in
+1 / cell, of ours the proved bound and of the others what 40 samples a cell find. SciPy's
+``splprep`` is asked for its default smoothness, and for a tenth of it. Gradient smoothing is that
+of Nav2's simple smoother with its default weights, refined twice: as it stands, and with its check
+that no point comes to lie in an obstacle; its points are the polygon that collides or not, and
+control points of a spline where it is asked for its curvature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+from figures import at_least, at_most, publish, row
+from numba import njit
+from scipy.interpolate import splev, splprep
+
+from omnidrive.errors import NoPathFound
+from omnidrive.maps import OccupancyGrid, load_nav2_map
+from omnidrive.planning import SplinePath, search, smooth
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "maps"
+NAV2 = {"depot": 0.25, "tb3_sandbox": 0.15, "smoothers_world": 0.25, "demo_map": 0.15}  # m
+MOVINGAI = ("random-32-32-20", "maze-32-32-4", "room-64-64-8", "warehouse-10-20-10-2-1")
+WAYS, SHORTEST = 400, 12  # per map; cells
+PEERS_EVERY = 4  # the others smooth every fourth way
+PER_CELL = 40
+ABOUT_200 = (150, 250)  # cells of the ways that are timed
+WEIGHT_OF_DATA, WEIGHT_OF_SMOOTHNESS, CHANGE, SWEEPS, REFINEMENTS = 0.2, 0.3, 1e-10, 1000, 2
+
+Way = tuple[OccupancyGrid, np.ndarray]
+
+
+def grids() -> Iterator[OccupancyGrid]:
+    for name, radius in NAV2.items():
+        yield load_nav2_map(SHARED / "nav2" / f"{name}.yaml").inflated(radius)
+    for name in MOVINGAI:
+        lines = (SHARED / "movingai" / f"{name}.map").read_text().splitlines()[4:]
+        yield OccupancyGrid(np.array([[c not in ".G" for c in line] for line in lines]), 1.0)
+
+
+def ways(grid: OccupancyGrid, rng: np.random.Generator) -> Iterator[Way]:
+    """Shortest ways between random free cells, as cell centres."""
+    free = np.argwhere(~grid.occupied)
+    for _ in range(WAYS):
+        start, goal = free[rng.integers(0, len(free), 2)].tolist()
+        try:
+            cells = search(grid, tuple(start), tuple(goal))
+        except NoPathFound:
+            continue
+        if len(cells) >= SHORTEST:
+            yield grid, np.array([grid.centre(r, c) for r, c in cells.tolist()])
+
+
+def collides(grid: OccupancyGrid, points: np.ndarray) -> bool:
+    col, row_ = np.floor((points - grid.origin) / grid.resolution).astype(int).T + 1
+    padded = np.pad(grid.occupied, 1, constant_values=grid.walled)
+    rows, cols = padded.shape
+    return bool(padded[row_.clip(0, rows - 1), col.clip(0, cols - 1)].any())
+
+
+def dense(path: SplinePath, grid: OccupancyGrid) -> np.ndarray:
+    return path.poses(np.linspace(0.0, 1.0, 2 + int(PER_CELL * path.length / grid.resolution)))[:, :2]
+
+
+def curvature(velocity: np.ndarray, acceleration: np.ndarray) -> float:
+    cross = velocity[0] * acceleration[1] - velocity[1] * acceleration[0]
+    return float(np.abs(cross / np.hypot(*velocity) ** 3).max())
+
+
+def scipys(share: float) -> Callable[[Way], tuple[np.ndarray, Callable[[], float]]]:
+    """SciPy's smoothing spline: samples and curvature."""
+
+    def smoothed(way: Way) -> tuple[np.ndarray, Callable[[], float]]:
+        grid, points = way
+        m = len(points)
+        scaled = points.T / grid.resolution
+        spline, _ = splprep(scaled, s=share * (m - (2.0 * m) ** 0.5))
+        u = np.linspace(0.0, 1.0, PER_CELL * m)
+        samples = np.stack(splev(u, spline), axis=1) * grid.resolution
+        return samples, lambda: curvature(
+            np.array(splev(u, spline, 1)), np.array(splev(u, spline, 2))
+        )
+
+    return smoothed
+
+
+@njit(cache=True)
+def relaxed(points, occupied, corner, resolution, checked):
+    """Sweeps of gradient smoothing; those before the first point in an obstacle, if checked."""
+    new, last = points.copy(), points.copy()
+    for _ in range(SWEEPS):
+        change = 0.0
+        for i in range(1, len(points) - 1):
+            for j in range(2):
+                y = new[i, j]
+                step = WEIGHT_OF_DATA * (points[i, j] - y)
+                step += WEIGHT_OF_SMOOTHNESS * (new[i + 1, j] + new[i - 1, j] - 2.0 * y)
+                new[i, j] += step
+                change += abs(step)
+            if checked:
+                r = int(np.floor((new[i, 1] - corner[1]) / resolution))
+                c = int(np.floor((new[i, 0] - corner[0]) / resolution))
+                if occupied[r, c]:
+                    return last, False
+        last[:] = new
+        if change < CHANGE:
+            return new, True
+    return last, False
+
+
+def gradient(checked: bool) -> Callable[[Way], tuple[np.ndarray, Callable[[], float]]]:
+    """Gradient smoothing: samples of the polygon, and curvature of the spline on it."""
+
+    def smoothed(way: Way) -> tuple[np.ndarray, Callable[[], float]]:
+        grid, points = way
+        corner = np.array(grid.origin, float)
+        for _ in range(1 + REFINEMENTS):
+            points, going = relaxed(points, grid.occupied, corner, grid.resolution, checked)
+            if not going:
+                break
+        at = np.linspace(0.0, len(points) - 1.0, PER_CELL * len(points))
+        samples = np.stack([np.interp(at, np.arange(len(points)), x) for x in points.T], axis=1)
+        path = SplinePath(np.column_stack([points, np.zeros(len(points))]))
+        return samples, lambda: path.max_curvature[0] * grid.resolution
+
+    return smoothed
+
+
+PEERS = {
+    "SciPy": scipys(1.0),
+    "SciPy, s a tenth": scipys(0.1),
+    "gradient": gradient(checked=False),
+    "gradient, points checked": gradient(checked=True),
+}
+
+
+def peer_rows(chosen: list[Way]) -> Iterator[dict]:
+    for name, peer in PEERS.items():
+        collisions, curvatures = 0, []
+        for way in chosen:
+            samples, bend = peer(way)
+            collisions += collides(way[0], samples)
+            curvatures.append(bend())
+        yield row(f"{name}: paths that collide", collisions / len(chosen), "of paths")
+        yield row(f"{name}: median of the greatest curvature", median(curvatures), "1/cell")
+
+
+def our_rows(chosen: list[Way]) -> Iterator[dict]:
+    curvatures: dict[str, list[float]] = {"spline": [], "certified": []}
+    collisions, closest, seconds = dict.fromkeys(curvatures, 0), np.inf, []
+    smooth(*chosen[0])
+    for grid, points in chosen:
+        for method, found in curvatures.items():
+            began = perf_counter()
+            smoothed = smooth(grid, points, method=method)
+            took = perf_counter() - began
+            collisions[method] += collides(grid, dense(smoothed.path, grid))
+            found.append(smoothed.path.max_curvature[method == "certified"] * grid.resolution)
+        closest = min(closest, smoothed.clearance / grid.resolution)
+        if ABOUT_200[0] <= len(points) <= ABOUT_200[1]:
+            seconds.append(took)
+    plain, certified = (median(found) for found in curvatures.values())
+    yield row("paths", len(chosen), "1")
+    yield at_most("certified: paths that collide", collisions["certified"], "1", 0)
+    yield at_least("certified: least clearance that is proved", closest, "cells", 0.0)
+    yield at_least("certified: median curvature below the plain spline's", plain / certified, "1", 2.0)
+    yield at_most("certified: 150 to 250 cells, median", median(seconds) * 1e3, "ms", 10.0)
+    yield row("certified: 150 to 250 cells, 95th percentile", np.percentile(seconds, 95) * 1e3, "ms")
+    yield row("certified: paths timed", len(seconds), "1")
+    yield row("certified: median of the greatest curvature", certified, "1/cell")
+    yield row("plain spline: median of the greatest curvature", plain, "1/cell")
+    yield row("plain spline: paths that collide", collisions["spline"] / len(chosen), "of paths")
+
+
+def main() -> None:
+    rng = np.random.default_rng(5)
+    chosen = [way for grid in grids() for way in ways(grid, rng)]
+    publish("smoothing", [*our_rows(chosen), *peer_rows(chosen[::PEERS_EVERY])])
+
+
+if __name__ == "__main__":
+    main()

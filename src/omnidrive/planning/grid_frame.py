@@ -1,0 +1,47 @@
+"""The frame of a grid's cells: where columns and rows lie in W."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.maps import OccupancyGrid
+
+Array = np.ndarray
+
+
+class GridFrame(NamedTuple):
+    """Places in cells: column first, then row; cell (i, j) is the square from (j, i) on.
+
+    Attributes:
+        corner: Outer corner of cell (0, 0), in m of W.
+        sides: The steps to the next column and to the next row, in m of W; orthogonal.
+    """
+
+    corner: Float[Array, "2"]
+    sides: Float[Array, "2 2"]
+
+    @classmethod
+    def of(cls, grid: OccupancyGrid) -> GridFrame:
+        """Frame of a grid, turned or not."""
+        rows, cols = grid.occupied.shape
+        first = np.array(grid.centre(0, 0))
+        # across the whole grid: least rounding
+        right = (np.array(grid.centre(0, cols)) - first) / cols
+        up = (np.array(grid.centre(rows, 0)) - first) / rows
+        return cls(first - 0.5 * (right + up), np.stack([right, up]))
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell, in m."""
+        return float(np.hypot(*self.sides[0]))
+
+    def cells(self, points: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
+        """Places in cells of points in m of W."""
+        return np.ascontiguousarray((points - self.corner) @ self.sides.T / self.resolution**2)
+
+    def world(self, places: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
+        """Points in m of W of places in cells."""
+        return self.corner + places @ self.sides

@@ -1,0 +1,303 @@
+"""Smoothing with a certificate: nothing is ever hit, nothing is ever refused."""
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from omnidrive.errors import InvalidInput, NoPathFound
+from omnidrive.maps import OccupancyGrid, load_nav2_map, paper_map
+from omnidrive.planning import SplinePath, search, smooth
+from tests.shared_data import shared
+
+MAPS = np.array([False, False, True])
+
+
+def centres(grid, cells):
+    return np.array([grid.centre(row, col) for row, col in np.asarray(cells).tolist()])
+
+
+def enters(grid, path, per_cell=40):
+    """Whether a dense sample of the path lies in an occupied cell: cell by cell, no distances.
+
+    A point on a cell's edge is in none: it is tried 1e-7 cells off its place in every direction.
+    """
+    count = 2 + int(per_cell * path.length / grid.resolution)
+    places = (path.poses(np.linspace(0.0, 1.0, count))[:, :2] - grid.origin) / grid.resolution
+    padded = np.pad(grid.occupied, 1, constant_values=grid.walled)
+    limits = np.array(padded.shape[::-1]) - 1
+    inside = np.ones(count, bool)
+    for off in product((-1e-7, 1e-7), repeat=2):
+        col, row = (np.floor(places + off).astype(int) + 1).clip(0, limits).T
+        inside &= padded[row, col]
+    return bool(inside.any())
+
+
+def sampled_clearance(grid, path, per_cell=40):
+    """Least distance in m at samples, by the grid's own exact distances."""
+    count = 2 + int(per_cell * path.length / grid.resolution)
+    return grid.clearance(path.poses(np.linspace(0.0, 1.0, count))[:, :2]).min()
+
+
+def polygon_clearance(grid, points):
+    fine = np.vstack([np.linspace(a, b, 60) for a, b in pairwise(points)])
+    return grid.clearance(fine).min()
+
+
+@st.composite
+def ways(draw, cut_corners=st.booleans()):
+    """A random map with a way through it, its ends anywhere in their cells."""
+    occupied = draw(arrays(bool, (9, 10), elements=st.sampled_from(MAPS.tolist())))
+    occupied[0, 0] = occupied[8, 9] = False
+    grid = OccupancyGrid(occupied, 0.2, (-3.0, 1.0), walled=draw(st.booleans()))
+    cut = draw(cut_corners)
+    try:
+        points = centres(grid, search(grid, (0, 0), (8, 9), cut_corners=cut))
+    except NoPathFound:
+        assume(False)
+    off = draw(arrays(float, (2, 2), elements=st.floats(-0.099, 0.099)))
+    points[[0, -1]] += off
+    return grid, points
+
+
+@st.composite
+def walks(draw):
+    """A walk of any-angle steps in a map that is free around it and nowhere else."""
+    steps = draw(st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), min_size=1, max_size=8))
+    corners = np.cumsum([(20, 20), *steps], axis=0).clip(1, 38)
+    occupied = np.ones((40, 40), bool)
+    for a, b in pairwise(corners):
+        for at in np.linspace(a, b, 400) + 0.5:
+            occupied[tuple(np.floor(at).astype(int))] = False
+    grid = OccupancyGrid(occupied, 1.0)
+    return grid, centres(grid, corners)
+
+
+# ---- nothing is hit
+
+@given(way=ways(), clearance=st.sampled_from([0.0, 0.03, 0.07, 0.5]))
+@settings(max_examples=150, deadline=None)
+def test_a_certified_path_enters_no_obstacle(way, clearance):
+    grid, points = way
+    smoothed = smooth(grid, points, clearance=clearance)
+    assert not enters(grid, smoothed.path)
+    assert 0.0 <= smoothed.clearance <= sampled_clearance(grid, smoothed.path) + 1e-12
+
+
+@given(walk=walks(), clearance=st.sampled_from([0.0, 0.2, 0.4]))
+@settings(max_examples=100, deadline=None)
+def test_any_angle_walks_through_tunnels_are_smoothed(walk, clearance):
+    """The polygon touches the corners of the tunnel, which is one cell wide."""
+    grid, points = walk
+    smoothed = smooth(grid, points, clearance=clearance)
+    assert not enters(grid, smoothed.path)
+
+
+@given(way=ways(st.just(False)), clearance=st.floats(0.0, 0.1))
+@settings(max_examples=100, deadline=None)
+def test_the_clearance_asked_for_is_kept_where_the_polygon_keeps_more(way, clearance):
+    grid, points = way
+    smoothed = smooth(grid, points, clearance=clearance)
+    had = polygon_clearance(grid, points)
+    assert smoothed.clearance >= min(clearance, 0.8 * had) - 1e-8
+    assert sampled_clearance(grid, smoothed.path) >= min(clearance, 0.8 * had) - 1e-8
+
+
+@given(way=ways(), method=st.sampled_from(["spline", "certified"]))
+@settings(max_examples=60, deadline=None)
+def test_the_certificate_holds_for_either_method(way, method):
+    grid, points = way
+    smoothed = smooth(grid, points, method=method)
+    assert smoothed.clearance <= sampled_clearance(grid, smoothed.path) + 1e-12
+    assert (smoothed.path.poses(0.0)[:2] == points[0]).all()
+    assert smoothed.path.poses(1.0)[:2] == pytest.approx(points[-1], abs=1e-12)
+
+
+def test_clearance_in_an_open_room_is_what_is_asked_for():
+    occupied = np.zeros((30, 30), bool)
+    occupied[10:20, 12:14] = True
+    grid = OccupancyGrid(occupied, 0.1)
+    points = centres(grid, search(grid, (15, 2), (15, 25)))
+    near, far = (smooth(grid, points, clearance=m).clearance for m in (0.0, 0.04))
+    assert 0.0 < near < 0.01
+    assert 0.04 <= far < 0.05
+    # the search's way keeps half a cell: no smoothing brings it further off than that for sure
+    assert smooth(grid, points, clearance=1.0).clearance >= 0.04
+
+
+# ---- it is smoother
+
+def test_curvature_is_less_than_half_of_the_plain_splines():
+    rng, ratios = np.random.default_rng(3), []
+    for _ in range(40):
+        grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1)
+        grid.occupied[[0, -1], [0, -1]] = False
+        try:
+            points = centres(grid, search(grid, (0, 0), (59, 59)))
+        except NoPathFound:
+            continue
+        plain, ours = (smooth(grid, points, method=m).path for m in ("spline", "certified"))
+        ratios.append(plain.max_curvature[0] / ours.max_curvature[1])
+    assert len(ratios) > 20
+    assert np.median(ratios) > 2.0
+
+
+def test_smoothing_is_repeatable():
+    grid = paper_map()
+    points = centres(grid, search(grid, (4, 4), (29, 39)))
+    first, second = (smooth(grid, points).path.control_points for _ in range(2))
+    assert (first == second).all()
+
+
+def test_a_plain_spline_has_the_cells_as_control_points():
+    grid = paper_map()
+    points = centres(grid, search(grid, (4, 4), (29, 39)))
+    path = smooth(grid, points, method="spline").path
+    assert (path.control_points[:, :2] == points).all()
+
+
+# ---- degenerate ways
+
+ROOM = OccupancyGrid(np.zeros((8, 8), bool), 1.0)
+
+
+@pytest.mark.parametrize("method", ["spline", "certified"])
+@pytest.mark.parametrize(
+    "points",
+    [
+        [(2.5, 2.5)],
+        [(2.5, 2.5), (2.5, 2.5)],
+        [(2.5, 2.5)] * 6,
+        [(2.1, 2.2), (2.9, 2.7)],
+        [(2.5, 2.5), (3.5, 3.5)],
+        [(2.5, 2.5), (3.5, 3.5), (4.5, 3.5)],
+        [(0.5, 0.5), (1.5, 0.5), (1.5, 0.5), (1.5, 0.5), (2.5, 1.5)],
+        [(1.5, 0.5), (6.5, 0.5), (1.5, 0.5)],
+        [(0.0, 0.0), (8.0, 8.0)],
+    ],
+)
+def test_short_and_repeated_points(points, method):
+    points = np.array(points)
+    smoothed = smooth(ROOM, points, method=method)
+    assert isinstance(smoothed.path, SplinePath)
+    assert smoothed.path.poses(0.0)[:2] == pytest.approx(points[0], abs=1e-12)
+    assert smoothed.path.poses(1.0)[:2] == pytest.approx(points[-1], abs=1e-12)
+    assert smoothed.clearance >= -1e-2
+    assert smoothed.path.clearance(ROOM)[1] >= 0.0
+
+
+def test_a_corridor_one_cell_wide():
+    occupied = np.ones((7, 9), bool)
+    occupied[1, 1:8] = occupied[1:6, 7] = occupied[5, 2:8] = False
+    grid = OccupancyGrid(occupied, 0.3)
+    points = centres(grid, search(grid, (1, 1), (5, 2)))
+    smoothed = smooth(grid, points)
+    assert not enters(grid, smoothed.path, 400)
+    assert smoothed.path.max_curvature[1] < 0.7 * smooth(grid, points, method="spline").path.max_curvature[0]
+    # as much as the polygon keeps, to four fifths
+    assert smooth(grid, points, clearance=0.15).clearance >= 0.8 * 0.15
+
+
+def test_a_way_through_touching_corners():
+    """Diagonal moves between squares that meet in a corner: only the polygon itself gets by."""
+    occupied = ~np.eye(6, dtype=bool)
+    occupied[5, 4] = False
+    grid = OccupancyGrid(occupied, 1.0)
+    points = centres(grid, [*((i, i) for i in range(6)), (5, 4)])
+    smoothed = smooth(grid, points)
+    assert not enters(grid, smoothed.path, 1000)
+    assert smoothed.clearance == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_start_from_which_the_next_centre_is_not_seen():
+    """With corner cutting a step from the edge of the first cell crosses the obstacle."""
+    occupied = np.zeros((3, 3), bool)
+    occupied[1, 0] = True
+    grid = OccupancyGrid(occupied, 1.0)
+    points = np.array([(0.1, 0.9), (1.5, 1.5), (1.5, 2.5)])
+    smoothed = smooth(grid, points)
+    assert not enters(grid, smoothed.path, 1000)
+    assert (smoothed.path.control_points[0, :2] == points[0]).all()
+
+
+def test_headings_run_along_the_path_and_meet_those_asked_for():
+    points = np.array([(1.5, 1.5), (6.5, 1.5), (6.5, 6.5)])
+    free = smooth(ROOM, points).path.control_points[:, 2]
+    assert free[0] == pytest.approx(0.0, abs=0.6)
+    assert free[-1] == pytest.approx(np.pi / 2, abs=0.6)
+    asked = smooth(ROOM, points, yaws=(1.0, -1.0)).path.poses(np.array([0.0, 1.0]))[:, 2]
+    assert asked[0] == pytest.approx(1.0)
+    assert np.cos(asked[1] + 1.0) == pytest.approx(1.0)
+
+
+# ---- what is refused
+
+@pytest.mark.parametrize(
+    ("points", "options", "message"),
+    [
+        (np.zeros((0, 2)), {}, "at least one point"),
+        ([(1.5, np.nan)], {}, "all of them finite"),
+        ([(1.5, 1.5), (5.5, 1.5)], {"clearance": -0.1}, "must be 0 m or more, got -0.1 m"),
+        ([(1.5, 1.5), (5.5, 1.5)], {"clearance": np.inf}, "must be 0 m or more"),
+        ([(1.5, 1.5), (9.5, 1.5)], {}, "enters an obstacle"),
+        ([(1.5, 1.5), (1e9, 1.5)], {}, "1e.09 cells long"),
+        ([(0.5, 4.5), (7.5, 4.5)], {}, "enters an obstacle by the cell in row 4, column 3"),
+    ],
+)
+def test_what_cannot_be_smoothed(points, options, message):
+    occupied = np.zeros((8, 8), bool)
+    occupied[4, 4] = True
+    with pytest.raises(InvalidInput, match=message):
+        smooth(OccupancyGrid(occupied, 1.0), np.asarray(points, float), **options)
+
+
+# ---- real maps
+
+def movingai(name):
+    lines = shared(f"maps/movingai/{name}.map").read_text().splitlines()[4:]
+    return OccupancyGrid(np.array([[c not in ".G" for c in line] for line in lines]), 1.0)
+
+
+def real_maps():
+    for name, radius in (("depot", 0.25), ("tb3_sandbox", 0.15), ("smoothers_world", 0.25), ("demo_map", 0.15)):
+        yield load_nav2_map(shared(f"maps/nav2/{name}.yaml")).inflated(radius)
+    for name in ("random-32-32-20", "maze-32-32-4", "room-64-64-8", "warehouse-10-20-10-2-1"):
+        yield movingai(name)
+
+
+def smooth_random_ways(grid, rng, count, **options):
+    """Certified and plain splines along ways between random free cells."""
+    free = np.argwhere(~grid.occupied)
+    for _ in range(count):
+        (a, b), (c, d) = free[rng.integers(0, len(free), 2)].tolist()
+        try:
+            points = centres(grid, search(grid, (a, b), (c, d)))
+        except NoPathFound:
+            continue
+        yield points, smooth(grid, points, **options)
+
+
+def check_real_maps(count):
+    rng, plain, ours = np.random.default_rng(11), [], []
+    for grid in real_maps():
+        for points, smoothed in smooth_random_ways(grid, rng, count):
+            assert not enters(grid, smoothed.path)
+            assert smoothed.clearance > 0.0
+            if len(points) >= 12:
+                spline = smooth(grid, points, method="spline").path
+                plain.append(spline.max_curvature[0] * grid.resolution)
+                ours.append(smoothed.path.max_curvature[1] * grid.resolution)
+    assert np.median(plain) >= 2.0 * np.median(ours)
+    return len(plain)
+
+
+def test_random_ways_over_real_maps():
+    assert check_real_maps(8) > 40
+
+
+@pytest.mark.long
+def test_thousands_of_random_ways_over_real_maps():
+    assert check_real_maps(600) > 3000
