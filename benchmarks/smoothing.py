@@ -66,7 +66,9 @@ def collides(grid: OccupancyGrid, points: np.ndarray) -> bool:
 
 
 def dense(path: SplinePath, grid: OccupancyGrid) -> np.ndarray:
-    return path.poses(np.linspace(0.0, 1.0, 2 + int(PER_CELL * path.length / grid.resolution)))[:, :2]
+    return path.poses(np.linspace(0.0, 1.0, 2 + int(PER_CELL * path.length / grid.resolution)))[
+        :, :2
+    ]
 
 
 def curvature(velocity: np.ndarray, acceleration: np.ndarray) -> float:
@@ -170,9 +172,13 @@ def our_rows(chosen: list[Way]) -> Iterator[dict]:
     yield row("paths", len(chosen), "1")
     yield at_most("certified: paths that collide", collisions["certified"], "1", 0)
     yield at_least("certified: least clearance that is proved", closest, "cells", 0.0)
-    yield at_least("certified: median curvature below the plain spline's", plain / certified, "1", 2.0)
+    yield at_least(
+        "certified: median curvature below the plain spline's", plain / certified, "1", 2.0
+    )
     yield at_most("certified: 150 to 250 cells, median", median(seconds) * 1e3, "ms", 10.0)
-    yield row("certified: 150 to 250 cells, 95th percentile", np.percentile(seconds, 95) * 1e3, "ms")
+    yield row(
+        "certified: 150 to 250 cells, 95th percentile", np.percentile(seconds, 95) * 1e3, "ms"
+    )
     yield row("certified: paths timed", len(seconds), "1")
     yield row("certified: median of the greatest curvature", certified, "1/cell")
     yield row("plain spline: median of the greatest curvature", plain, "1/cell")

@@ -12,7 +12,7 @@ from scipy.interpolate import BSpline
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
-from omnidrive.planning.clearance import piece_clearances
+from omnidrive.planning.clearance import Floor, piece_clearances
 from omnidrive.planning.pieces import pieces
 
 MOVES = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
@@ -35,6 +35,7 @@ def samples(path, count=4001):
 
 # ---- the curve
 
+
 @given(points=control_points())
 @settings(max_examples=60, deadline=None)
 def test_a_spline_lies_in_the_hull_of_four_neighbours(points):
@@ -43,7 +44,10 @@ def test_a_spline_lies_in_the_hull_of_four_neighbours(points):
     directions = np.stack([np.cos(np.arange(24) / 3.8), np.sin(np.arange(24) / 3.8)])
     for j in range(count):
         curve = path.poses(np.linspace(j / count, (j + 1) / count, 50))[:, :2]
-        reach, limit = (curve @ directions).max(axis=0), (points[j : j + 4] @ directions).max(axis=0)
+        reach, limit = (
+            (curve @ directions).max(axis=0),
+            (points[j : j + 4] @ directions).max(axis=0),
+        )
         assert (reach <= limit + 1e-9).all()
 
 
@@ -57,6 +61,7 @@ def test_three_control_points_in_one_place_make_a_sharp_corner():
 
 
 # ---- length
+
 
 @given(points=control_points())
 @settings(max_examples=60, deadline=None)
@@ -80,6 +85,7 @@ def test_length_of_a_path_that_turns_back():
 
 
 # ---- curvature
+
 
 @given(points=control_points())
 @settings(max_examples=50, deadline=None)
@@ -131,6 +137,7 @@ def test_a_straight_path_and_one_without_length_have_no_curvature():
 
 
 # ---- clearance
+
 
 @given(
     occupied=arrays(bool, (6, 6), elements=st.sampled_from([False, False, False, True])),
@@ -235,8 +242,8 @@ def test_between_the_samples_a_spline_keeps_0409_of_a_cell():
         for n, j in KINDS[-12:]:
             window = np.arange(n).clip(j, j + 3) - j
             curve = pieces(cells[window] + 5.5)
-            bounds = piece_clearances(occupied, False, curve.points, curve.bends, 1e-6, 1.0)
-            assert bounds[j, 0] >= 0.40896
+            bounds = piece_clearances(Floor(occupied, False), curve.places, curve.bends, 1e-6, 1.0)
+            assert bounds[j] >= 0.40896
 
 
 def test_with_corner_cutting_a_spline_may_enter_an_obstacle():

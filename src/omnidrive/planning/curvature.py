@@ -58,7 +58,8 @@ def _crosses(parts: Parts) -> Float[Array, "3 parts"]:
 
 def _cross(a: Float[Array, "*n 2"], b: Float[Array, "*n 2"]) -> Float[Array, "*n"]:
     """Third component of a x b."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    cross: Float[Array, "*n"] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return cross
 
 
 def _distance_to_triangle(corners: Float[Array, "3 n 2"]) -> Float[Array, " n"]:

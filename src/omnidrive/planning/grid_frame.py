@@ -20,7 +20,7 @@ class GridFrame(NamedTuple):
         sides: The steps to the next column and to the next row, in m of W; orthogonal.
     """
 
-    corner: Float[Array, "2"]
+    corner: Float[Array, " xy"]
     sides: Float[Array, "2 2"]
 
     @classmethod
@@ -44,4 +44,5 @@ class GridFrame(NamedTuple):
 
     def world(self, places: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
         """Points in m of W of places in cells."""
-        return self.corner + places @ self.sides
+        points: Float[Array, "points 2"] = self.corner + places @ self.sides
+        return points

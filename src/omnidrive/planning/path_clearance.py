@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.clearance import curve_clearance, piece_clearances
+from omnidrive.planning.clearance import Floor, curve_clearance, piece_clearances
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.pieces import Pieces, pieces
 
@@ -30,9 +30,7 @@ def clearance_bounds(
         raise InvalidInput(f"the tolerance must be positive, got {tolerance:g} cells")
     frame = GridFrame.of(grid)
     curve = pieces(frame.cells(control_points))
-    lower, upper = curve_clearance(
-        grid.occupied, grid.walled, curve.points, curve.bends, tolerance
-    )
+    lower, upper = curve_clearance(Floor.of(grid), curve.places, curve.bends, tolerance)
     if lower > -np.inf:
         return (lower - _ROUNDING) * frame.resolution, (upper + _ROUNDING) * frame.resolution
     return _depth(grid, frame, curve, tolerance)
@@ -46,11 +44,9 @@ def _depth(
     The distance changes no faster than the place: between samples it is less than at the nearer
     by at most half the way between them.
     """
-    bounds = piece_clearances(
-        grid.occupied, grid.walled, curve.points, curve.bends, tolerance, 2.0 * tolerance
-    )
+    bounds = piece_clearances(Floor.of(grid), curve.places, curve.bends, tolerance, 2.0 * tolerance)
     lower = upper = np.inf
-    for j in np.flatnonzero(bounds[:, 0] < 2.0 * tolerance).tolist():
+    for j in np.flatnonzero(bounds < 2.0 * tolerance).tolist():
         piece = Pieces(*(values[j : j + 2] for values in curve))
         middle = piece.slopes[0] + 0.5 * piece.bends[0]
         fastest = float(np.linalg.norm([*piece.slopes, middle], axis=1).max())

@@ -14,11 +14,11 @@ class KnotWeights(NamedTuple):
     """What the spline is at knot j, as sums over the control points j, j + 1 and j + 2.
 
     Attributes:
-        points: Weights of its place.
+        places: Weights of its place.
         bends: Weights of its second derivative.
     """
 
-    points: Float[Array, "knots 3"]
+    places: Float[Array, "knots 3"]
     bends: Float[Array, "knots 3"]
 
 
@@ -34,29 +34,30 @@ class Pieces(NamedTuple):
     at s of its chord than max(|b_j|, |b_{j+1}|) / 8.
 
     Attributes:
-        points: Places.
+        places: Places.
         slopes: First derivatives.
         bends: Second derivatives.
     """
 
-    points: Float[Array, "knots 2"]
+    places: Float[Array, "knots 2"]
     slopes: Float[Array, "knots 2"]
     bends: Float[Array, "knots 2"]
 
     def at(self, s: Float[Array, " samples"]) -> Float[Array, "pieces samples 2"]:
         """Places at ``s`` in [0, 1] of every piece."""
         s = s[:, None]
-        chord = (1.0 - s) * self.points[:-1, None] + s * self.points[1:, None]
+        chord = (1.0 - s) * self.places[:-1, None] + s * self.places[1:, None]
         bend = (2.0 - s) * self.bends[:-1, None] + (1.0 + s) * self.bends[1:, None]
-        return chord - s * (1.0 - s) / 6.0 * bend
+        places: Float[Array, "pieces samples 2"] = chord - s * (1.0 - s) / 6.0 * bend
+        return places
 
 
 def knot_weights(control_points: int) -> KnotWeights:
     """Weights of a clamped uniform cubic B-spline (de Boor, ch. IX and X)."""
     knots = _Knots.of(control_points)
-    points = np.stack([knots.first, 1.0 - knots.first - knots.third, knots.third], axis=1)
+    places = np.stack([knots.first, 1.0 - knots.first - knots.third, knots.third], axis=1)
     first, third = 6.0 / (knots.gap * knots.wide[:-1]), 6.0 / (knots.gap * knots.wide[1:])
-    return KnotWeights(points, np.stack([first, -first - third, third], axis=1))
+    return KnotWeights(places, np.stack([first, -first - third, third], axis=1))
 
 
 def pieces(control_points: Float[Array, "points 2"]) -> Pieces:
@@ -69,11 +70,11 @@ def pieces(control_points: Float[Array, "points 2"]) -> Pieces:
         values[:, None] for values in (knots.first, knots.third, knots.gap, knots.after)
     )
     steps = np.diff(control_points, axis=0)
-    points = control_points[1:-1] - first * steps[:-1] + third * steps[1:]
-    points[0], points[-1] = control_points[0], control_points[-1]
+    places = control_points[1:-1] - first * steps[:-1] + third * steps[1:]
+    places[0], places[-1] = control_points[0], control_points[-1]
     rates = 3.0 * steps / knots.wide[:, None]
     slopes = (after * rates[:-1] + (gap - after) * rates[1:]) / gap
-    return Pieces(points, slopes, 2.0 * np.diff(rates, axis=0) / gap)
+    return Pieces(places, slopes, 2.0 * np.diff(rates, axis=0) / gap)
 
 
 class _Knots(NamedTuple):

@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
-from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.clearance import chord_clearance
+from omnidrive.planning.clearance import Floor, chord_clearances
 
 Array = np.ndarray
 
@@ -17,7 +16,7 @@ _LONGEST = 1.5  # cells; longer steps are divided
 _MOST_POINTS = 1_000_000
 
 
-def free_polygon(grid: OccupancyGrid, points: Float[Array, "points 2"]) -> Float[Array, "more 2"]:
+def free_polygon(floor: Floor, points: Float[Array, "points 2"]) -> Float[Array, "more 2"]:
     """The polygon through ``points`` (cells), which enters no obstacle, in short steps.
 
     An end may lie anywhere in its cell. If the step from it crosses a corner of an obstacle, the
@@ -27,11 +26,11 @@ def free_polygon(grid: OccupancyGrid, points: Float[Array, "points 2"]) -> Float
         InvalidInput: It enters an obstacle elsewhere, or is too long.
     """
     polygon = divided(points)
-    if _entered(grid, polygon) is None:
+    if _entered(floor, polygon) is None:
         return polygon
     start, goal = np.floor(points[:1]) + 0.5, np.floor(points[-1:]) + 0.5
     polygon = divided(np.vstack([points[:1], start, points[1:-1], goal, points[-1:]]))
-    entered = _entered(grid, polygon)
+    entered = _entered(floor, polygon)
     if entered is None:
         return polygon
     col, row = np.floor(polygon[entered]).astype(int).tolist()
@@ -65,15 +64,7 @@ def divided(points: Float[Array, "points 2"]) -> Float[Array, "more 2"]:
     return np.vstack([points[step] + share[:, None] * steps[step], points[-1:]])
 
 
-def edge_clearances(
-    grid: OccupancyGrid, polygon: Float[Array, "points 2"], limit: float
-) -> Float[Array, " edges"]:
-    """Distance from each edge to the nearest obstacle, in cells, at most ``limit``; -inf inside."""
-    edges = np.hstack([polygon[:-1], polygon[1:]]).tolist()
-    return np.array([chord_clearance(grid.occupied, grid.walled, *e, limit) for e in edges])
-
-
-def _entered(grid: OccupancyGrid, polygon: Float[Array, "points 2"]) -> int | None:
+def _entered(floor: Floor, polygon: Float[Array, "points 2"]) -> int | None:
     """Number of the first edge that enters an obstacle."""
-    inside = np.flatnonzero(edge_clearances(grid, polygon, 0.0) < 0.0)
+    inside = np.flatnonzero(chord_clearances(floor, polygon, 0.0) < 0.0)
     return int(inside[0]) if len(inside) else None

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
+from omnidrive.planning.clearance import Floor
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import SplinePath
@@ -92,10 +93,10 @@ def _certified(
     grid: OccupancyGrid, points: Float[Array, "points 2"], clearance: float
 ) -> tuple[Float[Array, "more 2"], float]:
     """Control points of a relaxed spline, and the distance in m that it is proved to keep."""
-    frame = GridFrame.of(grid)
-    polygon = free_polygon(grid, frame.cells(points))
-    start = certified_start(grid, polygon, max(clearance / frame.resolution, _LEAST))
-    control_points = frame.world(relaxed(grid, start))
+    frame, floor = GridFrame.of(grid), Floor.of(grid)
+    polygon = free_polygon(floor, frame.cells(points))
+    start = certified_start(floor, polygon, max(clearance / frame.resolution, _LEAST))
+    control_points = frame.world(relaxed(floor, start))
     control_points[0], control_points[-1] = points[0], points[-1]
     return control_points, max(float(start.kept.min()) - _ROUNDING, 0.0) * frame.resolution
 

@@ -7,14 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.clearance import piece_clearances
+from omnidrive.planning.clearance import Floor, chord_clearances, piece_clearances
 from omnidrive.planning.pieces import pieces
-from omnidrive.planning.smoothing.polygon import edge_clearances
 
 Array = np.ndarray
 
-SHARE = 0.8  # of the polygon's clearance that a spline with rounded corners must keep
+_SHARE = 0.8  # of the polygon's clearance that a spline with rounded corners must keep
 TOLERANCE = 0.005  # cells, between spline and chords
 _CLOSER = (0.0, 0.25, 0.0625, 0.0)  # of the way to the next point: where a corner's neighbours lie
 
@@ -31,9 +29,7 @@ class Start(NamedTuple):
     kept: Float[Array, " pieces"]
 
 
-def certified_start(
-    grid: OccupancyGrid, polygon: Float[Array, "points 2"], clearance: float
-) -> Start:
+def certified_start(floor: Floor, polygon: Float[Array, "points 2"], clearance: float) -> Start:
     """Spline along a polygon in short steps that keeps as much as is asked or can be had.
 
     Every piece keeps ``clearance`` (cells) or, where that is less, four fifths of what the polygon
@@ -41,18 +37,16 @@ def certified_start(
     ever closer; three points in one place are the last resort, and there the spline is the
     polygon itself.
     """
-    edges = edge_clearances(grid, polygon, clearance / SHARE)
+    edges = chord_clearances(floor, polygon, clearance / _SHARE)
     corners, levels = _corners(polygon), np.zeros(len(polygon), int)
     while True:
         control_points, owners = _along(polygon, levels)
         curve = pieces(control_points)
-        kept = piece_clearances(
-            grid.occupied, grid.walled, curve.points, curve.bends, TOLERANCE, clearance
-        )[:, 0]
+        kept = piece_clearances(floor, curve.places, curve.bends, TOLERANCE, clearance)
         first, last = owners[:-3], owners[3:]
         seen = np.minimum(np.add.outer(first - 1, np.arange(5)), last[:, None])
         had = edges[seen.clip(0, len(edges) - 1)].min(axis=1)
-        short = kept < np.minimum(clearance, SHARE * had)
+        short = kept < np.minimum(clearance, _SHARE * had)
         near = np.unique(np.add.outer(np.flatnonzero(short), np.arange(4)))
         closer = np.unique(owners[near])
         closer = closer[corners[closer] & (levels[closer] < len(_CLOSER) - 1)]
