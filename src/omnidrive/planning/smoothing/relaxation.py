@@ -83,7 +83,7 @@ def _sweep(
 def _move(spline: _Spline, floor: Floor, shares: Float[Array, " window"], middle: int) -> bool:
     """Move the control points about ``middle`` as far as is proved; False if they stay."""
     reach, last_knot = len(shares) // 2, len(spline.places) - 1
-    first, last = max(1, middle - reach), min(last_knot, middle + reach)
+    first, last = max(1, middle - reach), min(last_knot + 1, middle + reach)
     left = middle - reach  # where the shares begin
     dx, dy = _best_step(spline, shares, first, last, left)
     if abs(dx) + abs(dy) < _SMALLEST:
