@@ -16,6 +16,7 @@ from omnidrive.planning.pieces import Pieces, pieces
 Array = np.ndarray
 
 _ROUNDING = 1e-8  # cells
+_SHARES = (1.0, 0.03, 0.001)  # of the tolerance
 _MOST_SAMPLES = 10_000  # of a piece
 
 
@@ -30,9 +31,11 @@ def clearance_bounds(
         raise InvalidInput(f"the tolerance must be positive, got {tolerance:g} cells")
     frame = GridFrame.of(grid)
     curve = pieces(frame.cells(control_points))
-    lower, upper = curve_clearance(Floor.of(grid), curve.places, curve.bends, tolerance)
-    if lower > -np.inf:
-        return (lower - _ROUNDING) * frame.resolution, (upper + _ROUNDING) * frame.resolution
+    # a chord may enter where the curve does not: then chords closer to the curve
+    for share in _SHARES:
+        lower, upper = curve_clearance(Floor.of(grid), curve.places, curve.bends, share * tolerance)
+        if lower > -np.inf:
+            return (lower - _ROUNDING) * frame.resolution, (upper + _ROUNDING) * frame.resolution
     return _depth(grid, frame, curve, tolerance)
 
 

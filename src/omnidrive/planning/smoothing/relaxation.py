@@ -48,11 +48,12 @@ def relaxed(floor: Floor, start: Start) -> Float[Array, "points 2"]:
         start.kept,
     )
     _update(spline, 0, count - 3)
+    strides = [stride for stride in _STRIDES if 4 * stride <= count or stride == 1]
+    shares = {stride: _shares(stride) for stride in strides}
     for cycle in range(_CYCLES):
         taken = 0
-        for stride in _STRIDES:
-            if 4 * stride <= count or stride == 1:
-                taken += _sweep(spline, floor, _shares(stride), stride, cycle % 2 == 1)
+        for stride in strides:
+            taken += _sweep(spline, floor, shares[stride], stride, cycle % 2 == 1)
         if taken == 0:
             break
     return spline.control_points

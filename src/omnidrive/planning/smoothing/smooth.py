@@ -10,10 +10,11 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.clearance import Floor
+from omnidrive.planning.clearance import Floor, curve_clearance
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import SplinePath
+from omnidrive.planning.pieces import pieces
 from omnidrive.planning.polyline import resampled
 from omnidrive.planning.smoothing.polygon import free_polygon
 from omnidrive.planning.smoothing.relaxation import relaxed
@@ -23,7 +24,8 @@ Array = np.ndarray
 Method = Literal["spline", "certified"]
 
 _LEAST = 1e-6  # cells that a certified path keeps at least where it bends
-_ROUNDING = 1e-8  # cells
+_TOLERANCE = 1e-3  # cells, of what is proved
+_DIGITS, _ROUNDING = 9, 1e-8  # of cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,15 +80,14 @@ def smooth(
         raise InvalidInput(f"the clearance must be 0 m or more, got {clearance:g} m")
     control_points, proved = _METHODS[method](grid, points, clearance)
     path = SplinePath(with_headings(control_points, *yaws, turn_within))
-    return Smoothed(path, max(proved, path.clearance(grid)[0]))
+    return Smoothed(path, path.clearance(grid)[0] if proved is None else proved)
 
 
 def _plain(
     grid: OccupancyGrid, points: Float[Array, "points 2"], clearance: float
-) -> tuple[Float[Array, "more 2"], float]:
-    """The paper's control points, at least four, of which nothing is proved."""
-    enough = points if len(points) >= 4 else resampled(points, 4)
-    return enough, -np.inf
+) -> tuple[Float[Array, "more 2"], None]:
+    """The paper's control points, at least four, of which nothing is proved yet."""
+    return points if len(points) >= 4 else resampled(points, 4), None
 
 
 def _certified(
@@ -94,11 +95,19 @@ def _certified(
 ) -> tuple[Float[Array, "more 2"], float]:
     """Control points of a relaxed spline, and the distance in m that it is proved to keep."""
     frame, floor = GridFrame.of(grid), Floor.of(grid)
-    polygon = free_polygon(floor, frame.cells(points))
+    # rounded, so that the same way on a grid that was moved or turned becomes the same path
+    polygon = free_polygon(floor, frame.cells(points).round(_DIGITS))
     start = certified_start(floor, polygon, max(clearance / frame.resolution, _LEAST))
-    control_points = frame.world(relaxed(floor, start))
+    cells = relaxed(floor, start)
+    curve = pieces(cells)
+    # what was kept on the way, or what is left of it now if that is more
+    proved = max(
+        float(start.kept.min()),
+        curve_clearance(floor, curve.places, curve.bends, _TOLERANCE)[0],
+    )
+    control_points = frame.world(cells)
     control_points[0], control_points[-1] = points[0], points[-1]
-    return control_points, max(float(start.kept.min()) - _ROUNDING, 0.0) * frame.resolution
+    return control_points, max(proved - _ROUNDING, 0.0) * frame.resolution
 
 
 _METHODS = {"spline": _plain, "certified": _certified}
