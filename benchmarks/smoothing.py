@@ -30,7 +30,6 @@ SHARED = Path(__file__).resolve().parents[2] / "shared" / "maps"
 NAV2 = {"depot": 0.25, "tb3_sandbox": 0.15, "smoothers_world": 0.25, "demo_map": 0.15}  # m
 MOVINGAI = ("random-32-32-20", "maze-32-32-4", "room-64-64-8", "warehouse-10-20-10-2-1")
 WAYS, SHORTEST = 400, 12  # per map; cells
-PEERS_EVERY = 4  # the others smooth every fourth way
 PER_CELL = 40
 DISTANCE = 0.2  # cells
 ABOUT_200 = (150, 250)  # cells of the ways that are timed
@@ -206,8 +205,8 @@ def main() -> None:
         "smoothing",
         [
             *our_rows(chosen),
-            *distant_rows(chosen[::PEERS_EVERY]),
-            *peer_rows(chosen[::PEERS_EVERY]),
+            *distant_rows(chosen),
+            *peer_rows(chosen),
         ],
     )
 

@@ -242,7 +242,13 @@ def test_between_the_samples_a_spline_keeps_0409_of_a_cell():
         for n, j in KINDS[-12:]:
             window = np.arange(n).clip(j, j + 3) - j
             curve = pieces(cells[window] + 5.5)
-            bounds = piece_clearances(Floor(occupied, False), curve.places, curve.bends, 1e-6, 1.0)
+            bounds = piece_clearances(
+                Floor.of(OccupancyGrid(occupied, 1.0, walled=False)),
+                curve.places,
+                curve.bends,
+                1e-6,
+                1.0,
+            )
             assert bounds[j] >= 0.40896
 
 

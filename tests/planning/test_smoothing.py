@@ -230,6 +230,23 @@ def test_a_way_through_touching_corners():
     smoothed = smooth(grid, points)
     assert not enters(grid, smoothed.path, 1000)
     assert smoothed.clearance == pytest.approx(0.0, abs=1e-6)
+    assert np.ptp(smoothed.path.control_points[:, 2]) == pytest.approx(0.75 * np.pi)
+
+
+def test_a_way_around_the_very_corner_of_an_obstacle():
+    """Nothing but the polygon gets by: the path stops and turns on the spot."""
+    occupied = np.zeros((5, 5), bool)
+    occupied[1, 2] = True
+    grid = OccupancyGrid(occupied, 1.0)
+    points = np.array([(0.5, 0.5), (2.0, 2.0), (4.5, 2.0)])
+    smoothed = smooth(grid, points)
+    assert not enters(grid, smoothed.path, 1000)
+    assert smoothed.clearance == 0.0
+    assert smoothed.path.max_curvature == (np.inf, np.inf)
+    assert smoothed.path.length == pytest.approx(1.5 * 2**0.5 + 2.5)
+    plain = smooth(grid, points, method="spline")
+    assert enters(grid, plain.path, 1000)
+    assert plain.clearance < 0.0
 
 
 def test_a_start_from_which_the_next_centre_is_not_seen():
@@ -273,6 +290,13 @@ def test_what_cannot_be_smoothed(points, options, message):
     occupied[4, 4] = True
     with pytest.raises(InvalidInput, match=message):
         smooth(OccupancyGrid(occupied, 1.0), np.asarray(points, float), **options)
+
+
+def test_a_long_hall_and_a_vast_clearance_are_no_matter():
+    """Far squares are found by blocks: seconds at most, not hours."""
+    grid = OccupancyGrid(np.zeros((2000, 2000), bool), 1.0)
+    points = np.array([(900.5, 1000.5), (1100.5, 1000.5)])
+    assert smooth(grid, points, clearance=1e12).clearance == pytest.approx(899.5, abs=1.1)
 
 
 # ---- real maps

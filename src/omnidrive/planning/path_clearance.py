@@ -30,32 +30,29 @@ def clearance_bounds(
     if not (np.isfinite(tolerance) and tolerance > 0.0):
         raise InvalidInput(f"the tolerance must be positive, got {tolerance:g} cells")
     frame = GridFrame.of(grid)
-    curve = pieces(frame.cells(control_points))
+    floor, curve = Floor.of(grid), pieces(frame.cells(control_points))
     # a chord may enter where the curve does not: then chords closer to the curve
     for share in _SHARES:
-        lower, upper = curve_clearance(Floor.of(grid), curve.places, curve.bends, share * tolerance)
+        lower, upper = curve_clearance(floor, curve.places, curve.bends, share * tolerance)
         if lower > -np.inf:
             return (lower - _ROUNDING) * frame.resolution, (upper + _ROUNDING) * frame.resolution
-    return _depth(grid, frame, curve, tolerance)
+    bounds = piece_clearances(floor, curve.places, curve.bends, tolerance, 2.0 * tolerance)
+    near = np.flatnonzero(bounds < 2.0 * tolerance).tolist()
+    depths = [_depth(grid, frame, curve.piece(j), tolerance) for j in near]
+    return min(lower for lower, _ in depths), min(upper for _, upper in depths)
 
 
 def _depth(
-    grid: OccupancyGrid, frame: GridFrame, curve: Pieces, tolerance: float
+    grid: OccupancyGrid, frame: GridFrame, piece: Pieces, tolerance: float
 ) -> tuple[float, float]:
-    """Bounds on the signed distance, least on a piece that enters an obstacle.
+    """Bounds on the least signed distance from a piece to the edge of the obstacles, in m.
 
     The distance changes no faster than the place: between samples it is less than at the nearer
     by at most half the way between them.
     """
-    bounds = piece_clearances(Floor.of(grid), curve.places, curve.bends, tolerance, 2.0 * tolerance)
-    lower = upper = np.inf
-    for j in np.flatnonzero(bounds < 2.0 * tolerance).tolist():
-        piece = Pieces(*(values[j : j + 2] for values in curve))
-        middle = piece.slopes[0] + 0.5 * piece.bends[0]
-        fastest = float(np.linalg.norm([*piece.slopes, middle], axis=1).max())
-        samples = ceil(min(max(0.25 * fastest / tolerance, 1.0), _MOST_SAMPLES))
-        at = (np.arange(samples) + 0.5) / samples
-        nearest = float(grid.clearance(frame.world(piece.at(at)[0])).min())
-        lower = min(lower, nearest - 0.5 * fastest / samples * frame.resolution)
-        upper = min(upper, nearest)
-    return lower, upper
+    middle = piece.slopes[0] + 0.5 * piece.bends[0]
+    fastest = float(np.linalg.norm([*piece.slopes, middle], axis=1).max())
+    samples = ceil(min(max(0.25 * fastest / tolerance, 1.0), _MOST_SAMPLES))
+    at = (np.arange(samples) + 0.5) / samples
+    nearest = float(grid.clearance(frame.world(piece.at(at)[0])).min())
+    return nearest - 0.5 * fastest / samples * frame.resolution, nearest

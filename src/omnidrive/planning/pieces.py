@@ -43,6 +43,10 @@ class Pieces(NamedTuple):
     slopes: Float[Array, "knots 2"]
     bends: Float[Array, "knots 2"]
 
+    def piece(self, j: int) -> Pieces:
+        """Piece j alone."""
+        return Pieces(*(values[j : j + 2] for values in self))
+
     def at(self, s: Float[Array, " samples"]) -> Float[Array, "pieces samples 2"]:
         """Places at ``s`` in [0, 1] of every piece."""
         s = s[:, None]

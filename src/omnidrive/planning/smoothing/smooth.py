@@ -107,7 +107,7 @@ def _certified(
     )
     control_points = frame.world(cells)
     control_points[0], control_points[-1] = points[0], points[-1]
-    return control_points, max(proved - _ROUNDING, 0.0) * frame.resolution
+    return control_points, max(proved - _ROUNDING, min(proved, 0.0)) * frame.resolution
 
 
 _METHODS = {"spline": _plain, "certified": _certified}

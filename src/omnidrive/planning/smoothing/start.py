@@ -13,6 +13,7 @@ from omnidrive.planning.pieces import pieces
 Array = np.ndarray
 
 _SHARE = 0.8  # of the polygon's clearance that a spline with rounded corners must keep
+_STRAIGHT = 1e-11  # square cells: rounding on one line
 TOLERANCE = 0.005  # cells, between spline and chords
 _CLOSER = (0.0, 0.25, 0.0625, 0.0)  # of the way to the next point: where a corner's neighbours lie
 
@@ -60,7 +61,7 @@ def _corners(polygon: Float[Array, "points 2"]) -> Bool[Array, " points"]:
     before, after = np.diff(polygon, axis=0)[:-1], np.diff(polygon, axis=0)[1:]
     across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     back = (before * after).sum(axis=1) < 0.0
-    return np.concatenate([[False], (np.abs(across) > 1e-9) | back, [False]])
+    return np.concatenate([[False], (np.abs(across) > _STRAIGHT) | back, [False]])
 
 
 def _along(
