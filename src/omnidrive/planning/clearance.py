@@ -220,8 +220,11 @@ def piece_clearance(
         p = s * (1.0 - s) * (2.0 - s) / 6.0
         q = s * (1.0 - s) * (1.0 + s) / 6.0
         chord = Chord(x, y, ax + s * cx - p * ux - q * vx, ay + s * cy - p * uy - q * vy)
-        bound = min(bound, chord_clearance(ground, chord, bound + apart) - apart)
-        if bound == -inf:
+        reach = bound + apart
+        nearest = chord_clearance(ground, chord, reach)
+        if nearest < reach:  # else the bound stays, to the last digit
+            bound = nearest - apart
+        if nearest == -inf:
             break
         x, y = chord.bx, chord.by
     return bound, apart
