@@ -149,7 +149,7 @@ def test_clearance_bounds_bracket_samples(occupied, points, walled):
     grid = OccupancyGrid(occupied, 1.0, walled=walled)
     path = spline(points)
     lower, upper = path.clearance(grid)
-    _, curve = samples(path, 1001)
+    _, curve = samples(path, 501)
     dense = grid.clearance(curve).min()
     if np.isinf(dense):
         assert lower == upper == dense
