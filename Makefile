@@ -31,7 +31,7 @@ contract: .venv/ready-dev
 
 bench-fuzzy: .venv/peers/ready
 
-bench-nmpc: peers-if-possible
+bench-nmpc bench-planning: peers-if-possible
 
 peers-if-possible: | .venv/made
 	-@$(MAKE) --no-print-directory .venv/peers/ready

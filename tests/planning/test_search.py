@@ -2,37 +2,28 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
+from hypothesis.extra.numpy import array_shapes, arrays
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
-from omnidrive.errors import NoPathFound
+from omnidrive.errors import InvalidInput, InvalidPlace, NoPathFound
 from omnidrive.maps import OccupancyGrid, paper_map
-from omnidrive.planning import search
+from omnidrive.planning import GridSearch, search
 from tests.shared_data import shared_table
 
 START, GOAL = (4, 4), (29, 39)
+METHODS = ("astar", "jump-point", "lazy-theta", "greedy")
+SHORTEST = ("astar", "jump-point")
+ROOM = OccupancyGrid(np.zeros((20, 30), bool), 0.1)
 
 
 def length(cells):
     return np.linalg.norm(np.diff(cells, axis=0), axis=1).sum()
 
 
-def test_greedy_search_finds_the_published_cells():
-    theirs = shared_table("reference/path_paper_cells.csv") - 1
-    ours = search(paper_map(), START, GOAL, greedy=True, cut_corners=True)
-    assert (ours == theirs).all()
-
-
-def test_shortest_path_has_the_reference_length():
-    theirs = shared_table("reference/path_octile_nocut_cells.csv")
-    ours = search(paper_map(), START, GOAL)
-    assert length(ours) == pytest.approx(length(theirs), abs=1e-12)
-
-
-def neighbour_lengths(occupied, cut_corners):
+def move_lengths(occupied, neighbours=8, cut_corners=False):
     """Every allowed move as a sparse matrix, written without the search's code."""
     rows, cols = occupied.shape
     a, b, w = [], [], []
@@ -40,42 +31,268 @@ def neighbour_lengths(occupied, cut_corners):
         for dr in (-1, 0, 1):
             for dc in (-1, 0, 1):
                 y, x = r + dr, c + dc
-                if (dr or dc) and 0 <= y < rows and 0 <= x < cols and not occupied[y, x]:
-                    if dr and dc and not cut_corners and (occupied[r, x] or occupied[y, c]):
+                if not (dr or dc) or not (0 <= y < rows and 0 <= x < cols) or occupied[y, x]:
+                    continue
+                if dr and dc:
+                    if neighbours == 4:
                         continue
-                    a.append(r * cols + c)
-                    b.append(y * cols + x)
-                    w.append(np.hypot(dr, dc))
+                    if not cut_corners and (occupied[r, x] or occupied[y, c]):
+                        continue
+                a.append(r * cols + c)
+                b.append(y * cols + x)
+                w.append(np.hypot(dr, dc))
     return coo_array((w, (a, b)), shape=(rows * cols, rows * cols)).tocsr()
 
 
-@settings(max_examples=60, deadline=None)
+def shortest(occupied, start, goal, **moves):
+    cols = occupied.shape[1]
+    found = dijkstra(move_lengths(occupied, **moves), indices=start[0] * cols + start[1])
+    return found[goal[0] * cols + goal[1]]
+
+
+def steps_are_moves(occupied, cells, neighbours, cut_corners):
+    """Whether every step of a way is an allowed move over free cells."""
+    assert not occupied[tuple(cells.T)].any()
+    steps = np.diff(cells, axis=0)
+    assert np.abs(steps).max(initial=0) <= 1
+    assert np.abs(steps).any(axis=1).all()
+    if neighbours == 4:
+        assert (np.abs(steps).sum(axis=1) == 1).all()
+    if not cut_corners:
+        assert not occupied[cells[:-1, 0], cells[1:, 1]].any()
+        assert not occupied[cells[1:, 0], cells[:-1, 1]].any()
+
+
+@st.composite
+def maps_with_ends(draw, rows=st.integers(1, 14), cols=st.integers(1, 80)):
+    """A map of any shape, words of 64 cells included, with a free start and goal."""
+    shape = draw(rows), draw(cols)
+    if draw(st.booleans()):
+        shape = shape[::-1]
+    density, seed = draw(st.floats(0.0, 0.5)), draw(st.integers(0, 2**32 - 1))
+    occupied = np.random.default_rng(seed).random(shape) < density
+    ends = [tuple(draw(st.integers(0, n - 1)) for n in shape) for _ in range(2)]
+    for end in ends:
+        occupied[end] = False
+    return occupied, *ends
+
+
+def test_greedy_search_finds_the_published_cells():
+    theirs = shared_table("reference/path_paper_cells.csv") - 1
+    ours = search(paper_map(), START, GOAL, method="greedy", cut_corners=True)
+    assert (ours.cells == theirs).all()
+
+
+@pytest.mark.parametrize("method", SHORTEST)
+def test_shortest_path_has_the_reference_length(method):
+    theirs = shared_table("reference/path_octile_nocut_cells.csv")
+    ours = search(paper_map(), START, GOAL, method=method)
+    assert ours.cost == pytest.approx(length(theirs), abs=1e-12)
+
+
+@settings(max_examples=300, deadline=None)
 @given(
-    occupied=arrays(bool, (9, 11), elements=st.sampled_from([False, False, True])),
+    case=maps_with_ends(),
+    neighbours=st.sampled_from([4, 8]),
     cut_corners=st.booleans(),
+    heuristic=st.sampled_from(["octile", "euclidean", "zero", None]),
 )
-def test_search_agrees_with_dijkstra(occupied, cut_corners):
-    occupied[0, 0] = occupied[8, 10] = False
-    grid = OccupancyGrid(occupied, 0.1)
-    best = dijkstra(neighbour_lengths(occupied, cut_corners), indices=0)[-1]
+def test_astar_is_as_short_as_dijkstra(case, neighbours, cut_corners, heuristic):
+    occupied, start, goal = case
+    moves = {"neighbours": neighbours, "cut_corners": cut_corners}
+    best, grid = shortest(occupied, start, goal, **moves), OccupancyGrid(occupied, 0.1)
     if np.isinf(best):
-        with pytest.raises(NoPathFound, match="every cell"):
-            search(grid, (0, 0), (8, 10), cut_corners=cut_corners)
-    else:
-        cells = search(grid, (0, 0), (8, 10), cut_corners=cut_corners)
-        assert length(cells) == pytest.approx(best)
-        assert not occupied[tuple(cells.T)].any()
+        with pytest.raises(NoPathFound, match="can be reached from the start"):
+            search(grid, start, goal, heuristic=heuristic, **moves)
+        return
+    found = search(grid, start, goal, heuristic=heuristic, **moves)
+    assert found.cost == pytest.approx(best, abs=1e-9)
+    assert length(found.cells) == pytest.approx(best, abs=1e-9)
+    assert tuple(found.cells[0]) == start
+    assert tuple(found.cells[-1]) == goal
+    steps_are_moves(occupied, found.cells, neighbours, cut_corners)
 
 
-@settings(max_examples=30, deadline=None)
-@given(occupied=arrays(bool, (9, 11), elements=st.sampled_from([False, False, True])))
-def test_greedy_search_finds_a_way_when_there_is_one(occupied):
-    occupied[0, 0] = occupied[8, 10] = False
+@settings(max_examples=300, deadline=None)
+@given(
+    case=maps_with_ends(),
+    heuristic=st.sampled_from(["octile", "euclidean", "zero", None]),
+)
+def test_jump_point_search_is_as_short_as_astar(case, heuristic):
+    occupied, start, goal = case
+    on = GridSearch(OccupancyGrid(occupied, 0.1))
+    try:
+        theirs = on.search(start, goal)
+    except NoPathFound as none:
+        with pytest.raises(NoPathFound, match=str(none).replace(".", r"\.")):
+            on.search(start, goal, method="jump-point", heuristic=heuristic)
+        return
+    ours = on.search(start, goal, method="jump-point", heuristic=heuristic)
+    assert ours.cost == theirs.cost  # counted moves: the same to the last digit
+    assert tuple(ours.cells[0]) == start
+    assert tuple(ours.cells[-1]) == goal
+    steps_are_moves(occupied, ours.cells, 8, cut_corners=False)
+
+
+@settings(max_examples=100, deadline=None)
+@given(case=maps_with_ends(), neighbours=st.sampled_from([4, 8]), cut_corners=st.booleans())
+@pytest.mark.parametrize("heuristic", ["manhattan", "octile"])
+@pytest.mark.parametrize("method", ["astar", "greedy"])
+def test_a_way_is_found_when_there_is_one(method, heuristic, case, neighbours, cut_corners):
+    """Also by searches that do not look for the shortest."""
+    occupied, start, goal = case
+    moves = {"neighbours": neighbours, "cut_corners": cut_corners}
+    best, grid = shortest(occupied, start, goal, **moves), OccupancyGrid(occupied, 0.1)
+    options = {"method": method, "heuristic": heuristic, **moves}
+    if np.isinf(best):
+        with pytest.raises(NoPathFound):
+            search(grid, start, goal, **options)
+        return
+    found = search(grid, start, goal, **options)
+    assert found.cost >= best - 1e-9
+    steps_are_moves(occupied, found.cells, neighbours, cut_corners)
+    if method == "astar":
+        assert found.cost <= best * 2**0.5 + 1e-9
+    if neighbours == 4 and method == "astar":
+        assert found.cost == pytest.approx(best)
+
+
+def line_is_clear(occupied, one, other):
+    """Whether a line between cell centres touches no closed square: separating axes, in integers."""
+    squares = np.argwhere(occupied)
+    (r0, c0), (r1, c1) = one, other
+    inside = np.ones(len(squares), bool)
+    for axis, (a, b) in enumerate(((r0, r1), (c0, c1))):
+        low, high = 2 * squares[:, axis] - 1, 2 * squares[:, axis] + 1
+        inside &= (low <= 2 * max(a, b)) & (high >= 2 * min(a, b))
+    sides = [
+        (2 * squares[:, 0] + dr - 2 * r0) * (c1 - c0) - (2 * squares[:, 1] + dc - 2 * c0) * (r1 - r0)
+        for dr in (-1, 1)
+        for dc in (-1, 1)
+    ]
+    crosses = (np.min(sides, axis=0) <= 0) & (np.max(sides, axis=0) >= 0)
+    return not (inside & crosses).any()
+
+
+@settings(max_examples=150, deadline=None)
+@given(case=maps_with_ends(st.integers(1, 12), st.integers(1, 12)))
+@example(case=(np.zeros((9, 9), bool), (0, 0), (5, 8)))
+def test_any_angle_ways_touch_no_obstacle_and_are_short(case):
+    occupied, start, goal = case
     grid = OccupancyGrid(occupied, 0.1)
     try:
-        best = length(search(grid, (0, 0), (8, 10)))
-    except NoPathFound:
-        with pytest.raises(NoPathFound):
-            search(grid, (0, 0), (8, 10), greedy=True)
-    else:
-        assert length(search(grid, (0, 0), (8, 10), greedy=True)) >= best - 1e-9
+        along_moves = search(grid, start, goal).cost
+    except NoPathFound as none:
+        with pytest.raises(NoPathFound, match=str(none).replace(".", r"\.")):
+            search(grid, start, goal, method="lazy-theta")
+        return
+    found = search(grid, start, goal, method="lazy-theta")
+    assert tuple(found.cells[0]) == start
+    assert tuple(found.cells[-1]) == goal
+    corners = found.cells.tolist()
+    assert all(map(line_is_clear, [occupied] * len(corners), corners, corners[1:]))
+    assert found.cost == pytest.approx(length(found.cells))
+    free = np.argwhere(~occupied)
+    seen = [[i != j and line_is_clear(occupied, a, b) for j, b in enumerate(free)]
+            for i, a in enumerate(free)]  # fmt: skip
+    distances = np.linalg.norm(free[:, None] - free[None], axis=2) * seen
+    ends = [int(np.flatnonzero((free == end).all(axis=1))[0]) for end in (start, goal)]
+    best = dijkstra(distances, indices=ends[0])[ends[1]]
+    assert best - 1e-9 <= found.cost <= max(1.1 * best, along_moves) + 1e-9
+
+
+@settings(max_examples=100, deadline=None)
+@given(case=maps_with_ends())
+def test_a_search_without_a_way_says_how_large_the_region_is(case):
+    occupied, start, goal = case
+    graph = move_lengths(occupied)
+    _, labels = connected_components(graph, directed=False)
+    labels = labels.reshape(occupied.shape)
+    if labels[start] == labels[goal]:
+        return
+    region, free = (labels == labels[start]).sum(), (~occupied).sum()
+    for method in METHODS:
+        with pytest.raises(NoPathFound, match=f"only {region} of {free} free cells"):
+            search(OccupancyGrid(occupied, 0.1), start, goal, method=method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_start_and_goal_may_be_the_same(method):
+    found = search(ROOM, (3, 4), (3, 4), method=method)
+    assert found.cells.tolist() == [[3, 4]]
+    assert found.cost == 0.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_searches_are_repeatable(method):
+    occupied = np.random.default_rng(3).random((70, 90)) < 0.2
+    occupied[1, 2] = occupied[66, 81] = False
+    on = GridSearch(OccupancyGrid(occupied, 0.1))
+    first, second = (on.search((1, 2), (66, 81), method=method) for _ in range(2))
+    fresh = search(on.grid, (1, 2), (66, 81), method=method)
+    assert first.cells.tolist() == second.cells.tolist() == fresh.cells.tolist()
+    assert first.expansions == second.expansions == fresh.expansions > 0
+    assert first.seconds > 0.0
+
+
+def test_what_each_option_costs():
+    """As the documentation says."""
+    occupied = np.random.default_rng(5).random((150, 150)) < 0.2
+    occupied[2, 3] = occupied[140, 100] = False
+    grid = OccupancyGrid(occupied, 0.1)
+
+    def go(**options):
+        return search(grid, (2, 3), (140, 100), **options)
+
+    octile, euclidean, zero, manhattan = (
+        go(heuristic=name) for name in ("octile", "euclidean", "zero", "manhattan")
+    )
+    assert octile.cost == euclidean.cost == zero.cost < manhattan.cost <= octile.cost * 2**0.5
+    assert manhattan.expansions < octile.expansions < euclidean.expansions < zero.expansions
+    four, four_octile = go(neighbours=4), go(neighbours=4, heuristic="octile")
+    assert octile.cost < four.cost == four_octile.cost <= octile.cost * 2**0.5
+    assert four.expansions < four_octile.expansions
+    assert go(cut_corners=True).cost < octile.cost
+    assert go(method="lazy-theta").cost < octile.cost
+    assert go(method="greedy").expansions < octile.expansions
+    assert go(method="greedy").cost > octile.cost
+    assert go(method="jump-point").expansions < octile.expansions
+
+
+@pytest.mark.parametrize(
+    ("cell", "message"),
+    [
+        ((20, 3), r"\(20, 3\) lies outside the grid of 20 rows and 30 columns"),
+        ((-1, 3), "lies outside"),
+        ((10, 9), r"\(10, 9\) is occupied; the nearest free cell is \(9, 9\), 1 cells away"),
+    ],
+)
+def test_places_that_cannot_be(cell, message):
+    occupied = np.zeros((20, 30), bool)
+    occupied[10] = True
+    grid = OccupancyGrid(occupied, 0.1)
+    with pytest.raises(InvalidPlace, match="the start " + message):
+        search(grid, cell, (3, 3))
+    with pytest.raises(InvalidPlace, match="the goal " + message):
+        search(grid, (3, 3), cell)
+
+
+def test_a_map_without_a_free_cell_says_so():
+    with pytest.raises(InvalidPlace, match="no cell is free"):
+        search(OccupancyGrid(np.ones((3, 4), bool), 0.1), (1, 1), (2, 2))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "dijkstra"}, "no search method 'dijkstra'; choose astar, jump-point"),
+        ({"heuristic": "chebyshev"}, "no heuristic 'chebyshev'; choose octile, manhattan"),
+        ({"neighbours": 6}, "neighbours must be 8 or 4, got 6"),
+        ({"method": "jump-point", "neighbours": 4}, "jump-point .* use astar"),
+        ({"method": "jump-point", "cut_corners": True}, "jump-point .* use astar"),
+        ({"method": "lazy-theta", "cut_corners": True}, "lazy-theta .* use astar"),
+    ],
+)
+def test_options_that_do_not_fit(options, message):
+    with pytest.raises(InvalidInput, match=message):
+        search(ROOM, (1, 1), (5, 5), **options)

@@ -1,8 +1,23 @@
 """From a map to a path: geometry only, no time."""
 
 from omnidrive.planning.path import Path, SplinePath
-from omnidrive.planning.plan import PathOptions, Place, plan
-from omnidrive.planning.search import search
-from omnidrive.planning.smoothing import Smoothed, smooth
+from omnidrive.planning.plan import PathOptions, Place, Plan, plan
+from omnidrive.planning.search import GridSearch, HeuristicName, MethodName, SearchResult, search
+from omnidrive.planning.smoothing import Smoothed, SmoothingName, smooth
 
-__all__ = ["Path", "PathOptions", "Place", "Smoothed", "SplinePath", "plan", "search", "smooth"]
+__all__ = [
+    "GridSearch",
+    "HeuristicName",
+    "MethodName",
+    "Path",
+    "PathOptions",
+    "Place",
+    "Plan",
+    "SearchResult",
+    "Smoothed",
+    "SmoothingName",
+    "SplinePath",
+    "plan",
+    "search",
+    "smooth",
+]

@@ -69,9 +69,9 @@ def plan(
         free,
         free.cell(start.x, start.y),
         free.cell(goal.x, goal.y),
-        greedy=options.greedy,
+        method="greedy" if options.greedy else "astar",
         cut_corners=options.cut_corners,
-    )
+    ).cells
     points = np.array([free.centre(row, col) for row, col in cells.tolist()])
     points = np.vstack([points, points[-1:]]) if len(points) == 1 else points
     points[0], points[-1] = start[:2], goal[:2]

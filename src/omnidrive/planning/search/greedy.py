@@ -1,0 +1,60 @@
+"""Greedy best-first search."""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+
+import numpy as np
+from jaxtyping import Int32, UInt8
+
+from omnidrive.compiled import compiled
+from omnidrive.planning.search.astar import walk_back
+from omnidrive.planning.search.board import BitBoard
+from omnidrive.planning.search.lengths import Heuristic, to_go
+from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
+
+Array = np.ndarray
+
+_ROWS, _COLS = np.array(MOVES).T.copy()
+
+
+def greedy(
+    board: BitBoard, first: int, last: int, needed: UInt8[Array, "10 512"], heuristic: Heuristic
+) -> tuple[Int32[Array, " cells"], int]:
+    """Cells of a way and how many were expanded; no cells if there is no way.
+
+    The cell nearest the goal is expanded next, of equally near ones the first of the map; the way
+    is not the shortest (Russell & Norvig, "Artificial Intelligence", sec. 3.5.1).
+    """
+    came = np.zeros(board.size, np.uint8)
+    expansions = _reach(board.bits, board.stride, first, last, needed[BEGIN], heuristic, came)
+    return walk_back(came, board.stride, first, last), expansions
+
+
+@compiled
+def _reach(
+    bits: UInt8[Array, " bytes"],
+    stride: int,
+    first: int,
+    last: int,
+    allowed: UInt8[Array, "512"],
+    heuristic: Heuristic,
+    came: UInt8[Array, " numbers"],
+) -> int:
+    """Fill ``came`` and count the expansions."""
+    goal_row, goal_col = last // stride, last % stride
+    came[first] = BEGIN
+    queue, expansions = [(0, first)], 0
+    while len(queue) > 0:
+        _, cell = heappop(queue)
+        if cell == last:
+            break
+        expansions += 1
+        moves = allowed[surroundings(bits, stride, cell)]
+        for move in range(8):
+            to = cell + _ROWS[move] * stride + _COLS[move]
+            if moves >> move & 1 and came[to] == 0:
+                came[to] = move + 1
+                left = to_go(heuristic, to // stride - goal_row, to % stride - goal_col)
+                heappush(queue, (left, to))
+    return expansions

@@ -1,0 +1,74 @@
+"""Grid search on the benchmark maps beside the repository, and on large ones."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from omnidrive.errors import NoPathFound
+from omnidrive.maps import OccupancyGrid
+from omnidrive.planning import GridSearch, search
+from tests.shared_data import shared
+
+MAPS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20-10-2-1")
+
+
+def benchmark(name):
+    """A map with its first row on top, and (start, goal, length) of every query."""
+    lines = shared(f"maps/movingai/{name}.map").read_text().split("\n")[4:]
+    occupied = np.array([[c not in ".G" for c in line] for line in lines if line])
+    queries = []
+    for line in shared(f"maps/movingai/{name}.map.scen").read_text().splitlines()[1:]:
+        x0, y0, x1, y1 = map(int, line.split()[4:8])
+        queries.append(((y0, x0), (y1, x1), float(line.split()[8])))
+    return OccupancyGrid(occupied, 1.0), queries
+
+
+@pytest.mark.parametrize("method", ["astar", "jump-point"])
+@pytest.mark.parametrize("name", MAPS)
+def test_every_query_has_the_files_length(name, method):
+    grid, queries = benchmark(name)
+    on = GridSearch(grid)
+    assert len(queries) >= 100
+    for start, goal, cost in queries:
+        assert on.search(start, goal, method=method).cost == pytest.approx(cost, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_any_angle_ways_are_shorter(name):
+    grid, queries = benchmark(name)
+    on = GridSearch(grid)
+    found = [on.search(a, b, method="lazy-theta").cost for a, b, _ in queries]
+    lengths = np.array([cost for *_, cost in queries])
+    straight = [np.hypot(a[0] - b[0], a[1] - b[1]) for a, b, _ in queries]
+    assert (found >= np.array(straight) - 1e-9).all()
+    assert (found <= lengths * 1.02 + 1e-9).all()
+    assert np.sum(found) < 0.985 * lengths.sum()
+
+
+@pytest.mark.parametrize("method", ["astar", "jump-point", "lazy-theta", "greedy"])
+def test_a_large_map_takes_bounded_memory(method):
+    """Of 4096 x 4096 cells, also if every one is looked at in vain."""
+    occupied = np.zeros((4096, 4096), bool)
+    occupied[:, 4000] = True
+    grid = OccupancyGrid(occupied, 0.05)
+    tracemalloc.start()
+    try:
+        with pytest.raises(NoPathFound, match=f"only {4096 * 4000} of {4096 * 4095} free cells"):
+            search(grid, (17, 5), (4000, 4095), method=method)
+        assert tracemalloc.get_traced_memory()[1] < 400e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("shape", [(1, 5_000_000), (5_000_000, 1), (2_500_000, 2)])
+@pytest.mark.parametrize("method", ["astar", "jump-point"])
+def test_narrow_maps_take_no_more(shape, method):
+    grid = OccupancyGrid(np.zeros(shape, bool), 1.0)
+    tracemalloc.start()
+    try:
+        found = search(grid, (0, 0), (shape[0] - 1, shape[1] - 1), method=method)
+        assert tracemalloc.get_traced_memory()[1] < 600e6
+    finally:
+        tracemalloc.stop()
+    assert len(found.cells) == max(shape)
