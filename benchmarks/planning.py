@@ -145,8 +145,10 @@ def figures(
         yield ratio(f"{title}: A* faster than the fastest peer ({fastest})", times, target)
     times = first.typical / outcomes["jump points"].typical
     name = f"{title}: jump points faster than A*"
-    yield row(name, times, "1") if world.jump_target is None else ratio(
-        name, times, world.jump_target
+    yield (
+        row(name, times, "1")
+        if world.jump_target is None
+        else ratio(name, times, world.jump_target)
     )
     for name, outcome in outcomes.items():
         yield row(f"{title}: {name}", outcome.typical * 1e3, "ms")

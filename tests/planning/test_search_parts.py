@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.planning.search.board import BitBoard
-from omnidrive.planning.search.jump_board import transposed
+from omnidrive.planning.search.jump_board import JumpBoard, jumps
 from omnidrive.planning.search.lazy_theta import sees
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT
-from omnidrive.planning.search.moves import surroundings
+from omnidrive.planning.search.moves import MOVES, surroundings
 from tests.planning.test_search import line_is_clear
 
 
@@ -26,22 +26,45 @@ def test_a_board_holds_its_grid(shape, seed):
     occupied = random_map(shape, seed)
     board = BitBoard.of(occupied)
     bits = np.unpackbits(board.bits, bitorder="little")
-    numbers = np.array([board.number(cell) for cell in np.ndindex(shape)])
-    assert (bits[numbers].reshape(shape) == occupied).all()
-    assert (board.cells(numbers) == np.argwhere(np.ones(shape, bool))).all()
-    bits[numbers] = 1
-    assert bits.all()  # the border is occupied
+    cells = np.random.default_rng(seed).permutation(list(np.ndindex(shape)))[:200]
+    numbers = np.array([board.number(tuple(cell)) for cell in cells.tolist()])
+    assert (bits[numbers] == occupied[tuple(cells.T)]).all()
+    assert (board.cells(numbers) == cells).all()
+    assert np.count_nonzero(bits == 0) == np.count_nonzero(~occupied)  # the border is occupied
+
+
+def first_end(occupied, row, col, move):
+    """Cells to where a move ends: at a forced neighbour; 0 if at a wall; cell by cell."""
+    padded = np.pad(occupied, 1, constant_values=True)
+    r, c, run = row + 1, col + 1, 0
+    side = move[::-1]
+    while True:
+        r, c, run = r + move[0], c + move[1], run + 1
+        if padded[r, c]:
+            return 0
+        for sign in (1, -1):
+            beside = r + sign * side[0], c + sign * side[1]
+            if padded[beside[0] - move[0], beside[1] - move[1]] and not padded[beside]:
+                return run
 
 
 @settings(max_examples=60, deadline=None)
-@given(shape=SHAPES, seed=st.integers(0, 99))
-def test_transposed_boards(shape, seed):
-    occupied = random_map(shape, seed)
-    board, other = BitBoard.of(occupied), transposed(BitBoard.of(occupied))
-    turned = BitBoard.of(occupied if board.turned else occupied.T)
-    if not turned.turned:
-        assert (other.words == turned.words).all()
-        assert other.stride == turned.stride
+@given(shape=SHAPES, seed=st.integers(0, 99), density=st.floats(0.0, 0.5), move=st.integers(0, 3))
+def test_moves_end_where_a_turn_may_be_needed(shape, seed, density, move):
+    occupied = random_map(shape, seed, density)
+    occupied[0, 0] = False
+    board, found = BitBoard.of(occupied), np.zeros((9, 3), int)
+    ends, places = JumpBoard.of(board)
+    nowhere = 0
+    for cell in np.random.default_rng(seed).permutation(np.argwhere(~occupied))[:20].tolist():
+        number = board.number(tuple(cell))
+        steps = [MOVES[m][:: -1 if board.turned else 1] for m in range(4)]
+        run = first_end(occupied, *cell, steps[move])
+        count = jumps(ends, places, board.bits, board.stride, number, nowhere, 1 << move, found)
+        assert count == (run > 0)
+        if run:
+            there = (cell[0] + run * steps[move][0], cell[1] + run * steps[move][1])
+            assert found[0].tolist() == [board.number(there), run * STRAIGHT, move]
 
 
 @given(seed=st.integers(0, 99), row=st.integers(0, 8), col=st.integers(0, 129))

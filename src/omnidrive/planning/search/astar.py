@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Int32, Int64, UInt8
-from numba.cpython.unsafe.numbers import trailing_zeros
 
 from omnidrive.compiled import compiled
 from omnidrive.planning.search.board import BitBoard
@@ -17,6 +16,7 @@ from omnidrive.planning.search.bucket_queue import (
     push,
 )
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT, Heuristic, to_go
+from omnidrive.planning.search.machine import int64, trailing_zeros, uint32
 from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
 
 Array = np.ndarray
@@ -58,7 +58,7 @@ def reach(
 
 
 @compiled
-def _reach(
+def _reach(  # noqa: PLR0917
     bits: UInt8[Array, " bytes"],
     stride: int,
     first: int,
@@ -75,24 +75,27 @@ def _reach(
     floor = to_go(heuristic, first // stride - goal_row, first % stride - goal_col)
     came[first], lengths[first] = BEGIN, 0
     push(queue, ring, 0, first)
-    best, bucket, waiting, expansions = 0 if first == last else FAR, 0, 1, 0
-    while waiting > 0:
-        while is_empty(queue, ring, bucket):
-            bucket += 1
+    best, bucket, waiting, expansions, held = 0 if first == last else FAR, 0, 1, 0, 0
+    while waiting > 0 or held:
+        if held:
+            cell, held = held, 0
+        else:
+            while is_empty(queue, ring, bucket):
+                bucket += 1
+            cell = pop(queue, ring, bucket)
+            waiting -= 1
         if floor + (bucket << BUCKET) >= best:
             break
-        cell = pop(queue, ring, bucket)
-        waiting -= 1
-        way, so_far = np.int64(came[cell]), lengths[cell]
+        way, so_far = int64(came[cell]), lengths[cell]
         if way & CLOSED or so_far >= best:
             continue
         came[cell] = way | CLOSED
         expansions += 1
         if is_full(queue, ring, waiting + 8):
             queue = enlarged(queue)
-        row = np.int64(np.uint32(cell) // np.uint32(stride))
+        row = int64(uint32(cell) // uint32(stride))
         row, col = row - goal_row, cell - row * stride - goal_col
-        moves = np.int64(needed[way, surroundings(bits, stride, cell)])
+        moves = int64(needed[way, surroundings(bits, stride, cell)])
         while moves != 0:
             move = trailing_zeros(moves)
             moves &= moves - 1
@@ -107,7 +110,11 @@ def _reach(
             if to == last:
                 best = length
                 continue
-            push(queue, ring, max(bucket, (estimate - floor) >> BUCKET), to)
+            at = (estimate - floor) >> BUCKET
+            if at <= bucket and held == 0:
+                held = to
+                continue
+            push(queue, ring, max(bucket, at), to)
             waiting += 1
     return expansions
 

@@ -83,4 +83,4 @@ class BitBoard:
 @inlined
 def is_occupied(bits: UInt8[Array, " bytes"], number: int) -> bool:
     """Whether a cell is occupied or border."""
-    return bits[number >> 3] >> (number & 7) & 1 != 0
+    return bool(bits[number >> 3] >> (number & 7) & 1)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Int32
 
 from omnidrive.compiled import compiled, inlined
+from omnidrive.planning.search.machine import int64
 
 Array = np.ndarray
 
@@ -51,13 +52,13 @@ def enlarged(queue: Int32[Array, " size"]) -> Int32[Array, " size"]:
 @inlined
 def is_empty(queue: Int32[Array, " size"], last: int, bucket: int) -> bool:
     """Whether no cell is in a bucket."""
-    return queue[bucket & last] == 0
+    return bool(queue[bucket & last] == 0)
 
 
 @inlined
 def push(queue: Int32[Array, " size"], last: int, bucket: int, cell: int) -> None:
     """Put a cell into a bucket; there must be room."""
-    place = np.int64(queue[last + 1])
+    place = int64(queue[last + 1])
     after = queue[place + 1]
     queue[last + 1] = after + (after == 0) * (place + 2)
     queue[place], queue[place + 1] = cell, queue[bucket & last]
@@ -67,8 +68,9 @@ def push(queue: Int32[Array, " size"], last: int, bucket: int, cell: int) -> Non
 @inlined
 def pop(queue: Int32[Array, " size"], last: int, bucket: int) -> int:
     """Take the last cell out of a bucket that is not empty."""
-    place = np.int64(queue[bucket & last])
+    place = int64(queue[bucket & last])
     queue[bucket & last] = queue[place + 1]
     queue[place + 1] = queue[last + 1]
     queue[last + 1] = place
-    return np.int64(queue[place])
+    cell: int = int64(queue[place])
+    return cell

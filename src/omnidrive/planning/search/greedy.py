@@ -32,12 +32,12 @@ def greedy(
 
 
 @compiled
-def _reach(
+def _reach(  # noqa: PLR0917
     bits: UInt8[Array, " bytes"],
     stride: int,
     first: int,
     last: int,
-    allowed: UInt8[Array, "512"],
+    allowed: UInt8[Array, " surroundings"],
     heuristic: Heuristic,
     came: UInt8[Array, " numbers"],
 ) -> int:

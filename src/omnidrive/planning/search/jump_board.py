@@ -6,17 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int64, UInt8, UInt64
-from numba.cpython.unsafe.numbers import trailing_zeros
 
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.board import MARGIN, BitBoard, is_occupied
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT
+from omnidrive.planning.search.machine import int64, trailing_zeros
 from omnidrive.planning.search.moves import MOVES
 
 Array = np.ndarray
 
 _ONE, _ALL, _LAST = np.uint64(1), ~np.uint64(0), np.uint64(63)
-_REVERSED = np.packbits(np.unpackbits(np.arange(256, dtype=np.uint8)), bitorder="little")
+_GROUPS = tuple(  # sizes, and the lower of every two groups
+    (np.uint64(size), np.uint64(sum((1 << size) - 1 << at for at in range(0, 64, 2 * size))))
+    for size in (32, 16, 8, 4, 2, 1)
+)
 _ROWS, _COLS = np.array(MOVES).T.copy()
 
 
@@ -58,7 +61,7 @@ class JumpBoard(NamedTuple):
 
 
 @compiled
-def jumps(
+def jumps(  # noqa: PLR0917
     ends: UInt64[Array, " words"],
     places: Int64[Array, "4 3"],
     bits: UInt8[Array, " bytes"],
@@ -114,7 +117,7 @@ def jumps(
                 while left == 0:
                     word += 1
                     left = ends[word]
-                run = (word << 6 | np.int64(trailing_zeros(left))) - place
+                run = (word << 6 | int64(trailing_zeros(left))) - place
                 meets = 0 < goal - place <= run
                 run = goal - place if meets else run
                 to = at + run * (_ROWS[along] * stride + _COLS[along])
@@ -128,16 +131,20 @@ def jumps(
     return count
 
 
+@compiled
 def _mirrored(words: UInt64[Array, " words"]) -> UInt64[Array, " words"]:
-    """The same bits in reversed order."""
-    mirrored: UInt64[Array, " words"] = _REVERSED[words.view(np.uint8)[::-1]].view(np.uint64)
+    """The same bits in reversed order: halves of ever smaller groups of them change places."""
+    mirrored = np.empty_like(words)
+    for i in range(len(words)):
+        word = words[i]
+        for size, group in _GROUPS:
+            word = (word >> size & group) | (word & group) << size
+        mirrored[len(words) - 1 - i] = word
     return mirrored
 
 
 @compiled
-def _fill_ends(
-    words: UInt64[Array, " words"], width: int, ends: UInt64[Array, " words"]
-) -> None:
+def _fill_ends(words: UInt64[Array, " words"], width: int, ends: UInt64[Array, " words"]) -> None:
     """Ends of moves from bit to bit; ``width`` is in words per row.
 
     A cell is one if it is occupied, or if beside it is a free cell that comes after an occupied
@@ -151,7 +158,7 @@ def _fill_ends(
 
 
 @compiled
-def _transpose(
+def _transpose(  # noqa: PLR0917
     words: UInt64[Array, " words"],
     width: int,
     rows: int,
@@ -171,7 +178,7 @@ def _transpose(
 
 
 @inlined
-def _transpose_block(block: UInt64[Array, "64"]) -> None:
+def _transpose_block(block: UInt64[Array, " rows"]) -> None:
     """Exchange rows and columns of 64 x 64 bits (Warren, "Hacker's Delight", sec. 7-3)."""
     size, mask = 32, np.uint64(0xFFFFFFFF)
     while size > 0:

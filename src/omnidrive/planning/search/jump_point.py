@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int32, Int64, UInt8, UInt64
 
-from omnidrive.compiled import compiled
+from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.astar import BUCKET, CLOSED, FAR
 from omnidrive.planning.search.board import BitBoard
 from omnidrive.planning.search.bucket_queue import (
@@ -18,12 +18,13 @@ from omnidrive.planning.search.bucket_queue import (
 )
 from omnidrive.planning.search.jump_board import JumpBoard, jumps
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT, Heuristic, to_go
+from omnidrive.planning.search.machine import int64, uint32
 from omnidrive.planning.search.moves import BEGIN, surroundings
 
 Array = np.ndarray
 
 
-def jump_point(
+def jump_point(  # noqa: PLR0917
     board: BitBoard,
     jump_board: JumpBoard,
     first: int,
@@ -45,20 +46,18 @@ def jump_point(
         needed: Moves among eight neighbours without cutting corners.
         heuristic: What is taken to be left to go.
     """
-    came, lengths = np.zeros(board.size, np.uint8), np.empty(board.size, np.int64)
-    parents = np.empty(board.size, np.int32)
     short, long = sorted(board.shape)
     found = np.empty((4 * (2 * short + 2), 3), np.int64)  # no more are found from one cell
     longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2  # a jump, and what it leaves more to go
-    expansions = _reach(
-        *jump_board, board.bits, board.stride, first, last, needed, heuristic, came, lengths,
-        parents, found, *bucket_queue(longest >> BUCKET, len(found)),
+    nodes, goal, expansions = _reach(
+        *jump_board, board.bits, board.stride, first, last, needed, heuristic, found,
+        *bucket_queue(longest >> BUCKET, len(found)),
     )  # fmt: skip
-    return _walk_back(came, parents, board.stride, first, last), expansions
+    return _walk_back(nodes, board.stride, goal), expansions
 
 
 @compiled
-def _reach(
+def _reach(  # noqa: PLR0917
     ends: UInt64[Array, " words"],
     places: Int64[Array, "4 3"],
     bits: UInt8[Array, " bytes"],
@@ -67,70 +66,108 @@ def _reach(
     last: int,
     needed: UInt8[Array, "10 512"],
     heuristic: Heuristic,
-    came: UInt8[Array, " numbers"],
-    lengths: Int64[Array, " numbers"],
-    parents: Int32[Array, " numbers"],
     found: Int64[Array, "most 3"],
     queue: Int32[Array, " size"],
     ring: int,
-) -> int:
-    """Fill ``came``, ``lengths`` and ``parents`` and count the expansions; see ``astar._reach``."""
+) -> tuple[Int64[Array, "nodes 4"], int, int]:
+    """Nodes, the goal's number among them, 0 if there is no way, and the count of expansions.
+
+    Of the few cells that are nodes, each has its number of the board, the length of the shortest
+    way known, the node that this leads over, and how it was reached (as in :mod:`astar`). Node 0 is
+    none. The queue holds nodes.
+    """
     goal_row, goal_col = last // stride, last % stride
     floor = to_go(heuristic, first // stride - goal_row, first % stride - goal_col)
-    came[first], lengths[first], parents[first] = BEGIN, 0, first
-    push(queue, ring, 0, first)
-    best, bucket, waiting, expansions = 0 if first == last else FAR, 0, 1, 0
+    nodes = np.empty((2 * len(found) + 2, 4), np.int64)
+    nodes[1, 0], nodes[1, 1], nodes[1, 2], nodes[1, 3] = first, 0, 0, BEGIN
+    table, count, goal = _table(nodes, 2), 2, 1 if first == last else 0
+    push(queue, ring, 0, 1)
+    best, bucket, waiting, expansions = 0 if goal else FAR, 0, 1, 0
     while waiting > 0:
         while is_empty(queue, ring, bucket):
             bucket += 1
         if floor + (bucket << BUCKET) >= best:
             break
-        cell = pop(queue, ring, bucket)
+        node = pop(queue, ring, bucket)
         waiting -= 1
-        way, so_far = np.int64(came[cell]), lengths[cell]
+        cell, so_far, way = nodes[node, 0], nodes[node, 1], nodes[node, 3]
         if way & CLOSED or so_far >= best:
             continue
-        came[cell] = way | CLOSED
+        nodes[node, 3] = way | CLOSED
         expansions += 1
-        moves = np.int64(needed[way, surroundings(bits, stride, cell)])
-        count = jumps(ends, places, bits, stride, cell, last, moves, found)
-        if is_full(queue, ring, waiting + count):
+        moves = int64(needed[way, surroundings(bits, stride, cell)])
+        reached = jumps(ends, places, bits, stride, cell, last, moves, found)
+        if is_full(queue, ring, waiting + reached):
             queue = enlarged(queue)
-        for i in range(count):
-            to, length, move = found[i, 0], so_far + found[i, 1], found[i, 2]
-            if came[to] != 0 and length >= lengths[to]:
-                continue
-            row = np.int64(np.uint32(to) // np.uint32(stride))
+        if count + reached > len(nodes):
+            nodes = _doubled(nodes)
+            table = _table(nodes, count)
+        for i in range(reached):
+            to, length = found[i, 0], so_far + found[i, 1]
+            row = int64(uint32(to) // uint32(stride))
             left = to_go(heuristic, row - goal_row, to - row * stride - goal_col)
             if length + left >= best:
                 continue
-            came[to], lengths[to], parents[to] = move + 1, length, cell
-            if to == last:
-                best = length
+            place = _hash(to) & (len(table) - 1)
+            while table[place] != 0 and nodes[table[place], 0] != to:
+                place = (place + 1) & (len(table) - 1)
+            known = int64(table[place])
+            if known == 0:
+                table[place] = known = count
+                nodes[known, 0] = to
+                count += 1
+            elif length >= nodes[known, 1]:
                 continue
-            push(queue, ring, max(bucket, (length + left - floor) >> BUCKET), to)
+            nodes[known, 1], nodes[known, 2], nodes[known, 3] = length, node, found[i, 2] + 1
+            if to == last:
+                best, goal = length, known
+                continue
+            push(queue, ring, max(bucket, (length + left - floor) >> BUCKET), known)
             waiting += 1
-    return expansions
+    return nodes, goal, expansions
+
+
+@inlined
+def _hash(cell: int) -> int:
+    """A number in which neighbours are far apart (Knuth, TAOCP vol. 3, sec. 6.4)."""
+    return (cell * 0x9E3779B1 >> 7) & 0x7FFFFFFF
 
 
 @compiled
-def _walk_back(
-    came: UInt8[Array, " numbers"],
-    parents: Int32[Array, " numbers"],
-    stride: int,
-    first: int,
-    last: int,
-) -> Int32[Array, " cells"]:
-    """Cells from ``first`` to ``last``; from a parent, a way is diagonal and then straight."""
-    count, cell = 1 if came[last] != 0 else 0, last
-    while count > 0 and cell != first:
-        parent = np.int64(parents[cell])
+def _table(nodes: Int64[Array, "nodes 4"], count: int) -> Int32[Array, " places"]:
+    """The first ``count`` nodes by the hash of their cell, open addressing; half or more is 0."""
+    size = 1
+    while size < 2 * len(nodes):
+        size *= 2
+    table = np.zeros(size, np.int32)
+    for node in range(1, count):
+        place = _hash(nodes[node, 0]) & (size - 1)
+        while table[place] != 0:
+            place = (place + 1) & (size - 1)
+        table[place] = node
+    return table
+
+
+@compiled
+def _doubled(nodes: Int64[Array, "nodes 4"]) -> Int64[Array, "more 4"]:
+    """The nodes with room for as many again."""
+    more = np.empty((2 * len(nodes), 4), np.int64)
+    more[: len(nodes)] = nodes
+    return more
+
+
+@compiled
+def _walk_back(nodes: Int64[Array, "nodes 4"], stride: int, goal: int) -> Int32[Array, " cells"]:
+    """Cells up to a node; from a parent, a way is diagonal and then straight."""
+    count, node = min(goal, 1), goal
+    while goal and nodes[node, 2] != 0:
+        cell, parent = nodes[node, 0], nodes[nodes[node, 2], 0]
         rows, cols = cell // stride - parent // stride, cell % stride - parent % stride
         count += max(abs(rows), abs(cols))
-        cell = parent
-    way, cell, at = np.empty(count, np.int32), last, count - 1
+        node = nodes[node, 2]
+    way, node, at = np.empty(count, np.int32), goal, count - 1
     while at > 0:
-        parent = np.int64(parents[cell])
+        cell, parent = nodes[node, 0], nodes[nodes[node, 2], 0]
         rows, cols = cell // stride - parent // stride, cell % stride - parent % stride
         down, right = np.sign(rows) * stride, np.sign(cols)
         diagonal = min(abs(rows), abs(cols))
@@ -141,6 +178,7 @@ def _walk_back(
                 cell -= down + right
             else:
                 cell -= down if abs(rows) > abs(cols) else right
+        node = nodes[node, 2]
     if count > 0:
-        way[0] = first
+        way[0] = nodes[1, 0]
     return way

@@ -18,6 +18,7 @@ from omnidrive.planning.search.bucket_queue import (
     push,
 )
 from omnidrive.planning.search.lengths import STRAIGHT, Heuristic, to_go
+from omnidrive.planning.search.machine import int64
 from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
 
 Array = np.ndarray
@@ -51,12 +52,12 @@ def lazy_theta(
 
 
 @compiled
-def _reach(
+def _reach(  # noqa: PLR0917
     bits: UInt8[Array, " bytes"],
     stride: int,
     first: int,
     last: int,
-    allowed: UInt8[Array, "512"],
+    allowed: UInt8[Array, " surroundings"],
     heuristic: Heuristic,
     parents: Int32[Array, " numbers"],
     state: UInt8[Array, " numbers"],
@@ -77,7 +78,7 @@ def _reach(
         if state[cell] == _CLOSED:
             continue
         moves = allowed[surroundings(bits, stride, cell)]
-        if not sees(bits, stride, np.int64(parents[cell]), cell):
+        if not sees(bits, stride, int64(parents[cell]), cell):
             _repair(stride, cell, moves, parents, state, lengths)
         state[cell] = _CLOSED
         if cell == last:
@@ -85,7 +86,7 @@ def _reach(
         expansions += 1
         if is_full(queue, ring, waiting + 8):
             queue = enlarged(queue)
-        parent = np.int64(parents[cell])
+        parent = int64(parents[cell])
         for move in range(8):
             to = cell + _ROWS[move] * stride + _COLS[move]
             if moves >> move & 1 == 0 or state[to] == _CLOSED:
@@ -100,7 +101,7 @@ def _reach(
 
 
 @compiled
-def _repair(
+def _repair(  # noqa: PLR0917
     stride: int,
     cell: int,
     moves: int,

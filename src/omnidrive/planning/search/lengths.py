@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from omnidrive.compiled import inlined
 
@@ -14,8 +14,6 @@ STRAIGHT, DIAGONAL = 470832, 665857
 denominator (Hardy & Wright, "An Introduction to the Theory of Numbers", th. 181): sums of these
 compare as the true lengths do, exactly, for ways that differ by fewer than 470832 diagonal moves.
 """
-
-HeuristicName = Literal["octile", "manhattan", "euclidean", "zero"]
 
 
 class Heuristic(NamedTuple):
@@ -32,7 +30,7 @@ class Heuristic(NamedTuple):
     beeline: bool = False
 
 
-HEURISTICS: dict[HeuristicName, Heuristic] = {
+HEURISTICS: dict[str, Heuristic] = {
     "octile": Heuristic(STRAIGHT, DIAGONAL - STRAIGHT),
     "manhattan": Heuristic(STRAIGHT, STRAIGHT),
     "euclidean": Heuristic(0, 0, beeline=True),

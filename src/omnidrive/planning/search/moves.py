@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from omnidrive.compiled import inlined
+from omnidrive.planning.search.machine import int64
 
 Array = np.ndarray
 
@@ -30,7 +31,7 @@ def surroundings(bits: UInt8[Array, " bytes"], stride: int, cell: int) -> int:
     at, shift = (cell - stride - 1) >> 3, (cell - 1) & 7
     around = 0
     for row in range(3):
-        pair = np.int64(bits[at]) | np.int64(bits[at + 1]) << 8
+        pair = int64(bits[at]) | int64(bits[at + 1]) << 8
         around |= (pair >> shift & 7) << 3 * row
         at += stride >> 3
     return around
@@ -89,14 +90,17 @@ def _allowed(cell: Move, move: Move, cut_corners: bool) -> Bool[Array, " surroun
     allowed = _free(row, col)
     if 0 in move or cut_corners:
         return allowed
-    return allowed & _free(cell[0], col) & _free(row, cell[1])
+    both: Bool[Array, " surroundings"] = _free(cell[0], col) & _free(row, cell[1])
+    both &= allowed
+    return both
 
 
 def _free(row: int, col: int) -> Bool[Array, " surroundings"]:
     """Whether a cell is free; outside the surroundings, it is not known to be."""
     if max(abs(row), abs(col)) > 1:
         return np.zeros(len(_AROUND), bool)
-    return (_AROUND >> (3 * row + col + 4) & 1) == 0
+    free: Bool[Array, " surroundings"] = (_AROUND >> (3 * row + col + 4) & 1) == 0
+    return free
 
 
 def _length(move: Move) -> float:
