@@ -37,4 +37,4 @@ def length(cells: Int[Array, "cells 2"]) -> float:
     if steps.max(initial=0) <= 1:
         diagonal = int(np.count_nonzero(steps.all(axis=1)))
         return len(steps) - diagonal + diagonal * 2.0**0.5
-    return float(np.sum(np.hypot(*steps.T)))
+    return sum(np.hypot(*steps.T).tolist())
