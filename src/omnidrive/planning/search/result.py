@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from jaxtyping import Int
@@ -36,5 +37,6 @@ def length(cells: Int[Array, "cells 2"]) -> float:
     steps = np.abs(np.diff(cells, axis=0))
     if steps.max(initial=0) <= 1:
         diagonal = int(np.count_nonzero(steps.all(axis=1)))
-        return len(steps) - diagonal + diagonal * 2.0**0.5
-    return sum(np.hypot(*steps.T).tolist())
+        return len(steps) - diagonal + diagonal * sqrt(2.0)
+    total: float = np.hypot(*steps.T).sum().item()
+    return total
