@@ -1,0 +1,186 @@
+"""A path with its headings as polynomial pieces: what a timing law runs along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from omnidrive.errors import InvalidInput, InvalidReference
+from omnidrive.geometry import wrap
+from omnidrive.planning import SplinePath
+
+Array = np.ndarray
+
+FixedHeading = Literal["path", "tangent", "fixed"]
+"""The path's own headings; the direction of travel; one heading throughout."""
+
+_TURN = 0.25
+"""Most that the heading turns on one piece, in rad."""
+
+_MAX_PIECES = 50_000
+"""About 2.5 km of paths with a control point every 0.05 m; 10 MB."""
+
+
+class Motion(NamedTuple):
+    """Poses of B in W and their first two derivatives by the course's parameter s."""
+
+    poses: Float[Array, "n 3"]
+    slopes: Float[Array, "n 3"]
+    bends: Float[Array, "n 3"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Course:
+    """Poses as a function of s, which grows by 1 on every piece.
+
+    Attributes:
+        pieces: Coefficients of 1, r, r^2 and r^3 on each piece, r = s - piece in [0, 1]; of x and
+            y in m and yaw in rad. Poses and first derivatives are continuous.
+        along: Whether the heading is the direction of travel instead; then the third column
+            holds, in its first coefficient, the heading at each piece's start, unwrapped.
+    """
+
+    pieces: Float[Array, "pieces 4 3"]
+    along: bool
+
+    @classmethod
+    def of(
+        cls, path: SplinePath, heading: FixedHeading = "path", yaw: float | None = None
+    ) -> Course:
+        """Course along ``path`` with one of the three ways to head.
+
+        Args:
+            path: Where to go.
+            heading: How to head.
+            yaw: The heading of ``fixed``, in rad; by default the path's first.
+
+        Raises:
+            InvalidInput: There is no such heading, or ``yaw`` is not finite.
+            InvalidReference: The path stands still, or, with heading ``tangent``, has a point
+                without a direction.
+        """
+        if heading not in get_args(FixedHeading):
+            raise InvalidInput(
+                f"there is no heading '{heading}'; there are {', '.join(get_args(FixedHeading))}"
+            )
+        if yaw is not None and not np.isfinite(yaw):
+            raise InvalidInput(f"the heading must be a finite angle in rad, got {yaw:g}")
+        least = len(path.control_points) - 3
+        count = least
+        while count <= _MAX_PIECES:
+            pieces = _cubics(path, count)
+            if heading == "fixed":
+                pieces[:, 1:, 2] = 0.0
+                pieces[:, 0, 2] = path.poses(0.0)[2] if yaw is None else yaw
+            course = cls(pieces, heading == "tangent")
+            course._check_moves(path)
+            if course._settle_headings():
+                return course
+            count *= 2
+        raise InvalidReference(course._too_sharp())
+
+    def at(self, piece: Int[Array, " n"], r: Float[Array, " n"]) -> Motion:
+        """Poses, slopes and bends on pieces at r in [0, 1]; at piece ends, of that very piece."""
+        c = self.pieces[piece]
+        r = r[:, None]
+        q = c[:, 0] + r * (c[:, 1] + r * (c[:, 2] + r * c[:, 3]))
+        q1 = c[:, 1] + r * (2.0 * c[:, 2] + 3.0 * r * c[:, 3])
+        q2 = 2.0 * c[:, 2] + 6.0 * r * c[:, 3]
+        if self.along:
+            (x0, y0), (x1, y1), (x2, y2), (x3, y3) = (
+                part[:, :2].T for part in (c[:, 1], q1, q2, 6.0 * c[:, 3])
+            )
+            square, cross = x1 * x1 + y1 * y1, x1 * y2 - y1 * x2
+            q[:, 2] = c[:, 0, 2] + np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
+            q1[:, 2] = cross / square
+            q2[:, 2] = (x1 * y3 - y1 * x3 - 2.0 * (x1 * x2 + y1 * y2) * q1[:, 2]) / square
+        return Motion(q, q1, q2)
+
+    def body(
+        self, motion: Motion
+    ) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, "n 3"]]:
+        """Slopes in B, their derivative by s, and bends in B.
+
+        With twist = slope ds/dt: d(R^T q')/ds = R^T q'' - yaw' z x R^T q', z up.
+        """
+        slopes, bends = (turned_into_body(part, motion.poses[:, 2]) for part in motion[1:])
+        turn = slopes[:, 2]
+        rates = bends.copy()
+        rates[:, 0] += turn * slopes[:, 1]
+        rates[:, 1] -= turn * slopes[:, 0]
+        return slopes, rates, bends
+
+    def _check_moves(self, path: SplinePath) -> None:
+        moving = 3 - self.along  # with the direction of travel as heading, only x and y can move
+        if not np.abs(self.pieces[:, 1:, :moving]).max() > 0.0:
+            x, y, _ = path.poses(0.0)
+            raise InvalidReference(
+                f"the path stands still at ({x:g}, {y:g}) m: there is nothing to time"
+                if np.ptp(path.control_points[:, 2]) == 0.0
+                else f"the path only turns at ({x:g}, {y:g}) m: choose heading 'path', which can"
+            )
+
+    def _settle_headings(self) -> bool:
+        """Fill in the headings of direction of travel; whether no piece turns too far."""
+        if not self.along:
+            c = self.pieces[:, 1:, 2]
+            return bool((np.abs(c).sum(axis=1) <= _TURN).all())
+        turns, directions = self._tangents()
+        if self._sharp(turns).any():
+            return False
+        self.pieces[:, 0, 2] = directions[0] + np.concatenate([[0.0], np.cumsum(turns)[:-1]])
+        return True
+
+    def _tangents(self) -> tuple[Float[Array, " pieces"], Float[Array, " pieces"]]:
+        """By how much the direction of travel turns on each piece, and where it starts; rad."""
+        starts = self.pieces[:, 1, :2]
+        ends = self.pieces[:, 1, :2] + 2.0 * self.pieces[:, 2, :2] + 3.0 * self.pieces[:, 3, :2]
+        directions = np.arctan2(*starts.T[::-1])
+        return wrap(np.arctan2(*ends.T[::-1]) - directions), directions
+
+    def _sharp(self, turns: Float[Array, " pieces"]) -> Bool[Array, " pieces"]:
+        """Pieces that turn too far, or whose hodograph's hull is near the origin.
+
+        The hodograph of a cubic is a parabola within the triangle of its control points d0, d1, d2;
+        all of them far along d0 + d2 keep the speed off zero and the turn below pi.
+        """
+        c1, c2, c3 = (self.pieces[:, k, :2] for k in (1, 2, 3))
+        d = np.stack([c1, c1 + c2, c1 + 2.0 * c2 + 3.0 * c3])
+        axis = d[0] + d[2]
+        along = (d * axis).sum(axis=2)
+        least = 1e-3 * np.linalg.norm(axis, axis=1) * np.linalg.norm(d, axis=2).max(axis=0)
+        still: Bool[Array, " pieces"] = ~((along > least).all(axis=0)) | (np.abs(turns) > _TURN)
+        return still
+
+    def _too_sharp(self) -> str:
+        if not self.along:
+            return (
+                f"the path has more than {_MAX_PIECES} pieces, or its heading turns so often; "
+                "split the path"
+            )
+        turns, _ = self._tangents()
+        x, y, _ = self.pieces[np.argmax(self._sharp(turns)), 0]
+        return (
+            f"the path has no direction, or turns on the spot, at ({x:.3f}, {y:.3f}) m, so that the "
+            "heading cannot be tangent to it; choose heading 'path', 'fixed' or 'free'"
+        )
+
+
+def turned_into_body(vectors: Float[Array, "n 3"], yaw: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    """Planar vectors (x, y, yaw) of W written in a frame of heading ``yaw``; yaw parts as is."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, y, turn = vectors.T
+    return np.stack([c * x + s * y, c * y - s * x, turn], axis=1)
+
+
+def _cubics(path: SplinePath, count: int) -> Float[Array, "pieces 4 3"]:
+    """The path on ``count`` equal pieces: a cubic is given by its ends (Hermite)."""
+    u = np.arange(count + 1) / count
+    q, slopes = path.poses(u), path.slopes(u) / count
+    step, first, last = np.diff(q, axis=0), slopes[:-1], slopes[1:]
+    return np.stack(
+        [q[:-1], first, 3.0 * step - 2.0 * first - last, first + last - 2.0 * step], axis=1
+    )

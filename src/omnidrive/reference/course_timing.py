@@ -1,0 +1,99 @@
+"""Timing of a course at its limits, on a grid that is refined until it does not matter."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.errors import InvalidReference
+from omnidrive.reference.course import Course
+from omnidrive.reference.fastest import fastest
+from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.timed import TimedReference
+
+Array = np.ndarray
+
+_SHARES = (0.0, 0.5, 1.0)
+"""Places on an interval at which limits hold by construction."""
+
+_FIRST_NODES, _MAX_NODES = 400, 100_000
+_EXCESS = 1e-3
+_GAIN = 1e-3
+"""The grid is refined while limits are broken, or time is gained, by more than these shares."""
+
+
+def time_course(course: Course, limits: tuple[LimitRows, ...]) -> TimedReference:
+    """Fastest motion along ``course``: the grid is refined until it does not matter.
+
+    What little of a limit is then still broken between nodes is taken off by going slower.
+    """
+    pieces = len(course.pieces)
+    per_piece = max(4, -(-_FIRST_NODES // pieces))
+    if pieces * per_piece > _MAX_NODES:
+        per_piece = max(1, _MAX_NODES // pieces)
+    reference = _on_grid(course, limits, per_piece)
+    while 2 * per_piece * pieces <= _MAX_NODES:
+        per_piece *= 2
+        coarse, reference = reference, _on_grid(course, limits, per_piece)
+        gain = abs(reference.duration - coarse.duration)
+        if reference.excess <= _EXCESS and gain <= _GAIN * reference.duration:
+            break
+    return _kept(reference)
+
+
+def _on_grid(course: Course, limits: tuple[LimitRows, ...], per_piece: int) -> TimedReference:
+    """Fastest motion whose acceleration changes only at nodes, ``per_piece`` on each piece."""
+    a, b, still = interval_rows(course, limits, per_piece)
+    length = float(len(course.pieces))
+    # where nothing moves (a control point three times over) no row bounds x; then this does
+    scale = np.abs(a).max(axis=1)
+    top = 1e6 * float(np.median(2.0 * length / scale[scale > 0.0]))
+    first, last = (top if end else 0.0 for end in still)
+    x = fastest(a, b, 1.0 / per_piece, top, first, last)
+    reference = TimedReference(course, limits, x)
+    if not np.isfinite(reference.duration):
+        raise InvalidReference("the limits are too far apart to time this path: change their units")
+    return reference
+
+
+def interval_rows(
+    course: Course, limits: tuple[LimitRows, ...], per_piece: int
+) -> tuple[Float[Array, "intervals rows"], Float[Array, "intervals rows"], tuple[bool, bool]]:
+    """All limits as rows ``|a u + b x| <= 1`` at the start, middle and end of every interval.
+
+    With x the squared speed at the interval's start, it is x + 2 u d at a distance d from there.
+
+    Returns:
+        a, b, and whether the slope is zero at the course's start and end, so that the robot rests
+        there whatever ds/dt is.
+    """
+    count = len(course.pieces) * per_piece
+    piece, part = np.divmod(np.arange(count), per_piece)
+    first, second, still = [], [], []
+    for share in _SHARES:
+        slopes, rates, bends = course.body(course.at(piece, (part + share) / per_piece))
+        reach = 2.0 * share / per_piece
+        square = np.zeros(count)
+        for group in limits:
+            along = slopes @ group.rows.T
+            if group.kind == "speed":
+                values = along**2
+                top = values.sum(axis=1) if group.round else values.max(axis=1)
+                square = np.maximum(square, top)
+                continue
+            across = (rates if group.kind == "twist rate" else bends) @ group.rows.T
+            first.append(along + reach * across)
+            second.append(across)
+        first.append(reach * square[:, None])
+        second.append(square[:, None])
+        still.append(np.abs(slopes).max(axis=1))
+    least = 1e-9 * float(np.max(still))
+    ends = (bool(still[0][0] <= least), bool(still[-1][-1] <= least))
+    return np.hstack(first), np.hstack(second), ends
+
+
+def _kept(reference: TimedReference) -> TimedReference:
+    """The motion, slowed down by what it breaks a limit."""
+    usage, kinds = reference.limit_usage, {group.name: group.kind for group in reference.limits}
+    slower = max(1.0, *(use if kinds[name] == "speed" else use**0.5 for name, use in usage.items()))
+    return reference.slowed(reference.duration * slower)

@@ -1,0 +1,95 @@
+"""Fastest squared speeds along a course under rows of limits: reachability analysis.
+
+Pham & Pham, "A new approach to time-optimal path parameterization based on reachability analysis",
+IEEE Trans. Robotics 34(3), 2018. On every interval the acceleration u = d2s/dt2 is constant, so
+that the squared speed x = (ds/dt)^2 is linear in s: x + 2 u (s - s_i). All limits are rows
+``|a u + b x| <= 1``, and rest (u = x = 0) meets them all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.compiled import compiled, inlined
+
+Array = np.ndarray
+
+_FLAT = 1e-14
+"""A row whose ``a`` is below this share of its ``b`` does not limit u."""
+
+
+@inlined
+def _range(
+    x: float, ahead: float, double: float, a: Float[Array, " rows"], b: Float[Array, " rows"]
+) -> tuple[float, float, float, float]:
+    """Least and greatest u at ``x`` that reach [0, ahead], and their derivatives by x."""
+    slope = -1.0 / double
+    low, high, low_slope, high_slope = slope * x, (ahead - x) / double, slope, slope
+    for a_r, b_r in zip(a, b):
+        if abs(a_r) <= _FLAT * abs(b_r):
+            continue
+        slope, half = -b_r / a_r, 1.0 / abs(a_r)
+        if slope * x + half < high:
+            high, high_slope = slope * x + half, slope
+        if slope * x - half > low:
+            low, low_slope = slope * x - half, slope
+    return low, high, low_slope, high_slope
+
+
+@inlined
+def _largest(
+    top: float, ahead: float, double: float, a: Float[Array, " rows"], b: Float[Array, " rows"]
+) -> float:
+    """Largest x up to ``top`` from which some u leads into [0, ahead].
+
+    The gap between greatest and least u is concave in x and not negative at 0. Newton's method
+    from above, on the two lines that bound the gap, ends after finitely many steps.
+    """
+    x = top
+    for a_r, b_r in zip(a, b):
+        if abs(a_r) <= _FLAT * abs(b_r) and abs(b_r) * x > 1.0:
+            x = 1.0 / abs(b_r)
+    for _ in range(4 * a.size + 8):
+        low, high, low_slope, high_slope = _range(x, ahead, double, a, b)
+        if high >= low:
+            break
+        slope = high_slope - low_slope
+        step = (high - low) / slope if slope < 0.0 else x
+        if step <= 1e-15 * x:  # rounding
+            break
+        x = max(x - step, 0.0)
+    return x
+
+
+@compiled
+def fastest(
+    a: Float[Array, "intervals rows"],
+    b: Float[Array, "intervals rows"],
+    width: float,
+    top: float,
+    first: float,
+    last: float,
+) -> Float[Array, " nodes"]:
+    """Greatest squared speeds at the ends of all intervals.
+
+    Args:
+        a: Factor of u in each row, in s^2 (s counted in units of the course's parameter).
+        b: Factor of x at the interval's start, in s^2.
+        width: Of every interval, in units of s.
+        top: Bound on x, in 1/s^2, where no row gives one.
+        first: Most that x may be at the start; 0 for rest.
+        last: Most that x may be at the end; 0 for rest.
+    """
+    count, double = len(a), 2.0 * width
+    most = np.empty(count + 1)
+    most[count] = min(last, top)
+    for i in range(count - 1, -1, -1):
+        most[i] = _largest(top, most[i + 1], double, a[i], b[i])
+    x = np.empty(count + 1)
+    x[0] = min(first, most[0])
+    for i in range(count):
+        low, high, _, _ = _range(x[i], most[i + 1], double, a[i], b[i])
+        u = high if high >= low else 0.5 * (low + high)
+        x[i + 1] = min(max(x[i] + double * u, 0.0), most[i + 1])
+    return x

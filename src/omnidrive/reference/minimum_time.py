@@ -1,0 +1,175 @@
+"""Minimum time: the path may move within a corridor, the heading is free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.errors import NoPathFound
+from omnidrive.maps import OccupancyGrid
+from omnidrive.planning import SplinePath
+from omnidrive.reference.corridor import Corridor
+from omnidrive.reference.course import Course
+from omnidrive.reference.heading_guess import heading_guesses
+from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
+from omnidrive.reference.course_timing import time_course
+from omnidrive.reference.timed import TimedReference
+from omnidrive.reference.transcription import casadi, optimised
+from omnidrive.robot import Chassis
+
+Array = np.ndarray
+
+_PIECES = 48
+"""Of the new spline, along all of the way, or more if there are many boxes."""
+
+_MAX_PIECES = 600
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MinimumTime:
+    """The fastest motion found.
+
+    Attributes:
+        reference: It.
+        path: Its path.
+        status: ``converged``: a local optimum of the discretised problem; ``capped``: the solver
+            stopped before, with a faster motion all the same; ``fallback``: nothing faster than
+            the start path was found, which is returned.
+        message: What happened, in a sentence.
+        corridor: Where the path could move; None if there was none.
+        start_duration: Of the fastest motion along the start path with its own headings, in s.
+    """
+
+    reference: TimedReference
+    path: SplinePath
+    status: Literal["converged", "capped", "fallback"]
+    message: str
+    corridor: Corridor | None
+    start_duration: float
+
+
+def minimum_time(
+    path: SplinePath,
+    chassis: Chassis,
+    limits: MotionLimits,
+    free: OccupancyGrid,
+    *,
+    start_yaw: float | None = None,
+    goal_yaw: float | None = None,
+) -> MinimumTime:
+    """Fastest motion from the start of ``path`` to its end through a corridor around it.
+
+    The corridor is boxes of free cells. Every piece of the new path has its control points in
+    one box, so that it cannot leave it. Times are optimised together with the path, then
+    computed exactly along it. The result is never slower than :func:`time_within_limits` along
+    ``path`` with its own headings: if nothing faster is found, it is that.
+
+    Args:
+        path: A way that stays in free cells.
+        chassis: Its wheel matrix and its wheels' top speed.
+        limits: All other limits.
+        free: Where the robot's centre may be: obstacles inflated by its size.
+        start_yaw: Heading at the start, in rad; None leaves it open.
+        goal_yaw: Heading at the goal, in rad; None leaves it open.
+
+    Raises:
+        InvalidInput: An end heading is not finite.
+        InvalidReference: The path stands still.
+        MissingExtra: CasADi is not installed.
+    """
+    casadi()
+    rows = limit_rows(chassis, limits)
+    start = time_course(Course.of(path), rows)
+    if path.length == 0.0:
+        return _fallback(path, start, None, "the path only turns")
+    try:
+        corridor = Corridor.along(path.poses(_fine(path))[:, :2], free)
+    except NoPathFound as error:
+        return _fallback(path, start, None, f"there is no corridor around the path: {error}")
+    pieces = corridor.pieces(_PIECES)
+    if len(pieces) > _MAX_PIECES:
+        return _fallback(
+            path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
+        )
+    best: tuple[TimedReference, SplinePath, bool] | None = None
+    for guess, low, high in _guesses(path, corridor, pieces, rows, (start_yaw, goal_yaw)):
+        found = optimised(guess, low, high, rows)
+        reference = time_course(Course.of(found.path), rows)
+        if best is None or reference.duration < best[0].duration:
+            best = reference, found.path, found.converged
+    assert best is not None  # there are three guesses
+    reference, faster, converged = best
+    if reference.duration > start.duration:
+        message = f"the best motion in the corridor takes {reference.duration:.3f} s"
+        return _fallback(path, start, corridor, message)
+    message = (
+        f"{reference.duration:.3f} s instead of {start.duration:.3f} s, "
+        f"in {len(corridor.boxes)} boxes"
+    )
+    status: Literal["converged", "capped"] = "converged" if converged else "capped"
+    return MinimumTime(reference, faster, status, message, corridor, start.duration)
+
+
+def _fallback(
+    path: SplinePath, start: TimedReference, corridor: Corridor | None, why: str
+) -> MinimumTime:
+    message = f"the start path at its limits, in {start.duration:.3f} s: {why}"
+    return MinimumTime(start, path, "fallback", message, corridor, start.duration)
+
+
+def _fine(path: SplinePath) -> Float[Array, " samples"]:
+    """Parameters close enough for straight lines between: 20 on every piece."""
+    return np.linspace(0.0, 1.0, 20 * (len(path.control_points) - 3) + 1)
+
+
+def _guesses(
+    path: SplinePath,
+    corridor: Corridor,
+    pieces: Int[Array, " pieces"],
+    rows: tuple[LimitRows, ...],
+    yaws: tuple[float | None, float | None],
+) -> list[tuple[SplinePath, Float[Array, "points 3"], Float[Array, "points 3"]]]:
+    """Splines near the path and in the corridor, with three kinds of headings, and their bounds."""
+    control = _refitted(path, corridor, pieces)
+    low, high = corridor.bounds(pieces)
+    low[[0, -1]] = high[[0, -1]] = path.control_points[[0, -1], :2]
+    control[:, :2] = np.clip(control[:, :2], low, high)
+    return [
+        (
+            SplinePath(np.column_stack([control[:, :2], guess.yaw])),
+            np.column_stack([low, guess.low]),
+            np.column_stack([high, guess.high]),
+        )
+        for guess in heading_guesses(SplinePath(control), rows, *yaws)
+    ]
+
+
+def _refitted(
+    path: SplinePath, corridor: Corridor, pieces: Int[Array, " pieces"]
+) -> Float[Array, "points 3"]:
+    """Control points on the path, those of each box spread evenly over its part of the way.
+
+    A control point belongs at the mean of its three inner knots (de Boor, ch. XI, Greville sites).
+    """
+    u = _fine(path)
+    poses = path.poses(u)
+    travelled = np.concatenate(
+        [[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1))]
+    )
+    starts = np.concatenate([[0.0], corridor.ends[:-1]])
+    counts = np.bincount(pieces)
+    knots = np.concatenate(
+        [
+            *(
+                a + (b - a) * np.arange(n) / n
+                for a, b, n in zip(starts, corridor.ends, counts, strict=True)
+            ),
+            corridor.ends[-1:],
+        ]
+    )
+    padded = np.concatenate([[knots[0]] * 2, knots, [knots[-1]] * 2])
+    sites = (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
+    return np.stack([np.interp(sites, travelled, column) for column in poses.T], axis=1)

@@ -1,0 +1,183 @@
+"""Minimum time: corridor, free headings, and the figures on the paper's map."""
+
+import sys
+from math import inf
+
+import numpy as np
+import pytest
+
+from omnidrive.errors import InvalidInput, InvalidReference, MissingExtra, NoPathFound
+from omnidrive.maps import OccupancyGrid, paper_map
+from omnidrive.planning import PathOptions, Place, SplinePath, plan
+from omnidrive.reference import Corridor, MotionLimits, minimum_time, time_within_limits
+from omnidrive.robot import Chassis
+from tests.reference.courses import CROSS, FOUR, straight, turning, wandering, worst_shares
+
+ALPHA = 25.0
+LIMITS = MotionLimits(wheel_acceleration=ALPHA)
+
+# the paper's map, wheels at 0.15 m, 1.06 m/s and 1 m/s^2 at the rim
+PAPER = Chassis.omni(angles=CROSS, arm=0.15, wheel_radius=0.05, max_wheel_speed=1.06 / 0.05)
+PAPER_LIMITS = MotionLimits(wheel_acceleration=1.0 / 0.05)
+
+
+@pytest.fixture(scope="module")
+def papers_path():
+    _, spline = plan(
+        paper_map(), Place(1.0, 1.0), Place(8.0, 6.0), inflation=0.0,
+        options=PathOptions(spacing=0.0, turn_within=0.0),
+    )  # fmt: skip
+    return spline
+
+
+@pytest.fixture(scope="module")
+def papers_minimum(papers_path):
+    return minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map())
+
+
+def test_the_papers_map(papers_path, papers_minimum):
+    """The issue's figures: 7.63 s with free heading, 12.0 s with tangent heading."""
+    tangent = time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="tangent")
+    assert tangent.duration == pytest.approx(12.0, rel=0.02)
+    assert papers_minimum.status == "converged"
+    assert papers_minimum.reference.duration <= 7.63 * 1.005
+
+
+def test_the_minimum_keeps_the_limits(papers_minimum):
+    reference = papers_minimum.reference
+    assert max(worst_shares(reference, PAPER, 20.0)) <= 1.01
+    assert reference.excess <= 1e-9
+
+
+def test_the_minimum_stays_in_its_corridor(papers_minimum):
+    grid, corridor = paper_map(), papers_minimum.corridor
+    pieces = corridor.pieces(48)
+    assert corridor.contains(papers_minimum.path.control_points, pieces)
+    window = papers_minimum.reference.window(0.0, 20_001, papers_minimum.reference.duration / 2e4)
+    assert not any(grid.is_occupied(x, y) for x, y in window[:, :2].tolist())
+    left, right, bottom, top = corridor.boxes.T
+    x, y = window[:, :1], window[:, 1:2]
+    assert ((left <= x) & (x <= right) & (bottom <= y) & (y <= top)).any(axis=1).all()
+
+
+def test_the_minimum_joins_start_and_goal(papers_path, papers_minimum):
+    reference = papers_minimum.reference
+    ends = np.array([reference.at(0.0).pose, reference.at(reference.duration).pose])
+    assert ends[:, :2] == pytest.approx(papers_path.control_points[[0, -1], :2], abs=1e-9)
+
+
+def test_headings_at_the_ends_can_be_given(papers_path):
+    found = minimum_time(
+        papers_path, PAPER, PAPER_LIMITS, paper_map(), start_yaw=0.0, goal_yaw=-2.0
+    )
+    reference = found.reference
+    assert found.status == "converged"
+    assert reference.at(0.0).pose.yaw == pytest.approx(0.0, abs=1e-9)
+    turned = reference.at(reference.duration).pose.yaw + 2.0
+    assert np.cos(turned) == pytest.approx(1.0)
+
+
+def test_never_slower_than_the_start_path():
+    """In a corridor one cell wide there is little to gain, but nothing to lose."""
+    occupied = np.ones((40, 40), dtype=bool)
+    occupied[20, 2:38] = occupied[20:38, 37] = False
+    grid = OccupancyGrid(occupied, 0.1)
+    _, path = plan(grid, Place(0.25, 2.05), Place(3.75, 3.75), inflation=0.0, options=PathOptions())
+    found = minimum_time(path, FOUR, LIMITS, grid)
+    start = time_within_limits(path, FOUR, LIMITS)
+    assert found.start_duration == pytest.approx(start.duration)
+    assert found.reference.duration <= start.duration
+
+
+def test_falls_back_where_the_path_is_not_free(papers_path):
+    grid = paper_map()
+    grid.occupied[:] = True
+    found = minimum_time(papers_path, PAPER, PAPER_LIMITS, grid)
+    assert found.status == "fallback"
+    assert found.path is papers_path
+    assert "no corridor" in found.message
+    assert found.reference.duration == found.start_duration
+
+
+def test_turning_on_the_spot_is_left_as_it_is():
+    found = minimum_time(turning(1.0), FOUR, LIMITS, OccupancyGrid(np.zeros((9, 9), bool), 1.0))
+    assert found.status == "fallback"
+    assert "only turns" in found.message
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_free_headings_are_at_least_as_fast(seed):
+    path = wandering(seed)
+    free = time_within_limits(path, FOUR, LIMITS, heading="free")
+    for heading in ("path", "fixed"):
+        other = time_within_limits(path, FOUR, LIMITS, heading=heading)
+        assert free.duration <= other.duration * 1.001
+    assert max(worst_shares(free, FOUR, ALPHA)) <= 1.01
+
+
+def test_the_free_heading_of_a_straight_line_turns_the_fast_side_ahead():
+    """Four wheels at 45 degrees are fastest along B's axes, by the square root of 2."""
+    path = straight(20.0, angle=0.25 * np.pi)
+    fixed = time_within_limits(path, FOUR, LIMITS, heading="fixed")
+    free = time_within_limits(path, FOUR, LIMITS, heading="free")
+    assert free.duration == pytest.approx(20.0 / 2.1213 + 2.1213 / 1.7678, rel=3e-3)
+    assert fixed.duration == pytest.approx(20.0 / 1.5 + 1.5 / 1.25, rel=3e-3)
+
+
+@pytest.mark.parametrize("heading", [inf, np.nan])
+def test_end_headings_have_to_be_angles(papers_path, heading):
+    with pytest.raises(InvalidInput, match="heading at the goal must be a finite angle"):
+        minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map(), goal_yaw=heading)
+
+
+def test_too_many_headings_are_refused():
+    with pytest.raises(InvalidReference, match="at most 1000 control points"):
+        time_within_limits(straight(10.0, points=1001), FOUR, LIMITS, heading="free")
+
+
+def test_without_casadi_the_message_says_what_to_do(papers_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(MissingExtra, match=r"omnidrive\[casadi\]"):
+        minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map())
+    with pytest.raises(MissingExtra, match="timing 'limits'"):
+        time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="free")
+
+
+def test_boxes_of_a_corridor_are_free_and_overlap():
+    rng = np.random.default_rng(4)
+    grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1, (-1.0, 2.0))
+    grid.occupied[[1, 58], [1, 58]] = False
+    cells, _ = plan(
+        grid, Place(*grid.centre(1, 1)), Place(*grid.centre(58, 58)), inflation=0.0,
+        options=PathOptions(),
+    )  # fmt: skip
+    corridor = Corridor.along(cells.poses[:, :2], grid)
+    for left, right, bottom, top in corridor.boxes.tolist():
+        x, y = np.meshgrid(np.linspace(left, right, 60), np.linspace(bottom, top, 60))
+        assert not any(map(grid.is_occupied, x.ravel().tolist(), y.ravel().tolist()))
+    a, b = corridor.boxes[:-1], corridor.boxes[1:]
+    assert (np.minimum(a[:, [1, 3]], b[:, [1, 3]]) > np.maximum(a[:, [0, 2]], b[:, [0, 2]])).all()
+    assert (np.diff(corridor.ends) > 0.0).all()
+    low, high = corridor.bounds(corridor.pieces(48))
+    assert (low < high).all()
+
+
+def test_a_corridor_needs_a_free_way():
+    grid = OccupancyGrid(np.zeros((10, 10), dtype=bool), 1.0)
+    grid.occupied[5, 5] = True
+    with pytest.raises(NoPathFound, match=r"not free at \(5.50, 5.50\) m"):
+        Corridor.along(np.array([[1.5, 5.5], [8.5, 5.5]]), grid)
+    with pytest.raises(NoPathFound, match="not free"):
+        Corridor.along(np.array([[1.5, 1.5], [20.5, 1.5]]), grid)
+    with pytest.raises(NoPathFound, match="too long"):
+        Corridor.along(np.array([[0.0, 0.0], [1e9, 0.0]]), grid)
+
+
+def test_a_spline_outside_its_boxes_is_noticed():
+    grid = OccupancyGrid(np.zeros((10, 10), dtype=bool), 1.0)
+    corridor = Corridor.along(np.array([[1.5, 5.5], [8.5, 5.5]]), grid)
+    pieces = corridor.pieces(5)
+    path = SplinePath(np.column_stack([np.linspace(1.5, 8.5, 8), np.full(8, 5.5), np.zeros(8)]))
+    assert corridor.contains(path.control_points, pieces)
+    path.control_points[3, 1] = 10.5
+    assert not corridor.contains(path.control_points, pieces)

@@ -1,0 +1,343 @@
+"""The fastest motion along a path: analytic cases, laws, bad input."""
+
+from math import inf, nan, pi, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.errors import InvalidInput, InvalidReference
+from omnidrive.geometry import WorldTwist
+from omnidrive.planning import SplinePath
+from omnidrive.reference import MotionLimits, Reference, time_within_limits
+from omnidrive.robot import Chassis, named_robot
+from tests.reference.courses import (
+    CHASSIS,
+    CROSS,
+    FOUR,
+    straight,
+    turning,
+    wandering,
+    wheel_speeds,
+    worst_shares,
+)
+
+ALPHA = 25.0
+LIMITS = MotionLimits(wheel_acceleration=ALPHA)
+HEADINGS = ["path", "tangent", "fixed"]
+
+
+def trapezoid(length, speed, acceleration):
+    """Time from rest to rest over a distance."""
+    if length >= speed**2 / acceleration:
+        return length / speed + speed / acceleration
+    return 2 * sqrt(length / acceleration)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    length=st.floats(0.01, 50.0),
+    angle=st.floats(-pi, pi),
+    top=st.floats(2.0, 60.0),
+    alpha=st.floats(1.0, 200.0),
+)
+def test_a_straight_line_takes_a_trapezoid(length, angle, top, alpha):
+    chassis = Chassis.omni(angles=CROSS, arm=0.3, wheel_radius=0.05, max_wheel_speed=top)
+    reference = time_within_limits(
+        straight(length, angle), chassis, MotionLimits(wheel_acceleration=alpha)
+    )
+    rim = 0.05 / np.abs(np.sin(np.array(CROSS) - angle)).max()  # metres per rad of fastest wheel
+    best = trapezoid(length, rim * top, rim * alpha)
+    assert best * (1 - 1e-9) <= reference.duration <= best * 1.002
+
+
+@pytest.mark.parametrize("angle", [0.3, -2.0, 9.0, 40.0])
+def test_turning_on_the_spot_takes_a_trapezoid(angle):
+    path = turning(angle)
+    reference = time_within_limits(path, FOUR, LIMITS)
+    best = trapezoid(abs(angle), 30.0 * 0.05 / 0.3, ALPHA * 0.05 / 0.3)
+    assert best * (1 - 1e-9) <= reference.duration <= best * 1.002
+    window = reference.window(0.0, 50, reference.duration / 49)
+    assert np.ptp(window[:, :2], axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert window[[0, -1], 2] == pytest.approx([0.0, angle])
+
+
+def test_the_yaw_rate_alone_can_limit():
+    chassis = Chassis(FOUR.jacobian, inf)
+    limits = MotionLimits(wheel_acceleration=1e7, yaw_rate=0.5)
+    reference = time_within_limits(turning(2.0), chassis, limits)
+    assert reference.duration == pytest.approx(4.0, rel=1e-3)
+    assert reference.limit_usage["yaw rate"] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("limit", "name"),
+    [
+        ({"speed": 0.4}, "speed"),
+        ({"forward_speed": 0.3}, "forward speed"),
+        ({"sideways_speed": 0.2}, "sideways speed"),
+    ],
+)
+def test_twist_limits_cap_the_cruise(limit, name):
+    """10 m in the direction (0.8, 0.6) of B, long enough that starting and stopping hardly count."""
+    parts = {"speed": 1.0, "forward speed": 0.8, "sideways speed": 0.6}
+    limits = MotionLimits(wheel_acceleration=1e5, **limit)
+    path = straight(10.0, np.arctan2(0.6, 0.8))
+    reference = time_within_limits(path, FOUR, limits)
+    (value,) = limit.values()
+    assert reference.duration == pytest.approx(10.0 * parts[name] / value, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("limits", "acceleration"),
+    [
+        (MotionLimits(wheel_acceleration=1e6, acceleration=0.5), 0.5),
+        (MotionLimits(traction=np.diag([1 / 0.5, 1 / 0.7, 1.0])), 0.5),
+    ],
+)
+def test_acceleration_limits(limits, acceleration):
+    reference = time_within_limits(straight(0.5), FOUR, limits)
+    assert reference.duration == pytest.approx(trapezoid(0.5, 2.1, acceleration), rel=6e-3)
+
+
+@pytest.mark.parametrize("name", CHASSIS)
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_no_wheel_limit_is_broken(name, heading):
+    chassis = CHASSIS[name]
+    for seed in range(4):
+        reference = time_within_limits(wandering(seed), chassis, LIMITS, heading=heading)
+        assert max(worst_shares(reference, chassis, ALPHA)) <= 1.01
+        assert max(reference.limit_usage.values()) <= 1 + 1e-9
+        assert reference.excess <= 1e-9
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    points=st.integers(4, 30),
+    step=st.floats(0.02, 3.0),
+    turn=st.floats(0.0, 1.4),
+    top=st.floats(5.0, 100.0),
+    alpha=st.floats(1.0, 300.0),
+    heading=st.sampled_from(HEADINGS),
+    name=st.sampled_from(sorted(CHASSIS)),
+)
+def test_no_wheel_limit_is_broken_on_any_path(seed, points, step, turn, top, alpha, heading, name):
+    chassis = Chassis(CHASSIS[name].jacobian, top)
+    path = wandering(seed, points, step, turn)
+    try:
+        reference = time_within_limits(
+            path, chassis, MotionLimits(wheel_acceleration=alpha), heading=heading
+        )
+    except InvalidReference as error:
+        assert heading == "tangent"
+        assert "no direction" in str(error)
+        return
+    assert max(worst_shares(reference, chassis, alpha)) <= 1.01
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_the_velocity_is_continuous(heading):
+    """Over ever shorter steps, wheel speeds change no faster than the wheels can."""
+    reference = time_within_limits(wandering(3), FOUR, LIMITS, heading=heading)
+    for t in reference.times:
+        for h in (1e-3, 1e-5, 1e-7):
+            near = wheel_speeds(reference.window(t - h, 2, 2 * h), FOUR)
+            assert np.abs(np.diff(near, axis=0)).max() <= 1.01 * ALPHA * 2 * h + 1e-9
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_some_limit_is_always_used_in_full(heading):
+    """The fastest motion along a path is at a limit at every time (Bobrow et al. 1985)."""
+    reference = time_within_limits(wandering(5), FOUR, LIMITS, heading=heading)
+    dt = reference.duration / 20_000
+    speeds = wheel_speeds(reference.window(0.0, 20_001, dt), FOUR)
+    use = np.maximum(
+        np.abs(speeds[1:]).max(axis=1) / FOUR.max_wheel_speed,
+        np.abs(np.diff(speeds, axis=0)).max(axis=1) / (dt * ALPHA),
+    )
+    assert np.mean(use > 0.98) > 0.98
+
+
+def test_limit_usage_is_what_the_wheels_do():
+    reference = time_within_limits(wandering(8), FOUR, LIMITS)
+    slow = reference.slowed(3.0 * reference.duration)
+    speed, acceleration = worst_shares(slow, FOUR, ALPHA)
+    assert slow.limit_usage["wheel speed"] == pytest.approx(speed, rel=2e-3)
+    assert slow.limit_usage["wheel acceleration"] == pytest.approx(acceleration, rel=2e-2)
+    fast = reference.limit_usage
+    assert slow.limit_usage["wheel speed"] == pytest.approx(fast["wheel speed"] / 3)
+    assert slow.limit_usage["wheel acceleration"] == pytest.approx(fast["wheel acceleration"] / 9)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_twist_columns_are_derivatives_of_the_pose_columns(heading):
+    """Central differences inside intervals of constant acceleration err by h^2."""
+    reference = time_within_limits(wandering(2), FOUR, LIMITS, heading=heading)
+    middles = 0.5 * (reference.times[1:] + reference.times[:-1])
+    longest = np.argsort(np.diff(reference.times))[-20:]
+    for t, whole in zip(middles[longest], np.diff(reference.times)[longest], strict=True):
+        errors = []
+        for h in (whole / 4, whole / 8):
+            before, _, after = reference.window(t - h, 3, h)
+            slope = (after[:3] - before[:3]) / (2 * h)
+            errors.append(np.abs(slope - np.array(reference.at(t).twist)).max())
+        assert errors[1] < 0.3 * errors[0] + 1e-9
+
+
+@given(t=st.floats(-1.0, 9.0), n=st.integers(1, 30), dt=st.floats(0.0, 0.5))
+@settings(max_examples=50, deadline=None)
+def test_window_is_made_of_setpoints(t, n, dt):
+    reference = _SAMPLE
+    assert isinstance(reference, Reference)
+    window = reference.window(t, n, dt)
+    rows = [(*s.pose, *s.twist) for s in (reference.at(t + dt * k) for k in range(n))]
+    assert (window == np.array(rows)).all()
+
+
+_SAMPLE = time_within_limits(wandering(2), FOUR, LIMITS)
+
+
+@pytest.mark.parametrize("t", [-1.0, 0.0, _SAMPLE.duration, _SAMPLE.duration + 1.0, 1e9])
+def test_rests_at_its_ends_and_outside(t):
+    setpoint = _SAMPLE.at(t)
+    assert setpoint.twist == pytest.approx(WorldTwist(0.0, 0.0, 0.0), abs=1e-6)
+    end = wandering(2).control_points[0 if t <= 0.0 else -1]
+    assert np.array(setpoint.pose) == pytest.approx(end, abs=1e-9)
+
+
+def test_stays_on_the_path():
+    path = wandering(2)
+    samples = path.poses(np.linspace(0.0, 1.0, 200_001))
+    for row in _SAMPLE.window(0.0, 60, _SAMPLE.duration / 59):
+        assert np.abs(samples - row[:3]).max(axis=1).min() < 1e-4
+
+
+def test_tangent_heading_drives_forward():
+    reference = time_within_limits(wandering(4), FOUR, LIMITS, heading="tangent")
+    window = reference.window(0.0, 500, reference.duration / 499)
+    c, s = np.cos(window[:, 2]), np.sin(window[:, 2])
+    assert np.abs(c * window[:, 4] - s * window[:, 3]).max() < 1e-9
+    assert (c * window[:, 3] + s * window[:, 4]).min() >= -1e-9
+    assert np.abs(np.diff(window[:, 2])).max() < 0.5  # unwrapped
+
+
+def test_tangent_heading_of_a_spiral_is_not_wrapped():
+    angles = np.linspace(0.0, 6 * pi, 60)
+    xy = (1.0 + 0.1 * angles) * np.stack([np.cos(angles), np.sin(angles)])
+    path = SplinePath(np.column_stack([*xy, np.zeros(60)]))
+    reference = time_within_limits(path, FOUR, LIMITS, heading="tangent")
+    turned = reference.at(reference.duration).pose.yaw - reference.at(0.0).pose.yaw
+    assert turned == pytest.approx(6 * pi, abs=0.3)
+
+
+def test_fixed_heading():
+    for yaw, expected in ((None, wandering(4).control_points[0, 2]), (1.5, 1.5)):
+        reference = time_within_limits(wandering(4), FOUR, LIMITS, heading="fixed", yaw=yaw)
+        window = reference.window(0.0, 50, 0.1)
+        assert window[:, 2] == pytest.approx(np.full(50, expected))
+        assert (window[:, 5] == 0.0).all()
+
+
+def test_the_direction_of_the_path_does_not_matter():
+    path = wandering(6)
+    there = time_within_limits(path, FOUR, LIMITS).duration
+    back = time_within_limits(SplinePath(path.control_points[::-1]), FOUR, LIMITS).duration
+    assert there == pytest.approx(back, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", ["paper", "small"])
+def test_limits_of_a_robot(name):
+    robot = named_robot(name)
+    reference = time_within_limits(wandering(1), robot.chassis, MotionLimits.of_robot(robot))
+    window = reference.window(0.0, 20_001, reference.duration / 20_000)
+    mean = np.diff(window[:, 3:], axis=0) / (reference.duration / 20_000)
+    yaw = 0.5 * (window[1:, 2] + window[:-1, 2])
+    c, s = np.cos(yaw), np.sin(yaw)
+    body = np.stack(
+        [c * mean[:, 0] + s * mean[:, 1], c * mean[:, 1] - s * mean[:, 0], mean[:, 2]], axis=1
+    )
+    assert np.abs(body @ robot.traction.T).max() <= 0.85 * 1.01
+    assert max(worst_shares(reference, robot.chassis, inf)) <= 1.01
+
+
+def test_duration_slows_all_of_it_down():
+    fast = time_within_limits(wandering(7), FOUR, LIMITS)
+    slow = time_within_limits(wandering(7), FOUR, LIMITS, duration=2.5 * fast.duration)
+    assert slow.duration == pytest.approx(2.5 * fast.duration)
+    rows, slower = fast.window(0.0, 40, 0.05), slow.window(0.0, 40, 0.125)
+    assert slower[:, :3] == pytest.approx(rows[:, :3], abs=1e-9)
+    assert slower[:, 3:] == pytest.approx(rows[:, 3:] / 2.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("duration", [0.1, 0.0, -1.0, nan, inf])
+def test_too_short_a_duration_names_the_fastest(duration):
+    fastest = time_within_limits(wandering(7), FOUR, LIMITS).duration
+    with pytest.raises(InvalidReference, match=f"takes {fastest:.3f} s"):
+        time_within_limits(wandering(7), FOUR, LIMITS, duration=duration)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, nan])
+@pytest.mark.parametrize("name", ["wheel_acceleration", "speed", "yaw_rate", "acceleration"])
+def test_limits_of_zero_are_refused(name, value):
+    with pytest.raises(InvalidInput, match=f"{name.replace('_', ' ')} must be positive"):
+        MotionLimits(**{"wheel_acceleration": 1.0, name: value})
+
+
+def test_something_has_to_limit_acceleration():
+    with pytest.raises(InvalidInput, match="nothing limits the wheels' acceleration"):
+        MotionLimits(wheel_speed=3.0, acceleration=1.0)
+
+
+@pytest.mark.parametrize("rows", [np.full((3, 3), nan), np.eye(3)[:2]])
+def test_traction_has_to_limit_everything(rows):
+    with pytest.raises(InvalidInput, match="traction"):
+        MotionLimits(traction=rows)
+
+
+@pytest.mark.parametrize("top", [0.0, -3.0, nan])
+def test_wheels_that_do_not_turn_are_refused(top):
+    with pytest.raises(InvalidInput, match="top speed must be positive"):
+        time_within_limits(straight(1.0), Chassis(FOUR.jacobian, top), LIMITS)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_paths_that_stand_still_are_refused(heading):
+    with pytest.raises(InvalidReference, match=r"stands still at \(1, 2\) m"):
+        time_within_limits(
+            SplinePath(np.tile([1.0, 2.0, 0.3], (5, 1))), FOUR, LIMITS, heading=heading
+        )
+
+
+@pytest.mark.parametrize("heading", ["tangent", "fixed"])
+def test_turning_on_the_spot_needs_the_paths_heading(heading):
+    with pytest.raises(InvalidReference, match=r"only turns at \(2, -1\) m"):
+        time_within_limits(turning(1.0), FOUR, LIMITS, heading=heading)
+
+
+def test_a_cusp_has_no_tangent():
+    points = np.zeros((9, 3))
+    points[:, 0] = [0, 1, 2, 3, 4, 3, 2, 1, 0]
+    with pytest.raises(InvalidReference, match=r"no direction.* at \(3"):
+        time_within_limits(SplinePath(points), FOUR, LIMITS, heading="tangent")
+    assert time_within_limits(SplinePath(points), FOUR, LIMITS, heading="fixed").duration > 0.0
+
+
+def test_corners_of_repeated_control_points_are_stops():
+    """Three equal control points pin the spline to a corner, where the robot has to stop."""
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    path = SplinePath(np.repeat(corners, 3, axis=0))
+    limits = MotionLimits(wheel_acceleration=ALPHA)
+    reference = time_within_limits(path, FOUR, limits)
+    rim = 0.05 * sqrt(2.0)
+    best = 2 * trapezoid(1.0, rim * 30.0, rim * ALPHA)
+    assert best * (1 - 1e-6) <= reference.duration <= 1.02 * best
+    assert max(worst_shares(reference, FOUR, ALPHA)) <= 1.01
+
+
+def test_unknown_headings_are_refused():
+    with pytest.raises(InvalidInput, match="there is no heading 'sideways'"):
+        time_within_limits(straight(1.0), FOUR, LIMITS, heading="sideways")
+    with pytest.raises(InvalidInput, match="finite angle"):
+        time_within_limits(straight(1.0), FOUR, LIMITS, heading="fixed", yaw=nan)
