@@ -19,7 +19,7 @@ FIVE = Chassis.omni(
 
 
 def mecanum():
-    """Rollers at 45 degrees, half track and half wheelbase 0.2 and 0.3 m: r w = vx -+ vy -+ l wz."""
+    """Rollers at 45 degrees, half track and half wheelbase 0.2 and 0.3 m."""
     rows = [[1, -1, -0.5], [1, 1, 0.5], [1, 1, -0.5], [1, -1, 0.5]]
     return Chassis(np.array(rows) / 0.05, 30.0)
 
@@ -49,7 +49,7 @@ def wandering(seed, points=12, step=0.4, turn=0.6):
 
 
 def wheel_speeds(window, chassis):
-    """Wheel speeds of a window's rows, in rad/s, written without the package's own frame changes."""
+    """Wheel speeds of a window's rows, in rad/s, without the package's own frame changes."""
     c, s = np.cos(window[:, 2]), np.sin(window[:, 2])
     vx, vy, turn = window[:, 3:].T
     return np.stack([c * vx + s * vy, -s * vx + c * vy, turn], axis=1) @ chassis.jacobian.T

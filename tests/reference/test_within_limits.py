@@ -80,7 +80,7 @@ def test_the_yaw_rate_alone_can_limit():
     ],
 )
 def test_twist_limits_cap_the_cruise(limit, name):
-    """10 m in the direction (0.8, 0.6) of B, long enough that starting and stopping hardly count."""
+    """10 m in the direction (0.8, 0.6) of B, so long that starting and stopping hardly count."""
     parts = {"speed": 1.0, "forward speed": 0.8, "sideways speed": 0.6}
     limits = MotionLimits(wheel_acceleration=1e5, **limit)
     path = straight(10.0, np.arctan2(0.6, 0.8))
@@ -126,13 +126,12 @@ def test_no_wheel_limit_is_broken(name, heading):
 def test_no_wheel_limit_is_broken_on_any_path(seed, points, step, turn, top, alpha, heading, name):
     chassis = Chassis(CHASSIS[name].jacobian, top)
     path = wandering(seed, points, step, turn)
+    limits = MotionLimits(wheel_acceleration=alpha)
     try:
-        reference = time_within_limits(
-            path, chassis, MotionLimits(wheel_acceleration=alpha), heading=heading
-        )
-    except InvalidReference as error:
-        assert heading == "tangent"
-        assert "no direction" in str(error)
+        reference = time_within_limits(path, chassis, limits, heading=heading)
+    except InvalidReference:  # a cusp by chance
+        with pytest.raises(InvalidReference, match="no direction"):
+            time_within_limits(path, chassis, limits, heading="tangent")
         return
     assert max(worst_shares(reference, chassis, alpha)) <= 1.01
 

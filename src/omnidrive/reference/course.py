@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -58,14 +58,10 @@ class Course:
             yaw: The heading of ``fixed``, in rad; by default the path's first.
 
         Raises:
-            InvalidInput: There is no such heading, or ``yaw`` is not finite.
+            InvalidInput: ``yaw`` is not finite.
             InvalidReference: The path stands still, or, with heading ``tangent``, has a point
                 without a direction.
         """
-        if heading not in get_args(FixedHeading):
-            raise InvalidInput(
-                f"there is no heading '{heading}'; there are {', '.join(get_args(FixedHeading))}"
-            )
         if yaw is not None and not np.isfinite(yaw):
             raise InvalidInput(f"the heading must be a finite angle in rad, got {yaw:g}")
         least = len(path.control_points) - 3
@@ -164,8 +160,8 @@ class Course:
         turns, _ = self._tangents()
         x, y, _ = self.pieces[np.argmax(self._sharp(turns)), 0]
         return (
-            f"the path has no direction, or turns on the spot, at ({x:.3f}, {y:.3f}) m, so that the "
-            "heading cannot be tangent to it; choose heading 'path', 'fixed' or 'free'"
+            f"the path has no direction, or turns on the spot, at ({x:.3f}, {y:.3f}) m, so that "
+            "the heading cannot be tangent to it; choose heading 'path', 'fixed' or 'free'"
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil, log2
+
 import numpy as np
 from jaxtyping import Float
 
@@ -17,27 +19,27 @@ _SHARES = (0.0, 0.5, 1.0)
 """Places on an interval at which limits hold by construction."""
 
 _FIRST_NODES, _MAX_NODES = 400, 100_000
-_EXCESS = 1e-3
-_GAIN = 1e-3
-"""The grid is refined while limits are broken, or time is gained, by more than these shares."""
+_EXCESS, _GAIN = 1e-3, 1e-3
+"""The grid is refined while limits are broken, or time is lost, by more than these shares."""
 
 
 def time_course(course: Course, limits: tuple[LimitRows, ...]) -> TimedReference:
     """Fastest motion along ``course``: the grid is refined until it does not matter.
 
+    The time lost to the grid shrinks with its width, so that two grids say how fine it has to be.
     What little of a limit is then still broken between nodes is taken off by going slower.
     """
     pieces = len(course.pieces)
-    per_piece = max(4, -(-_FIRST_NODES // pieces))
-    if pieces * per_piece > _MAX_NODES:
-        per_piece = max(1, _MAX_NODES // pieces)
+    most = max(1, _MAX_NODES // pieces)
+    per_piece = min(max(2, -(-_FIRST_NODES // pieces)), most)
+    coarse = _on_grid(course, limits, per_piece)
+    fine = _on_grid(course, limits, min(2 * per_piece, most))
+    gain = abs(coarse.duration / fine.duration - 1.0)
+    per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), most)
     reference = _on_grid(course, limits, per_piece)
-    while 2 * per_piece * pieces <= _MAX_NODES:
-        per_piece *= 2
-        coarse, reference = reference, _on_grid(course, limits, per_piece)
-        gain = abs(reference.duration - coarse.duration)
-        if reference.excess <= _EXCESS and gain <= _GAIN * reference.duration:
-            break
+    while reference.excess > _EXCESS and per_piece < most:
+        per_piece = min(2 * per_piece, most)
+        reference = _on_grid(course, limits, per_piece)
     return _kept(reference)
 
 
@@ -48,8 +50,8 @@ def _on_grid(course: Course, limits: tuple[LimitRows, ...], per_piece: int) -> T
     # where nothing moves (a control point three times over) no row bounds x; then this does
     scale = np.abs(a).max(axis=1)
     top = 1e6 * float(np.median(2.0 * length / scale[scale > 0.0]))
-    first, last = (top if end else 0.0 for end in still)
-    x = fastest(a, b, 1.0 / per_piece, top, first, last)
+    ends = top if still[0] else 0.0, top if still[1] else 0.0
+    x = fastest(a, b, 1.0 / per_piece, top, ends)
     reference = TimedReference(course, limits, x)
     if not np.isfinite(reference.duration):
         raise InvalidReference("the limits are too far apart to time this path: change their units")

@@ -26,10 +26,10 @@ def _range(
     """Least and greatest u at ``x`` that reach [0, ahead], and their derivatives by x."""
     slope = -1.0 / double
     low, high, low_slope, high_slope = slope * x, (ahead - x) / double, slope, slope
-    for a_r, b_r in zip(a, b):
-        if abs(a_r) <= _FLAT * abs(b_r):
+    for r in range(a.size):
+        if abs(a[r]) <= _FLAT * abs(b[r]):
             continue
-        slope, half = -b_r / a_r, 1.0 / abs(a_r)
+        slope, half = -b[r] / a[r], 1.0 / abs(a[r])
         if slope * x + half < high:
             high, high_slope = slope * x + half, slope
         if slope * x - half > low:
@@ -47,18 +47,15 @@ def _largest(
     from above, on the two lines that bound the gap, ends after finitely many steps.
     """
     x = top
-    for a_r, b_r in zip(a, b):
-        if abs(a_r) <= _FLAT * abs(b_r) and abs(b_r) * x > 1.0:
-            x = 1.0 / abs(b_r)
+    for r in range(a.size):
+        if abs(a[r]) <= _FLAT * abs(b[r]) and abs(b[r]) * x > 1.0:
+            x = 1.0 / abs(b[r])
     for _ in range(4 * a.size + 8):
         low, high, low_slope, high_slope = _range(x, ahead, double, a, b)
-        if high >= low:
-            break
         slope = high_slope - low_slope
-        step = (high - low) / slope if slope < 0.0 else x
-        if step <= 1e-15 * x:  # rounding
+        if high >= low or slope >= 0.0:  # the latter by rounding: no two lines cross below 0
             break
-        x = max(x - step, 0.0)
+        x = max(x - (high - low) / slope, 0.0)
     return x
 
 
@@ -68,8 +65,7 @@ def fastest(
     b: Float[Array, "intervals rows"],
     width: float,
     top: float,
-    first: float,
-    last: float,
+    ends: tuple[float, float],
 ) -> Float[Array, " nodes"]:
     """Greatest squared speeds at the ends of all intervals.
 
@@ -78,16 +74,15 @@ def fastest(
         b: Factor of x at the interval's start, in s^2.
         width: Of every interval, in units of s.
         top: Bound on x, in 1/s^2, where no row gives one.
-        first: Most that x may be at the start; 0 for rest.
-        last: Most that x may be at the end; 0 for rest.
+        ends: Most that x may be at the start and at the end; 0 for rest.
     """
     count, double = len(a), 2.0 * width
     most = np.empty(count + 1)
-    most[count] = min(last, top)
+    most[count] = min(ends[1], top)
     for i in range(count - 1, -1, -1):
         most[i] = _largest(top, most[i + 1], double, a[i], b[i])
     x = np.empty(count + 1)
-    x[0] = min(first, most[0])
+    x[0] = min(ends[0], most[0])
     for i in range(count):
         low, high, _, _ = _range(x[i], most[i + 1], double, a[i], b[i])
         u = high if high >= low else 0.5 * (low + high)

@@ -7,9 +7,9 @@ import numpy as np
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
+from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.heading_guess import heading_guesses
 from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.transcription import optimised
 
 MAX_POINTS = 1000

@@ -56,7 +56,7 @@ def heading_guesses(
 def _held(
     yaw: Float[Array, " points"], start_yaw: float | None, goal_yaw: float | None
 ) -> HeadingGuess:
-    """The guess shifted by whole turns toward the start, bent to the end headings that are given."""
+    """The guess shifted by whole turns toward the start, and bent to the given end headings."""
     if start_yaw is not None:
         yaw = yaw + 2.0 * pi * np.round((start_yaw - yaw[0]) / (2.0 * pi))
     share = np.linspace(0.0, 1.0, len(yaw)) / _TURN_WITHIN
@@ -83,7 +83,7 @@ def _directions(path: SplinePath) -> Float[Array, " points"]:
 
 
 def _fastest_side(limits: tuple[LimitRows, ...], wanted: float) -> float:
-    """Direction in B, in rad, in which the robot is fastest; of equal ones the nearest ``wanted``."""
+    """Direction in B, in rad, where the robot is fastest; of equal ones the nearest ``wanted``."""
     kind = "speed" if any(group.kind == "speed" for group in limits) else "twist rate"
     angles = np.arange(360) * pi / 180.0
     vectors = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles])

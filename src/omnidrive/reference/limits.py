@@ -15,7 +15,7 @@ from omnidrive.robot import Chassis, Robot
 Array = np.ndarray
 
 _SIDES = 16
-"""Half the sides of the polygon in the circle of accelerations; it loses 1 - cos(pi / 32), 0.5 %."""
+"""Half the sides of the polygon within the circle of accelerations; it loses 0.5 %."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -13,9 +13,9 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.course import Course
+from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.heading_guess import heading_guesses
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
-from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.timed import TimedReference
 from omnidrive.reference.transcription import casadi, optimised
 from omnidrive.robot import Chassis

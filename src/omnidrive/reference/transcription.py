@@ -13,8 +13,8 @@ from scipy.interpolate import BSpline
 from omnidrive.errors import MissingExtra
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
-from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.course_timing import time_course
+from omnidrive.reference.limits import LimitRows
 
 Array = np.ndarray
 
@@ -108,7 +108,7 @@ def casadi() -> ModuleType:
 
 
 def _speeds(path: SplinePath, limits: tuple[LimitRows, ...]) -> Float[Array, " nodes"]:
-    """Squared speeds at the nodes in the fastest motion along ``path``, cut where it is singular."""
+    """Squared speeds at the nodes in the fastest motion along ``path``, cut where singular."""
     exact = time_course(Course.of(path), limits)
     pieces = len(path.control_points) - 3
     x = exact.squared_speeds * (pieces / len(exact.course.pieces)) ** 2

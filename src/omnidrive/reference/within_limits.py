@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
+from omnidrive.errors import InvalidInput
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
+from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.free_heading import free_heading
 from omnidrive.reference.limits import MotionLimits, limit_rows
-from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.timed import TimedReference
 from omnidrive.robot import Chassis
 
@@ -41,6 +42,10 @@ def time_within_limits(
             cannot be followed in ``duration``.
         MissingExtra: Heading ``free`` without CasADi.
     """
+    if heading not in get_args(Heading):
+        raise InvalidInput(
+            f"there is no heading '{heading}'; there are {', '.join(get_args(Heading))}"
+        )
     rows = limit_rows(chassis, limits)
     if heading == "free":
         path, heading = free_heading(path, rows), "path"
