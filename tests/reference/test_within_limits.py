@@ -309,7 +309,7 @@ def test_paths_that_stand_still_are_refused(heading):
         )
 
 
-@pytest.mark.parametrize("heading", ["tangent", "fixed"])
+@pytest.mark.parametrize("heading", ["tangent", "fixed", "free"])
 def test_turning_on_the_spot_needs_the_paths_heading(heading):
     with pytest.raises(InvalidReference, match=r"only turns at \(2, -1\) m"):
         time_within_limits(turning(1.0), FOUR, LIMITS, heading=heading)

@@ -64,15 +64,14 @@ class Course:
         """
         if yaw is not None and not np.isfinite(yaw):
             raise InvalidInput(f"the heading must be a finite angle in rad, got {yaw:g}")
-        least = len(path.control_points) - 3
-        count = least
+        check_moves(path, 3 if heading == "path" else 2)
+        count = len(path.control_points) - 3
         while count <= _MAX_PIECES:
             pieces = _cubics(path, count)
             if heading == "fixed":
                 pieces[:, 1:, 2] = 0.0
                 pieces[:, 0, 2] = path.poses(0.0)[2] if yaw is None else yaw
             course = cls(pieces, heading == "tangent")
-            course._check_moves(path)
             if course._settle_headings():
                 return course
             count *= 2
@@ -108,16 +107,6 @@ class Course:
         rates[:, 0] += turn * slopes[:, 1]
         rates[:, 1] -= turn * slopes[:, 0]
         return slopes, rates, bends
-
-    def _check_moves(self, path: SplinePath) -> None:
-        moving = 3 - self.along  # with the direction of travel as heading, only x and y can move
-        if not np.abs(self.pieces[:, 1:, :moving]).max() > 0.0:
-            x, y, _ = path.poses(0.0)
-            raise InvalidReference(
-                f"the path stands still at ({x:g}, {y:g}) m: there is nothing to time"
-                if np.ptp(path.control_points[:, 2]) == 0.0
-                else f"the path only turns at ({x:g}, {y:g}) m: choose heading 'path', which can"
-            )
 
     def _settle_headings(self) -> bool:
         """Fill in the headings of direction of travel; whether no piece turns too far."""
@@ -170,6 +159,23 @@ def turned_into_body(vectors: Float[Array, "n 3"], yaw: Float[Array, " n"]) -> F
     c, s = np.cos(yaw), np.sin(yaw)
     x, y, turn = vectors.T
     return np.stack([c * x + s * y, c * y - s * x, turn], axis=1)
+
+
+def check_moves(path: SplinePath, columns: int) -> None:
+    """Refuse a path that does not move in its first two columns, or in any of all three.
+
+    Raises:
+        InvalidReference: It only turns, or it stands still.
+    """
+    moves = np.ptp(path.control_points, axis=0) > 0.0
+    if moves[:columns].any():
+        return
+    x, y, _ = path.control_points[0]
+    raise InvalidReference(
+        f"the path only turns at ({x:g}, {y:g}) m: choose heading 'path', which can"
+        if moves[2]
+        else f"the path stands still at ({x:g}, {y:g}) m: there is nothing to time"
+    )
 
 
 def _cubics(path: SplinePath, count: int) -> Float[Array, "pieces 4 3"]:

@@ -6,11 +6,11 @@ import numpy as np
 
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import SplinePath
-from omnidrive.reference.course import Course
+from omnidrive.reference.course import Course, check_moves
 from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.heading_guess import heading_guesses
 from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.transcription import optimised
+from omnidrive.reference.transcription import Transcription
 
 MAX_POINTS = 1000
 """Most control points for which all headings are optimised together."""
@@ -35,19 +35,21 @@ def free_heading(
 
     Raises:
         InvalidInput: An end heading is not finite.
-        InvalidReference: The path has more than 1000 control points, or stands still.
+        InvalidReference: The path has more than 1000 control points, or does not travel.
         MissingExtra: CasADi is not installed.
     """
+    check_moves(path, 2)
     points = path.control_points
     if len(points) > MAX_POINTS:
         raise InvalidReference(
             f"headings can be optimised along at most {MAX_POINTS} control points, the path has "
             f"{len(points)}; choose another heading, or a path with fewer"
         )
+    transcription = Transcription(len(points), path.length, limits)
     found = []
     for guess in heading_guesses(path, limits, start_yaw, goal_yaw):
         candidate = SplinePath(np.column_stack([points[:, :2], guess.yaw]))
         low = np.column_stack([points[:, :2], guess.low])
         high = np.column_stack([points[:, :2], guess.high])
-        found += [candidate, optimised(candidate, low, high, limits).path]
+        found += [candidate, transcription.optimised(candidate, low, high).path]
     return min(found, key=lambda each: time_course(Course.of(each), limits).duration)

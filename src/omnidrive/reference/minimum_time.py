@@ -17,7 +17,7 @@ from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.heading_guess import heading_guesses
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.timed import TimedReference
-from omnidrive.reference.transcription import casadi, optimised
+from omnidrive.reference.transcription import Transcription, casadi
 from omnidrive.robot import Chassis
 
 Array = np.ndarray
@@ -94,9 +94,10 @@ def minimum_time(
         return _fallback(
             path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
         )
+    transcription = Transcription(len(pieces) + 3, path.length, rows)
     best: tuple[TimedReference, SplinePath, bool] | None = None
     for guess, low, high in _guesses(path, corridor, pieces, rows, (start_yaw, goal_yaw)):
-        found = optimised(guess, low, high, rows)
+        found = transcription.optimised(guess, low, high)
         reference = time_course(Course.of(found.path), rows)
         if best is None or reference.duration < best[0].duration:
             best = reference, found.path, found.converged

@@ -19,21 +19,25 @@ from omnidrive.reference.limits import LimitRows
 Array = np.ndarray
 
 _PER_PIECE = 4
-"""Nodes on each piece of the spline."""
+"""Intervals on each piece of the spline."""
 
-_SPREAD = 1e-3
+_PLACES = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
+"""Where on an interval acceleration limits are kept, as shares of it: the Gauss points."""
+
+_SPREAD = 0.1
 """Weight of uneven control points, in s: time alone leaves their places along the way open."""
 
 _LEAST = 1e-6
 """Least squared speed between the ends, as a share of the guess's greatest."""
 
 _OPTIONS = {
+    "expand": True,
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.tol": 1e-5,
+    "ipopt.tol": 1e-4,
     "ipopt.max_iter": 300,
-    "ipopt.mu_strategy": "adaptive",
+    "ipopt.mu_init": 1e-2,
 }
 
 
@@ -41,7 +45,7 @@ class Optimised(NamedTuple):
     """What the optimiser found.
 
     Attributes:
-        path: The best path that it came to, perhaps a poor one.
+        path: The last path that it came to, perhaps a poor one.
         converged: Whether it is a local optimum of the discretised problem.
     """
 
@@ -49,47 +53,52 @@ class Optimised(NamedTuple):
     converged: bool
 
 
-def optimised(
-    guess: SplinePath,
-    low: Float[Array, "points 3"],
-    high: Float[Array, "points 3"],
-    limits: tuple[LimitRows, ...],
-) -> Optimised:
-    """Control points between ``low`` and ``high`` that make the motion from rest to rest fastest.
+class Transcription:
+    """Minimum time over control points and speeds, for splines of one size.
 
     Unknowns are the control points and the squared speeds x = (ds/dt)^2 at nodes, linear in s
-    between them, as in :class:`TimedReference`. Every limit holds at both ends of every interval;
-    the time is the sum of 2 d / (sqrt(x_k) + sqrt(x_k+1)) over intervals of width d
-    (Verscheure et al., "Time-optimal path tracking for robots", IEEE Trans. Autom. Control 54,
-    2009, eq. 17, there for a given path). Solved by IPOPT (Wachter & Biegler, Math. Program. 106,
-    2006), deterministic.
+    between them, as in :class:`TimedReference`. Speed limits hold at nodes, all others at two
+    places in every interval; the time is the sum of 2 d / (sqrt(x_k) + sqrt(x_k+1)) over
+    intervals of width d (Verscheure et al., "Time-optimal path tracking for robots", IEEE Trans.
+    Autom. Control 54, 2009, there for a given path). Solved by IPOPT (Wachter & Biegler, Math.
+    Program. 106, 2006), always alike. Between those places limits may be broken: what is found
+    is a path, to be timed by :func:`time_course`.
 
     Args:
-        guess: Where to start; its control points are moved between the bounds.
-        low: Least x, y (m) and yaw (rad) of each control point.
-        high: Greatest; equal to ``low`` where a number is given.
+        points: Control points of the splines.
+        length: Of the way, in m or rad: the scale of uneven control points.
         limits: What to keep.
 
     Raises:
         MissingExtra: CasADi is not installed.
     """
-    ca = casadi()
-    points = np.clip(guess.control_points, low, high)
-    speeds = _speeds(SplinePath(points), limits)
-    least = _LEAST * float(speeds.max())
-    unknowns = [points.ravel(), np.maximum(0.8 * speeds[1:-1], 2.0 * least)]
-    program = _program(ca, points, limits)
-    result = program["solve"](
-        x0=np.concatenate(unknowns),
-        lbx=np.concatenate([low.ravel(), np.full(len(speeds) - 2, least)]),
-        ubx=np.concatenate([high.ravel(), np.full(len(speeds) - 2, np.inf)]),
-        lbg=program["low"],
-        ubg=1.0,
-    )
-    found = np.asarray(result["x"]).ravel()[: points.size].reshape(points.shape)
-    converged = bool(program["solve"].stats()["success"]) and bool(np.isfinite(found).all())
-    found = np.where(np.isfinite(found), found, points)
-    return Optimised(SplinePath(np.clip(found, low, high)), converged)
+
+    def __init__(self, points: int, length: float, limits: tuple[LimitRows, ...]) -> None:
+        self._limits = limits
+        self._solver, self._low = _program(casadi(), points, length / points, limits)
+
+    def optimised(
+        self, guess: SplinePath, low: Float[Array, "points 3"], high: Float[Array, "points 3"]
+    ) -> Optimised:
+        """Local optimum near ``guess``, its control points between ``low`` and ``high``.
+
+        Columns are x and y in m and yaw in rad; where a number is given, low equals high.
+        """
+        points = np.clip(guess.control_points, low, high)
+        speeds = _speeds(SplinePath(points), self._limits)
+        least = _LEAST * float(speeds.max())
+        inner = np.maximum(0.8 * speeds[1:-1], 2.0 * least)
+        result = self._solver(
+            x0=np.concatenate([points.ravel(), inner]),
+            lbx=np.concatenate([low.ravel(), np.full(len(inner), least)]),
+            ubx=np.concatenate([high.ravel(), np.full(len(inner), np.inf)]),
+            lbg=self._low,
+            ubg=1.0,
+        )
+        found = np.asarray(result["x"]).ravel()[: points.size].reshape(points.shape)
+        finite = bool(np.isfinite(found).all())
+        path = SplinePath(np.clip(found, low, high) if finite else points)
+        return Optimised(path, finite and bool(self._solver.stats()["success"]))
 
 
 def casadi() -> ModuleType:
@@ -118,37 +127,30 @@ def _speeds(path: SplinePath, limits: tuple[LimitRows, ...]) -> Float[Array, " n
 
 
 def _program(
-    ca: ModuleType, guess: Float[Array, "points 3"], limits: tuple[LimitRows, ...]
-) -> dict[str, Any]:
-    """The nonlinear program and the lower bounds of its constraints; the upper are all 1."""
-    points = len(guess)
-    basis = [ca.sparsify(ca.DM(matrix)) for matrix in _basis(points)]
-    nodes = basis[0].shape[0]
-    width = 1.0 / _PER_PIECE
+    ca: ModuleType, points: int, spacing: float, limits: tuple[LimitRows, ...]
+) -> tuple[Any, Float[Array, " rows"]]:
+    """The solver of the nonlinear program, and least values of its rows; the greatest are 1."""
+    width, nodes = 1.0 / _PER_PIECE, (points - 3) * _PER_PIECE + 1
     flat, inner = ca.MX.sym("p", 3 * points), ca.MX.sym("x", nodes - 2)
     control = ca.reshape(flat, 3, points)
-    poses, slopes, bends = (control @ matrix.T for matrix in basis)
-    x = ca.vertcat(0.0, inner, 0.0)
+    x, roots = ca.vertcat(0.0, inner, 0.0), ca.vertcat(0.0, ca.sqrt(inner), 0.0)
     u = (x[1:] - x[:-1]) / (2.0 * width)
-    roots = ca.vertcat(0.0, ca.sqrt(inner), 0.0)
     time = ca.sum1(2.0 * width / (roots[:-1] + roots[1:]))
-    spacing = np.linalg.norm(np.diff(guess, axis=0), axis=1).mean()
-    uneven = ca.sumsqr(control[:, 2:] - 2.0 * control[:, 1:-1] + control[:, :-2]) / spacing**2
+    uneven = control[:, 2:] - 2.0 * control[:, 1:-1] + control[:, :-2]
     speed, change = _limit_functions(ca, limits)
-    left, right = slice(0, nodes - 1), slice(1, nodes)
-    squares = speed.map(nodes)(poses[2, :], slopes, x.T)
-    held = [
-        change.map(nodes - 1)(poses[2, side], slopes[:, side], bends[:, side], x[side].T, u.T)
-        for side in (left, right)
-    ]
-    lows = [np.full(squares.numel(), -np.inf), *(np.full(h.numel(), -1.0) for h in held)]
-    problem = {
-        "x": ca.vertcat(flat, inner),
-        "f": time + _SPREAD / points * uneven,
-        "g": ca.vertcat(ca.vec(squares), *map(ca.vec, held)),
-    }
-    solve = ca.nlpsol("minimum_time", "ipopt", problem, _OPTIONS)
-    return {"solve": solve, "low": np.concatenate(lows)}
+    yaw, slopes, _ = _motion(ca, control, np.arange(nodes) * width)
+    squares = speed.map(nodes)(yaw, slopes, x.T)
+    shares = []
+    for place in _PLACES:
+        motion = _motion(ca, control, (np.arange(nodes - 1) + place) * width)
+        between = x[:-1] + place * (x[1:] - x[:-1])
+        shares.append(ca.vec(change.map(nodes - 1)(*motion, between.T, u.T)))
+    rows = ca.vertcat(ca.vec(squares), *shares)
+    low = np.full(rows.numel(), -1.0)
+    low[: squares.numel()] = -np.inf
+    cost = time + _SPREAD / points * ca.sumsqr(uneven) / spacing**2
+    problem = {"x": ca.vertcat(flat, inner), "f": cost, "g": rows}
+    return ca.nlpsol("minimum_time", "ipopt", problem, _OPTIONS), low
 
 
 def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any, Any]:
@@ -181,11 +183,12 @@ def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any
     )
 
 
-def _basis(points: int) -> list[Any]:
-    """Matrices from control points to poses, slopes and bends by s at the nodes."""
-    pieces = points - 3
-    knots = np.concatenate([[0.0] * 3, np.arange(pieces + 1.0), [float(pieces)] * 3])
-    spline = BSpline(knots, np.eye(points), 3)
-    s = np.arange(pieces * _PER_PIECE + 1) / _PER_PIECE
-    matrices = (spline(s), spline.derivative()(s), spline.derivative(2)(s))
-    return [np.where(np.abs(m) > 1e-12, m, 0.0) for m in matrices]
+def _motion(ca: ModuleType, control: Any, s: Float[Array, " places"]) -> tuple[Any, Any, Any]:
+    """Yaw, slope and bend of the spline at places s, which grows by 1 on every piece."""
+    points = control.shape[1]
+    pieces = points - 3.0
+    knots = np.concatenate([[0.0] * 3, np.arange(pieces + 1.0), [pieces] * 3])
+    basis = BSpline(knots, np.eye(points), 3)
+    matrices = (basis(s), basis.derivative()(s), basis.derivative(2)(s))
+    poses, slopes, bends = (control @ ca.sparsify(ca.DM(m), 1e-12).T for m in matrices)
+    return poses[2, :], slopes, bends
