@@ -48,7 +48,7 @@ class Corridor:
             seed = cells[max(start - 1, 0) : start + 1]
             box = _grown(free.occupied, seed.min(axis=0), seed.max(axis=0) + 1)
             if box[0] >= box[1]:
-                x, y = free.centre(*cells[start])
+                x, y = free.centre(*cells[start].tolist())
                 raise NoPathFound(f"the way is not free at ({x:.2f}, {y:.2f}) m")
             outside = ~_inside(cells[start:], box)
             start = start + int(np.argmax(outside)) if outside.any() else len(cells)

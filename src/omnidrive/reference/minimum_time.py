@@ -94,9 +94,10 @@ def minimum_time(
         return _fallback(
             path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
         )
+    guesses = _guesses(path, corridor, pieces, rows, (start_yaw, goal_yaw))
     transcription = Transcription(len(pieces) + 3, path.length, rows)
     best: tuple[TimedReference, SplinePath, bool] | None = None
-    for guess, low, high in _guesses(path, corridor, pieces, rows, (start_yaw, goal_yaw)):
+    for guess, low, high in guesses:
         found = transcription.optimised(guess, low, high)
         reference = time_course(Course.of(found.path), rows)
         if best is None or reference.duration < best[0].duration:

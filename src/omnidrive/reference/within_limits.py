@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal
 
-from omnidrive.errors import InvalidInput
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
 from omnidrive.reference.course_timing import time_course
@@ -37,15 +36,11 @@ def time_within_limits(
         duration: Slow all of the motion down to take this long, in s.
 
     Raises:
-        InvalidInput: The heading is none.
+        InvalidInput: A limit or ``yaw`` is not a number that makes sense.
         InvalidReference: The path stands still, has no direction for heading ``tangent``, or
             cannot be followed in ``duration``.
         MissingExtra: Heading ``free`` without CasADi.
     """
-    if heading not in get_args(Heading):
-        raise InvalidInput(
-            f"there is no heading '{heading}'; there are {', '.join(get_args(Heading))}"
-        )
     rows = limit_rows(chassis, limits)
     if heading == "free":
         path, heading = free_heading(path, rows), "path"
