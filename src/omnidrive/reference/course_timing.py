@@ -18,44 +18,68 @@ Array = np.ndarray
 _SHARES = (0.0, 0.5, 1.0)
 """Places on an interval at which limits hold by construction."""
 
-_FIRST_NODES, _MAX_NODES = 400, 100_000
+_FIRST_NODES, _MAX_NODES = 400, 20_000
 _EXCESS, _GAIN = 1e-3, 1e-3
-"""The grid is refined while limits are broken, or time is lost, by more than these shares."""
+"""Shares by which limits may be broken before they are tightened, and time be lost to the grid."""
+
+_TRIES = 3
 
 
 def time_course(course: Course, limits: tuple[LimitRows, ...]) -> TimedReference:
-    """Fastest motion along ``course``: the grid is refined until it does not matter.
+    """Fastest motion along ``course``, on a grid so fine that it does not matter.
 
     The time lost to the grid shrinks with its width, so that two grids say how fine it has to be.
-    What little of a limit is then still broken between nodes is taken off by going slower.
+    Where a limit is broken between the places at which it holds by construction, as next to a
+    corner, it is tightened. What is then still broken is taken off by going slower.
     """
     pieces = len(course.pieces)
-    most = max(1, _MAX_NODES // pieces)
+    most = max(4, _MAX_NODES // pieces)
     per_piece = min(max(2, -(-_FIRST_NODES // pieces)), most)
     coarse = _on_grid(course, limits, per_piece)
     fine = _on_grid(course, limits, min(2 * per_piece, most))
     gain = abs(coarse.duration / fine.duration - 1.0)
     per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), most)
+    tighter = np.ones(per_piece * pieces)
     reference = _on_grid(course, limits, per_piece)
-    while reference.excess > _EXCESS and per_piece < most:
-        per_piece = min(2 * per_piece, most)
-        reference = _on_grid(course, limits, per_piece)
-    return _kept(reference)
+    for _ in range(_TRIES):
+        demand = _demand(reference)
+        if demand.max() <= 1.0 + _EXCESS:
+            break
+        tighter *= np.maximum(demand, 1.0)
+        reference = _on_grid(course, limits, per_piece, tighter)
+    return reference.slowed(reference.duration * max(1.0, float(_demand(reference).max()) ** 0.5))
 
 
-def _on_grid(course: Course, limits: tuple[LimitRows, ...], per_piece: int) -> TimedReference:
-    """Fastest motion whose acceleration changes only at nodes, ``per_piece`` on each piece."""
+def _on_grid(
+    course: Course,
+    limits: tuple[LimitRows, ...],
+    per_piece: int,
+    tighter: Float[Array, " intervals"] | None = None,
+) -> TimedReference:
+    """Fastest motion whose acceleration changes only at nodes, ``per_piece`` on each piece.
+
+    In each interval, limits are divided by ``tighter``, those of speed by its root.
+    """
     a, b, still = interval_rows(course, limits, per_piece)
-    length = float(len(course.pieces))
     # where nothing moves (a control point three times over) no row bounds x; then this does
     scale = np.abs(a).max(axis=1)
-    top = 1e6 * float(np.median(2.0 * length / scale[scale > 0.0]))
+    top = 1e6 * float(np.median(2.0 * len(course.pieces) / scale[scale > 0.0]))
+    if tighter is not None:
+        a, b = a * tighter[:, None], b * tighter[:, None]
     ends = top if still[0] else 0.0, top if still[1] else 0.0
     x = fastest(a, b, 1.0 / per_piece, top, ends)
     reference = TimedReference(course, limits, x)
     if not np.isfinite(reference.duration):
         raise InvalidReference("the limits are too far apart to time this path: change their units")
     return reference
+
+
+def _demand(reference: TimedReference) -> Float[Array, " intervals"]:
+    """Peak share of the squared speeds and of the accelerations allowed, in each interval."""
+    usage = reference.interval_usage
+    shares = [usage[g.name] ** (2.0 if g.kind == "speed" else 1.0) for g in reference.limits]
+    demand: Float[Array, " intervals"] = np.max(shares, axis=0)
+    return demand
 
 
 def interval_rows(
@@ -92,10 +116,3 @@ def interval_rows(
     least = 1e-9 * float(np.max(still))
     ends = (bool(still[0][0] <= least), bool(still[-1][-1] <= least))
     return np.hstack(first), np.hstack(second), ends
-
-
-def _kept(reference: TimedReference) -> TimedReference:
-    """The motion, slowed down by what it breaks a limit."""
-    usage, kinds = reference.limit_usage, {group.name: group.kind for group in reference.limits}
-    slower = max(1.0, *(use if kinds[name] == "speed" else use**0.5 for name, use in usage.items()))
-    return reference.slowed(reference.duration * slower)

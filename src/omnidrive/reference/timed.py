@@ -78,22 +78,26 @@ class TimedReference:
         return self.course.at(interval // per_piece, (interval % per_piece + share) * self._width)
 
     @cached_property
-    def limit_usage(self) -> dict[str, float]:
-        """Peak share of every limit that the motion uses, nodes and places between them; 1 is all.
+    def interval_usage(self) -> dict[str, Float[Array, " intervals"]]:
+        """Peak share of every limit that the motion uses in each interval; 1 is all of it.
 
-        Checked at nodes, on both sides, and at seven places between each two.
+        Checked at both ends of each interval and at seven places between.
         """
-        usage = {group.name: 0.0 for group in self.limits}
-        intervals = np.arange(len(self.squared_speeds) - 1)
+        count = len(self.squared_speeds) - 1
+        usage = {group.name: np.zeros(count) for group in self.limits}
         before, after = self.squared_speeds[:-1], self.squared_speeds[1:]
         u = ((after - before) / (2.0 * self._width))[:, None]
         for share in np.arange(_CHECKS + 1) / _CHECKS:
-            body = self.course.body(self._motion(intervals, np.full(len(u), share)))
+            body = self.course.body(self._motion(np.arange(count), np.full(count, share)))
             x = (before + share * (after - before))[:, None]
             for group in self.limits:
-                peak = _peak(group, body, u, x)
-                usage[group.name] = max(usage[group.name], peak)
+                usage[group.name] = np.maximum(usage[group.name], _shares(group, body, u, x))
         return usage
+
+    @cached_property
+    def limit_usage(self) -> dict[str, float]:
+        """Peak share of every limit that the motion uses, between nodes, too; 1 is all of it."""
+        return {name: float(shares.max()) for name, shares in self.interval_usage.items()}
 
     @property
     def excess(self) -> float:
@@ -117,12 +121,17 @@ class TimedReference:
         return TimedReference(self.course, self.limits, self.squared_speeds * slower)
 
 
-def _peak(group: LimitRows, body: tuple[Array, Array, Array], u: Array, x: Array) -> float:
-    """Peak share of one limit at many places."""
+def _shares(
+    group: LimitRows, body: tuple[Array, Array, Array], u: Array, x: Array
+) -> Float[Array, " n"]:
+    """Share of one limit at many places."""
     slopes, rates, bends = body
     if group.kind == "speed":
         vectors = slopes * np.sqrt(x)
     else:
         vectors = slopes * u + (rates if group.kind == "twist rate" else bends) * x
     values = vectors @ group.rows.T
-    return float(np.linalg.norm(values, axis=1).max() if group.round else np.abs(values).max())
+    shares: Float[Array, " n"] = (
+        np.linalg.norm(values, axis=1) if group.round else np.abs(values).max(axis=1)
+    )
+    return shares

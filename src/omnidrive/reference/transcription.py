@@ -122,8 +122,9 @@ def _speeds(path: SplinePath, limits: tuple[LimitRows, ...]) -> Float[Array, " n
     pieces = len(path.control_points) - 3
     x = exact.squared_speeds * (pieces / len(exact.course.pieces)) ** 2
     nodes = np.linspace(0.0, 1.0, pieces * _PER_PIECE + 1)
-    speeds: Float[Array, " nodes"] = np.interp(nodes, np.linspace(0.0, 1.0, len(x)), x)
-    return np.minimum(speeds, 10.0 * np.median(speeds))
+    speeds = np.interp(nodes, np.linspace(0.0, 1.0, len(x)), x)
+    cut: Float[Array, " nodes"] = np.minimum(speeds, 10.0 * np.median(speeds))
+    return cut
 
 
 def _program(
