@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, log2
+from math import ceil, cos, log2, pi
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +23,10 @@ _EXCESS, _GAIN = 1e-3, 1e-3
 """Shares by which limits may be broken before they are tightened, and time be lost to the grid."""
 
 _TRIES = 3
+
+_ANGLES = np.arange(16) * pi / 16
+_POLYGON = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / cos(pi / 32)
+"""``|_POLYGON @ a| <= 1`` is a polygon of 32 sides in the circle ``|a| <= 1``, 0.5 % smaller."""
 
 
 def time_course(course: Course, limits: tuple[LimitRows, ...]) -> TimedReference:
@@ -101,13 +105,14 @@ def interval_rows(
         reach = 2.0 * share / per_piece
         square = np.zeros(count)
         for group in limits:
-            along = slopes @ group.rows.T
             if group.kind == "speed":
-                values = along**2
+                values = (slopes @ group.rows.T) ** 2
                 top = values.sum(axis=1) if group.round else values.max(axis=1)
                 square = np.maximum(square, top)
                 continue
-            across = (rates if group.kind == "twist rate" else bends) @ group.rows.T
+            rows = _POLYGON @ group.rows if group.round else group.rows
+            along = slopes @ rows.T
+            across = (rates if group.kind == "twist rate" else bends) @ rows.T
             first.append(along + reach * across)
             second.append(across)
         first.append(reach * square[:, None])

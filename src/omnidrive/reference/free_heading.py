@@ -6,11 +6,10 @@ import numpy as np
 
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import SplinePath
-from omnidrive.reference.course import Course, check_moves
-from omnidrive.reference.course_timing import time_course
+from omnidrive.reference.course import check_moves
 from omnidrive.reference.heading_guess import heading_guesses
 from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.transcription import Transcription
+from omnidrive.reference.transcription import Guess, optimised
 
 MAX_POINTS = 1000
 """Most control points for which all headings are optimised together."""
@@ -24,8 +23,7 @@ def free_heading(
 ) -> SplinePath:
     """The same positions with the headings that make the motion from rest to rest fastest.
 
-    A local optimum, the best from three guesses; the path itself if that is faster and keeps the
-    end headings.
+    A local optimum from one of three guesses, the path's own headings among them, or a guess.
 
     Args:
         path: Where to go.
@@ -45,11 +43,12 @@ def free_heading(
             f"headings can be optimised along at most {MAX_POINTS} control points, the path has "
             f"{len(points)}; choose another heading, or a path with fewer"
         )
-    transcription = Transcription(len(points), path.length, limits)
-    found = []
-    for guess in heading_guesses(path, limits, start_yaw, goal_yaw):
-        candidate = SplinePath(np.column_stack([points[:, :2], guess.yaw]))
-        low = np.column_stack([points[:, :2], guess.low])
-        high = np.column_stack([points[:, :2], guess.high])
-        found += [candidate, transcription.optimised(candidate, low, high).path]
-    return min(found, key=lambda each: time_course(Course.of(each), limits).duration)
+    guesses = [
+        Guess(
+            SplinePath(np.column_stack([points[:, :2], guess.yaw])),
+            np.column_stack([points[:, :2], guess.low]),
+            np.column_stack([points[:, :2], guess.high]),
+        )
+        for guess in heading_guesses(path, limits, start_yaw, goal_yaw)
+    ]
+    return optimised(guesses, path.length, limits).path

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isfinite, isnan, pi
+from math import inf, isfinite, isnan
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,9 +13,6 @@ from omnidrive.errors import InvalidInput
 from omnidrive.robot import Chassis, Robot
 
 Array = np.ndarray
-
-_SIDES = 16
-"""Half the sides of the polygon within the circle of accelerations; it loses 0.5 %."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -107,8 +104,6 @@ def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
     top = min(chassis.max_wheel_speed, limits.wheel_speed)
     if isnan(chassis.max_wheel_speed) or top <= 0.0:
         raise InvalidInput(f"the wheels' top speed must be positive, got {top:g} rad/s")
-    angles = np.arange(_SIDES) * pi / _SIDES
-    polygon = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
     x, y, yaw = np.eye(3)[:, None]
     groups: list[tuple[LimitRows, float]] = [
         (LimitRows("wheel speed", "speed", chassis.jacobian), top),
@@ -121,7 +116,7 @@ def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
             limits.wheel_acceleration,
         ),
         (
-            LimitRows("acceleration", "acceleration", polygon / np.cos(0.5 * pi / _SIDES)),
+            LimitRows("acceleration", "acceleration", np.eye(3)[:2], round=True),
             limits.acceleration,
         ),
         (LimitRows("yaw acceleration", "acceleration", yaw), limits.yaw_acceleration),

@@ -17,7 +17,7 @@ from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.heading_guess import heading_guesses
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.timed import TimedReference
-from omnidrive.reference.transcription import Transcription, casadi
+from omnidrive.reference.transcription import Guess, casadi, optimised
 from omnidrive.robot import Chassis
 
 Array = np.ndarray
@@ -95,15 +95,7 @@ def minimum_time(
             path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
         )
     guesses = _guesses(path, corridor, pieces, rows, (start_yaw, goal_yaw))
-    transcription = Transcription(len(pieces) + 3, path.length, rows)
-    best: tuple[TimedReference, SplinePath, bool] | None = None
-    for guess, low, high in guesses:
-        found = transcription.optimised(guess, low, high)
-        reference = time_course(Course.of(found.path), rows)
-        if best is None or reference.duration < best[0].duration:
-            best = reference, found.path, found.converged
-    assert best is not None  # there are three guesses
-    reference, faster, converged = best
+    reference, faster, converged = optimised(guesses, path.length, rows)
     if reference.duration > start.duration:
         message = f"the best motion in the corridor takes {reference.duration:.3f} s"
         return _fallback(path, start, corridor, message)
@@ -133,14 +125,14 @@ def _guesses(
     pieces: Int[Array, " pieces"],
     rows: tuple[LimitRows, ...],
     yaws: tuple[float | None, float | None],
-) -> list[tuple[SplinePath, Float[Array, "points 3"], Float[Array, "points 3"]]]:
+) -> list[Guess]:
     """Splines near the path and in the corridor, with three kinds of headings, and their bounds."""
     control = _refitted(path, corridor, pieces)
     low, high = corridor.bounds(pieces)
     low[[0, -1]] = high[[0, -1]] = path.control_points[[0, -1], :2]
     control[:, :2] = np.clip(control[:, :2], low, high)
     return [
-        (
+        Guess(
             SplinePath(np.column_stack([control[:, :2], guess.yaw])),
             np.column_stack([low, guess.low]),
             np.column_stack([high, guess.high]),

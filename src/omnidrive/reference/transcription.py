@@ -15,6 +15,7 @@ from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
 from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.timed import TimedReference
 
 Array = np.ndarray
 
@@ -30,6 +31,9 @@ _SPREAD = 0.1
 _LEAST = 1e-6
 """Least squared speed between the ends, as a share of the guess's greatest."""
 
+_STARTS = 2
+"""Guesses that are optimised."""
+
 _OPTIONS = {
     "expand": True,
     "print_time": False,
@@ -41,16 +45,52 @@ _OPTIONS = {
 }
 
 
+class Guess(NamedTuple):
+    """Where to start, and between what the control points may move.
+
+    Columns are x and y in m and yaw in rad; where a number is given, low equals high.
+    """
+
+    path: SplinePath
+    low: Float[Array, "points 3"]
+    high: Float[Array, "points 3"]
+
+
 class Optimised(NamedTuple):
     """What the optimiser found.
 
     Attributes:
-        path: The last path that it came to, perhaps a poor one.
+        reference: The fastest motion along the path.
+        path: Its control points are between the guess's bounds.
         converged: Whether it is a local optimum of the discretised problem.
     """
 
+    reference: TimedReference
     path: SplinePath
     converged: bool
+
+
+def optimised(guesses: list[Guess], length: float, limits: tuple[LimitRows, ...]) -> Optimised:
+    """The fastest of the guesses and of the local optima near the two fastest of them.
+
+    Args:
+        guesses: Splines of one size, within their bounds.
+        length: Of the way, in m: the scale of uneven control points.
+        limits: What to keep.
+
+    Raises:
+        MissingExtra: CasADi is not installed.
+    """
+    found = [
+        Optimised(time_course(Course.of(guess.path), limits), guess.path, False)
+        for guess in guesses
+    ]
+    order = sorted(range(len(guesses)), key=lambda k: found[k].reference.duration)
+    transcription = Transcription(len(guesses[0].low), length, limits)
+    for k in order[:_STARTS]:
+        path, converged = transcription.solve(guesses[k], found[k].reference)
+        found.append(Optimised(time_course(Course.of(path), limits), path, converged))
+    return min(found, key=lambda each: each.reference.duration)
 
 
 class Transcription:
@@ -74,31 +114,26 @@ class Transcription:
     """
 
     def __init__(self, points: int, length: float, limits: tuple[LimitRows, ...]) -> None:
-        self._limits = limits
         self._solver, self._low = _program(casadi(), points, length / points, limits)
 
-    def optimised(
-        self, guess: SplinePath, low: Float[Array, "points 3"], high: Float[Array, "points 3"]
-    ) -> Optimised:
-        """Local optimum near ``guess``, its control points between ``low`` and ``high``.
-
-        Columns are x and y in m and yaw in rad; where a number is given, low equals high.
-        """
-        points = np.clip(guess.control_points, low, high)
-        speeds = _speeds(SplinePath(points), self._limits)
+    def solve(self, guess: Guess, timed: TimedReference) -> tuple[SplinePath, bool]:
+        """The path to which the solver came from ``guess``, and whether it converged there."""
+        points = guess.path.control_points
+        speeds = _speeds(timed, len(points) - 3)
         least = _LEAST * float(speeds.max())
         inner = np.maximum(0.8 * speeds[1:-1], 2.0 * least)
         result = self._solver(
             x0=np.concatenate([points.ravel(), inner]),
-            lbx=np.concatenate([low.ravel(), np.full(len(inner), least)]),
-            ubx=np.concatenate([high.ravel(), np.full(len(inner), np.inf)]),
+            lbx=np.concatenate([guess.low.ravel(), np.full(len(inner), least)]),
+            ubx=np.concatenate([guess.high.ravel(), np.full(len(inner), np.inf)]),
             lbg=self._low,
             ubg=1.0,
         )
         found = np.asarray(result["x"]).ravel()[: points.size].reshape(points.shape)
-        finite = bool(np.isfinite(found).all())
-        path = SplinePath(np.clip(found, low, high) if finite else points)
-        return Optimised(path, finite and bool(self._solver.stats()["success"]))
+        if not np.isfinite(found).all():
+            return guess.path, False
+        path = SplinePath(np.clip(found, guess.low, guess.high))
+        return path, bool(self._solver.stats()["success"])
 
 
 def casadi() -> ModuleType:
@@ -116,11 +151,9 @@ def casadi() -> ModuleType:
         ) from error
 
 
-def _speeds(path: SplinePath, limits: tuple[LimitRows, ...]) -> Float[Array, " nodes"]:
-    """Squared speeds at the nodes in the fastest motion along ``path``, cut where singular."""
-    exact = time_course(Course.of(path), limits)
-    pieces = len(path.control_points) - 3
-    x = exact.squared_speeds * (pieces / len(exact.course.pieces)) ** 2
+def _speeds(timed: TimedReference, pieces: int) -> Float[Array, " nodes"]:
+    """A motion's squared speeds at the nodes, s counted in pieces; cut where singular."""
+    x = timed.squared_speeds * (pieces / len(timed.course.pieces)) ** 2
     nodes = np.linspace(0.0, 1.0, pieces * _PER_PIECE + 1)
     speeds = np.interp(nodes, np.linspace(0.0, 1.0, len(x)), x)
     cut: Float[Array, " nodes"] = np.minimum(speeds, 10.0 * np.median(speeds))
@@ -175,9 +208,9 @@ def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any
             square = (rows @ along) ** 2 * x
             squares.append(ca.sum1(square) if group.round else square)
         else:
-            shares.append(
-                rows @ (along * u + (turning if group.kind == "twist rate" else across) * x)
-            )
+            change = turning if group.kind == "twist rate" else across
+            share = rows @ (along * u + change * x)
+            shares.append(ca.sumsqr(share) if group.round else share)
     return (
         ca.Function("speed", [yaw, slope, x], [ca.vertcat(ca.SX(0, 1), *squares)]),
         ca.Function("change", [yaw, slope, bend, x, u], [ca.vertcat(*shares)]),
