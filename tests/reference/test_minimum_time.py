@@ -193,3 +193,22 @@ def test_a_spline_outside_its_boxes_is_noticed():
     assert corridor.contains(path.control_points, pieces)
     path.control_points[3, 1] = 10.5
     assert not corridor.contains(path.control_points, pieces)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(8))
+def test_no_minimum_enters_an_obstacle(seed):
+    """Over random maps: in free cells, within the limits, never slower than the start path."""
+    rng = np.random.default_rng(seed)
+    grid = OccupancyGrid(rng.random((50, 50)) < 0.12, 0.2)
+    grid.occupied[[2, 46], [3, 45]] = False
+    ends = [Place(*grid.centre(2, 3)), Place(*grid.centre(46, 45))]
+    _, path = plan(grid, *ends, inflation=0.0, options=PathOptions(spacing=0.0))
+    found = minimum_time(path, FOUR, LIMITS, grid)
+    assert found.status != "fallback"
+    assert found.reference.duration <= found.start_duration
+    assert max(worst_shares(found.reference, FOUR, ALPHA)) <= 1.01
+    window = found.reference.window(0.0, 20_001, found.reference.duration / 2e4)
+    assert not any(grid.is_occupied(x, y) for x, y in window[:, :2].tolist())
+    pieces = found.corridor.pieces(48)
+    assert found.corridor.contains(found.path.control_points, pieces)

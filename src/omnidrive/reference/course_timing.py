@@ -19,10 +19,13 @@ _SHARES = (0.0, 0.5, 1.0)
 """Places on an interval at which limits hold by construction."""
 
 _FIRST_NODES, _MAX_NODES = 400, 20_000
+"""Intervals of the first grid, and of the finest; at least 4 on every piece all the same."""
+
 _EXCESS, _GAIN = 1e-3, 1e-3
 """Shares by which limits may be broken before they are tightened, and time be lost to the grid."""
 
 _TRIES = 3
+"""Times that limits are tightened."""
 
 _ANGLES = np.arange(16) * pi / 16
 _POLYGON = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / cos(pi / 32)

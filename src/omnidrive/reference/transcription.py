@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BSpline
 
-from omnidrive.errors import MissingExtra
+from omnidrive.errors import InvalidReference, MissingExtra
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
 from omnidrive.reference.course_timing import time_course
@@ -39,7 +40,7 @@ _OPTIONS = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.tol": 1e-4,
+    "ipopt.tol": 1e-3,
     "ipopt.max_iter": 300,
     "ipopt.mu_init": 1e-2,
 }
@@ -89,7 +90,8 @@ def optimised(guesses: list[Guess], length: float, limits: tuple[LimitRows, ...]
     transcription = Transcription(len(guesses[0].low), length, limits)
     for k in order[:_STARTS]:
         path, converged = transcription.solve(guesses[k], found[k].reference)
-        found.append(Optimised(time_course(Course.of(path), limits), path, converged))
+        with suppress(InvalidReference):  # the solver may end anywhere, also where nothing moves
+            found.append(Optimised(time_course(Course.of(path), limits), path, converged))
     return min(found, key=lambda each: each.reference.duration)
 
 
@@ -106,7 +108,7 @@ class Transcription:
 
     Args:
         points: Control points of the splines.
-        length: Of the way, in m or rad: the scale of uneven control points.
+        length: Of the way, in m: the scale of uneven control points.
         limits: What to keep.
 
     Raises:
