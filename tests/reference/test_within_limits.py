@@ -315,6 +315,13 @@ def test_turning_on_the_spot_needs_the_paths_heading(heading):
         time_within_limits(turning(1.0), FOUR, LIMITS, heading=heading)
 
 
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("path", [straight(1e3, points=50_010), turning(1e6)])
+def test_paths_without_bound_are_refused(path, heading):
+    with pytest.raises(InvalidReference, match=r"split it|only turns"):
+        time_within_limits(path, FOUR, LIMITS, heading=heading)
+
+
 def test_a_cusp_has_no_tangent():
     points = np.zeros((9, 3))
     points[:, 0] = [0, 1, 2, 3, 4, 3, 2, 1, 0]

@@ -59,13 +59,14 @@ class Course:
 
         Raises:
             InvalidInput: ``yaw`` is not finite.
-            InvalidReference: The path stands still, or, with heading ``tangent``, has a point
-                without a direction.
+            InvalidReference: The path stands still, is longer than 50,000 pieces or turns as
+                often, or, with heading ``tangent``, has a point without a direction.
         """
         if yaw is not None and not np.isfinite(yaw):
             raise InvalidInput(f"the heading must be a finite angle in rad, got {yaw:g}")
         check_moves(path, 3 if heading == "path" else 2)
         count = len(path.control_points) - 3
+        course = None
         while count <= _MAX_PIECES:
             pieces = _cubics(path, count)
             if heading == "fixed":
@@ -75,7 +76,11 @@ class Course:
             if course._settle_headings():
                 return course
             count *= 2
-        raise InvalidReference(course._too_sharp())
+        if course is not None and course.along:
+            raise InvalidReference(course._without_direction())
+        raise InvalidReference(
+            f"the path has more than {_MAX_PIECES} pieces, or its heading turns so often; split it"
+        )
 
     def at(self, piece: Int[Array, " n"], r: Float[Array, " n"]) -> Motion:
         """Poses, slopes and bends on pieces at r in [0, 1]; at piece ends, of that very piece."""
@@ -140,12 +145,7 @@ class Course:
         still: Bool[Array, " pieces"] = ~((along > least).all(axis=0)) | (np.abs(turns) > _TURN)
         return still
 
-    def _too_sharp(self) -> str:
-        if not self.along:
-            return (
-                f"the path has more than {_MAX_PIECES} pieces, or its heading turns so often; "
-                "split the path"
-            )
+    def _without_direction(self) -> str:
         turns, _ = self._tangents()
         x, y, _ = self.pieces[np.argmax(self._sharp(turns)), 0]
         return (
