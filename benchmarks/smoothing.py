@@ -52,7 +52,7 @@ def ways(grid: OccupancyGrid, rng: np.random.Generator) -> Iterator[Way]:
     for _ in range(WAYS):
         start, goal = free[rng.integers(0, len(free), 2)].tolist()
         try:
-            cells = search(grid, tuple(start), tuple(goal))
+            cells = search(grid, tuple(start), tuple(goal)).cells
         except NoPathFound:
             continue
         if len(cells) >= SHORTEST:

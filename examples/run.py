@@ -3,10 +3,10 @@
 import omnidrive as od
 
 robot = od.named_robot("paper")
-_, spline = od.plan(
+plan = od.plan(
     od.paper_map(), od.Place(1, 1, 0), od.Place(8, 6), inflation=0.0, options=od.PathOptions()
 )
-reference = od.time_uniformly(spline, 20.0, robot.chassis)
+reference = od.time_uniformly(plan.spline, 20.0, robot.chassis)
 run = od.simulate(
     od.MujocoPlant(robot),
     od.FeedforwardController(dt=0.1),

@@ -18,9 +18,22 @@ from .control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOut
 from .errors import OmnidriveError
 from .evaluation import Metrics, StepResponse, measure, step_response
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
-from .maps import OccupancyGrid, load_nav2_map, paper_map, save_nav2_map
-from .planning import Path, PathOptions, Place, SplinePath, plan
-from .reference import Hold, Reference, Setpoint, UniformReference, time_uniformly
+from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
+from .planning import Path, PathOptions, Place, Plan, SplinePath, plan, search, smooth
+from .reference import (
+    Hold,
+    MotionLimits,
+    Reference,
+    SampledReference,
+    Setpoint,
+    TimedReference,
+    UniformReference,
+    load_waypoints,
+    minimum_time,
+    save_waypoints,
+    time_uniformly,
+    time_within_limits,
+)
 from .robot import Chassis, Robot, named_robot
 from .simulation import (
     KinematicPlant,
@@ -52,6 +65,7 @@ __all__ = [
     "KinematicPlant",
     "Measurement",
     "Metrics",
+    "MotionLimits",
     "MujocoPlant",
     "NmpcController",
     "OccupancyGrid",
@@ -61,17 +75,20 @@ __all__ = [
     "Path",
     "PathOptions",
     "Place",
+    "Plan",
     "Plant",
     "Pose",
     "Reference",
     "Robot",
     "Run",
+    "SampledReference",
     "Scenario",
     "Setpoint",
     "SplinePath",
     "Status",
     "StepResponse",
     "Study",
+    "TimedReference",
     "TrackingPidController",
     "UniformReference",
     "WorldTwist",
@@ -79,18 +96,25 @@ __all__ = [
     "fuzzy_pid",
     "holonomic_nmpc",
     "identify_lag",
+    "load_map",
     "load_nav2_map",
     "load_scenario",
+    "load_waypoints",
     "measure",
+    "minimum_time",
     "named_robot",
     "paper_map",
     "paper_scenario",
     "plan",
     "run_study",
     "save_nav2_map",
+    "save_waypoints",
+    "search",
     "simulate",
+    "smooth",
     "step_response",
     "time_uniformly",
+    "time_within_limits",
     "to_body",
     "to_world",
     "unicycle_nmpc",

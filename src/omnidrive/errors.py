@@ -6,7 +6,8 @@ OmnidriveError
 │   ├── InvalidGeometry           a chassis whose wheels cannot produce every twist
 │   ├── InvalidMap                a map file that is missing, malformed or too large
 │   ├── InvalidPlace              a start or goal outside the map or inside an obstacle
-│   ├── InvalidReference          times not increasing, shapes that disagree, too fast for the robot
+│   ├── InvalidReference          times not increasing, shapes that disagree, too fast for the
+│   │                             robot, a waypoint file that is missing, malformed or too large
 │   └── InvalidScenario           a scenario with an unknown key, a wrong unit, sign or range
 ├── NoPathFound                   the planner proved there is none
 ├── MissingExtra                  an optional dependency is not installed

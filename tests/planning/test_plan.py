@@ -37,7 +37,7 @@ def test_a_smooth_path_stays_in_free_cells(occupied, inflation):
     occupied[1, 1] = occupied[10, 12] = False
     grid = OccupancyGrid(np.kron(occupied, np.ones((2, 2))).astype(bool), 0.1)
     try:
-        _, spline = go(grid, (0.3, 0.3), (2.5, 2.1), inflation)
+        spline = go(grid, (0.3, 0.3), (2.5, 2.1), inflation).spline
     except (NoPathFound, InvalidPlace):
         return
     free = grid.inflated(inflation)
@@ -46,17 +46,17 @@ def test_a_smooth_path_stays_in_free_cells(occupied, inflation):
 
 
 def test_ends_are_exactly_where_asked():
-    path, spline = go(ROOM, (1.03, 1.07), (5.02, 3.01, 1.0))
-    assert spline.poses(0.0)[:2] == pytest.approx((1.03, 1.07))
-    assert spline.poses(1.0) == pytest.approx((5.02, 3.01, 1.0))
-    assert path.poses[0, :2] == pytest.approx((1.03, 1.07))
+    plan = go(ROOM, (1.03, 1.07), (5.02, 3.01, 1.0))
+    assert plan.spline.poses(0.0)[:2] == pytest.approx((1.03, 1.07))
+    assert plan.spline.poses(1.0) == pytest.approx((5.02, 3.01, 1.0))
+    assert plan.way.poses[0, :2] == pytest.approx((1.03, 1.07))
 
 
 @given(start=st.floats(-6.2, 6.2), goal=st.floats(-6.2, 6.2), x=st.sampled_from([1, 1.2, 2, 5]))
 @settings(max_examples=60, deadline=None)
 def test_headings_are_continuous_and_meet_those_asked_for(start, goal, x):
     """Also on a path shorter than the distance to turn in, and on the spot."""
-    _, spline = go(ROOM, (1.0, 1.0, start), (x, 1.0, goal))
+    spline = go(ROOM, (1.0, 1.0, start), (x, 1.0, goal)).spline
     yaw = spline.poses(np.linspace(0.0, 1.0, 1000))[:, 2]
     assert yaw[0] == pytest.approx(start)
     assert np.cos(yaw[-1] - goal) == pytest.approx(1.0)
@@ -65,7 +65,7 @@ def test_headings_are_continuous_and_meet_those_asked_for(start, goal, x):
 
 
 def test_start_and_goal_may_be_the_same_place():
-    _, spline = go(ROOM, (2.0, 2.0), (2.0, 2.0))
+    spline = go(ROOM, (2.0, 2.0), (2.0, 2.0)).spline
     assert spline.length == pytest.approx(0.0, abs=1e-9)
 
 
@@ -74,7 +74,7 @@ def test_start_and_goal_may_be_the_same_place():
     [
         ((7.0, 1.0), "outside the map, which spans x 0 to 6 m and y 0 to 4 m"),
         ((3.05, 1.0), r"inside an obstacle, .*nearest place to stand is \(2\.\d+, 0?\.?\d*"),
-        ((2.8, 1.0), r"is 0\.20 m from an obstacle; the robot's centre must keep 0\.3 m, and half"),
+        ((2.8, 1.0), r"is 0\.20 m from an obstacle; the robot's centre must keep 0\.3 m, also"),
         ((np.nan, 1.0), "must be finite"),
         ((1.0, 1.0, np.inf), "must be finite"),
     ],
@@ -92,6 +92,7 @@ def test_the_place_that_a_message_proposes_is_one_to_stand():
     with pytest.raises(InvalidPlace) as refused:
         go(grid, start=(3.05, 1.0))
     x, y = map(float, str(refused.value).rsplit("(", 1)[1].split(")")[0].split(","))
+    assert f"{np.hypot(x - 3.05, y - 1.0):.2g} m away" in str(refused.value)
     go(grid, start=(x, y))
 
 

@@ -48,6 +48,12 @@ def polygon_clearance(grid, points):
     return grid.clearance(fine).min()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _compiled():
+    """Ways are searched while hypothesis draws, which no compiler may disturb."""
+    search(OccupancyGrid(np.zeros((2, 2), bool), 1.0), (0, 0), (1, 1))
+
+
 @st.composite
 def ways(draw, cut_corners=None):
     """A random map with a way through it, its ends anywhere in their cells."""
@@ -56,7 +62,7 @@ def ways(draw, cut_corners=None):
     grid = OccupancyGrid(occupied, 0.2, (-3.0, 1.0), walled=draw(st.booleans()))
     cut = draw(st.booleans()) if cut_corners is None else cut_corners
     try:
-        points = centres(grid, search(grid, (0, 0), (8, 9), cut_corners=cut))
+        points = centres(grid, search(grid, (0, 0), (8, 9), cut_corners=cut).cells)
     except NoPathFound:
         assume(False)
     off = draw(arrays(float, (2, 2), elements=st.floats(-0.099, 0.099)))
@@ -124,7 +130,7 @@ def test_clearance_in_an_open_room_is_what_is_asked_for():
     occupied = np.zeros((30, 30), bool)
     occupied[10:20, 12:14] = True
     grid = OccupancyGrid(occupied, 0.1)
-    points = centres(grid, search(grid, (15, 2), (15, 25)))
+    points = centres(grid, search(grid, (15, 2), (15, 25)).cells)
     near, far = (smooth(grid, points, clearance=m).clearance for m in (0.0, 0.04))
     assert 0.0 < near < 0.01
     assert 0.04 <= far < 0.05
@@ -141,7 +147,7 @@ def test_curvature_is_less_than_half_of_the_plain_splines():
         grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1)
         grid.occupied[[0, -1], [0, -1]] = False
         try:
-            points = centres(grid, search(grid, (0, 0), (59, 59)))
+            points = centres(grid, search(grid, (0, 0), (59, 59)).cells)
         except NoPathFound:
             continue
         plain, ours = (smooth(grid, points, method=m).path for m in ("spline", "certified"))
@@ -153,25 +159,25 @@ def test_curvature_is_less_than_half_of_the_plain_splines():
 def test_far_from_obstacles_the_clearance_makes_no_difference():
     """To the last bit: no move is refused for want of a rounded digit."""
     grid = OccupancyGrid(np.zeros((60, 60), bool), 0.1, walled=False)
-    points = centres(grid, search(grid, (10, 10), (30, 50)))
+    points = centres(grid, search(grid, (10, 10), (30, 50)).cells)
     first, *others = (
         smooth(grid, points, clearance=clearance) for clearance in (0.0, 0.013, 0.031, 0.1)
     )
     for other in others:
         assert (other.path.control_points == first.path.control_points).all()
-    assert first.path.max_curvature[1] < 0.02 / grid.resolution
+    assert first.path.max_curvature[1] < 0.03 / grid.resolution
 
 
 def test_smoothing_is_repeatable():
     grid = paper_map()
-    points = centres(grid, search(grid, (4, 4), (29, 39)))
+    points = centres(grid, search(grid, (4, 4), (29, 39)).cells)
     first, second = (smooth(grid, points).path.control_points for _ in range(2))
     assert (first == second).all()
 
 
 def test_a_plain_spline_has_the_cells_as_control_points():
     grid = paper_map()
-    points = centres(grid, search(grid, (4, 4), (29, 39)))
+    points = centres(grid, search(grid, (4, 4), (29, 39)).cells)
     path = smooth(grid, points, method="spline").path
     assert (path.control_points[:, :2] == points).all()
 
@@ -180,7 +186,7 @@ def test_a_plain_spline_has_the_cells_as_control_points():
 def test_a_turned_grid_turns_the_path():
     flat = paper_map()
     turned = replace(flat, origin=(3.0, -2.0), yaw=0.7)
-    cells = search(flat, (4, 4), (29, 39))
+    cells = search(flat, (4, 4), (29, 39)).cells
     here, there = (smooth(grid, centres(grid, cells)) for grid in (flat, turned))
     c, s = np.cos(0.7), np.sin(0.7)
     moved = (here.path.control_points[:, :2] - flat.origin) @ [[c, s], [-s, c]] + (3.0, -2.0)
@@ -222,7 +228,7 @@ def test_a_corridor_one_cell_wide():
     occupied = np.ones((7, 9), bool)
     occupied[1, 1:8] = occupied[1:6, 7] = occupied[5, 2:8] = False
     grid = OccupancyGrid(occupied, 0.3)
-    points = centres(grid, search(grid, (1, 1), (5, 2)))
+    points = centres(grid, search(grid, (1, 1), (5, 2)).cells)
     smoothed = smooth(grid, points)
     assert not enters(grid, smoothed.path, 400)
     assert (
@@ -338,7 +344,7 @@ def smooth_random_ways(grid, rng, count, **options):
     for _ in range(count):
         (a, b), (c, d) = free[rng.integers(0, len(free), 2)].tolist()
         try:
-            points = centres(grid, search(grid, (a, b), (c, d)))
+            points = centres(grid, search(grid, (a, b), (c, d)).cells)
         except NoPathFound:
             continue
         yield points, smooth(grid, points, **options)

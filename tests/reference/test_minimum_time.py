@@ -25,11 +25,10 @@ PAPER_LIMITS = MotionLimits(wheel_acceleration=1.0 / 0.05)
 
 @pytest.fixture(scope="module")
 def papers_path():
-    _, spline = plan(
+    return plan(
         paper_map(), Place(1.0, 1.0), Place(8.0, 6.0), inflation=0.0,
-        options=PathOptions(spacing=0.0, turn_within=0.0),
-    )  # fmt: skip
-    return spline
+        options=PathOptions(smooth="spline", turn_within=0.0),
+    ).spline  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +85,8 @@ def test_never_slower_than_the_start_path():
     occupied = np.ones((40, 40), dtype=bool)
     occupied[20, 2:38] = occupied[20:38, 37] = False
     grid = OccupancyGrid(occupied, 0.1)
-    _, path = plan(grid, Place(0.25, 2.05), Place(3.75, 3.75), inflation=0.0, options=PathOptions())
+    ends = Place(0.25, 2.05), Place(3.75, 3.75)
+    path = plan(grid, *ends, inflation=0.0, options=PathOptions(smooth="spline")).spline
     found = minimum_time(path, FOUR, LIMITS, grid)
     start = time_within_limits(path, FOUR, LIMITS)
     assert found.start_duration == pytest.approx(start.duration)
@@ -159,11 +159,11 @@ def test_boxes_of_a_corridor_are_free_and_overlap():
     rng = np.random.default_rng(4)
     grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1, (-1.0, 2.0))
     grid.occupied[[1, 58], [1, 58]] = False
-    cells, _ = plan(
+    way = plan(
         grid, Place(*grid.centre(1, 1)), Place(*grid.centre(58, 58)), inflation=0.0,
         options=PathOptions(),
-    )  # fmt: skip
-    corridor = Corridor.along(cells.poses[:, :2], grid)
+    ).way  # fmt: skip
+    corridor = Corridor.along(way.poses[:, :2], grid)
     for left, right, bottom, top in corridor.boxes.tolist():
         x, y = np.meshgrid(np.linspace(left, right, 60), np.linspace(bottom, top, 60))
         assert not any(map(grid.is_occupied, x.ravel().tolist(), y.ravel().tolist()))
@@ -203,7 +203,7 @@ def test_no_minimum_enters_an_obstacle(seed):
     grid = OccupancyGrid(rng.random((50, 50)) < 0.12, 0.2)
     grid.occupied[[2, 46], [3, 45]] = False
     ends = [Place(*grid.centre(2, 3)), Place(*grid.centre(46, 45))]
-    _, path = plan(grid, *ends, inflation=0.0, options=PathOptions(spacing=0.0))
+    path = plan(grid, *ends, inflation=0.0, options=PathOptions(smooth="spline")).spline
     found = minimum_time(path, FOUR, LIMITS, grid)
     assert found.status != "fallback"
     assert found.reference.duration <= found.start_duration

@@ -51,8 +51,8 @@ def test_window_is_made_of_setpoints(t, n):
 
 def test_shortest_duration_is_where_a_wheel_reaches_its_limit():
     chassis = named_robot("paper").chassis
-    shortest = shortest_duration(PREPARED.spline, chassis)
-    reference = UniformReference(PREPARED.spline, shortest)
+    shortest = shortest_duration(PREPARED.path, chassis)
+    reference = UniformReference(PREPARED.path, shortest)
     peak = 0.0
     for t in np.linspace(0.0, shortest, 4001):
         pose, twist = reference.at(t)
@@ -63,16 +63,16 @@ def test_shortest_duration_is_where_a_wheel_reaches_its_limit():
 
 def test_too_short_a_duration_names_the_shortest():
     chassis = named_robot("paper").chassis
-    shortest = shortest_duration(PREPARED.spline, chassis)
-    time_uniformly(PREPARED.spline, shortest, chassis)
+    shortest = shortest_duration(PREPARED.path, chassis)
+    time_uniformly(PREPARED.path, shortest, chassis)
     with pytest.raises(InvalidReference, match=f"shortest duration is {shortest:g} s"):
-        time_uniformly(PREPARED.spline, shortest - 0.1, chassis)
+        time_uniformly(PREPARED.path, shortest - 0.1, chassis)
 
 
 @pytest.mark.parametrize("duration", [0.0, -3.0, np.nan, np.inf])
 def test_a_duration_that_is_not_positive_is_refused(duration):
     with pytest.raises(InvalidReference, match="must be positive"):
-        UniformReference(PREPARED.spline, duration)
+        UniformReference(PREPARED.path, duration)
 
 
 def test_body_twist_of_the_reference_drives_along_it():

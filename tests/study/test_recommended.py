@@ -57,7 +57,7 @@ def followed(paper, reference, **changes):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("may_spin", [True, False])
 def test_from_rest_to_rest(paper, law, may_spin):
-    metrics = followed(paper, FromRestToRest(paper.spline, LAWS[law]), may_spin=may_spin)
+    metrics = followed(paper, FromRestToRest(paper.path, LAWS[law]), may_spin=may_spin)
     assert metrics.me <= 0.0003
     assert metrics.mae <= 0.0003
 
@@ -66,7 +66,7 @@ def test_on_the_kinematic_plant_nothing_is_corrected_that_is_not_there(paper):
     controller = make_controller(
         paper.scenario.model_copy(update={"plant": "kinematic"}), paper.robot, "recommended"
     )
-    reference = FromRestToRest(paper.spline, LAWS["quintic"])
+    reference = FromRestToRest(paper.path, LAWS["quintic"])
     start = reference.at(0.0).pose
     run = simulate(make_plant(paper.robot, "kinematic"), controller, reference, start=start, dt=0.1)
     assert measure(run, paper.robot.drive).me < 1e-6

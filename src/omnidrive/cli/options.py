@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
@@ -13,12 +13,15 @@ from typing import Annotated, Any, get_args
 import typer
 
 from omnidrive.errors import InvalidInput
-from omnidrive.planning import Place
+from omnidrive.maps import Unknown
+from omnidrive.planning import MethodName, Place, SmoothingName
+from omnidrive.reference import Heading
 from omnidrive.robot import ROBOTS
 from omnidrive.study import (
     PlantName,
     PresetName,
     Scenario,
+    TimingName,
     load_scenario,
     map_scenario,
     paper_scenario,
@@ -28,14 +31,19 @@ from omnidrive.study import (
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 _WHERE, _HOW, _OUT = "Where to drive", "How to drive", "Results"
+_HEAD = 65_536  # bytes of a YAML file in which a map names its picture
 
 ScenarioArgument = Annotated[
-    str, typer.Argument(help="`paper`, or a scenario's YAML file (such as one in a run folder).")
+    str,
+    typer.Argument(
+        help="`paper`, or a scenario's YAML file (such as one in a run folder), or a map's file: "
+        "of Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
+    ),
 ]
 MapOption = Annotated[
     Path | None,
     typer.Option(
-        "--map", metavar="FILE.yaml", help="Drive on a Nav2 map instead.", rich_help_panel=_WHERE
+        "--map", metavar="FILE", help="The same for a map's file.", rich_help_panel=_WHERE
     ),
 ]
 StartOption = Annotated[
@@ -101,6 +109,64 @@ JobsOption = Annotated[
 ]
 
 
+SearchOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(get_args(MethodName)),
+        help="How a way over the cells is searched: the shortest way (astar, and sooner on open or "
+        "narrow maps jump-point), to any angle (lazy-theta), or greedy as in the paper.",
+        rich_help_panel=_HOW,
+    ),
+]
+SmoothOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(get_args(SmoothingName)),
+        help="Smooth the way with a proof that nothing is hit, or plainly as in the paper.",
+        rich_help_panel=_HOW,
+    ),
+]
+TimingOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(get_args(TimingName)),
+        help="Travel evenly as in the paper; from rest to rest within the wheels' limits; or also "
+        "move the path and turn freely to save time.",
+        rich_help_panel=_HOW,
+    ),
+]
+HeadingOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(get_args(Heading)),
+        help="Where the robot looks, with the timing `limits`.",
+        rich_help_panel=_HOW,
+    ),
+]
+MarginOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="M", help="Room between robot and obstacles, in m.", rich_help_panel=_WHERE
+    ),
+]
+UnknownOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(get_args(Unknown)),
+        help="What unknown cells count as.",
+        rich_help_panel=_WHERE,
+    ),
+]
+ResolutionOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="M",
+        help="Side of a cell in m, where the map does not say it [default: 1].",
+        rich_help_panel=_WHERE,
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True)
 class Demand:
     """What the shared options said; None where nothing."""
@@ -115,9 +181,21 @@ class Demand:
     plant: str | None = None
     preset: str | None = None
     seed: int | None = None
+    details: Mapping[str, object] = field(default_factory=dict)
+    """Values for keys of the scenario, such as ``path.search``; None where nothing."""
 
-    def resolve(self) -> Scenario:
+    @property
+    def map_file(self) -> Path | None:
+        """The map that is named, in one way or the other."""
+        if self.map is None and self.scenario != "paper" and _is_map(Path(self.scenario)):
+            return Path(self.scenario)
+        return self.map
+
+    def resolve(self, *, retimed: bool = True) -> Scenario:
         """The scenario that the options add up to.
+
+        Args:
+            retimed: Give it times that suit the path, where the path is the user's.
 
         Raises:
             OmnidriveError: They contradict each other or name something that is not there.
@@ -129,13 +207,14 @@ class Demand:
         )
         scenario = self._base(preset)
         changes: dict[str, object] = {}
-        if self.start is not None and not self.map:
+        on_map = self.map_file is not None
+        if self.start is not None and not on_map:
             changes["start"] = parse_place("start", self.start)
-        if self.goal is not None and not self.map:
+        if self.goal is not None and not on_map:
             changes["goal"] = parse_place("goal", self.goal)
         if self.plant is not None:
             changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
-        if self.robot is not None and not self.map:
+        if self.robot is not None and not on_map:
             name = choose_one("robot", self.robot, ROBOTS)
             changes["robot"] = robot_section(name, preset or scenario.preset)
         elif preset:
@@ -145,28 +224,48 @@ class Demand:
         if self.seed is not None:
             changes["seed"] = self.seed
         scenario = scenario.model_copy(update=changes)
-        scenario = parse_scenario(scenario_data(scenario), "with these options")
-        if self.map or self.duration is not None or self.speed is not None:
+        scenario = parse_scenario(self._detailed(scenario_data(scenario)), "with these options")
+        if retimed and (on_map or self.duration is not None or self.speed is not None):
             scenario = retime(scenario, duration=self.duration, speed=self.speed)
         return scenario
 
+    def _detailed(self, data: dict[str, Any]) -> dict[str, Any]:
+        """The scenario's data with the details put in."""
+        for key, value in self.details.items():
+            if value is not None:
+                section, name = key.split(".")
+                data[section][name] = value
+        return data
+
     def _base(self, preset: PresetName | None) -> Scenario:
-        if self.map:
-            if self.scenario != "paper":
-                raise InvalidInput("give a scenario file or --map, not both")
+        file = self.map_file
+        if file is not None:
+            if self.map is not None and self.scenario != "paper":
+                raise InvalidInput("give a scenario or map, or --map, not both")
             if self.start is None or self.goal is None:
-                raise InvalidInput("--map needs --start X,Y and --goal X,Y (metres in the map)")
+                raise InvalidInput("a map needs --start X,Y and --goal X,Y (metres in the map)")
             return map_scenario(
-                str(self.map),
+                str(file),
                 parse_place("start", self.start),
                 parse_place("goal", self.goal),
                 robot=choose_one("robot", self.robot or "paper", ROBOTS),
-                name=_plain_name(self.map.stem),
+                name=_plain_name(file.stem),
                 preset=preset or "paper",
             )
         if self.scenario == "paper":
             return paper_scenario(preset or "paper")
         return load_scenario(Path(self.scenario))
+
+
+def _is_map(path: Path) -> bool:
+    """Whether a file is a map and no scenario; one that cannot be read is no map."""
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        return path.suffix != "" or path.is_file()
+    try:
+        with path.open("rb") as file:
+            return any(line.startswith(b"image:") for line in file.read(_HEAD).splitlines())
+    except OSError:
+        return False
 
 
 def _plain_name(text: str) -> str:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json as json_format
+import re
+from math import isfinite
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_args
 
 import typer
 
@@ -11,13 +14,62 @@ from omnidrive.cli.options import (
     Demand,
     DurationOption,
     GoalOption,
+    HeadingOption,
     MapOption,
+    MarginOption,
+    ResolutionOption,
     RobotOption,
     ScenarioArgument,
+    SearchOption,
+    SmoothOption,
     SpeedOption,
     StartOption,
+    TimingOption,
+    UnknownOption,
+    choose_one,
 )
-from omnidrive.study import plan_facts, save_plan
+from omnidrive.errors import InvalidInput
+from omnidrive.maps import load_map, load_queries
+from omnidrive.planning import MethodName
+from omnidrive.study import (
+    Fact,
+    plan_facts,
+    plan_fastest,
+    planned_duration,
+    prepare,
+    save_figure,
+    save_plan,
+    solve_queries,
+)
+
+_OUT = "Results"
+_SHOWN = 10  # queries whose lengths differ
+
+OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE|FOLDER",
+        help="Waypoint file for the reference: .csv, .path (PathPlanner), .traj (Choreo), .yaml "
+        "(ROS nav_msgs/Path); or else a new folder for scenario.yaml, reference.csv and path.png.",
+        rich_help_panel=_OUT,
+    ),
+]
+PngOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.png", help="Draw map, path and speeds.", rich_help_panel=_OUT),
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print JSON, for machines.", rich_help_panel=_OUT)
+]
+ScenOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.scen",
+        help="Search every query of a MovingAI scenario file on its map instead, and report the "
+        "lengths that differ from the file's.",
+        rich_help_panel="Where to drive",
+    ),
+]
 
 
 def plan(
@@ -28,25 +80,100 @@ def plan(
     duration: DurationOption = None,
     speed: SpeedOption = None,
     robot: RobotOption = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="New folder for scenario.yaml, reference.csv and path.png.",
-            rich_help_panel="Results",
-        ),
-    ] = None,
+    search: SearchOption = None,
+    smooth: SmoothOption = None,
+    timing: TimingOption = None,
+    heading: HeadingOption = None,
+    margin: MarginOption = None,
+    unknown: UnknownOption = None,
+    resolution: ResolutionOption = None,
+    scen: ScenOption = None,
+    out: OutOption = None,
+    png: PngOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Search a path, smooth it, time it; say what it asks of the robot.
+
+    On a map the robot goes from rest to rest, as fast as its wheels allow, in a whole number of
+    samples, unless a duration or a speed is given.
 
     For example:
 
     * `omnidrive plan`
-    * `omnidrive plan --map depot.yaml --start 2,2 --goal 27,13 --robot small --out plan`
+    * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --png depot.png`
+    * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --out depot.traj`
+    * `omnidrive plan maze.map --scen maze.map.scen --json`
     """
-    resolved = Demand(scenario, map_, start, goal, duration, speed, robot).resolve()
-    for name, value in plan_facts(resolved).items():
-        typer.echo(f"{name:<20}{value}")
+    demand = Demand(
+        scenario, map_, start, goal, duration, speed, robot,
+        details={
+            "path.search": search, "path.smooth": smooth, "timing.law": timing,
+            "timing.heading": heading, "map.margin": margin, "map.unknown": unknown,
+            "map.resolution": resolution,
+        },
+    )  # fmt: skip
+    if scen is not None:
+        _solve(demand, scen, search, json)
+        return
+    if demand.map_file is not None and duration is None and speed is None:
+        prepared = plan_fastest(demand.resolve(retimed=False))
+    else:
+        prepared = prepare(demand.resolve())
+    reference = prepared.reference(planned_duration(prepared))
+    facts = plan_facts(prepared, reference)
+    if json:
+        typer.echo(json_format.dumps(dict(_key(*item) for item in facts.items()), indent=2))
+    else:
+        for name, fact in facts.items():
+            typer.echo(f"{name:<20}{fact}")
     if out:
-        save_plan(resolved, out)
-        typer.echo(f"written to {out}")
+        save_plan(prepared, reference, out)
+        typer.echo(f"written to {out}", err=json)
+    if png:
+        save_figure(prepared, reference, png)
+        typer.echo(f"drawn in {png}", err=json)
+
+
+def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
+    """A fact for machines: the unit is part of the name, as in ``mean_speed_m_per_s``.
+
+    What is not finite, such as the curvature of a sharp corner, is null, as JSON has it.
+    """
+    unit = fact.unit.replace("1/", "per ").replace("/", " per ").replace("%", "percent")
+    return re.sub(r"\W+", "_", f"{name} {unit}".strip()), (
+        None if isinstance(fact.value, float) and not isfinite(fact.value) else fact.value
+    )
+
+
+def _solve(demand: Demand, scen: Path, search: str | None, json: bool) -> None:
+    """Search a scenario file's queries and print how that went."""
+    if demand.map_file is None:
+        raise InvalidInput("--scen needs the map's file: omnidrive plan FILE.map --scen FILE.scen")
+    grid = load_map(demand.map_file)
+    method = choose_one("search", search or "astar", get_args(MethodName))
+    solved = solve_queries(grid, load_queries(scen, grid), method=method)
+    if json:
+        typer.echo(json_format.dumps(solved, indent=2))
+        return
+    for line in _lines(solved):
+        typer.echo(line)
+
+
+def _lines(solved: dict[str, Any]) -> list[str]:
+    """How the searches went, for people."""
+    differing = solved["differing"]
+    lines = [
+        f"{'search':<20}{solved['search']}",
+        f"{'queries':<20}{solved['queries']}",
+        f"{'solved':<20}{solved['solved']}",
+        f"{'lengths that differ':<20}{len(differing)}",
+        f"{'expansions':<20}{solved['expansions']}",
+        f"{'time':<20}{1e3 * solved['seconds']:.3f} ms",
+    ]
+    lines += [
+        f"query {each['query']}: {each['length_in_file']:.8f} cells in the file, "
+        + (each["why"] if each["length"] is None else f"{each['length']:.8f} found")
+        for each in differing[:_SHOWN]
+    ]
+    more = len(differing) - _SHOWN
+    return [*lines, f"and {more} more: --json lists them"] if more > 0 else lines

@@ -10,6 +10,9 @@ from omnidrive.planning.polyline import travelled
 
 Array = np.ndarray
 
+_STILL = 1e-9
+"""In m: what is shorter is rounding, and has no direction."""
+
 
 def with_headings(
     points: Float[Array, "points 2"],
@@ -29,13 +32,13 @@ def with_headings(
         Columns x, y in m and heading in rad, unwrapped.
     """
     steps = np.diff(points, axis=0)
-    moves = steps.any(axis=1)
+    moves = (np.abs(steps) > _STILL).any(axis=1)
     if moves.any():  # points in one place keep the direction in which it was reached
         steps = steps[np.maximum.accumulate(np.where(moves, np.arange(len(steps)), moves.argmax()))]
-    yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]) if moves.any() else np.zeros(len(steps)))
     yaw = np.concatenate([yaw[:1], yaw])
     distance = travelled(points)
-    if distance[-1] == 0.0:  # turning on the spot
+    if not moves.any():  # turning on the spot
         distance = np.linspace(0.0, 1.0, len(points))
     reach = max(min(turn_within, 0.5 * distance[-1]), 1e-9)
     for end, heading, away in ((0, start, distance), (-1, goal, distance[-1] - distance)):

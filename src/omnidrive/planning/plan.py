@@ -6,17 +6,20 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
-from omnidrive.errors import InvalidPlace, NoPathFound
+from omnidrive.errors import InvalidInput, InvalidPlace
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import Bounds
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path, SplinePath
-from omnidrive.planning.polyline import resampled, travelled
-from omnidrive.planning.search import search
+from omnidrive.planning.search import HeuristicName, MethodName, SearchResult, search
+from omnidrive.planning.smoothing import SmoothingName, smooth
 
 Array = np.ndarray
+
+_ROOM = 0.2
+"""Distance in cells from the inflated obstacles that certified paths keep where they can: hardly
+less smooth than none, and no path grazes."""
 
 
 class Place(NamedTuple):
@@ -29,87 +32,88 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PathOptions:
-    """How a path is searched and smoothed; the defaults suit maps with fine cells.
+    """How a path is searched and smoothed; the defaults suit every map.
 
     Attributes:
-        greedy: Search best-first instead of for the shortest way (the paper's published code).
+        search: How a way over the cells is searched, see :func:`~omnidrive.planning.search`.
+        heuristic: What the search takes to be left to go; None for its usual one.
         cut_corners: Let diagonal moves pass occupied cells.
-        spacing: Distance between control points, in m. It is halved until the smooth path stays
-            in free cells; 0 takes every cell as it is and does not check (the paper).
+        smooth: How the way is smoothed, see :func:`~omnidrive.planning.smooth`.
         turn_within: Distance over which the heading turns from the start's to the path's and
             from the path's to the goal's, in m; 0 turns between two control points.
     """
 
-    greedy: bool = False
+    search: MethodName = "astar"
+    heuristic: HeuristicName | None = None
     cut_corners: bool = False
-    spacing: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.25
+    smooth: SmoothingName = "certified"
     turn_within: Annotated[float, Bounds(0.0, 10.0, "m")] = 1.0
+
+    def __post_init__(self) -> None:
+        if self.cut_corners and self.smooth == "certified":
+            raise InvalidInput(
+                "a path cannot be certified along a way that cuts corners, which touches "
+                "obstacles; choose smooth: spline, or do not cut corners"
+            )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plan:
+    """A path and how it came about.
+
+    Attributes:
+        found: What the search found.
+        way: Its cells as poses, from the start to the goal.
+        spline: The smooth path along it.
+        free: Where the robot's centre may be: the map, inflated.
+        clearance: Distance in m from the obstacles of ``free`` that all of ``spline`` is proved
+            to keep; negative if it may enter one, by that much.
+    """
+
+    found: SearchResult
+    way: Path
+    spline: SplinePath
+    free: OccupancyGrid
+    clearance: float
 
 
 def plan(
     grid: OccupancyGrid, start: Place, goal: Place, *, inflation: float, options: PathOptions
-) -> tuple[Path, SplinePath]:
+) -> Plan:
     """Search a way over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
 
-    The smooth path stays in those cells, so that it is nowhere nearer to an obstacle than
-    ``inflation`` less half a cell's diagonal.
-
-    Returns:
-        The cells found, as poses, and the spline along them.
+    A certified path stays in those cells for certain, so that it is nowhere nearer to an obstacle
+    than ``inflation`` less half a cell's diagonal.
 
     Raises:
         InvalidPlace: The robot cannot stand at start or goal.
-        NoPathFound: There is no way between them, or none that can be smoothed.
+        NoPathFound: There is no way between them.
     """
     start, goal = Place(*start), Place(*goal)
     free = grid.inflated(inflation)
     for name, place in (("start", start), ("goal", goal)):
         _check_place(grid, free, name, place, inflation)
-    cells = search(
+    found = search(
         free,
         free.cell(start.x, start.y),
         free.cell(goal.x, goal.y),
-        method="greedy" if options.greedy else "astar",
+        method=options.search,
+        heuristic=options.heuristic,
         cut_corners=options.cut_corners,
-    ).cells
-    points = np.array([free.centre(row, col) for row, col in cells.tolist()])
+    )
+    points = free.centres(found.cells)
     points = np.vstack([points, points[-1:]]) if len(points) == 1 else points
     points[0], points[-1] = start[:2], goal[:2]
-    path = Path(with_headings(points, start.yaw, goal.yaw, options.turn_within))
-    return path, _smooth(free, points, start, goal, options)
-
-
-def _smooth(
-    free: OccupancyGrid, points: Float[Array, "points 2"], start: Place, goal: Place,
-    options: PathOptions,
-) -> SplinePath:  # fmt: skip
-    """Spline through ever closer control points until it stays in free cells."""
-    spacing = options.spacing
-    while True:
-        every_cell = spacing <= free.resolution
-        chosen = points if every_cell and len(points) >= 4 else _resample(points, spacing)
-        spline = SplinePath(with_headings(chosen, start.yaw, goal.yaw, options.turn_within))
-        if options.spacing == 0.0 or _is_free(free, spline):
-            return spline
-        if every_cell:
-            raise NoPathFound(
-                "a smooth path along the way found cannot be kept off the obstacles; "
-                "use a map with finer cells"
-            )
-        spacing *= 0.5
-
-
-def _is_free(free: OccupancyGrid, spline: SplinePath) -> bool:
-    """Whether every point of the spline, sampled at a tenth of a cell, lies in a free cell."""
-    samples = 2 + int(10.0 * spline.length / free.resolution)
-    x, y, _ = spline.poses(np.linspace(0.0, 1.0, samples)).T
-    return not any(map(free.is_occupied, x.tolist(), y.tolist()))
-
-
-def _resample(points: Float[Array, "points 2"], spacing: float) -> Float[Array, "samples 2"]:
-    """Points at equal distances of about ``spacing`` (m) along a polyline; at least four."""
-    length = travelled(points)[-1]
-    return resampled(points, max(4, len(points) if spacing == 0.0 else 1 + round(length / spacing)))
+    smoothed = smooth(
+        free,
+        points,
+        method=options.smooth,
+        clearance=_ROOM * free.resolution,
+        yaws=(start.yaw, goal.yaw),
+        turn_within=options.turn_within,
+    )
+    way = Path(with_headings(points, start.yaw, goal.yaw, options.turn_within))
+    return Plan(found, way, smoothed.path, free, smoothed.clearance)
 
 
 def _check_place(
@@ -127,23 +131,23 @@ def _check_place(
         )
     if not free.is_occupied(place.x, place.y):
         return
-    if free.occupied.all():
+    nearest = free.nearest_free(place.x, place.y)
+    if nearest is None:
         raise InvalidPlace(
             f"nowhere on the map can the robot's centre keep {inflation:g} m from every obstacle; "
             "choose a smaller robot or margin"
         )
-    rows, cols = np.nonzero(~free.occupied)
-    x, y = free.centre(0, 0)
-    centres = np.stack([x + cols * free.resolution, y + rows * free.resolution], axis=1)
-    near = centres[np.argmin(np.hypot(*(centres - place[:2]).T))]
+    cell, distance = nearest
+    near = free.centre(*cell)
     if grid.is_occupied(place.x, place.y):
         fact = "lies inside an obstacle, its inflation or a cell that is not known to be free"
     else:
         gap = float(grid.clearance(np.array([place[:2]]))[0])
         fact = (
-            f"is {gap:.2f} m from an obstacle; the robot's centre must keep {inflation:g} m, and "
-            f"half a diagonal of the map's cells of {grid.resolution:g} m"
+            f"is {gap:.2f} m from an obstacle; the robot's centre must keep {inflation:g} m, also "
+            f"from the middle of the map's cell of {grid.resolution:g} m that it is in"
         )
     raise InvalidPlace(
-        f"{where} {fact}; the nearest place to stand is ({near[0]:g}, {near[1]:g}) m"
+        f"{where} {fact}; the nearest place to stand is ({near[0]:g}, {near[1]:g}) m, "
+        f"{distance:.2g} m away"
     )

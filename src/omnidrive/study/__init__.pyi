@@ -1,7 +1,8 @@
 from .folder import RunFolder
 from .jobs import Job, jobs_of, make_controller, make_plant, run_job
-from .plan import plan_facts, save_plan
+from .plan import FORMATS, Fact, limit_usage, plan_facts, planned_duration, save_figure, save_plan
 from .prepared import Prepared, lay_out, prepare
+from .queries import solve_queries
 from .scenario import (
     PREDICTIVE,
     ControllerName,
@@ -12,6 +13,7 @@ from .scenario import (
     Scenario,
     TaskName,
     Tasks,
+    TimingName,
     map_scenario,
     paper_scenario,
     robot_section,
@@ -19,12 +21,14 @@ from .scenario import (
 )
 from .scenario_file import load_scenario, save_scenario
 from .study import Study, Watcher, run_study
-from .timing import one_task, retime
+from .timing import one_task, plan_fastest, retime
 from .warm_up import warm_up
 
 __all__ = [
+    "FORMATS",
     "PREDICTIVE",
     "ControllerName",
+    "Fact",
     "Job",
     "MapSection",
     "PlantName",
@@ -36,9 +40,11 @@ __all__ = [
     "Study",
     "TaskName",
     "Tasks",
+    "TimingName",
     "Watcher",
     "jobs_of",
     "lay_out",
+    "limit_usage",
     "load_scenario",
     "make_controller",
     "make_plant",
@@ -46,13 +52,17 @@ __all__ = [
     "one_task",
     "paper_scenario",
     "plan_facts",
+    "plan_fastest",
+    "planned_duration",
     "prepare",
     "retime",
     "robot_section",
     "run_job",
     "run_study",
+    "save_figure",
     "save_plan",
     "save_scenario",
+    "solve_queries",
     "study_tasks",
     "warm_up",
 ]

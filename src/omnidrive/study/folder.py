@@ -109,7 +109,7 @@ def _portable(scenario: Scenario) -> Scenario:
     """The scenario with the run folder's own copy of the map."""
     if scenario.map.source == "paper":
         return scenario
-    own = scenario.map.model_copy(update={"source": "map.yaml"})
+    own = scenario.map.model_copy(update={"source": "map.yaml", "resolution": None})
     return scenario.model_copy(update={"map": own})
 
 

@@ -3,55 +3,135 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from omnidrive.evaluation.figures import route_figure, save
-from omnidrive.reference import shortest_duration
-from omnidrive.study.folder import RunFolder, writing
-from omnidrive.study.prepared import Prepared, prepare
-from omnidrive.study.scenario import Scenario
+from omnidrive.errors import CannotWrite
+from omnidrive.reference import Reference, save_waypoints
+from omnidrive.study.prepared import Prepared
 
-_COLUMNS = "t_s,x_m,y_m,yaw_rad,vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
+FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
+"""Endings of waypoint files that a plan can be written to."""
 
-def plan_facts(scenario: Scenario) -> dict[str, str]:
-    """What there is to say of the path, with units."""
-    prepared = prepare(scenario)
-    shortest = shortest_duration(prepared.spline, prepared.robot.chassis)
-    samples = prepared.spline.poses(np.linspace(0.0, 1.0, 2001))[:, :2]
-    return {
-        "cells on the path": f"{len(prepared.path.poses)}",
-        "length of the cells": f"{prepared.path.length:.3f} m",
-        "length, smoothed": f"{prepared.spline.length:.3f} m",
-        "least clearance": f"{prepared.clearance(samples):.3f} m",
-        "shortest duration": f"{shortest:g} s",
-        "duration": f"{_duration(prepared):g} s",
-    }
+_SAMPLES = 2001
 
 
-def save_plan(scenario: Scenario, folder: Path) -> None:
-    """Write scenario.yaml, reference.csv (in W, one row per sample time) and path.png.
+class Fact(NamedTuple):
+    """One thing to say of a plan."""
 
-    Raises:
-        CannotWrite: The folder cannot be made, or holds something already.
-    """
-    prepared = prepare(scenario)
-    RunFolder(folder).save_demand(prepared)
-    duration, dt = _duration(prepared), scenario.sample_time
-    rows = round(duration / dt) + 1
-    times = dt * np.arange(rows)
-    window = prepared.reference(duration).window(0.0, rows, dt)
-    with writing(folder):
-        np.savetxt(
-            folder / "reference.csv", np.column_stack([times, window]), fmt="%.9g",
-            delimiter=",", header=_COLUMNS, comments="",
-        )  # fmt: skip
-        figure = route_figure(prepared.obstacles, prepared.keepout, prepared.path, prepared.spline)
-        save(figure, folder / "path.png")
+    value: float | str
+    unit: str = ""
+    digits: int = 3
+    """After the point, for people."""
+
+    def __str__(self) -> str:
+        """For people, with the unit."""
+        value = self.value if isinstance(self.value, str) else f"{self.value:.{self.digits}f}"
+        return f"{value} {self.unit}".rstrip()
 
 
-def _duration(prepared: Prepared) -> float:
+def planned_duration(prepared: Prepared) -> float:
     """The scenario's shortest duration, or the robot's if the scenario follows no path; in s."""
     following = prepared.scenario.tasks.following
-    return following[0] if following else shortest_duration(prepared.spline, prepared.robot.chassis)
+    return following[0] if following else prepared.shortest
+
+
+def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
+    """What there is to say of a plan, by name.
+
+    Args:
+        prepared: The plan.
+        reference: It in time, see :meth:`~omnidrive.study.Prepared.reference`.
+    """
+    found, path = prepared.plan.found, prepared.path
+    attained, proved = path.max_curvature
+    facts = {
+        "search": Fact(prepared.scenario.path.search),
+        "expansions": Fact(found.expansions, digits=0),
+        "search time": Fact(1e3 * found.seconds, "ms"),
+        "cells on the way": Fact(len(found.cells), digits=0),
+        "length of the way": Fact(prepared.plan.way.length, "m"),
+        "smoothing": Fact(prepared.scenario.path.smooth),
+        "length": Fact(path.length, "m"),
+        "clearance": Fact(prepared.clearance_bounds[0], "m"),
+        "largest curvature": Fact(attained if np.isinf(proved) else proved, "1/m"),
+        "timing": Fact(prepared.scenario.timing.law),
+        "shortest duration": Fact(prepared.shortest, "s"),
+        "duration": Fact(reference.duration, "s"),
+        "mean speed": Fact(path.length / reference.duration, "m/s"),
+        **{
+            f"{name} used": Fact(100.0 * share, "%", 1)
+            for name, share in limit_usage(prepared, reference).items()
+        },
+    }
+    return facts | ({"note": Fact(prepared.note)} if prepared.note else {})
+
+
+def limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
+    """Peak share of every limit that the reference uses, by name."""
+    usage: dict[str, float] | None = getattr(reference, "limit_usage", None)
+    if usage is not None:
+        return usage
+    chassis = prepared.robot.chassis
+    window = _window(reference)
+    c, s = np.cos(window[:, 2]), np.sin(window[:, 2])
+    vx, vy, yaw_rate = window[:, 3:].T
+    body = np.stack([c * vx + s * vy, -s * vx + c * vy, yaw_rate])
+    return {"wheel speed": float(np.abs(chassis.jacobian @ body).max() / chassis.max_wheel_speed)}
+
+
+def plan_figure(prepared: Prepared, reference: Reference) -> Figure:
+    """Map, way, path and headings, and below them the speeds over time."""
+    from omnidrive.evaluation.figures import plan_figure as draw  # noqa: PLC0415 - takes a second
+
+    times = np.linspace(0.0, reference.duration, _SAMPLES)
+    return draw(
+        prepared.obstacles, prepared.plan.free, prepared.plan.way, times, _window(reference)
+    )
+
+
+def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
+    """Write :func:`plan_figure` as PNG or SVG.
+
+    Raises:
+        CannotWrite: The name has another ending, or the file cannot be written.
+    """
+    from omnidrive.evaluation.figures import save  # noqa: PLC0415 - takes a second
+
+    if path.suffix.lower() not in {".png", ".svg"}:
+        raise CannotWrite(f"{path}: pictures are written as .png or .svg")
+    try:
+        save(plan_figure(prepared, reference), path)
+    except OSError as error:
+        raise CannotWrite(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
+    """Write the reference to a waypoint file, one row per sample time, or a whole folder.
+
+    Args:
+        prepared: The plan.
+        reference: It in time.
+        path: A file of :data:`FORMATS`, or else a new folder for scenario.yaml, reference.csv and
+            path.png.
+
+    Raises:
+        CannotWrite: The file or folder cannot be made, or the folder holds something already.
+    """
+    if path.suffix.lower() in FORMATS:
+        save_waypoints(path, reference, dt=prepared.scenario.sample_time)
+        return
+    from omnidrive.study.folder import RunFolder  # noqa: PLC0415 - takes a second
+
+    RunFolder(path).save_demand(prepared)
+    save_waypoints(path / "reference.csv", reference, dt=prepared.scenario.sample_time)
+    save_figure(prepared, reference, path / "path.png")
+
+
+def _window(reference: Reference) -> np.ndarray:
+    """Setpoints at equal times over the whole reference."""
+    return reference.window(0.0, _SAMPLES, reference.duration / (_SAMPLES - 1))

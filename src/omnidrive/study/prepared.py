@@ -8,9 +8,17 @@ from pathlib import Path as FilePath
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.maps import OccupancyGrid, load_nav2_map, paper_map, paper_wall
-from omnidrive.planning import Path, SplinePath, plan
-from omnidrive.reference import UniformReference, time_uniformly
+from omnidrive.maps import OccupancyGrid, load_map, paper_map, paper_wall
+from omnidrive.planning import Plan, SplinePath, plan
+from omnidrive.reference import (
+    MotionLimits,
+    Reference,
+    TimedReference,
+    minimum_time,
+    shortest_duration,
+    time_uniformly,
+    time_within_limits,
+)
 from omnidrive.robot import Robot, named_robot
 from omnidrive.study.scenario import Scenario
 
@@ -25,46 +33,98 @@ class Prepared:
         scenario: The demand.
         robot: The robot named in it.
         obstacles: What the robot's body must not touch.
-        keepout: Where its centre must not be.
-        path: Cells found by the search, as poses.
-        spline: The smoothed path.
+        plan: How the path was found, and where the robot's centre may be.
+        path: The smooth path; for minimum time, as it was moved.
+        fastest: The fastest motion along it within the limits; None for uniform timing.
+        note: What there is to say of how the timing went.
     """
 
     scenario: Scenario
     robot: Robot
     obstacles: OccupancyGrid
-    keepout: OccupancyGrid
-    path: Path
-    spline: SplinePath
+    plan: Plan
+    path: SplinePath
+    fastest: TimedReference | None
+    note: str = ""
+
+    @property
+    def clearance_bounds(self) -> tuple[float, float]:
+        """Proved bounds on the distance in m between the robot's body and an obstacle."""
+        least, most = self.path.clearance(self.obstacles)
+        return least - self.robot.body_radius, most - self.robot.body_radius
 
     def clearance(self, points: Float[Array, "points 2"]) -> float:
         """Least distance in m between the robot's body and an obstacle, centred on ``points``."""
         return float(self.obstacles.clearance(points).min()) - self.robot.body_radius
 
-    def reference(self, duration: float) -> UniformReference:
-        """The path in ``duration`` seconds."""
-        return UniformReference(self.spline, duration)
+    @property
+    def shortest(self) -> float:
+        """The shortest duration in s that the limits allow, to 0.1 s if the timing is uniform."""
+        if self.fastest is not None:
+            return self.fastest.duration
+        return shortest_duration(self.path, self.robot.chassis)
+
+    def reference(self, duration: float) -> Reference:
+        """The path in ``duration`` seconds.
+
+        Raises:
+            InvalidReference: The robot cannot follow it that fast.
+        """
+        if self.fastest is not None:
+            return self.fastest.slowed(duration)
+        return time_uniformly(self.path, duration, self.robot.chassis)
 
 
 def lay_out(scenario: Scenario) -> Prepared:
-    """Read the map and plan the path.
+    """Read the map, plan the path and find the fastest motion along it.
 
     Raises:
         InvalidMap: The map cannot be read.
         InvalidPlace: The robot cannot stand at start or goal.
         NoPathFound: There is no way between them.
         InvalidInput: There is no such robot.
+        InvalidReference: The timing is for other paths.
+        MissingExtra: The timing needs an extra that is not installed.
     """
     robot = named_robot(scenario.robot.name, assumed_arm=scenario.robot.assumed_arm)
-    if scenario.map.source == "paper":
-        obstacles, grid, inflation = paper_wall(), paper_map(), scenario.map.margin
+    source = scenario.map
+    if source.source == "paper":
+        obstacles, grid, inflation = paper_wall(), paper_map(), source.margin
     else:
-        obstacles = grid = load_nav2_map(FilePath(scenario.map.source))
-        inflation = robot.body_radius + scenario.map.margin
-    path, spline = plan(
-        grid, scenario.start, scenario.goal, inflation=inflation, options=scenario.path
+        obstacles = grid = load_map(
+            FilePath(source.source), resolution=source.resolution, unknown=source.unknown
+        )
+        # centres of cells keep this; the path, which is anywhere in them, half a diagonal less
+        inflation = robot.body_radius + max(source.margin, grid.resolution * 0.5**0.5)
+    found = plan(grid, scenario.start, scenario.goal, inflation=inflation, options=scenario.path)
+    path, fastest, note = _timed(scenario, robot, found)
+    return Prepared(scenario, robot, obstacles, found, path, fastest, note)
+
+
+def _timed(
+    scenario: Scenario, robot: Robot, found: Plan
+) -> tuple[SplinePath, TimedReference | None, str]:
+    """The path, the fastest motion along it, and what to say of it."""
+    timing, chassis = scenario.timing, robot.chassis
+    if timing.law == "uniform":
+        return found.spline, None, ""
+    most = timing.wheel_acceleration
+    limits = MotionLimits(
+        wheel_acceleration=np.inf if most is None else most,
+        traction=robot.traction / timing.traction,
     )
-    return Prepared(scenario, robot, obstacles, grid.inflated(inflation), path, spline)
+    if timing.law == "minimum-time":
+        best = minimum_time(
+            found.spline,
+            chassis,
+            limits,
+            found.free,
+            start_yaw=scenario.start.yaw,
+            goal_yaw=scenario.goal.yaw,
+        )
+        return best.path, best.reference, f"{best.status}: {best.message}"
+    reference = time_within_limits(found.spline, chassis, limits, heading=timing.heading)
+    return found.spline, reference, ""
 
 
 def prepare(scenario: Scenario) -> Prepared:
@@ -75,5 +135,5 @@ def prepare(scenario: Scenario) -> Prepared:
     """
     prepared = lay_out(scenario)
     for duration in scenario.tasks.following:
-        time_uniformly(prepared.spline, duration, prepared.robot.chassis)
+        prepared.reference(duration)
     return prepared

@@ -9,8 +9,10 @@ from typing import Annotated, Literal, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from omnidrive.control import FeedforwardGains, HolonomicParameters
+from omnidrive.maps import Unknown
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
+from omnidrive.reference import Heading
 from omnidrive.robot import named_robot
 
 ControllerName = Literal[
@@ -21,6 +23,7 @@ PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 TaskName = Literal["track", "noise", "step", "horizon"]
 PlantName = Literal["rollers", "ball", "kinematic"]
 PresetName = Literal["paper", "published-code", "recommended"]
+TimingName = Literal["uniform", "limits", "minimum-time"]
 
 _PAPERS: tuple[ControllerName, ...] = ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
 DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
@@ -66,9 +69,32 @@ class MapSection(_Section):
     """Which map, and how far from its obstacles to stay."""
 
     source: str
-    """`paper`, or a Nav2 map's YAML file, relative to the scenario's."""
+    """`paper`, or a map's file, relative to the scenario's: of Nav2 (.yaml), MovingAI (.map), NumPy
+    (.npy) or text (.txt)."""
     margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
-    """Room between the robot's body and obstacles; the map `paper` is inflated already."""
+    """Room between the robot's body and obstacles, and no less than half a cell's diagonal; the map
+    `paper` is inflated already."""
+    unknown: Unknown = "occupied"
+    """What cells count as of which the map does not say whether they are free."""
+    resolution: Annotated[float, Bounds(0.001, 10.0, "m")] | None = None
+    """Side of a cell, where the map's file does not say it; 1 m if neither does."""
+
+
+class TimingSection(_Section):
+    """When the robot is to be where on its path."""
+
+    law: TimingName = "uniform"
+    """`uniform`: the spline's parameter grows evenly, as in the paper, from a start in motion;
+    `limits`: from rest to rest, the fastest motion within the wheels' limits, slowed down evenly to
+    the duration asked for; `minimum-time`: the same on a path that is itself moved to be fast, and
+    with free headings (needs the extra `casadi`)."""
+    heading: Heading = "path"
+    """Of `limits`: `path`: as the path says; `tangent`; `fixed`: the start's; `free`: as is best
+    for time (needs the extra `casadi`)."""
+    traction: Annotated[float, Bounds(0.01, 100.0, "1")] = 0.85
+    """Acceleration at most, as a multiple of what the wheels can push."""
+    wheel_acceleration: Annotated[float, Bounds(0.01, 1e5, "rad/s^2")] | None = None
+    """Of every wheel, at most; None for no limit but traction."""
 
 
 class DurationsTask(_Section):
@@ -166,6 +192,7 @@ class Scenario(_Section):
     start: Place
     goal: Place
     path: PathOptions = PathOptions()
+    timing: TimingSection = TimingSection()
     controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1), _Different]
     preset: PresetName = "paper"
     """Whether the paper's controllers follow its text, its published code, or what we recommend.
@@ -215,7 +242,7 @@ def paper_scenario(preset: PresetName = "paper") -> Scenario:
         map=MapSection(source="paper", margin=0.0),
         start=Place(1.0, 1.0, 0.0),
         goal=Place(8.0, 6.0),
-        path=PathOptions(greedy=True, cut_corners=True, spacing=0.0, turn_within=0.0),
+        path=PathOptions("greedy", cut_corners=True, smooth="spline", turn_within=0.0),
         controllers=DEFAULT_CONTROLLERS[preset],
         preset=preset,
         tasks=study_tasks(20.0),
@@ -242,7 +269,7 @@ def map_scenario(
     name: str,
     preset: PresetName = "paper",
 ) -> Scenario:
-    """The paper's study on another map; ``source`` is a Nav2 map's YAML file.
+    """The paper's study on another map, from rest to rest; ``source`` is the map's file.
 
     The times are the paper's; see :func:`~omnidrive.study.retime` for times that suit the path.
     """
@@ -255,5 +282,6 @@ def map_scenario(
             "start": start,
             "goal": goal,
             "path": PathOptions(),
+            "timing": TimingSection(law="limits"),
         }
     )

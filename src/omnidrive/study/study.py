@@ -182,9 +182,9 @@ def _collect(prepared: Prepared, jobs: Sequence[Job], finished: dict[Job, Result
         plant=scenario.plant,
         dt=scenario.sample_time,
         obstacles=prepared.obstacles,
-        keepout=prepared.keepout,
-        path=prepared.path,
-        spline=prepared.spline,
+        keepout=prepared.plan.free,
+        path=prepared.plan.way,
+        spline=prepared.path,
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),
     )

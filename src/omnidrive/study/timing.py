@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import ceil, isfinite
 
 from omnidrive.errors import InvalidInput
-from omnidrive.reference import shortest_duration
-from omnidrive.study.prepared import lay_out
+from omnidrive.study.prepared import Prepared, lay_out
 from omnidrive.study.scenario import DurationsTask, Scenario, TaskName, Tasks
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
@@ -44,13 +44,23 @@ def retime(
     return _scaled(scenario, duration / following[0]) if following else scenario
 
 
+def plan_fastest(scenario: Scenario) -> Prepared:
+    """Plan, and give the robot the shortest time in which it can follow, in whole samples."""
+    prepared, dt = lay_out(scenario), scenario.sample_time
+    following = scenario.tasks.following
+    if not following:
+        return prepared
+    duration = ceil(max(prepared.shortest / dt, _LEAST_SAMPLES) - 1e-9) * dt
+    return replace(prepared, scenario=_scaled(scenario, duration / following[0]))
+
+
 def _suitable(scenario: Scenario, speed: float | None) -> float:
     """Duration in s at ``speed`` or the usual one, a whole number of samples."""
     prepared = lay_out(scenario)
     dt = scenario.sample_time
-    wanted = max(prepared.spline.length / (speed or USUAL_SPEED), _LEAST_SAMPLES * dt)
+    wanted = max(prepared.path.length / (speed or USUAL_SPEED), _LEAST_SAMPLES * dt)
     if speed is None:
-        wanted = max(wanted, shortest_duration(prepared.spline, prepared.robot.chassis))
+        wanted = max(wanted, prepared.shortest)
     return ceil(wanted / dt - 1e-9) * dt
 
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, keep_outs, speed_limits
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.maps import maze_map
+from omnidrive.planning import MethodName, PathOptions, Place, plan, search
+from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.prepared import lay_out
@@ -16,17 +19,17 @@ from omnidrive.study.study import Unwatched, Watcher
 
 
 def warm_up(watcher: Watcher | None = None) -> None:
-    """Plan a path, let every controller of every preset command once, and solve in a batch.
+    """Plan in every way, let every controller of every preset command once, and solve in a batch.
 
     What is compiled is kept on disk: for this version of the package, and this processor.
     """
     watch = watcher or Unwatched()
     scenarios = [paper_scenario(preset) for preset in get_args(PresetName)]
     watch.part("warm up", 2 + sum(len(scenario.controllers) for scenario in scenarios))
+    _plans()
+    watch.done("planning")
     for scenario in scenarios:
         prepared = lay_out(scenario)
-        if scenario is scenarios[0]:
-            watch.done("planning")
         reference = prepared.reference(20.0)
         for name in scenario.controllers:
             controller = make_controller(scenario, prepared.robot, name)
@@ -35,6 +38,23 @@ def warm_up(watcher: Watcher | None = None) -> None:
             watch.done(name)
     _batch()
     watch.done("batches")
+
+
+def _plans() -> None:
+    """Look at a map in every way, search it by every method, smooth and time the way."""
+    robot = named_robot("small")
+    grid = maze_map(20, 20, 8, np.random.default_rng(0), resolution=0.1)
+    grid.inflated_by(0.1 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]]), 0.1)
+    grid.nearest_free(0.0, 0.0)
+    grid.region_size(8, 8)
+    grid.clearance(np.array([[0.0, 0.0], [0.4, 0.4]]))
+    free = np.argwhere(~grid.occupied)
+    for method in get_args(MethodName):
+        search(grid, tuple(free[0].tolist()), tuple(free[-1].tolist()), method=method)
+    start, goal = (Place(*grid.centre(*free[i].tolist())) for i in (0, -1))
+    found = plan(grid, start, goal, inflation=0.05, options=PathOptions())
+    time_within_limits(found.spline, robot.chassis, MotionLimits.of_robot(robot))
+    Corridor.along(found.way.poses[:, :2], found.free)
 
 
 def _batch() -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from operator import index
 from time import perf_counter
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Int32, UInt8
@@ -25,6 +26,7 @@ from omnidrive.planning.search.result import SearchResult, length
 
 Array = np.ndarray
 
+MethodName = Literal["astar", "jump-point", "lazy-theta", "greedy"]
 Found = tuple[Int32[Array, " cells"], int]
 """Numbers of a way's cells, none if there is no way, and how many cells were expanded."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from omnidrive.compiled import inlined
 
@@ -30,6 +30,7 @@ class Heuristic(NamedTuple):
     beeline: bool = False
 
 
+HeuristicName = Literal["octile", "manhattan", "euclidean", "zero"]
 HEURISTICS: dict[str, Heuristic] = {
     "octile": Heuristic(STRAIGHT, DIAGONAL - STRAIGHT),
     "manhattan": Heuristic(STRAIGHT, STRAIGHT),

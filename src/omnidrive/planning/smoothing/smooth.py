@@ -21,7 +21,7 @@ from omnidrive.planning.smoothing.relaxation import relaxed
 from omnidrive.planning.smoothing.start import certified_start
 
 Array = np.ndarray
-Method = Literal["spline", "certified"]
+SmoothingName = Literal["spline", "certified"]
 
 _LEAST = 1e-6  # cells that a certified path keeps at least where it bends
 _TOLERANCE = 1e-3  # cells, of what is proved
@@ -46,7 +46,7 @@ def smooth(
     grid: OccupancyGrid,
     points: Float[Array, "points 2"],
     *,
-    method: Method = "certified",
+    method: SmoothingName = "certified",
     clearance: float = 0.0,
     yaws: tuple[float | None, float | None] = (None, None),
     turn_within: float = 1.0,

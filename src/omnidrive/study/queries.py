@@ -1,0 +1,58 @@
+"""Searches of a whole scenario file of the MovingAI benchmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from omnidrive.errors import InvalidPlace, NoPathFound
+from omnidrive.maps import OccupancyGrid, Query
+from omnidrive.planning import GridSearch, HeuristicName, MethodName
+
+_ROUNDING = 1e-6  # cells; the files give eight decimals, some of single precision
+
+
+def solve_queries(
+    grid: OccupancyGrid,
+    queries: Sequence[Query],
+    *,
+    method: MethodName = "astar",
+    heuristic: HeuristicName | None = None,
+) -> dict[str, Any]:
+    """Search every query; lengths are in cells, times in s.
+
+    Returns:
+        Their number, how many were solved, expansions and seconds in all, and ``differing``: for
+        every query whose length is not the file's, its number from 0, start and goal (row, column),
+        the file's length and ours, or None and why.
+    """
+    search, differing = GridSearch(grid), []
+    expansions, seconds, solved = 0, 0.0, 0
+    for number, query in enumerate(queries):
+        length, why = None, ""
+        try:
+            found = search.search(query.start, query.goal, method=method, heuristic=heuristic)
+        except (NoPathFound, InvalidPlace) as error:
+            why = str(error)
+        else:
+            length, solved = found.cost, solved + 1
+            expansions, seconds = expansions + found.expansions, seconds + found.seconds
+        if length is None or abs(length - query.length) > _ROUNDING * max(1.0, query.length):
+            differing.append(
+                {
+                    "query": number,
+                    "start": list(query.start),
+                    "goal": list(query.goal),
+                    "length_in_file": query.length,
+                    "length": length,
+                    "why": why,
+                }
+            )
+    return {
+        "search": method,
+        "queries": len(queries),
+        "solved": solved,
+        "differing": differing,
+        "expansions": expansions,
+        "seconds": seconds,
+    }

@@ -1,0 +1,182 @@
+"""`omnidrive plan`, in this process: maps in, facts, pictures and waypoint files out."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from omnidrive.cli.main import load_verb
+from omnidrive.errors import OmnidriveError
+from omnidrive.maps import OccupancyGrid, load_map, load_queries, save_nav2_map
+from omnidrive.reference import load_waypoints
+from omnidrive.study import load_scenario, paper_scenario, prepare, solve_queries
+from tests.shared_data import shared
+
+SCENARIOS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20-10-2-1")
+
+
+def plan(capsys, *args):
+    """What the verb prints."""
+    load_verb("plan")([*map(str, args)], standalone_mode=False)
+    return capsys.readouterr().out
+
+
+@pytest.fixture
+def room(tmp_path):
+    """A Nav2 map of 8 m x 6 m with a wall that is open at one end, and places on both sides."""
+    occupied = np.zeros((120, 160), bool)
+    occupied[:80, 78:82] = True
+    save_nav2_map(OccupancyGrid(occupied, 0.05, (-1.0, 2.0)), tmp_path / "room.yaml")
+    return [tmp_path / "room.yaml", "--start", "0,3", "--goal", "6,3,1.5", "--robot", "small"]
+
+
+def test_facts_for_people_and_machines(capsys, room):
+    lines = plan(capsys, *room).splitlines()
+    facts = json.loads(plan(capsys, *room, "--json"))
+    assert f"{'length':<20}{facts['length_m']:.3f} m" in lines
+    assert 6.0 < facts["length_m"] < facts["length_of_the_way_m"]
+    assert facts["clearance_m"] > 0.0
+    assert 0.5 < facts["largest_curvature_per_m"] < 20.0
+    assert facts["expansions"] > 0
+    assert facts["shortest_duration_s"] <= facts["duration_s"] < facts["shortest_duration_s"] + 0.1
+    used = [facts["wheel_speed_used_percent"], facts["traction_used_percent"]]
+    assert 90.0 < max(used) <= 101.0
+
+
+@pytest.mark.parametrize("ending", ["csv", "traj", "path", "yaml"])
+def test_waypoint_files(capsys, room, tmp_path, ending):
+    file = tmp_path / f"way.{ending}"
+    facts = json.loads(plan(capsys, *room, "--json", "--out", file))
+    waypoints = load_waypoints(file)
+    if ending in {"csv", "traj"}:
+        assert waypoints.duration == pytest.approx(facts["duration_s"], abs=1e-3)
+        first, last = waypoints.at(0.0), waypoints.at(waypoints.duration)
+        assert np.abs([*first.twist, *last.twist]).max() < 1e-6
+        assert last.pose == pytest.approx((6.0, 3.0, 1.5), abs=1e-6)
+    else:
+        length = waypoints.length if ending == "path" else facts["length_m"]
+        assert length == pytest.approx(facts["length_m"], rel=0.01)
+
+
+def test_a_folder_drives_again(capsys, room, tmp_path):
+    plan(capsys, *room, "--out", tmp_path / "p")
+    assert {path.name for path in (tmp_path / "p").iterdir()} == {
+        "map.pgm", "map.yaml", "path.png", "reference.csv", "scenario.yaml",
+    }  # fmt: skip
+    again = prepare(load_scenario(tmp_path / "p" / "scenario.yaml"))
+    reference = load_waypoints(tmp_path / "p" / "reference.csv")
+    ours = again.reference(again.scenario.tasks.following[0])
+    assert ours.duration == pytest.approx(reference.duration)
+    window = ours.window(0.0, 20, 0.1), reference.window(0.0, 20, 0.1)
+    assert window[0] == pytest.approx(window[1], abs=1e-6)
+
+
+def test_the_picture_shows_the_path(capsys, room, tmp_path):
+    plan(capsys, *room, "--png", tmp_path / "p.png")
+    with Image.open(tmp_path / "p.png") as picture:
+        pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    blue = (pixels == (0, 114, 178)).all(axis=1).sum()
+    assert blue > 500
+
+
+def test_a_duration_slows_the_motion_down(capsys, room):
+    fast = json.loads(plan(capsys, *room, "--json"))
+    slow = json.loads(plan(capsys, *room, "--json", "--duration", "20"))
+    assert slow["duration_s"] == pytest.approx(20.0)
+    share = fast["duration_s"] / 20.0
+    expected = fast["wheel_speed_used_percent"] * share
+    assert slow["wheel_speed_used_percent"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_minimum_time_is_faster(capsys, room):
+    pytest.importorskip("casadi")
+    fast = json.loads(plan(capsys, *room, "--json"))
+    faster = json.loads(plan(capsys, *room, "--json", "--timing", "minimum-time"))
+    assert faster["shortest_duration_s"] < fast["shortest_duration_s"]
+    assert faster["clearance_m"] > 0.0
+    assert max(v for k, v in faster.items() if k.endswith("used_percent")) <= 101.0
+    assert faster["note"].startswith(("converged", "capped"))
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("method", ["astar", "jump-point"])
+def test_every_query_of_every_scenario_file(name, method):
+    grid = load_map(shared(f"maps/movingai/{name}.map"))
+    queries = load_queries(shared(f"maps/movingai/{name}.map.scen"), grid)
+    solved = solve_queries(grid, queries, method=method)
+    assert solved["solved"] == solved["queries"] == len(queries) >= 100
+    assert solved["differing"] == []
+
+
+def test_lengths_that_differ_are_named(capsys, tmp_path):
+    (tmp_path / "a.map").write_text("type octile\nheight 2\nwidth 4\nmap\n....\n..@.\n")
+    row = "0\ta.map\t4\t2\t0\t0\t{}\t{}\t{}\n"
+    (tmp_path / "a.scen").write_text(
+        "version 1\n" + row.format(3, 0, 3) + row.format(3, 1, 3) + row.format(2, 1, 3)
+    )
+    args = [tmp_path / "a.map", "--scen", tmp_path / "a.scen"]
+    solved = json.loads(plan(capsys, *args, "--json"))
+    assert (solved["queries"], solved["solved"]) == (3, 2)
+    wrong, blocked = solved["differing"]
+    assert (wrong["query"], wrong["length_in_file"], wrong["length"]) == (1, 3.0, 4.0)
+    assert (blocked["query"], blocked["length"]) == (2, None)
+    assert "occupied" in blocked["why"]
+    text = plan(capsys, *args)
+    assert "lengths that differ 2" in text
+    assert "query 1: 3.00000000 cells in the file, 4.00000000 found" in text
+
+
+def test_the_papers_plan_is_as_it_was(capsys):
+    assert "shortest duration   16.400 s" in plan(capsys)
+    assert prepare(paper_scenario()).plan.found.cells.shape == (42, 2)
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["no.map", "--start", "1,1", "--goal", "2,2"], "no.map"),
+        (["--scen", "a.scen"], "--scen needs the map's file"),
+        (["ROOM", "--start", "1,3"], "a map needs --start X,Y and --goal X,Y"),
+        (["ROOM", "--start", "3,3", "--goal", "6,3"], "the nearest place to stand is"),
+        (["ROOM", "--start", "0,3", "--goal", "60,3"], "outside the map, which spans"),
+        (["ROOM", "--start", "0,3", "--goal", "6,3", "--search", "a*"], "path.search"),
+        (["ROOM", "--start", "0,3", "--goal", "6,3", "--margin", "9"], "nowhere on the map"),
+        (["ROOM", "--start", "0,3", "--goal", "6,3", "--duration", "0.5"], "fastest motion"),
+        (["ROOM", "--start", "0,3", "--goal", "6,3", "--png", "a.txt"], ".png or .svg"),
+        (["ROOM", "--start", "0,3", "--goal", "6,3", "--png", "no/a.png"], "cannot write no/a"),
+        (["ROOM", "--start", "0,3", "--goal", "6,3", "--out", "no/a.csv"], "cannot write"),
+        (["ROOM", "--start", "0,3", "--goal", "0,3"], "stand"),
+    ],
+)
+def test_a_mistake_is_named(room, args, message, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    words = [str(room[0]) if word == "ROOM" else word for word in args]
+    small = ["--robot", "small"] if "ROOM" in args else []
+    with pytest.raises(OmnidriveError) as refused:
+        load_verb("plan")([*words, *small], standalone_mode=False)
+    assert message in str(refused.value)
+
+
+def test_a_goal_that_cannot_be_reached_says_how_far_the_start_reaches(tmp_path):
+    occupied = np.zeros((60, 60), bool)
+    occupied[:, 30] = True
+    save_nav2_map(OccupancyGrid(occupied, 0.1), tmp_path / "two.yaml")
+    with pytest.raises(OmnidriveError, match=r"only \d+ of \d+ free cells can be reached"):
+        load_verb("plan")(
+            [str(tmp_path / "two.yaml"), "--start", "1,1", "--goal", "5,5", "--robot", "small"],
+            standalone_mode=False,
+        )
+
+
+def test_planning_loads_no_physics_and_draws_nothing(room):
+    """So that it answers soon."""
+    code = f"import sys; sys.argv = ['omnidrive', 'plan', *{[str(word) for word in room]}]\n"
+    code += "from omnidrive.cli import main\ntry: main()\nfinally: "
+    code += "print([name for name in ('mujoco', 'matplotlib', 'pyarrow') if name in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr
