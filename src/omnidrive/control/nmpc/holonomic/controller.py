@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import isfinite
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from omnidrive.control.nmpc.checks import check_settings, compiled_first
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
 from omnidrive.control.nmpc.holonomic.keep_out import KeepOut, keep_outs
+from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, Limits
 from omnidrive.control.nmpc.holonomic.solution import HolonomicPlanner, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, InteriorSettings
@@ -23,7 +24,6 @@ from omnidrive.control.nmpc.solution import Exit
 from omnidrive.control.nmpc.tracking import nearest_branch
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
-from omnidrive.parameter import Bounds
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Chassis
 
@@ -55,38 +55,6 @@ class Rung(IntEnum):
     RAMP = 3
     """That plan, ever slower."""
     STOP = 4
-
-
-class HolonomicParameters(NamedTuple):
-    """What the controller minimises."""
-
-    position_weight: Annotated[float, Bounds(0.0, 1e6, "1/m^2")] = 90.0
-    """First two diagonal entries of Q."""
-    heading_weight: Annotated[float, Bounds(0.0, 1e6, "1/rad^2")] = 40.0
-    """Third diagonal entry of Q."""
-    velocity_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/m^2")] = 1.0
-    """First two diagonal entries of R."""
-    yaw_rate_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/rad^2")] = 0.3
-    """Third diagonal entry of R."""
-    terminal_factor: Annotated[float, Bounds(0.0, 1e3, "1")] = 1.0
-    """The terminal state's weight is this multiple of what its error costs from there on, if no
-    limit binds: with 1 a plan is as good as one without end, however short its horizon."""
-
-    def state_weights(self, points: int, dt: float) -> np.ndarray:
-        """Diagonals of Q_k, for ``points`` states ``dt`` s apart.
-
-        The terminal weight P solves the stationary Riccati equation of ``x + dt v``:
-        ``P^2 dt^2 - q dt^2 P - q r = 0`` (Rawlings, Mayne & Diehl, 2017, section 1.3.4).
-        """
-        q = np.array([self.position_weight, self.position_weight, self.heading_weight])
-        weights = np.tile(q, (points, 1))
-        to_go = 0.5 * (q + np.sqrt(q * q + 4.0 * q * self.control_weights() / (dt * dt)))
-        weights[-1] = self.terminal_factor * to_go
-        return weights
-
-    def control_weights(self) -> np.ndarray:
-        """Diagonal of R."""
-        return np.array([self.velocity_weight, self.velocity_weight, self.yaw_rate_weight])
 
 
 @dataclass(slots=True)
