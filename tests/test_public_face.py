@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -81,10 +82,13 @@ def test_links_lead_somewhere(page):
 
 
 def test_every_public_name_is_listed():
+    assert set(dir(omnidrive)) == set(omnidrive.__all__)
+    for name in omnidrive.__all__:
+        getattr(omnidrive, name)  # which is when it is loaded
     public = {
         name
         for name, value in vars(omnidrive).items()
-        if not name.startswith("_") and type(value).__name__ != "module"
+        if not name.startswith("_") and not isinstance(value, ModuleType)
     }
     assert public == set(omnidrive.__all__)
     assert all((getattr(omnidrive, name).__doc__ or "").strip() for name in omnidrive.__all__)

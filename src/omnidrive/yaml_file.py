@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any
 
 import yaml
@@ -73,11 +74,15 @@ def one_line(text: str, limit: int = 300) -> str:
 def _content(path: Path, what: str, refusal: type[Exception], max_bytes: int) -> bytes:
     name = one_line(str(path))
     try:
-        with path.open("rb") as file:
-            content = file.read(max_bytes + 1)
+        content = None
+        if S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+            with path.open("rb") as file:
+                content = file.read(max_bytes + 1)
     except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
         reason = getattr(error, "strerror", None) or error
         raise refusal(f"cannot read the {what} {name}: {reason}") from None
+    if content is None:
+        raise refusal(f"cannot read the {what} {name}: it is not a file")
     if len(content) > max_bytes:
         raise refusal(f"{name} is too large for a YAML {what}")
     return content

@@ -97,7 +97,7 @@ def test_compare_on_a_users_map(tmp_path):
 def test_plan_and_run(tmp_path):
     planned = omnidrive("plan", "--out", "p", cwd=tmp_path)
     assert planned.returncode == 0, planned.stderr
-    assert "shortest duration   16.4 s" in planned.stdout
+    assert "shortest duration   16.400 s" in planned.stdout
     rows = (tmp_path / "p" / "reference.csv").read_text().splitlines()
     assert rows[0].startswith("t_s,x_m,y_m,yaw_rad")
     assert len(rows) == 202
@@ -124,7 +124,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
     ("args", "message"),
     [
         (["compare", *MAP], "cannot read the map no.yaml: No such file"),
-        (["compare", "--map", "no.yaml"], "--map needs --start X,Y and --goal X,Y"),
+        (["compare", "--map", "no.yaml"], "a map needs --start X,Y and --goal X,Y"),
         (["compare", "none.yaml"], "cannot read the scenario none.yaml"),
         (["compare", "--goal", "80,6"], "outside the map, which spans"),
         (["compare", "--goal", "2,3"], "inside an obstacle"),

@@ -166,7 +166,7 @@ def test_what_is_no_map_is_refused(tmp_path, name, content, message):
         load_map(write(tmp_path, content, name))
 
 
-@pytest.mark.parametrize("name", ["m.txt", "m.npy", "m.map", "m"])
+@pytest.mark.parametrize("name", ["m.txt", "m.npy", "m.map", "m", "m.yaml"])
 def test_what_is_no_file_is_refused(tmp_path, name):
     os.mkfifo(tmp_path / name)
     with pytest.raises(InvalidMap, match="it is not a file"):

@@ -236,7 +236,7 @@ def test_a_cut_picture_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("folder", "cannot read the map .*folder: Is a directory"),
+        ("folder", "cannot read the map .*folder: it is not a file"),
         ("loop", "cannot read the map .*loop: Too many levels"),
         ("a\0b", r"cannot read the map .*a\\x00b: embedded null byte"),
     ],

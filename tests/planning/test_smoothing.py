@@ -182,7 +182,6 @@ def test_a_plain_spline_has_the_cells_as_control_points():
     assert (path.control_points[:, :2] == points).all()
 
 
-@pytest.mark.skipif("yaw" not in OccupancyGrid.__dataclass_fields__, reason="no turned grids")
 def test_a_turned_grid_turns_the_path():
     flat = paper_map()
     turned = replace(flat, origin=(3.0, -2.0), yaw=0.7)

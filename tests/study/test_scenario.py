@@ -164,7 +164,7 @@ def test_hostile_files_are_refused(tmp_path, text, message):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("folder", "cannot read the scenario .*folder: Is a directory"),
+        ("folder", "cannot read the scenario .*folder: it is not a file"),
         ("loop", "cannot read the scenario .*loop: Too many levels"),
         ("a\0b", r"cannot read the scenario .*a\\x00b: embedded null byte"),
     ],

@@ -187,6 +187,8 @@ class Demand:
     @property
     def map_file(self) -> Path | None:
         """The map that is named, in one way or the other."""
+        if self.map is not None and self.scenario != "paper":
+            raise InvalidInput("give a scenario or map, or --map, not both")
         if self.map is None and self.scenario != "paper" and _is_map(Path(self.scenario)):
             return Path(self.scenario)
         return self.map
@@ -240,8 +242,6 @@ class Demand:
     def _base(self, preset: PresetName | None) -> Scenario:
         file = self.map_file
         if file is not None:
-            if self.map is not None and self.scenario != "paper":
-                raise InvalidInput("give a scenario or map, or --map, not both")
             if self.start is None or self.goal is None:
                 raise InvalidInput("a map needs --start X,Y and --goal X,Y (metres in the map)")
             return map_scenario(
@@ -261,6 +261,8 @@ def _is_map(path: Path) -> bool:
     """Whether a file is a map and no scenario; one that cannot be read is no map."""
     if path.suffix.lower() not in {".yaml", ".yml"}:
         return path.suffix != "" or path.is_file()
+    if not path.is_file():
+        return False
     try:
         with path.open("rb") as file:
             return any(line.startswith(b"image:") for line in file.read(_HEAD).splitlines())

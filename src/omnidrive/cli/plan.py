@@ -29,12 +29,12 @@ from omnidrive.cli.options import (
     choose_one,
 )
 from omnidrive.errors import InvalidInput
-from omnidrive.maps import load_map, load_queries
+from omnidrive.maps import Unknown, load_map, load_queries
 from omnidrive.planning import MethodName
 from omnidrive.study import (
     Fact,
+    plan_at,
     plan_facts,
-    plan_fastest,
     planned_duration,
     prepare,
     save_figure,
@@ -113,10 +113,18 @@ def plan(
         },
     )  # fmt: skip
     if scen is not None:
-        _solve(demand, scen, search, json)
+        said = {
+            "--start": start, "--goal": goal, "--duration": duration, "--speed": speed,
+            "--robot": robot, "--smooth": smooth, "--timing": timing, "--heading": heading,
+            "--margin": margin, "--out": out, "--png": png, "--resolution": resolution,
+        }  # fmt: skip
+        needless = [name for name, value in said.items() if value is not None]
+        if needless:
+            raise InvalidInput(f"--scen only searches: leave out {', '.join(needless)}")
+        _solve(demand, scen, (search or "astar", unknown or "occupied"), json)
         return
-    if demand.map_file is not None and duration is None and speed is None:
-        prepared = plan_fastest(demand.resolve(retimed=False))
+    if demand.map_file is not None and duration is None:
+        prepared = plan_at(demand.resolve(retimed=False), speed)
     else:
         prepared = prepare(demand.resolve())
     reference = prepared.reference(planned_duration(prepared))
@@ -145,12 +153,16 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
     )
 
 
-def _solve(demand: Demand, scen: Path, search: str | None, json: bool) -> None:
-    """Search a scenario file's queries and print how that went."""
+def _solve(demand: Demand, scen: Path, how: tuple[str, str], json: bool) -> None:
+    """Search a scenario file's queries and print how that went.
+
+    ``how``: the method, and what unknown cells count as.
+    """
     if demand.map_file is None:
         raise InvalidInput("--scen needs the map's file: omnidrive plan FILE.map --scen FILE.scen")
-    grid = load_map(demand.map_file)
-    method = choose_one("search", search or "astar", get_args(MethodName))
+    method = choose_one("search", how[0], get_args(MethodName))
+    unknown = choose_one("kind", how[1], get_args(Unknown))
+    grid = load_map(demand.map_file, unknown=unknown)
     solved = solve_queries(grid, load_queries(scen, grid), method=method)
     if json:
         typer.echo(json_format.dumps(solved, indent=2))

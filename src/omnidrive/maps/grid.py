@@ -21,7 +21,7 @@ _FURTHEST = 2.0**62  # cells; where the conversion to an integer ends
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """Which cells of the floor are taken.
+    """Which cells of the floor are taken. Do not change them once the grid is in use.
 
     Attributes:
         occupied: True where an obstacle is; row i grows with the grid's y, column j with its x.

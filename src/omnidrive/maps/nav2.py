@@ -12,7 +12,7 @@ import yaml
 from jaxtyping import UInt8
 from PIL import Image
 
-from omnidrive.errors import InvalidMap
+from omnidrive.errors import CannotWrite, InvalidMap
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
 from omnidrive.maps.picture import read_picture
@@ -103,10 +103,20 @@ def kinds_of_greys(
 
 
 def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
-    """Write ``path`` (YAML) and a PGM image of the same stem; :func:`load_nav2_map` reads both."""
+    """Write ``path`` (YAML) and a PGM image of the same stem; :func:`load_nav2_map` reads both.
+
+    The format does not say whether the outside is taken; it is, when the map is read.
+
+    Raises:
+        InvalidMap: Nav2 maps have no such resolution, or ``path`` ends in another way.
+        CannotWrite: A file cannot be written.
+    """
+    name = one_line(str(path))
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        raise InvalidMap(f"{name}: a Nav2 map is saved as .yaml, with its picture beside it")
+    refuse_resolution(grid.resolution, name)
     image = path.with_suffix(".pgm")
     pixels = np.where(grid.occupied[::-1], 0, 254).astype(np.uint8)
-    Image.fromarray(pixels).save(image)
     meta = {
         "image": image.name,
         "mode": "trinary",
@@ -116,7 +126,11 @@ def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
         "occupied_thresh": 0.65,
         "free_thresh": 0.25,
     }
-    path.write_text(yaml.safe_dump(meta, sort_keys=False))
+    try:
+        Image.fromarray(pixels).save(image)
+        path.write_text(yaml.safe_dump(meta, sort_keys=False), encoding="utf-8")
+    except OSError as error:
+        raise CannotWrite(f"cannot write the map {name}: {error.strerror or error}") from None
 
 
 def _number(path: Path, meta: dict[Any, Any], key: str, default: float | None = None) -> float:

@@ -38,6 +38,12 @@ class GridFrame(NamedTuple):
         """Side of a cell, in m."""
         return float(np.hypot(*self.sides[0]))
 
+    @property
+    def rounding(self) -> float:
+        """What places may be off by rounding, in cells: more where W's origin is far away."""
+        far = float(np.abs(self.corner).max()) / self.resolution
+        return 1e-8 + 8.0 * float(np.finfo(float).eps) * far
+
     def cells(self, points: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
         """Places in cells of points in m of W."""
         return np.ascontiguousarray((points - self.corner) @ self.sides.T / self.resolution**2)

@@ -15,7 +15,6 @@ from omnidrive.planning.pieces import Pieces, pieces
 
 Array = np.ndarray
 
-_ROUNDING = 1e-8  # cells
 _SHARES = (1.0, 0.03, 0.001)  # of the tolerance
 _MOST_SAMPLES = 10_000  # of a piece
 
@@ -35,7 +34,8 @@ def clearance_bounds(
     for share in _SHARES:
         lower, upper = curve_clearance(floor, curve.places, curve.bends, share * tolerance)
         if lower > -np.inf:
-            return (lower - _ROUNDING) * frame.resolution, (upper + _ROUNDING) * frame.resolution
+            rounding = frame.rounding
+            return (lower - rounding) * frame.resolution, (upper + rounding) * frame.resolution
     bounds = piece_clearances(floor, curve.places, curve.bends, tolerance, 2.0 * tolerance)
     near = np.flatnonzero(bounds < 2.0 * tolerance).tolist()
     depths = [_depth(grid, frame, curve.piece(j), tolerance) for j in near]

@@ -1,6 +1,6 @@
 from .folder import RunFolder
 from .jobs import Job, jobs_of, make_controller, make_plant, run_job
-from .plan import FORMATS, Fact, limit_usage, plan_facts, planned_duration, save_figure, save_plan
+from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .prepared import Prepared, lay_out, prepare
 from .queries import solve_queries
 from .scenario import (
@@ -21,11 +21,10 @@ from .scenario import (
 )
 from .scenario_file import load_scenario, save_scenario
 from .study import Study, Watcher, run_study
-from .timing import one_task, plan_fastest, retime
+from .timing import one_task, plan_at, retime
 from .warm_up import warm_up
 
 __all__ = [
-    "FORMATS",
     "PREDICTIVE",
     "ControllerName",
     "Fact",
@@ -44,15 +43,14 @@ __all__ = [
     "Watcher",
     "jobs_of",
     "lay_out",
-    "limit_usage",
     "load_scenario",
     "make_controller",
     "make_plant",
     "map_scenario",
     "one_task",
     "paper_scenario",
+    "plan_at",
     "plan_facts",
-    "plan_fastest",
     "planned_duration",
     "prepare",
     "retime",

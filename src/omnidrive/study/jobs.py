@@ -153,7 +153,7 @@ def _step(prepared: Prepared, job: Job) -> StepResult:
     scenario = prepared.scenario
     task = scenario.tasks.step
     assert task is not None
-    start = Pose(*prepared.path.poses(0.0).tolist())
+    start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
     run = simulate(
         make_plant(prepared.robot, scenario.plant),

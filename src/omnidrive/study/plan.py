@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from omnidrive.errors import CannotWrite
 from omnidrive.reference import Reference, save_waypoints
 from omnidrive.study.prepared import Prepared
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 """Endings of waypoint files that a plan can be written to."""
@@ -65,13 +62,13 @@ def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
         "mean speed": Fact(path.length / reference.duration, "m/s"),
         **{
             f"{name} used": Fact(100.0 * share, "%", 1)
-            for name, share in limit_usage(prepared, reference).items()
+            for name, share in _limit_usage(prepared, reference).items()
         },
     }
     return facts | ({"note": Fact(prepared.note)} if prepared.note else {})
 
 
-def limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
+def _limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
     """Peak share of every limit that the reference uses, by name."""
     usage: dict[str, float] | None = getattr(reference, "limit_usage", None)
     if usage is not None:
@@ -84,28 +81,22 @@ def limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
     return {"wheel speed": float(np.abs(chassis.jacobian @ body).max() / chassis.max_wheel_speed)}
 
 
-def plan_figure(prepared: Prepared, reference: Reference) -> Figure:
-    """Map, way, path and headings, and below them the speeds over time."""
-    from omnidrive.evaluation.figures import plan_figure as draw  # noqa: PLC0415 - takes a second
-
-    times = np.linspace(0.0, reference.duration, _SAMPLES)
-    return draw(
-        prepared.obstacles, prepared.plan.free, prepared.plan.way, times, _window(reference)
-    )
-
-
 def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
-    """Write :func:`plan_figure` as PNG or SVG.
+    """Draw map, way, path and headings, and below them the speeds over time: PNG or SVG.
 
     Raises:
         CannotWrite: The name has another ending, or the file cannot be written.
     """
-    from omnidrive.evaluation.figures import save  # noqa: PLC0415 - takes a second
+    from omnidrive.evaluation.figures import plan_figure, save  # noqa: PLC0415 - takes a second
 
     if path.suffix.lower() not in {".png", ".svg"}:
         raise CannotWrite(f"{path}: pictures are written as .png or .svg")
+    times = np.linspace(0.0, reference.duration, _SAMPLES)
+    figure = plan_figure(
+        prepared.obstacles, prepared.plan.free, prepared.plan.way, times, _window(reference)
+    )
     try:
-        save(plan_figure(prepared, reference), path)
+        save(figure, path)
     except OSError as error:
         raise CannotWrite(f"cannot write {path}: {error.strerror or error}") from None
 

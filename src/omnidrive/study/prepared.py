@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid, load_map, paper_map, paper_wall
 from omnidrive.planning import Plan, SplinePath, plan
 from omnidrive.reference import (
@@ -34,7 +35,8 @@ class Prepared:
         robot: The robot named in it.
         obstacles: What the robot's body must not touch.
         plan: How the path was found, and where the robot's centre may be.
-        path: The smooth path; for minimum time, as it was moved.
+        path: The smooth path; for minimum time, as it was moved. Its headings are those of the
+            motion, unless the timing chose others.
         fastest: The fastest motion along it within the limits; None for uniform timing.
         note: What there is to say of how the timing went.
     """
@@ -56,6 +58,13 @@ class Prepared:
     def clearance(self, points: Float[Array, "points 2"]) -> float:
         """Least distance in m between the robot's body and an obstacle, centred on ``points``."""
         return float(self.obstacles.clearance(points).min()) - self.robot.body_radius
+
+    @property
+    def start(self) -> Pose:
+        """Where the motion begins: with the timing ``limits`` not always the path's heading."""
+        if self.fastest is not None:
+            return self.fastest.at(0.0).pose
+        return Pose(*self.path.poses(0.0).tolist())
 
     @property
     def shortest(self) -> float:
@@ -109,10 +118,9 @@ def _timed(
     if timing.law == "uniform":
         return found.spline, None, ""
     most = timing.wheel_acceleration
-    limits = MotionLimits(
-        wheel_acceleration=np.inf if most is None else most,
-        traction=robot.traction / timing.traction,
-    )
+    limits = MotionLimits.of_robot(robot, share=timing.traction)
+    if most is not None:
+        limits = replace(limits, wheel_acceleration=most)
     if timing.law == "minimum-time":
         best = minimum_time(
             found.spline,

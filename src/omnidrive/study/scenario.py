@@ -96,6 +96,12 @@ class TimingSection(_Section):
     wheel_acceleration: Annotated[float, Bounds(0.01, 1e5, "rad/s^2")] | None = None
     """Of every wheel, at most; None for no limit but traction."""
 
+    @model_validator(mode="after")
+    def _heading_has_a_use(self) -> TimingSection:
+        if self.heading != "path" and self.law != "limits":
+            raise ValueError(f"heading: '{self.heading}' is for the law limits, not {self.law}")
+        return self
+
 
 class DurationsTask(_Section):
     """Follow the path in each of several times."""

@@ -35,33 +35,53 @@ def retime(
             "a duration and a speed were given; the path's length ties one to the other: give "
             "one of them"
         )
-    for name, value, unit in (("duration", duration, "s"), ("speed", speed, "m/s")):
-        if value is not None and not (isfinite(value) and value > 0.0):
-            raise InvalidInput(f"the {name} must be positive, got {value:g} {unit}")
+    _refuse_unless_positive("duration", duration, "s")
+    _refuse_unless_positive("speed", speed, "m/s")
     if duration is None:
         duration = _suitable(scenario, speed)
     following = scenario.tasks.following
     return _scaled(scenario, duration / following[0]) if following else scenario
 
 
-def plan_fastest(scenario: Scenario) -> Prepared:
-    """Plan, and give the robot the shortest time in which it can follow, in whole samples."""
-    prepared, dt = lay_out(scenario), scenario.sample_time
+def plan_at(scenario: Scenario, speed: float | None = None) -> Prepared:
+    """Plan, and give the robot the time that suits the path, in whole samples.
+
+    Args:
+        scenario: Its tasks' durations are scaled.
+        speed: Mean speed in m/s; without one, as fast as the robot can follow.
+
+    Raises:
+        InvalidInput: The speed is not positive, or a time is out of range.
+        InvalidReference: The robot is not that fast.
+    """
+    _refuse_unless_positive("speed", speed, "m/s")
+    prepared = lay_out(scenario)
     following = scenario.tasks.following
     if not following:
         return prepared
-    duration = ceil(max(prepared.shortest / dt, _LEAST_SAMPLES) - 1e-9) * dt
+    wanted = prepared.shortest if speed is None else prepared.path.length / speed
+    duration = _whole(wanted, scenario.sample_time)
+    prepared.reference(duration)
     return replace(prepared, scenario=_scaled(scenario, duration / following[0]))
 
 
 def _suitable(scenario: Scenario, speed: float | None) -> float:
     """Duration in s at ``speed`` or the usual one, a whole number of samples."""
     prepared = lay_out(scenario)
-    dt = scenario.sample_time
-    wanted = max(prepared.path.length / (speed or USUAL_SPEED), _LEAST_SAMPLES * dt)
+    wanted = prepared.path.length / (speed or USUAL_SPEED)
     if speed is None:
         wanted = max(wanted, prepared.shortest)
-    return ceil(wanted / dt - 1e-9) * dt
+    return _whole(wanted, scenario.sample_time)
+
+
+def _whole(duration: float, dt: float) -> float:
+    """At least a duration (s), in whole samples, and not too few."""
+    return ceil(max(duration / dt, _LEAST_SAMPLES) - 1e-9) * dt
+
+
+def _refuse_unless_positive(name: str, value: float | None, unit: str) -> None:
+    if value is not None and not (isfinite(value) and value > 0.0):
+        raise InvalidInput(f"the {name} must be positive, got {value:g} {unit}")
 
 
 def _scaled(scenario: Scenario, factor: float) -> Scenario:

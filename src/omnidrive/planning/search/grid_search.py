@@ -14,7 +14,7 @@ from jaxtyping import Int32, UInt8
 
 from omnidrive.errors import InvalidInput, InvalidPlace, NoPathFound
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.search.astar import astar, reach
+from omnidrive.planning.search.astar import astar
 from omnidrive.planning.search.board import BitBoard, Cell
 from omnidrive.planning.search.greedy import greedy
 from omnidrive.planning.search.jump_board import JumpBoard
@@ -123,7 +123,7 @@ class GridSearch:
         first, last = self._number("start", start), self._number("goal", goal)
         numbers, expansions = run(self, first, last, self._heuristic(method, heuristic))
         if len(numbers) == 0:
-            raise NoPathFound(self._unreachable(first))
+            raise NoPathFound(self._unreachable(start))
         cells = self._board.cells(numbers)
         return SearchResult(cells, length(cells), expansions, perf_counter() - began)
 
@@ -161,23 +161,21 @@ class GridSearch:
 
     def _nearest(self, row: int, col: int) -> str:
         """Where the nearest free cell is, in words."""
-        free = np.argwhere(~self.grid.occupied)
-        if len(free) == 0:
+        nearest = self.grid.nearest_free(*self.grid.centre(row, col))
+        if nearest is None:
             return "no cell is free"
-        distances = np.hypot(*(free - (row, col)).T)
-        near = distances.argmin()
-        r, c = free[near]
-        return f"the nearest free cell is ({r}, {c}), {distances[near]:.3g} cells away"
+        (r, c), distance = nearest
+        cells = distance / self.grid.resolution
+        return f"the nearest free cell is ({r}, {c}), {cells:.3g} cells away"
 
-    def _unreachable(self, first: int) -> str:
+    def _unreachable(self, start: Cell) -> str:
         """Why there is no way, in words."""
-        dijkstra, nowhere = HEURISTICS["zero"], 0
-        came, _ = reach(self._board, first, nowhere, self._needed, dijkstra)
+        cut_corners = self.cut_corners and self.neighbours == 8
+        reached = self.grid.region_size(*start, cut_corners=cut_corners)
         free = self.grid.occupied.size - np.count_nonzero(self.grid.occupied)
         return (
-            "there is no way from start to goal: only "
-            f"{np.count_nonzero(came)} of {free} free cells can be reached from the start, "
-            "and the goal is not among them"
+            f"there is no way from start to goal: only {reached} of {free} free cells can be "
+            "reached from the start, and the goal is not among them"
         )
 
     def _only_standard_moves(self, method: str) -> None:

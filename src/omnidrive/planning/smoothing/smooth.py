@@ -25,7 +25,7 @@ SmoothingName = Literal["spline", "certified"]
 
 _LEAST = 1e-6  # cells that a certified path keeps at least where it bends
 _TOLERANCE = 1e-3  # cells, of what is proved
-_DIGITS, _ROUNDING = 9, 1e-8  # of cells
+_DIGITS = 9  # of cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -107,7 +107,7 @@ def _certified(
     )
     control_points = frame.world(cells)
     control_points[0], control_points[-1] = points[0], points[-1]
-    return control_points, max(proved - _ROUNDING, min(proved, 0.0)) * frame.resolution
+    return control_points, max(proved - frame.rounding, min(proved, 0.0)) * frame.resolution
 
 
 _METHODS = {"spline": _plain, "certified": _certified}
