@@ -187,3 +187,36 @@ def test_planning_loads_no_physics_and_draws_nothing(room):
     assert done.returncode == 0, done.stderr
     assert "clearance" in done.stdout
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_turning_nowhere_is_refused_wherever_that_is(tmp_path, room):
+    for x in ("0,3", "0.025,3.025"):
+        with pytest.raises(OmnidriveError, match="stands still"):
+            load_verb("plan")(
+                [str(room[0]), "--start", x, "--goal", x, "--robot", "small"],
+                standalone_mode=False,
+            )
+
+
+def test_a_folder_is_taken_for_the_scenario_in_it(capsys, room, tmp_path):
+    plan(capsys, *room, "--out", tmp_path / "p")
+    by_folder = json.loads(plan(capsys, tmp_path / "p", "--json"))
+    by_file = json.loads(plan(capsys, tmp_path / "p" / "scenario.yaml", "--json"))
+    assert by_folder["length_m"] == by_file["length_m"]
+
+
+def test_the_papers_path_in_minimum_time(capsys):
+    pytest.importorskip("casadi")
+    options = ["--search", "astar", "--no-cut-corners", "--smooth", "certified"]
+    fast = json.loads(plan(capsys, *options, "--timing", "limits", "--json"))
+    faster = json.loads(plan(capsys, *options, "--timing", "minimum-time", "--json"))
+    assert faster["note"].startswith("converged")
+    assert faster["shortest_duration_s"] < fast["shortest_duration_s"] < 16.4
+
+
+def test_another_ending_is_refused_and_makes_nothing(room, tmp_path):
+    with pytest.raises(OmnidriveError, match=r"waypoint files end in \.csv"):
+        load_verb("plan")(
+            [*map(str, room), "--out", str(tmp_path / "o.png")], standalone_mode=False
+        )
+    assert not (tmp_path / "o.png").exists()

@@ -166,7 +166,6 @@ def test_real_maps(name, shape, free, taken):
         ({"resolution": -0.05}, "resolution is -0.05 m per cell, need"),
         ({"resolution": 50}, "resolution is 50 m per cell, need"),
         ({"resolutoin": 0.05}, "unknown key 'resolutoin'; did you mean 'resolution'"),
-        ({"flavour": 1}, "unknown key 'flavour'; there are image, mode, resolution"),
         ({"resolution": "5 cm"}, "resolution must be a number, got '5 cm'"),
         ({"resolution": None}, "does not set 'resolution'"),
         ({"origin": [0, 0]}, r"origin must be \[x, y, yaw\]"),

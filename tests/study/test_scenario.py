@@ -65,7 +65,7 @@ def changed(*path, value):
         (changed("tasks", "track", "duration", value=1), "did you mean 'durations'?"),
         (changed("tasks", "track", "durations", value=["20 s"]), "number without a unit, got '20"),
         (changed("tasks", "track", "durations", value=[]), "at least 1 item"),
-        (changed("tasks", "track", "durations", value=[-20]), "is -20 s, need 0.1 to 3600 s"),
+        (changed("tasks", "track", "durations", value=[-20]), "is -20 s, need 0.1 to 36000 s"),
         (changed("sample_time", value=100), "sample_time is 100 s, need 0.005 to 1 s"),
         (changed("sample_time", value=float("nan")), "sample_time: input should be a finite"),
         (changed("start", value=[1, 1, 90]), "is 90 rad, need -6.3 to 6.3 rad"),
@@ -74,7 +74,7 @@ def changed(*path, value):
         (changed("feedforward", "position", value=-1), "feedforward.position is -1 1/s, need 0"),
         (changed("path", "turn_within", value=-1), "path.turn_within is -1 m, need 0 to 10 m"),
         (changed("path", "search", value="a*"), "path.search: input should be 'astar', 'jump-po"),
-        (changed("path", "smooth", value="certified"), "path a path cannot be certified along"),
+        (changed("path", "smooth", value="certified"), "path cannot be certified where the way"),
         (changed("timing", "law", value="fast"), "timing.law: input should be 'uniform', 'lim"),
         (changed("map", "unknown", value="maybe"), "map.unknown: input should be 'occupied' or"),
         (changed("map", "margin", value=-0.5), "map.margin is -0.5 m, need 0 to 10 m"),
@@ -249,9 +249,9 @@ def test_new_times_keep_to_the_scenarios_own_tasks():
     assert (retimed.noise, retimed.step, retimed.horizon) == (None, None, None)
 
 
-@pytest.mark.parametrize("duration", [0.01, 3000.0, 1e9])
+@pytest.mark.parametrize("duration", [0.01, 30000.0, 1e9])
 def test_times_out_of_range_are_refused(duration):
-    with pytest.raises(InvalidScenario, match=r"need 0\.1 to 3600 s"):
+    with pytest.raises(InvalidScenario, match=r"need 0\.1 to 36000 s"):
         retime(paper_scenario(), duration=duration)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -32,11 +33,12 @@ from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 _WHERE, _HOW, _OUT = "Where to drive", "How to drive", "Results"
 _HEAD = 65_536  # bytes of a YAML file in which a map names its picture
+_PICTURE = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
 
 ScenarioArgument = Annotated[
     str,
     typer.Argument(
-        help="`paper`, or a scenario's YAML file (such as one in a run folder), or a map's file: "
+        help="`paper`, or a scenario's YAML file, or the folder that it is in, or a map's file: "
         "of Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
     ),
 ]
@@ -132,6 +134,15 @@ TimingOption = Annotated[
         metavar="|".join(get_args(TimingName)),
         help="Travel evenly as in the paper; from rest to rest within the wheels' limits; or also "
         "move the path and turn freely to save time.",
+        rich_help_panel=_HOW,
+    ),
+]
+CornersOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--cut-corners/--no-cut-corners",
+        help="Whether diagonal moves may pass obstacles' corners, as in the paper.",
+        show_default=False,
         rich_help_panel=_HOW,
     ),
 ]
@@ -254,7 +265,8 @@ class Demand:
             )
         if self.scenario == "paper":
             return paper_scenario(preset or "paper")
-        return load_scenario(Path(self.scenario))
+        path = Path(self.scenario)
+        return load_scenario(path / "scenario.yaml" if path.is_dir() else path)
 
 
 def _is_map(path: Path) -> bool:
@@ -265,7 +277,7 @@ def _is_map(path: Path) -> bool:
         return False
     try:
         with path.open("rb") as file:
-            return any(line.startswith(b"image:") for line in file.read(_HEAD).splitlines())
+            return _PICTURE.search(file.read(_HEAD)) is not None
     except OSError:
         return False
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 from omnidrive.cli.options import (
+    CornersOption,
     Demand,
     DurationOption,
     GoalOption,
@@ -28,6 +29,7 @@ from omnidrive.cli.options import (
     UnknownOption,
     choose_one,
 )
+from omnidrive.compiled import kernels_are_kept
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown, load_map, load_queries
 from omnidrive.planning import MethodName
@@ -81,6 +83,7 @@ def plan(
     speed: SpeedOption = None,
     robot: RobotOption = None,
     search: SearchOption = None,
+    cut_corners: CornersOption = None,
     smooth: SmoothOption = None,
     timing: TimingOption = None,
     heading: HeadingOption = None,
@@ -94,8 +97,8 @@ def plan(
 ) -> None:
     """Search a path, smooth it, time it; say what it asks of the robot.
 
-    On a map the robot goes from rest to rest, as fast as its wheels allow, in a whole number of
-    samples, unless a duration or a speed is given.
+    On a map, or with a timing from rest to rest, the robot goes as fast as its wheels allow, in a
+    whole number of samples, unless a duration or a speed is given.
 
     For example:
 
@@ -107,23 +110,23 @@ def plan(
     demand = Demand(
         scenario, map_, start, goal, duration, speed, robot,
         details={
-            "path.search": search, "path.smooth": smooth, "timing.law": timing,
-            "timing.heading": heading, "map.margin": margin, "map.unknown": unknown,
-            "map.resolution": resolution,
+            "path.search": search, "path.cut_corners": cut_corners, "path.smooth": smooth,
+            "timing.law": timing, "timing.heading": heading, "map.margin": margin,
+            "map.unknown": unknown, "map.resolution": resolution,
         },
     )  # fmt: skip
     if scen is not None:
-        said = {
-            "--start": start, "--goal": goal, "--duration": duration, "--speed": speed,
-            "--robot": robot, "--smooth": smooth, "--timing": timing, "--heading": heading,
-            "--margin": margin, "--out": out, "--png": png, "--resolution": resolution,
-        }  # fmt: skip
-        needless = [name for name, value in said.items() if value is not None]
-        if needless:
-            raise InvalidInput(f"--scen only searches: leave out {', '.join(needless)}")
+        _refuse_needless(
+            start=start, goal=goal, duration=duration, speed=speed, robot=robot, smooth=smooth,
+            cut_corners=cut_corners, timing=timing, heading=heading, margin=margin,
+            resolution=resolution, out=out, png=png,
+        )  # fmt: skip
         _solve(demand, scen, (search or "astar", unknown or "occupied"), json)
         return
-    if demand.map_file is not None and duration is None:
+    if not kernels_are_kept():
+        typer.echo("compiling, the first time only: up to a minute", err=True)
+    at_best = demand.map_file is not None or timing in {"limits", "minimum-time"}
+    if at_best and duration is None:
         prepared = plan_at(demand.resolve(retimed=False), speed)
     else:
         prepared = prepare(demand.resolve())
@@ -151,6 +154,15 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
     return re.sub(r"\W+", "_", f"{name} {unit}".strip()), (
         None if isinstance(fact.value, float) and not isfinite(fact.value) else fact.value
     )
+
+
+def _refuse_needless(**options: object) -> None:
+    """Refuse options that have nothing to do with searches alone."""
+    needless = [
+        "--" + name.replace("_", "-") for name, value in options.items() if value is not None
+    ]
+    if needless:
+        raise InvalidInput(f"--scen only searches: leave out {', '.join(needless)}")
 
 
 def _solve(demand: Demand, scen: Path, how: tuple[str, str], json: bool) -> None:

@@ -121,7 +121,8 @@ def _tracking_table(results: StudyResults, published: bool) -> Table:
          "ME after 2 s", "MAE after 2 s", *_PRICE_COLUMNS),
         tuple(rows),
         "ME: mean distance to the reference. MAE: mean |heading error|, wrapped. The robot starts "
-        "from rest into a moving reference: the first 2 s hold most of a good controller's mean.",
+        "from rest; where the reference does not, as the paper's, the first 2 s hold most of a "
+        "good controller's mean.",
         keys=2,
     )  # fmt: skip
 

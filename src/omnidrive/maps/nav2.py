@@ -51,9 +51,9 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
         raise InvalidMap(f"{path} is not a Nav2 map: it must set image, resolution and origin")
     for key in meta:
         if key not in _KEYS:
-            near = get_close_matches(str(key), _KEYS, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(_KEYS)}"
-            raise InvalidMap(f"{path}: unknown key {shown(key)}; {hint}")
+            near = get_close_matches(str(key), _KEYS, n=1, cutoff=0.75)
+            if near:  # other keys are those of other programs
+                raise InvalidMap(f"{path}: unknown key {shown(key)}; did you mean '{near[0]}'?")
     resolution = _number(path, meta, "resolution")
     refuse_resolution(resolution, one_line(str(path)))
     table = _kinds_of_greys(path, meta)

@@ -52,8 +52,8 @@ class PathOptions:
     def __post_init__(self) -> None:
         if self.cut_corners and self.smooth == "certified":
             raise InvalidInput(
-                "a path cannot be certified along a way that cuts corners, which touches "
-                "obstacles; choose smooth: spline, or do not cut corners"
+                "cannot be certified where the way cuts corners, and so touches obstacles; smooth "
+                "it as a spline, or do not let it cut corners (cut_corners: false)"
             )
 
 

@@ -111,11 +111,17 @@ def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
             path.png.
 
     Raises:
-        CannotWrite: The file or folder cannot be made, or the folder holds something already.
+        CannotWrite: The file or folder cannot be made, or the folder holds something already, or
+            the name ends as that of another kind of file.
     """
     if path.suffix.lower() in FORMATS:
         save_waypoints(path, reference, dt=prepared.scenario.sample_time)
         return
+    if path.suffix and not path.is_dir():
+        raise CannotWrite(
+            f"{path}: waypoint files end in {', '.join(FORMATS[:-1])}; "
+            "a folder's name has no ending"
+        )
     from omnidrive.study.folder import RunFolder  # noqa: PLC0415 - takes a second
 
     RunFolder(path).save_demand(prepared)

@@ -39,7 +39,7 @@ MAX_STEPS = 200_000
 MAX_NOISE_STEPS = 1_000_000
 """Most samples of one controller's runs with noise over one duration: all are kept in memory."""
 
-Seconds = Annotated[float, Bounds(0.1, 3600.0, "s")]
+Seconds = Annotated[float, Bounds(0.1, 36_000.0, "s")]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
 

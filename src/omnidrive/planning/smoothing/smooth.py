@@ -95,6 +95,8 @@ def _certified(
 ) -> tuple[Float[Array, "more 2"], float]:
     """Control points of a relaxed spline, and the distance in m that it is proved to keep."""
     frame, floor = GridFrame.of(grid), Floor.of(grid)
+    if not np.ptp(points, axis=0).any():  # turning on the spot: nothing to round
+        return np.repeat(points[:1], 4, axis=0), float(grid.clearance(points[:1])[0])
     # rounded, so that the same way on a grid that was moved or turned becomes the same path
     polygon = free_polygon(floor, frame.cells(points).round(_DIGITS))
     start = certified_start(floor, polygon, max(clearance / frame.resolution, _LEAST))
