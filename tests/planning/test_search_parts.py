@@ -5,11 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from omnidrive.planning.search import astar as astar_module
+from omnidrive.planning.search.astar import astar
 from omnidrive.planning.search.board import BitBoard
 from omnidrive.planning.search.jump_board import JumpBoard, jumps
 from omnidrive.planning.search.lazy_theta import sees
-from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT
-from omnidrive.planning.search.moves import MOVES, surroundings
+from omnidrive.planning.search.lengths import DIAGONAL, HEURISTICS, STRAIGHT
+from omnidrive.planning.search.moves import MOVES, needed_moves, surroundings
+from omnidrive.planning.search.tiles import empty_tiles, place
 from tests.planning.test_search import line_is_clear
 
 
@@ -114,3 +117,50 @@ def test_lines_of_sight(shape, seed, ends, density):
 def test_boards_are_not_much_larger_than_their_grids(shape):
     board = BitBoard.of(np.zeros(shape, bool))
     assert board.size <= 3 * (shape[0] + 63) * (shape[1] + 128)
+
+
+@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.parametrize("shape", [(1, 1), (3, 70), (140, 9), (61, 130)])
+def test_every_cell_has_a_word_of_its_own(shape, wide):
+    board = BitBoard.of(np.zeros(shape, bool))
+    words = empty_tiles(board, wide)
+    assert not words.any()
+    cells = np.argwhere(np.ones((board.size // board.stride, board.stride)))
+    places = {place(board.stride, row, col) for row, col in cells.tolist()}
+    assert len(places) == board.size
+    assert min(places) >= 0
+    assert max(places) < len(words)
+
+
+@pytest.mark.parametrize("shape", [(4096, 4096), (1, 5_000_000), (2_500_000, 2)])
+def test_words_take_bounded_memory(shape):
+    board = BitBoard.of(np.zeros(shape, bool))
+    assert empty_tiles(board, wide=False).nbytes < 200e6
+    assert empty_tiles(board, wide=True).nbytes < 400e6
+
+
+def serpentine():
+    """A way of some 20,000 cells, far more than the low bits of a length can count."""
+    occupied = np.zeros((150, 300), bool)
+    occupied[1::2] = True
+    occupied[1::4, -1] = occupied[3::4, 0] = False
+    return occupied
+
+
+@pytest.mark.parametrize("heuristic", ["octile", "euclidean", "zero"])
+@pytest.mark.parametrize("cut_corners", [False, True])
+@pytest.mark.parametrize("neighbours", [4, 8])
+def test_low_bits_of_lengths_are_enough(monkeypatch, heuristic, cut_corners, neighbours):
+    """With a consistent heuristic, the search does the same as with whole lengths."""
+    maps = [serpentine(), *(random_map((700, 600), seed, seed / 10) for seed in (1, 2, 3))]
+    needed = needed_moves(neighbours, cut_corners)
+    for occupied in maps:
+        board = BitBoard.of(occupied)
+        free = np.argwhere(~occupied)
+        ends = [board.number(tuple(free[i].tolist())) for i in (0, len(free) - 1)]
+        way, expansions = astar(board, *ends, needed, HEURISTICS[heuristic])
+        with monkeypatch.context() as patch:
+            patch.setattr(astar_module, "empty_tiles", lambda board, wide: empty_tiles(board, True))
+            whole, as_many = astar(board, *ends, needed, HEURISTICS[heuristic])
+        assert expansions == as_many
+        assert (way == whole).all()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int32, Int64, UInt8
+from jaxtyping import Int32, UInt8
 
-from omnidrive.compiled import compiled
+from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.board import BitBoard
 from omnidrive.planning.search.bucket_queue import (
     bucket_queue,
@@ -16,17 +16,22 @@ from omnidrive.planning.search.bucket_queue import (
     push,
 )
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT, Heuristic, to_go
-from omnidrive.planning.search.machine import int64, trailing_zeros, uint32
+from omnidrive.planning.search.machine import int64, trailing_zeros
 from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
+from omnidrive.planning.search.tiles import Tiles, empty_tiles, place
 
 Array = np.ndarray
 
 BUCKET = 16
 """Bits of a length within a bucket: one is 2^16 / STRAIGHT, about 0.14 cells."""
-CLOSED = 128
-"""Mark of a cell whose moves were tried."""
 FAR = 1 << 62
 """More than any length."""
+_WAY = 15
+"""Bits of a cell's word that say how it was reached; 0 if it was not."""
+_CLOSED = 16
+"""Mark of a cell whose moves were tried; above it stands the length of the shortest way known."""
+_LENGTH = 5
+"""Where the length begins."""
 _ROOM = 1 << 12
 _STEPS = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
 _ROWS, _COLS = np.array(MOVES).T.copy()
@@ -40,41 +45,46 @@ def astar(
     Hart, Nilsson & Raphael 1968; a cell is expanded again if a shorter way to it turns up, so
     that the order within a bucket does not matter.
     """
-    came, expansions = reach(board, first, last, needed, heuristic)
-    return walk_back(came, board.stride, first, last), expansions
+    words, expansions = reach(board, first, last, needed, heuristic)
+    return walk_back(words, board.stride, first, last), expansions
 
 
 def reach(
     board: BitBoard, first: int, last: int, needed: UInt8[Array, "10 512"], heuristic: Heuristic
-) -> tuple[UInt8[Array, " numbers"], int]:
-    """How every cell was reached, 0 if not, and how many were expanded."""
-    # the system gives pages when they are first touched: a short way costs little on a large map
-    came, lengths = np.zeros(board.size, np.uint8), np.empty(board.size, np.int64)
+) -> tuple[Tiles, int]:
+    """A word for every cell, 0 if it was not reached, and how many were expanded.
+
+    Words of 32 bits have the lowest 27 of a length, 285 cells. That is enough to compare the
+    lengths of two ways to a cell, and to tell one from the bucket that its cell waits in, if the
+    heuristic is consistent: then a cell is expanded when its length is the least but for a bucket,
+    and as its neighbours can be reached from it, no way over them is worse by more than a bucket
+    and two moves.
+    """
+    words = empty_tiles(board, wide=not heuristic.is_consistent)
     queue = bucket_queue(4 * DIAGONAL >> BUCKET, _ROOM)  # a move, and what it leaves more to go
-    expansions = _reach(
-        board.bits, board.stride, first, last, needed, heuristic, came, lengths, *queue
-    )
-    return came, expansions
+    expansions = _reach(board.bits, board.stride, first, last, needed, heuristic, words, *queue)
+    return words, expansions
 
 
 @compiled
-def _reach(  # noqa: PLR0917
+def _reach(  # noqa: PLR0915, PLR0917
     bits: UInt8[Array, " bytes"],
     stride: int,
     first: int,
     last: int,
     needed: UInt8[Array, "10 512"],
     heuristic: Heuristic,
-    came: UInt8[Array, " numbers"],
-    lengths: Int64[Array, " numbers"],
+    words: Tiles,
     queue: Int32[Array, " size"],
     ring: int,
 ) -> int:
-    """Fill ``came`` and ``lengths`` (of the shortest way known) and count the expansions."""
+    """Fill ``words`` and count the expansions."""
     goal_row, goal_col = last // stride, last % stride
-    floor = to_go(heuristic, first // stride - goal_row, first % stride - goal_col)
-    came[first], lengths[first] = BEGIN, 0
-    push(queue, ring, 0, first)
+    row, col = first // stride, first % stride
+    floor = to_go(heuristic, row - goal_row, col - goal_col)
+    words[place(stride, row, col)] = BEGIN
+    shift = _bits(stride)  # the queue holds rows and columns, which are sooner taken apart
+    push(queue, ring, 0, row << shift | col)
     best, bucket, waiting, expansions, held = 0 if first == last else FAR, 0, 1, 0, 0
     while waiting > 0 or held:
         if held:
@@ -84,57 +94,80 @@ def _reach(  # noqa: PLR0917
                 bucket += 1
             cell = pop(queue, ring, bucket)
             waiting -= 1
-        if floor + (bucket << BUCKET) >= best:
+        least = floor + (bucket << BUCKET)
+        if least >= best:
             break
-        way, so_far = int64(came[cell]), lengths[cell]
-        if way & CLOSED or so_far >= best:
+        row, col = cell >> shift, cell & (1 << shift) - 1
+        at = place(stride, row, col)
+        word = int64(words[at])
+        so_far = least - to_go(heuristic, row - goal_row, col - goal_col)
+        so_far += _longer(words, word >> _LENGTH, so_far)
+        if word & _CLOSED or so_far >= best:
             continue
-        came[cell] = way | CLOSED
+        words[at] = word | _CLOSED
         expansions += 1
         if is_full(queue, ring, waiting + 8):
             queue = enlarged(queue)
-        row = int64(uint32(cell) // uint32(stride))
-        row, col = row - goal_row, cell - row * stride - goal_col
-        moves = int64(needed[way, surroundings(bits, stride, cell)])
+        moves = int64(needed[word & _WAY, surroundings(bits, stride, row * stride + col)])
         while moves != 0:
             move = trailing_zeros(moves)
             moves &= moves - 1
-            to = cell + _ROWS[move] * stride + _COLS[move]
-            length = so_far + _STEPS[move]
-            if came[to] != 0 and length >= lengths[to]:
+            down, right = row + _ROWS[move], col + _COLS[move]
+            length, at = so_far + _STEPS[move], place(stride, down, right)
+            word = int64(words[at])
+            if word != 0 and _longer(words, length, word >> _LENGTH) >= 0:
                 continue
-            estimate = length + to_go(heuristic, row + _ROWS[move], col + _COLS[move])
+            estimate = length + to_go(heuristic, down - goal_row, right - goal_col)
             if estimate >= best:
                 continue
-            came[to], lengths[to] = move + 1, length
-            if to == last:
+            words[at] = length << _LENGTH | move + 1
+            if down == goal_row and right == goal_col:
                 best = length
                 continue
-            at = (estimate - floor) >> BUCKET
-            if at <= bucket and held == 0:
+            to = down << shift | right
+            ahead = (estimate - floor) >> BUCKET
+            if ahead <= bucket and held == 0:
                 held = to
                 continue
-            push(queue, ring, max(bucket, at), to)
+            push(queue, ring, max(bucket, ahead), to)
             waiting += 1
     return expansions
 
 
+@inlined
+def _longer(words: Tiles, one: int, other: int) -> int:
+    """By how much one length is longer than another, of which a word's bits are known."""
+    above = 64 - (8 * words.itemsize - _LENGTH)
+    longer: int = int64((one - other) << above) >> above
+    return longer
+
+
+@inlined
+def _bits(number: int) -> int:
+    """Bits of a number."""
+    bits = 0
+    while number >> bits:
+        bits += 1
+    return bits
+
+
 @compiled
-def walk_back(
-    came: UInt8[Array, " numbers"], stride: int, first: int, last: int
-) -> Int32[Array, " cells"]:
+def walk_back(words: Tiles, stride: int, first: int, last: int) -> Int32[Array, " cells"]:
     """Cells from ``first`` to ``last`` by the moves that reached them; none if none did."""
     count, cell = 0, last
-    while came[cell] != 0:
+    while True:
+        word = words[place(stride, cell // stride, cell % stride)]
+        if word == 0:
+            break
         count += 1
         if cell == first:
             break
-        move = (came[cell] & (CLOSED - 1)) - 1
+        move = int64(word & _WAY) - 1
         cell -= _ROWS[move] * stride + _COLS[move]
     way, cell = np.empty(count, np.int32), last
     for i in range(count - 1, -1, -1):
         way[i] = cell
         if i > 0:
-            move = (came[cell] & (CLOSED - 1)) - 1
+            move = int64(words[place(stride, cell // stride, cell % stride)] & _WAY) - 1
             cell -= _ROWS[move] * stride + _COLS[move]
     return way

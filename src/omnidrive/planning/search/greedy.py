@@ -12,6 +12,7 @@ from omnidrive.planning.search.astar import walk_back
 from omnidrive.planning.search.board import BitBoard
 from omnidrive.planning.search.lengths import Heuristic, to_go
 from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
+from omnidrive.planning.search.tiles import Tiles, empty_tiles, place
 
 Array = np.ndarray
 
@@ -26,9 +27,9 @@ def greedy(
     The cell nearest the goal is expanded next, of equally near ones the first of the map; the way
     is not the shortest (Russell & Norvig, "Artificial Intelligence", sec. 3.5.1).
     """
-    came = np.zeros(board.size, np.uint8)
-    expansions = _reach(board.bits, board.stride, first, last, needed[BEGIN], heuristic, came)
-    return walk_back(came, board.stride, first, last), expansions
+    words = empty_tiles(board, wide=False)
+    expansions = _reach(board.bits, board.stride, first, last, needed[BEGIN], heuristic, words)
+    return walk_back(words, board.stride, first, last), expansions
 
 
 @compiled
@@ -39,11 +40,11 @@ def _reach(  # noqa: PLR0917
     last: int,
     allowed: UInt8[Array, " surroundings"],
     heuristic: Heuristic,
-    came: UInt8[Array, " numbers"],
+    words: Tiles,
 ) -> int:
-    """Fill ``came`` and count the expansions."""
+    """Fill ``words`` (how a cell was reached) and count the expansions."""
     goal_row, goal_col = last // stride, last % stride
-    came[first] = BEGIN
+    words[place(stride, first // stride, first % stride)] = BEGIN
     queue, expansions = [(0, first)], 0
     while len(queue) > 0:
         _, cell = heappop(queue)
@@ -52,9 +53,12 @@ def _reach(  # noqa: PLR0917
         expansions += 1
         moves = allowed[surroundings(bits, stride, cell)]
         for move in range(8):
-            to = cell + _ROWS[move] * stride + _COLS[move]
-            if moves >> move & 1 and came[to] == 0:
-                came[to] = move + 1
-                left = to_go(heuristic, to // stride - goal_row, to % stride - goal_col)
-                heappush(queue, (left, to))
+            if moves >> move & 1 == 0:
+                continue
+            row, col = cell // stride + _ROWS[move], cell % stride + _COLS[move]
+            at = place(stride, row, col)
+            if words[at] == 0:
+                words[at] = move + 1
+                left = to_go(heuristic, row - goal_row, col - goal_col)
+                heappush(queue, (left, row * stride + col))
     return expansions

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Int32, Int64, UInt8, UInt64
 
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.astar import BUCKET, CLOSED, FAR
+from omnidrive.planning.search.astar import BUCKET, FAR
 from omnidrive.planning.search.board import BitBoard
 from omnidrive.planning.search.bucket_queue import (
     bucket_queue,
@@ -22,6 +22,8 @@ from omnidrive.planning.search.machine import int64, uint32
 from omnidrive.planning.search.moves import BEGIN, surroundings
 
 Array = np.ndarray
+
+_CLOSED = 16  # mark of a node whose moves were tried
 
 
 def jump_point(  # noqa: PLR0917
@@ -91,9 +93,9 @@ def _reach(  # noqa: PLR0917
         node = pop(queue, ring, bucket)
         waiting -= 1
         cell, so_far, way = nodes[node, 0], nodes[node, 1], nodes[node, 3]
-        if way & CLOSED or so_far >= best:
+        if way & _CLOSED or so_far >= best:
             continue
-        nodes[node, 3] = way | CLOSED
+        nodes[node, 3] = way | _CLOSED
         expansions += 1
         moves = int64(needed[way, surroundings(bits, stride, cell)])
         reached = jumps(ends, places, bits, stride, cell, last, moves, found)

@@ -29,6 +29,11 @@ class Heuristic(NamedTuple):
     lesser: int
     beeline: bool = False
 
+    @property
+    def is_consistent(self) -> bool:
+        """Whether no move, of eight, brings the goal nearer by more than its length."""
+        return self.greater + self.lesser <= DIAGONAL
+
 
 HeuristicName = Literal["octile", "manhattan", "euclidean", "zero"]
 HEURISTICS: dict[str, Heuristic] = {
