@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnidrive.errors import NoPathFound
-from omnidrive.maps import OccupancyGrid
+from omnidrive.maps import OccupancyGrid, load_map, load_queries
 from omnidrive.planning import GridSearch, search
 from tests.shared_data import shared
 
@@ -14,14 +14,9 @@ MAPS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20-10-2
 
 
 def benchmark(name):
-    """A map with its first row on top, and (start, goal, length) of every query."""
-    lines = shared(f"maps/movingai/{name}.map").read_text().split("\n")[4:]
-    occupied = np.array([[c not in ".G" for c in line] for line in lines if line])
-    queries = []
-    for line in shared(f"maps/movingai/{name}.map.scen").read_text().splitlines()[1:]:
-        x0, y0, x1, y1 = map(int, line.split()[4:8])
-        queries.append(((y0, x0), (y1, x1), float(line.split()[8])))
-    return OccupancyGrid(occupied, 1.0), queries
+    """A map and its queries."""
+    grid = load_map(shared(f"maps/movingai/{name}.map"))
+    return grid, load_queries(shared(f"maps/movingai/{name}.map.scen"), grid)
 
 
 @pytest.mark.parametrize("method", ["astar", "jump-point"])
