@@ -151,10 +151,14 @@ def _fill_ends(words: UInt64[Array, " words"], width: int, ends: UInt64[Array, "
     one (without cutting corners: Harabor & Grastien 2014, "Improving jump point search").
     """
     ends[:] = _ALL
-    for i in range(width, len(words) - width):
-        ends[i] = words[i]
-        for beside in (i - width, i + width):
-            ends[i] |= (words[beside] << _ONE | words[beside - 1] >> _LAST) & ~words[beside]
+    count = len(words) - 2 * width - 1  # without the first word of a row, which is border
+    here, out = words[width + 1 :], ends[width + 1 :]
+    over, over_before = words[1:], words
+    under, under_before = words[2 * width + 1 :], words[2 * width :]
+    for i in range(count):  # with plain places, several words at once
+        above = (over[i] << _ONE | over_before[i] >> _LAST) & ~over[i]
+        below = (under[i] << _ONE | under_before[i] >> _LAST) & ~under[i]
+        out[i] = here[i] | above | below
 
 
 @compiled
