@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from operator import index
 from time import perf_counter
 from typing import Literal
@@ -116,10 +116,11 @@ class GridSearch:
         heuristic: str | None = None,
     ) -> SearchResult:
         """As :func:`search`; for arguments and errors, see there."""
-        began = perf_counter()
         run = _METHODS.get(method)
         if run is None:
             raise InvalidInput(f"there is no search method {method!r}; choose {_list(_METHODS)}")
+        _load(method)
+        began = perf_counter()
         first, last = self._number("start", start), self._number("goal", goal)
         numbers, expansions = run(self, first, last, self._heuristic(method, heuristic))
         if len(numbers) == 0:
@@ -213,6 +214,14 @@ _METHODS: dict[str, Callable[[GridSearch, int, int, Heuristic], Found]] = {
     "lazy-theta": _lazy_theta,
     "greedy": _greedy,
 }
+
+
+@cache
+def _load(method: str) -> None:
+    """Compile or load a method's kernels, so that no search's time is that of the compiler."""
+    tiny = GridSearch(OccupancyGrid(np.zeros((1, 2), bool), 1.0))
+    first, last = tiny._board.number((0, 0)), tiny._board.number((0, 1))
+    _METHODS[method](tiny, first, last, HEURISTICS["octile"])
 
 
 def _list(names: Iterable[str]) -> str:
