@@ -251,3 +251,35 @@ def test_twists_are_checked_as_well():
 def test_what_cannot_be_sampled_is_refused(duration, dt, message):
     with pytest.raises(InvalidReference, match=message):
         SampledReference.of(Hold(Pose(0, 0, 0), duration), dt)
+
+
+def spinning(rate, duration=6.0):
+    """On the spot at an even rate of turn, in rad/s."""
+    return SampledReference(
+        np.array([0.0, duration]),
+        np.array([[0.0, 0.0, 0.0], [0.0, 0.0, rate * duration]]),
+        np.array([[0.0, 0.0, rate]] * 2),
+        unwrapped=True,
+    )
+
+
+@pytest.mark.parametrize("rate", [4.0, -7.0, 2 * np.pi])
+def test_samples_of_a_reference_turn_as_far_as_it_does(rate):
+    """Also where it turns by more than half a turn from one sample to the next."""
+    fast = spinning(rate)
+    samples = SampledReference.of(fast, 1.0)
+    assert np.diff(samples.poses[:, 2]) == pytest.approx(np.full(6, rate))
+    for t in np.linspace(0.0, 6.0, 25):
+        assert samples.at(t).pose == pytest.approx(fast.at(t).pose, abs=1e-9)
+        assert samples.at(t).twist == pytest.approx(fast.at(t).twist, abs=1e-9)
+
+
+def test_a_reference_turns_the_short_way_unless_it_is_told():
+    times, poses, twists = (
+        np.array([0.0, 1.0]),
+        np.array([[0, 0, 3.0], [0, 0, -3.0]]),
+        np.zeros((2, 3)),
+    )
+    short = SampledReference(times, poses, twists)
+    assert short.poses[1, 2] == pytest.approx(2 * np.pi - 3.0)
+    assert SampledReference(times, poses, twists, unwrapped=True).poses[1, 2] == -3.0

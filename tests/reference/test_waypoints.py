@@ -1,6 +1,7 @@
 """Waypoint files: round trips, and what each format's fields mean."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -37,6 +38,57 @@ def same(a, b):
 
 
 # ---- all formats ----
+
+
+def fast_turn():
+    """3 rad/s for 6 s, and on the way 2 m ahead."""
+    return SampledReference(
+        np.array([0.0, 6.0]),
+        np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 18.0]]),
+        np.array([[1 / 3, 0.0, 3.0]] * 2),
+        unwrapped=True,
+    )
+
+
+@pytest.mark.parametrize("ending", [".csv", ".traj", ".yaml", ".path"])
+@pytest.mark.parametrize("dt", [2.0, None])
+def test_a_step_that_would_lose_a_turn_is_refused_with_one_that_does_not(tmp_path, ending, dt):
+    """A file's reader turns the short way from one waypoint to the next."""
+    file = tmp_path / f"spin{ending}"
+    with pytest.raises(InvalidReference, match="more than half a turn between samples") as refusal:
+        save_waypoints(file, fast_turn(), dt=dt)
+    assert not file.exists()
+    step = float(re.search(r"a step of (\S+) s is short enough", str(refusal.value))[1])
+    save_waypoints(file, fast_turn(), dt=step)
+    again = load_waypoints(file)
+    assert abs(again.poses[-1, 2] - again.poses[0, 2]) == pytest.approx(18.0, abs=0.05)
+
+
+def test_a_path_that_would_lose_a_turn_is_refused(tmp_path):
+    path = Path(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [2.0, 0.0, 5.0]]))
+    with pytest.raises(InvalidReference, match=r"turns by 4.000 rad from pose 1 to pose 2"):
+        save_waypoints(tmp_path / "a.csv", path)
+
+
+def test_a_motion_that_turns_without_end_is_refused(tmp_path):
+    wild = SampledReference(
+        np.array([0.0, 1.0]),
+        np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e7]]),
+        np.array([[0.0, 0.0, 1e7]] * 2),
+        unwrapped=True,
+    )
+    with pytest.raises(InvalidReference, match="100,000 samples cannot tell"):
+        save_waypoints(tmp_path / "a.csv", wild)
+
+
+@pytest.mark.parametrize("turn", [4.0, -6.0, 12.0])
+def test_pathplanner_turns_as_far_as_the_path(tmp_path, turn):
+    """Eased as PathPlanner itself eases: the headings at the ends alone would say so."""
+    share = np.linspace(0.0, 1.0, 200)
+    yaw = turn * 0.5 * (1.0 - np.cos(np.pi * share))
+    save_waypoints(tmp_path / "a.path", Path(np.column_stack([3 * share, 0 * share, yaw])))
+    again = load_waypoints(tmp_path / "a.path").poses
+    assert again[-1, 2] - again[0, 2] == pytest.approx(turn, abs=1e-6)
 
 
 @pytest.mark.parametrize("ending", [".csv", ".traj"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,7 @@ class SampledReference:
         poses: Poses of B in W; x and y in m, yaw in rad. From one sample to the next the robot
             turns the short way: the yaw is kept unwrapped.
         twists: Velocities at the samples, in W; m/s, m/s, rad/s.
+        unwrapped: The yaw is as far as the robot turns already, also if that is the long way.
 
     Raises:
         InvalidReference: Fewer than two samples, shapes that disagree, times that do not grow, or
@@ -42,9 +43,12 @@ class SampledReference:
     times: Float[Array, " samples"]
     poses: Float[Array, "samples 3"]
     twists: Float[Array, "samples 3"]
+    unwrapped: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, unwrapped: bool) -> None:
         times, poses = _checked(self.times, self.poses)
+        if not unwrapped:
+            poses = _unwrapped(poses)
         twists = _numbers("twists", self.twists, poses.shape)
         for name, value in (("times", times), ("poses", poses), ("twists", twists)):
             object.__setattr__(self, name, value)
@@ -68,12 +72,15 @@ class SampledReference:
             InvalidReference: As for the class.
         """
         times, poses = _checked(times, poses)
+        poses = _unwrapped(poses)
         spline = CubicSpline(times, poses, bc_type="clamped")
         return cls(times, poses, spline(times, 1))
 
     @classmethod
     def of(cls, reference: Reference, dt: float) -> SampledReference:
         """Samples of another reference, evenly spaced by about ``dt`` s from its start to its end.
+
+        They turn as the other does, also where that is more than half a turn from one to the next.
 
         Raises:
             InvalidReference: ``dt`` is not a positive number, or the reference has no duration.
@@ -93,7 +100,7 @@ class SampledReference:
         window = reference.window(0.0, int(steps) + 1, duration / int(steps))
         end = reference.at(duration)  # the window's last row may have rounded past it
         window[-1] = *end.pose, *end.twist
-        return cls(times, window[:, :3], window[:, 3:])
+        return cls(times, window[:, :3], window[:, 3:], unwrapped=True)
 
     @property
     def duration(self) -> float:
@@ -129,7 +136,7 @@ def first_step_back(times: Float[Array, " samples"]) -> int | None:
 def _checked(
     times: Float[Array, " samples"], poses: Float[Array, "samples 3"]
 ) -> tuple[Float[Array, " samples"], Float[Array, "samples 3"]]:
-    """Times from zero and poses with the yaw unwrapped, or a refusal."""
+    """Times from zero and poses, or a refusal."""
     count = len(times)
     if count < 2:
         raise InvalidReference(f"a reference needs at least two samples, got {count}")
@@ -141,7 +148,12 @@ def _checked(
             f"times must grow by at least {SHORTEST_STEP:g} s: sample {i} is at {times[i]:.9g} s, "
             f"the one before it at {times[i - 1]:.9g} s"
         )
-    return times - times[0], np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+    return times - times[0], poses
+
+
+def _unwrapped(poses: Float[Array, "samples 3"]) -> Float[Array, "samples 3"]:
+    """Poses that turn the short way from one to the next."""
+    return np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
 
 
 def _numbers(name: str, values: Array, shape: tuple[int, ...]) -> Array:

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.planning import Path
+from omnidrive.planning.polyline import travelled
 from omnidrive.reference.sampled import MOST_SAMPLES
 from omnidrive.reference.waypoints.bezier import Chain, even_parameters, fit, points_at
 from omnidrive.reference.waypoints.field import Field, read_json
@@ -73,7 +74,7 @@ def read_pathplanner(file: pathlib.Path) -> Path:
     if len(points) < 2:
         raise root["waypoints"].refusal("are all at one place; move one of them")
     _point_towards(root, parameters, points, targets)
-    yaw = _eased(_travelled(points), np.interp(sorted(targets), parameters, _travelled(points)),
+    yaw = _eased(travelled(points), np.interp(sorted(targets), parameters, travelled(points)),
                  np.unwrap([targets[at] for at in sorted(targets)]))  # fmt: skip
     return untimed(root.file, lambda i: f"sample {i}", np.column_stack([points, yaw]))
 
@@ -153,10 +154,6 @@ def _spacing(length: float) -> float:
     return max(_SPACING, length / _STEPS)
 
 
-def _travelled(points: Float[Array, "n 2"]) -> Float[Array, " n"]:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-
-
 def _eased(
     s: Float[Array, " n"], at: Float[Array, " targets"], yaw: Float[Array, " targets"]
 ) -> Float[Array, " n"]:
@@ -196,15 +193,19 @@ def _dense(poses: Float[Array, "n 3"]) -> Float[Array, "dense 3"]:
 
 
 def _turns(s: Float[Array, " n"], yaw: Float[Array, " n"]) -> list[int]:
-    """Which headings PathPlanner must be told to have every one within 0.01 rad, the ends too."""
+    """Which headings PathPlanner must be told to have every one within 0.01 rad, the ends too.
+
+    From one to the next it turns the short way, so that they are less than half a turn apart.
+    """
     needed, waiting = {0, len(s) - 1}, [(0, len(s) - 1)]
     while waiting:
         a, b = waiting.pop()
         if b - a < 2:
             continue
         miss = np.abs(_eased(s[a + 1 : b], s[[a, b]], yaw[[a, b]]) - yaw[a + 1 : b])
-        if miss.max() > _TURN_TOLERANCE:
-            worst = a + 1 + int(np.argmax(miss))
+        far = abs(yaw[b] - yaw[a]) >= 0.99 * np.pi
+        if far or miss.max() > _TURN_TOLERANCE:
+            worst = (a + b) // 2 if far else a + 1 + int(np.argmax(miss))
             needed.add(worst)
             waiting += [(a, worst), (worst, b)]
     return sorted(needed)
@@ -215,7 +216,7 @@ def _document(
 ) -> dict[str, Any]:
     """The file's content; ``speeds`` are those at the ends, in m/s."""
     points = points_at(chain.controls, chain.parameters)
-    turns = _turns(_travelled(points), yaw)
+    turns = _turns(travelled(points), yaw)
     return {
         "version": _VERSION,
         "waypoints": _waypoints(chain.controls.tolist()),

@@ -6,6 +6,8 @@ import pathlib
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
 from omnidrive.reference.reference import Reference
@@ -68,7 +70,8 @@ def save_waypoints(
         frame_id: Name of W, for ROS.
 
     Raises:
-        InvalidReference: The format cannot hold the waypoints, or their name has another ending.
+        InvalidReference: The format cannot hold the waypoints, their name has another ending, or
+            two neighbours are more than half a turn apart: a file's reader turns the short way.
         CannotWrite: The file cannot be written.
     """
     file = pathlib.Path(path)
@@ -76,18 +79,58 @@ def save_waypoints(
     if isinstance(waypoints, Path):
         if dt is not None:
             raise InvalidReference("a path has no times: leave dt out, or make a reference of it")
+        _check_turns(waypoints)
         waypoints = untimed("the path", lambda i: f"pose {i}", waypoints.poses)
     elif not isinstance(waypoints, Reference):
         raise InvalidReference(
             f"cannot save a {type(waypoints).__name__} as waypoints, only a Path or a Reference"
         )
     elif dt is not None or not isinstance(waypoints, SampledReference):
-        waypoints = SampledReference.of(waypoints, _USUAL_STEP if dt is None else dt)
+        step = _USUAL_STEP if dt is None else dt
+        waypoints = _turning_short(waypoints, SampledReference.of(waypoints, step), step)
     elif len(waypoints.times) > MOST_SAMPLES:
         raise InvalidReference(
             f"{len(waypoints.times):,} samples are more than {MOST_SAMPLES:,}; choose a dt"
         )
+    else:
+        longest = float(np.diff(waypoints.times).max())
+        waypoints = _turning_short(waypoints, waypoints, longest)
     write(file, waypoints, frame_id)
+
+
+def _turns_short(waypoints: Waypoints) -> bool:
+    """Whether no two neighbours are more than half a turn apart, so that unwrapping keeps them."""
+    return bool((np.abs(np.diff(waypoints.poses[:, 2])) <= np.pi).all())
+
+
+def _check_turns(path: Path) -> None:
+    """Refuse a path that a file's reader would turn the other way."""
+    turns = np.abs(np.diff(path.poses[:, 2]))
+    if _turns_short(path):
+        return
+    i = int(np.argmax(turns))
+    raise InvalidReference(
+        f"the path turns by {turns[i]:.3f} rad from pose {i} to pose {i + 1}, which a file would "
+        "turn back to less than half a turn: unwrap its yaw, or add poses in between"
+    )
+
+
+def _turning_short(reference: Reference, samples: SampledReference, dt: float) -> SampledReference:
+    """The samples, ``dt`` s apart, unless a file's reader would turn some the other way."""
+    if _turns_short(samples):
+        return samples
+    finer, step = samples, dt
+    while not _turns_short(finer):
+        step = float(f"{0.5 * step:.2g}")
+        if reference.duration > step * MOST_SAMPLES:
+            raise InvalidReference(
+                f"the motion turns so often that {MOST_SAMPLES:,} samples cannot tell how far"
+            )
+        finer = SampledReference.of(reference, step)
+    raise InvalidReference(
+        f"the motion turns by more than half a turn between samples {dt:g} s apart, which a file "
+        f"would lose; a step of {step:g} s is short enough: choose it as dt"
+    )
 
 
 def _format(file: pathlib.Path) -> _Format:
