@@ -1,6 +1,7 @@
 """Minimum time: corridor, free headings, and the figures on the paper's map."""
 
 import sys
+from importlib import import_module
 from math import inf
 
 import numpy as np
@@ -11,9 +12,13 @@ from omnidrive.maps import OccupancyGrid, paper_map
 from omnidrive.planning import PathOptions, Place, SplinePath, plan
 from omnidrive.reference import Corridor, MotionLimits, minimum_time, time_within_limits
 from omnidrive.reference.free_heading import free_heading
+from omnidrive.reference.heading_guess import with_end_headings
 from omnidrive.reference.limits import limit_rows
+from omnidrive.reference.transcription import Optimised, Transcription
 from omnidrive.robot import Chassis
 from tests.reference.courses import CROSS, FOUR, straight, turning, wandering, worst_shares
+
+MODULE = import_module("omnidrive.reference.minimum_time")  # the package names the function so
 
 ALPHA = 25.0
 LIMITS = MotionLimits(wheel_acceleration=ALPHA)
@@ -47,7 +52,7 @@ def test_the_papers_map(papers_path, papers_minimum):
 def test_the_minimum_keeps_the_limits(papers_minimum):
     reference = papers_minimum.reference
     assert max(worst_shares(reference, PAPER, 20.0)) <= 1.01
-    assert reference.excess <= 1e-9
+    assert max(reference.limit_usage.values()) <= 1.0 + 1e-9
 
 
 def test_the_minimum_stays_in_its_corridor(papers_minimum):
@@ -57,7 +62,7 @@ def test_the_minimum_stays_in_its_corridor(papers_minimum):
     window = papers_minimum.reference.window(0.0, 20_001, papers_minimum.reference.duration / 2e4)
     assert not any(grid.is_occupied(x, y) for x, y in window[:, :2].tolist())
     left, right, bottom, top = corridor.boxes.T
-    x, y = window[:, :1], window[:, 1:2]
+    x, y, _ = np.hsplit(corridor.from_world(window[:, :3]), 3)
     assert ((left <= x) & (x <= right) & (bottom <= y) & (y <= top)).any(axis=1).all()
 
 
@@ -89,7 +94,6 @@ def test_never_slower_than_the_start_path():
     path = plan(grid, *ends, inflation=0.0, options=PathOptions(smooth="spline")).spline
     found = minimum_time(path, FOUR, LIMITS, grid)
     start = time_within_limits(path, FOUR, LIMITS)
-    assert found.start_duration == pytest.approx(start.duration)
     assert found.reference.duration <= start.duration
 
 
@@ -100,7 +104,81 @@ def test_falls_back_where_the_path_is_not_free(papers_path):
     assert found.status == "fallback"
     assert found.path is papers_path
     assert "no corridor" in found.message
-    assert found.reference.duration == found.start_duration
+    start = time_within_limits(papers_path, PAPER, PAPER_LIMITS)
+    assert found.reference.duration == start.duration
+
+
+def ends_of(reference):
+    return [reference.at(t).pose.yaw for t in (0.0, reference.duration)]
+
+
+@pytest.mark.parametrize("grid", [np.ones((90, 90), bool), np.zeros((90, 90), bool)])
+def test_end_headings_are_kept_where_nothing_is_faster(grid, monkeypatch):
+    """Without a corridor, and with one whose best motion is said to be slow."""
+    path, asked = straight(4.0, yaw=0.3), (1.0, -2.5)
+    bent = with_end_headings(path, *asked)
+    slow = time_within_limits(bent, FOUR, LIMITS).slowed(1e3)
+    monkeypatch.setattr(
+        MODULE,
+        "optimised",
+        lambda guesses, *_: Optimised(slow, guesses[0].path, "guess"),
+    )
+    monkeypatch.setattr(MODULE, "_GAIN", 0.9)
+    free = OccupancyGrid(grid, 0.1, (-2.0, -2.0))
+    found = minimum_time(path, FOUR, LIMITS, free, start_yaw=asked[0], goal_yaw=asked[1])
+    assert found.status == "fallback"
+    assert np.cos(np.array(ends_of(found.reference)) - asked) == pytest.approx([1.0, 1.0])
+    assert found.path.control_points[:, :2] == pytest.approx(path.control_points[:, :2])
+    assert max(worst_shares(found.reference, FOUR, ALPHA)) <= 1.01
+
+
+def test_what_is_not_faster_is_a_fallback(monkeypatch):
+    """One of the solver's guesses is the start path: as fast, but nothing was gained."""
+    path, free = straight(4.0), OccupancyGrid(np.zeros((90, 90), bool), 0.1, (-2.0, -2.0))
+    start = time_within_limits(path, FOUR, LIMITS)
+    monkeypatch.setattr(Corridor, "contains", lambda *_: True)
+    for source in ("guess", "converged", "capped"):
+        monkeypatch.setattr(
+            MODULE,
+            "optimised",
+            lambda *_, source=source: Optimised(
+                start, SplinePath(np.add(path.control_points, [2.0, 2.0, 0.0])), source
+            ),
+        )
+        found = minimum_time(path, FOUR, LIMITS, free)
+        assert found.status == "fallback"
+        assert "instead of" not in found.message
+
+
+def test_the_status_says_where_the_motion_comes_from(monkeypatch):
+    """Here the headings of the start path are poor, and those of a guess are not."""
+    points = straight(4.0).control_points
+    points[:, 2] = 3.0 * np.sin(np.arange(len(points)))
+    free = OccupancyGrid(np.zeros((90, 90), bool), 0.1, (-2.0, -2.0))
+    monkeypatch.setattr(
+        Transcription, "solve", lambda _self, guess, _timed: (guess.path, False)
+    )  # goes nowhere
+    found = minimum_time(SplinePath(points), FOUR, LIMITS, free)
+    assert found.status == "guess"
+    assert found.reference.duration < time_within_limits(SplinePath(points), FOUR, LIMITS).duration
+
+
+def test_what_leaves_the_corridor_is_not_returned(monkeypatch):
+    """Whatever an optimiser says: what is not in free boxes falls back."""
+    path = straight(4.0)
+    free = OccupancyGrid(np.zeros((90, 90), bool), 0.1, (-2.0, -2.0))
+    start = time_within_limits(path, FOUR, LIMITS)
+
+    def astray(guesses, *_):
+        points = guesses[0].path.control_points.copy()
+        points[20, 1] = 50.0
+        return Optimised(start, SplinePath(points), "converged")
+
+    monkeypatch.setattr(MODULE, "optimised", astray)
+    found = minimum_time(path, FOUR, LIMITS, free)
+    assert found.status == "fallback"
+    assert "leaves the corridor" in found.message
+    assert found.path is path
 
 
 def test_turning_on_the_spot_is_left_as_it_is():
@@ -155,9 +233,19 @@ def test_without_casadi_the_message_says_what_to_do(papers_path, monkeypatch):
         time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="free")
 
 
-def test_boxes_of_a_corridor_are_free_and_overlap():
+@pytest.mark.parametrize(("start", "goal"), [(1.0, None), (None, -2.0), (0.5, 3.0)])
+def test_free_headings_end_as_asked(start, goal):
+    reference = time_within_limits(
+        wandering(1), FOUR, LIMITS, heading="free", start_yaw=start, goal_yaw=goal
+    )
+    for own, asked in zip(ends_of(reference), (start, goal), strict=True):
+        assert asked is None or np.cos(own - asked) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6, -2.0])
+def test_boxes_of_a_corridor_are_free_and_overlap(yaw):
     rng = np.random.default_rng(4)
-    grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1, (-1.0, 2.0))
+    grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1, (-1.0, 2.0), yaw=yaw)
     grid.occupied[[1, 58], [1, 58]] = False
     way = plan(
         grid, Place(*grid.centre(1, 1)), Place(*grid.centre(58, 58)), inflation=0.0,
@@ -166,12 +254,37 @@ def test_boxes_of_a_corridor_are_free_and_overlap():
     corridor = Corridor.along(way.poses[:, :2], grid)
     for left, right, bottom, top in corridor.boxes.tolist():
         x, y = np.meshgrid(np.linspace(left, right, 60), np.linspace(bottom, top, 60))
-        assert not any(map(grid.is_occupied, x.ravel().tolist(), y.ravel().tolist()))
+        inside = np.column_stack([x.ravel(), y.ravel(), 0.0 * x.ravel()])
+        inside[:, :2] += 1e-6 * np.sign(
+            [0.5 * (left + right), 0.5 * (bottom + top)] - inside[:, :2]
+        )
+        assert not grid.occupied_at(corridor.to_world(inside)[:, :2]).any()
     a, b = corridor.boxes[:-1], corridor.boxes[1:]
     assert (np.minimum(a[:, [1, 3]], b[:, [1, 3]]) > np.maximum(a[:, [0, 2]], b[:, [0, 2]])).all()
     assert (np.diff(corridor.ends) > 0.0).all()
     low, high = corridor.bounds(corridor.pieces(48))
     assert (low < high).all()
+
+
+def test_a_turned_map_gives_the_turned_motion():
+    """Round an obstacle, on the map as it is and on the map turned about its origin."""
+    occupied = np.zeros((40, 60), bool)
+    occupied[:26, 28:32] = True
+    cells = np.array([[10, 10], [20, 16], [30, 24], [32, 30], [30, 36], [20, 44], [10, 50]])
+    found = []
+    for yaw in (0.0, 0.7):
+        grid = OccupancyGrid(occupied, 0.1, (1.0, -2.0), yaw=yaw)
+        points = np.column_stack([grid.centres(cells), np.full(len(cells), 0.2 + yaw)])
+        path = SplinePath(points)
+        assert path.clearance(grid)[0] > 0.0
+        best = minimum_time(path, FOUR, LIMITS, grid, start_yaw=0.2 + yaw, goal_yaw=1.0 + yaw)
+        assert best.status == "converged"
+        assert best.path.clearance(grid)[0] >= 0.0
+        found.append(best)
+    level, turned = found
+    assert turned.reference.duration == pytest.approx(level.reference.duration, rel=1e-2)
+    assert np.cos(ends_of(turned.reference)[0] - 0.9) == pytest.approx(1.0)
+    assert np.cos(ends_of(turned.reference)[1] - 1.7) == pytest.approx(1.0)
 
 
 def test_a_corridor_needs_a_free_way():
@@ -191,22 +304,24 @@ def test_a_spline_outside_its_boxes_is_noticed():
     pieces = corridor.pieces(5)
     path = SplinePath(np.column_stack([np.linspace(1.5, 8.5, 8), np.full(8, 5.5), np.zeros(8)]))
     assert corridor.contains(path.control_points, pieces)
-    path.control_points[3, 1] = 10.5
+    path.control_points[3, 1] = 10.5  # a row of cells above the grid's last
     assert not corridor.contains(path.control_points, pieces)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(8))
-def test_no_minimum_enters_an_obstacle(seed):
+@pytest.mark.parametrize(
+    ("seed", "yaw"), [*((seed, 0.0) for seed in range(8)), (1, 0.05), (2, 1.0), (3, -2.5)]
+)
+def test_no_minimum_enters_an_obstacle(seed, yaw):
     """Over random maps: in free cells, within the limits, never slower than the start path."""
     rng = np.random.default_rng(seed)
-    grid = OccupancyGrid(rng.random((50, 50)) < 0.12, 0.2)
+    grid = OccupancyGrid(rng.random((50, 50)) < 0.12, 0.2, yaw=yaw)
     grid.occupied[[2, 46], [3, 45]] = False
     ends = [Place(*grid.centre(2, 3)), Place(*grid.centre(46, 45))]
     path = plan(grid, *ends, inflation=0.0, options=PathOptions(smooth="spline")).spline
     found = minimum_time(path, FOUR, LIMITS, grid)
     assert found.status != "fallback"
-    assert found.reference.duration <= found.start_duration
+    assert found.reference.duration < time_within_limits(path, FOUR, LIMITS).duration
     assert max(worst_shares(found.reference, FOUR, ALPHA)) <= 1.01
     window = found.reference.window(0.0, 20_001, found.reference.duration / 2e4)
     assert not any(grid.is_occupied(x, y) for x, y in window[:, :2].tolist())

@@ -9,24 +9,37 @@ from jaxtyping import Bool, Float, Int
 
 from omnidrive.compiled import compiled
 from omnidrive.errors import NoPathFound
+from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
+from omnidrive.planning.polyline import travelled
+from omnidrive.reference.course import turned_into_body
 
 Array = np.ndarray
 
 _SAMPLES_PER_CELL = 4
 _MAX_SAMPLES = 1_000_000
 
+_INSET = 1e-6
+"""Share of a cell by which control points are kept off a box's sides."""
+
+_ROUNDING = 1e-7
+"""Share of a cell that control points on a side may be outside: they were turned there and back."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Corridor:
-    """Boxes of free cells, each overlapping the next.
+    """Boxes of free cells, each overlapping the next, in the frame of the grid.
 
     Attributes:
-        boxes: left, right, bottom and top of each, in m of W; sides run along W's axes.
+        frame: The grid's origin and heading in W; m, m, rad.
+        resolution: Side of a cell, in m.
+        boxes: left, right, bottom and top of each, in m along the grid's axes from its origin.
         ends: Distance along the way at which each box gives over to the next, in m; the last is
             the way's length.
     """
 
+    frame: Pose
+    resolution: float
     boxes: Float[Array, "boxes 4"]
     ends: Float[Array, " boxes"]
 
@@ -54,7 +67,8 @@ class Corridor:
             start = start + int(np.argmax(outside)) if outside.any() else len(cells)
             boxes.append(box)
             ends.append(float(at[min(start, len(at) - 1)]))
-        return cls(_metres(np.array(boxes), free), np.array(ends))
+        sides = np.array(boxes)[:, [2, 3, 0, 1]] * free.resolution
+        return cls(Pose(*free.origin, free.yaw), free.resolution, sides, np.array(ends))
 
     def pieces(self, count: int) -> Int[Array, " pieces"]:
         """The box of every piece of a spline of about ``count`` pieces, spread evenly over the way.
@@ -65,82 +79,92 @@ class Corridor:
         counts = np.maximum(3, np.ceil(portions * count)).astype(int)
         return np.repeat(np.arange(len(counts)), counts)
 
+    def from_world(self, poses: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+        """Poses in W written in the grid's frame; m, m, rad."""
+        return turned_into_body(poses - np.array(self.frame), self.frame.yaw)
+
+    def to_world(self, poses: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+        """The inverse of :meth:`from_world`."""
+        turned = turned_into_body(poses, -self.frame.yaw)
+        world: Float[Array, "n 3"] = turned + np.array(self.frame)
+        return world
+
     def contains(
         self, control_points: Float[Array, "points 3"], pieces: Int[Array, " pieces"]
     ) -> bool:
-        """Whether each piece of a cubic B-spline has its four control points in one box.
+        """Whether each piece of a cubic B-spline in W has its four control points in one box.
 
         Then the whole piece lies in it: it stays in their convex hull. ``pieces`` says in which.
+        A ten-millionth of a cell counts as rounding.
         """
-        low, high = self.bounds(pieces)
-        xy = control_points[:, :2]
+        low, high = self._sides(pieces, -_ROUNDING)
+        xy = self.from_world(control_points)[:, :2]
         return bool(((low <= xy) & (xy <= high)).all())
 
     def bounds(
         self, pieces: Int[Array, " pieces"]
     ) -> tuple[Float[Array, "points 2"], Float[Array, "points 2"]]:
-        """Least and greatest x and y of control points, for the box of each piece of a spline.
+        """Least and greatest x and y of control points, in the grid's frame.
 
-        Control point i shapes pieces i - 3 to i, and has to lie in the boxes of all of them.
+        Control point i shapes pieces i - 3 to i, and has to lie in the boxes of all of them, a
+        millionth of a cell inside: rounding stays there.
         """
+        return self._sides(pieces, _INSET)
+
+    def _sides(
+        self, pieces: Int[Array, " pieces"], inset: float
+    ) -> tuple[Float[Array, "points 2"], Float[Array, "points 2"]]:
+        """Bounds of control points, ``inset`` of a cell within the boxes."""
         points = len(pieces) + 3
         low, high = np.full((points, 2), -np.inf), np.full((points, 2), np.inf)
+        boxes = self.boxes[pieces]
         for k in range(4):
             part = slice(k, k + len(pieces))
-            low[part] = np.maximum(low[part], self.boxes[pieces][:, [0, 2]])
-            high[part] = np.minimum(high[part], self.boxes[pieces][:, [1, 3]])
-        return low, high
+            low[part] = np.maximum(low[part], boxes[:, [0, 2]])
+            high[part] = np.minimum(high[part], boxes[:, [1, 3]])
+        return low + inset * self.resolution, high - inset * self.resolution
 
 
 def _sampled(
     points: Float[Array, "points 2"], free: OccupancyGrid
 ) -> tuple[Float[Array, " samples"], Int[Array, "samples 2"]]:
     """Distances along the polyline, in m, and the cells there; a quarter of a cell apart."""
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    count = 2 + int(_SAMPLES_PER_CELL * travelled[-1] / free.resolution)
+    distance = travelled(points)
+    count = 2 + int(_SAMPLES_PER_CELL * distance[-1] / free.resolution)
     if count > _MAX_SAMPLES:
-        raise NoPathFound(f"the way is {travelled[-1]:.0f} m long, too long to build a corridor")
-    at = np.linspace(0.0, travelled[-1], count)
-    xy = np.stack([np.interp(at, travelled, column) for column in points.T], axis=1)
-    cells = np.floor((xy - free.origin) / free.resolution).astype(np.int64)[:, ::-1]
-    return at, np.ascontiguousarray(cells)
+        raise NoPathFound(f"the way is {distance[-1]:.0f} m long, too long to build a corridor")
+    at = np.linspace(0.0, distance[-1], count)
+    xy = np.stack([np.interp(at, distance, column) for column in points.T], axis=1)
+    return at, free.cells_of(xy)
 
 
 def _inside(cells: Int[Array, "n 2"], box: tuple[int, int, int, int]) -> Bool[Array, " n"]:
-    top, bottom, left, right = box
+    first, last, left, right = box
     row, col = cells.T
-    inside: Bool[Array, " n"] = (top <= row) & (row < bottom) & (left <= col) & (col < right)
+    inside: Bool[Array, " n"] = (first <= row) & (row < last) & (left <= col) & (col < right)
     return inside
-
-
-def _metres(boxes: Int[Array, "boxes 4"], free: OccupancyGrid) -> Float[Array, "boxes 4"]:
-    """Boxes of cells as boxes in W, a millionth of a cell smaller: rounding stays inside."""
-    rows, cols = boxes[:, :2], boxes[:, 2:]
-    x, y = free.origin
-    sides = np.hstack([x + cols * free.resolution, y + rows * free.resolution])
-    return sides + 1e-6 * free.resolution * np.array([1.0, -1.0, 1.0, -1.0])
 
 
 @compiled
 def _grown(
-    occupied: Bool[Array, "rows cols"], first: Int[Array, " 2"], last: Int[Array, " 2"]
+    occupied: Bool[Array, "rows cols"], low: Int[Array, " 2"], high: Int[Array, " 2"]
 ) -> tuple[int, int, int, int]:
-    """Rows and columns [top, bottom) and [left, right); nothing if the seed is not free."""
+    """Rows [first, last) and columns [left, right); nothing if the seed is not free."""
     rows, cols = occupied.shape
-    top, left, bottom, right = first[0], first[1], last[0], last[1]
-    if top < 0 or left < 0 or bottom > rows or right > cols:
+    first, left, last, right = low[0], low[1], high[0], high[1]
+    if first < 0 or left < 0 or last > rows or right > cols:
         return 0, 0, 0, 0
-    if occupied[top:bottom, left:right].any():
+    if occupied[first:last, left:right].any():
         return 0, 0, 0, 0
     grows = True
     while grows:
         grows = False
-        if top > 0 and not occupied[top - 1, left:right].any():
-            top, grows = top - 1, True
-        if left > 0 and not occupied[top:bottom, left - 1].any():
+        if first > 0 and not occupied[first - 1, left:right].any():
+            first, grows = first - 1, True
+        if left > 0 and not occupied[first:last, left - 1].any():
             left, grows = left - 1, True
-        if bottom < rows and not occupied[bottom, left:right].any():
-            bottom, grows = bottom + 1, True
-        if right < cols and not occupied[top:bottom, right].any():
+        if last < rows and not occupied[last, left:right].any():
+            last, grows = last + 1, True
+        if right < cols and not occupied[first:last, right].any():
             right, grows = right + 1, True
-    return top, bottom, left, right
+    return first, last, left, right

@@ -154,7 +154,9 @@ class Course:
         )
 
 
-def turned_into_body(vectors: Float[Array, "n 3"], yaw: Float[Array, " n"]) -> Float[Array, "n 3"]:
+def turned_into_body(
+    vectors: Float[Array, "n 3"], yaw: float | Float[Array, " n"]
+) -> Float[Array, "n 3"]:
     """Planar vectors (x, y, yaw) of W written in a frame of heading ``yaw``; yaw parts as is."""
     c, s = np.cos(yaw), np.sin(yaw)
     x, y, turn = vectors.T

@@ -43,14 +43,38 @@ def heading_guesses(
     Raises:
         InvalidInput: An end heading is not finite.
     """
-    for name, yaw in (("start", start_yaw), ("goal", goal_yaw)):
-        if yaw is not None and not np.isfinite(yaw):
-            raise InvalidInput(f"the heading at the {name} must be a finite angle, got {yaw:g} rad")
+    check_end_headings(start_yaw, goal_yaw)
     own = path.control_points[:, 2]
     travel = _directions(path)
     side = _fastest_side(limits, travel[0] - (own[0] if start_yaw is None else start_yaw))
     shapes = [own, np.full_like(own, own[0] if start_yaw is None else start_yaw), travel - side]
     return [_held(shape, start_yaw, goal_yaw) for shape in shapes]
+
+
+def with_end_headings(
+    path: SplinePath, start_yaw: float | None, goal_yaw: float | None
+) -> SplinePath:
+    """The path with its own headings bent to those at the ends; as it is where none is given.
+
+    Raises:
+        InvalidInput: An end heading is not finite.
+    """
+    check_end_headings(start_yaw, goal_yaw)
+    if start_yaw is None and goal_yaw is None:
+        return path
+    yaw = _held(path.control_points[:, 2], start_yaw, goal_yaw).yaw
+    return SplinePath(np.column_stack([path.control_points[:, :2], yaw]))
+
+
+def check_end_headings(start_yaw: float | None, goal_yaw: float | None) -> None:
+    """Refuse headings at the ends, in rad, that are no angles; None is none.
+
+    Raises:
+        InvalidInput: One is not finite.
+    """
+    for name, yaw in (("start", start_yaw), ("goal", goal_yaw)):
+        if yaw is not None and not np.isfinite(yaw):
+            raise InvalidInput(f"the heading at the {name} must be a finite angle, got {yaw:g} rad")
 
 
 def _held(

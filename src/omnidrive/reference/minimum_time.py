@@ -11,10 +11,11 @@ from jaxtyping import Float, Int
 from omnidrive.errors import NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
+from omnidrive.planning.polyline import travelled
 from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.course import Course
 from omnidrive.reference.course_timing import time_course
-from omnidrive.reference.heading_guess import heading_guesses
+from omnidrive.reference.heading_guess import heading_guesses, with_end_headings
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.timed import TimedReference
 from omnidrive.reference.transcription import Guess, casadi, optimised
@@ -27,6 +28,9 @@ _PIECES = 48
 
 _MAX_PIECES = 600
 
+_GAIN = 1e-6
+"""Share of the time that a faster motion has to save: less is rounding."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MinimumTime:
@@ -36,19 +40,18 @@ class MinimumTime:
         reference: It.
         path: Its path.
         status: ``converged``: a local optimum of the discretised problem; ``capped``: the solver
-            stopped before, with a faster motion all the same; ``fallback``: nothing faster than
-            the start path was found, which is returned.
+            stopped before, with a faster motion all the same; ``guess``: so is what the solver
+            began with, and it found nothing better; ``fallback``: nothing faster than the start
+            path was found, which is returned.
         message: What happened, in a sentence.
         corridor: Where the path could move; None if there was none.
-        start_duration: Of the fastest motion along the start path with its own headings, in s.
     """
 
     reference: TimedReference
     path: SplinePath
-    status: Literal["converged", "capped", "fallback"]
+    status: Literal["converged", "capped", "guess", "fallback"]
     message: str
     corridor: Corridor | None
-    start_duration: float
 
 
 def minimum_time(
@@ -65,7 +68,8 @@ def minimum_time(
     The corridor is boxes of free cells. Every piece of the new path has its control points in
     one box, so that it cannot leave it. Times are optimised together with the path, then
     computed exactly along it. The result is never slower than :func:`time_within_limits` along
-    ``path`` with its own headings: if nothing faster is found, it is that.
+    the start path, which is ``path`` with its own headings, bent to those given at the ends: if
+    nothing faster is found, it is that.
 
     Args:
         path: A way that stays in free cells.
@@ -73,7 +77,7 @@ def minimum_time(
         limits: All other limits.
         free: Where the robot's centre may be: obstacles inflated by its size.
         start_yaw: Heading at the start, in rad; None leaves it open.
-        goal_yaw: Heading at the goal, in rad; None leaves it open.
+        goal_yaw: Heading at the goal, in rad, modulo whole turns; None leaves it open.
 
     Raises:
         InvalidInput: An end heading is not finite.
@@ -82,6 +86,7 @@ def minimum_time(
     """
     casadi()
     rows = limit_rows(chassis, limits)
+    path = with_end_headings(path, start_yaw, goal_yaw)
     start = time_course(Course.of(path), rows)
     if path.length == 0.0:
         return _fallback(path, start, None, "the path only turns")
@@ -95,23 +100,26 @@ def minimum_time(
             path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
         )
     guesses = _guesses(path, corridor, pieces, rows, (start_yaw, goal_yaw))
-    reference, faster, converged = optimised(guesses, path.length, rows)
-    if reference.duration > start.duration:
+    found = optimised(guesses, path.length, rows)
+    faster = SplinePath(corridor.to_world(found.path.control_points))
+    if not corridor.contains(faster.control_points, pieces):
+        return _fallback(path, start, corridor, "the motion found leaves the corridor")
+    reference = time_course(Course.of(faster), rows)
+    if reference.duration >= start.duration * (1.0 - _GAIN):
         message = f"the best motion in the corridor takes {reference.duration:.3f} s"
         return _fallback(path, start, corridor, message)
     message = (
         f"{reference.duration:.3f} s instead of {start.duration:.3f} s, "
         f"in {len(corridor.boxes)} boxes"
     )
-    status: Literal["converged", "capped"] = "converged" if converged else "capped"
-    return MinimumTime(reference, faster, status, message, corridor, start.duration)
+    return MinimumTime(reference, faster, found.source, message, corridor)
 
 
 def _fallback(
     path: SplinePath, start: TimedReference, corridor: Corridor | None, why: str
 ) -> MinimumTime:
     message = f"the start path at its limits, in {start.duration:.3f} s: {why}"
-    return MinimumTime(start, path, "fallback", message, corridor, start.duration)
+    return MinimumTime(start, path, "fallback", message, corridor)
 
 
 def _fine(path: SplinePath) -> Float[Array, " samples"]:
@@ -126,10 +134,15 @@ def _guesses(
     rows: tuple[LimitRows, ...],
     yaws: tuple[float | None, float | None],
 ) -> list[Guess]:
-    """Splines near the path and in the corridor, with three kinds of headings, and their bounds."""
-    control = _refitted(path, corridor, pieces)
+    """Splines near the path and in the corridor, with three kinds of headings, and their bounds.
+
+    They are in the frame of the corridor's grid; limits are the robot's, so that nothing else
+    changes with it.
+    """
+    control = corridor.from_world(_refitted(path, corridor, pieces))
+    start, goal = (None if yaw is None else yaw - corridor.frame.yaw for yaw in yaws)
     low, high = corridor.bounds(pieces)
-    low[[0, -1]] = high[[0, -1]] = path.control_points[[0, -1], :2]
+    low[[0, -1]] = high[[0, -1]] = control[[0, -1], :2]
     control[:, :2] = np.clip(control[:, :2], low, high)
     return [
         Guess(
@@ -137,7 +150,7 @@ def _guesses(
             np.column_stack([low, guess.low]),
             np.column_stack([high, guess.high]),
         )
-        for guess in heading_guesses(SplinePath(control), rows, *yaws)
+        for guess in heading_guesses(SplinePath(control), rows, start, goal)
     ]
 
 
@@ -148,11 +161,8 @@ def _refitted(
 
     A control point belongs at the mean of its three inner knots (de Boor, ch. XI, Greville sites).
     """
-    u = _fine(path)
-    poses = path.poses(u)
-    travelled = np.concatenate(
-        [[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1))]
-    )
+    poses = path.poses(_fine(path))
+    distance = travelled(poses[:, :2])
     starts = np.concatenate([[0.0], corridor.ends[:-1]])
     counts = np.bincount(pieces)
     knots = np.concatenate(
@@ -166,4 +176,4 @@ def _refitted(
     )
     padded = np.concatenate([[knots[0]] * 2, knots, [knots[-1]] * 2])
     sites = (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
-    return np.stack([np.interp(sites, travelled, column) for column in poses.T], axis=1)
+    return np.stack([np.interp(sites, distance, column) for column in poses.T], axis=1)

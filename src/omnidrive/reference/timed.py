@@ -99,11 +99,6 @@ class TimedReference:
         """Peak share of every limit that the motion uses, between nodes, too; 1 is all of it."""
         return {name: float(shares.max()) for name, shares in self.interval_usage.items()}
 
-    @property
-    def excess(self) -> float:
-        """Worst violation of a limit, as a share of it; 0 if all are kept."""
-        return max(0.0, *(share - 1.0 for share in self.limit_usage.values()))
-
     def slowed(self, duration: float) -> TimedReference:
         """The same motion, all of it slower, in ``duration`` seconds.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from importlib import import_module
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -63,12 +63,13 @@ class Optimised(NamedTuple):
     Attributes:
         reference: The fastest motion along the path.
         path: Its control points are between the guess's bounds.
-        converged: Whether it is a local optimum of the discretised problem.
+        source: ``guess``: it is one of the guesses; ``converged``: a local optimum of the
+            discretised problem; ``capped``: the solver stopped there before it came to one.
     """
 
     reference: TimedReference
     path: SplinePath
-    converged: bool
+    source: Literal["guess", "converged", "capped"]
 
 
 def optimised(guesses: list[Guess], length: float, limits: tuple[LimitRows, ...]) -> Optimised:
@@ -83,15 +84,16 @@ def optimised(guesses: list[Guess], length: float, limits: tuple[LimitRows, ...]
         MissingExtra: CasADi is not installed.
     """
     found = [
-        Optimised(time_course(Course.of(guess.path), limits), guess.path, False)
+        Optimised(time_course(Course.of(guess.path), limits), guess.path, "guess")
         for guess in guesses
     ]
     order = sorted(range(len(guesses)), key=lambda k: found[k].reference.duration)
     transcription = Transcription(len(guesses[0].low), length, limits)
     for k in order[:_STARTS]:
         path, converged = transcription.solve(guesses[k], found[k].reference)
+        source: Literal["converged", "capped"] = "converged" if converged else "capped"
         with suppress(InvalidReference):  # the solver may end anywhere, also where nothing moves
-            found.append(Optimised(time_course(Course.of(path), limits), path, converged))
+            found.append(Optimised(time_course(Course.of(path), limits), path, source))
     return min(found, key=lambda each: each.reference.duration)
 
 

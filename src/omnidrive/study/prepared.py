@@ -131,7 +131,14 @@ def _timed(
             goal_yaw=scenario.goal.yaw,
         )
         return best.path, best.reference, f"{best.status}: {best.message}"
-    reference = time_within_limits(found.spline, chassis, limits, heading=timing.heading)
+    reference = time_within_limits(
+        found.spline,
+        chassis,
+        limits,
+        heading=timing.heading,
+        start_yaw=scenario.start.yaw,
+        goal_yaw=scenario.goal.yaw,
+    )
     return found.spline, reference, ""
 
 
