@@ -1,5 +1,6 @@
 """The fastest motion along a path: analytic cases, laws, bad input."""
 
+import tracemalloc
 from math import inf, nan, pi, sqrt
 
 import numpy as np
@@ -355,10 +356,32 @@ def test_turning_on_the_spot_needs_the_paths_heading(heading):
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-@pytest.mark.parametrize("path", [straight(1e3, points=50_010), turning(1e6)])
-def test_paths_without_bound_are_refused(path, heading):
-    with pytest.raises(InvalidReference, match=r"split it|only turns"):
-        time_within_limits(path, FOUR, LIMITS, heading=heading)
+def test_paths_of_too_many_pieces_are_refused(heading):
+    with pytest.raises(InvalidReference, match=r"250,007 pieces, .* choose timing 'uniform'"):
+        time_within_limits(straight(1e4, points=250_010), FOUR, LIMITS, heading=heading)
+
+
+def test_paths_that_turn_too_often_are_refused():
+    with pytest.raises(InvalidReference, match=r"turns too often .* \(2.000, -1.000\) m"):
+        time_within_limits(turning(1e7), FOUR, LIMITS)
+
+
+@pytest.mark.long
+def test_a_way_of_200_000_cells_is_timed_in_bounded_memory():
+    """As through a maze: straight for 2 to 6 cells, then a right angle."""
+    rng = np.random.default_rng(0)
+    turns = np.cumsum(rng.choice([-1, 1], 60_000)) * 0.5 * pi
+    yaw = np.repeat(turns, rng.integers(2, 7, len(turns)))[:200_000]
+    xy = 0.05 * np.cumsum(np.stack([np.cos(yaw), np.sin(yaw)], axis=1), axis=0)
+    path = SplinePath(np.column_stack([xy, yaw]))
+    tracemalloc.start()
+    reference = time_within_limits(path, FOUR, LIMITS)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 1e9
+    assert max(reference.limit_usage.values()) <= 1.0 + 1e-9
+    few = time_within_limits(SplinePath(path.control_points[:2_000]), FOUR, LIMITS)
+    assert reference.duration < 1.3 * 100 * few.duration  # what coarser pieces may cost
 
 
 def test_a_cusp_has_no_tangent():

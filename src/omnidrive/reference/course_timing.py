@@ -19,7 +19,10 @@ _SHARES = (0.0, 0.5, 1.0)
 """Places on an interval at which limits hold by construction."""
 
 _FIRST_NODES, _MAX_NODES = 400, 20_000
-"""Intervals of the first grid, and of the finest; at least 4 on every piece all the same."""
+"""Intervals of the first grid, and of the finest; at least 4 on every piece all the same, or 2."""
+
+_LONG = 100_000
+"""Pieces beyond which 2 intervals on each have to do: for memory."""
 
 _EXCESS, _GAIN = 1e-3, 1e-3
 """Shares by which limits may be broken before they are tightened, and time be lost to the grid."""
@@ -40,12 +43,15 @@ def time_course(course: Course, limits: tuple[LimitRows, ...]) -> TimedReference
     corner, it is tightened. What is then still broken is taken off by going slower.
     """
     pieces = len(course.pieces)
-    most = max(4, _MAX_NODES // pieces)
+    most = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
     per_piece = min(max(2, -(-_FIRST_NODES // pieces)), most)
-    coarse = _on_grid(course, limits, per_piece)
-    fine = _on_grid(course, limits, min(2 * per_piece, most))
-    gain = abs(coarse.duration / fine.duration - 1.0)
-    per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), most)
+    if 2 * per_piece < most:
+        coarse = _on_grid(course, limits, per_piece)
+        fine = _on_grid(course, limits, 2 * per_piece)
+        gain = abs(coarse.duration / fine.duration - 1.0)
+        per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), most)
+    else:
+        per_piece = most
     tighter = np.ones(per_piece * pieces)
     reference = _on_grid(course, limits, per_piece)
     for _ in range(_TRIES):
@@ -54,7 +60,8 @@ def time_course(course: Course, limits: tuple[LimitRows, ...]) -> TimedReference
             break
         tighter *= np.maximum(demand, 1.0)
         reference = _on_grid(course, limits, per_piece, tighter)
-    return reference.slowed(reference.duration * max(1.0, float(_demand(reference).max()) ** 0.5))
+    demand = _demand(reference).max()
+    return reference.slowed(reference.duration * demand**0.5) if demand > 1.0 else reference
 
 
 def _on_grid(
@@ -72,7 +79,8 @@ def _on_grid(
     scale = np.abs(a).max(axis=1)
     top = 1e6 * float(np.median(2.0 * len(course.pieces) / scale[scale > 0.0]))
     if tighter is not None:
-        a, b = a * tighter[:, None], b * tighter[:, None]
+        a *= tighter[:, None]
+        b *= tighter[:, None]
     ends = top if still[0] else 0.0, top if still[1] else 0.0
     x = fastest(a, b, 1.0 / per_piece, top, ends)
     reference = TimedReference(course, limits, x)

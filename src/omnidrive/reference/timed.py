@@ -125,8 +125,8 @@ def _shares(
         vectors = slopes * np.sqrt(x)
     else:
         vectors = slopes * u + (rates if group.kind == "twist rate" else bends) * x
-    values = vectors @ group.rows.T
+    values = group.rows @ vectors.T  # rows first: long columns are the fast way to reduce
     shares: Float[Array, " n"] = (
-        np.linalg.norm(values, axis=1) if group.round else np.abs(values).max(axis=1)
+        np.linalg.norm(values, axis=0) if group.round else np.abs(values).max(axis=0)
     )
     return shares
