@@ -35,6 +35,7 @@ from omnidrive.maps import Unknown, load_map, load_queries
 from omnidrive.planning import MethodName
 from omnidrive.study import (
     Fact,
+    Prepared,
     plan_at,
     plan_facts,
     planned_duration,
@@ -130,6 +131,11 @@ def plan(
         prepared = plan_at(demand.resolve(retimed=False), speed)
     else:
         prepared = prepare(demand.resolve())
+    _report(prepared, out, png, json)
+
+
+def _report(prepared: Prepared, out: Path | None, png: Path | None, json: bool) -> None:
+    """Print the facts, and write what was asked for."""
     reference = prepared.reference(planned_duration(prepared))
     facts = plan_facts(prepared, reference)
     if json:

@@ -177,6 +177,7 @@ def _price_of_many(group: Repeated) -> tuple[str, ...]:
     results = group.finished.values()
 
     def over(reduce: Callable[[Array], float], values: list[float], decimals: int) -> str:
+        """The values in one number; a dash without any."""
         return _number(float(reduce(np.array(values))) if values else nan, decimals)
 
     metrics = [r.metrics for r in results]
@@ -273,6 +274,7 @@ def rule_table(*, published_rules: bool) -> Table:
     paper, ours = paper_rules(), code_rules() if published_rules else paper_rules()
 
     def cell(consequents: Array) -> str:
+        """Labels of a rule's consequents."""
         return "/".join(LABELS[i] for i in consequents)
 
     rows = []

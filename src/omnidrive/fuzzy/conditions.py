@@ -65,6 +65,7 @@ def _nodes(
     inner: list[tuple[int, list[int]]] = []
 
     def node(condition: Condition) -> tuple[int, list[int]]:
+        """How a condition joins its operands, and their numbers."""
         if isinstance(condition, Is):
             return _AND, operand(condition)
         operands = [each for part in condition.parts for each in operand(part)]

@@ -166,6 +166,7 @@ class Inference:
         edges = np.linspace(0, len(rows), max(1, min(threads, len(rows))) + 1).astype(int).tolist()
 
         def part(begin: int, end: int) -> None:
+            """Infer some of the rows; refuse the first bad one."""
             status, bad = self._rows(rows[begin:end], found[begin:end])
             if status:
                 raise self._refusal(status, rows[begin + bad].tolist(), f"row {begin + bad}: ")

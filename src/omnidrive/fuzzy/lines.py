@@ -100,6 +100,7 @@ def _pieces(
     """Pieces of one output's range, with the lines over each: shape, left and right degree."""
 
     def drawn(at: Float[Array, " points"]) -> Float[Array, "shapes points"]:
+        """The lower, or the upper, function of every shape at these places."""
         pairs = [shape.bounds(at, plane) for shape in shapes]
         return np.array([pair[0 if of_lower else 1] for pair in pairs]).reshape(-1, len(at))
 

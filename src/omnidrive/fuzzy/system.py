@@ -126,6 +126,7 @@ class FuzzySystem:
         outputs = inputs if outputs is None else outputs
 
         def uncertain(each: FuzzySet, footprint: Footprint) -> FuzzySet:
+            """The set with this footprint."""
             return replace(each, lower=footprint, secondary=secondary)
 
         return replace(
@@ -147,6 +148,7 @@ class FuzzySystem:
         """The system of type 2 with the same footprints."""
 
         def plain(sets: Sequence[FuzzySet | LinearFunction]) -> tuple[FuzzySet, ...]:
+            """The sets without secondary membership."""
             return tuple(replace(s, secondary=None) for s in sets if isinstance(s, FuzzySet))
 
         return replace(

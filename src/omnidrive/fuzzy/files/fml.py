@@ -121,6 +121,7 @@ def _rule(number: int, rule: Rule, prefix: str, first: dict[str, str]) -> Iterat
     """Lines of a rule; ``first`` has a set of each input, to stand after the modifier "any"."""
 
     def named(word: str) -> str:
+        """A tag's name as rules of this kind have it."""
         return prefix + word[0].upper() + word[1:] if prefix else word
 
     condition = normalised(rule.condition)
