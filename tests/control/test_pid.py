@@ -38,7 +38,7 @@ from omnidrive.geometry import Pose, to_world, wrap
 from omnidrive.parameter import bounds_of
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
-from omnidrive.simulation import KinematicPlant, simulate
+from omnidrive.simulation import Estimate, KinematicPlant, simulate
 from tests.laws.motions import Circle
 
 DT = 0.1
@@ -323,8 +323,11 @@ class TestRecommended:
         """The heading's reading jumps by a whole turn; nothing else happens."""
 
         class Wrapped:
-            def sense(self, t, pose):
-                return pose._replace(yaw=wrap(pose.yaw))
+            def reset(self, pose):
+                pass
+
+            def sense(self, t, state):
+                return Estimate(state.pose._replace(yaw=wrap(state.pose.yaw)))
 
         start = Circle().at(0.0).pose
         plain = run_on(make(DT), Circle(), start)

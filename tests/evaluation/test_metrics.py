@@ -22,7 +22,10 @@ def log(pose, target, measured=None, command=None):
         twist=zeros,
         work=np.linspace(0.0, 7.0, n),
         step_time=np.append(np.arange(1.0, n), np.nan),
+        position_sigma=np.zeros(n),
+        yaw_sigma=np.zeros(n),
         status=np.zeros(n, np.int64),
+        collisions=np.zeros(n, np.int64),
         outcome=Outcome.FINISHED,
     )
 

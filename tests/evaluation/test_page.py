@@ -14,6 +14,7 @@ from omnidrive.evaluation.page import page_text, write_page
 from omnidrive.evaluation.tables import Table
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome
+from tests.evaluation.cutting import cut
 
 HOSTILE = "</script><script>window.hacked=1</script><img src=x onerror='window.hacked=2'>{{data}}"
 TABLES = (
@@ -384,10 +385,8 @@ def test_hostile_text_stays_text(study, visit):
 @pytest.mark.browser
 def test_a_run_that_stopped_early_says_so(part, visit):
     result = part.tracks[0]
-    names = ("t", "pose", "measured", "target", "command", "twist", "work", "step_time", "status")
-    rows = {name: getattr(result.run, name)[:50] for name in names}
-    cut = replace(result.run, **rows, outcome=Outcome.PLANT_FAILED)
-    page = visit(replace(part, tracks=(replace(result, run=cut), part.tracks[1])))
+    short = cut(result.run, 50, outcome=Outcome.PLANT_FAILED)
+    page = visit(replace(part, tracks=(replace(result, run=short), part.tracks[1])))
     assert "not finite" in page.inner_text("#runs .ended")
     page.locator("#scrub").fill("15")
     settle(page)

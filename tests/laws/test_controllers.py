@@ -21,7 +21,7 @@ from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, simulate
+from omnidrive.simulation import Estimate, KinematicPlant, Outcome, simulate
 from tests.laws.motions import Circle, turned
 
 DT = 0.1
@@ -127,8 +127,11 @@ def test_any_pose_gives_a_finite_command_or_says_that_it_failed(name, x, y, yaw,
 class Blind:
     """A sensor whose readings are lost."""
 
-    def sense(self, t, pose):
-        return Pose(nan, nan, nan) if t > 0.35 else pose
+    def reset(self, pose):
+        pass
+
+    def sense(self, t, state):
+        return Estimate(Pose(nan, nan, nan) if t > 0.35 else state.pose)
 
 
 @every_controller

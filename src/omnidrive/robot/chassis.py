@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidGeometry
 from omnidrive.geometry import BodyTwist
+from omnidrive.robot.mount import Mount
 
 Array = np.ndarray
 
@@ -31,6 +32,29 @@ class Chassis:
         rank = int(np.linalg.matrix_rank(self.jacobian))
         if rank != 3:
             raise InvalidGeometry(rank)
+
+    @classmethod
+    def of_mounts(
+        cls, mounts: Sequence[Mount], *, wheel_radius: float, max_wheel_speed: float
+    ) -> Chassis:
+        """Wheels with passive rollers, each where and how its mount says.
+
+        Without slip, a wheel of radius r, rolling along t, whose rollers touch the floor along p
+        moves its mount by ``p . v = r w (p . t)``, as rollers turn freely across their axes:
+        ``r w_i = (p_x vx + p_y vy + (x p_y - y p_x) yaw_rate) / cos(roller_i)``
+        (Campion, Bastin & d'Andrea-Novel 1996, eq. 8; for omni wheels the paper's eq. 1).
+
+        Args:
+            mounts: Of each wheel.
+            wheel_radius: r, in m.
+            max_wheel_speed: Speed no wheel exceeds, in rad/s.
+        """
+        rows = []
+        for mount in mounts:
+            px, py = mount.push
+            turn = mount.x * py - mount.y * px
+            rows.append(np.array([px, py, turn]) / (wheel_radius * cos(mount.roller)))
+        return cls(np.array(rows), max_wheel_speed)
 
     @classmethod
     def omni(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import pi
+from math import cos, hypot, pi
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.robot.chassis import Chassis
+from omnidrive.robot.mount import Mount, omni_ring
 
 Array = np.ndarray
 
@@ -52,8 +53,7 @@ class Robot:
 
     Attributes:
         name: What scenarios call it.
-        wheel_angles: Bearing of each wheel in B, in rad; axles are radial.
-        arm: Distance from the centre to each wheel's plane, in m.
+        mounts: Where each wheel stands in B, and which way it pushes.
         wheel: The wheels, all alike.
         mass: In total, in kg.
         com_height: Height of the centre of mass above the floor, in m.
@@ -64,13 +64,16 @@ class Robot:
         friction: Coulomb friction coefficient between roller and floor.
         lag: Time constants with which translation and rotation follow commands, in s, as
             :func:`omnidrive.simulation.identify_lag` finds them on physics with rollers.
-        assumed_arm: The arm that the wheel controller believes in, in m; differs from ``arm`` on
-            a miscalibrated robot, whose yaw then comes out at ``assumed_arm / arm`` of the command.
+        assumed_arm: The :attr:`arm` that the wheel controller believes in, in m; where it is not
+            the true one, yaw comes out at ``assumed_arm / arm`` of the command. None: the true one.
+        com: Where the centre of mass is in B, in m.
+        body_inertia: Yaw inertia of all but the wheels about its centre of mass, in kg m^2; None:
+            that of a disc of 0.8 times the wheels' distance from the centre.
+        motor_lag: Time constant with which the servos' set points follow the command, in s.
     """
 
     name: str
-    wheel_angles: tuple[float, ...]
-    arm: float
+    mounts: tuple[Mount, ...]
     wheel: OmniWheel
     mass: float
     com_height: float
@@ -80,22 +83,66 @@ class Robot:
     servo_gain: float
     friction: float
     lag: tuple[float, float]
-    assumed_arm: float
+    assumed_arm: float | None = None
+    com: tuple[float, float] = (0.0, 0.0)
+    body_inertia: float | None = None
+    motor_lag: float = 0.0
 
     @property
     def chassis(self) -> Chassis:
         """The true wheel matrix."""
-        return self._chassis(self.arm)
+        return Chassis.of_mounts(
+            self.mounts, wheel_radius=self.wheel.radius, max_wheel_speed=self.max_wheel_speed
+        )
+
+    @property
+    def drive(self) -> Chassis:
+        """The wheel matrix by which commands become wheel speeds."""
+        true = self.chassis
+        if self.assumed_arm is None:
+            return true
+        believed = true.jacobian * [1.0, 1.0, self.assumed_arm / self.arm]
+        return Chassis(believed, self.max_wheel_speed)
+
+    @property
+    def arm(self) -> float:
+        """Mean speed of the rims per unit of yaw rate, in m/rad.
+
+        Of a ring of omni wheels its radius, of mecanum wheels half their length and half width.
+        """
+        return float(np.abs(self.rims[:, 2]).mean())
+
+    @property
+    def reach(self) -> float:
+        """Mean distance of the wheels from the centre, in m."""
+        return float(np.mean([hypot(mount.x, mount.y) for mount in self.mounts]))
+
+    @property
+    def frame_mass(self) -> float:
+        """Of all but the wheels, in kg."""
+        return self.mass - len(self.mounts) * self.wheel.total_mass
+
+    @property
+    def frame_inertia(self) -> float:
+        """Of all but the wheels, about its own centre of mass, in kg m^2."""
+        if self.body_inertia is not None:
+            return self.body_inertia
+        return 0.5 * self.frame_mass * (0.8 * self.reach) ** 2
 
     @property
     def yaw_inertia(self) -> float:
         """About the centre, in kg m^2, the wheels as points."""
-        wheels = len(self.wheel_angles) * self.wheel.total_mass
-        return self.disc_inertia(self.mass - wheels) + wheels * self.arm**2
+        wheels = sum(mount.x**2 + mount.y**2 for mount in self.mounts) * self.wheel.total_mass
+        return self.frame_inertia + self.frame_mass * hypot(*self.frame_com) ** 2 + wheels
 
-    def disc_inertia(self, mass: float) -> float:
-        """Of all but the wheels, of this mass in kg: a disc of 0.8 arm, about its axis, kg m^2."""
-        return 0.5 * mass * (0.8 * self.arm) ** 2
+    @property
+    def frame_com(self) -> tuple[float, float]:
+        """Centre of mass of all but the wheels, in B, in m."""
+        wheels = self.wheel.total_mass
+        return (
+            (self.mass * self.com[0] - wheels * sum(m.x for m in self.mounts)) / self.frame_mass,
+            (self.mass * self.com[1] - wheels * sum(m.y for m in self.mounts)) / self.frame_mass,
+        )
 
     @property
     def inertia(self) -> Float[Array, " 3"]:
@@ -109,39 +156,44 @@ class Robot:
         return rows
 
     @property
+    def loads(self) -> Float[Array, " wheels"]:
+        """Weight that each wheel carries at rest, in N, on axles that are all as soft.
+
+        Least squares: forces that balance the weight and vary linearly over the floor, as those
+        of equal springs under a stiff frame do.
+        """
+        statics = np.array([[1.0, m.x, m.y] for m in self.mounts]).T
+        weight = self.mass * GRAVITY * np.array([1.0, *self.com])
+        loads: Float[Array, " wheels"] = np.linalg.pinv(statics) @ weight
+        return loads
+
+    @property
+    def pushes(self) -> Float[Array, " wheels"]:
+        """What friction carries of each wheel's push, or its motor gives; at the rim, in N."""
+        grip = self.friction * self.loads * [cos(m.roller) for m in self.mounts]
+        most: Float[Array, " wheels"] = np.minimum(grip, self.max_torque / self.wheel.radius)
+        return most
+
+    @property
     def max_push(self) -> float:
-        """What friction carries of a wheel's push, the load on all alike, or the motor gives; N."""
-        load = self.mass * GRAVITY / len(self.wheel_angles)
-        return min(self.friction * load, self.max_torque / self.wheel.radius)
+        """The least of :attr:`pushes`, in N: what every wheel can do."""
+        return float(self.pushes.min())
 
     @property
     def traction(self) -> Float[Array, "faces 3"]:
         """``|traction @ (ax, ay, yaw acceleration)| <= 1``: what the wheels can push, in B.
 
-        Every wheel pushes along its direction, up to :attr:`max_push`. All that they can do
+        Every wheel pushes along its direction, up to :attr:`pushes`. All that they can do
         together is a zonotope of forces and torque; its faces are spanned by pairs of wheels
         (McMullen, "On zonotopes", Trans. AMS 159, 1971).
         Rows are in s^2/m, s^2/m and s^2/rad. Beyond, a wheel spins or falls behind.
         """
-        pushes = self.rims  # force and torque per unit of push
-        faces = np.array([np.cross(a, b) for a, b in combinations(pushes, 2)])
+        forces = self.pushes[:, None] * self.rims  # and torque, of each wheel's greatest push
+        faces = np.array([np.cross(a, b) for a, b in combinations(self.rims, 2)])
         faces = faces[np.linalg.norm(faces, axis=1) > 1e-9 * self.arm]
-        reach = self.max_push * np.abs(faces @ pushes.T).sum(axis=1)
+        reach = np.abs(faces @ forces.T).sum(axis=1)
         rows: Float[Array, "faces 3"] = faces * self.inertia / reach[:, None]
         return rows
-
-    @property
-    def drive(self) -> Chassis:
-        """The wheel matrix by which commands become wheel speeds."""
-        return self._chassis(self.assumed_arm)
-
-    def _chassis(self, arm: float) -> Chassis:
-        return Chassis.omni(
-            angles=self.wheel_angles,
-            arm=arm,
-            wheel_radius=self.wheel.radius,
-            max_wheel_speed=self.max_wheel_speed,
-        )
 
 
 _CROSS = (0.25 * pi, 0.75 * pi, 1.25 * pi, 1.75 * pi)
@@ -150,8 +202,7 @@ _CROSS = (0.25 * pi, 0.75 * pi, 1.25 * pi, 1.75 * pi)
 # The scene sets no top speed; 120 rad/s (6 m/s at the rim) is ours.
 _PAPER = Robot(
     name="paper",
-    wheel_angles=_CROSS,
-    arm=0.5 * 2**0.5,
+    mounts=omni_ring(_CROSS, 0.5 * 2**0.5),
     wheel=OmniWheel(radius=0.05, mass=2.0, rotor_inertia=5e-3),
     mass=75.7,
     com_height=0.0975,
@@ -161,12 +212,10 @@ _PAPER = Robot(
     servo_gain=20.0,
     friction=1.0,
     lag=(0.0065, 0.0013),
-    assumed_arm=0.5 * 2**0.5,
 )
 _SMALL = Robot(
     name="small",
-    wheel_angles=_CROSS,
-    arm=0.25,
+    mounts=omni_ring(_CROSS, 0.25),
     wheel=OmniWheel(radius=0.05, mass=0.35, rotor_inertia=1e-3),
     mass=10.0,
     com_height=0.06,
@@ -176,7 +225,6 @@ _SMALL = Robot(
     servo_gain=1.0,
     friction=0.8,
     lag=(0.018, 0.006),
-    assumed_arm=0.25,
 )
 ROBOTS = {robot.name: robot for robot in (_PAPER, _SMALL)}
 

@@ -41,12 +41,15 @@ class Run:
         t: Time of each row, in s.
         pose: True pose of B in W; x and y in m, yaw in rad, unwrapped.
         measured: Pose that the controller saw, as ``pose``.
+        position_sigma: Standard deviation of its position as far as it is known, in m.
+        yaw_sigma: The same of its yaw, in rad.
         target: Reference pose, as ``pose``.
         command: Commanded body twist held from ``t``, before the wheels' limits; m/s, m/s, rad/s.
         twist: True body twist, as ``command``.
         work: Mechanical work of the motors so far, in J; NaN without forces.
         step_time: Computing time of ``Controller.step`` in its thread, in us; NaN in the last row.
         status: :class:`~omnidrive.control.Status` of each command.
+        collisions: How often the body has begun to touch an obstacle.
         outcome: Why the loop stopped.
         details: Inner numbers of a :class:`~omnidrive.control.DetailedController` at each sample,
             by name; NaN where it gave none, as in the last row.
@@ -56,12 +59,15 @@ class Run:
     t: Float[Array, " rows"]
     pose: Float[Array, "rows 3"]
     measured: Float[Array, "rows 3"]
+    position_sigma: Float[Array, " rows"]
+    yaw_sigma: Float[Array, " rows"]
     target: Float[Array, "rows 3"]
     command: Float[Array, "rows 3"]
     twist: Float[Array, "rows 3"]
     work: Float[Array, " rows"]
     step_time: Float[Array, " rows"]
     status: Int[Array, " rows"]
+    collisions: Int[Array, " rows"]
     outcome: Outcome
     details: dict[str, Float[Array, " rows"]] = field(default_factory=dict)
     detail_units: dict[str, str] = field(default_factory=dict)
@@ -108,19 +114,21 @@ def simulate(
     controller.reset(start)
     controller.step(0.0, start, reference)  # compiles what has to be, outside the measured time
     state = plant.reset(start)
+    sensor.reset(start)
     controller.reset(start)
     for k in range(last + 1):
         t = k * dt  # never a running sum: it drifts
-        measured = sensor.sense(t, state.pose)
+        measured = sensor.sense(t, state)
         command, step_time = _STOP, float("nan")
         if k < last:
             began = _clock()
-            command = controller.step(t, measured, reference)
+            command = controller.step(t, measured.pose, reference)
             step_time = (_clock() - began) * 1e-3
         target = reference.at(t).pose
         rows.append(
-            (t, *state.pose, *measured, *target, *command.twist, *state.twist, state.work,
-             step_time, command.status)
+            (t, *state.pose, *measured.pose, *target, *command.twist, *state.twist, state.work,
+             step_time, command.status, state.collisions, measured.position_sigma,
+             measured.yaw_sigma)
         )  # fmt: skip
         details.append(command.details)
         if command.status is Status.FAILED or not all(map(isfinite, command.twist)):
@@ -135,25 +143,28 @@ def simulate(
 
 
 def _log(
-    rows: Float[Array, "rows 19"],
+    rows: Float[Array, "rows 22"],
     outcome: Outcome,
     details: Sequence[tuple[float, ...]],
     units: Mapping[str, str],
 ) -> Run:
     pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
     return Run(
-        rows[:, 0],
-        pose,
-        measured,
-        target,
-        command,
-        twist,
-        rows[:, 16],
-        rows[:, 17],
-        rows[:, 18].astype(np.int64),
-        outcome,
-        _detail_columns(details, units),
-        dict(units),
+        t=rows[:, 0],
+        pose=pose,
+        measured=measured,
+        position_sigma=rows[:, 20],
+        yaw_sigma=rows[:, 21],
+        target=target,
+        command=command,
+        twist=twist,
+        work=rows[:, 16],
+        step_time=rows[:, 17],
+        status=rows[:, 18].astype(np.int64),
+        collisions=rows[:, 19].astype(np.int64),
+        outcome=outcome,
+        details=_detail_columns(details, units),
+        detail_units=dict(units),
     )
 
 

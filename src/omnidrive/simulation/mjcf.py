@@ -14,7 +14,7 @@ from math import cos, pi, sin, sqrt
 from typing import Literal
 from xml.etree import ElementTree as ET
 
-from omnidrive.robot import GRAVITY, OmniWheel, Robot
+from omnidrive.robot import GRAVITY, Mount, OmniWheel, Robot
 
 WheelModel = Literal["rollers", "ball"]
 
@@ -33,7 +33,7 @@ def omni_model(robot: Robot, wheels: WheelModel) -> str:
     """MJCF of ``robot`` on an endless floor.
 
     The base body's frame is B, at the height of the axles. Actuator ``motor{i}`` is a velocity
-    servo in rad/s; positive speed pushes B along (-sin a_i, cos a_i).
+    servo in rad/s; positive speed rolls along (-sin axle_i, cos axle_i).
     """
     root = ET.Element("mujoco", model=f"{robot.name}-{wheels}")
     _add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
@@ -50,8 +50,8 @@ def omni_model(robot: Robot, wheels: WheelModel) -> str:
     _add_chassis(base, robot, wheels)
     actuators = _add(root, "actuator")
     add_wheel = {"rollers": _add_roller_wheel, "ball": _add_ball_wheel}[wheels]
-    for i, angle in enumerate(robot.wheel_angles):
-        add_wheel(base, actuators, robot, i, angle)
+    for i, mount in enumerate(robot.mounts):
+        add_wheel(base, actuators, robot, i, mount)
     return ET.tostring(root, encoding="unicode")
 
 
@@ -72,8 +72,8 @@ def _wheel_mass(wheel: OmniWheel, wheels: WheelModel) -> float:
 
 
 def _add_chassis(base: ET.Element, robot: Robot, wheels: WheelModel) -> None:
-    mass = robot.mass - len(robot.wheel_angles) * _wheel_mass(robot.wheel, wheels)
-    about_z = robot.disc_inertia(mass)
+    mass = robot.mass - len(robot.mounts) * _wheel_mass(robot.wheel, wheels)
+    about_z = robot.frame_inertia * mass / robot.frame_mass
     about_x = 0.5 * about_z + mass * 0.08**2 / 12.0
     _add(
         base, "inertial", pos=_numbers(0, 0, robot.com_height - robot.wheel.radius), mass=mass,
@@ -81,11 +81,11 @@ def _add_chassis(base: ET.Element, robot: Robot, wheels: WheelModel) -> None:
     )  # fmt: skip
 
 
-def _add_wheel_body(base: ET.Element, robot: Robot, i: int, angle: float) -> ET.Element:
+def _add_wheel_body(base: ET.Element, robot: Robot, i: int, mount: Mount) -> ET.Element:
     """Body of wheel i on its sprung axle; x along the axle, outwards."""
-    pos = _numbers(robot.arm * cos(angle), robot.arm * sin(angle), 0.0)
-    body = _add(base, "body", name=f"wheel{i}", pos=pos, quat=_about_z(angle))
-    load = robot.mass / len(robot.wheel_angles)
+    pos = _numbers(mount.x, mount.y, 0.0)
+    body = _add(base, "body", name=f"wheel{i}", pos=pos, quat=_about_z(mount.axle))
+    load = robot.mass / len(robot.mounts)
     stiffness = load * GRAVITY / _SAG
     _add(
         body, "joint", name=f"spring{i}", type="slide", axis="0 0 1", armature=0.02,
@@ -116,12 +116,12 @@ def _hub_inertia(wheel: OmniWheel) -> float:
 
 
 def _add_ball_wheel(
-    base: ET.Element, actuators: ET.Element, robot: Robot, i: int, angle: float
+    base: ET.Element, actuators: ET.Element, robot: Robot, i: int, mount: Mount
 ) -> None:
     wheel = robot.wheel
-    pos = _numbers(robot.arm * cos(angle), robot.arm * sin(angle), 0.0)
-    _add(base, "site", name=f"drive{i}", pos=pos, quat=_about_z(angle))
-    body = _add_wheel_body(base, robot, i, angle)
+    pos = _numbers(mount.x, mount.y, 0.0)
+    _add(base, "site", name=f"drive{i}", pos=pos, quat=_about_z(mount.axle))
+    body = _add_wheel_body(base, robot, i, mount)
     _add(body, "joint", name=f"wheel{i}", type="ball", armature=wheel.rotor_inertia)
     inertia = _hub_inertia(wheel)
     _add(body, "inertial", pos="0 0 0", mass=wheel.mass, diaginertia=_numbers(*[inertia] * 3))
@@ -134,10 +134,10 @@ def _add_ball_wheel(
 
 
 def _add_roller_wheel(
-    base: ET.Element, actuators: ET.Element, robot: Robot, i: int, angle: float
+    base: ET.Element, actuators: ET.Element, robot: Robot, i: int, mount: Mount
 ) -> None:
     wheel = robot.wheel
-    body = _add_wheel_body(base, robot, i, angle)
+    body = _add_wheel_body(base, robot, i, mount)
     _add(body, "joint", name=f"wheel{i}", type="hinge", axis="-1 0 0", armature=wheel.rotor_inertia)
     about_axle = _hub_inertia(wheel)
     across = 0.5 * about_axle + wheel.mass * wheel.row_gap**2 / 12.0

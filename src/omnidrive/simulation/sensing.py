@@ -3,20 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sin
-from typing import Protocol, runtime_checkable
+from math import nan, sin
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from omnidrive.geometry import Pose
+from omnidrive.simulation.plant import Measurement
+
+
+class Estimate(NamedTuple):
+    """Where the robot is believed to be, and how sure that is."""
+
+    pose: Pose
+    """In W; m, m, rad. The yaw is continuous, not wrapped."""
+    position_sigma: float = nan
+    """Standard deviation of the position along its least certain direction, in m; NaN: unknown."""
+    yaw_sigma: float = nan
+    """Standard deviation of the yaw, in rad; NaN: unknown."""
+    age: float = 0.0
+    """Time since the last measurement of the pose that was used, in s."""
 
 
 @runtime_checkable
 class Sensor(Protocol):
-    """Turns true poses into measured ones."""
+    """Turns what a plant does into what the controller sees of it."""
 
-    def sense(self, t: float, pose: Pose) -> Pose:
-        """Pose measured at ``t`` (s) when the true one is ``pose``."""
+    def reset(self, pose: Pose) -> None:
+        """Forget the past; the robot now stands at ``pose``, and that is known."""
+        ...
+
+    def sense(self, t: float, state: Measurement) -> Estimate:
+        """What is believed at ``t`` (s), in steady succession, when ``state`` is the truth."""
         ...
 
 
@@ -24,9 +42,12 @@ class Sensor(Protocol):
 class PerfectSensor:
     """Measures the true pose."""
 
-    def sense(self, t: float, pose: Pose) -> Pose:
+    def reset(self, pose: Pose) -> None:
+        """Nothing is remembered."""
+
+    def sense(self, t: float, state: Measurement) -> Estimate:
         """The true pose."""
-        return pose
+        return Estimate(state.pose, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,8 +62,11 @@ class PaperNoise:
 
     rng: np.random.Generator
 
-    def sense(self, t: float, pose: Pose) -> Pose:
+    def reset(self, pose: Pose) -> None:
+        """Nothing is remembered; random numbers go on."""
+
+    def sense(self, t: float, state: Measurement) -> Estimate:
         """True pose plus noise."""
-        size = sin(t / 5.0) / 6.0
+        pose, size = state.pose, sin(t / 5.0) / 6.0
         dx, dy, dyaw = (self.rng.random(3) * size).tolist()
-        return Pose(pose.x + dx, pose.y + dy, pose.yaw + dyaw)
+        return Estimate(Pose(pose.x + dx, pose.y + dy, pose.yaw + dyaw))

@@ -45,9 +45,9 @@ def _above(axes: Axes, robot: Robot) -> None:
     axes.plot([0.0, 0.78 * size], [0.0, 0.0], color=FAINT, lw=0.8, ls=(0, (4, 2.5)), zorder=3)
     angle(axes, (0.0, 0.0), 0.42 * size, 0.0, _YAW, colour=FAINT)
     note(axes, (0.52 * size * cos(0.5 * _YAW), 0.52 * size * sin(0.5 * _YAW)), r"$\theta$")
-    for k, bearing in enumerate(robot.wheel_angles):
-        _drive(axes, robot, pose, k, bearing)
-    first, last = robot.wheel_angles[0], robot.wheel_angles[-1]
+    for k, mount in enumerate(robot.mounts):
+        _drive(axes, robot, pose, k, mount.axle)
+    first, last = robot.mounts[0].axle, robot.mounts[-1].axle
     angle(axes, (0.0, 0.0), 0.26 * size, _YAW, _YAW + first, colour=_GREEN)
     middle = _YAW + 0.5 * first
     note(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), r"$a_1$", colour=_GREEN)
@@ -61,7 +61,7 @@ def _above(axes: Axes, robot: Robot) -> None:
 
 
 def _facts(robot: Robot) -> str:
-    bearings = ", ".join(f"{degrees(a):g}" for a in robot.wheel_angles)
+    bearings = ", ".join(f"{degrees(a):g}" for a in (mount.axle for mount in robot.mounts))
     return (
         f"wheel radius r = {robot.wheel.radius:.4g} m,  body radius {robot.body_radius:.4g} m\n"
         f"bearings $a_i$ = {bearings} degrees,  {robot.mass:g} kg"
@@ -88,7 +88,7 @@ def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, bearing: float) -> None
 def _wheel(axes: Axes, robot: Robot) -> None:
     """Velocity of the first wheel's hub, taken apart along its rolling direction."""
     diagram(axes)
-    bearing = robot.wheel_angles[0]
+    bearing = robot.mounts[0].axle
     turn = bearing + 0.5 * pi
     hub = Pose(0.0, 0.0, turn)
     corners = place(hub, [(0.34, 0.13), (-0.34, 0.13), (-0.34, -0.13), (0.34, -0.13)])

@@ -11,7 +11,7 @@ from matplotlib.patches import Arc, Circle, FancyArrowPatch, Polygon
 
 from omnidrive.evaluation.figures.style import INK
 from omnidrive.geometry import Pose
-from omnidrive.robot import Robot
+from omnidrive.robot import Mount, Robot
 
 Array = np.ndarray
 Point = tuple[float, float]
@@ -112,14 +112,14 @@ def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: 
             zorder=2,
         )
     )
-    for bearing in robot.wheel_angles:
-        wheel_outline(axes, robot, pose, bearing, colour)
+    for mount in robot.mounts:
+        wheel_outline(axes, robot, pose, mount, colour)
 
 
-def wheel_outline(axes: Axes, robot: Robot, pose: Pose, bearing: float, colour: str) -> None:
-    """One wheel seen from above, with its axle to the centre."""
-    centre = place(pose, [(robot.arm * cos(bearing), robot.arm * sin(bearing))])[0]
-    wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + bearing + 0.5 * pi)
+def wheel_outline(axes: Axes, robot: Robot, pose: Pose, mount: Mount, colour: str) -> None:
+    """One wheel seen from above."""
+    centre = place(pose, [(mount.x, mount.y)])[0]
+    wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + mount.axle + 0.5 * pi)
     r, half = robot.wheel.radius, 0.5 * robot.wheel.row_gap + 0.4 * robot.wheel.radius
     corners = place(wheel, [(r, half), (-r, half), (-r, -half), (r, -half)])
     axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=INK, lw=0.8, zorder=4))

@@ -19,7 +19,7 @@ def facts_markup(results: StudyResults) -> str:
     """What was driven where, as the items of a description list."""
     robot, grid = results.robot, results.obstacles
     rows, cols = grid.occupied.shape
-    bearings = ", ".join(f"{degrees(a):g}" for a in robot.wheel_angles)
+    bearings = ", ".join(f"{degrees(mount.axle):g}" for mount in robot.mounts)
     facts = {
         "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.arm:.4g} m, "
         f"r = {robot.wheel.radius:.4g} m, wheels at {bearings}°",

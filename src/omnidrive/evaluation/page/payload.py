@@ -40,7 +40,7 @@ def payload(results: StudyResults) -> str:
             "bodyRadius": results.robot.body_radius,
             "arm": results.robot.arm,
             "wheelRadius": results.robot.wheel.radius,
-            "wheelAngles": list(results.robot.wheel_angles),
+            "wheelAngles": [mount.axle for mount in results.robot.mounts],
         },
         "map": _map(results.obstacles, results.keepout),
         "cells": [_column(results.path.poses[:, i]) for i in (0, 1)],
