@@ -57,13 +57,13 @@ def test_moves_end_where_a_turn_may_be_needed(shape, seed, density, move):
     occupied = random_map(shape, seed, density)
     occupied[0, 0] = False
     board, found = BitBoard.of(occupied), np.zeros((9, 3), int)
-    ends, places = JumpBoard.of(board)
+    jump_board = JumpBoard.of(board)
     nowhere = 0
     for cell in np.random.default_rng(seed).permutation(np.argwhere(~occupied))[:20].tolist():
         number = board.number(tuple(cell))
         steps = [MOVES[m][:: -1 if board.turned else 1] for m in range(4)]
         run = first_end(occupied, *cell, steps[move])
-        count = jumps(ends, places, board.bits, board.stride, number, nowhere, 1 << move, found)
+        count = jumps(*jump_board, board.stride, number, nowhere, 1 << move, found)
         assert count == (run > 0)
         if run:
             there = (cell[0] + run * steps[move][0], cell[1] + run * steps[move][1])
