@@ -16,7 +16,7 @@ from omnidrive.planning.search.moves import MOVES
 Array = np.ndarray
 
 _ONE, _ALL, _LAST = np.uint64(1), ~np.uint64(0), np.uint64(63)
-_BYTES = 7  # of which every bit is in 64 bits that begin with a bit of the byte before them
+_BYTES = 7  # 64 bits from the byte of a cell on hold at least this many bytes after the cell
 _AHEAD = np.uint64(((1 << 8 * _BYTES) - 1) << 1)  # those after the first one
 _BACK = np.uint64(((1 << 8 * _BYTES) - 1) << 63 - 8 * _BYTES)  # those before the last one
 _BLOCKS = 8  # of 64 x 64 bits: a row of theirs is a cache line
@@ -31,7 +31,7 @@ class JumpBoard(NamedTuple):
     """The bits of a board row after row, and once more column after column.
 
     Attributes:
-        rows: From every byte on, 64 bits: those of neighbours overlap.
+        rows: From every byte on, 64 bits; they overlap, and take no memory of their own.
         columns: The same of the board with its rows and columns exchanged.
         other: Bits from one column to the next.
     """
@@ -42,7 +42,7 @@ class JumpBoard(NamedTuple):
 
     @classmethod
     def of(cls, board: BitBoard) -> JumpBoard:
-        """The bits of a board."""
+        """The bits of a board, shared, and those of its columns."""
         rows, cols = board.shape
         turned = BitBoard.full(cols, rows)
         other = turned.stride
@@ -51,15 +51,13 @@ class JumpBoard(NamedTuple):
 
 
 def _windows(words: UInt64[Array, " words"]) -> UInt64[Array, " bytes"]:
-    """From every byte on, 64 bits."""
+    """From every byte on, 64 bits of the same memory."""
     return np.ndarray((8 * len(words) - 7,), np.uint64, words, strides=(1,))
 
 
 @compiled
 def jumps(  # noqa: PLR0917
-    rows: UInt64[Array, " bytes"],
-    columns: UInt64[Array, " others"],
-    other: int,
+    board: JumpBoard,
     stride: int,
     cell: int,
     last: int,
@@ -71,9 +69,7 @@ def jumps(  # noqa: PLR0917
     Those beside a diagonal run are among them, but not the cells of the run itself.
 
     Args:
-        rows: As in :class:`JumpBoard`.
-        columns: As in :class:`JumpBoard`.
-        other: As in :class:`JumpBoard`.
+        board: The bits.
         stride: Of the board.
         cell: Number of the cell.
         last: Number of the goal.
@@ -83,6 +79,7 @@ def jumps(  # noqa: PLR0917
     Returns:
         How many were found.
     """
+    rows, columns, other = board
     count, place = 0, _among_columns(other, stride, cell)
     goal = _among_columns(other, stride, last)
     while moves != 0:
@@ -106,6 +103,7 @@ def jumps(  # noqa: PLR0917
                 if col > 0:
                     to = at + col * down * stride
                     count = _add(found, count, to, length + col * STRAIGHT, 2 - down)
+            # Beside the cell, the runs have seen whether the next diagonal move is allowed.
             if move < 4 or row == -1 or col == -1 or _is_taken(rows, at + down * stride + right):
                 break
     return count
@@ -134,9 +132,9 @@ def _is_taken(rows: UInt64[Array, " bytes"], cell: int) -> bool:
 def _run(bits: UInt64[Array, " bytes"], stride: int, at: int, last: int, ahead: bool) -> int:
     """Cells to where a move to higher or lower bits ends: the goal, or where a turn may be needed.
 
-    If it ends at an obstacle, less than 0 by how far away that is. A turn may be needed beside a
-    free cell that comes after an occupied one (without cutting corners: Harabor & Grastien 2014,
-    "Improving jump point search").
+    If it ends at an obstacle, minus the cells to that. A turn may be needed beside a free cell that
+    comes after an occupied one (without cutting corners: Harabor & Grastien 2014, "Improving jump
+    point search").
     """
     run, i, by_row, shift = 0, at >> 3, stride >> 3, np.uint64(at & 7)
     if ahead:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int32, Int64, UInt8, UInt64
+from jaxtyping import Int32, Int64, UInt8
 
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.astar import BUCKET, FAR
@@ -43,7 +43,7 @@ def jump_point(  # noqa: PLR0917
 
     Args:
         board: The cells.
-        jump_board: Where moves over them end.
+        jump_board: Their bits by rows and by columns.
         first: Number of the start.
         last: Number of the goal.
         needed: Moves among eight neighbours without cutting corners.
@@ -53,7 +53,7 @@ def jump_point(  # noqa: PLR0917
     found = np.empty((4 * (2 * short + 2), 3), np.int64)  # no more are found from one cell
     longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2  # a jump, and what it leaves more to go
     nodes, goal, expansions = _reach(
-        *jump_board, board.bits, board.stride, first, last, needed, heuristic, found,
+        jump_board, board.bits, board.stride, first, last, needed, heuristic, found,
         *bucket_queue(longest >> BUCKET, _ROOM),
     )  # fmt: skip
     return _walk_back(nodes, board.stride, goal), expansions
@@ -61,9 +61,7 @@ def jump_point(  # noqa: PLR0917
 
 @compiled
 def _reach(  # noqa: PLR0917
-    rows: UInt64[Array, " bytes"],
-    columns: UInt64[Array, " others"],
-    other: int,
+    jump_board: JumpBoard,
     bits: UInt8[Array, " bytes"],
     stride: int,
     first: int,
@@ -74,12 +72,7 @@ def _reach(  # noqa: PLR0917
     queue: Int32[Array, " size"],
     ring: int,
 ) -> tuple[Int64[Array, "nodes 4"], int, int]:
-    """Nodes, the goal's number among them, 0 if there is no way, and the count of expansions.
-
-    Of the few cells that are nodes, each has its number of the board, the length of the shortest
-    way known, the node that this leads over, and how it was reached (as in :mod:`astar`). Node 0 is
-    none. The queue holds nodes.
-    """
+    """Nodes, the goal's number among them, 0 if there is no way, and the count of expansions."""
     goal = last // stride, last % stride
     floor = _to_go(heuristic, stride, first, goal)
     nodes = _start(first)
@@ -98,7 +91,7 @@ def _reach(  # noqa: PLR0917
             continue
         nodes[node, 3], expansions = way | _CLOSED, expansions + 1
         moves = int64(needed[way, surroundings(bits, stride, cell)])
-        reached = jumps(rows, columns, other, stride, cell, last, moves, found)
+        reached = jumps(jump_board, stride, cell, last, moves, found)
         while is_full(queue, ring, waiting + reached):
             queue = enlarged(queue)
         while count + reached > len(nodes):
@@ -109,13 +102,19 @@ def _reach(  # noqa: PLR0917
             estimate = length + _to_go(heuristic, stride, to, goal)
             if estimate >= best:
                 continue
-            known = _enter(nodes, table, count, to, length, node, found[i, 2] + 1)
+            place = _hash(to) & (len(table) - 1)
+            while table[place] != 0 and nodes[table[place], 0] != to:
+                place = (place + 1) & (len(table) - 1)
+            known = int64(table[place])
             if known == 0:
+                table[place] = known = count
+                count += 1
+            elif length >= nodes[known, 1]:
                 continue
-            count = max(count, known + 1)
+            nodes[known, 0], nodes[known, 1] = to, length
+            nodes[known, 2], nodes[known, 3] = node, found[i, 2] + 1
             if to == last:
                 best, ends = length, known
-                continue
             push(queue, ring, max(bucket, (estimate - floor) >> BUCKET), known)
             waiting += 1
     return nodes, ends, expansions
@@ -129,30 +128,6 @@ def _to_go(heuristic: Heuristic, stride: int, cell: int, goal: tuple[int, int]) 
 
 
 @inlined
-def _enter(  # noqa: PLR0917
-    nodes: Int64[Array, "nodes 4"],
-    table: Int32[Array, " places"],
-    count: int,
-    cell: int,
-    length: int,
-    before: int,
-    way: int,
-) -> int:
-    """Node of a cell, ``count`` if it is new, after a way to it was noted; 0 if none is shorter."""
-    place = _hash(cell) & (len(table) - 1)
-    while table[place] != 0 and nodes[table[place], 0] != cell:
-        place = (place + 1) & (len(table) - 1)
-    node: int = int64(table[place])
-    if node == 0:
-        table[place] = node = count
-        nodes[node, 0] = cell
-    elif length >= nodes[node, 1]:
-        return 0
-    nodes[node, 1], nodes[node, 2], nodes[node, 3] = length, before, way
-    return node
-
-
-@inlined
 def _hash(cell: int) -> int:
     """A number in which neighbours are far apart (Knuth, TAOCP vol. 3, sec. 6.4)."""
     return (cell * 0x9E3779B1 >> 7) & 0x7FFFFFFF
@@ -160,7 +135,12 @@ def _hash(cell: int) -> int:
 
 @compiled
 def _start(cell: int) -> Int64[Array, "nodes 4"]:
-    """Nodes of which one is known, that of the start."""
+    """Room for nodes, and as the first the start's; node 0 is none.
+
+    Of the few cells that are nodes, each has its number of the board, the length of the shortest
+    way known, the node that this leads over, and how it was reached (as in :mod:`astar`). The queue
+    holds nodes.
+    """
     nodes = np.empty((_ROOM, 4), np.int64)
     nodes[1, 0], nodes[1, 1], nodes[1, 2], nodes[1, 3] = cell, 0, 0, BEGIN
     return nodes
