@@ -281,3 +281,14 @@ def test_the_papers_wall_lies_inside_its_inflation():
     assert (left, right, bottom, top) == pytest.approx(keepout.extent)
     assert wall.is_occupied(3.9, 3.0)
     assert not wall.is_occupied(4.1, 3.0)
+
+
+def test_occupied_on_its_own_frame_is_what_is_occupied():
+    occupied = np.random.default_rng(5).random((7, 9)) < 0.4
+    grid = OccupancyGrid(occupied, 0.3, (1.0, -2.0), yaw=0.4)
+    other = OccupancyGrid(~occupied, 0.3, (1.0, -2.0), yaw=0.4)
+    moved = OccupancyGrid(~occupied, 0.3, (1.0 + 1e-9, -2.0), yaw=0.4)
+    for asked in (other, moved):
+        found = grid.occupied_on(asked)
+        np.testing.assert_array_equal(found, occupied)
+        assert found is not grid.occupied

@@ -117,6 +117,9 @@ class OccupancyGrid:
 
     def occupied_on(self, other: OccupancyGrid) -> Bool[Array, "rows cols"]:
         """Whether the centre of each cell of ``other`` is occupied here."""
+        frames = ((g.occupied.shape, g.resolution, g.origin, g.yaw) for g in (self, other))
+        if next(frames) == next(frames):
+            return self.occupied.copy()
         rows, cols = other.occupied.shape
         cells = np.column_stack([np.zeros(cols, np.int64), np.arange(cols)])
         taken = np.empty((rows, cols), bool)
