@@ -129,8 +129,8 @@ def test_on_any_point_of_a_free_cell_a_disc_reaches_in_by_half_a_diagonal_at_mos
     assert (grid.clearance(points) >= radius - 0.25 * 0.5**0.5 - 1e-12).all()
 
 
-@pytest.mark.parametrize("radius", [np.nan, np.inf])
-def test_a_radius_that_is_not_finite_is_refused(radius):
+@pytest.mark.parametrize("radius", [np.nan, np.inf, -0.1])
+def test_a_radius_that_is_negative_or_not_finite_is_refused(radius):
     with pytest.raises(InvalidInput, match="finite radius"):
         paper_map().inflated(radius)
 

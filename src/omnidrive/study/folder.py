@@ -29,6 +29,7 @@ from omnidrive.evaluation import (
 )
 from omnidrive.maps import save_nav2_map
 from omnidrive.simulation import Outcome, Run
+from omnidrive.study.destination import check_new_folder
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
@@ -52,10 +53,9 @@ class RunFolder:
             CannotWrite: It cannot be made, or holds something already.
         """
         self.path = path
+        check_new_folder(path)
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
-            if any(path.iterdir()):
-                raise CannotWrite(f"{path} is not empty; name a new folder with --out")
 
     def save_demand(self, prepared: Prepared) -> None:
         """Write the resolved scenario and, unless it is the paper's, the map."""

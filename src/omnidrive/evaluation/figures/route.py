@@ -124,7 +124,7 @@ def _cells_per_pixel(axes: Axes, grid: OccupancyGrid, view: Box) -> int:
     Panels become a little larger when the figure arranges them.
     """
     left, right, bottom, top = view
-    inches = axes.get_window_extent().size / axes.figure.dpi
+    inches = np.array(axes.get_window_extent().size) / axes.figure.dpi
     metres_per_inch = float((np.array([right - left, top - bottom]) / inches).max())
     return max(1, ceil(metres_per_inch / DPI / grid.resolution))
 
