@@ -226,7 +226,7 @@ def with_demand(*left_out: str) -> Callable[[Callable[..., None]], Callable[...,
 
         @wraps(verb)
         def command(**given: Any) -> None:
-            demand = Demand(**{option.name: given.pop(option.name) for option in shared})
+            demand = Demand(**{each.name: given.pop(each.name) for each in shared})
             verb(demand=demand, **given)
 
         command.__signature__ = Signature([*shared, *own])  # type: ignore[attr-defined]
