@@ -21,8 +21,8 @@ _SAMPLES_PER_CELL = 4
 _MAX_SAMPLES = 1_000_000
 
 _INSET = 2e-3
-"""Share of a cell by which Bezier points are kept off a box's sides: as far as the two proved bounds
-on a path's clearance may be apart, so that the lower is not negative."""
+"""Share of a cell by which Bezier points are kept off a box's sides: as far as the two proved
+bounds on a path's clearance may be apart, so that the lower is not negative."""
 
 _ROUNDING = 1e-7
 """Share of a cell that Bezier points on a side may be outside: they were turned there and back."""
