@@ -15,14 +15,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
 from typing import Any
 
 import numpy as np
-from figures import at_most, publish, ratio, row
-from peer_process import PeerProcess, PeersMissing
-from rich.console import Console
+from figures import at_most, console, publish, ratio, row
+from peer_process import PeerProcess
 from scipy.ndimage import label
+from timed import timed
 
 from omnidrive.maps import OccupancyGrid, maze_map, random_map, rooms_map
 from omnidrive.planning import GridSearch, search
@@ -34,8 +33,6 @@ SAME_MOVES = ("rustworkx", "rustworkx Dijkstra", "networkx", "python-pathfinding
 LARGE = 4096
 NOT_LARGE = SAME_MOVES  # one query, or the graph of the map, takes minutes on 4096 x 4096 cells
 PEERS = ("pyastar2d", "tcod", "tcod AStar", "scikit-image", *SAME_MOVES)
-
-console = Console(width=120)
 
 
 @dataclass(frozen=True)
@@ -95,13 +92,8 @@ def here(find: Callable) -> Solver:
     """Ours: ``find`` takes a start and a goal."""
 
     def solve(asked: list) -> tuple[list[float], list[float]]:
-        seconds, lengths = [], []
-        for start, goal in asked:
-            began = perf_counter()
-            found = find(start, goal)
-            seconds.append(perf_counter() - began)
-            lengths.append(found.cost)
-        return seconds, lengths
+        seconds, found = timed(find, asked)
+        return seconds, [each.cost for each in found]
 
     return solve
 
@@ -184,23 +176,12 @@ def figures(
             yield row(what, longer.mean(), "%")
 
 
-def peer_process() -> PeerProcess | None:
-    """The peers, or a line that says why not."""
-    try:
-        process = PeerProcess("planning_peers.py")
-        process.ask("ready?")
-    except PeersMissing as error:
-        console.print(f"Without peers: {error}; make bench-planning installs them.")
-        return None
-    return process
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--sizes", type=int, nargs="+", default=list(QUERIES))
     arguments = parser.parse_args()
-    process, rows = peer_process(), []
+    process, rows = PeerProcess.if_there("planning"), []
     for size in arguments.sizes:
         for world in WORLDS:
             console.print(f"{world.name}, {size} x {size} cells")
@@ -208,7 +189,7 @@ def main() -> None:
     if process is not None:
         process.close()
         console.print(f"Left out on 4096 x 4096 cells, minutes each: {', '.join(NOT_LARGE)}.")
-    publish("planning", sorted(rows, key=lambda r: not r["target"]))
+    publish("planning", rows)
 
 
 if __name__ == "__main__":
