@@ -8,6 +8,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+console = Console(width=120)
+
 
 def ratio(name: str, value: float, target: float) -> dict[str, object]:
     """A ratio that is to be at least ``target``."""
@@ -28,12 +30,13 @@ def row(name, value, unit, target="", holds=True) -> dict[str, object]:
 
 
 def publish(benchmark: str, rows: list[dict[str, object]]) -> None:
-    """Print the rows as a table and write them to ``benchmarks/out/BENCHMARK.json``."""
+    """Print the rows, those with a target first, and write ``benchmarks/out/BENCHMARK.json``."""
+    rows = sorted(rows, key=lambda r: not r["target"])
     table = Table("what", "value", "unit", "target", "holds")
     for r in rows:
         holds = str(r["holds"]) if r["target"] else ""
         table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], holds)
-    Console(width=120).print(table)
+    console.print(table)
     out = Path(__file__).parent / "out"
     out.mkdir(exist_ok=True)
     (out / f"{benchmark}.json").write_text(json.dumps(rows, indent=1) + "\n")

@@ -60,14 +60,14 @@ class Peers:
 
     def __init__(self, system: FuzzySystem) -> None:
         try:
-            self._process = PeerProcess("fuzzy_peers.py")
+            self._process = PeerProcess("fuzzy")
         except PeersMissing as error:
-            sys.exit(f"{error}; run: make bench-fuzzy")
-        self._process.tell(described(system))
+            sys.exit(f"{error}.")
+        self._system = described(system)
 
     def time(self, peer: str, rows: np.ndarray) -> float:
         """Seconds per row; stops the benchmark if the peer computes something else."""
-        answer = self._process.ask({"peer": peer, "rows": rows.tolist()})
+        answer = self._process.ask({"peer": peer, "system": self._system, "rows": rows.tolist()})
         inference, tolerance = SAME[peer]
         difference = np.abs(np.array(answer["outputs"]) - inference(rows)).max()
         if not difference <= tolerance:

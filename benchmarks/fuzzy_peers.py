@@ -1,16 +1,15 @@
 """The paper's system in other fuzzy libraries, timed on request.
 
-Runs in an environment of its own, because one of them cannot live beside today's NumPy. The first
-line that it reads is the system; each further one is a request, ``{"peer": name, "rows": [[error,
-derror], ...]}``, which it answers with the seconds per row and the outputs.
+Runs in an environment of its own, because one of them cannot live beside today's NumPy. A request
+is ``{"peer": name, "system": as described in fuzzy.py, "rows": [[error, derror], ...]}``, which it
+answers with the seconds per row and the outputs.
 """
 
-import json
-import sys
 import warnings
 from time import perf_counter
 
 import numpy as np
+from peer_service import serve
 
 warnings.filterwarnings("ignore")
 
@@ -201,20 +200,19 @@ PEERS = {
 }
 
 
-def main():
-    system = json.loads(sys.stdin.readline())
-    made = {}
-    for line in sys.stdin:
-        request = json.loads(line)
-        name, rows = request["peer"], np.array(request["rows"])
-        if name not in made:
-            made[name] = PEERS[name](system)
-            made[name](rows[:1])
-        began = perf_counter()
-        found = made[name](rows)
-        seconds = (perf_counter() - began) / len(rows)
-        print(json.dumps({"seconds": seconds, "outputs": found.tolist()}), flush=True)
+made = {}
+
+
+def answer(request):
+    name, rows = request["peer"], np.array(request["rows"])
+    if name not in made:
+        made[name] = PEERS[name](request["system"])
+        made[name](rows[:1])
+    began = perf_counter()
+    found = made[name](rows)
+    seconds = (perf_counter() - began) / len(rows)
+    return {"seconds": seconds, "outputs": found.tolist()}
 
 
 if __name__ == "__main__":
-    main()
+    serve(answer)

@@ -24,7 +24,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from figures import at_least, at_most, publish, ratio, row
+from figures import at_least, at_most, console, publish, ratio, row
 from nmpc_contest import BLOCK, ROUNDS, Here, Holonomic, Outcome, ShiftedSqp, There, contest
 from nmpc_ipopt import PAPERS_OPTIONS, TIGHT_OPTIONS, Ipopt
 from nmpc_streams import (
@@ -38,8 +38,7 @@ from nmpc_streams import (
     statement,
     unicycle_stream,
 )
-from peer_process import PeerProcess, PeersMissing
-from rich.console import Console
+from peer_process import PeerProcess
 from rich.progress import Progress
 
 from omnidrive.control.nmpc import Exit, IpoptSettings, Solution, SqpSolver
@@ -55,8 +54,6 @@ KICKED, SLOW = 28.0, 15.0  # rad/s: wheels that are at their limit after kicks o
 SAME, SAME_SHARE = 1e-3, 0.95  # m/s and rad/s of the first control; of the steps
 BINDS, CHEAPER = 1e-6, 1e-7  # least multiplier; least difference of costs, as a part
 BATCH, BATCH_ROUNDS, FIRST_CALLS = 20_000, 5, 3
-
-console = Console(width=120)
 
 
 @dataclass(frozen=True)
@@ -299,19 +296,8 @@ def first_call(call: tuple, kept: str) -> tuple[float, float]:
     return imported, called
 
 
-def peer_process() -> PeerProcess | None:
-    """The peers, or a line that says why not."""
-    try:
-        process = PeerProcess("nmpc_peers.py")
-        process.ask("ready?")
-    except PeersMissing as error:
-        console.print(f"Without do-mpc: {error}; make bench-nmpc installs them.")
-        return None
-    return process
-
-
 def main() -> None:
-    process, rows = peer_process(), []
+    process, rows = PeerProcess.if_there("nmpc"), []
     # drawn between turns: a thread that draws would be in the times
     with Progress(console=console, transient=True, auto_refresh=False) as progress:
 
@@ -328,7 +314,7 @@ def main() -> None:
             advance(task)
     if process is not None:
         process.close()
-    publish("nmpc", sorted(rows, key=lambda r: not r["target"]))
+    publish("nmpc", rows)
 
 
 if __name__ == "__main__":

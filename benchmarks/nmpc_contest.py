@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
 from nmpc_streams import AnyProblem, numbers, statement
 from peer_process import PeerProcess
+from timed import timed
 
 from omnidrive.control.nmpc import Solution, SqpSolver
 from omnidrive.control.nmpc.holonomic import HolonomicSolution, HolonomicSolver
@@ -70,13 +70,8 @@ class Here:
         """Seconds of every call, and first controls."""
         if fresh:
             self.planner.reset()
-        seconds, firsts = [], []
-        for problem in problems:
-            began = perf_counter()
-            plan = self.planner(problem)
-            seconds.append(perf_counter() - began)
-            firsts.append(plan[0])
-        return seconds, firsts
+        seconds, plans = timed(self.planner, ((problem,) for problem in problems))
+        return seconds, [plan[0] for plan in plans]
 
 
 @dataclass

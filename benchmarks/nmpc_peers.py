@@ -1,17 +1,13 @@
 """The problems of the NMPC benchmark in do-mpc, timed on request.
 
-Runs in an environment of its own. Every line that it reads is a request, ``{"peer": name, "case":
-name, "statement": ..., "reset": whether the stream begins, "problems": [{"start": ..., "targets":
-..., "feedforward": ...}, ...]}`` (see nmpc_models.py), which it answers with the seconds and the
-first controls of each. The problems of a case come in the order of the stream: every solution
-begins the next search.
+Runs in an environment of its own. A request is ``{"peer": name, "case": name, "statement": ...,
+"reset": whether the stream begins, "problems": [{"start": ..., "targets": ..., "feedforward": ...},
+...]}`` (see nmpc_models.py), which it answers with the seconds and the first controls of each. The
+problems of a case come in the order of the stream: every solution begins the next search.
 """
 
-import json
-import os
 import sys
 import warnings
-from time import perf_counter
 
 warnings.filterwarnings("ignore")
 
@@ -19,6 +15,8 @@ try:
     import do_mpc
     import nmpc_models as models
     import numpy as np
+    from peer_service import serve
+    from timed import timed
 except ImportError as error:
     sys.exit(str(error))
 
@@ -95,31 +93,21 @@ class DoMpc:
 PEERS = {"do-mpc": DoMpc}
 
 
-def main():
-    answers = os.fdopen(os.dup(1), "w")  # whatever a library prints is no answer
-    os.dup2(2, 1)
-    made = {}
-    for line in sys.stdin:
-        request = json.loads(line)
-        if request == "ready?":
-            print(json.dumps("yes"), file=answers, flush=True)
-            continue
-        key = request["peer"], request["case"]
-        if key not in made:
-            made[key] = PEERS[request["peer"]](request["statement"])
-        problems = [
-            {name: np.array(part) for name, part in problem.items()}
-            for problem in request["problems"]
-        ]
-        if request["reset"]:
-            made[key].reset(problems[0])
-        seconds, controls = [], []
-        for problem in problems:
-            began = perf_counter()
-            controls.append(made[key](problem))
-            seconds.append(perf_counter() - began)
-        print(json.dumps({"seconds": seconds, "controls": controls}), file=answers, flush=True)
+made = {}
+
+
+def answer(request):
+    key = request["peer"], request["case"]
+    if key not in made:
+        made[key] = PEERS[request["peer"]](request["statement"])
+    problems = [
+        {name: np.array(part) for name, part in problem.items()} for problem in request["problems"]
+    ]
+    if request["reset"]:
+        made[key].reset(problems[0])
+    seconds, controls = timed(made[key], ((problem,) for problem in problems))
+    return {"seconds": seconds, "controls": controls}
 
 
 if __name__ == "__main__":
-    main()
+    serve(answer)

@@ -7,6 +7,9 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+from figures import console
+from peer_service import READY
+
 PEER_PYTHON = Path(".venv/peers/bin/python")
 
 
@@ -15,38 +18,46 @@ class PeersMissing(Exception):
 
 
 class PeerProcess:
-    """Runs ``benchmarks/SCRIPT``, which answers every line that it reads by one line.
+    """Runs ``benchmarks/BENCHMARK_peers.py``, which serves requests (see peer_service.py).
 
     Raises:
-        PeersMissing: There is no environment for it.
+        PeersMissing: There is no environment for it, or it does not start; what it said stands on
+            stderr, and the message says how to install it.
     """
 
-    def __init__(self, script: str) -> None:
+    def __init__(self, benchmark: str) -> None:
+        self._install = f"make bench-{benchmark} installs them"
         if not PEER_PYTHON.exists():
-            raise PeersMissing("the peers are not installed")
-        path = Path(__file__).with_name(script)
+            raise PeersMissing(f"the peers are not installed; {self._install}")
+        path = Path(__file__).with_name(f"{benchmark}_peers.py")
         self._process = subprocess.Popen(
             [PEER_PYTHON, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
+        self.ask(READY)
 
-    def tell(self, value: object) -> None:
-        """Send a value that has no answer."""
+    @classmethod
+    def if_there(cls, benchmark: str) -> PeerProcess | None:
+        """The peers, or a line that says why not."""
         try:
-            self._process.stdin.write(json.dumps(value) + "\n")
-            self._process.stdin.flush()
-        except BrokenPipeError as error:
-            raise PeersMissing("the peers stopped") from error
+            return cls(benchmark)
+        except PeersMissing as error:
+            console.print(f"Without peers: {error}.")
+            return None
 
-    def ask(self, value: object) -> Any:
-        """Send a value and wait for its answer.
+    def ask(self, request: object) -> Any:
+        """Send a request and wait for its answer.
 
         Raises:
             PeersMissing: The process ended without one; what it said stands on stderr.
         """
-        self.tell(value)
-        answer = self._process.stdout.readline()
+        try:
+            self._process.stdin.write(json.dumps(request) + "\n")
+            self._process.stdin.flush()
+            answer = self._process.stdout.readline()
+        except BrokenPipeError:
+            answer = ""
         if not answer:
-            raise PeersMissing("the peers stopped")
+            raise PeersMissing(f"the peers stopped; {self._install}")
         return json.loads(answer)
 
     def close(self) -> None:

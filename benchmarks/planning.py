@@ -15,14 +15,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
 from typing import Any
 
 import numpy as np
-from figures import at_most, publish, ratio, row
-from peer_process import PeerProcess, PeersMissing
-from rich.console import Console
+from figures import at_most, console, publish, ratio, row
+from peer_process import PeerProcess
 from scipy.ndimage import label
+from timed import timed
 
 from omnidrive.maps import OccupancyGrid, maze_map, random_map, rooms_map
 from omnidrive.planning import GridSearch, search
@@ -35,8 +34,6 @@ LARGE = 4096
 NOT_LARGE = SAME_MOVES  # one query, or the graph of the map, takes minutes on 4096 x 4096 cells
 PEERS = ("pyastar2d", "tcod", "tcod AStar", "scikit-image", *SAME_MOVES)
 
-console = Console(width=120)
-
 
 @dataclass(frozen=True)
 class World:
@@ -47,16 +44,14 @@ class World:
     large_target: float = 1.0
     """Least ratio of the fastest peer's time to ours on 4096 x 4096 cells; 1 on others."""
     jump_target: float | None = None
-    """Least ratio of A*'s time to jump-point search's."""
-    jump_kept: bool = False
-    """Whether the map is kept for this ratio: a search takes no longer than preparing it."""
+    """Least ratio of A*'s time to jump-point search's, of whole calls and with the map kept."""
 
 
 WORLDS = (
     World("random 10 %", lambda size, rng: random_map(size, size, 0.1, rng), large_target=4.0),
     World("random 20 %", lambda size, rng: random_map(size, size, 0.2, rng), large_target=2.0),
     World("maze", lambda size, rng: maze_map(size, size, 8, rng), jump_target=5.0),
-    World("rooms", lambda size, rng: rooms_map(size, size, 31, rng), jump_target=5, jump_kept=True),
+    World("rooms", lambda size, rng: rooms_map(size, size, 31, rng), jump_target=5.0),
 )
 
 
@@ -97,13 +92,8 @@ def here(find: Callable) -> Solver:
     """Ours: ``find`` takes a start and a goal."""
 
     def solve(asked: list) -> tuple[list[float], list[float]]:
-        seconds, lengths = [], []
-        for start, goal in asked:
-            began = perf_counter()
-            found = find(start, goal)
-            seconds.append(perf_counter() - began)
-            lengths.append(found.cost)
-        return seconds, lengths
+        seconds, found = timed(find, asked)
+        return seconds, [each.cost for each in found]
 
     return solve
 
@@ -171,10 +161,10 @@ def figures(
     for kept in ("", ", map kept"):
         times = outcomes["A*" + kept].typical() / outcomes["jump points" + kept].typical()
         name = f"{title}: jump points faster than A*{kept}"
-        if world.jump_target is not None and bool(kept) == world.jump_kept:
-            yield ratio(name, times, world.jump_target)
-        else:
+        if world.jump_target is None:
             yield row(name, times, "1")
+        else:
+            yield ratio(name, times, world.jump_target)
     for name, outcome in outcomes.items():
         once = len(outcome.lengths) < len(first.lengths)
         yield row(f"{title}: {name}{', one query, once' * once}", outcome.typical() * 1e3, "ms")
@@ -186,23 +176,12 @@ def figures(
             yield row(what, longer.mean(), "%")
 
 
-def peer_process() -> PeerProcess | None:
-    """The peers, or a line that says why not."""
-    try:
-        process = PeerProcess("planning_peers.py")
-        process.ask("ready?")
-    except PeersMissing as error:
-        console.print(f"Without peers: {error}; make bench-planning installs them.")
-        return None
-    return process
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--sizes", type=int, nargs="+", default=list(QUERIES))
     arguments = parser.parse_args()
-    process, rows = peer_process(), []
+    process, rows = PeerProcess.if_there("planning"), []
     for size in arguments.sizes:
         for world in WORLDS:
             console.print(f"{world.name}, {size} x {size} cells")
@@ -210,7 +189,7 @@ def main() -> None:
     if process is not None:
         process.close()
         console.print(f"Left out on 4096 x 4096 cells, minutes each: {', '.join(NOT_LARGE)}.")
-    publish("planning", sorted(rows, key=lambda r: not r["target"]))
+    publish("planning", rows)
 
 
 if __name__ == "__main__":

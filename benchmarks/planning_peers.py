@@ -1,16 +1,13 @@
 """The queries of the planning benchmark in other libraries, timed on request.
 
-Runs in an environment of its own. Every line that it reads is a request, ``{"peer": name, "map":
-file, "queries": [[start, goal], ...]}``, which it answers with the seconds and the paths' lengths
-in cells, diagonal moves counting sqrt(2), of each. What a peer makes of a map once, its array or
-its graph, is made before and not timed.
+Runs in an environment of its own. A request is ``{"peer": name, "map": file, "queries": [[start,
+goal], ...]}``, which it answers with the seconds and the paths' lengths in cells, diagonal moves
+counting sqrt(2), of each. What a peer makes of a map once, its array or its graph, is made before
+and not timed.
 """
 
-import json
-import os
 import sys
 from math import hypot, sqrt
-from time import perf_counter
 
 try:
     import networkx as nx
@@ -22,7 +19,9 @@ try:
     from pathfinding.core.grid import Grid
     from pathfinding.core.heuristic import octile as pathfinding_octile
     from pathfinding.finder.a_star import AStarFinder
+    from peer_service import serve
     from skimage.graph import route_through_array
+    from timed import timed
 except ImportError as error:
     sys.exit(str(error))
 
@@ -158,32 +157,25 @@ PEERS = {
 }
 
 
-def main():
-    answers = os.fdopen(os.dup(1), "w")  # whatever a library prints is no answer
-    os.dup2(2, 1)
-    made = {}
-    for line in sys.stdin:
-        request = json.loads(line)
-        if request == "ready?":
-            print(json.dumps("yes"), file=answers, flush=True)
-            continue
-        key = request["peer"], request["map"]
-        if key not in made:
-            if any(map_ != request["map"] for _, map_ in made):
-                made.clear()
-            made[key] = PEERS[request["peer"]](np.load(request["map"]))
-        seconds, lengths = [], []
-        for start, goal in request["queries"]:
-            start, goal = tuple(start), tuple(goal)  # noqa: PLW2901
-            began = perf_counter()
-            path = made[key](start, goal)
-            seconds.append(perf_counter() - began)
-            path = np.asarray(path)
-            assert tuple(path[0]) == start, path[0]
-            assert tuple(path[-1]) == goal, path[-1]
-            lengths.append(sum(hypot(*step) for step in np.diff(path, axis=0).tolist()))
-        print(json.dumps({"seconds": seconds, "lengths": lengths}), file=answers, flush=True)
+made = {}
+
+
+def answer(request):
+    key = request["peer"], request["map"]
+    if key not in made:
+        if any(map_ != request["map"] for _, map_ in made):
+            made.clear()
+        made[key] = PEERS[request["peer"]](np.load(request["map"]))
+    queries = [(tuple(start), tuple(goal)) for start, goal in request["queries"]]
+    seconds, paths = timed(made[key], queries)
+    return {"seconds": seconds, "lengths": list(map(length, paths, queries))}
+
+
+def length(path, ends):
+    path = np.asarray(path)
+    assert (tuple(path[0]), tuple(path[-1])) == ends, (path[0], path[-1])
+    return sum(hypot(*step) for step in np.diff(path, axis=0).tolist())
 
 
 if __name__ == "__main__":
-    main()
+    serve(answer)

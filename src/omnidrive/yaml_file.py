@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from stat import S_ISREG
 from typing import Any
 
 import yaml
+
+from omnidrive.bounded_file import one_line, read_bounded, shown
 
 _MAX_BYTES = 100_000
 _MAX_DEPTH = 30
@@ -60,32 +61,9 @@ def read_yaml_documents(
         raise refusal(f"{one_line(str(path))} is not a YAML {what}: {reason}") from None
 
 
-def shown(value: Any) -> str:
-    """A value as messages show it: one line of at most 60 characters."""
-    return one_line(repr(value), 60)
-
-
-def one_line(text: str, limit: int = 300) -> str:
-    """``text`` with everything unprintable escaped, cut to ``limit`` characters."""
-    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[: limit + 1])
-    return line if len(line) <= limit else line[: limit - 3] + "..."
-
-
 def _content(path: Path, what: str, refusal: type[Exception], max_bytes: int) -> bytes:
-    name = one_line(str(path))
-    try:
-        content = None
-        if S_ISREG(path.stat().st_mode):  # a pipe would be waited for
-            with path.open("rb") as file:
-                content = file.read(max_bytes + 1)
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
-        reason = getattr(error, "strerror", None) or error
-        raise refusal(f"cannot read the {what} {name}: {reason}") from None
-    if content is None:
-        raise refusal(f"cannot read the {what} {name}: it is not a file")
-    if len(content) > max_bytes:
-        raise refusal(f"{name} is too large for a YAML {what}")
-    return content
+    excess = f"is too large for a YAML {what}"
+    return read_bounded(path, max_bytes, what, refusal, excess=excess)
 
 
 def _documents(events: Iterable[yaml.Event]) -> list[Any]:

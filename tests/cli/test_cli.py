@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from omnidrive.cli.options import Demand
+from omnidrive.cli.demand import Demand
 from omnidrive.study import paper_scenario, save_scenario
 from tests.shared_data import shared
 

@@ -1,6 +1,7 @@
 """`omnidrive plan`, in this process: maps in, facts, pictures and waypoint files out."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -8,11 +9,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from omnidrive.cli.demand import Demand
 from omnidrive.cli.main import load_verb
-from omnidrive.errors import OmnidriveError
+from omnidrive.errors import CannotWrite, InvalidInput, OmnidriveError
 from omnidrive.maps import OccupancyGrid, load_map, load_queries, save_nav2_map
 from omnidrive.reference import load_waypoints
-from omnidrive.study import load_scenario, paper_scenario, prepare, solve_queries
+from omnidrive.study import (
+    check_plan_targets,
+    load_scenario,
+    paper_scenario,
+    prepare,
+    solve_queries,
+)
 from tests.shared_data import shared
 
 SCENARIOS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20-10-2-1")
@@ -150,10 +158,8 @@ def test_the_papers_plan_is_as_it_was(capsys):
         (["ROOM", "--start", "0,3", "--goal", "6,3", "--search", "a*"], "path.search"),
         (["ROOM", "--start", "0,3", "--goal", "6,3", "--margin", "9"], "nowhere on the map"),
         (["ROOM", "--start", "0,3", "--goal", "6,3", "--duration", "0.5"], "fastest motion"),
-        (["ROOM", "--start", "0,3", "--goal", "6,3", "--png", "a.txt"], ".png or .svg"),
-        (["ROOM", "--start", "0,3", "--goal", "6,3", "--png", "no/a.png"], "cannot write no/a"),
-        (["ROOM", "--start", "0,3", "--goal", "6,3", "--out", "no/a.csv"], "cannot write"),
         (["ROOM", "--start", "0,3", "--goal", "0,3"], "stand"),
+        (["--resolution", "2"], "map resolution is for maps whose file does not say it"),
     ],
 )
 def test_a_mistake_is_named(room, args, message, monkeypatch, tmp_path):
@@ -220,3 +226,122 @@ def test_another_ending_is_refused_and_makes_nothing(room, tmp_path):
             [*map(str, room), "--out", str(tmp_path / "o.png")], standalone_mode=False
         )
     assert not (tmp_path / "o.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--png", "a.txt"], "pictures are written as .png or .svg"),
+        (["--png", "no/a.png"], "cannot write to no/a.png: there is no folder no"),
+        (["--png", "folder.png"], "cannot write to folder.png: it is a folder"),
+        (["--png", "file/a.png"], "cannot write to file/a.png: Not a directory"),
+        (["--png", "/proc/a.svg"], "cannot write to /proc/a.svg: "),
+        (["--out", "a.txt"], "waypoint files end in .csv"),
+        (["--out", "no/a.csv"], "cannot write to no/a.csv: there is no folder no"),
+        (["--out", "folder.csv"], "cannot write to folder.csv: it is a folder"),
+        (["--out", "folder.png"], "folder.png is not empty; name a new folder with --out"),
+        (["--out", "file"], "cannot write to file: Not a directory"),
+        (["--out", "file/in/it"], "cannot write to file/in/it: "),
+        (["--out", "/proc/no"], "cannot write to /proc/no: "),
+        (["--out", "new", "--png", "newer/a.png"], "there is no folder newer"),
+    ],
+)
+def test_where_nothing_can_be_written_is_said_before_planning(
+    tmp_path, monkeypatch, options, message
+):
+    """A map that is not there would be named, were it looked for."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("folder.png", "folder.csv"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "something").touch()
+    (tmp_path / "file").touch()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises((InvalidInput, CannotWrite)) as refused:
+        load_verb("plan")(
+            ["no.map", "--start", "1,1", "--goal", "2,2", *options], standalone_mode=False
+        )
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("verb", ["run", "compare"])
+def test_a_folder_in_use_is_refused_before_planning(tmp_path, verb):
+    (tmp_path / "file").touch()
+    with pytest.raises(CannotWrite, match="is not empty; name a new folder"):
+        load_verb(verb)(
+            ["no.map", "--start", "1,1", "--goal", "2,2", "--out", str(tmp_path)],
+            standalone_mode=False,
+        )
+
+
+def test_a_name_that_no_file_can_have_is_refused(tmp_path):
+    for name in ("new\0", "new\0.csv"):
+        with pytest.raises(CannotWrite, match=r"new\\x00.*: embedded null"):
+            check_plan_targets(tmp_path / name, None)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_is_closed_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(CannotWrite, match="Permission denied"):
+        check_plan_targets(tmp_path / "a.csv", None)
+
+
+def test_the_picture_may_go_into_the_new_folder(capsys, room, tmp_path):
+    plan(capsys, *room, "--out", tmp_path / "a" / "b", "--png", tmp_path / "a" / "p.png")
+    assert (tmp_path / "a" / "p.png").stat().st_size > 10_000
+    assert (tmp_path / "a" / "b" / "reference.csv").exists()
+
+
+def test_every_verb_that_drives_plans_as_it_is_told(tmp_path):
+    options = {
+        "search": "lazy-theta", "cut-corners": None, "smooth": "spline", "timing": "limits",
+        "heading": "fixed", "margin": "0.2", "unknown": "free", "resolution": "0.5",
+    }  # fmt: skip
+    helps = {verb: load_verb(verb) for verb in ("plan", "run", "compare")}
+    for verb in helps.values():
+        names = {name for each in verb.params for name in each.opts}
+        assert {"--" + name for name in options} <= names
+    found = Demand(
+        search="jump-point", cut_corners=False, smooth="spline", timing="limits",
+        heading="tangent", margin=0.2, unknown="free", seed=7,
+    ).resolve()  # fmt: skip
+    assert (found.path.search, found.path.cut_corners, found.path.smooth) == (
+        "jump-point", False, "spline",
+    )  # fmt: skip
+    assert (found.timing.law, found.timing.heading, found.seed) == ("limits", "tangent", 7)
+    assert (found.map.margin, found.map.unknown) == (0.2, "free")
+
+
+def test_a_run_takes_the_options_of_planning(room, tmp_path):
+    options = ["--search", "lazy-theta", "--heading", "tangent", "--margin", "0.1"]
+    load_verb("run")(
+        [*map(str, room[:4]), "6,3", *room[5:], *options, "--plant", "kinematic",
+         "--out", str(tmp_path / "r")],
+        standalone_mode=False,
+    )  # fmt: skip
+    scenario = load_scenario(tmp_path / "r" / "scenario.yaml")
+    assert scenario.path.search == "lazy-theta"
+    assert (scenario.timing.heading, scenario.map.margin) == ("tangent", 0.1)
+    runs = json.loads((tmp_path / "r" / "results.json").read_text())["runs"]
+    assert runs[0]["finished"]
+    assert runs[0]["min_clearance"] > 0.05
+
+
+@pytest.mark.parametrize(("resolution", "said"), [(1.0, True), (0.05, False)])
+def test_half_a_cells_diagonal_is_named_where_it_decides(tmp_path, resolution, said):
+    occupied = np.zeros((30, 30), bool)
+    occupied[15, 10] = True
+    np.save(tmp_path / "a.npy", occupied)
+    with pytest.raises(OmnidriveError) as refused:
+        load_verb("plan")(
+            [str(tmp_path / "a.npy"), "--resolution", str(resolution), "--robot", "small",
+             "--start", f"{9.8 * resolution},{15.5 * resolution}",
+             "--goal", f"{25 * resolution},{25 * resolution}"],
+            standalone_mode=False,
+        )  # fmt: skip
+    message = str(refused.value)
+    assert "from an obstacle; the robot's centre must keep" in message
+    fact = "half a cell's diagonal, 0.707 m, which is more than the margin of 0.05 m), also"
+    assert (fact in message) == said

@@ -152,3 +152,54 @@ def test_a_turned_map_is_drawn_where_it_lies():
     left, right, bottom, top = grid.extent
     assert (axes.get_xlim(), axes.get_ylim()) == ((left, right), (bottom, top))
     assert 0.0 < left < 2.0
+
+
+def drawn(axes, x, y):
+    """The map's image at a point of W: row and column of its pixel, and the red of it."""
+    (image,) = axes.images
+    u, v = (image.get_transform() - axes.transData).inverted().transform((x, y))
+    left, right, bottom, top = image.get_extent()
+    rows, cols, _ = image.get_array().shape
+    row, col = int((v - bottom) / (top - bottom) * rows), int((u - left) / (right - left) * cols)
+    return row, col, int(image.get_array()[row, col, 0])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6])
+def test_a_large_map_is_thinned_and_keeps_its_thin_walls(yaw):
+    occupied = np.zeros((2999, 2503), bool)
+    occupied[1777] = occupied[:, 1234] = True
+    grid = OccupancyGrid(occupied, 0.05, (2.0, 1.0), walled=False, yaw=yaw)
+    free = grid.inflated(0.6)
+    axes = Figure(figsize=(5, 5)).add_subplot()
+    draw_map(axes, grid, free, Path(np.array([[2.1, 1.1, 0.0], [2.1, 1.1, 0.0]])))
+    rows, cols, _ = axes.images[0].get_array().shape
+    assert max(rows, cols) <= 5 * 160
+    for row, col in [(1777, 3), (1777, 2502), (0, 1234), (2998, 1234)]:
+        assert drawn(axes, *grid.centre(row, col))[2] == 96
+    for row, col in [(1785, 3), (1769, 3), (5, 1242)]:
+        assert drawn(axes, *grid.centre(row, col))[2] == 228
+    for row, col in [(1800, 3), (1750, 3), (5, 1200), (2998, 0), (0, 2502)]:
+        assert drawn(axes, *grid.centre(row, col))[2] == 255
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6])
+def test_a_part_of_a_large_map_is_drawn_cell_by_cell(yaw):
+    occupied = np.random.default_rng(1).random((2000, 2000)) < 0.2
+    grid = OccupancyGrid(occupied, 0.05, (-30.0, -40.0), yaw=yaw)
+    x, y = grid.centre(900, 1100)
+    axes = Figure(figsize=(5, 5)).add_subplot()
+    way = Path(np.array([[x, y, 0.0], [x, y, 0.0]]))
+    draw_map(axes, grid, grid, way, (x - 3.0, x + 3.0, y - 3.0, y + 3.0))
+    rows, cols, _ = axes.images[0].get_array().shape
+    assert max(rows, cols) < 180
+    for row, col in np.random.default_rng(2).integers((860, 1060), (940, 1140), (50, 2)):
+        taken = drawn(axes, *grid.centre(int(row), int(col)))[2] < 128
+        assert taken == occupied[row, col]
+    assert axes.get_xlim() == pytest.approx((x - 3.0, x + 3.0))
+
+
+def test_a_map_beside_the_view_is_drawn_all_the_same():
+    grid = OccupancyGrid(np.ones((5, 5), bool), 1.0)
+    axes = Figure(figsize=(5, 5)).add_subplot()
+    draw_map(axes, grid, grid, Path(np.zeros((2, 3))), (50.0, 60.0, 50.0, 60.0))
+    assert axes.get_xlim() == (50.0, 60.0)

@@ -129,8 +129,8 @@ def test_on_any_point_of_a_free_cell_a_disc_reaches_in_by_half_a_diagonal_at_mos
     assert (grid.clearance(points) >= radius - 0.25 * 0.5**0.5 - 1e-12).all()
 
 
-@pytest.mark.parametrize("radius", [np.nan, np.inf])
-def test_a_radius_that_is_not_finite_is_refused(radius):
+@pytest.mark.parametrize("radius", [np.nan, np.inf, -0.1])
+def test_a_radius_that_is_negative_or_not_finite_is_refused(radius):
     with pytest.raises(InvalidInput, match="finite radius"):
         paper_map().inflated(radius)
 
@@ -281,3 +281,14 @@ def test_the_papers_wall_lies_inside_its_inflation():
     assert (left, right, bottom, top) == pytest.approx(keepout.extent)
     assert wall.is_occupied(3.9, 3.0)
     assert not wall.is_occupied(4.1, 3.0)
+
+
+def test_occupied_on_its_own_frame_is_what_is_occupied():
+    occupied = np.random.default_rng(5).random((7, 9)) < 0.4
+    grid = OccupancyGrid(occupied, 0.3, (1.0, -2.0), yaw=0.4)
+    other = OccupancyGrid(~occupied, 0.3, (1.0, -2.0), yaw=0.4)
+    moved = OccupancyGrid(~occupied, 0.3, (1.0 + 1e-9, -2.0), yaw=0.4)
+    for asked in (other, moved):
+        found = grid.occupied_on(asked)
+        np.testing.assert_array_equal(found, occupied)
+        assert found is not grid.occupied

@@ -176,7 +176,7 @@ def test_real_maps(name, shape, free, taken):
         ({"image": "no.pgm"}, "cannot read the map's picture .*no.pgm: No such file"),
         ({"image": None}, "does not set 'image'"),
         ({"image": "map.yaml"}, "is not a picture"),
-        ({"image": "a\0b"}, r"a\\x00b is not a picture"),
+        ({"image": "a\0b"}, r"a\\x00b: embedded null byte"),
         ({"image": "a\nb"}, r"a\\nb: No such file"),
         ({"image": "b" * 5000}, r"bbb\.\.\.: File name too long"),
         ({"image": "."}, "cannot read the map's picture .* is not a file"),

@@ -116,3 +116,35 @@ def test_a_spline_needs_four_finite_points():
 def test_spline_length_of_a_straight_line():
     points = np.column_stack([np.linspace(0, 3, 7), np.linspace(0, 4, 7), np.zeros(7)])
     assert SplinePath(points).length == pytest.approx(5.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "place", [Place("a", 1.0), Place(1.0, None), Place(1.0, 1.0, "east"), Place([1.0], 1.0)]
+)
+def test_a_place_that_is_no_numbers_is_refused(place):
+    with pytest.raises(InvalidPlace, match=r"the goal must be two or three numbers, x and y in m"):
+        go(room(), goal=place)
+
+
+def test_a_place_may_hold_numbers_of_any_kind():
+    found = go(room(), start=(np.float32(1.0), np.int64(1)), goal=(5, 3))
+    assert (found.way.poses == go(room()).way.poses).all()
+
+
+@pytest.mark.parametrize("inflation", [-0.1, np.nan, np.inf])
+def test_an_inflation_that_is_none_is_refused(inflation):
+    with pytest.raises(InvalidInput, match="a finite radius of 0 m or more, got"):
+        go(room(), inflation=inflation)
+
+
+@pytest.mark.parametrize("inflation", [0.3, 9.0])
+def test_a_message_says_what_the_inflation_is_made_of(inflation):
+    with pytest.raises(InvalidPlace, match=r"keep (0\.3|9) m \(this and that\)"):
+        plan(
+            room((slice(0, 30), slice(30, 32))),
+            Place(2.8, 1.0),
+            Place(5.0, 3.0),
+            inflation=inflation,
+            options=PathOptions(),
+            made_of="this and that",
+        )

@@ -51,23 +51,63 @@ def first_end(occupied, row, col, move):
                 return run
 
 
+def jumps_of(occupied, board, cells, move):
+    """What a move leads to from each cell: cells, lengths and last moves; and so cell by cell."""
+    jump_board, found = JumpBoard.of(board), np.zeros((4 * sum(occupied.shape), 3), int)
+    steps, nowhere = [np.array(m[:: -1 if board.turned else 1]) for m in MOVES], 0
+    padded = np.pad(occupied, 1, constant_values=True)
+    for cell in cells:
+        at, diagonal, expected = np.array(cell), 0, set()
+        beside = [m for m in range(4) if move == m or (move >= 4 and steps[m] @ steps[move] > 0)]
+        while True:
+            if move >= 4:
+                corner = [at + 1 + step for step in (steps[move], *(steps[m] for m in beside))]
+                if any(padded[tuple(c)] for c in corner):
+                    break
+                at, diagonal = at + steps[move], diagonal + DIAGONAL
+            for m in beside:
+                run = first_end(occupied, *at, tuple(steps[m]))
+                there = board.number(tuple((at + run * steps[m]).tolist()))
+                expected |= {(there, diagonal + run * STRAIGHT, m)} if run else set()
+            if move < 4:
+                break
+        if move < 4 or diagonal > 0:  # others are not allowed
+            number = board.number(tuple(cell))
+            count = jumps(jump_board, board.stride, number, nowhere, 1 << move, found)
+            yield sorted(map(tuple, found[:count].tolist())), sorted(expected)
+
+
+DENSITIES = st.one_of(st.floats(0.0, 0.5), st.floats(0.0, 0.01))
+
+
 @settings(max_examples=60, deadline=None)
-@given(shape=SHAPES, seed=st.integers(0, 99), density=st.floats(0.0, 0.5), move=st.integers(0, 3))
+@given(shape=SHAPES, seed=st.integers(0, 99), density=DENSITIES, move=st.integers(0, 7))
 def test_moves_end_where_a_turn_may_be_needed(shape, seed, density, move):
     occupied = random_map(shape, seed, density)
     occupied[0, 0] = False
-    board, found = BitBoard.of(occupied), np.zeros((9, 3), int)
-    ends, places = JumpBoard.of(board)
-    nowhere = 0
-    for cell in np.random.default_rng(seed).permutation(np.argwhere(~occupied))[:20].tolist():
-        number = board.number(tuple(cell))
-        steps = [MOVES[m][:: -1 if board.turned else 1] for m in range(4)]
-        run = first_end(occupied, *cell, steps[move])
-        count = jumps(ends, places, board.bits, board.stride, number, nowhere, 1 << move, found)
-        assert count == (run > 0)
-        if run:
-            there = (cell[0] + run * steps[move][0], cell[1] + run * steps[move][1])
-            assert found[0].tolist() == [board.number(there), run * STRAIGHT, move]
+    cells = np.random.default_rng(seed).permutation(np.argwhere(~occupied))[:10].tolist()
+    for found, expected in jumps_of(occupied, BitBoard.of(occupied), cells, move):
+        assert found == expected
+
+
+@pytest.mark.parametrize("move", range(4))
+def test_runs_of_every_length_are_seen(move):
+    """64 bits are read at once, from any of a byte's, and then those that follow."""
+    occupied = np.zeros((20, 260), bool)
+    occupied[10, 130] = True
+    cells = [(9, col) for col in range(260)]
+    if move in {1, 3}:
+        occupied, cells = occupied.T, [cell[::-1] for cell in cells]
+    compared = list(jumps_of(occupied, BitBoard.of(occupied), cells, move))
+    assert sum(len(expected) for _, expected in compared) >= 129
+    assert all(found == expected for found, expected in compared)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (64, 65), (600, 1100), (1100, 600)])
+def test_columns_are_the_rows_of_the_turned_map(shape):
+    occupied = random_map(shape, 1)
+    columns = JumpBoard.of(BitBoard.of(occupied)).columns
+    assert (columns[::8] == BitBoard.of(occupied.T).words).all()
 
 
 @given(seed=st.integers(0, 99), row=st.integers(0, 8), col=st.integers(0, 129))

@@ -2,20 +2,28 @@
 
 import sys
 from importlib import import_module
+from itertools import pairwise
 from math import inf
 
 import numpy as np
 import pytest
 
 from omnidrive.errors import InvalidInput, InvalidReference, MissingExtra, NoPathFound
-from omnidrive.maps import OccupancyGrid, paper_map
+from omnidrive.maps import OccupancyGrid, paper_map, rooms_map
 from omnidrive.planning import PathOptions, Place, SplinePath, plan
-from omnidrive.reference import Corridor, MotionLimits, minimum_time, time_within_limits
+from omnidrive.reference import (
+    Corridor,
+    MotionLimits,
+    minimum_time,
+    time_within_limits,
+    transcription,
+)
 from omnidrive.reference.free_heading import free_heading
 from omnidrive.reference.heading_guess import with_end_headings
 from omnidrive.reference.limits import limit_rows
-from omnidrive.reference.transcription import Optimised, Transcription
-from omnidrive.robot import Chassis
+from omnidrive.reference.spline_basis import bezier_basis
+from omnidrive.reference.transcription import Guess, Optimised, Transcription, _held_back, optimised
+from omnidrive.robot import Chassis, named_robot
 from tests.reference.courses import CROSS, FOUR, straight, turning, wandering, worst_shares
 
 MODULE = import_module("omnidrive.reference.minimum_time")  # the package names the function so
@@ -46,7 +54,7 @@ def test_the_papers_map(papers_path, papers_minimum):
     tangent = time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="tangent")
     assert tangent.duration == pytest.approx(11.48, abs=0.02)
     assert papers_minimum.status == "converged"
-    assert papers_minimum.reference.duration <= 7.63
+    assert papers_minimum.reference.duration <= 7.55
 
 
 def test_the_minimum_keeps_the_limits(papers_minimum):
@@ -298,14 +306,79 @@ def test_a_corridor_needs_a_free_way():
         Corridor.along(np.array([[0.0, 0.0], [1e9, 0.0]]), grid)
 
 
+@pytest.mark.parametrize("points", [4, 5, 6, 9, 30])
+def test_bezier_points_make_the_same_curve(points):
+    """Of every piece, by de Casteljau's algorithm."""
+    path = SplinePath(np.random.default_rng(points).normal(size=(points, 3)))
+    bezier = bezier_basis(points) @ path.control_points
+    r = np.linspace(0.0, 1.0, 7)[:, None]
+    for piece in range(points - 3):
+        polygon = [bezier[3 * piece + k] for k in range(4)]
+        while len(polygon) > 1:
+            polygon = [a + r * (b - a) for a, b in pairwise(polygon)]
+        assert polygon[0] == pytest.approx(path.poses((piece + r[:, 0]) / (points - 3)), abs=1e-12)
+
+
+@pytest.mark.parametrize("astray", [0.0, 1e-5, 0.3])
+def test_what_a_solver_leaves_outside_is_held_back(astray):
+    """On the line to where it went, just as far as the bounds allow."""
+    start = np.column_stack([np.linspace(0.0, 9.0, 10), np.zeros((10, 2))])
+    found = start + np.array([0.0, 1.0 + astray, 0.5]) * (np.arange(10) == 5)[:, None]
+    reached = bezier_basis(10) @ found[:, :2]
+    most = (reached / [1.0, 1.0 + astray]).max(axis=0)
+    hull = np.tile([0.0, 0.0, *most], (len(reached), 1))
+    held = _held_back(start, found, hull)
+    kept = bezier_basis(10) @ held[:, :2]
+    assert kept.max(axis=0) == pytest.approx(most, abs=1e-12)
+    assert held[5] == pytest.approx([start[5, 0], 1.0, 0.5 / (1.0 + astray)])
+    assert _held_back(start, found, None) is found
+
+
+def test_through_doors_it_is_faster_than_the_start_path():
+    """Rooms with narrow doors, crossed at an angle: boxes overlap little there."""
+    robot = named_robot("small")
+    grid = rooms_map(96, 96, 31, np.random.default_rng(0), door=6, resolution=0.25)
+    room = robot.body_radius + grid.resolution * 0.5**0.5
+    ends = Place(1.0, 1.0), Place(22.0, 22.0)
+    found = plan(grid, *ends, inflation=room, options=PathOptions())
+    limits = MotionLimits.of_robot(robot)
+    best = minimum_time(found.spline, robot.chassis, limits, found.free)
+    start = time_within_limits(found.spline, robot.chassis, limits)
+    assert best.status == "converged"
+    assert best.reference.duration < 0.97 * start.duration
+    assert max(best.reference.limit_usage.values()) <= 1.0 + 1e-9
+    assert best.path.clearance(found.free)[0] >= 0.0
+
+
+def test_of_many_control_points_one_guess_is_optimised(monkeypatch):
+    solved = []
+
+    def solve(_self, guess, _timed):
+        solved.append(guess)
+        return guess.path, True
+
+    monkeypatch.setattr(Transcription, "solve", solve)
+    program = (None, np.zeros(0))
+    monkeypatch.setattr(transcription, "_program", lambda *_: program)  # takes seconds
+    rows = limit_rows(FOUR, LIMITS)
+    for points, starts in ((200, 2), (201, 1)):
+        path = straight(10.0, points=points)
+        guesses = [Guess(path, path.control_points, path.control_points)] * 3
+        optimised(guesses, path.length, rows)
+        assert len(solved) == starts
+        solved.clear()
+
+
 def test_a_spline_outside_its_boxes_is_noticed():
     grid = OccupancyGrid(np.zeros((10, 10), dtype=bool), 1.0)
     corridor = Corridor.along(np.array([[1.5, 5.5], [8.5, 5.5]]), grid)
     pieces = corridor.pieces(5)
     path = SplinePath(np.column_stack([np.linspace(1.5, 8.5, 8), np.full(8, 5.5), np.zeros(8)]))
     assert corridor.contains(path.control_points, pieces)
-    path.control_points[3, 1] = 10.5  # a row of cells above the grid's last
-    assert not corridor.contains(path.control_points, pieces)
+    for y, inside in ((10.5, True), (13.0, False)):  # above the grid's last row, at 10
+        path.control_points[3, 1] = y
+        assert corridor.contains(path.control_points, pieces) == inside
+        assert (path.poses(np.linspace(0.0, 1.0, 500))[:, 1].max() < 10.0) == inside
 
 
 @pytest.mark.long

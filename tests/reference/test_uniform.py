@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import BodyTwist, WorldTwist, to_body
-from omnidrive.reference import Hold, Reference, UniformReference, shortest_duration, time_uniformly
+from omnidrive.reference import (
+    Hold,
+    Reference,
+    UniformReference,
+    shortest_duration,
+    time_uniformly,
+    wheel_speed_used,
+)
 from omnidrive.robot import named_robot
 from omnidrive.study import paper_scenario, prepare
 from tests.shared_data import shared_table
@@ -59,6 +66,18 @@ def test_shortest_duration_is_where_a_wheel_reaches_its_limit():
         peak = max(peak, np.abs(chassis.wheel_speeds(to_body(twist, pose.yaw))).max())
     assert peak <= chassis.max_wheel_speed
     assert peak >= 0.98 * chassis.max_wheel_speed  # rounded up to 0.1 s
+
+
+def test_the_wheel_speed_used_is_that_of_the_fastest_wheel():
+    chassis, duration = PREPARED.robot.chassis, 25.0
+    reference = UniformReference(PREPARED.path, duration)
+    peak = max(
+        float(np.abs(chassis.wheel_speeds(to_body(setpoint.twist, setpoint.pose.yaw))).max())
+        for setpoint in map(reference.at, np.linspace(0.0, duration, 4001))
+    )
+    used = wheel_speed_used(PREPARED.path, duration, chassis)
+    assert used == pytest.approx(peak / chassis.max_wheel_speed, rel=1e-3)
+    assert wheel_speed_used(PREPARED.path, 50.0, chassis) == pytest.approx(0.5 * used)
 
 
 def test_too_short_a_duration_names_the_shortest():

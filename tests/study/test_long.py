@@ -93,7 +93,7 @@ class Odometer(MujocoPlant):
         return measured
 
 
-def test_wheels_that_may_spin_follow_more_closely_and_lose_odometry():
+def test_wheels_that_must_not_spin_keep_most_of_their_odometry():
     """The table of decision 0007; -s prints it."""
     paper = prepare(paper_scenario())
     reference, robot = paper.reference(20.0), paper.robot
@@ -105,7 +105,7 @@ def test_wheels_that_may_spin_follow_more_closely_and_lose_odometry():
         plant = Odometer(robot)
         run = simulate(plant, controller, reference, start=reference.at(0.0).pose, dt=0.1)
         metrics = measure(run, robot.drive)
-        found[may_spin, traction] = metrics.me, plant.lost[10]
+        found[may_spin, traction] = plant.lost[10]
         print(f"{may_spin} {traction} {metrics.me:.4f} {metrics.mae:.4f} {plant.lost[10]:.2f}")
-    assert found[True, 0.85][0] < 0.9 * found[False, 0.85][0]
-    assert found[False, 0.85][1] < 0.3 * found[True, 0.85][1]
+    assert found[False, 0.85] < 0.3 * found[True, 0.85]
+    assert found[False, 0.6] < 0.3 * found[True, 0.85]

@@ -10,6 +10,7 @@ import pytest
 from omnidrive.errors import CannotWrite, InvalidReference
 from omnidrive.study import load_scenario, paper_scenario, run_study, study_tasks
 from omnidrive.study.jobs import jobs_of
+from omnidrive.study.scenario import DurationsTask, MapSection, Tasks, TimingSection
 from tests.study.small import small_scenario
 
 NOT_REPRODUCIBLE = {"step_time_us", "timing_s"}
@@ -194,3 +195,19 @@ def test_a_study_of_the_recommended_preset(tmp_path):
 def test_jobs_of_the_papers_study():
     jobs = jobs_of(paper_scenario())
     assert len(jobs) == len(set(jobs)) == 22
+
+
+@pytest.mark.parametrize(("law", "beside"), [("uniform", True), ("limits", False)])
+def test_the_papers_numbers_stand_beside_its_timing_only(law, beside):
+    tasks = Tasks(track=DurationsTask(durations=(20.0,)))
+    study = run_study(
+        small_scenario(tasks=tasks, controllers=("fuzzy_t1",), timing=TimingSection(law=law))
+    )
+    assert ("paper ME" in study.tables[0].columns) == beside
+
+
+def test_a_folder_in_use_is_refused_before_planning(tmp_path):
+    (tmp_path / "something").touch()
+    nowhere = small_scenario(map=MapSection(source="no.map"))
+    with pytest.raises(CannotWrite, match="is not empty"):
+        run_study(nowhere, tmp_path)

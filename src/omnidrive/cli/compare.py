@@ -7,68 +7,54 @@ from typing import Annotated, Any, get_args
 
 import typer
 
+from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.options import (
-    Demand,
-    DurationOption,
-    GoalOption,
-    JobsOption,
+    HOW,
+    FolderOption,
     JsonOption,
-    MapOption,
-    OutOption,
-    PlantOption,
-    PresetOption,
-    RobotOption,
-    ScenarioArgument,
-    SeedOption,
-    SpeedOption,
-    StartOption,
     choose_many,
     cores,
     new_folder,
+    option,
 )
 from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
-from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, run_study
+from omnidrive.study import (
+    PREDICTIVE,
+    ControllerName,
+    Scenario,
+    TaskName,
+    check_new_folder,
+    run_study,
+)
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 
 def _only(what: str, names: object) -> Any:
     """An option that keeps some of the names of a literal type, separated by commas."""
-    return typer.Option(
-        metavar="A,B,...",
-        help=f"Only these {what}: {', '.join(get_args(names))}.",
-        rich_help_panel="How to drive",
-    )
+    return option("A,B,...", f"Only these {what}: {', '.join(get_args(names))}.", HOW)
 
 
-ControllersOption = Annotated[str | None, _only("controllers", ControllerName)]
-TasksOption = Annotated[str | None, _only("tasks", TaskName)]
-NoiseSeedsOption = Annotated[
-    int | None,
-    typer.Option(
-        metavar="N",
-        help="Repeat the task noise with N seeds: means with intervals, paired differences.",
-        rich_help_panel="How to drive",
-    ),
-]
-
-
+@with_demand()
 def compare(
-    scenario: ScenarioArgument = "paper",
-    map_: MapOption = None,
-    start: StartOption = None,
-    goal: GoalOption = None,
-    duration: DurationOption = None,
-    speed: SpeedOption = None,
-    robot: RobotOption = None,
-    plant: PlantOption = None,
-    preset: PresetOption = None,
-    controllers: ControllersOption = None,
-    tasks: TasksOption = None,
-    seed: SeedOption = None,
-    noise_seeds: NoiseSeedsOption = None,
-    jobs: JobsOption = None,
-    out: OutOption = None,
+    demand: Demand,
+    controllers: Annotated[str | None, _only("controllers", ControllerName)] = None,
+    tasks: Annotated[str | None, _only("tasks", TaskName)] = None,
+    noise_seeds: Annotated[
+        int | None,
+        option(
+            "N",
+            "Repeat the task noise with N seeds: means with intervals, paired differences.",
+            HOW,
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        option(
+            "N", "Runs at the same time; changes no number [default: every core].", HOW, least=1
+        ),
+    ] = None,
+    out: FolderOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run the whole study: plan, drive with every controller, measure, report.
@@ -84,7 +70,8 @@ def compare(
     * `omnidrive compare --tasks track --controllers nmpc,recommended --plant ball`
     * `omnidrive compare --tasks noise --noise-seeds 50`
     """
-    demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
+    if out is not None:
+        check_new_folder(out)
     resolved = _restrict(demand.resolve(), controllers, tasks, noise_seeds)
     folder = out or new_folder(resolved.name)
     with LiveProgress() as progress:

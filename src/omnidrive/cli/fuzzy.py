@@ -13,6 +13,7 @@ import typer
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from omnidrive.bounded_file import one_line
 from omnidrive.cli.fuzzy_text import (
     fired_lines,
     headline,
@@ -32,7 +33,6 @@ from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.compilation import Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.fuzzy.csv_rows import evaluate_csv
 from omnidrive.fuzzy.system import ALGORITHMS
-from omnidrive.yaml_file import one_line
 
 fuzzy = typer.Typer(
     no_args_is_help=True,

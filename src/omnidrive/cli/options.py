@@ -1,291 +1,50 @@
-"""Options that several verbs share, and the scenario that they add up to."""
+"""How the verbs' options look, and how what they say is read."""
 
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 import typer
 
 from omnidrive.errors import InvalidInput
-from omnidrive.maps import Unknown
-from omnidrive.planning import MethodName, Place, SmoothingName
-from omnidrive.reference import Heading
-from omnidrive.robot import ROBOTS
-from omnidrive.study import (
-    PlantName,
-    PresetName,
-    Scenario,
-    TimingName,
-    load_scenario,
-    map_scenario,
-    paper_scenario,
-    retime,
-    robot_section,
-)
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
-_WHERE, _HOW, _OUT = "Where to drive", "How to drive", "Results"
-_HEAD = 65_536  # bytes of a YAML file in which a map names its picture
-_PICTURE = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
+WHERE, HOW, RESULTS = "Where to drive", "How to drive", "Results"
+"""Panels of the help."""
 
-ScenarioArgument = Annotated[
-    str,
-    typer.Argument(
-        help="`paper`, or a scenario's YAML file, or the folder that it is in, or a map's file: "
-        "of Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
-    ),
-]
-MapOption = Annotated[
+
+def option(metavar: str, text: str, panel: str, *names: str, least: int | None = None) -> Any:
+    """An option for `Annotated`.
+
+    Args:
+        metavar: What stands for its value in the help.
+        text: What it does.
+        panel: Under which heading the help has it.
+        names: What it is called, if not as the parameter is.
+        least: The least value.
+    """
+    return typer.Option(*names, metavar=metavar, help=text, rich_help_panel=panel, min=least)
+
+
+def choice(of: Iterable[str], text: str, panel: str) -> Any:
+    """An option whose value is one of some names; otherwise as :func:`option`."""
+    return option("|".join(of), text, panel)
+
+
+def flag(text: str, panel: str, *names: str) -> Any:
+    """An option without a value; otherwise as :func:`option`."""
+    return typer.Option(*names, help=text, rich_help_panel=panel, show_default=False)
+
+
+FolderOption = Annotated[
     Path | None,
-    typer.Option(
-        "--map", metavar="FILE", help="The same for a map's file.", rich_help_panel=_WHERE
-    ),
+    option("FOLDER", "New folder for the results [default: runs/NAME-TIME].", RESULTS, "--out"),
 ]
-StartOption = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y[,HEADING]", help="Start in m, m, rad.", rich_help_panel=_WHERE),
-]
-GoalOption = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y[,HEADING]", help="Goal in m, m, rad.", rich_help_panel=_WHERE),
-]
-DurationOption = Annotated[
-    float | None,
-    typer.Option(metavar="S", help="Time for the path, in s.", rich_help_panel=_WHERE),
-]
-SpeedOption = Annotated[
-    float | None,
-    typer.Option(metavar="M/S", help="Mean speed instead, in m/s.", rich_help_panel=_WHERE),
-]
-RobotOption = Annotated[
-    str | None,
-    typer.Option(metavar="|".join(ROBOTS), help="Which robot drives.", rich_help_panel=_HOW),
-]
-PlantOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(PlantName)),
-        help="What simulates it: MuJoCo with rollers or with balls, or kinematics alone.",
-        rich_help_panel=_HOW,
-    ),
-]
-PresetOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(PresetName)),
-        help="Take the paper's controllers from its text, from its published code with its slip in "
-        "the wheel matrix, or as we would build them.",
-        rich_help_panel=_HOW,
-    ),
-]
-SeedOption = Annotated[
-    int | None, typer.Option(metavar="N", help="Seed of the noise.", rich_help_panel=_HOW)
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="New folder for the results [default: runs/NAME-TIME].",
-        rich_help_panel=_OUT,
-    ),
-]
-JsonOption = Annotated[
-    bool,
-    typer.Option("--json", help="Print results.json instead of tables.", rich_help_panel=_OUT),
-]
-JobsOption = Annotated[
-    int | None,
-    typer.Option(
-        metavar="N",
-        min=1,
-        help="Runs at the same time; changes no number [default: every core].",
-        rich_help_panel=_HOW,
-    ),
-]
-
-
-SearchOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(MethodName)),
-        help="How a way over the cells is searched: the shortest way (astar, and sooner on open or "
-        "narrow maps jump-point), to any angle (lazy-theta), or greedy as in the paper.",
-        rich_help_panel=_HOW,
-    ),
-]
-SmoothOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(SmoothingName)),
-        help="Smooth the way with a proof that nothing is hit, or plainly as in the paper.",
-        rich_help_panel=_HOW,
-    ),
-]
-TimingOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(TimingName)),
-        help="Travel evenly as in the paper; from rest to rest within the wheels' limits; or also "
-        "move the path and turn freely to save time.",
-        rich_help_panel=_HOW,
-    ),
-]
-CornersOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--cut-corners/--no-cut-corners",
-        help="Whether diagonal moves may pass obstacles' corners, as in the paper.",
-        show_default=False,
-        rich_help_panel=_HOW,
-    ),
-]
-HeadingOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(Heading)),
-        help="Where the robot looks, with the timing `limits`.",
-        rich_help_panel=_HOW,
-    ),
-]
-MarginOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="M", help="Room between robot and obstacles, in m.", rich_help_panel=_WHERE
-    ),
-]
-UnknownOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(Unknown)),
-        help="What unknown cells count as.",
-        rich_help_panel=_WHERE,
-    ),
-]
-ResolutionOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="M",
-        help="Side of a cell in m, where the map does not say it [default: 1].",
-        rich_help_panel=_WHERE,
-    ),
-]
-
-
-@dataclass(frozen=True, slots=True)
-class Demand:
-    """What the shared options said; None where nothing."""
-
-    scenario: str
-    map: Path | None = None
-    start: str | None = None
-    goal: str | None = None
-    duration: float | None = None
-    speed: float | None = None
-    robot: str | None = None
-    plant: str | None = None
-    preset: str | None = None
-    seed: int | None = None
-    details: Mapping[str, object] = field(default_factory=dict)
-    """Values for keys of the scenario, such as ``path.search``; None where nothing."""
-
-    @property
-    def map_file(self) -> Path | None:
-        """The map that is named, in one way or the other."""
-        if self.map is not None and self.scenario != "paper":
-            raise InvalidInput("give a scenario or map, or --map, not both")
-        if self.map is None and self.scenario != "paper" and _is_map(Path(self.scenario)):
-            return Path(self.scenario)
-        return self.map
-
-    def resolve(self, *, retimed: bool = True) -> Scenario:
-        """The scenario that the options add up to.
-
-        Args:
-            retimed: Give it times that suit the path, where the path is the user's.
-
-        Raises:
-            OmnidriveError: They contradict each other or name something that is not there.
-        """
-        preset = (
-            choose_one("preset", self.preset, get_args(PresetName))
-            if self.preset is not None
-            else None
-        )
-        scenario = self._base(preset)
-        changes: dict[str, object] = {}
-        on_map = self.map_file is not None
-        if self.start is not None and not on_map:
-            changes["start"] = parse_place("start", self.start)
-        if self.goal is not None and not on_map:
-            changes["goal"] = parse_place("goal", self.goal)
-        if self.plant is not None:
-            changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
-        if self.robot is not None and not on_map:
-            name = choose_one("robot", self.robot, ROBOTS)
-            changes["robot"] = robot_section(name, preset or scenario.preset)
-        elif preset:
-            changes["robot"] = robot_section(scenario.robot.name, preset)
-        if preset:
-            changes["preset"] = preset
-        if self.seed is not None:
-            changes["seed"] = self.seed
-        scenario = scenario.model_copy(update=changes)
-        scenario = parse_scenario(self._detailed(scenario_data(scenario)), "with these options")
-        if retimed and (on_map or self.duration is not None or self.speed is not None):
-            scenario = retime(scenario, duration=self.duration, speed=self.speed)
-        return scenario
-
-    def _detailed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """The scenario's data with the details put in."""
-        for key, value in self.details.items():
-            if value is not None:
-                section, name = key.split(".")
-                data[section][name] = value
-        return data
-
-    def _base(self, preset: PresetName | None) -> Scenario:
-        file = self.map_file
-        if file is not None:
-            if self.start is None or self.goal is None:
-                raise InvalidInput("a map needs --start X,Y and --goal X,Y (metres in the map)")
-            return map_scenario(
-                str(file),
-                parse_place("start", self.start),
-                parse_place("goal", self.goal),
-                robot=choose_one("robot", self.robot or "paper", ROBOTS),
-                name=_plain_name(file.stem),
-                preset=preset or "paper",
-            )
-        if self.scenario == "paper":
-            return paper_scenario(preset or "paper")
-        path = Path(self.scenario)
-        return load_scenario(path / "scenario.yaml" if path.is_dir() else path)
-
-
-def _is_map(path: Path) -> bool:
-    """Whether a file is a map and no scenario; one that cannot be read is no map."""
-    if path.suffix.lower() not in {".yaml", ".yml"}:
-        return path.suffix != "" or path.is_file()
-    if not path.is_file():
-        return False
-    try:
-        with path.open("rb") as file:
-            return _PICTURE.search(file.read(_HEAD)) is not None
-    except OSError:
-        return False
-
-
-def _plain_name(text: str) -> str:
-    """``text`` as a scenario may be called."""
-    plain = "".join(c if c.isascii() and (c.isalnum() or c in "_.-") else "_" for c in text)
-    return plain.lstrip("_.-")[:60] or "map"
+JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESULTS, "--json")]
 
 
 def two_or_three(text: str) -> list[float]:
@@ -295,21 +54,6 @@ def two_or_three(text: str) -> list[float]:
     except ValueError:
         return []
     return numbers if len(numbers) in {2, 3} else []
-
-
-def parse_place(name: str, text: str) -> Place:
-    """Read ``X,Y`` or ``X,Y,HEADING``."""
-    numbers = two_or_three(text)
-    if not numbers:
-        raise InvalidInput(
-            f"--{name} must be X,Y or X,Y,HEADING in m, m, rad, such as 1.5,2 or 1.5,2,-0.78; "
-            f"got '{text}'"
-        )
-    if len(numbers) == 3 and not abs(numbers[2]) <= 6.3:
-        raise InvalidInput(
-            f"--{name}: the heading is {numbers[2]:g} rad, need -6.3 to 6.3 rad (degrees?)"
-        )
-    return Place(*numbers)
 
 
 def choose_many(name: str, text: str, options: Iterable[str]) -> tuple[str, ...]:

@@ -4,31 +4,15 @@ from __future__ import annotations
 
 import json as json_format
 import re
+from dataclasses import fields
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
 
-from omnidrive.cli.options import (
-    CornersOption,
-    Demand,
-    DurationOption,
-    GoalOption,
-    HeadingOption,
-    MapOption,
-    MarginOption,
-    ResolutionOption,
-    RobotOption,
-    ScenarioArgument,
-    SearchOption,
-    SmoothOption,
-    SpeedOption,
-    StartOption,
-    TimingOption,
-    UnknownOption,
-    choose_one,
-)
+from omnidrive.cli.demand import Demand, with_demand
+from omnidrive.cli.options import RESULTS, WHERE, choose_one, flag, option
 from omnidrive.compiled import kernels_are_kept
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown, load_map, load_queries
@@ -36,6 +20,7 @@ from omnidrive.planning import MethodName
 from omnidrive.study import (
     Fact,
     Prepared,
+    check_plan_targets,
     plan_at,
     plan_facts,
     planned_duration,
@@ -45,56 +30,36 @@ from omnidrive.study import (
     solve_queries,
 )
 
-_OUT = "Results"
 _SHOWN = 10  # queries whose lengths differ
-
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE|FOLDER",
-        help="Waypoint file for the reference: .csv, .path (PathPlanner), .traj (Choreo), .yaml "
-        "(ROS nav_msgs/Path); or else a new folder for scenario.yaml, reference.csv and path.png.",
-        rich_help_panel=_OUT,
-    ),
-]
-PngOption = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE.png", help="Draw map, path and speeds.", rich_help_panel=_OUT),
-]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print JSON, for machines.", rich_help_panel=_OUT)
-]
-ScenOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE.scen",
-        help="Search every query of a MovingAI scenario file on its map instead, and report the "
-        "lengths that differ from the file's.",
-        rich_help_panel="Where to drive",
-    ),
-]
+_OF_SEARCHES = {"scenario", "map", "search", "unknown"}
 
 
+@with_demand("plant", "preset", "seed")
 def plan(
-    scenario: ScenarioArgument = "paper",
-    map_: MapOption = None,
-    start: StartOption = None,
-    goal: GoalOption = None,
-    duration: DurationOption = None,
-    speed: SpeedOption = None,
-    robot: RobotOption = None,
-    search: SearchOption = None,
-    cut_corners: CornersOption = None,
-    smooth: SmoothOption = None,
-    timing: TimingOption = None,
-    heading: HeadingOption = None,
-    margin: MarginOption = None,
-    unknown: UnknownOption = None,
-    resolution: ResolutionOption = None,
-    scen: ScenOption = None,
-    out: OutOption = None,
-    png: PngOption = None,
-    json: JsonOption = False,
+    demand: Demand,
+    scen: Annotated[
+        Path | None,
+        option(
+            "FILE.scen",
+            "Search every query of a MovingAI scenario file on its map instead, and report the "
+            "lengths that differ from the file's.",
+            WHERE,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        option(
+            "FILE|FOLDER",
+            "Waypoint file for the reference: .csv, .path (PathPlanner), .traj (Choreo), .yaml "
+            "(ROS nav_msgs/Path); or else a new folder for scenario.yaml, reference.csv and "
+            "path.png.",
+            RESULTS,
+        ),
+    ] = None,
+    png: Annotated[
+        Path | None, option("FILE.png", "Draw map, path and speeds; .svg too.", RESULTS)
+    ] = None,
+    json: Annotated[bool, flag("Print JSON, for machines.", RESULTS, "--json")] = False,
 ) -> None:
     """Search a path, smooth it, time it; say what it asks of the robot.
 
@@ -108,27 +73,16 @@ def plan(
     * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --out depot.traj`
     * `omnidrive plan maze.map --scen maze.map.scen --json`
     """
-    demand = Demand(
-        scenario, map_, start, goal, duration, speed, robot,
-        details={
-            "path.search": search, "path.cut_corners": cut_corners, "path.smooth": smooth,
-            "timing.law": timing, "timing.heading": heading, "map.margin": margin,
-            "map.unknown": unknown, "map.resolution": resolution,
-        },
-    )  # fmt: skip
     if scen is not None:
-        _refuse_needless(
-            start=start, goal=goal, duration=duration, speed=speed, robot=robot, smooth=smooth,
-            cut_corners=cut_corners, timing=timing, heading=heading, margin=margin,
-            resolution=resolution, out=out, png=png,
-        )  # fmt: skip
-        _solve(demand, scen, (search or "astar", unknown or "occupied"), json)
+        _refuse_needless(demand, out=out, png=png)
+        _solve(demand, scen, json)
         return
+    check_plan_targets(out, png)
     if not kernels_are_kept():
         typer.echo("compiling, the first time only: up to a minute", err=True)
-    at_best = demand.map_file is not None or timing in {"limits", "minimum-time"}
-    if at_best and duration is None:
-        prepared = plan_at(demand.resolve(retimed=False), speed)
+    at_best = demand.map_file is not None or demand.timing in {"limits", "minimum-time"}
+    if at_best and demand.duration is None:
+        prepared = plan_at(demand.resolve(retimed=False), demand.speed)
     else:
         prepared = prepare(demand.resolve())
     _report(prepared, out, png, json)
@@ -162,24 +116,24 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
     )
 
 
-def _refuse_needless(**options: object) -> None:
+def _refuse_needless(demand: Demand, **options: object) -> None:
     """Refuse options that have nothing to do with searches alone."""
+    options = {field.name: getattr(demand, field.name) for field in fields(demand)} | options
     needless = [
-        "--" + name.replace("_", "-") for name, value in options.items() if value is not None
+        "--" + name.replace("_", "-")
+        for name, value in options.items()
+        if value is not None and name not in _OF_SEARCHES
     ]
     if needless:
         raise InvalidInput(f"--scen only searches: leave out {', '.join(needless)}")
 
 
-def _solve(demand: Demand, scen: Path, how: tuple[str, str], json: bool) -> None:
-    """Search a scenario file's queries and print how that went.
-
-    ``how``: the method, and what unknown cells count as.
-    """
+def _solve(demand: Demand, scen: Path, json: bool) -> None:
+    """Search a scenario file's queries and print how that went."""
     if demand.map_file is None:
         raise InvalidInput("--scen needs the map's file: omnidrive plan FILE.map --scen FILE.scen")
-    method = choose_one("search", how[0], get_args(MethodName))
-    unknown = choose_one("kind", how[1], get_args(Unknown))
+    method = choose_one("search", demand.search or "astar", get_args(MethodName))
+    unknown = choose_one("kind", demand.unknown or "occupied", get_args(Unknown))
     grid = load_map(demand.map_file, unknown=unknown)
     solved = solve_queries(grid, load_queries(scen, grid), method=method)
     if json:

@@ -7,62 +7,40 @@ from typing import Annotated, get_args
 
 import typer
 
+from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.options import (
-    Demand,
-    DurationOption,
-    GoalOption,
+    HOW,
+    FolderOption,
     JsonOption,
-    MapOption,
-    OutOption,
-    PlantOption,
-    PresetOption,
-    RobotOption,
-    ScenarioArgument,
-    SeedOption,
-    SpeedOption,
-    StartOption,
+    choice,
     choose_one,
     new_folder,
+    option,
 )
 from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
-from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, one_task, run_study
+from omnidrive.study import (
+    PREDICTIVE,
+    ControllerName,
+    Scenario,
+    TaskName,
+    check_new_folder,
+    one_task,
+    run_study,
+)
 
 
+@with_demand()
 def run(
-    scenario: ScenarioArgument = "paper",
+    demand: Demand,
     controller: Annotated[
-        str,
-        typer.Option(
-            metavar="|".join(get_args(ControllerName)),
-            help="Which controller.",
-            rich_help_panel="How to drive",
-        ),
+        str, choice(get_args(ControllerName), "Which controller.", HOW)
     ] = "recommended",
-    task: Annotated[
-        str,
-        typer.Option(
-            metavar="track|noise|step", help="What it has to do.", rich_help_panel="How to drive"
-        ),
-    ] = "track",
+    task: Annotated[str, option("track|noise|step", "What it has to do.", HOW)] = "track",
     horizon: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Prediction horizon of the NMPC, in steps.",
-            rich_help_panel="How to drive",
-        ),
+        int | None, option("N", "Prediction horizon of the NMPC, in steps.", HOW)
     ] = None,
-    map_: MapOption = None,
-    start: StartOption = None,
-    goal: GoalOption = None,
-    duration: DurationOption = None,
-    speed: SpeedOption = None,
-    robot: RobotOption = None,
-    plant: PlantOption = None,
-    preset: PresetOption = None,
-    seed: SeedOption = None,
-    out: OutOption = None,
+    out: FolderOption = None,
     json: JsonOption = False,
 ) -> None:
     """Drive once: one controller, one task, its numbers, time series, figures and report.
@@ -74,7 +52,8 @@ def run(
     * `omnidrive run --controller nmpc --horizon 25`
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
     """
-    demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
+    if out is not None:
+        check_new_folder(out)
     resolved = _narrow(demand.resolve(), controller, task, horizon)
     folder = out or new_folder(f"{resolved.name}-{controller}-{task}")
     with LiveProgress() as progress:

@@ -79,9 +79,9 @@ class StudyResults:
         plant: Which plant: rollers, ball or kinematic.
         dt: Sample time of the controllers, in s.
         obstacles: What the robot's body must not touch.
-        keepout: Where its centre must not be.
-        path: Cells found by the search, as poses.
-        spline: The smoothed path.
+        free: Where its centre may be.
+        way: Cells found by the search, as poses.
+        spline: The smooth path.
         tracks: Every tracking run.
         steps: Every step response.
     """
@@ -91,8 +91,8 @@ class StudyResults:
     plant: str
     dt: float
     obstacles: OccupancyGrid
-    keepout: OccupancyGrid
-    path: Path
+    free: OccupancyGrid
+    way: Path
     spline: SplinePath
     tracks: tuple[TrackResult, ...]
     steps: tuple[StepResult, ...]

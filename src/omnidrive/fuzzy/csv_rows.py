@@ -16,10 +16,10 @@ import pyarrow as pa
 from jaxtyping import Float
 from pyarrow import csv as arrow
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.inference import Inference
-from omnidrive.yaml_file import one_line, shown
 
 Array = np.ndarray
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omnidrive.bounded_file import one_line
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
-from omnidrive.maps.source import MAX_CELLS, read_content, refuse_resolution
+from omnidrive.maps.source import MAX_TEXT, read_content, refuse_resolution
 from omnidrive.maps.text_rows import read_rows
-from omnidrive.yaml_file import one_line
 
 ASCII_CELLS = {".": FREE, " ": FREE, "0": FREE, "#": TAKEN, "@": TAKEN, "1": TAKEN, "?": UNKNOWN}
 
@@ -31,5 +31,5 @@ def load_ascii_map(
     """
     name = one_line(str(path))
     refuse_resolution(resolution, name)
-    content = read_content(path, MAX_CELLS + MAX_CELLS // 10)  # the rest: ends of lines
+    content = read_content(path, MAX_TEXT)
     return OccupancyGrid(occupied(read_rows(content, ASCII_CELLS, name), unknown), resolution)

@@ -117,6 +117,9 @@ class OccupancyGrid:
 
     def occupied_on(self, other: OccupancyGrid) -> Bool[Array, "rows cols"]:
         """Whether the centre of each cell of ``other`` is occupied here."""
+        frames = ((g.occupied.shape, g.resolution, g.origin, g.yaw) for g in (self, other))
+        if next(frames) == next(frames):
+            return self.occupied.copy()
         rows, cols = other.occupied.shape
         cells = np.column_stack([np.zeros(cols, np.int64), np.arange(cols)])
         taken = np.empty((rows, cols), bool)
@@ -133,11 +136,13 @@ class OccupancyGrid:
         it reaches at most half a cell's diagonal into an obstacle.
 
         Raises:
-            InvalidInput: The radius is not finite.
+            InvalidInput: The radius is negative or not finite.
         """
-        if not np.isfinite(radius):
-            raise InvalidInput(f"a grid is inflated by a finite radius, got {radius} m")
-        if radius <= 0.0:
+        if not (np.isfinite(radius) and radius >= 0.0):
+            raise InvalidInput(
+                f"obstacles are inflated by a finite radius of 0 m or more, got {radius:g} m"
+            )
+        if radius == 0.0:
             return self
         in_cells = radius / self.resolution
         steps = int(min(in_cells + 2.0, self.occupied.shape[0] + 1.0))

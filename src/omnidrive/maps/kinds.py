@@ -7,8 +7,8 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Bool, UInt8
 
+from omnidrive.bounded_file import shown
 from omnidrive.errors import InvalidInput
-from omnidrive.yaml_file import shown
 
 Array = np.ndarray
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from omnidrive.bounded_file import one_line, read_head
 from omnidrive.errors import InvalidMap
 from omnidrive.maps.ascii import ASCII_CELLS, load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
@@ -12,8 +13,6 @@ from omnidrive.maps.kinds import Unknown
 from omnidrive.maps.movingai import load_movingai_map
 from omnidrive.maps.nav2 import load_nav2_map
 from omnidrive.maps.numpy_file import load_numpy_map
-from omnidrive.maps.source import read_head
-from omnidrive.yaml_file import one_line
 
 _SUFFIXES = {
     ".yaml": "nav2", ".yml": "nav2", ".map": "movingai", ".npy": "numpy", ".txt": "ascii",
@@ -23,6 +22,8 @@ _BEGINNINGS = {
     b"type ": "movingai", b"\x93NUMPY": "numpy", b"image:": "nav2", b"\x89PNG": "picture",
     b"P5": "picture", b"P2": "picture", b"BM": "picture",
 }  # fmt: skip
+
+_HEAD = 512  # bytes that show the format
 
 
 def load_map(
@@ -69,7 +70,7 @@ def load_map(
 
 def _by_content(path: Path) -> str | None:
     """The format that a file's first bytes show; None if they show none."""
-    head = read_head(path)
+    head = read_head(path, _HEAD, "map", InvalidMap)
     for beginning, kind in _BEGINNINGS.items():
         if head.startswith(beginning):
             return kind

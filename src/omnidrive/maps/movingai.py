@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidMap
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, occupied
-from omnidrive.maps.source import MAX_CELLS, read_content, refuse_resolution, refuse_size
+from omnidrive.maps.source import MAX_TEXT, read_content, refuse_resolution, refuse_size
 from omnidrive.maps.text_rows import read_rows
-from omnidrive.yaml_file import one_line, shown
 
 _TERRAIN = {".": FREE, "G": FREE, "S": FREE, "@": TAKEN, "O": TAKEN, "T": TAKEN, "W": TAKEN}
 _HEADER_LINES = 4
@@ -32,7 +32,7 @@ def load_movingai_map(path: Path, *, resolution: float = 1.0) -> OccupancyGrid:
     """
     name = one_line(str(path))
     refuse_resolution(resolution, name)
-    content = read_content(path, MAX_CELLS + MAX_CELLS // 10)  # the rest: ends of lines
+    content = read_content(path, MAX_TEXT)
     *header, cells = [*content.split(b"\n", _HEADER_LINES), b""][: _HEADER_LINES + 1]
     height, width = _size([line[:80].decode("latin-1").split() for line in header], name)
     refuse_size(height, width, name)

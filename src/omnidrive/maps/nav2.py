@@ -12,12 +12,13 @@ import yaml
 from jaxtyping import UInt8
 from PIL import Image
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import CannotWrite, InvalidMap
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
 from omnidrive.maps.picture import read_picture
 from omnidrive.maps.source import refuse_resolution
-from omnidrive.yaml_file import one_line, read_yaml, shown
+from omnidrive.yaml_file import read_yaml
 
 Array = np.ndarray
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import prod
+from os import fstat
 from pathlib import Path
 from typing import BinaryIO
 
@@ -10,11 +11,11 @@ import numpy as np
 from jaxtyping import Shaped, UInt8
 from numpy.lib import format as npy
 
+from omnidrive.bounded_file import one_line, open_file, shown
 from omnidrive.errors import InvalidMap
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
-from omnidrive.maps.source import refuse_no_file, refuse_resolution, refuse_size
-from omnidrive.yaml_file import one_line, shown
+from omnidrive.maps.source import refuse_resolution, refuse_size
 
 Array = np.ndarray
 
@@ -40,18 +41,10 @@ def load_numpy_map(
     """
     name = one_line(str(path))
     refuse_resolution(resolution, name)
-    try:
-        status = path.stat()
-        refuse_no_file(status, f"the map {name}")
-        with path.open("rb") as file:
-            shape, columns_first, dtype = _header(file, name)
-            _refuse_short(status.st_size - file.tell(), shape, dtype, name)
-            kinds = _kinds(file, prod(shape), dtype, name)
-    except InvalidMap:
-        raise
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidMap(f"cannot read the map {name}: {reason}") from None
+    with open_file(path, "map", InvalidMap) as file:
+        shape, columns_first, dtype = _header(file, name)
+        _refuse_short(fstat(file.fileno()).st_size - file.tell(), shape, dtype, name)
+        kinds = _kinds(file, prod(shape), dtype, name)
     rows = kinds.reshape(shape[::-1]).T if columns_first else kinds.reshape(shape)
     return OccupancyGrid(occupied(rows, unknown), resolution)
 

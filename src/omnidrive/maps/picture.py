@@ -10,9 +10,9 @@ from jaxtyping import Bool, UInt8
 from PIL import Image, UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
+from omnidrive.bounded_file import check_is_file, one_line
 from omnidrive.errors import InvalidMap
-from omnidrive.maps.source import MAX_CELLS, refuse_no_file
-from omnidrive.yaml_file import one_line
+from omnidrive.maps.source import MAX_CELLS
 
 Array = np.ndarray
 
@@ -36,6 +36,7 @@ def read_picture(file: Path) -> Pixels:
         InvalidMap: The file is missing, malformed or too large.
     """
     name = one_line(str(file))
+    check_is_file(file, "map's picture", InvalidMap)
     try:
         return _decode(file, name)
     except InvalidMap:
@@ -51,7 +52,6 @@ def read_picture(file: Path) -> Pixels:
 
 
 def _decode(file: Path, name: str) -> Pixels:
-    refuse_no_file(file.stat(), f"the map's picture {name}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow warns of what is refused here
         with Image.open(file, formats=_FORMATS) as image:

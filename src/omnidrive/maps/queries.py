@@ -6,10 +6,10 @@ from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidMap
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.source import read_content
-from omnidrive.yaml_file import one_line, shown
 
 _MAX_BYTES = 16_000_000
 _FIELDS = 9  # bucket, map, width, height, start x, start y, goal x, goal y, length

@@ -3,54 +3,29 @@
 from __future__ import annotations
 
 from math import isfinite
-from os import stat_result
 from pathlib import Path
-from stat import S_ISREG
 
+from omnidrive.bounded_file import read_bounded
 from omnidrive.errors import InvalidMap
-from omnidrive.yaml_file import one_line
 
 MAX_CELLS = 50_000_000
 """Most cells of a map."""
+
+MAX_TEXT = MAX_CELLS + MAX_CELLS // 10
+"""Most bytes of a map that is drawn with one character per cell; the rest are ends of lines."""
 
 FINEST, COARSEST = 1e-3, 10.0
 """Least and greatest side of a cell, in m; beyond, the unit is wrong."""
 
 
 def read_content(path: Path, most: int) -> bytes:
-    """All of a file that has at most ``most`` bytes.
+    """All of a map's file that has at most ``most`` bytes.
 
     Raises:
         InvalidMap: It cannot be read, is no file or is larger.
     """
-    content = read_head(path, most + 1)
-    if len(content) > most:
-        raise InvalidMap(f"{one_line(str(path))} is larger than {most:,} bytes, the most read")
-    return content
-
-
-def read_head(path: Path, count: int = 512) -> bytes:
-    """The first ``count`` bytes of a file.
-
-    Raises:
-        InvalidMap: It cannot be read or is no file.
-    """
-    name = one_line(str(path))
-    try:
-        refuse_no_file(path.stat(), f"the map {name}")
-        with path.open("rb") as file:
-            return file.read(count)
-    except InvalidMap:
-        raise
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidMap(f"cannot read the map {name}: {reason}") from None
-
-
-def refuse_no_file(status: stat_result, what: str) -> None:
-    """Refuse a folder, and a pipe, which would be waited for."""
-    if not S_ISREG(status.st_mode):
-        raise InvalidMap(f"cannot read {what}: it is not a file")
+    excess = f"is larger than {most:,} bytes, the most read"
+    return read_bounded(path, most, "map", InvalidMap, excess=excess)
 
 
 def refuse_size(rows: int, cols: int, name: str) -> None:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import UInt8
 
+from omnidrive.bounded_file import shown
 from omnidrive.errors import InvalidMap
 from omnidrive.maps.source import refuse_size
-from omnidrive.yaml_file import shown
 
 Array = np.ndarray
 

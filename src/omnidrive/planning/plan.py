@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from numbers import Real
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from omnidrive.bounded_file import shown
 from omnidrive.errors import InvalidInput, InvalidPlace
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import Bounds
@@ -78,21 +81,37 @@ class Plan:
 
 
 def plan(
-    grid: OccupancyGrid, start: Place, goal: Place, *, inflation: float, options: PathOptions
+    grid: OccupancyGrid,
+    start: Place,
+    goal: Place,
+    *,
+    inflation: float,
+    options: PathOptions,
+    made_of: str = "",
 ) -> Plan:
     """Search a way over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
 
     A certified path stays in those cells for certain, so that it is nowhere nearer to an obstacle
     than ``inflation`` less half a cell's diagonal.
 
+    Args:
+        grid: The obstacles.
+        start: Where the robot's centre is first.
+        goal: Where it is last.
+        inflation: Distance in m, 0 or more.
+        options: How to search and smooth.
+        made_of: What the inflation is made of, for messages.
+
     Raises:
-        InvalidPlace: The robot cannot stand at start or goal.
+        InvalidInput: The inflation is negative or not finite.
+        InvalidPlace: Start or goal is not made of numbers, or the robot cannot stand there.
         NoPathFound: There is no way between them.
     """
-    start, goal = Place(*start), Place(*goal)
+    start, goal = _numbers("start", start), _numbers("goal", goal)
     free = grid.inflated(inflation)
     for name, place in (("start", start), ("goal", goal)):
-        _check_place(grid, free, name, place, inflation)
+        needed = f"{inflation:g} m" + (f" ({made_of})" if made_of else "")
+        _check_place(grid, free, name, place, needed)
     found = search(
         free,
         free.cell(start.x, start.y),
@@ -116,10 +135,22 @@ def plan(
     return Plan(found, way, smoothed.path, free, smoothed.clearance)
 
 
+def _numbers(name: str, place: Place) -> Place:
+    """A place that is made of numbers."""
+    values: tuple[Any, ...] = tuple(place) if isinstance(place, Iterable) else (place,)
+    numbers = values[:2] + tuple(value for value in values[2:] if value is not None)
+    if len(values) not in {2, 3} or not all(isinstance(value, Real) for value in numbers):
+        raise InvalidPlace(
+            f"the {name} must be two or three numbers, x and y in m and perhaps a heading in rad, "
+            f"such as Place(1.5, 2.0); got {shown(values)}"
+        )
+    return Place(*map(float, numbers))
+
+
 def _check_place(
-    grid: OccupancyGrid, free: OccupancyGrid, name: str, place: Place, inflation: float
+    grid: OccupancyGrid, free: OccupancyGrid, name: str, place: Place, needed: str
 ) -> None:
-    """Refuse a place outside the map, in an obstacle or nearer to one than ``inflation``."""
+    """Refuse a place outside the map, in an obstacle or nearer to one than ``needed``."""
     where = f"the {name} ({place.x:g}, {place.y:g}) m"
     if not np.isfinite(place[:2]).all() or not (place.yaw is None or np.isfinite(place.yaw)):
         raise InvalidPlace(f"{where} must be finite numbers: x and y in m, heading in rad")
@@ -134,8 +165,8 @@ def _check_place(
     nearest = free.nearest_free(place.x, place.y)
     if nearest is None:
         raise InvalidPlace(
-            f"nowhere on the map can the robot's centre keep {inflation:g} m from every obstacle; "
-            "choose a smaller robot or margin"
+            f"nowhere on the map can the robot's centre keep {needed} from every obstacle; "
+            "choose a smaller robot or margin, or a finer map"
         )
     cell, distance = nearest
     near = free.centre(*cell)
@@ -144,7 +175,7 @@ def _check_place(
     else:
         gap = float(grid.clearance(np.array([place[:2]]))[0])
         fact = (
-            f"is {gap:.2f} m from an obstacle; the robot's centre must keep {inflation:g} m, also "
+            f"is {gap:.2f} m from an obstacle; the robot's centre must keep {needed}, also "
             f"from the middle of the map's cell of {grid.resolution:g} m that it is in"
         )
     raise InvalidPlace(

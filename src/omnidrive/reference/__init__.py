@@ -6,7 +6,12 @@ from omnidrive.reference.minimum_time import MinimumTime, minimum_time
 from omnidrive.reference.reference import Hold, Reference, Setpoint
 from omnidrive.reference.sampled import SampledReference
 from omnidrive.reference.timed import TimedReference
-from omnidrive.reference.uniform import UniformReference, shortest_duration, time_uniformly
+from omnidrive.reference.uniform import (
+    UniformReference,
+    shortest_duration,
+    time_uniformly,
+    wheel_speed_used,
+)
 from omnidrive.reference.waypoints import load_waypoints, save_waypoints
 from omnidrive.reference.within_limits import Heading, time_within_limits
 
@@ -27,4 +32,5 @@ __all__ = [
     "shortest_duration",
     "time_uniformly",
     "time_within_limits",
+    "wheel_speed_used",
 ]

@@ -13,17 +13,19 @@ from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.polyline import travelled
 from omnidrive.reference.course import turned_into_body
+from omnidrive.reference.spline_basis import bezier_basis
 
 Array = np.ndarray
 
 _SAMPLES_PER_CELL = 4
 _MAX_SAMPLES = 1_000_000
 
-_INSET = 1e-6
-"""Share of a cell by which control points are kept off a box's sides."""
+_INSET = 2e-3
+"""Share of a cell by which Bezier points are kept off a box's sides: as far as the two proved
+bounds on a path's clearance may be apart, so that the lower is not negative."""
 
 _ROUNDING = 1e-7
-"""Share of a cell that control points on a side may be outside: they were turned there and back."""
+"""Share of a cell that Bezier points on a side may be outside: they were turned there and back."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -92,37 +94,48 @@ class Corridor:
     def contains(
         self, control_points: Float[Array, "points 3"], pieces: Int[Array, " pieces"]
     ) -> bool:
-        """Whether each piece of a cubic B-spline in W has its four control points in one box.
+        """Whether each piece of a cubic B-spline in W has its four Bezier points in one box.
 
         Then the whole piece lies in it: it stays in their convex hull. ``pieces`` says in which.
         A ten-millionth of a cell counts as rounding.
         """
-        low, high = self._sides(pieces, -_ROUNDING)
-        xy = self.from_world(control_points)[:, :2]
+        low, high = np.hsplit(self._sides(pieces, -_ROUNDING), 2)
+        xy = bezier_basis(len(control_points)) @ self.from_world(control_points)[:, :2]
         return bool(((low <= xy) & (xy <= high)).all())
+
+    def hull(self, pieces: Int[Array, " pieces"]) -> Float[Array, "bezier 4"]:
+        """Least x and y, then greatest, of the Bezier points of all pieces, in the grid's frame.
+
+        Where two pieces meet, their point has to lie in the boxes of both. All are a
+        five-hundredth of a cell inside.
+        """
+        return self._sides(pieces, _INSET)
 
     def bounds(
         self, pieces: Int[Array, " pieces"]
     ) -> tuple[Float[Array, "points 2"], Float[Array, "points 2"]]:
-        """Least and greatest x and y of control points, in the grid's frame.
+        """Least and greatest x and y of control points with which :meth:`hull` is surely kept.
 
-        Control point i shapes pieces i - 3 to i, and has to lie in the boxes of all of them, a
-        millionth of a cell inside: rounding stays there.
+        Control point i shapes pieces i - 3 to i, and lies in the boxes of all of them.
         """
-        return self._sides(pieces, _INSET)
-
-    def _sides(
-        self, pieces: Int[Array, " pieces"], inset: float
-    ) -> tuple[Float[Array, "points 2"], Float[Array, "points 2"]]:
-        """Bounds of control points, ``inset`` of a cell within the boxes."""
-        points = len(pieces) + 3
-        low, high = np.full((points, 2), -np.inf), np.full((points, 2), np.inf)
-        boxes = self.boxes[pieces]
+        boxes, inset = self.boxes[pieces], _INSET * self.resolution
+        low, high = np.full((len(pieces) + 3, 2), -np.inf), np.full((len(pieces) + 3, 2), np.inf)
         for k in range(4):
             part = slice(k, k + len(pieces))
             low[part] = np.maximum(low[part], boxes[:, [0, 2]])
             high[part] = np.minimum(high[part], boxes[:, [1, 3]])
-        return low + inset * self.resolution, high - inset * self.resolution
+        return low + inset, high - inset
+
+    def _sides(self, pieces: Int[Array, " pieces"], inset: float) -> Float[Array, "bezier 4"]:
+        """Bounds of Bezier points, ``inset`` of a cell within the boxes."""
+        boxes = self.boxes[pieces][:, [0, 2, 1, 3]]
+        sides = np.vstack([np.repeat(boxes, 3, axis=0), boxes[-1:]])
+        shared = sides[3:-1:3]  # a view: the points where pieces meet
+        shared[:, :2] = np.maximum(boxes[:-1, :2], boxes[1:, :2])
+        shared[:, 2:] = np.minimum(boxes[:-1, 2:], boxes[1:, 2:])
+        room = inset * self.resolution
+        within: Float[Array, "bezier 4"] = sides + np.array([room, room, -room, -room])
+        return within
 
 
 def _sampled(

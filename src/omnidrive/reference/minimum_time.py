@@ -23,8 +23,8 @@ from omnidrive.robot import Chassis
 
 Array = np.ndarray
 
-_PIECES = 48
-"""Of the new spline, along all of the way, or more if there are many boxes."""
+_PIECES, _PER_BOX = 48, 1.5
+"""Of the new spline, along all of the way: so many, or so many for every box if that is more."""
 
 _MAX_PIECES = 600
 
@@ -65,8 +65,8 @@ def minimum_time(
 ) -> MinimumTime:
     """Fastest motion from the start of ``path`` to its end through a corridor around it.
 
-    The corridor is boxes of free cells. Every piece of the new path has its control points in
-    one box, so that it cannot leave it. Times are optimised together with the path, then
+    The corridor is boxes of free cells. Every piece of the new path has its Bezier points in one
+    box, so that it cannot leave it. Times are optimised together with the path, then
     computed exactly along it. The result is never slower than :func:`time_within_limits` along
     the start path, which is ``path`` with its own headings, bent to those given at the ends: if
     nothing faster is found, it is that.
@@ -94,7 +94,7 @@ def minimum_time(
         corridor = Corridor.along(path.poses(_fine(path))[:, :2], free)
     except NoPathFound as error:
         return _fallback(path, start, None, f"there is no corridor around the path: {error}")
-    pieces = corridor.pieces(_PIECES)
+    pieces = corridor.pieces(max(_PIECES, round(_PER_BOX * len(corridor.boxes))))
     if len(pieces) > _MAX_PIECES:
         return _fallback(
             path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
@@ -141,14 +141,19 @@ def _guesses(
     """
     control = corridor.from_world(_refitted(path, corridor, pieces))
     start, goal = (None if yaw is None else yaw - corridor.frame.yaw for yaw in yaws)
-    low, high = corridor.bounds(pieces)
-    low[[0, -1]] = high[[0, -1]] = control[[0, -1], :2]
-    control[:, :2] = np.clip(control[:, :2], low, high)
+    ends = control[[0, -1], :2]
+    control[1:-1, :2] = np.clip(control[:, :2], *corridor.bounds(pieces))[1:-1]
+    low, high = np.full_like(control[:, :2], -np.inf), np.full_like(control[:, :2], np.inf)
+    low[[0, -1]] = high[[0, -1]] = ends
+    hull = corridor.hull(pieces)
+    hull[[0, -1], :2] = np.minimum(hull[[0, -1], :2], ends)  # they may be on a side
+    hull[[0, -1], 2:] = np.maximum(hull[[0, -1], 2:], ends)
     return [
         Guess(
             SplinePath(np.column_stack([control[:, :2], guess.yaw])),
             np.column_stack([low, guess.low]),
             np.column_stack([high, guess.high]),
+            hull,
         )
         for guess in heading_guesses(SplinePath(control), rows, start, goal)
     ]

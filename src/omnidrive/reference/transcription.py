@@ -9,13 +9,13 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import BSpline
 
 from omnidrive.errors import InvalidReference, MissingExtra
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
 from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.spline_basis import bezier_basis, spline_basis
 from omnidrive.reference.timed import TimedReference
 
 Array = np.ndarray
@@ -33,28 +33,37 @@ _LEAST = 1e-6
 """Least squared speed between the ends, as a share of the guess's greatest."""
 
 _STARTS = 2
-"""Guesses that are optimised."""
+"""Guesses that are optimised, if there are not many control points."""
+
+_MANY = 200
+"""Control points beyond which one guess is optimised, and the program not written out in scalars:
+that takes 2 MB for each, as long as it saves, and is worth it only for several guesses."""
 
 _OPTIONS = {
-    "expand": True,
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-3,
-    "ipopt.max_iter": 300,
-    "ipopt.mu_init": 1e-2,
+    "ipopt.max_iter": 200,
 }
 
 
 class Guess(NamedTuple):
-    """Where to start, and between what the control points may move.
+    """Where to start, and between what the path may move.
 
-    Columns are x and y in m and yaw in rad; where a number is given, low equals high.
+    Attributes:
+        path: It keeps the bounds.
+        low: Least x and y, in m, and yaw, in rad, of the control points; where a number is given,
+            low equals high.
+        high: The greatest.
+        hull: Least x and y, then greatest, in m, of the Bezier points (see :func:`bezier_basis`).
+            None leaves them free.
     """
 
     path: SplinePath
     low: Float[Array, "points 3"]
     high: Float[Array, "points 3"]
+    hull: Float[Array, "bezier 4"] | None = None
 
 
 class Optimised(NamedTuple):
@@ -73,7 +82,7 @@ class Optimised(NamedTuple):
 
 
 def optimised(guesses: list[Guess], length: float, limits: tuple[LimitRows, ...]) -> Optimised:
-    """The fastest of the guesses and of the local optima near the two fastest of them.
+    """The fastest of the guesses and of the local optima near the fastest one or two of them.
 
     Args:
         guesses: Splines of one size, within their bounds.
@@ -88,8 +97,9 @@ def optimised(guesses: list[Guess], length: float, limits: tuple[LimitRows, ...]
         for guess in guesses
     ]
     order = sorted(range(len(guesses)), key=lambda k: found[k].reference.duration)
-    transcription = Transcription(len(guesses[0].low), length, limits)
-    for k in order[:_STARTS]:
+    held = guesses[0].hull is not None
+    transcription = Transcription(len(guesses[0].low), length, limits, held=held)
+    for k in order[: 1 if transcription.many else _STARTS]:
         path, converged = transcription.solve(guesses[k], found[k].reference)
         source: Literal["converged", "capped"] = "converged" if converged else "capped"
         with suppress(InvalidReference):  # the solver may end anywhere, also where nothing moves
@@ -112,13 +122,20 @@ class Transcription:
         points: Control points of the splines.
         length: Of the way, in m: the scale of uneven control points.
         limits: What to keep.
+        held: Whether guesses bound their Bezier points.
+
+    Attributes:
+        many: Whether there are so many control points that every guess costs much.
 
     Raises:
         MissingExtra: CasADi is not installed.
     """
 
-    def __init__(self, points: int, length: float, limits: tuple[LimitRows, ...]) -> None:
-        self._solver, self._low = _program(casadi(), points, length / points, limits)
+    def __init__(
+        self, points: int, length: float, limits: tuple[LimitRows, ...], *, held: bool = False
+    ) -> None:
+        self.many = points > _MANY
+        self._solver, self._low = _program(casadi(), points, length / points, limits, held)
 
     def solve(self, guess: Guess, timed: TimedReference) -> tuple[SplinePath, bool]:
         """The path to which the solver came from ``guess``, and whether it converged there."""
@@ -126,17 +143,21 @@ class Transcription:
         speeds = _speeds(timed, len(points) - 3)
         least = _LEAST * float(speeds.max())
         inner = np.maximum(0.8 * speeds[1:-1], 2.0 * least)
+        low, high = self._low, np.ones(len(self._low))
+        if guess.hull is not None:
+            low = np.concatenate([low, guess.hull[:, :2].ravel()])
+            high = np.concatenate([high, guess.hull[:, 2:].ravel()])
         result = self._solver(
             x0=np.concatenate([points.ravel(), inner]),
             lbx=np.concatenate([guess.low.ravel(), np.full(len(inner), least)]),
             ubx=np.concatenate([guess.high.ravel(), np.full(len(inner), np.inf)]),
-            lbg=self._low,
-            ubg=1.0,
+            lbg=low,
+            ubg=high,
         )
         found = np.asarray(result["x"]).ravel()[: points.size].reshape(points.shape)
         if not np.isfinite(found).all():
             return guess.path, False
-        path = SplinePath(np.clip(found, guess.low, guess.high))
+        path = SplinePath(_held_back(points, np.clip(found, guess.low, guess.high), guess.hull))
         return path, bool(self._solver.stats()["success"])
 
 
@@ -155,6 +176,27 @@ def casadi() -> ModuleType:
         ) from error
 
 
+def _held_back(
+    start: Float[Array, "points 3"],
+    found: Float[Array, "points 3"],
+    hull: Float[Array, "bezier 4"] | None,
+) -> Float[Array, "points 3"]:
+    """The farthest from ``start`` toward ``found`` whose Bezier points keep their bounds.
+
+    The solver keeps these up to a tolerance only. What the start breaks itself stays broken.
+    """
+    if hull is None:
+        return found
+    basis = bezier_basis(len(start))
+    here = basis @ start[:, :2]
+    step = basis @ found[:, :2] - here
+    room = np.where(step > 0.0, hull[:, 2:] - here, here - hull[:, :2])
+    moves = np.abs(step) > 1e-12
+    shares = np.maximum(room[moves], 0.0) / np.abs(step)[moves]
+    part: Float[Array, "points 3"] = start + min(1.0, shares.min(initial=1.0)) * (found - start)
+    return part
+
+
 def _speeds(timed: TimedReference, pieces: int) -> Float[Array, " nodes"]:
     """A motion's squared speeds at the nodes, s counted in pieces; cut where singular."""
     x = timed.squared_speeds * (pieces / len(timed.course.pieces)) ** 2
@@ -165,7 +207,7 @@ def _speeds(timed: TimedReference, pieces: int) -> Float[Array, " nodes"]:
 
 
 def _program(
-    ca: ModuleType, points: int, spacing: float, limits: tuple[LimitRows, ...]
+    ca: ModuleType, points: int, spacing: float, limits: tuple[LimitRows, ...], held: bool
 ) -> tuple[Any, Float[Array, " rows"]]:
     """The solver of the nonlinear program, and least values of its rows; the greatest are 1."""
     width, nodes = 1.0 / _PER_PIECE, (points - 3) * _PER_PIECE + 1
@@ -187,8 +229,12 @@ def _program(
     low = np.full(rows.numel(), -1.0)
     low[: squares.numel()] = -np.inf
     cost = time + _SPREAD / points * ca.sumsqr(uneven) / spacing**2
+    if held:
+        corners = control[:2, :] @ ca.sparsify(ca.DM(bezier_basis(points)), 1e-12).T
+        rows = ca.vertcat(rows, ca.vec(corners))
     problem = {"x": ca.vertcat(flat, inner), "f": cost, "g": rows}
-    return ca.nlpsol("minimum_time", "ipopt", problem, _OPTIONS), low
+    options = _OPTIONS | {"expand": points <= _MANY}
+    return ca.nlpsol("minimum_time", "ipopt", problem, options), low
 
 
 def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any, Any]:
@@ -224,9 +270,7 @@ def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any
 def _motion(ca: ModuleType, control: Any, s: Float[Array, " places"]) -> tuple[Any, Any, Any]:
     """Yaw, slope and bend of the spline at places s, which grows by 1 on every piece."""
     points = control.shape[1]
-    pieces = points - 3.0
-    knots = np.concatenate([[0.0] * 3, np.arange(pieces + 1.0), [pieces] * 3])
-    basis = BSpline(knots, np.eye(points), 3)
+    basis = spline_basis(points)
     matrices = (basis(s), basis.derivative()(s), basis.derivative(2)(s))
     poses, slopes, bends = (control @ ca.sparsify(ca.DM(m), 1e-12).T for m in matrices)
     return poses[2, :], slopes, bends

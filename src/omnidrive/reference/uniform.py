@@ -11,6 +11,7 @@ from jaxtyping import Float
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.planning import SplinePath
+from omnidrive.reference.course import turned_into_body
 from omnidrive.reference.reference import Setpoint
 from omnidrive.robot import Chassis
 
@@ -47,18 +48,20 @@ class UniformReference:
         return np.hstack([self.path.poses(u), twists])
 
 
-def shortest_duration(path: SplinePath, chassis: Chassis) -> float:
-    """Least duration in s, to 0.1 s, at which uniform timing keeps every wheel within its limit.
+def wheel_speed_used(path: SplinePath, duration: float, chassis: Chassis) -> float:
+    """Peak of any wheel's speed as a share of its limit, for ``path`` in ``duration`` s.
 
     Wheel speeds are proportional to 1 / duration, so one sweep along the path finds their peak.
     """
     u = np.linspace(0.0, 1.0, 20 * len(path.control_points) + 1)
-    yaw = path.poses(u)[:, 2]
-    along, across, turn = path.slopes(u).T
-    c, s = np.cos(yaw), np.sin(yaw)
-    body = np.stack([c * along + s * across, -s * along + c * across, turn])
-    peak = float(np.abs(chassis.jacobian @ body).max())
-    return ceil(peak / chassis.max_wheel_speed * 10.0) / 10.0
+    slopes = turned_into_body(path.slopes(u), path.poses(u)[:, 2])
+    peak = float(np.abs(slopes @ chassis.jacobian.T).max())
+    return peak / (duration * chassis.max_wheel_speed)
+
+
+def shortest_duration(path: SplinePath, chassis: Chassis) -> float:
+    """Least duration in s, to 0.1 s, at which uniform timing keeps every wheel within its limit."""
+    return ceil(wheel_speed_used(path, 1.0, chassis) * 10.0) / 10.0
 
 
 def time_uniformly(path: SplinePath, duration: float, chassis: Chassis) -> UniformReference:

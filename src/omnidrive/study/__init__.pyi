@@ -1,3 +1,4 @@
+from .destination import check_new_folder, check_plan_targets
 from .folder import RunFolder
 from .jobs import Job, jobs_of, make_controller, make_plant, run_job
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
@@ -41,6 +42,8 @@ __all__ = [
     "Tasks",
     "TimingName",
     "Watcher",
+    "check_new_folder",
+    "check_plan_targets",
     "jobs_of",
     "lay_out",
     "load_scenario",

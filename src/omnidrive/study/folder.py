@@ -29,6 +29,7 @@ from omnidrive.evaluation import (
 )
 from omnidrive.maps import save_nav2_map
 from omnidrive.simulation import Outcome, Run
+from omnidrive.study.destination import check_new_folder
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
@@ -52,10 +53,9 @@ class RunFolder:
             CannotWrite: It cannot be made, or holds something already.
         """
         self.path = path
+        check_new_folder(path)
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
-            if any(path.iterdir()):
-                raise CannotWrite(f"{path} is not empty; name a new folder with --out")
 
     def save_demand(self, prepared: Prepared) -> None:
         """Write the resolved scenario and, unless it is the paper's, the map."""
@@ -82,7 +82,7 @@ class RunFolder:
                 **{name: version(name) for name in _VERSIONS},
             },
             "scenario": scenario_data(_portable(prepared.scenario)),
-            "path": {"length": results.spline.length, "cells": len(results.path.poses)},
+            "path": {"length": results.spline.length, "cells": len(results.way.poses)},
             "runs": [track_record(result) for result in results.tracks],
             "step_response": [row for step in results.steps for row in step_records(step)],
             "repeated": [mean_record(group) for group in repeated_runs(results)],

@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive.bounded_file import one_line
 from omnidrive.errors import CannotWrite
-from omnidrive.reference import Reference, save_waypoints
+from omnidrive.reference import Reference, TimedReference, save_waypoints, wheel_speed_used
+from omnidrive.study.destination import check_picture_name, is_waypoint_file
 from omnidrive.study.prepared import Prepared
-
-FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
-"""Endings of waypoint files that a plan can be written to."""
 
 _SAMPLES = 2001
 
@@ -70,27 +69,22 @@ def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
 
 def _limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
     """Peak share of every limit that the reference uses, by name."""
-    usage: dict[str, float] | None = getattr(reference, "limit_usage", None)
-    if usage is not None:
-        return usage
-    chassis = prepared.robot.chassis
-    window = _window(reference)
-    c, s = np.cos(window[:, 2]), np.sin(window[:, 2])
-    vx, vy, yaw_rate = window[:, 3:].T
-    body = np.stack([c * vx + s * vy, -s * vx + c * vy, yaw_rate])
-    return {"wheel speed": float(np.abs(chassis.jacobian @ body).max() / chassis.max_wheel_speed)}
+    if isinstance(reference, TimedReference):
+        return reference.limit_usage
+    share = wheel_speed_used(prepared.path, reference.duration, prepared.robot.chassis)
+    return {"wheel speed": share}
 
 
 def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
     """Draw map, way, path and headings, and below them the speeds over time: PNG or SVG.
 
     Raises:
-        CannotWrite: The name has another ending, or the file cannot be written.
+        InvalidInput: The name has another ending.
+        CannotWrite: The file cannot be written.
     """
     from omnidrive.evaluation.figures import plan_figure, save  # noqa: PLC0415 - takes a second
 
-    if path.suffix.lower() not in {".png", ".svg"}:
-        raise CannotWrite(f"{path}: pictures are written as .png or .svg")
+    check_picture_name(path)
     times = np.linspace(0.0, reference.duration, _SAMPLES)
     figure = plan_figure(
         prepared.obstacles, prepared.plan.free, prepared.plan.way, times, _window(reference)
@@ -98,7 +92,9 @@ def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
     try:
         save(figure, path)
     except OSError as error:
-        raise CannotWrite(f"cannot write {path}: {error.strerror or error}") from None
+        raise CannotWrite(
+            f"cannot write to {one_line(str(path))}: {error.strerror or error}"
+        ) from None
 
 
 def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
@@ -107,21 +103,15 @@ def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
     Args:
         prepared: The plan.
         reference: It in time.
-        path: A file of :data:`FORMATS`, or else a new folder for scenario.yaml, reference.csv and
-            path.png.
+        path: A waypoint file, or else a new folder for scenario.yaml, reference.csv and path.png.
 
     Raises:
-        CannotWrite: The file or folder cannot be made, or the folder holds something already, or
-            the name ends as that of another kind of file.
+        InvalidInput: The name ends as that of another kind of file.
+        CannotWrite: The file or folder cannot be made, or the folder holds something already.
     """
-    if path.suffix.lower() in FORMATS:
+    if is_waypoint_file(path):
         save_waypoints(path, reference, dt=prepared.scenario.sample_time)
         return
-    if path.suffix and not path.is_dir():
-        raise CannotWrite(
-            f"{path}: waypoint files end in {', '.join(FORMATS[:-1])}; "
-            "a folder's name has no ending"
-        )
     from omnidrive.study.folder import RunFolder  # noqa: PLC0415 - takes a second
 
     RunFolder(path).save_demand(prepared)

@@ -96,7 +96,7 @@ def lay_out(scenario: Scenario) -> Prepared:
         MissingExtra: The timing needs an extra that is not installed.
     """
     robot = named_robot(scenario.robot.name, assumed_arm=scenario.robot.assumed_arm)
-    source = scenario.map
+    source, made_of = scenario.map, ""
     if source.source == "paper":
         obstacles, grid, inflation = paper_wall(), paper_map(), source.margin
     else:
@@ -104,8 +104,21 @@ def lay_out(scenario: Scenario) -> Prepared:
             FilePath(source.source), resolution=source.resolution, unknown=source.unknown
         )
         # centres of cells keep this; the path, which is anywhere in them, half a diagonal less
-        inflation = robot.body_radius + max(source.margin, grid.resolution * 0.5**0.5)
-    found = plan(grid, scenario.start, scenario.goal, inflation=inflation, options=scenario.path)
+        half = grid.resolution * 0.5**0.5
+        inflation = robot.body_radius + max(source.margin, half)
+        if half > source.margin:
+            made_of = (
+                f"the body's radius of {robot.body_radius:g} m and half a cell's diagonal, "
+                f"{half:.3g} m, which is more than the margin of {source.margin:g} m"
+            )
+    found = plan(
+        grid,
+        scenario.start,
+        scenario.goal,
+        inflation=inflation,
+        options=scenario.path,
+        made_of=made_of,
+    )
     path, fastest, note = _timed(scenario, robot, found)
     return Prepared(scenario, robot, obstacles, found, path, fastest, note)
 

@@ -79,6 +79,14 @@ class MapSection(_Section):
     resolution: Annotated[float, Bounds(0.001, 10.0, "m")] | None = None
     """Side of a cell, where the map's file does not say it; 1 m if neither does."""
 
+    @model_validator(mode="after")
+    def _resolution_has_a_use(self) -> MapSection:
+        if self.source == "paper" and self.resolution is not None:
+            raise ValueError(
+                "resolution is for maps whose file does not say it, and the map paper has its own"
+            )
+        return self
+
 
 class TimingSection(_Section):
     """When the robot is to be where on its path."""

@@ -11,9 +11,10 @@ from typing import Any, get_args, get_type_hints
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidScenario
 from omnidrive.study.scenario import Scenario
-from omnidrive.yaml_file import one_line, read_yaml, shown
+from omnidrive.yaml_file import read_yaml
 
 
 def load_scenario(path: Path) -> Scenario:

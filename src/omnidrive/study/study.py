@@ -20,6 +20,7 @@ from omnidrive.evaluation import (
     write_page,
 )
 from omnidrive.simulation import Outcome
+from omnidrive.study.destination import check_new_folder
 from omnidrive.study.execute import Result, execute
 from omnidrive.study.folder import RunFolder, writing
 from omnidrive.study.jobs import Job, jobs_of
@@ -102,6 +103,8 @@ def run_study(
         NoPathFound: There is no way from start to goal.
         CannotWrite: The folder cannot be written.
     """
+    if folder:
+        check_new_folder(folder)
     clock = _Clock(watcher or Unwatched())
     with clock.part("plan", 0):
         prepared = prepare(scenario)
@@ -159,7 +162,7 @@ def _report(
         clock.watcher.done("report.html")
 
 
-_DECISIVE = ("map", "start", "goal", "path", "sample_time", "nmpc")
+_DECISIVE = ("map", "start", "goal", "path", "timing", "sample_time", "nmpc")
 
 
 def _is_papers(scenario: Scenario) -> bool:
@@ -182,8 +185,8 @@ def _collect(prepared: Prepared, jobs: Sequence[Job], finished: dict[Job, Result
         plant=scenario.plant,
         dt=scenario.sample_time,
         obstacles=prepared.obstacles,
-        keepout=prepared.plan.free,
-        path=prepared.plan.way,
+        free=prepared.plan.free,
+        way=prepared.plan.way,
         spline=prepared.path,
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from scipy.spatial import cKDTree
 
 from omnidrive.evaluation.figures.curves import Curve, curves
-from omnidrive.evaluation.figures.route import draw_map
+from omnidrive.evaluation.figures.route import Box, draw_map
 from omnidrive.evaluation.figures.style import INK, canvas, legend_above
 from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
 from omnidrive.evaluation.results import StudyResults
@@ -34,8 +34,7 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     figure = canvas(8.6, 4.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0), height_ratios=(1.15, 1.0))
     whole, close, error = (figure.add_subplot(grid[place]) for place in _PLACES)
-    draw_map(whole, results.obstacles, results.keepout, results.path)
-    _frame(whole, results)
+    draw_map(whole, results.obstacles, results.free, results.way, _view(results))
     for axes in (whole, close):
         _paths(axes, lines)
     if task == "noise":
@@ -89,14 +88,15 @@ def _fullest(lines: list[Curve]) -> Curve:
     return max(lines, key=lambda line: len(line.result.run.t))
 
 
-def _frame(axes: Axes, results: StudyResults) -> None:
-    """Show the whole map, or the path's surroundings where it takes up little of the map."""
-    low, high = (f(results.path.poses[:, :2], axis=0) for f in (np.min, np.max))
+def _view(results: StudyResults) -> Box:
+    """The whole map, or the path's surroundings where it takes up little of the map."""
+    low, high = (f(results.way.poses[:, :2], axis=0) for f in (np.min, np.max))
     left, right, bottom, top = results.obstacles.extent
-    if np.max((high - low) / (right - left, top - bottom)) < _MOST_OF_THE_MAP:
-        x, y = 0.5 * (low + high)
-        half = 0.5 * float((high - low).max()) + 3.0 * results.robot.body_radius
-        axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+    if np.max((high - low) / (right - left, top - bottom)) >= _MOST_OF_THE_MAP:
+        return left, right, bottom, top
+    x, y = (0.5 * (low + high)).tolist()
+    half = 0.5 * float((high - low).max()) + 3.0 * results.robot.body_radius
+    return x - half, x + half, y - half, y + half
 
 
 def _paths(axes: Axes, lines: list[Curve]) -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Affine2D
 
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas, legend_above, styled
+from omnidrive.evaluation.figures.style import DPI, FAINT, INK, canvas, legend_above, styled
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
 
@@ -17,11 +19,16 @@ Array = np.ndarray
 _ARROWS = 24  # headings drawn along the path, at equal times
 _BLUE = "#0072b2"
 _OUTSIDE = "#f4f5f7"
+_TAKEN = np.uint8(2)
+_SHADES = np.array([(255, 255, 255), (228, 231, 235), (96, 104, 114)], np.uint8)
+"""Of what is free, too near to an obstacle, taken."""
+
+Box = tuple[float, float, float, float]
 
 
 def plan_figure(
     grid: OccupancyGrid,
-    keepout: OccupancyGrid,
+    free: OccupancyGrid,
     way: Path,
     times: Float[Array, " times"],
     motion: Float[Array, "times 6"],
@@ -30,7 +37,7 @@ def plan_figure(
 
     Args:
         grid: The obstacles.
-        keepout: Where the robot's centre must not be.
+        free: Where the robot's centre may be.
         way: Cells found by the search.
         times: In s.
         motion: Setpoints at these times, columns as in :class:`~omnidrive.reference.Reference`.
@@ -40,7 +47,7 @@ def plan_figure(
         tall = 5.4 * min(max((top - bottom) / (right - left), 0.3), 1.5)
         figure = canvas(6.4, 2.6 + tall)
         above, below = figure.subplots(2, 1, height_ratios=[tall, 1.5])
-        draw_map(above, grid, keepout, way)
+        draw_map(above, grid, free, way)
         above.plot(motion[:, 0], motion[:, 1], color=INK, lw=1.2, label="Smooth path")
         x, y, yaw = motion[np.linspace(0, len(times) - 1, _ARROWS).astype(int), :3].T
         above.quiver(x, y, np.cos(yaw), np.sin(yaw), color=_BLUE, width=0.0035, scale=32,
@@ -65,31 +72,69 @@ def _draw_speeds(
     turning.spines["right"].set_visible(True)
 
 
-def draw_map(axes: Axes, grid: OccupancyGrid, keepout: OccupancyGrid, path: Path) -> None:
-    """Obstacles, the zone to keep out of and the cells that the search found."""
-    near = keepout.occupied_on(grid)
-    height, width = (count * grid.resolution for count in near.shape)
-    placed = Affine2D().rotate(grid.yaw).translate(*grid.origin)
+def draw_map(
+    axes: Axes, grid: OccupancyGrid, free: OccupancyGrid, way: Path, view: Box | None = None
+) -> None:
+    """Obstacles, where the robot's centre may be, and the cells that the search found.
+
+    Where a pixel shows several cells it has the darkest shade among them, so that thin walls stay.
+
+    Args:
+        axes: Where to draw.
+        grid: The obstacles.
+        free: Where the robot's centre may be.
+        way: Cells found by the search.
+        view: (left, right, bottom, top) of what is shown, in m; by default all of the map.
+    """
+    view = grid.extent if view is None else view
+    rows, cols = _seen(grid, view)
+    kinds = np.where(grid.occupied, _TAKEN, free.occupied_on(grid).view(np.uint8))[rows, cols]
+    k = _cells_per_pixel(axes, grid, view)
+    kinds = _darkest(kinds, k)
+    first = np.array([cols.start, rows.start]) * grid.resolution
+    last = first + np.array(kinds.shape[::-1]) * k * grid.resolution
     axes.set_facecolor(_OUTSIDE)  # seen around a turned map
     axes.imshow(
-        _shades(grid, near),
-        extent=(0.0, width, 0.0, height),
-        transform=placed + axes.transData,
+        _SHADES[kinds],
+        extent=(first[0], last[0], first[1], last[1]),
+        transform=Affine2D().rotate(grid.yaw).translate(*grid.origin) + axes.transData,
         origin="lower",
         interpolation="nearest",
         zorder=0,
     )
-    left, right, bottom, top = grid.extent
-    x, y = path.poses[:, 0], path.poses[:, 1]
+    x, y = way.poses[:, 0], way.poses[:, 1]
     axes.plot(x, y, ".", color=FAINT, ms=2.5, label="Cells found", zorder=1)
-    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+    axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
     axes.set(xlabel="x in m", ylabel="y in m")
     axes.grid(visible=False)
 
 
-def _shades(grid: OccupancyGrid, near: Array) -> Array:
-    """Grey obstacles within their lighter inflation, on white."""
-    shades = np.full((*near.shape, 3), 255, dtype=np.uint8)
-    shades[near] = (228, 231, 235)
-    shades[grid.occupied] = (96, 104, 114)
-    return shades
+def _seen(grid: OccupancyGrid, view: Box) -> tuple[slice, slice]:
+    """Rows and columns of the grid that the view may show; at least one of each."""
+    left, right, bottom, top = view
+    corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+    cells = grid.cells_of(corners).clip(0, np.array(grid.occupied.shape) - 1)
+    rows, cols = ((int(c.min()), int(c.max()) + 1) for c in cells.T)
+    return slice(*rows), slice(*cols)
+
+
+def _cells_per_pixel(axes: Axes, grid: OccupancyGrid, view: Box) -> int:
+    """How many of the grid's cells are next to each other on a pixel of the picture, at most.
+
+    Panels become a little larger when the figure arranges them.
+    """
+    left, right, bottom, top = view
+    inches = np.array(axes.get_window_extent().size) / axes.figure.dpi
+    metres_per_inch = float((np.array([right - left, top - bottom]) / inches).max())
+    return max(1, ceil(metres_per_inch / DPI / grid.resolution))
+
+
+def _darkest(kinds: UInt8[Array, "rows cols"], k: int) -> UInt8[Array, "fewer_rows fewer_cols"]:
+    """The greatest number in every square of ``k`` cells' side; the last ones may be cut."""
+    if k == 1:
+        return kinds
+    rows, cols = (np.arange(0, count, k) for count in kinds.shape)
+    pooled: UInt8[Array, "fewer_rows fewer_cols"] = np.maximum.reduceat(
+        np.maximum.reduceat(kinds, rows, axis=0), cols, axis=1
+    )
+    return pooled

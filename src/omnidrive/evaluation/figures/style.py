@@ -16,6 +16,8 @@ INK = "#1a1a1a"
 """Colour of references, axes and text."""
 FAINT = "#8a8a8a"
 """Colour of what only helps to read."""
+DPI = 160
+"""Pixels per inch of pictures that are written."""
 
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -83,7 +85,7 @@ def save(figure: Figure, path: Path) -> None:
     try:
         # matplotlib also projects the padding of surfaces' faces, which it leaves uninitialised
         with styled(), np.errstate(over="ignore", invalid="ignore"):
-            figure.savefig(part, format=kind, dpi=160, metadata=metadata[kind])
+            figure.savefig(part, format=kind, dpi=DPI, metadata=metadata[kind])
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

@@ -42,8 +42,8 @@ def payload(results: StudyResults) -> str:
             "wheelRadius": results.robot.wheel.radius,
             "wheelAngles": [mount.axle for mount in results.robot.mounts],
         },
-        "map": _map(results.obstacles, results.keepout),
-        "cells": [_column(results.path.poses[:, i]) for i in (0, 1)],
+        "map": _map(results.obstacles, results.free),
+        "cells": [_column(results.way.poses[:, i]) for i in (0, 1)],
         "spline": [_column(spline[:, i]) for i in (0, 1)],
         "groups": _groups(results),
     }
@@ -51,9 +51,9 @@ def payload(results: StudyResults) -> str:
     return text.replace("<", "\\u003c")
 
 
-def _map(grid: OccupancyGrid, keepout: OccupancyGrid) -> dict[str, Any]:
+def _map(grid: OccupancyGrid, free: OccupancyGrid) -> dict[str, Any]:
     """Cells as runs of equal kind, row by row from the bottom: 0 free, 1 keep out, 2 taken."""
-    kinds = np.where(grid.occupied, 2, keepout.occupied_on(grid))
+    kinds = np.where(grid.occupied, 2, free.occupied_on(grid))
     rows, cols = kinds.shape
     return {
         "rows": rows,

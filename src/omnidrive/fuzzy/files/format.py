@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from omnidrive.bounded_file import one_line
 from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
@@ -15,7 +16,6 @@ from omnidrive.fuzzy.files.fll import read_fll, write_fll
 from omnidrive.fuzzy.files.fml import read_fml, write_fml
 from omnidrive.fuzzy.files.source import read_text
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.yaml_file import one_line
 
 
 class GapWarning(UserWarning):

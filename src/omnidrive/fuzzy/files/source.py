@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omnidrive.bounded_file import one_line
 from omnidrive.errors import InvalidFuzzyFile
 from omnidrive.fuzzy.place import Place, malformed, number
-from omnidrive.yaml_file import one_line
 
 __all__ = ["MAX_BYTES", "Place", "malformed", "number", "read_text"]
 

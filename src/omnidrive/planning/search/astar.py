@@ -67,7 +67,7 @@ def reach(
 
 
 @compiled
-def _reach(  # noqa: PLR0915, PLR0917
+def _reach(  # noqa: PLR0917
     bits: UInt8[Array, " bytes"],
     stride: int,
     first: int,
@@ -86,26 +86,22 @@ def _reach(  # noqa: PLR0915, PLR0917
     shift = _bits(stride)  # the queue holds rows and columns, which are sooner taken apart
     push(queue, ring, 0, row << shift | col)
     best, bucket, waiting, expansions, held = 0 if first == last else FAR, 0, 1, 0, 0
-    while waiting > 0 or held:
-        if held:
-            cell, held = held, 0
-        else:
+    while waiting > 0:
+        cell, held, waiting = held, 0, waiting - 1
+        if cell == 0:
             while is_empty(queue, ring, bucket):
                 bucket += 1
             cell = pop(queue, ring, bucket)
-            waiting -= 1
         least = floor + (bucket << BUCKET)
         if least >= best:
             break
         row, col = cell >> shift, cell & (1 << shift) - 1
         at = place(stride, row, col)
         word = int64(words[at])
-        so_far = least - to_go(heuristic, row - goal_row, col - goal_col)
-        so_far += _longer(words, word >> _LENGTH, so_far)
+        so_far = _near(words, word, least - to_go(heuristic, row - goal_row, col - goal_col))
         if word & _CLOSED or so_far >= best:
             continue
-        words[at] = word | _CLOSED
-        expansions += 1
+        words[at], expansions = word | _CLOSED, expansions + 1
         if is_full(queue, ring, waiting + 8):
             queue = enlarged(queue)
         moves = int64(needed[word & _WAY, surroundings(bits, stride, row * stride + col)])
@@ -114,8 +110,7 @@ def _reach(  # noqa: PLR0915, PLR0917
             moves &= moves - 1
             down, right = row + _ROWS[move], col + _COLS[move]
             length, at = so_far + _STEPS[move], place(stride, down, right)
-            word = int64(words[at])
-            if word != 0 and _longer(words, length, word >> _LENGTH) >= 0:
+            if _is_known(words, at, length):
                 continue
             estimate = length + to_go(heuristic, down - goal_row, right - goal_col)
             if estimate >= best:
@@ -124,14 +119,25 @@ def _reach(  # noqa: PLR0915, PLR0917
             if down == goal_row and right == goal_col:
                 best = length
                 continue
-            to = down << shift | right
-            ahead = (estimate - floor) >> BUCKET
+            to, ahead, waiting = down << shift | right, (estimate - floor) >> BUCKET, waiting + 1
             if ahead <= bucket and held == 0:
                 held = to
-                continue
-            push(queue, ring, max(bucket, ahead), to)
-            waiting += 1
+            else:
+                push(queue, ring, max(bucket, ahead), to)
     return expansions
+
+
+@inlined
+def _is_known(words: Tiles, at: int, length: int) -> bool:
+    """Whether a way to a cell is known that is no longer."""
+    word = int64(words[at])
+    return bool(word != 0 and _longer(words, length, word >> _LENGTH) >= 0)
+
+
+@inlined
+def _near(words: Tiles, word: int, length: int) -> int:
+    """The length nearest to one of which a word has the bits."""
+    return length + _longer(words, word >> _LENGTH, length)
 
 
 @inlined

@@ -75,9 +75,10 @@ class BitBoard:
 
     def cells(self, numbers: Integer[Array, " cells"]) -> Int[Array, "cells 2"]:
         """Rows and columns of the cells with these numbers."""
-        row, col = np.divmod(numbers, self.stride)
-        pair = (col - MARGIN, row - 1) if self.turned else (row - 1, col - MARGIN)
-        return np.stack(pair, axis=1).astype(int)
+        row, cells = numbers // self.stride, np.empty((len(numbers), 2), int)
+        cells[:, int(self.turned)] = row - 1
+        cells[:, 1 - int(self.turned)] = numbers - row * self.stride - MARGIN
+        return cells
 
 
 @inlined

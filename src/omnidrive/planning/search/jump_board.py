@@ -1,70 +1,63 @@
-"""Where moves along rows and columns have to end, as bits."""
+"""Where moves along rows, columns and diagonals lead, many cells at a time."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int64, UInt8, UInt64
+from jaxtyping import Int64, UInt64
 
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.board import MARGIN, BitBoard, is_occupied
+from omnidrive.planning.search.board import MARGIN, BitBoard
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT
-from omnidrive.planning.search.machine import int64, trailing_zeros
+from omnidrive.planning.search.machine import int64, leading_zeros, trailing_zeros, uint64
 from omnidrive.planning.search.moves import MOVES
 
 Array = np.ndarray
 
 _ONE, _ALL, _LAST = np.uint64(1), ~np.uint64(0), np.uint64(63)
-_GROUPS = tuple(  # sizes, and the lower of every two groups
-    (np.uint64(size), np.uint64(sum((1 << size) - 1 << at for at in range(0, 64, 2 * size))))
+_BYTES = 7  # 64 bits from the byte of a cell on hold at least this many bytes after the cell
+_AHEAD = np.uint64(((1 << 8 * _BYTES) - 1) << 1)  # those after the first one
+_BACK = np.uint64(((1 << 8 * _BYTES) - 1) << 63 - 8 * _BYTES)  # those before the last one
+_BLOCKS = 8  # of 64 x 64 bits: a row of theirs is a cache line
+_GROUPS = tuple(  # rows, and the lower of every two groups of as many bits
+    (size, np.uint64(sum((1 << size) - 1 << at for at in range(0, 64, 2 * size))))
     for size in (32, 16, 8, 4, 2, 1)
 )
 _ROWS, _COLS = np.array(MOVES).T.copy()
 
 
 class JumpBoard(NamedTuple):
-    """Where moves along the rows and columns of a board end.
+    """The bits of a board row after row, and once more column after column.
 
     Attributes:
-        ends: For each of the four moves a board on which it leads from bit to bit: rows,
-            columns, and both from their other ends. 1 where the move ends: in an occupied
-            cell, or in a free one beside which an obstacle ends, so that a turn may be needed.
-        places: For each of the four moves the bit of row 0 and column 0 of the board, border
-            included, and how far it is to the next row's and to the next column's.
+        rows: From every byte on, 64 bits; they overlap, and take no memory of their own.
+        columns: The same of the board with its rows and columns exchanged.
+        other: Bits from one column to the next.
     """
 
-    ends: UInt64[Array, " words"]
-    places: Int64[Array, "4 3"]
+    rows: UInt64[Array, " bytes"]
+    columns: UInt64[Array, " others"]
+    other: int
 
     @classmethod
     def of(cls, board: BitBoard) -> JumpBoard:
-        """Ends of moves over a board's cells."""
+        """The bits of a board, shared, and those of its columns."""
         rows, cols = board.shape
         turned = BitBoard.full(cols, rows)
-        stride, other = board.stride, turned.stride
-        _transpose(board.words, stride >> 6, rows, turned.words, other >> 6, cols)
-        first = (1 - MARGIN) * other + MARGIN - 1  # of the border, on the board of the columns
-        boards = [(board.words, stride, (0, stride, 1)), (turned.words, other, (first, 1, other))]
-        boards += [
-            (_mirrored(words), width, (64 * len(words) - 1 - zero, -by_row, -by_col))
-            for words, width, (zero, by_row, by_col) in boards
-        ]
-        ends = np.empty(sum(len(words) for words, *_ in boards), np.uint64)
-        places, begin = np.empty((4, 3), np.int64), 0
-        for move, (words, width, place) in enumerate(boards):
-            _fill_ends(words, width >> 6, ends[begin : begin + len(words)])
-            places[move] = place
-            places[move, 0] += 64 * begin
-            begin += len(words)
-        return cls(ends, places)
+        other = turned.stride
+        _transpose(board.words, board.stride >> 6, rows, turned.words, other >> 6, cols)
+        return cls(_windows(board.words), _windows(turned.words), other)
+
+
+def _windows(words: UInt64[Array, " words"]) -> UInt64[Array, " bytes"]:
+    """From every byte on, 64 bits of the same memory."""
+    return np.ndarray((8 * len(words) - 7,), np.uint64, words, strides=(1,))
 
 
 @compiled
 def jumps(  # noqa: PLR0917
-    ends: UInt64[Array, " words"],
-    places: Int64[Array, "4 3"],
-    bits: UInt8[Array, " bytes"],
+    board: JumpBoard,
     stride: int,
     cell: int,
     last: int,
@@ -76,89 +69,99 @@ def jumps(  # noqa: PLR0917
     Those beside a diagonal run are among them, but not the cells of the run itself.
 
     Args:
-        ends: As in :class:`JumpBoard`.
-        places: As in :class:`JumpBoard`.
-        bits: Of the board.
+        board: The bits.
         stride: Of the board.
         cell: Number of the cell.
         last: Number of the goal.
-        moves: Moves to try, as bits.
+        moves: Moves to try, as bits; diagonal ones must be allowed.
         found: Will hold the number of each cell, its distance, and the last move to it.
 
     Returns:
         How many were found.
     """
-    count, goal_row, goal_col = 0, last // stride, last % stride
+    rows, columns, other = board
+    count, place = 0, _among_columns(other, stride, cell)
+    goal = _among_columns(other, stride, last)
     while moves != 0:
         move = trailing_zeros(moves)
         moves &= moves - 1
-        down, right, along = _ROWS[move], _COLS[move], move
-        at, row, col, length = cell, cell // stride, cell % stride, 0
+        down, right = _ROWS[move], _COLS[move]
+        at, across, length, row, col = cell, place, 0, 0, 0
         while True:
             if move >= 4:
-                below = at + down * stride
-                if (
-                    is_occupied(bits, at + right)
-                    or is_occupied(bits, below)
-                    or is_occupied(bits, below + right)
-                ):
-                    break
-                at, row, col, length = below + right, row + down, col + right, length + DIAGONAL
+                at, across = at + down * stride + right, across + right * other + down
+                length += DIAGONAL
                 if at == last:
-                    found[count, 0], found[count, 1], found[count, 2] = at, length, move
-                    count += 1
-                along = 1 - right  # along the row
-            for _ in range(1 if move < 4 else 2):
-                origin, by_row, by_col = places[along]
-                place = origin + row * by_row + col * by_col
-                goal = origin + goal_row * by_row + goal_col * by_col
-                word, shift = (place + 1) >> 6, np.uint64((place + 1) & 63)
-                left = ends[word] & (_ALL << shift)
-                while left == 0:
-                    word += 1
-                    left = ends[word]
-                run = (word << 6 | int64(trailing_zeros(left))) - place
-                meets = 0 < goal - place <= run
-                run = goal - place if meets else run
-                to = at + run * (_ROWS[along] * stride + _COLS[along])
-                if meets or not is_occupied(bits, to):
-                    found[count, 0], found[count, 1] = to, length + run * STRAIGHT
-                    found[count, 2] = along
-                    count += 1
-                along = 2 - down  # along the column
-            if move < 4:
+                    count = _add(found, count, at, length, move)
+            if right != 0:
+                row = _run(rows, stride, at, last, right > 0)
+                if row > 0:
+                    to = at + row * right
+                    count = _add(found, count, to, length + row * STRAIGHT, 1 - right)
+            if down != 0:
+                col = _run(columns, other, across, goal, down > 0)
+                if col > 0:
+                    to = at + col * down * stride
+                    count = _add(found, count, to, length + col * STRAIGHT, 2 - down)
+            # Beside the cell, the runs have seen whether the next diagonal move is allowed.
+            if move < 4 or row == -1 or col == -1 or _is_taken(rows, at + down * stride + right):
                 break
     return count
 
 
-@compiled
-def _mirrored(words: UInt64[Array, " words"]) -> UInt64[Array, " words"]:
-    """The same bits in reversed order: halves of ever smaller groups of them change places."""
-    mirrored = np.empty_like(words)
-    for i in range(len(words)):
-        word = words[i]
-        for size, group in _GROUPS:
-            word = (word >> size & group) | (word & group) << size
-        mirrored[len(words) - 1 - i] = word
-    return mirrored
+@inlined
+def _among_columns(other: int, stride: int, cell: int) -> int:
+    """Bit of a cell among the columns."""
+    return (cell % stride + 1 - MARGIN) * other + cell // stride + MARGIN - 1
 
 
-@compiled
-def _fill_ends(words: UInt64[Array, " words"], width: int, ends: UInt64[Array, " words"]) -> None:
-    """Ends of moves from bit to bit; ``width`` is in words per row.
+@inlined
+def _add(found: Int64[Array, "most 3"], count: int, cell: int, length: int, move: int) -> int:
+    """Put a cell to those that were found, and count it."""
+    found[count, 0], found[count, 1], found[count, 2] = cell, length, move
+    return count + 1
 
-    A cell is one if it is occupied, or if beside it is a free cell that comes after an occupied
-    one (without cutting corners: Harabor & Grastien 2014, "Improving jump point search").
+
+@inlined
+def _is_taken(rows: UInt64[Array, " bytes"], cell: int) -> bool:
+    """Whether a cell is occupied or border."""
+    return bool(rows[uint64(cell >> 3)] >> np.uint64(cell & 7) & _ONE)
+
+
+@inlined
+def _run(bits: UInt64[Array, " bytes"], stride: int, at: int, last: int, ahead: bool) -> int:
+    """Cells to where a move to higher or lower bits ends: the goal, or where a turn may be needed.
+
+    If it ends at an obstacle, minus the cells to that. A turn may be needed beside a free cell that
+    comes after an occupied one (without cutting corners: Harabor & Grastien 2014, "Improving jump
+    point search").
     """
-    ends[:] = _ALL
-    count = len(words) - 2 * width - 1  # without the first word of a row, which is border
-    here, out = words[width + 1 :], ends[width + 1 :]
-    over, over_before = words[1:], words
-    under, under_before = words[2 * width + 1 :], words[2 * width :]
-    for i in range(count):  # with plain places, several words at once
-        above = (over[i] << _ONE | over_before[i] >> _LAST) & ~over[i]
-        below = (under[i] << _ONE | under_before[i] >> _LAST) & ~under[i]
-        out[i] = here[i] | above | below
+    run, i, by_row, shift = 0, at >> 3, stride >> 3, np.uint64(at & 7)
+    if ahead:
+        while True:
+            here, over, under = bits[uint64(i)], bits[uint64(i - by_row)], bits[uint64(i + by_row)]
+            here, over, under = here >> shift, over >> shift, under >> shift
+            ends = (here | over << _ONE & ~over | under << _ONE & ~under) & _AHEAD
+            if ends != 0:
+                break
+            i, run = i + _BYTES, run + 8 * _BYTES
+        first: int = int64(trailing_zeros(ends))
+        to_goal, is_taken = last - at, here >> np.uint64(first) & _ONE
+    else:
+        i, shift = i - 7, np.uint64(7) - shift
+        while True:
+            here, over, under = bits[uint64(i)], bits[uint64(i - by_row)], bits[uint64(i + by_row)]
+            here, over, under = here << shift, over << shift, under << shift
+            ends = (here | over >> _ONE & ~over | under >> _ONE & ~under) & _BACK
+            if ends != 0:
+                break
+            i, run = i - _BYTES, run + 8 * _BYTES
+        first = int64(leading_zeros(ends))
+        to_goal, is_taken = at - last, here << np.uint64(first) >> _LAST
+    run += first
+    if 0 < to_goal <= run:
+        return to_goal
+    return -run if is_taken else run
 
 
 @compiled
@@ -171,26 +174,29 @@ def _transpose(  # noqa: PLR0917
     cols: int,
 ) -> None:
     """Exchange the rows and columns of a board, 64 x 64 bits at a time; widths are in words."""
-    block = np.empty(64, np.uint64)
-    for i in range(0, rows, 64):
-        for j in range(0, cols, 64):
-            for k in range(64):
-                block[k] = words[(i + k + 1) * width + 1 + (j >> 6)] if i + k < rows else _ALL
-            _transpose_block(block)
-            for k in range(min(64, cols - j)):
-                others[(j + k + 1) * other + 1 + (i >> 6)] = block[k]
+    block = np.empty((64, _BLOCKS), np.uint64)
+    for j in range(0, width - 1, _BLOCKS):
+        blocks = min(_BLOCKS, width - 1 - j)
+        for i in range(0, rows, 64):
+            block[:] = _ALL
+            for k in range(min(64, rows - i)):
+                begin = (i + k + 1) * width + 1 + j
+                for m in range(blocks):
+                    block[k, m] = words[begin + m]
+            _transpose_blocks(block.ravel())
+            for m in range(blocks):
+                for k in range(min(64, cols - 64 * (j + m))):
+                    others[(64 * (j + m) + k + 1) * other + 1 + (i >> 6)] = block[k, m]
 
 
 @inlined
-def _transpose_block(block: UInt64[Array, " rows"]) -> None:
+def _transpose_blocks(blocks: UInt64[Array, " words"]) -> None:
     """Exchange rows and columns of 64 x 64 bits (Warren, "Hacker's Delight", sec. 7-3)."""
-    size, mask = 32, np.uint64(0xFFFFFFFF)
-    while size > 0:
-        shift, k = np.uint64(size), 0
-        while k < 64:
-            exchanged = (block[k] >> shift ^ block[k + size]) & mask
-            block[k + size] ^= exchanged
-            block[k] ^= exchanged << shift
-            k = (k + size + 1) & ~size
-        size >>= 1
-        mask ^= mask << np.uint64(size)
+    for size, group in _GROUPS:
+        shift, words = np.uint64(size), size * _BLOCKS
+        for i in range(0, 64 * _BLOCKS, 2 * words):
+            one, other = blocks[i : i + words], blocks[i + words : i + 2 * words]
+            for k in range(words):  # with plain places, several words at once
+                exchanged = (one[k] >> shift ^ other[k]) & group
+                other[k] ^= exchanged
+                one[k] ^= exchanged << shift

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int32, Int64, UInt8, UInt64
+from jaxtyping import Int32, Int64, UInt8
 
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.astar import BUCKET, FAR
@@ -24,6 +24,7 @@ from omnidrive.planning.search.moves import BEGIN, surroundings
 Array = np.ndarray
 
 _CLOSED = 16  # mark of a node whose moves were tried
+_ROOM = 1 << 9  # nodes and places of the queue to begin with
 
 
 def jump_point(  # noqa: PLR0917
@@ -42,7 +43,7 @@ def jump_point(  # noqa: PLR0917
 
     Args:
         board: The cells.
-        jump_board: Where moves over them end.
+        jump_board: Their bits by rows and by columns.
         first: Number of the start.
         last: Number of the goal.
         needed: Moves among eight neighbours without cutting corners.
@@ -52,16 +53,15 @@ def jump_point(  # noqa: PLR0917
     found = np.empty((4 * (2 * short + 2), 3), np.int64)  # no more are found from one cell
     longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2  # a jump, and what it leaves more to go
     nodes, goal, expansions = _reach(
-        *jump_board, board.bits, board.stride, first, last, needed, heuristic, found,
-        *bucket_queue(longest >> BUCKET, len(found)),
+        jump_board, board.bits, board.stride, first, last, needed, heuristic, found,
+        *bucket_queue(longest >> BUCKET, _ROOM),
     )  # fmt: skip
     return _walk_back(nodes, board.stride, goal), expansions
 
 
 @compiled
 def _reach(  # noqa: PLR0917
-    ends: UInt64[Array, " words"],
-    places: Int64[Array, "4 3"],
+    jump_board: JumpBoard,
     bits: UInt8[Array, " bytes"],
     stride: int,
     first: int,
@@ -72,19 +72,13 @@ def _reach(  # noqa: PLR0917
     queue: Int32[Array, " size"],
     ring: int,
 ) -> tuple[Int64[Array, "nodes 4"], int, int]:
-    """Nodes, the goal's number among them, 0 if there is no way, and the count of expansions.
-
-    Of the few cells that are nodes, each has its number of the board, the length of the shortest
-    way known, the node that this leads over, and how it was reached (as in :mod:`astar`). Node 0 is
-    none. The queue holds nodes.
-    """
-    goal_row, goal_col = last // stride, last % stride
-    floor = to_go(heuristic, first // stride - goal_row, first % stride - goal_col)
-    nodes = np.empty((2 * len(found) + 2, 4), np.int64)
-    nodes[1, 0], nodes[1, 1], nodes[1, 2], nodes[1, 3] = first, 0, 0, BEGIN
-    table, count, goal = _table(nodes, 2), 2, 1 if first == last else 0
+    """Nodes, the goal's number among them, 0 if there is no way, and the count of expansions."""
+    goal = last // stride, last % stride
+    floor = _to_go(heuristic, stride, first, goal)
+    nodes = _start(first)
+    table, count, ends = _table(nodes, 2), 2, 1 if first == last else 0
     push(queue, ring, 0, 1)
-    best, bucket, waiting, expansions = 0 if goal else FAR, 0, 1, 0
+    best, bucket, waiting, expansions = 0 if ends else FAR, 0, 1, 0
     while waiting > 0:
         while is_empty(queue, ring, bucket):
             bucket += 1
@@ -95,20 +89,18 @@ def _reach(  # noqa: PLR0917
         cell, so_far, way = nodes[node, 0], nodes[node, 1], nodes[node, 3]
         if way & _CLOSED or so_far >= best:
             continue
-        nodes[node, 3] = way | _CLOSED
-        expansions += 1
+        nodes[node, 3], expansions = way | _CLOSED, expansions + 1
         moves = int64(needed[way, surroundings(bits, stride, cell)])
-        reached = jumps(ends, places, bits, stride, cell, last, moves, found)
-        if is_full(queue, ring, waiting + reached):
+        reached = jumps(jump_board, stride, cell, last, moves, found)
+        while is_full(queue, ring, waiting + reached):
             queue = enlarged(queue)
-        if count + reached > len(nodes):
+        while count + reached > len(nodes):
             nodes = _doubled(nodes)
             table = _table(nodes, count)
         for i in range(reached):
             to, length = found[i, 0], so_far + found[i, 1]
-            row = int64(uint32(to) // uint32(stride))
-            left = to_go(heuristic, row - goal_row, to - row * stride - goal_col)
-            if length + left >= best:
+            estimate = length + _to_go(heuristic, stride, to, goal)
+            if estimate >= best:
                 continue
             place = _hash(to) & (len(table) - 1)
             while table[place] != 0 and nodes[table[place], 0] != to:
@@ -116,23 +108,42 @@ def _reach(  # noqa: PLR0917
             known = int64(table[place])
             if known == 0:
                 table[place] = known = count
-                nodes[known, 0] = to
                 count += 1
             elif length >= nodes[known, 1]:
                 continue
-            nodes[known, 1], nodes[known, 2], nodes[known, 3] = length, node, found[i, 2] + 1
+            nodes[known, 0], nodes[known, 1] = to, length
+            nodes[known, 2], nodes[known, 3] = node, found[i, 2] + 1
             if to == last:
-                best, goal = length, known
-                continue
-            push(queue, ring, max(bucket, (length + left - floor) >> BUCKET), known)
+                best, ends = length, known
+            push(queue, ring, max(bucket, (estimate - floor) >> BUCKET), known)
             waiting += 1
-    return nodes, goal, expansions
+    return nodes, ends, expansions
+
+
+@inlined
+def _to_go(heuristic: Heuristic, stride: int, cell: int, goal: tuple[int, int]) -> int:
+    """The heuristic from a cell to the goal's row and column."""
+    row = int64(uint32(cell) // uint32(stride))
+    return to_go(heuristic, row - goal[0], cell - row * stride - goal[1])
 
 
 @inlined
 def _hash(cell: int) -> int:
     """A number in which neighbours are far apart (Knuth, TAOCP vol. 3, sec. 6.4)."""
     return (cell * 0x9E3779B1 >> 7) & 0x7FFFFFFF
+
+
+@compiled
+def _start(cell: int) -> Int64[Array, "nodes 4"]:
+    """Room for nodes, and as the first the start's; node 0 is none.
+
+    Of the few cells that are nodes, each has its number of the board, the length of the shortest
+    way known, the node that this leads over, and how it was reached (as in :mod:`astar`). The queue
+    holds nodes.
+    """
+    nodes = np.empty((_ROOM, 4), np.int64)
+    nodes[1, 0], nodes[1, 1], nodes[1, 2], nodes[1, 3] = cell, 0, 0, BEGIN
+    return nodes
 
 
 @compiled

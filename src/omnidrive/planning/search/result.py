@@ -34,9 +34,9 @@ def length(cells: Int[Array, "cells 2"]) -> float:
 
     Moves to neighbours are counted, so that nothing is rounded but the sum.
     """
-    steps = np.abs(np.diff(cells, axis=0))
+    steps = np.abs(cells[1:] - cells[:-1])
     if steps.max(initial=0) <= 1:
-        diagonal = int(np.count_nonzero(steps.all(axis=1)))
+        diagonal = int(np.count_nonzero(steps[:, 0] & steps[:, 1]))
         return len(steps) - diagonal + diagonal * sqrt(2.0)
     total: float = np.hypot(*steps.T).sum().item()
     return total

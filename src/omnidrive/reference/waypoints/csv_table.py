@@ -16,12 +16,12 @@ from math import pi
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
 from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
 from omnidrive.reference.waypoints.text_file import read_text, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed, untimed
-from omnidrive.yaml_file import one_line, shown
 
 Array = np.ndarray
 

@@ -8,10 +8,10 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidReference
 from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
 from omnidrive.reference.waypoints.text_file import read_text
-from omnidrive.yaml_file import one_line, shown
 
 
 @dataclass(frozen=True, slots=True)

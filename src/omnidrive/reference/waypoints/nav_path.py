@@ -13,12 +13,13 @@ from math import atan2, cos, hypot, sin
 
 import numpy as np
 
+from omnidrive.bounded_file import check_is_file, one_line
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
 from omnidrive.reference.waypoints.field import Field
-from omnidrive.reference.waypoints.text_file import MAX_BYTES, check_is_file, write_text
+from omnidrive.reference.waypoints.text_file import MAX_BYTES, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed, untimed
-from omnidrive.yaml_file import one_line, read_yaml_documents
+from omnidrive.yaml_file import read_yaml_documents
 
 _NORM_TOLERANCE = 0.01  # of a quaternion, which should be 1
 _TILT_TOLERANCE = 0.01  # of its x and y, which should be 0 on the ground
@@ -33,7 +34,7 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
     Raises:
         InvalidReference: The file is no such message; the message says where.
     """
-    check_is_file(file)
+    check_is_file(file, "waypoints", InvalidReference)
     name = one_line(str(file))
     root = Field(_message(file, name), "", name)
     if isinstance(root.value, dict) and {"image", "resolution"} <= root.value.keys():

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from stat import S_ISREG
 
+from omnidrive.bounded_file import one_line, read_bounded
 from omnidrive.errors import CannotWrite, InvalidReference
-from omnidrive.yaml_file import one_line
 
 MAX_BYTES = 10_000_000
 
@@ -17,40 +16,15 @@ def read_text(file: Path) -> str:
     Raises:
         InvalidReference: It cannot be read, is too large or is not text.
     """
-    name = one_line(str(file))
-    check_is_file(file)
-    try:
-        with file.open("rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InvalidReference(
-            f"cannot read the waypoints {name}: {error.strerror or error}"
-        ) from None
-    if len(content) > MAX_BYTES:
-        raise InvalidReference(
-            f"{name} is too large for waypoints: more than {MAX_BYTES:,} bytes; thin them out"
-        )
+    excess = f"is too large for waypoints: more than {MAX_BYTES:,} bytes; thin them out"
+    content = read_bounded(file, MAX_BYTES, "waypoints", InvalidReference, excess=excess)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise InvalidReference(f"{name}, line {line}: not UTF-8 text; save it as UTF-8") from None
-
-
-def check_is_file(file: Path) -> None:
-    """Refuse what is not a file: a pipe would be waited for.
-
-    Raises:
-        InvalidReference: There is no such file, or it is something else.
-    """
-    name = one_line(str(file))
-    try:
-        mode = file.stat().st_mode
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidReference(f"cannot read the waypoints {name}: {reason}") from None
-    if not S_ISREG(mode):
-        raise InvalidReference(f"cannot read the waypoints {name}: it is not a file")
+        raise InvalidReference(
+            f"{one_line(str(file))}, line {line}: not UTF-8 text; save it as UTF-8"
+        ) from None
 
 
 def write_text(file: Path, text: str) -> None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
 from omnidrive.reference.reference import Reference
@@ -17,7 +18,6 @@ from omnidrive.reference.waypoints.csv_table import read_csv, write_csv
 from omnidrive.reference.waypoints.nav_path import read_nav_path, write_nav_path
 from omnidrive.reference.waypoints.pathplanner import read_pathplanner, write_pathplanner
 from omnidrive.reference.waypoints.waypoints import Waypoints, untimed
-from omnidrive.yaml_file import one_line, shown
 
 _USUAL_STEP = 0.02  # s, the period at which most robots' loops run
 

@@ -1,0 +1,269 @@
+"""Where and how to drive: the options that verbs share, and the scenario that they add up to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+
+from omnidrive.cli.options import HOW, WHERE, choice, choose_one, flag, option, two_or_three
+from omnidrive.errors import InvalidInput
+from omnidrive.maps import Unknown
+from omnidrive.planning import MethodName, Place, SmoothingName
+from omnidrive.reference import Heading
+from omnidrive.robot import ROBOTS
+from omnidrive.study import (
+    PlantName,
+    PresetName,
+    Scenario,
+    TimingName,
+    load_scenario,
+    map_scenario,
+    paper_scenario,
+    retime,
+    robot_section,
+)
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
+
+_HEAD = 65_536  # bytes of a YAML file in which a map names its picture
+_PICTURE = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
+_KEYS = {
+    "search": "path.search", "cut_corners": "path.cut_corners", "smooth": "path.smooth",
+    "timing": "timing.law", "heading": "timing.heading", "margin": "map.margin",
+    "unknown": "map.unknown", "resolution": "map.resolution",
+}  # fmt: skip
+"""Options that stand for a key of the scenario each."""
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What the shared options said; None where nothing. Each field is an option."""
+
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="`paper`, or a scenario's YAML file, or the folder that it is in, or a map's "
+            "file: of Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
+        ),
+    ] = "paper"
+    map: Annotated[Path | None, option("FILE", "The same for a map's file.", WHERE)] = None
+    start: Annotated[str | None, option("X,Y[,HEADING]", "Start in m, m, rad.", WHERE)] = None
+    goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal in m, m, rad.", WHERE)] = None
+    duration: Annotated[float | None, option("S", "Time for the path, in s.", WHERE)] = None
+    speed: Annotated[float | None, option("M/S", "Mean speed instead, in m/s.", WHERE)] = None
+    margin: Annotated[
+        float | None, option("M", "Room between robot and obstacles, in m.", WHERE)
+    ] = None
+    unknown: Annotated[
+        str | None, choice(get_args(Unknown), "What unknown cells count as.", WHERE)
+    ] = None
+    resolution: Annotated[
+        float | None,
+        option("M", "Side of a cell in m, where the map does not say it [default: 1].", WHERE),
+    ] = None
+    robot: Annotated[str | None, choice(ROBOTS, "Which robot drives.", HOW)] = None
+    plant: Annotated[
+        str | None,
+        choice(
+            get_args(PlantName),
+            "What simulates it: MuJoCo with rollers or with balls, or kinematics alone.",
+            HOW,
+        ),
+    ] = None
+    preset: Annotated[
+        str | None,
+        choice(
+            get_args(PresetName),
+            "Take the paper's controllers from its text, from its published code with its slip in "
+            "the wheel matrix, or as we would build them.",
+            HOW,
+        ),
+    ] = None
+    search: Annotated[
+        str | None,
+        choice(
+            get_args(MethodName),
+            "How a way over the cells is searched: the shortest way (astar, and sooner on open or "
+            "narrow maps jump-point), to any angle (lazy-theta), or greedy as in the paper.",
+            HOW,
+        ),
+    ] = None
+    cut_corners: Annotated[
+        bool | None,
+        flag(
+            "Whether diagonal moves may pass obstacles' corners, as in the paper.",
+            HOW,
+            "--cut-corners/--no-cut-corners",
+        ),
+    ] = None
+    smooth: Annotated[
+        str | None,
+        choice(
+            get_args(SmoothingName),
+            "Smooth the way with a proof that nothing is hit, or plainly as in the paper.",
+            HOW,
+        ),
+    ] = None
+    timing: Annotated[
+        str | None,
+        choice(
+            get_args(TimingName),
+            "Travel evenly as in the paper; from rest to rest within the wheels' limits; or also "
+            "move the path and turn freely to save time.",
+            HOW,
+        ),
+    ] = None
+    heading: Annotated[
+        str | None,
+        choice(get_args(Heading), "Where the robot looks, with the timing `limits`.", HOW),
+    ] = None
+    seed: Annotated[int | None, option("N", "Seed of the noise.", HOW)] = None
+
+    @property
+    def map_file(self) -> Path | None:
+        """The map that is named, in one way or the other."""
+        if self.map is not None and self.scenario != "paper":
+            raise InvalidInput("give a scenario or map, or --map, not both")
+        if self.map is None and self.scenario != "paper" and _is_map(Path(self.scenario)):
+            return Path(self.scenario)
+        return self.map
+
+    def resolve(self, *, retimed: bool = True) -> Scenario:
+        """The scenario that the options add up to.
+
+        Args:
+            retimed: Give it times that suit the path, where the path is the user's.
+
+        Raises:
+            OmnidriveError: They contradict each other or name something that is not there.
+        """
+        preset = (
+            choose_one("preset", self.preset, get_args(PresetName))
+            if self.preset is not None
+            else None
+        )
+        scenario = self._base(preset)
+        changes: dict[str, object] = {}
+        on_map = self.map_file is not None
+        if self.start is not None and not on_map:
+            changes["start"] = parse_place("start", self.start)
+        if self.goal is not None and not on_map:
+            changes["goal"] = parse_place("goal", self.goal)
+        if self.plant is not None:
+            changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
+        if self.robot is not None and not on_map:
+            name = choose_one("robot", self.robot, ROBOTS)
+            changes["robot"] = robot_section(name, preset or scenario.preset)
+        elif preset:
+            changes["robot"] = robot_section(scenario.robot.name, preset)
+        if preset:
+            changes["preset"] = preset
+        if self.seed is not None:
+            changes["seed"] = self.seed
+        scenario = scenario.model_copy(update=changes)
+        scenario = parse_scenario(self._detailed(scenario_data(scenario)), "with these options")
+        if retimed and (on_map or self.duration is not None or self.speed is not None):
+            scenario = retime(scenario, duration=self.duration, speed=self.speed)
+        return scenario
+
+    def _detailed(self, data: dict[str, Any]) -> dict[str, Any]:
+        """The scenario's data with the options put in that stand for a key each."""
+        for field, key in _KEYS.items():
+            value = getattr(self, field)
+            if value is not None:
+                section, name = key.split(".")
+                data[section][name] = value
+        return data
+
+    def _base(self, preset: PresetName | None) -> Scenario:
+        file = self.map_file
+        if file is not None:
+            if self.start is None or self.goal is None:
+                raise InvalidInput("a map needs --start X,Y and --goal X,Y (metres in the map)")
+            return map_scenario(
+                str(file),
+                parse_place("start", self.start),
+                parse_place("goal", self.goal),
+                robot=choose_one("robot", self.robot or "paper", ROBOTS),
+                name=_plain_name(file.stem),
+                preset=preset or "paper",
+            )
+        if self.scenario == "paper":
+            return paper_scenario(preset or "paper")
+        path = Path(self.scenario)
+        return load_scenario(path / "scenario.yaml" if path.is_dir() else path)
+
+
+def with_demand(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a verb the fields of :class:`Demand` as options; it is called with a ``demand``.
+
+    typer makes options of the parameters in a verb's signature: the fields stand there first.
+
+    Args:
+        left_out: Fields that are no options of this verb.
+    """
+    hints = get_type_hints(Demand, include_extras=True)
+    shared = [
+        Parameter(
+            field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
+        )
+        for field in fields(Demand)
+        if field.name not in left_out
+    ]
+
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        own = [
+            parameter.replace(kind=Parameter.KEYWORD_ONLY)
+            for parameter in signature(verb, eval_str=True).parameters.values()
+            if parameter.name != "demand"
+        ]
+
+        @wraps(verb)
+        def command(**given: Any) -> None:
+            demand = Demand(**{each.name: given.pop(each.name) for each in shared})
+            verb(demand=demand, **given)
+
+        command.__signature__ = Signature([*shared, *own])  # type: ignore[attr-defined]
+        return command
+
+    return decorate
+
+
+def _is_map(path: Path) -> bool:
+    """Whether a file is a map and no scenario; one that cannot be read is no map."""
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        return path.suffix != "" or path.is_file()
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            return _PICTURE.search(file.read(_HEAD)) is not None
+    except OSError:
+        return False
+
+
+def _plain_name(text: str) -> str:
+    """``text`` as a scenario may be called."""
+    plain = "".join(c if c.isascii() and (c.isalnum() or c in "_.-") else "_" for c in text)
+    return plain.lstrip("_.-")[:60] or "map"
+
+
+def parse_place(name: str, text: str) -> Place:
+    """Read ``X,Y`` or ``X,Y,HEADING``."""
+    numbers = two_or_three(text)
+    if not numbers:
+        raise InvalidInput(
+            f"--{name} must be X,Y or X,Y,HEADING in m, m, rad, such as 1.5,2 or 1.5,2,-0.78; "
+            f"got '{text}'"
+        )
+    if len(numbers) == 3 and not abs(numbers[2]) <= 6.3:
+        raise InvalidInput(
+            f"--{name}: the heading is {numbers[2]:g} rad, need -6.3 to 6.3 rad (degrees?)"
+        )
+    return Place(*numbers)
