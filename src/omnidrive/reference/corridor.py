@@ -20,6 +20,9 @@ Array = np.ndarray
 _SAMPLES_PER_CELL = 4
 _MAX_SAMPLES = 1_000_000
 
+_PER_BOX = 1.5
+"""Pieces for every box, before short boxes are given three."""
+
 _INSET = 2e-3
 """Share of a cell by which Bezier points are kept off a box's sides: as far as the two proved
 bounds on a path's clearance may be apart, so that the lower is not negative."""
@@ -75,8 +78,10 @@ class Corridor:
     def pieces(self, count: int) -> Int[Array, " pieces"]:
         """The box of every piece of a spline of about ``count`` pieces, spread evenly over the way.
 
-        At least three in every box: then no control point belongs to more than two boxes.
+        Or of about one and a half for every box, if that is more. At least three in every box: then
+        no control point belongs to more than two boxes.
         """
+        count = max(count, round(_PER_BOX * len(self.boxes)))
         portions = np.diff(self.ends, prepend=0.0) / max(float(self.ends[-1]), 1e-9)
         counts = np.maximum(3, np.ceil(portions * count)).astype(int)
         return np.repeat(np.arange(len(counts)), counts)

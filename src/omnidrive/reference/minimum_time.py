@@ -23,8 +23,8 @@ from omnidrive.robot import Chassis
 
 Array = np.ndarray
 
-_PIECES, _PER_BOX = 48, 1.5
-"""Of the new spline, along all of the way: so many, or so many for every box if that is more."""
+_PIECES = 48
+"""Of the new spline, along all of the way, or more if there are many boxes."""
 
 _MAX_PIECES = 600
 
@@ -94,7 +94,7 @@ def minimum_time(
         corridor = Corridor.along(path.poses(_fine(path))[:, :2], free)
     except NoPathFound as error:
         return _fallback(path, start, None, f"there is no corridor around the path: {error}")
-    pieces = corridor.pieces(max(_PIECES, round(_PER_BOX * len(corridor.boxes))))
+    pieces = corridor.pieces(_PIECES)
     if len(pieces) > _MAX_PIECES:
         return _fallback(
             path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
