@@ -241,7 +241,7 @@ _KIWI = Robot(
     max_torque=1.5,
     servo_gain=0.6,
     friction=0.8,
-    lag=(0.018, 0.006),
+    lag=(0.0162, 0.0068),
 )  # fmt: skip
 # Four wheels of 6 inches under a plate of about 0.5 m by 0.4 m: the size of usual research bases.
 _MECANUM = Robot(
@@ -256,7 +256,7 @@ _MECANUM = Robot(
     max_torque=6.0,
     servo_gain=4.0,
     friction=0.8,
-    lag=(0.018, 0.006),
+    lag=(0.0126, 0.0042),
 )  # fmt: skip
 ROBOTS = {robot.name: robot for robot in (_PAPER, _SMALL, _KIWI, _MECANUM)}
 

@@ -1,26 +1,31 @@
-"""MuJoCo models of omni-wheel robots, written as MJCF.
+"""MuJoCo models of robots with omni or mecanum wheels, written as MJCF.
 
-Two wheel models: `rollers`, with two staggered rows of passive rollers per wheel, and `ball`, one
-sphere per wheel that is driven about a body-fixed axis and rolls freely about the others.
+Two wheel models: `rollers`, with rows of passive rollers on every wheel, and `ball`, one sphere per
+wheel that is driven about a body-fixed axis and rolls freely about the others.
 
 What the settings are for: the integrator `discrete` keeps the servo from leading its command
 (`implicitfast` leads by 11 ms); the elliptic cone with impratio 10 and sprung axles share the load
-evenly between the wheels; rollers carry almost no armature, or they would creep.
+evenly between the wheels; rollers carry almost no armature, or they would creep. All there is hangs
+together, so looking for islands of it would only take time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 from xml.etree import ElementTree as ET
 
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import OmniWheel, Robot
 from omnidrive.simulation.mjcf_element import add, numbers
-from omnidrive.simulation.mjcf_wheels import (
-    CONTACT,
-    add_ball_wheel,
-    add_roller_wheel,
-    floor_friction,
-)
+from omnidrive.simulation.mjcf_scene import add_looks, add_obstacles, add_surroundings
+from omnidrive.simulation.mjcf_wheels import add_ball_wheel, add_roller_wheel
+from omnidrive.simulation.moving_obstacle import MovingObstacle
+
+Array = np.ndarray
 
 WheelModel = Literal["rollers", "ball"]
 
@@ -28,11 +33,25 @@ TIMESTEP = 0.002
 """Longest physics step in s: short enough for the stiffest named servo."""
 
 
-def omni_model(robot: Robot, wheels: WheelModel) -> str:
+def omni_model(
+    robot: Robot,
+    wheels: WheelModel,
+    *,
+    obstacles: OccupancyGrid | None = None,
+    boxes: Float[Array, "boxes 4"] | None = None,
+    moving: Sequence[MovingObstacle] = (),
+) -> str:
     """MJCF of ``robot`` on an endless floor.
 
     The base body's frame is B, at the height of the axles. Actuator ``motor{i}`` is a velocity
     servo in rad/s; positive speed rolls along (-sin axle_i, cos axle_i).
+
+    Args:
+        robot: What drives.
+        wheels: How its wheels are made.
+        obstacles: The map that stands around it, and
+        boxes: (left, right, bottom, top) of all its obstacles, in m of its own frame.
+        moving: Obstacles that move.
     """
     root = ET.Element("mujoco", model=f"{robot.name}-{wheels}")
     add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
@@ -40,13 +59,20 @@ def omni_model(robot: Robot, wheels: WheelModel) -> str:
         root, "option", timestep=TIMESTEP, integrator="discrete", cone="elliptic", impratio=10,
         solver="Newton", jacobian="sparse" if wheels == "rollers" else "dense",
     )  # fmt: skip
-    add(option, "flag", autoreset="disable", island="disable")
+    some = boxes is not None or bool(moving)
+    # the tree of a body's geoms, by which MuJoCo skips pairs, does not know that walls are moved
+    add(
+        option, "flag", autoreset="disable", island="disable",
+        midphase="disable" if some else "enable",
+    )  # fmt: skip
     world = add(root, "worldbody")
-    floor = dict(CONTACT, friction=floor_friction(robot), contype="1", conaffinity="0")
-    add(world, "geom", name="floor", type="plane", size="50 50 1", **floor)
+    add_surroundings(root, world, robot)
     base = add(world, "body", name="base", pos=numbers(0, 0, robot.wheel.radius))
     add(base, "freejoint", name="base")
     _add_chassis(base, robot, wheels)
+    add_looks(base, robot)
+    if some:
+        add_obstacles(root, world, base, robot, obstacles, boxes, moving)
     actuators = add(root, "actuator")
     add_wheel = {"rollers": add_roller_wheel, "ball": add_ball_wheel}[wheels]
     for i, mount in enumerate(robot.mounts):
