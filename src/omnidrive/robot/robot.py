@@ -231,17 +231,17 @@ _SMALL = Robot(
 # Three wheels on a light plate, of the size of a room's robots.
 _KIWI = Robot(
     name="kiwi",
-    mounts=omni_ring((pi / 3.0, pi, -pi / 3.0), 0.16),
+    mounts=omni_ring((pi / 3.0, pi, -pi / 3.0), 0.17),
     wheel=OmniWheel(radius=0.04, mass=0.2, rotor_inertia=4e-4, roller_radius=0.01,
                     roller_mass=0.007, row_gap=0.018),
     mass=6.0,
     com_height=0.06,
-    body_radius=0.2,
+    body_radius=0.21,
     max_wheel_speed=40.0,
     max_torque=1.5,
-    servo_gain=0.6,
+    servo_gain=1.2,
     friction=0.8,
-    lag=(0.0162, 0.0068),
+    lag=(0.0088, 0.0038),
 )  # fmt: skip
 # Four wheels of 6 inches under a plate of about 0.5 m by 0.4 m: the size of usual research bases.
 _MECANUM = Robot(

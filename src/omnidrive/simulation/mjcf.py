@@ -29,8 +29,9 @@ Array = np.ndarray
 
 WheelModel = Literal["rollers", "ball"]
 
-TIMESTEP = 0.002
-"""Longest physics step in s: short enough for the stiffest named servo."""
+TIMESTEPS: dict[WheelModel, float] = {"rollers": 0.002, "ball": 0.004}
+"""Longest physics step in s: short enough for the stiffest named servo, and for rollers, which
+take turns on the floor. Balls are as exact at the longer one."""
 
 
 def omni_model(
@@ -56,7 +57,7 @@ def omni_model(
     root = ET.Element("mujoco", model=f"{robot.name}-{wheels}")
     add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     option = add(
-        root, "option", timestep=TIMESTEP, integrator="discrete", cone="elliptic", impratio=10,
+        root, "option", timestep=TIMESTEPS[wheels], integrator="discrete", cone="elliptic", impratio=10,
         solver="Newton", jacobian="sparse" if wheels == "rollers" else "dense",
     )  # fmt: skip
     some = boxes is not None or bool(moving)
