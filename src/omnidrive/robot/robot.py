@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.robot.chassis import Chassis
+from omnidrive.robot.checks import check_robot, check_wheel
 from omnidrive.robot.mount import Mount, mecanum_rectangle, omni_ring
 
 Array = np.ndarray
@@ -32,6 +33,9 @@ class OmniWheel:
         roller_mass: Of one roller, in kg.
         row_gap: Distance between the centres of the rows, in m; of one row, its width.
         rows: Rows of rollers, staggered: two of omni wheels, one of mecanum wheels.
+
+    Raises:
+        InvalidInput: It cannot be built: see :func:`omnidrive.robot.checks.check_wheel`.
     """
 
     radius: float
@@ -42,6 +46,9 @@ class OmniWheel:
     roller_mass: float = 0.012
     row_gap: float = 0.022
     rows: int = 2
+
+    def __post_init__(self) -> None:
+        check_wheel(self)
 
     @property
     def total_mass(self) -> float:
@@ -72,6 +79,11 @@ class Robot:
         body_inertia: Yaw inertia of all but the wheels about its centre of mass, in kg m^2; None:
             that of a disc of 0.8 times the wheels' distance from the centre.
         motor_lag: Time constant with which the servos' set points follow the command, in s.
+
+    Raises:
+        InvalidGeometry: Its wheels cannot push in every direction.
+        InvalidInput: It could not stand or move: see
+            :func:`omnidrive.robot.checks.check_robot`.
     """
 
     name: str
@@ -89,6 +101,9 @@ class Robot:
     com: tuple[float, float] = (0.0, 0.0)
     body_inertia: float | None = None
     motor_lag: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_robot(self)
 
     @property
     def chassis(self) -> Chassis:
