@@ -32,6 +32,7 @@ _DRAWN_HEIGHT = 0.2  # m
 
 def add_surroundings(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     """Floor with squares of 0.5 m, sky and light."""
+    add(root, "statistic", center="0 0 0", extent="3")  # else walls put away count as far ends
     visual = add(root, "visual")
     add(visual, "global", offwidth="1920", offheight="1080")
     add(visual, "headlight", ambient=".35 .35 .35", diffuse=".45 .45 .45", specular="0 0 0")
@@ -61,7 +62,7 @@ def add_looks(base: ET.Element, robot: Robot) -> None:
     top = max(1.15 * robot.wheel.radius, 2.0 * robot.com_height - robot.wheel.radius)
     radius = robot.body_radius
     add(
-        base, "geom", name="plate", type="cylinder", size=numbers(0.62 * robot.reach, 0.1 * top),
+        base, "geom", name="plate", type="cylinder", size=numbers(0.75 * robot.reach, 0.1 * top),
         pos=numbers(0, 0, 0.6 * top), rgba=".17 .33 .58 1", **_SEEN,
     )  # fmt: skip
     add(

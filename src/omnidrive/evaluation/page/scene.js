@@ -260,7 +260,7 @@ class Scene {
     const { pen } = this;
     const slope = Math.cos(roller) / Math.sin(roller);
     pen.save();
-    pen.strokeStyle = this.colours.paper;
+    pen.strokeStyle = this.colours.panel;
     pen.lineWidth = Math.max(0.12 * half, 1);
     pen.beginPath();
     pen.rect(-0.45 * half, -half, 0.9 * half, 2 * half);
