@@ -38,8 +38,7 @@ class InvalidGeometry(InvalidInput):
 
     def __init__(self, rank: int) -> None:
         super().__init__(
-            f"wheel matrix has rank {rank}, need 3: not omnidirectional; "
-            "turn a wheel or add one"
+            f"wheel matrix has rank {rank}, need 3: not omnidirectional; turn a wheel or add one"
         )
         self.rank = rank
 

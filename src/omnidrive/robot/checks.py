@@ -101,8 +101,8 @@ def _check_balance(robot: Robot) -> None:
     least = int(robot.loads.argmin())
     if not robot.loads[least] > 0.0:
         raise InvalidInput(
-            f"with the centre of mass at ({robot.com[0]:g}, {robot.com[1]:g}) m wheel {least} would "
-            f"lift off (load {robot.loads[least]:.3g} N): put com between the wheels"
+            f"with the centre of mass at ({robot.com[0]:g}, {robot.com[1]:g}) m wheel {least} "
+            f"would lift off (load {robot.loads[least]:.3g} N): put com between the wheels"
         )
 
 

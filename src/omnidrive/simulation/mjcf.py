@@ -15,17 +15,12 @@ from collections.abc import Sequence
 from typing import Literal
 from xml.etree import ElementTree as ET
 
-import numpy as np
-from jaxtyping import Float
-
-from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import OmniWheel, Robot
 from omnidrive.simulation.mjcf_element import add, numbers
 from omnidrive.simulation.mjcf_scene import add_looks, add_obstacles, add_surroundings
 from omnidrive.simulation.mjcf_wheels import add_ball_wheel, add_roller_wheel
 from omnidrive.simulation.moving_obstacle import MovingObstacle
-
-Array = np.ndarray
+from omnidrive.simulation.walls import Walls
 
 WheelModel = Literal["rollers", "ball"]
 
@@ -38,8 +33,7 @@ def omni_model(
     robot: Robot,
     wheels: WheelModel,
     *,
-    obstacles: OccupancyGrid | None = None,
-    boxes: Float[Array, "boxes 4"] | None = None,
+    walls: Walls | None = None,
     moving: Sequence[MovingObstacle] = (),
 ) -> str:
     """MJCF of ``robot`` on an endless floor.
@@ -50,17 +44,16 @@ def omni_model(
     Args:
         robot: What drives.
         wheels: How its wheels are made.
-        obstacles: The map that stands around it, and
-        boxes: (left, right, bottom, top) of all its obstacles, in m of its own frame.
+        walls: The map that stands around it; None: nothing.
         moving: Obstacles that move.
     """
     root = ET.Element("mujoco", model=f"{robot.name}-{wheels}")
     add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     option = add(
-        root, "option", timestep=TIMESTEPS[wheels], integrator="discrete", cone="elliptic", impratio=10,
-        solver="Newton", jacobian="sparse" if wheels == "rollers" else "dense",
+        root, "option", timestep=TIMESTEPS[wheels], integrator="discrete", cone="elliptic",
+        impratio=10, solver="Newton", jacobian="sparse" if wheels == "rollers" else "dense",
     )  # fmt: skip
-    some = boxes is not None or bool(moving)
+    some = walls is not None or bool(moving)
     # the tree of a body's geoms, by which MuJoCo skips pairs, does not know that walls are moved
     add(
         option, "flag", autoreset="disable", island="disable",
@@ -73,7 +66,7 @@ def omni_model(
     _add_chassis(base, robot, wheels)
     add_looks(base, robot)
     if some:
-        add_obstacles(root, world, base, robot, obstacles, boxes, moving)
+        add_obstacles(root, base, robot, walls=walls, moving=moving)
     actuators = add(root, "actuator")
     add_wheel = {"rollers": add_roller_wheel, "ball": add_ball_wheel}[wheels]
     for i, mount in enumerate(robot.mounts):

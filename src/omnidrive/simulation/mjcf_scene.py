@@ -9,11 +9,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf_element import about_z, add, numbers
 from omnidrive.simulation.mjcf_wheels import CONTACT, floor_friction
 from omnidrive.simulation.moving_obstacle import MovingObstacle
+from omnidrive.simulation.walls import Walls
 
 Array = np.ndarray
 
@@ -52,9 +52,7 @@ def add_surroundings(root: ET.Element, world: ET.Element, robot: Robot) -> None:
         specular=".1 .1 .1",
     )  # fmt: skip
     floor = dict(CONTACT, friction=floor_friction(robot), contype="1", conaffinity="0")
-    add(
-        world, "geom", name="floor", type="plane", size="50 50 1", material="floor", **floor
-    )
+    add(world, "geom", name="floor", type="plane", size="50 50 1", material="floor", **floor)
 
 
 def add_looks(base: ET.Element, robot: Robot) -> None:
@@ -70,18 +68,18 @@ def add_looks(base: ET.Element, robot: Robot) -> None:
         pos=numbers(0, 0, 1.2 * top), rgba=".2 .4 .7 .45", **_SEEN,
     )  # fmt: skip
     add(
-        base, "geom", name="nose", type="box", size=numbers(0.17 * radius, 0.05 * radius, 0.05 * top),
+        base, "geom", name="nose", type="box", 
+        size=numbers(0.17 * radius, 0.05 * radius, 0.05 * top),
         pos=numbers(0.76 * radius, 0, 1.32 * top), rgba=".9 .3 .1 1", **_SEEN,
     )  # fmt: skip
 
 
 def add_obstacles(
     root: ET.Element,
-    world: ET.Element,
     base: ET.Element,
     robot: Robot,
-    grid: OccupancyGrid | None,
-    boxes: Float[Array, "boxes 4"] | None,
+    *,
+    walls: Walls | None,
     moving: Sequence[MovingObstacle],
 ) -> None:
     """The robot's body, the boxes that are moved to where walls are near, and moving discs.
@@ -95,14 +93,17 @@ def add_obstacles(
         conaffinity="0", rgba="1 0 0 .2", group="4", **_FRAGILE,
     )  # fmt: skip
     height = 1.5 * robot.body_radius
-    if grid is not None and boxes is not None:
-        walls = add(world, "body", name="walls", pos=numbers(*grid.origin, 0), quat=about_z(grid.yaw))
+    world = root.find("worldbody")
+    assert world is not None
+    if walls is not None:
+        origin, yaw = walls.frame
+        stand = add(world, "body", name="walls", pos=numbers(*origin, 0), quat=about_z(yaw))
         for k in range(NEAR_WALLS):
             add(
-                walls, "geom", name=f"wall{k}", type="box", size=numbers(WINDOW, WINDOW, height),
+                stand, "geom", name=f"wall{k}", type="box", size=numbers(WINDOW, WINDOW, height),
                 pos="0 0 -1000", contype="0", conaffinity="2", group="3", **_FRAGILE,
             )  # fmt: skip
-        _draw(root, walls, boxes)
+        _draw(root, stand, walls.boxes)
     for k, mover in enumerate(moving):
         body = add(world, "body", name=f"moving{k}", mocap="true", pos=numbers(*mover.at(0.0), 0))
         add(

@@ -68,9 +68,7 @@ class MujocoPlant:
         self.wheels = wheels
         self._drive = robot.drive
         walls = Walls(obstacles) if obstacles is not None else None
-        xml = omni_model(
-            robot, wheels, obstacles=obstacles, boxes=walls.boxes if walls else None, moving=moving
-        )
+        xml = omni_model(robot, wheels, walls=walls, moving=moving)
         self._model = mujoco.MjModel.from_xml_string(xml)
         self._data = mujoco.MjData(self._model)
         self._obstacles = MujocoObstacles(self._model, robot, walls, moving)

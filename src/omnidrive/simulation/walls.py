@@ -39,15 +39,18 @@ class Walls:
         self._looked_up: tuple[float, float, float] = (inf, inf, 0.0)
         self._near = self.boxes[:0]
 
+    @property
+    def frame(self) -> tuple[tuple[float, float], float]:
+        """Where the map's frame lies in W, and by how much it is turned: ((m, m), rad)."""
+        return self._grid.origin, self._grid.yaw
+
     def in_map(self, x: float, y: float) -> tuple[float, float]:
         """A point of W in the map's frame, in m."""
         dx, dy = x - self._grid.origin[0], y - self._grid.origin[1]
         c, s = cos(self._grid.yaw), sin(self._grid.yaw)
         return c * dx + s * dy, c * dy - s * dx
 
-    def near(
-        self, x: float, y: float, reach: float, most: int
-    ) -> Float[Array, "near 4"]:
+    def near(self, x: float, y: float, reach: float, most: int) -> Float[Array, "near 4"]:
         """The ``most`` nearest boxes of those within ``reach`` m of a point of W, nearest first.
 
         Of each box what lies within ``reach`` along the map's axes.
@@ -63,7 +66,8 @@ class Walls:
         order = np.argsort(distances, kind="stable")[:most]
         chosen = self._near[order[distances[order] <= reach]]
         window = np.array([u, u, v, v])
-        return np.clip(chosen, window - reach, window + reach)
+        clipped: Float[Array, "near 4"] = np.clip(chosen, window - reach, window + reach)
+        return clipped
 
 
 def boxes_of(occupied: Bool[Array, "rows cols"]) -> Int[Array, "boxes 4"]:

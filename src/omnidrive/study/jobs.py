@@ -142,9 +142,7 @@ def make_plant(
     table: dict[PlantName, Callable[[], Plant]] = {
         "kinematic": lambda: KinematicPlant(robot),
         "ball": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
-        "rollers": lambda: MujocoPlant(
-            robot, "rollers", rng, obstacles=obstacles, moving=moving
-        ),
+        "rollers": lambda: MujocoPlant(robot, "rollers", rng, obstacles=obstacles, moving=moving),
     }
     return table[name]()
 

@@ -101,8 +101,9 @@ class MovingSection(_Section):
     """A disc that moves on a given path, whatever stands in its way."""
 
     radius: Annotated[float, Bounds(0.01, 100.0, "m")]
-    path: Annotated[tuple[tuple[_Seconds0, _Place, _Place], ...], Field(min_length=1,
-                                                                        max_length=MOST_POINTS)]
+    path: Annotated[
+        tuple[tuple[_Seconds0, _Place, _Place], ...], Field(min_length=1, max_length=MOST_POINTS)
+    ]
     """When it is where: t (s), x (m), y (m), the times growing; evenly in between, at rest before
     and after."""
     loop: bool = False
@@ -297,9 +298,7 @@ def robot_of(section: RobotSection) -> Robot:
         InvalidInput: There is no such robot, or it could not stand or move as it is changed.
     """
     changes = {name: getattr(section, name) for name in _REPLACED}
-    return replace(
-        named_robot(section.name), **{k: v for k, v in changes.items() if v is not None}
-    )
+    return replace(named_robot(section.name), **{k: v for k, v in changes.items() if v is not None})
 
 
 def robot_section(name: str, preset: PresetName) -> RobotSection:

@@ -71,9 +71,7 @@ class Study:
         """Names of the runs whose robot would have touched an obstacle, had it stood there."""
         bumped = self.collisions
         return [
-            r.name
-            for r in self.results.tracks
-            if r.min_clearance < 0.0 and r.name not in bumped
+            r.name for r in self.results.tracks if r.min_clearance < 0.0 and r.name not in bumped
         ]
 
     @property
