@@ -35,8 +35,8 @@ def check_wheel(wheel: OmniWheel) -> None:
     _not_negative("the wheels' row_gap", wheel.row_gap, "m")
     if not wheel.roller_radius < wheel.radius:
         raise InvalidInput(
-            f"rollers of radius {wheel.roller_radius:g} m do not fit a wheel of {wheel.radius:g} m: "
-            "make the rollers smaller"
+            f"rollers of radius {wheel.roller_radius:g} m do not fit a wheel of radius "
+            f"{wheel.radius:g} m: make the rollers smaller"
         )
     if not (3 <= wheel.rollers_per_row <= MOST_ROLLERS and 1 <= wheel.rows <= 4):
         raise InvalidInput(

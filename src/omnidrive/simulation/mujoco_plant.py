@@ -14,7 +14,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
-from omnidrive.simulation.mjcf import TIMESTEPS, WheelModel, omni_model
+from omnidrive.simulation.mjcf import TIMESTEP, WheelModel, omni_model
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.mujoco_obstacles import MujocoObstacles
 from omnidrive.simulation.plant import Measurement
@@ -22,7 +22,7 @@ from omnidrive.simulation.walls import Walls
 
 Array = np.ndarray
 
-_APPROACHES = 25  # steps after which what is near is looked up again
+_APPROACHES = 50  # steps after which what is near is looked up again
 _SETTLING = 0.2  # s for the axle springs to take the load before a run starts
 
 
@@ -94,12 +94,12 @@ class MujocoPlant:
         """Stand at rest at ``pose``, springs settled."""
         data = self._data
         mujoco.mj_resetData(self._model, data)
-        self._model.opt.timestep = timestep = TIMESTEPS[self.wheels]
+        self._model.opt.timestep = TIMESTEP
         if self.wheels == "rollers":
             data.qpos[self._joints] = self._phases
         self._obstacles.reset(data)
         self._place(pose)
-        mujoco.mj_step(self._model, data, round(_SETTLING / timestep))
+        mujoco.mj_step(self._model, data, round(_SETTLING / TIMESTEP))
         data.qvel[:] = 0.0
         self._place(pose)
         data.time = 0.0
@@ -111,7 +111,7 @@ class MujocoPlant:
     def step(self, twist: BodyTwist, dt: float) -> Measurement:
         """Servo the wheels to ``twist`` for ``dt`` seconds."""
         model, data = self._model, self._data
-        substeps = ceil(dt / TIMESTEPS[self.wheels] - 1e-9)
+        substeps = ceil(dt / TIMESTEP - 1e-9)
         model.opt.timestep = dt / substeps
         data.ctrl[:] = self._drive.wheel_speeds(self._drive.saturate(twist))
         forces = np.empty((substeps, model.nu))
