@@ -152,3 +152,14 @@ def test_a_turned_map_is_drawn_where_it_lies():
     left, right, bottom, top = grid.extent
     assert (axes.get_xlim(), axes.get_ylim()) == ((left, right), (bottom, top))
     assert 0.0 < left < 2.0
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_kinematic_diagram_shows_every_wheel_of_any_robot(name):
+    robot = ROBOTS[name]
+    above, wheel = kinematics(robot).axes
+    names = [text.get_text() for text in above.texts]
+    assert all(str(k + 1) in names for k in range(len(robot.mounts)))
+    assert len([p for p in above.patches if isinstance(p, Polygon)]) == len(robot.mounts)
+    mecanum = any(mount.roller for mount in robot.mounts)
+    assert any("rho" in text.get_text() for text in wheel.texts) == mecanum

@@ -19,8 +19,10 @@ Array = np.ndarray
 
 NEAR_WALLS = 16
 """Boxes of the map that stand in the physical world: those nearest to the robot."""
-WINDOW = 8.0
-"""Greatest half side of such a box, in m."""
+AHEAD = 5.0
+"""From the robot's body to the end of the furthest part of such a box, in m, at most."""
+PARKED = (0.0, 0.0, -1e4)
+"""Where boxes are that are not needed."""
 MOST_DRAWN = 5000
 """Boxes that are drawn, the largest first."""
 
@@ -92,7 +94,8 @@ def add_obstacles(
         base, "geom", name="body", type="sphere", size=robot.body_radius, contype="2",
         conaffinity="0", rgba="1 0 0 .2", group="4", **_FRAGILE,
     )  # fmt: skip
-    height = 1.5 * robot.body_radius
+    most = robot.body_radius + AHEAD
+    height = most + 1.0  # a body within a wall gets out sideways
     world = root.find("worldbody")
     assert world is not None
     if walls is not None:
@@ -100,8 +103,8 @@ def add_obstacles(
         stand = add(world, "body", name="walls", pos=numbers(*origin, 0), quat=about_z(yaw))
         for k in range(NEAR_WALLS):
             add(
-                stand, "geom", name=f"wall{k}", type="box", size=numbers(WINDOW, WINDOW, height),
-                pos="0 0 -1000", contype="0", conaffinity="2", group="3", **_FRAGILE,
+                stand, "geom", name=f"wall{k}", type="box", size=numbers(most, most, height),
+                pos=numbers(*PARKED), contype="0", conaffinity="2", group="3", **_FRAGILE,
             )  # fmt: skip
         _draw(root, stand, walls.boxes)
     for k, mover in enumerate(moving):

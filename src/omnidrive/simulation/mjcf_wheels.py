@@ -129,7 +129,7 @@ def _add_roller(
     wheel = robot.wheel
     b = wheel.roller_radius
     reach = wheel.radius - b
-    tilt, half_length = _roller_shape(wheel, mount.roller)
+    tilt, half_length = roller_shape(wheel, mount.roller)
     body = add(
         wheel_body, "body", pos=numbers(offset, reach * cos(phase), reach * sin(phase)),
         zaxis=numbers(sin(tilt), -sin(phase) * cos(tilt), cos(phase) * cos(tilt)),
@@ -144,7 +144,7 @@ def _add_roller(
     add(body, "geom", type="ellipsoid", size=numbers(b, b, half_length), **_tyre(robot))
 
 
-def _roller_shape(wheel: OmniWheel, seen: float) -> tuple[float, float]:
+def roller_shape(wheel: OmniWheel, seen: float) -> tuple[float, float]:
     """Tilt in rad and half-length in m of rollers whose axes are ``seen`` at that angle."""
     r, b = wheel.radius, wheel.roller_radius
     if seen == 0.0:

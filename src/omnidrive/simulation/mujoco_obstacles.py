@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import Robot
-from omnidrive.simulation.mjcf_scene import NEAR_WALLS, WINDOW
+from omnidrive.simulation.mjcf_scene import AHEAD, NEAR_WALLS, PARKED
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MovingObstacle
 from omnidrive.simulation.walls import Walls
 
@@ -20,7 +20,6 @@ Array = np.ndarray
 _LOOK_AHEAD = 0.1  # s for which the boxes that are near are chosen
 _ROOM = 0.15  # m that the robot may get further in that time than its speed says
 _APART = 0.1  # s without touch after which another touch is another collision
-_PARKED = (0.0, 0.0, -1000.0)
 
 
 class MujocoObstacles:
@@ -72,8 +71,8 @@ class MujocoObstacles:
         if self._walls is not None:
             x, y = data.qpos[:2].tolist()
             speed = float(np.hypot(*data.qvel[:2]))
-            reach = min(self._radius + _ROOM + _LOOK_AHEAD * speed, WINDOW)
-            if np.isfinite(x + y + speed):
+            reach = self._radius + min(_ROOM + _LOOK_AHEAD * speed, AHEAD)
+            if np.isfinite(x + y + speed):  # else the run ends
                 self._stand(self._walls.near(x, y, reach, NEAR_WALLS))
         return self._standing > 0 or bool(self._moving)
 
@@ -99,6 +98,6 @@ class MujocoObstacles:
         places[:count] = np.column_stack(
             [0.5 * (left + right), 0.5 * (bottom + top), np.zeros(count)]
         )
-        places[count:] = _PARKED
+        places[count:] = PARKED
         sizes[:count, :2] = 0.5 * np.column_stack([right - left, top - bottom])
         self._standing = count

@@ -24,6 +24,8 @@ PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 """Who plans over a horizon."""
 TaskName = Literal["track", "noise", "step", "horizon"]
 PlantName = Literal["rollers", "ball", "kinematic"]
+_SOLID: tuple[PlantName, ...] = ("rollers", "ball")
+"""On which a robot runs into obstacles."""
 PresetName = Literal["paper", "published-code", "recommended"]
 TimingName = Literal["uniform", "limits", "minimum-time"]
 
@@ -44,8 +46,8 @@ MAX_NOISE_STEPS = 1_000_000
 Seconds = Annotated[float, Bounds(0.1, 36_000.0, "s")]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
-_Seconds0 = Annotated[float, Bounds(0.0, 36_000.0, "s")]
-_Place = Annotated[float, Bounds(-1e5, 1e5, "m")]
+_Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
+_Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]
 
 
 def _all_different(values: tuple[object, ...]) -> tuple[object, ...]:
@@ -102,7 +104,8 @@ class MovingSection(_Section):
 
     radius: Annotated[float, Bounds(0.01, 100.0, "m")]
     path: Annotated[
-        tuple[tuple[_Seconds0, _Place, _Place], ...], Field(min_length=1, max_length=MOST_POINTS)
+        tuple[tuple[_Instant, _Coordinate, _Coordinate], ...],
+        Field(min_length=1, max_length=MOST_POINTS),
     ]
     """When it is where: t (s), x (m), y (m), the times growing; evenly in between, at rest before
     and after."""
@@ -269,6 +272,15 @@ class Scenario(_Section):
     tasks: Tasks
 
     @model_validator(mode="after")
+    def _movers_can_be_met(self) -> Scenario:
+        if self.map.moving and self.plant not in _SOLID:
+            raise ValueError(
+                f"map.moving: on the plant {self.plant} nothing is in the robot's way; use "
+                f"{' or '.join(_SOLID)}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _bounded(self) -> Scenario:
         steps = self.tasks.longest / self.sample_time
         if steps > MAX_STEPS:
@@ -285,20 +297,14 @@ class Scenario(_Section):
         return self
 
 
-_REPLACED = (
-    "assumed_arm", "mass", "body_inertia", "com", "friction", "max_torque", "servo_gain",
-    "motor_lag", "lag",
-)  # fmt: skip
-
-
 def robot_of(section: RobotSection) -> Robot:
     """The named robot with what the section says of it instead.
 
     Raises:
         InvalidInput: There is no such robot, or it could not stand or move as it is changed.
     """
-    changes = {name: getattr(section, name) for name in _REPLACED}
-    return replace(named_robot(section.name), **{k: v for k, v in changes.items() if v is not None})
+    changes = section.model_dump(exclude={"name", "roller_phase"}, exclude_none=True)
+    return replace(named_robot(section.name), **changes)
 
 
 def robot_section(name: str, preset: PresetName) -> RobotSection:
