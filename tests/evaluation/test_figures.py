@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from PIL import Image
 
 from omnidrive.evaluation.figures import draw_figures, write_figures
+from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.route import draw_map
 from omnidrive.evaluation.palette import controller_ink, controller_label, horizon_inks
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
+from omnidrive.robot import ROBOTS
 from tests.evaluation.cutting import cut
 
 DIAGRAMS = {"kinematics", "tracking_error", "membership_functions"}

@@ -12,6 +12,7 @@ from omnidrive.maps import OccupancyGrid
 Array = np.ndarray
 
 _SLACK = 0.5  # m that the robot moves before boxes are looked up again
+_SPARE = 0.3  # m by which its reach may grow before
 
 
 class Walls:
@@ -58,8 +59,9 @@ class Walls:
         u, v = self.in_map(x, y)
         looked_at_u, looked_at_v, had = self._looked_up
         if not (hypot(u - looked_at_u, v - looked_at_v) <= _SLACK and reach <= had):
-            self._near = self.boxes[_distances(self.boxes, u, v) <= reach + _SLACK]
-            self._looked_up = (u, v, reach)
+            within = reach + _SPARE + _SLACK
+            self._near = self.boxes[_distances(self.boxes, u, v) <= within]
+            self._looked_up = (u, v, reach + _SPARE)
         if len(self._near) == 0:
             return self._near
         distances = _distances(self._near, u, v)
