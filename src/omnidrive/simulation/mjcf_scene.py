@@ -70,7 +70,7 @@ def add_looks(base: ET.Element, robot: Robot) -> None:
         pos=numbers(0, 0, 1.2 * top), rgba=".2 .4 .7 .45", **_SEEN,
     )  # fmt: skip
     add(
-        base, "geom", name="nose", type="box", 
+        base, "geom", name="nose", type="box",
         size=numbers(0.17 * radius, 0.05 * radius, 0.05 * top),
         pos=numbers(0.76 * radius, 0, 1.32 * top), rgba=".9 .3 .1 1", **_SEEN,
     )  # fmt: skip
