@@ -13,13 +13,14 @@ from omnidrive.errors import InvalidInput
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf_scene import AHEAD, NEAR_WALLS, PARKED
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MovingObstacle
-from omnidrive.simulation.walls import Walls
+from omnidrive.simulation.walls import Walls, distances
 
 Array = np.ndarray
 
 _LOOK_AHEAD = 0.1  # s for which the boxes that are near are chosen
 _ROOM = 0.15  # m that the robot may get further in that time than its speed says
-_APART = 0.1  # s without touch after which another touch is another collision
+_DEEP = 0.05  # m into a wall to which no robot drives: it was put there
+_APART = 0.12  # s without touch after which another touch is another collision
 
 
 class MujocoObstacles:
@@ -27,10 +28,11 @@ class MujocoObstacles:
 
     Of the map's boxes the nearest few stand in the physical world, chosen anew ten times a second:
     what is further away than the robot gets in that time cannot matter, and a map of any size costs
-    the same. In free space nothing is looked at.
+    the same. In free space nothing is looked at. A wall into which the robot was put, as no robot
+    drives, is a collision but does not throw it out: it stands again once the robot has left it.
 
     Attributes:
-        collisions: How often the body began to touch something; a touch within 0.1 s of another
+        collisions: How often the body began to touch something; a touch within 0.12 s of another
             is the same collision.
     """
 
@@ -68,21 +70,30 @@ class MujocoObstacles:
 
     def approach(self, data: mujoco.MjData) -> bool:
         """Put up the walls that are near; tell whether there is anything to :meth:`watch`."""
-        if self._walls is not None:
+        walls = self._walls
+        if walls is not None:
             x, y = data.qpos[:2].tolist()
             speed = float(np.hypot(*data.qvel[:2]))
             reach = self._radius + min(_ROOM + _LOOK_AHEAD * speed, AHEAD)
             if np.isfinite(x + y + speed):  # else the run ends
-                self._stand(self._walls.near(x, y, reach, NEAR_WALLS))
+                boxes = walls.near(x, y, reach, NEAR_WALLS)
+                deep = self._radius - min(_DEEP, 0.5 * self._radius)
+                inside = distances(boxes, *walls.in_map(x, y)) < deep
+                if inside.any():
+                    self._touch(data.time)
+                self._stand(boxes[~inside])
         return self._standing > 0 or bool(self._moving)
 
     def watch(self, data: mujoco.MjData) -> None:
         """Count what was touched in the last step, and move what moves for the next."""
         if data.ncon and (data.contact.geom == self._body).any():
-            if data.time - self._touched > _APART:
-                self.collisions += 1
-            self._touched = data.time
+            self._touch(data.time)
         self._move(data)
+
+    def _touch(self, time: float) -> None:
+        if time - self._touched > _APART:
+            self.collisions += 1
+        self._touched = time
 
     def _move(self, data: mujoco.MjData) -> None:
         for mocap, obstacle in zip(self._mocaps, self._moving, strict=True):

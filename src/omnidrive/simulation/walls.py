@@ -60,13 +60,13 @@ class Walls:
         looked_at_u, looked_at_v, had = self._looked_up
         if not (hypot(u - looked_at_u, v - looked_at_v) <= _SLACK and reach <= had):
             within = reach + _SPARE + _SLACK
-            self._near = self.boxes[_distances(self.boxes, u, v) <= within]
+            self._near = self.boxes[distances(self.boxes, u, v) <= within]
             self._looked_up = (u, v, reach + _SPARE)
         if len(self._near) == 0:
             return self._near
-        distances = _distances(self._near, u, v)
-        order = np.argsort(distances, kind="stable")[:most]
-        chosen = self._near[order[distances[order] <= reach]]
+        gaps = distances(self._near, u, v)
+        order = np.argsort(gaps, kind="stable")[:most]
+        chosen = self._near[order[gaps[order] <= reach]]
         window = np.array([u, u, v, v])
         clipped: Float[Array, "near 4"] = np.clip(chosen, window - reach, window + reach)
         return clipped
@@ -88,10 +88,10 @@ def boxes_of(occupied: Bool[Array, "rows cols"]) -> Int[Array, "boxes 4"]:
     return np.column_stack([begin[first], end[first], row[first], row[last] + 1])
 
 
-def _distances(boxes: Float[Array, "boxes 4"], u: float, v: float) -> Float[Array, " boxes"]:
-    """From a point to each box, in m; 0 inside."""
+def distances(boxes: Float[Array, "boxes 4"], u: float, v: float) -> Float[Array, " boxes"]:
+    """From a point to boxes, all in one frame, in m; 0 inside."""
     left, right, bottom, top = boxes.T
     across = np.maximum(np.maximum(left - u, u - right), 0.0)
     along = np.maximum(np.maximum(bottom - v, v - top), 0.0)
-    distances: Float[Array, " boxes"] = np.hypot(across, along)
-    return distances
+    gaps: Float[Array, " boxes"] = np.hypot(across, along)
+    return gaps
