@@ -58,6 +58,7 @@ class MujocoObstacles:
         self._geoms = slice(first, first + NEAR_WALLS)
         self._mocaps = [int(model.body(f"moving{k}").mocapid[0]) for k in range(len(moving))]
         self._standing = 0
+        self._within = False
         self._touched = -inf
         self.collisions = 0
 
@@ -66,7 +67,7 @@ class MujocoObstacles:
         if self._walls is not None:
             self._stand(np.empty((0, 4)))
         self._move(data)
-        self._touched, self.collisions = -inf, 0
+        self._within, self._touched, self.collisions = False, -inf, 0
 
     def approach(self, data: mujoco.MjData) -> bool:
         """Put up the walls that are near; tell whether there is anything to :meth:`watch`."""
@@ -77,9 +78,10 @@ class MujocoObstacles:
             reach = self._radius + min(_ROOM + _LOOK_AHEAD * speed, AHEAD)
             if np.isfinite(x + y + speed):  # else the run ends
                 boxes = walls.near(x, y, reach, NEAR_WALLS)
-                deep = self._radius - min(_DEEP, 0.5 * self._radius)
-                inside = distances(boxes, *walls.in_map(x, y)) < deep
-                if inside.any():
+                deep = 0.0 if self._within else min(_DEEP, 0.5 * self._radius)
+                inside = distances(boxes, *walls.in_map(x, y)) < self._radius - deep
+                self._within = bool(inside.any())
+                if self._within:
                     self._touch(data.time)
                 self._stand(boxes[~inside])
         return self._standing > 0 or bool(self._moving)
