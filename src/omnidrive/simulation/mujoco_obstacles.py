@@ -52,12 +52,10 @@ class MujocoObstacles:
             raise InvalidInput(f"{len(moving)} obstacles move, need at most {MOST_MOVING}")
         self._model, self._walls, self._moving = model, walls, tuple(moving)
         self._radius = robot.body_radius
-        some = walls is not None or bool(moving)
-        self._body = model.geom("body").id if some else -1
         first = model.geom("wall0").id if walls is not None else 0
         self._geoms = slice(first, first + NEAR_WALLS)
         self._mocaps = [int(model.body(f"moving{k}").mocapid[0]) for k in range(len(moving))]
-        self._standing = 0
+        self._boxes = np.empty((0, 4))
         self._within = False
         self._touched = -inf
         self.collisions = 0
@@ -66,11 +64,11 @@ class MujocoObstacles:
         """No walls near, movers where they start, nothing touched."""
         if self._walls is not None:
             self._stand(np.empty((0, 4)))
-        self._move(data)
+        self.move(data)
         self._within, self._touched, self.collisions = False, -inf, 0
 
     def approach(self, data: mujoco.MjData) -> bool:
-        """Put up the walls that are near; tell whether there is anything to :meth:`watch`."""
+        """Put up the walls that are near; tell whether there is anything to :meth:`count`."""
         walls = self._walls
         if walls is not None:
             x, y = data.qpos[:2].tolist()
@@ -84,20 +82,33 @@ class MujocoObstacles:
                 if self._within:
                     self._touch(data.time)
                 self._stand(boxes[~inside])
-        return self._standing > 0 or bool(self._moving)
+        return len(self._boxes) > 0 or bool(self._moving)
 
-    def watch(self, data: mujoco.MjData) -> None:
-        """Count what was touched in the last step, and move what moves for the next."""
-        if data.ncon and (data.contact.geom == self._body).any():
-            self._touch(data.time)
-        self._move(data)
+    def count(self, places: Float[Array, "steps 2"], times: Float[Array, " steps"]) -> None:
+        """Count what was touched on the way since :meth:`approach`.
+
+        From where the body's centre was, in m of W, and when, in s: a sphere touches an upright box
+        or cylinder if it is nearer than its radius. Going through MuJoCo's contacts in every step
+        would take as long as the physics of balls.
+        """
+        touched = np.zeros(len(times), dtype=bool)
+        if self._walls is not None:
+            u, v = self._walls.in_map(*places.T)
+            for box in self._boxes:
+                touched |= distances(box[None], u, v) < self._radius
+        for obstacle in self._moving:
+            there = np.array([obstacle.at(t) for t in times.tolist()])
+            touched |= np.hypot(*(places - there).T) < self._radius + obstacle.radius
+        for time in times[touched].tolist():
+            self._touch(time)
 
     def _touch(self, time: float) -> None:
         if time - self._touched > _APART:
             self.collisions += 1
         self._touched = time
 
-    def _move(self, data: mujoco.MjData) -> None:
+    def move(self, data: mujoco.MjData) -> None:
+        """Put what moves where it is now."""
         for mocap, obstacle in zip(self._mocaps, self._moving, strict=True):
             data.mocap_pos[mocap, :2] = obstacle.at(data.time)
 
@@ -105,7 +116,7 @@ class MujocoObstacles:
         """Let these boxes stand, and no others."""
         places, sizes = self._model.geom_pos[self._geoms], self._model.geom_size[self._geoms]
         count = len(boxes)
-        if count == self._standing == 0:
+        if count == len(self._boxes) == 0:
             return
         left, right, bottom, top = boxes.T
         places[:count] = np.column_stack(
@@ -113,4 +124,4 @@ class MujocoObstacles:
         )
         places[count:] = PARKED
         sizes[:count, :2] = 0.5 * np.column_stack([right - left, top - bottom])
-        self._standing = count
+        self._boxes = boxes

@@ -117,14 +117,18 @@ class MujocoPlant:
         forces = np.empty((substeps, model.nu))
         speeds = np.empty((substeps, model.nu))
         force, speed = data.actuator_force, data.actuator_velocity
-        watched = False
-        for k in range(substeps):
-            if k % _APPROACHES == 0:
-                watched = self._obstacles.approach(data)
-            mujoco.mj_step(model, data)
-            forces[k], speeds[k] = force, speed
+        places, place, obstacles = np.empty((substeps, 2)), data.qpos[:2], self._obstacles
+        for begin in range(0, substeps, _APPROACHES):
+            end, time = min(begin + _APPROACHES, substeps), data.time
+            watched = obstacles.approach(data)
+            for k in range(begin, end):
+                if watched:
+                    obstacles.move(data)
+                mujoco.mj_step(model, data)
+                forces[k], speeds[k], places[k] = force, speed, place
             if watched:
-                self._obstacles.watch(data)
+                times = time + model.opt.timestep * np.arange(1, end - begin + 1)
+                obstacles.count(places[begin:end], times)
         self._account(forces, speeds, dt)
         return self._measure()
 
