@@ -1,0 +1,143 @@
+"""The planar robot from one command to the next."""
+
+from __future__ import annotations
+
+from math import cos, exp, sin
+from typing import Any
+
+import numpy as np
+
+from omnidrive.compiled import compiled, inlined
+from omnidrive.simulation.planar.traction import clipped, impulse, twist_after
+
+Array = np.ndarray
+
+_AXLES = 0.02  # s in which sprung axles hand on a load
+
+
+@inlined
+def set_commands(body: Any, wheels: Array, spins: Array, vx: float, vy: float, rate: float) -> None:
+    """Wheel speeds for a body twist, all scaled together when one is too fast."""
+    peak = 0.0
+    for i in range(len(wheels)):
+        wheel = wheels[i]
+        speed = wheel.drive_x * vx + wheel.drive_y * vy + wheel.drive_turn * rate
+        spins[i].command = speed
+        peak = max(peak, abs(speed))
+    if not peak <= body.max_wheel_speed:  # also when it is not a number
+        for i in range(len(wheels)):
+            spins[i].command *= body.max_wheel_speed / peak
+
+
+@inlined
+def find_grip(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> None:
+    """What every wheel can push, by its load and by the floor that it stands on."""
+    c, s = cos(motion.yaw), sin(motion.yaw)
+    for i in range(len(wheels)):
+        wheel = wheels[i]
+        x = motion.x + c * wheel.x - s * wheel.y - body.patch_x
+        y = motion.y + s * wheel.x + c * wheel.y - body.patch_y
+        near = body.patch_radius >= 0.0 and x * x + y * y <= body.patch_radius**2
+        friction = body.patch_friction if near else wheel.friction
+        load = wheel.load + wheel.load_x * motion.push_x + wheel.load_y * motion.push_y
+        spins[i].grip = h * friction * max(load, 0.0)
+
+
+@inlined
+def free_twist(body: Any, motion: Any, h: float) -> tuple[float, float, float]:
+    """Body twist after a step without wheels: the centre of mass flies on, in axes that turn."""
+    turn = motion.yaw_rate * h
+    x = motion.vx - motion.yaw_rate * body.com_y
+    y = motion.vy + motion.yaw_rate * body.com_x
+    c, s = cos(motion.yaw), sin(motion.yaw)
+    x += h * (c * body.pull_x + s * body.pull_y)
+    y += h * (c * body.pull_y - s * body.pull_x)
+    c, s = cos(turn), sin(turn)
+    x, y = c * x + s * y, c * y - s * x
+    return x + motion.yaw_rate * body.com_y, y - motion.yaw_rate * body.com_x, motion.yaw_rate
+
+
+@inlined
+def turn_wheels(
+    wheels: Array, motion: Any, spins: Array, v: tuple[float, float, float], h: float
+) -> tuple[float, float]:
+    """Give every wheel the speed that follows from ``v``; return the floor's push on the robot."""
+    x, y = 0.0, 0.0
+    for i in range(len(wheels)):
+        wheel, spin = wheels[i], spins[i]
+        q, _, _ = impulse(wheel, spin, v, h)
+        x, y = x + wheel.push_x * q / h, y + wheel.push_y * q / h
+        if wheel.locked:
+            spin.speed = 0.0
+            torque = clipped(wheel.gain * spin.target, wheel.limit)
+        else:
+            taken = wheel.inertia * spin.speed - wheel.radius * q
+            gain = h * wheel.gain
+            w = (taken + gain * spin.target) / (wheel.inertia + gain)
+            torque = wheel.gain * (spin.target - w)
+            if abs(torque) > wheel.limit:
+                torque = clipped(torque, wheel.limit)
+                w = (taken + h * torque) / wheel.inertia
+            spin.speed = w
+        spin.angle += h * spin.speed
+        spin.torque += torque
+        motion.work += h * abs(torque * spin.speed)
+    return x, y
+
+
+@inlined
+def move_on(motion: Any, v: tuple[float, float, float], h: float) -> None:
+    """Hold the body twist ``v`` for ``h`` seconds: along the chord of its arc."""
+    half = 0.5 * h * v[2]
+    chord = h * (sin(half) / half if abs(half) > 1e-5 else 1.0)
+    c, s = chord * cos(motion.yaw + half), chord * sin(motion.yaw + half)
+    motion.x += c * v[0] - s * v[1]
+    motion.y += s * v[0] + c * v[1]
+    motion.yaw += h * v[2]
+    motion.vx, motion.vy, motion.yaw_rate = v
+
+
+@compiled
+def drive(
+    frame: Array,
+    wheels: Array,
+    motions: Array,
+    spins: Array,
+    vx: float,
+    vy: float,
+    yaw_rate: float,
+    h: float,
+    steps: int,
+) -> None:
+    """Servo the wheels to a body twist for ``steps`` steps of ``h`` seconds, in place.
+
+    Args:
+        frame: The model's record of the robot.
+        wheels: The model's records of the wheels.
+        motions: The state's record of the robot.
+        spins: The state's records of the wheels; afterwards with the mean torques.
+        vx: Commanded, in B, in m/s.
+        vy: Commanded, in B, in m/s.
+        yaw_rate: Commanded, in rad/s.
+        h: In s.
+        steps: Positive.
+    """
+    body, motion = frame[0], motions[0]
+    set_commands(body, wheels, spins, vx, vy, yaw_rate)
+    kept = exp(-h / body.motor_lag) if body.motor_lag > 0.0 else 0.0
+    felt = 1.0 - exp(-h / _AXLES)
+    for i in range(len(spins)):
+        spins[i].torque = 0.0
+    for _ in range(steps):
+        for i in range(len(spins)):
+            spins[i].target = spins[i].command + kept * (spins[i].target - spins[i].command)
+        find_grip(body, wheels, motion, spins, h)
+        free = free_twist(body, motion, h)
+        before = (motion.vx, motion.vy, motion.yaw_rate)
+        v = twist_after(body, wheels, spins, free, before, h)
+        x, y = turn_wheels(wheels, motion, spins, v, h)
+        motion.push_x += felt * (x - motion.push_x)
+        motion.push_y += felt * (y - motion.push_y)
+        move_on(motion, v, h)
+    for i in range(len(spins)):
+        spins[i].torque /= steps

@@ -1,0 +1,76 @@
+"""Many runs of the planar robot at once."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.compiled import compiled
+from omnidrive.robot import Robot
+from omnidrive.simulation.conditions import Conditions
+from omnidrive.simulation.planar.dynamics import drive
+from omnidrive.simulation.planar.model import model_of
+from omnidrive.simulation.planar.plant import TIMESTEP
+from omnidrive.simulation.planar.state import State
+
+Array = np.ndarray
+
+
+def roll_out(
+    robot: Robot,
+    starts: Float[Array, "runs 3"],
+    commands: Float[Array, "runs steps 3"],
+    dt: float,
+    *,
+    timestep: float = TIMESTEP,
+) -> tuple[Float[Array, "runs steps 3"], Float[Array, "runs steps 3"]]:
+    """What :class:`PlanarPlant` does from rest under series of commands, bit for bit.
+
+    It runs on one core, without the interpreter's lock: threads can share the runs.
+
+    Args:
+        robot: What moves.
+        starts: Poses at which it stands at first: m, m, rad.
+        commands: Body twists, each held for ``dt``: m/s, m/s, rad/s.
+        dt: In s.
+        timestep: Longest step of the dynamics, in s.
+
+    Returns:
+        Poses and body twists after every command.
+    """
+    wheels = len(robot.mounts)
+    steps = ceil(dt / timestep - 1e-9)
+    poses, twists = np.empty(commands.shape), np.empty(commands.shape)
+    _roll_out(
+        *model_of(robot, Conditions()), *State.at_rest(wheels),
+        starts, commands, dt / steps, steps, poses, twists,
+    )  # fmt: skip
+    return poses, twists
+
+
+@compiled
+def _roll_out(
+    frame: Array,
+    wheels: Array,
+    motion: Array,
+    spins: Array,
+    starts: Float[Array, "runs 3"],
+    commands: Float[Array, "runs steps 3"],
+    h: float,
+    steps: int,
+    poses: Float[Array, "runs steps 3"],
+    twists: Float[Array, "runs steps 3"],
+) -> None:
+    still, stopped = motion.copy(), spins.copy()
+    for run in range(len(commands)):
+        motion[:], spins[:] = still, stopped
+        body = motion[0]
+        body.x, body.y, body.yaw = starts[run, 0], starts[run, 1], starts[run, 2]
+        for k in range(commands.shape[1]):
+            vx, vy, yaw_rate = commands[run, k, 0], commands[run, k, 1], commands[run, k, 2]
+            drive(frame, wheels, motion, spins, vx, vy, yaw_rate, h, steps)
+            poses[run, k, 0], poses[run, k, 1], poses[run, k, 2] = body.x, body.y, body.yaw
+            twists[run, k, 0], twists[run, k, 1] = body.vx, body.vy
+            twists[run, k, 2] = body.yaw_rate
