@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, exp, sin
+from math import cos, exp, hypot, pi, sin
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from omnidrive.compiled import compiled, inlined
-from omnidrive.simulation.planar.traction import clipped, impulse, twist_after
+from omnidrive.simulation.planar.traction import Vector, along, clipped, impulse, twist_after
 
 Array = np.ndarray
 
@@ -30,21 +31,53 @@ def set_commands(body: Any, wheels: Array, spins: Array, vx: float, vy: float, r
 
 
 @inlined
-def find_grip(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> None:
-    """What every wheel can push, by its load and by the floor that it stands on."""
+def set_down(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> None:
+    """What every wheel can push, by its load and its floor; and where, by the row that carries."""
     c, s = cos(motion.yaw), sin(motion.yaw)
     for i in range(len(wheels)):
-        wheel = wheels[i]
+        wheel, spin = wheels[i], spins[i]
         x = motion.x + c * wheel.x - s * wheel.y - body.patch_x
         y = motion.y + s * wheel.x + c * wheel.y - body.patch_y
         near = body.patch_radius >= 0.0 and x * x + y * y <= body.patch_radius**2
         friction = body.patch_friction if near else wheel.friction
         load = wheel.load + wheel.load_x * motion.push_x + wheel.load_y * motion.push_y
-        spins[i].grip = h * friction * max(load, 0.0)
+        spin.grip = h * friction * max(load, 0.0)
+        spin.turn = wheel.push_turn + (wheel.row if spin.roller % 2 == 0 else -wheel.row)
 
 
 @inlined
-def free_twist(body: Any, motion: Any, h: float) -> tuple[float, float, float]:
+def spin_up_rollers(
+    body: Any, wheels: Array, motion: Any, spins: Array, rollers: Array, h: float
+) -> Vector:
+    """Let the floor turn the roller that it meets; what that takes from the body's momentum.
+
+    A roller that comes down is turned from what is left of its last turn to the speed of the floor
+    below it, across the push: momentum that it carries away. It is sprung in while its neighbours
+    still carry, so that it takes nothing of what the wheel can push.
+    """
+    x, y, turn = 0.0, 0.0, 0.0
+    for i in range(len(wheels)):
+        wheel, spin = wheels[i], spins[i]
+        for k in range(rollers.shape[1]):
+            rollers[i, k] *= 1.0 - h * wheel.roller_decay
+        spin.roller = round(spin.angle * rollers.shape[1] / (2.0 * pi)) % rollers.shape[1]
+        ax, ay = wheel.push_y, -wheel.push_x
+        moment = wheel.x * ay - wheel.y * ax
+        across = ax * motion.vx + ay * motion.vy + moment * motion.yaw_rate
+        slip = across + wheel.roll * spin.speed - rollers[i, spin.roller]
+        v = (motion.vx, motion.vy, motion.yaw_rate)
+        ahead = along(wheel, spin, v) - wheel.radius * spin.speed
+        total = hypot(slip, ahead)
+        if total > 0.0:
+            q = clipped(wheel.roller_mass * slip, spin.grip * abs(slip) / total)
+            rollers[i, spin.roller] += q / wheel.roller_mass
+            spin.speed -= wheel.roll * q / wheel.inertia
+            x, y, turn = x + ax * q, y + ay * q, turn + moment * q
+    return x, y, turn
+
+
+@inlined
+def free_twist(body: Any, motion: Any, h: float) -> Vector:
     """Body twist after a step without wheels: the centre of mass flies on, in axes that turn."""
     turn = motion.yaw_rate * h
     x = motion.vx - motion.yaw_rate * body.com_y
@@ -59,7 +92,7 @@ def free_twist(body: Any, motion: Any, h: float) -> tuple[float, float, float]:
 
 @inlined
 def turn_wheels(
-    wheels: Array, motion: Any, spins: Array, v: tuple[float, float, float], h: float
+    wheels: Array, motion: Any, spins: Array, v: Vector, h: float
 ) -> tuple[float, float]:
     """Give every wheel the speed that follows from ``v``; return the floor's push on the robot."""
     x, y = 0.0, 0.0
@@ -86,7 +119,7 @@ def turn_wheels(
 
 
 @inlined
-def move_on(motion: Any, v: tuple[float, float, float], h: float) -> None:
+def move_on(motion: Any, v: Vector, h: float) -> None:
     """Hold the body twist ``v`` for ``h`` seconds: along the chord of its arc."""
     half = 0.5 * h * v[2]
     chord = h * (sin(half) / half if abs(half) > 1e-5 else 1.0)
@@ -103,6 +136,7 @@ def drive(
     wheels: Array,
     motions: Array,
     spins: Array,
+    rollers: Float[Array, "wheels rollers"],
     vx: float,
     vy: float,
     yaw_rate: float,
@@ -116,6 +150,7 @@ def drive(
         wheels: The model's records of the wheels.
         motions: The state's record of the robot.
         spins: The state's records of the wheels; afterwards with the mean torques.
+        rollers: The state's speeds of the rollers.
         vx: Commanded, in B, in m/s.
         vy: Commanded, in B, in m/s.
         yaw_rate: Commanded, in rad/s.
@@ -131,10 +166,11 @@ def drive(
     for _ in range(steps):
         for i in range(len(spins)):
             spins[i].target = spins[i].command + kept * (spins[i].target - spins[i].command)
-        find_grip(body, wheels, motion, spins, h)
+        set_down(body, wheels, motion, spins, h)
+        taken = spin_up_rollers(body, wheels, motion, spins, rollers, h)
         free = free_twist(body, motion, h)
         before = (motion.vx, motion.vy, motion.yaw_rate)
-        v = twist_after(body, wheels, spins, free, before, h)
+        v = twist_after(body, wheels, spins, free, taken, before, h)
         x, y = turn_wheels(wheels, motion, spins, v, h)
         motion.push_x += felt * (x - motion.push_x)
         motion.push_y += felt * (y - motion.push_y)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, hypot
+from math import cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +38,10 @@ WHEEL = np.dtype(
         ("push_y", float),
         ("push_turn", float),  # its moment about B's origin, m
         ("radius", float),  # speed of the push per wheel speed without slip, m/rad
+        ("row", float),  # more of the moment while the outer row carries, less with the inner, m
+        ("roll", float),  # speed of a roller's surface per wheel speed, m/rad
+        ("roller_mass", float),  # what a roller's inertia counts for at the floor, kg
+        ("roller_decay", float),  # rate at which rollers in the air come to rest, 1/s
         ("drive_x", float),  # wheel speed asked for, per unit of commanded twist, rad/m
         ("drive_y", float),
         ("drive_turn", float),
@@ -56,6 +60,8 @@ WHEEL = np.dtype(
 """What there is once per wheel."""
 
 _LOCK = 1e6  # a locked wheel turns as if so many of the robot's masses moved at its rim
+_BEARING = 2e-6  # N m s/rad, of a roller; this and its armature as in the plants on MuJoCo
+_ARMATURE = 1e-6  # kg m^2
 _TORQUE = {Motor.HEALTHY: 1.0, Motor.WEAK: 0.5, Motor.DEAD: 0.0, Motor.LOCKED: 1.0}
 
 
@@ -112,6 +118,11 @@ def _fill_mounts(wheels: Array, robot: Robot) -> None:
     wheels["radius"] = robot.wheel.radius * rolling
     wheels["x"], wheels["y"] = np.array([(m.x, m.y) for m in robot.mounts]).T
     wheels["inertia"] = axle_inertia(robot.wheel)
+    wheels["row"] = 0.5 * robot.wheel.row_gap * rolling if robot.wheel.rows == 2 else 0.0
+    wheels["roll"] = robot.wheel.radius * np.sin([mount.roller for mount in robot.mounts])
+    inertia = roller_inertia(robot.wheel)
+    wheels["roller_mass"] = inertia / handing_over_radius(robot.wheel) ** 2
+    wheels["roller_decay"] = _BEARING / inertia
     wheels["friction"] = robot.friction
 
 
@@ -157,9 +168,30 @@ def upright_inertia(wheel: OmniWheel) -> float:
     return hub + _rollers(wheel) * ring
 
 
+def roller_inertia(wheel: OmniWheel) -> float:
+    """Of one roller about its axis, in kg m^2."""
+    return 0.5 * wheel.roller_mass * wheel.roller_radius**2 + _ARMATURE
+
+
+def handing_over_radius(wheel: OmniWheel) -> float:
+    """Radius in m of a roller where it touches the floor at first and at last.
+
+    Half a roller's share of a turn from its middle; it is an ellipsoid as long as its curvature
+    there is that of the wheel, ``a^2 = b r``.
+    """
+    angle, b = pi / rollers_of(wheel), wheel.roller_radius
+    across, upright = b * wheel.radius * sin(angle) ** 2, (b * cos(angle)) ** 2
+    return float(b * b * cos(angle) / sqrt(across + upright))
+
+
+def rollers_of(wheel: OmniWheel) -> int:
+    """How many there are."""
+    return wheel.rows * wheel.rollers_per_row
+
+
 def _rollers(wheel: OmniWheel) -> float:
     """Mass of all rollers, in kg."""
-    return 2 * wheel.rollers_per_row * wheel.roller_mass
+    return rollers_of(wheel) * wheel.roller_mass
 
 
 def _hub_inertia(wheel: OmniWheel) -> float:

@@ -11,7 +11,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.planar.dynamics import drive
-from omnidrive.simulation.planar.model import mass_matrix, model_of
+from omnidrive.simulation.planar.model import mass_matrix, model_of, rollers_of
 from omnidrive.simulation.planar.state import State
 from omnidrive.simulation.plant import Measurement
 
@@ -36,13 +36,13 @@ class PlanarPlant:
         self.robot = robot
         self.timestep = timestep
         self._model = model_of(robot, Conditions())
-        self._state = State.at_rest(len(robot.mounts))
+        self._state = self._at_rest(Pose(0.0, 0.0, 0.0))
         self._drive = entry_point(drive, *self._model, *self._state, 0.0, 0.0, 0.0, 0.1, 1)
 
     def reset(self, pose: Pose) -> Measurement:
         """Stand at rest at ``pose``; nothing is imposed."""
         self._model = model_of(self.robot, Conditions())
-        self._state = State.at_rest(len(self.robot.mounts), pose)
+        self._state = self._at_rest(pose)
         return self._measure()
 
     def step(self, twist: BodyTwist, dt: float) -> Measurement:
@@ -74,6 +74,9 @@ class PlanarPlant:
         )
         for name, change in zip(("vx", "vy", "yaw_rate"), kick.tolist(), strict=True):
             motion[name] += change
+
+    def _at_rest(self, pose: Pose) -> State:
+        return State.at_rest(len(self.robot.mounts), rollers_of(self.robot.wheel), pose)
 
     def _measure(self) -> Measurement:
         x, y, yaw, vx, vy, yaw_rate, work, _, _ = self._state.motion.item()

@@ -11,7 +11,7 @@ from omnidrive.compiled import compiled
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.planar.dynamics import drive
-from omnidrive.simulation.planar.model import model_of
+from omnidrive.simulation.planar.model import model_of, rollers_of
 from omnidrive.simulation.planar.plant import TIMESTEP
 from omnidrive.simulation.planar.state import State
 
@@ -40,11 +40,10 @@ def roll_out(
     Returns:
         Poses and body twists after every command.
     """
-    wheels = len(robot.mounts)
     steps = ceil(dt / timestep - 1e-9)
     poses, twists = np.empty(commands.shape), np.empty(commands.shape)
     _roll_out(
-        *model_of(robot, Conditions()), *State.at_rest(wheels),
+        *model_of(robot, Conditions()), *State.at_rest(len(robot.mounts), rollers_of(robot.wheel)),
         starts, commands, dt / steps, steps, poses, twists,
     )  # fmt: skip
     return poses, twists
@@ -56,6 +55,7 @@ def _roll_out(
     wheels: Array,
     motion: Array,
     spins: Array,
+    rollers: Float[Array, "wheels rollers"],
     starts: Float[Array, "runs 3"],
     commands: Float[Array, "runs steps 3"],
     h: float,
@@ -65,12 +65,12 @@ def _roll_out(
 ) -> None:
     still, stopped = motion.copy(), spins.copy()
     for run in range(len(commands)):
-        motion[:], spins[:] = still, stopped
+        motion[:], spins[:], rollers[:] = still, stopped, 0.0
         body = motion[0]
         body.x, body.y, body.yaw = starts[run, 0], starts[run, 1], starts[run, 2]
         for k in range(commands.shape[1]):
             vx, vy, yaw_rate = commands[run, k, 0], commands[run, k, 1], commands[run, k, 2]
-            drive(frame, wheels, motion, spins, vx, vy, yaw_rate, h, steps)
+            drive(frame, wheels, motion, spins, rollers, vx, vy, yaw_rate, h, steps)
             poses[run, k, 0], poses[run, k, 1], poses[run, k, 2] = body.x, body.y, body.yaw
             twists[run, k, 0], twists[run, k, 1] = body.vx, body.vy
             twists[run, k, 2] = body.yaw_rate

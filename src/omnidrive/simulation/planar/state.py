@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from omnidrive.geometry import Pose
 
@@ -33,6 +34,8 @@ SPIN = np.dtype(
         ("torque", float),  # of the motor, mean of the last command, N m
         ("command", float),  # speed asked for, rad/s
         ("grip", float),  # most impulse between wheel and floor in this step, N s
+        ("roller", int),  # the one on the floor
+        ("turn", float),  # moment of the push about B's origin per N, in m
         ("slope", float),  # how that impulse falls with the mount's speed, kg
         ("reason", int),  # why: 0 it rolls, 1 or -1 with all its torque, 2 or -2 it slips
     ]
@@ -47,11 +50,13 @@ class State(NamedTuple):
     """One record of :data:`MOTION`."""
     spins: Array
     """A record of :data:`SPIN` per wheel."""
+    rollers: Float[Array, "wheels rollers"]
+    """Speed at which every roller's surface runs, in m/s, as its wheel's mount moves."""
 
     @classmethod
-    def at_rest(cls, wheels: int, pose: Pose = Pose(0.0, 0.0, 0.0)) -> State:
-        """A robot of so many wheels that stands at ``pose``."""
-        state = cls(np.zeros(1, MOTION), np.zeros(wheels, SPIN))
+    def at_rest(cls, wheels: int, rollers: int, pose: Pose = Pose(0.0, 0.0, 0.0)) -> State:
+        """A robot of so many wheels, of so many rollers each, that stands at ``pose``."""
+        state = cls(np.zeros(1, MOTION), np.zeros(wheels, SPIN), np.zeros((wheels, rollers)))
         for name, value in pose._asdict().items():
             state.motion[name] = value
         return state

@@ -34,9 +34,9 @@ def clipped(value: float, limit: float) -> float:
 
 
 @inlined
-def along(wheel: Any, v: Vector) -> float:
+def along(wheel: Any, spin: Any, v: Vector) -> float:
     """Speed in m/s of a wheel's mount along its push."""
-    return wheel.push_x * v[0] + wheel.push_y * v[1] + wheel.push_turn * v[2]
+    return wheel.push_x * v[0] + wheel.push_y * v[1] + spin.turn * v[2]
 
 
 @inlined
@@ -54,7 +54,7 @@ def impulse(wheel: Any, spin: Any, v: Vector, h: float) -> tuple[float, float, i
         v: Body twist after the step.
         h: Duration of the step, in s.
     """
-    w = along(wheel, v) / wheel.radius
+    w = along(wheel, spin, v) / wheel.radius
     gain, most = h * wheel.gain, h * wheel.limit
     if wheel.locked:
         gain, most = 0.0, 0.0
@@ -95,7 +95,7 @@ def surplus(
         q, slope, reason = impulse(wheel, spin, v, h)
         x -= wheel.push_x * q
         y -= wheel.push_y * q
-        turn -= wheel.push_turn * q
+        turn -= spin.turn * q
         changed |= reason != spin.reason
         spin.slope, spin.reason = slope, reason
     return (x, y, turn), changed
@@ -110,7 +110,7 @@ def newton_step(body: Any, wheels: Array, spins: Array, left: Vector) -> Vector:
     xx, yy, tt = body.mass, body.mass, body.inertia
     xy, xt, yt = 0.0, -body.mass * body.com_y, body.mass * body.com_x
     for i in range(len(wheels)):
-        px, py, turn = wheels[i].push_x, wheels[i].push_y, wheels[i].push_turn
+        px, py, turn = wheels[i].push_x, wheels[i].push_y, spins[i].turn
         k = spins[i].slope
         xx += k * px * px
         yy += k * py * py
@@ -141,7 +141,7 @@ def stepped(v: Vector, d: Vector, t: float) -> Vector:
 
 @compiled
 def twist_after(
-    body: Any, wheels: Array, spins: Array, free: Vector, guess: Vector, h: float
+    body: Any, wheels: Array, spins: Array, free: Vector, taken: Vector, guess: Vector, h: float
 ) -> Vector:
     """Body twist at the end of a step; m/s, m/s, rad/s.
 
@@ -150,10 +150,12 @@ def twist_after(
         wheels: Records of the model.
         spins: Records of the state before the step, with this step's grip.
         free: The twist without the floor.
+        taken: Momentum that something else took away.
         guess: Where the search begins; the result depends on it in the last digits.
         h: Duration of the step, in s.
     """
-    given = momentum(body, free)
+    x, y, turn = momentum(body, free)
+    given = (x - taken[0], y - taken[1], turn - taken[2])
     v = guess
     left, _ = surplus(body, wheels, spins, given, v, h)
     for _ in range(_MOST_STEPS):
