@@ -7,13 +7,14 @@ import pytest
 
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, to_body, to_world
 from omnidrive.robot import ROBOTS, named_robot
-from omnidrive.simulation import KinematicPlant, MujocoPlant, Plant
+from omnidrive.simulation import KinematicPlant, MujocoPlant, PlanarPlant, Plant
 from tests.laws.motions import turned
 
 PLANTS = {
     "kinematic": KinematicPlant,
     "ball": lambda robot: MujocoPlant(robot, "ball"),
     "rollers": lambda robot: MujocoPlant(robot, "rollers"),
+    "planar": PlanarPlant,
 }
 every_plant = pytest.mark.parametrize("make", PLANTS.values(), ids=PLANTS)
 every_robot = pytest.mark.parametrize("robot", ROBOTS)

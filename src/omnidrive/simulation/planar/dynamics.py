@@ -31,7 +31,22 @@ def set_commands(body: Any, wheels: Array, spins: Array, vx: float, vy: float, r
 
 
 @inlined
-def set_down(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> None:
+def outer_share(angle: float, rollers: int) -> float:
+    """Which row of a wheel carries: 1 the outer, -1 the inner; in between, both.
+
+    At first a roller of the outer row stands on the floor. Axles and contacts give, so that the
+    next one takes over little by little.
+    """
+    passed = angle * rollers / (2.0 * pi)
+    roller = round(passed)
+    share = min(2.0 - 4.0 * abs(passed - roller), 1.0)
+    return share if roller % 2 == 0 else -share
+
+
+@inlined
+def set_down(
+    body: Any, wheels: Array, motion: Any, spins: Array, rollers: Array, h: float
+) -> None:
     """What every wheel can push, by its load and its floor; and where, by the row that carries."""
     c, s = cos(motion.yaw), sin(motion.yaw)
     for i in range(len(wheels)):
@@ -42,7 +57,7 @@ def set_down(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> N
         friction = body.patch_friction if near else wheel.friction
         load = wheel.load + wheel.load_x * motion.push_x + wheel.load_y * motion.push_y
         spin.grip = h * friction * max(load, 0.0)
-        spin.turn = wheel.push_turn + (wheel.row if spin.roller % 2 == 0 else -wheel.row)
+        spin.turn = wheel.push_turn + wheel.row * outer_share(spin.angle, len(rollers[0]))
 
 
 @inlined
@@ -166,7 +181,7 @@ def drive(
     for _ in range(steps):
         for i in range(len(spins)):
             spins[i].target = spins[i].command + kept * (spins[i].target - spins[i].command)
-        set_down(body, wheels, motion, spins, h)
+        set_down(body, wheels, motion, spins, rollers, h)
         taken = spin_up_rollers(body, wheels, motion, spins, rollers, h)
         free = free_twist(body, motion, h)
         before = (motion.vx, motion.vy, motion.yaw_rate)
