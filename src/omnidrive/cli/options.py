@@ -72,7 +72,8 @@ PlantOption = Annotated[
     str | None,
     typer.Option(
         metavar="|".join(get_args(PlantName)),
-        help="What simulates it: MuJoCo with rollers or with balls, or kinematics alone.",
+        help="What simulates it: MuJoCo with rollers or with balls, a rigid body on the plane with "
+        "friction at its wheels, or kinematics alone.",
         rich_help_panel=_HOW,
     ),
 ]

@@ -164,8 +164,9 @@ def axle_inertia(wheel: OmniWheel) -> float:
 def upright_inertia(wheel: OmniWheel) -> float:
     """Of a wheel about the vertical through its middle, in kg m^2."""
     hub = 0.5 * _hub_inertia(wheel) + wheel.mass * wheel.row_gap**2 / 12.0
-    ring = 0.5 * (wheel.radius - wheel.roller_radius) ** 2 + 0.25 * wheel.row_gap**2
-    return hub + _rollers(wheel) * ring
+    ring = 0.5 * (wheel.radius - wheel.roller_radius) ** 2 + 0.75 * wheel.roller_radius**2
+    apart = 0.25 * wheel.row_gap**2 if wheel.rows == 2 else 0.0
+    return hub + _rollers(wheel) * (ring + apart)
 
 
 def roller_inertia(wheel: OmniWheel) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, sin
+from math import ceil, cos, pi, sin
 
 import numpy as np
 
@@ -25,16 +25,33 @@ class PlanarPlant:
     The command becomes wheel speeds by ``robot.drive`` (scaled together when one saturates), which
     velocity servos with the robot's lag and torque limit follow. Every wheel carries its share of
     the weight, more or less of it as the robot accelerates, and pushes along its rollers' axis.
-    There is no ripple from roller to roller, and nothing tips over.
+    Rollers show in what they take of the robot's momentum, and in the two rows' distances from its
+    centre; nothing stands in the way, and nothing tips over.
 
     Attributes:
         robot: What moves.
         timestep: Longest step in s.
     """
 
-    def __init__(self, robot: Robot, timestep: float = TIMESTEP) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        rng: np.random.Generator | None = None,
+        *,
+        timestep: float = TIMESTEP,
+    ) -> None:
+        """A robot on an empty floor.
+
+        Args:
+            robot: What moves.
+            rng: What the angles at which the wheels stand at every reset are drawn from; None: a
+                roller of the outer row below every axle.
+            timestep: Longest step in s.
+        """
         self.robot = robot
         self.timestep = timestep
+        count, pitch = len(robot.mounts), 2.0 * pi / robot.wheel.rollers_per_row
+        self._phases = rng.uniform(0.0, pitch, count) if rng is not None else np.zeros(count)
         self._model = model_of(robot, Conditions())
         self._state = self._at_rest(Pose(0.0, 0.0, 0.0))
         self._drive = entry_point(drive, *self._model, *self._state, 0.0, 0.0, 0.0, 0.1, 1)
@@ -76,7 +93,9 @@ class PlanarPlant:
             motion[name] += change
 
     def _at_rest(self, pose: Pose) -> State:
-        return State.at_rest(len(self.robot.mounts), rollers_of(self.robot.wheel), pose)
+        state = State.at_rest(len(self.robot.mounts), rollers_of(self.robot.wheel), pose)
+        state.spins["angle"] = self._phases
+        return state
 
     def _measure(self) -> Measurement:
         x, y, yaw, vx, vy, yaw_rate, work, _, _ = self._state.motion.item()
@@ -85,6 +104,6 @@ class PlanarPlant:
             Pose(x, y, yaw),
             BodyTwist(vx, vy, yaw_rate),
             work,
-            tuple(spins["angle"].tolist()),
+            tuple((spins["angle"] - self._phases).tolist()),
             tuple(spins["torque"].tolist()),
         )

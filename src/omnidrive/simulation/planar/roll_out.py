@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, isfinite
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.compiled import compiled
+from omnidrive.errors import InvalidInput
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.planar.dynamics import drive
@@ -20,7 +21,7 @@ Array = np.ndarray
 
 def roll_out(
     robot: Robot,
-    starts: Float[Array, "runs 3"],
+    starts: Float[Array, "starts 3"],
     commands: Float[Array, "runs steps 3"],
     dt: float,
     *,
@@ -39,7 +40,15 @@ def roll_out(
 
     Returns:
         Poses and body twists after every command.
+
+    Raises:
+        InvalidInput: There are more or fewer starts than runs, or ``dt`` is not positive.
     """
+    if len(starts) != len(commands):
+        raise InvalidInput(f"there are {len(starts)} starts for {len(commands)} runs")
+    if not (isfinite(dt) and dt > 0.0):
+        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    starts, commands = (np.ascontiguousarray(a, dtype=float) for a in (starts, commands))
     steps = ceil(dt / timestep - 1e-9)
     poses, twists = np.empty(commands.shape), np.empty(commands.shape)
     _roll_out(
