@@ -27,10 +27,10 @@ def row(name, value, unit, target="", holds=True) -> dict[str, object]:
             "holds": bool(holds)}  # fmt: skip
 
 
-def publish(benchmark: str, rows: list[dict[str, object]]) -> None:
-    """Print the rows as a table and write them to ``benchmarks/out/BENCHMARK.json``."""
+def publish(benchmark: str, rows: list[dict[str, object]], printed: int | None = None) -> None:
+    """Print the rows, or so many, as a table; write them to ``benchmarks/out/BENCHMARK.json``."""
     table = Table("what", "value", "unit", "target", "holds")
-    for r in rows:
+    for r in rows[:printed]:
         holds = str(r["holds"]) if r["target"] else ""
         table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], holds)
     Console(width=120).print(table)

@@ -1,6 +1,7 @@
 """The planar plant against mechanics on paper, MuJoCo's inertias, and the plant with rollers."""
 
 from dataclasses import replace
+from itertools import pairwise
 from math import exp, hypot, pi, sqrt
 
 import mujoco
@@ -224,7 +225,7 @@ def test_a_payload_is_carried_where_it_lies():
 
 
 def test_acceleration_shifts_the_load():
-    """Off one line through the pushing wheels: a hard start of kiwi, against the plant with rollers."""
+    """A hard start of kiwi, whose wheels push unevenly, against the plant with rollers."""
     robot, command = named_robot("kiwi"), BodyTwist(1.5, 0.0, 0.0)
     poses = {}
     for name, plant in {
@@ -271,9 +272,7 @@ def test_a_locked_wheel_lets_the_robot_go_only_across():
     assert speed_along(free) == pytest.approx(0.2, abs=2e-3)
     plant.impose(Conditions(motors=(Motor.LOCKED, *[Motor.DEAD] * 3)))
     plant.step(STILL, 0.1)
-    plant.impose(
-        Conditions((Motor.LOCKED, *[Motor.DEAD] * 3), impulse=WorldTwist(-0.5, 0.5, 0.0))
-    )
+    plant.impose(Conditions((Motor.LOCKED, *[Motor.DEAD] * 3), impulse=WorldTwist(-0.5, 0.5, 0.0)))
     state = plant.step(STILL, 0.2)
     outer_row = Small.robot.rims[0] + [0.0, 0.0, 0.5 * Small.robot.wheel.row_gap]
     assert abs(outer_row @ state.twist) < 1e-5
@@ -284,8 +283,9 @@ def test_a_jump_moves_the_pose_alone_and_reset_takes_all_back():
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
     untouched = [plant.step(diagonal(0.3), 0.1) for _ in range(3)]
-    plant.impose(Conditions((Motor.DEAD,) * 4, (0.2, 0.1), Payload(3.0, 0.1, 0.0),
-                            Patch(0.0, 0.0, 9.0, 0.01), jump=WorldTwist(0.5, -0.2, 0.7)))  # fmt: skip
+    load, patch = Payload(3.0, 0.1, 0.0), Patch(0.0, 0.0, 9.0, 0.01)
+    jump = WorldTwist(0.5, -0.2, 0.7)
+    plant.impose(Conditions((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, jump=jump))
     after = plant.step(diagonal(0.3), 1e-9)
     moved = np.subtract(after.pose, untouched[-1].pose)
     assert moved == pytest.approx([0.5, -0.2, 0.7], abs=1e-6)
@@ -337,7 +337,8 @@ def test_a_step_solves_what_bodies_wheels_and_servos_demand(draws, name):
     spins["grip"] = h * robot.friction * robot.loads * (1.0 + np.array(draws[8 : 8 + count]))
     spins["turn"] = model.wheels["push_turn"]
     free, guess = (tuple((2.0 * np.array(draws[k : k + 3])).tolist()) for k in (12, 15))
-    v = twist_after(model.frame[0], model.wheels, spins, free, (0.0, 0.0, 0.0), guess, h)
+    given = tuple((mass_matrix(model.frame) @ free).tolist())
+    v = twist_after(model.frame[0], model.wheels, spins, given, guess, h)
     pushed = np.zeros(3)
     for wheel, spin in zip(model.wheels, spins, strict=True):
         q = wheels_own_answer(wheel, spin, v, h)
@@ -411,8 +412,9 @@ def s_commands(dt=0.05, speed=0.7):
     run = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
     heading = np.arctan2(0.25 * pi * np.cos(0.5 * pi * x), 1.0)
     along = np.arange(0.0, run[-1], speed * dt)
-    poses = [Pose(*row) for row in zip(*(np.interp(along, run, c) for c in (x, y, heading)))]
-    return poses[0], [twist_between(a, b, dt) for a, b in zip(poses[:-1], poses[1:])]
+    rows = np.transpose([np.interp(along, run, column) for column in (x, y, heading)])
+    poses = [Pose(*row) for row in rows.tolist()]
+    return poses[0], [twist_between(a, b, dt) for a, b in pairwise(poses)]
 
 
 @pytest.mark.parametrize(("friction", "limit"), [(0.8, 0.012), (0.1, 0.01)])

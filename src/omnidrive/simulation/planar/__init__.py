@@ -1,4 +1,4 @@
-"""The robot as a rigid body on the plane, with Coulomb traction at every wheel: compiled, for many runs."""
+"""The robot as a rigid body on the plane, with Coulomb traction at every wheel; compiled."""
 
 from omnidrive.simulation.planar.plant import PlanarPlant
 from omnidrive.simulation.planar.roll_out import roll_out

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from math import cos, exp, hypot, pi, sin
+from math import cos, exp, hypot, sin
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.compiled import compiled, inlined
-from omnidrive.simulation.planar.traction import Vector, along, clipped, impulse, twist_after
+from omnidrive.simulation.planar.traction import (
+    Vector,
+    along,
+    clipped,
+    impulse,
+    momentum,
+    twist_after,
+)
 
 Array = np.ndarray
 
@@ -17,12 +24,12 @@ _AXLES = 0.02  # s in which sprung axles hand on a load
 
 
 @inlined
-def set_commands(body: Any, wheels: Array, spins: Array, vx: float, vy: float, rate: float) -> None:
+def set_commands(body: Any, wheels: Array, spins: Array, twist: Vector) -> None:
     """Wheel speeds for a body twist, all scaled together when one is too fast."""
     peak = 0.0
     for i in range(len(wheels)):
         wheel = wheels[i]
-        speed = wheel.drive_x * vx + wheel.drive_y * vy + wheel.drive_turn * rate
+        speed = wheel.drive_x * twist[0] + wheel.drive_y * twist[1] + wheel.drive_turn * twist[2]
         spins[i].command = speed
         peak = max(peak, abs(speed))
     if not peak <= body.max_wheel_speed:  # also when it is not a number
@@ -31,22 +38,21 @@ def set_commands(body: Any, wheels: Array, spins: Array, vx: float, vy: float, r
 
 
 @inlined
-def outer_share(angle: float, rollers: int) -> float:
+def outer_share(passed: float) -> float:
     """Which row of a wheel carries: 1 the outer, -1 the inner; in between, both.
 
-    At first a roller of the outer row stands on the floor. Axles and contacts give, so that the
-    next one takes over little by little.
+    Axles and contacts give, so that the next roller takes over little by little.
+
+    Args:
+        passed: How many rollers have passed the floor since one of the outer row stood there.
     """
-    passed = angle * rollers / (2.0 * pi)
     roller = round(passed)
     share = min(2.0 - 4.0 * abs(passed - roller), 1.0)
     return share if roller % 2 == 0 else -share
 
 
 @inlined
-def set_down(
-    body: Any, wheels: Array, motion: Any, spins: Array, rollers: Array, h: float
-) -> None:
+def set_down(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> None:
     """What every wheel can push, by its load and its floor; and where, by the row that carries."""
     c, s = cos(motion.yaw), sin(motion.yaw)
     for i in range(len(wheels)):
@@ -57,13 +63,11 @@ def set_down(
         friction = body.patch_friction if near else wheel.friction
         load = wheel.load + wheel.load_x * motion.push_x + wheel.load_y * motion.push_y
         spin.grip = h * friction * max(load, 0.0)
-        spin.turn = wheel.push_turn + wheel.row * outer_share(spin.angle, len(rollers[0]))
+        spin.turn = wheel.push_turn + wheel.row * outer_share(spin.angle / wheel.pitch)
 
 
 @inlined
-def spin_up_rollers(
-    body: Any, wheels: Array, motion: Any, spins: Array, rollers: Array, h: float
-) -> Vector:
+def spin_up_rollers(wheels: Array, motion: Any, spins: Array, rollers: Array, h: float) -> Vector:
     """Let the floor turn the roller that it meets; what that takes from the body's momentum.
 
     A roller that comes down is turned from what is left of its last turn to the speed of the floor
@@ -75,17 +79,17 @@ def spin_up_rollers(
         wheel, spin = wheels[i], spins[i]
         for k in range(rollers.shape[1]):
             rollers[i, k] *= 1.0 - h * wheel.roller_decay
-        spin.roller = round(spin.angle * rollers.shape[1] / (2.0 * pi)) % rollers.shape[1]
+        on_floor = round(spin.angle / wheel.pitch) % rollers.shape[1]
         ax, ay = wheel.push_y, -wheel.push_x
         moment = wheel.x * ay - wheel.y * ax
         across = ax * motion.vx + ay * motion.vy + moment * motion.yaw_rate
-        slip = across + wheel.roll * spin.speed - rollers[i, spin.roller]
+        slip = across + wheel.roll * spin.speed - rollers[i, on_floor]
         v = (motion.vx, motion.vy, motion.yaw_rate)
         ahead = along(wheel, spin, v) - wheel.radius * spin.speed
         total = hypot(slip, ahead)
         if total > 0.0:
             q = clipped(wheel.roller_mass * slip, spin.grip * abs(slip) / total)
-            rollers[i, spin.roller] += q / wheel.roller_mass
+            rollers[i, on_floor] += q / wheel.roller_mass
             spin.speed -= wheel.roll * q / wheel.inertia
             x, y, turn = x + ax * q, y + ay * q, turn + moment * q
     return x, y, turn
@@ -146,7 +150,7 @@ def move_on(motion: Any, v: Vector, h: float) -> None:
 
 
 @compiled
-def drive(
+def drive(  # noqa: PLR0917
     frame: Array,
     wheels: Array,
     motions: Array,
@@ -173,7 +177,7 @@ def drive(
         steps: Positive.
     """
     body, motion = frame[0], motions[0]
-    set_commands(body, wheels, spins, vx, vy, yaw_rate)
+    set_commands(body, wheels, spins, (vx, vy, yaw_rate))
     kept = exp(-h / body.motor_lag) if body.motor_lag > 0.0 else 0.0
     felt = 1.0 - exp(-h / _AXLES)
     for i in range(len(spins)):
@@ -181,11 +185,12 @@ def drive(
     for _ in range(steps):
         for i in range(len(spins)):
             spins[i].target = spins[i].command + kept * (spins[i].target - spins[i].command)
-        set_down(body, wheels, motion, spins, rollers, h)
-        taken = spin_up_rollers(body, wheels, motion, spins, rollers, h)
-        free = free_twist(body, motion, h)
+        set_down(body, wheels, motion, spins, h)
+        taken = spin_up_rollers(wheels, motion, spins, rollers, h)
+        free = momentum(body, free_twist(body, motion, h))
+        given = (free[0] - taken[0], free[1] - taken[1], free[2] - taken[2])
         before = (motion.vx, motion.vy, motion.yaw_rate)
-        v = twist_after(body, wheels, spins, free, taken, before, h)
+        v = twist_after(body, wheels, spins, given, before, h)
         x, y = turn_wheels(wheels, motion, spins, v, h)
         motion.push_x += felt * (x - motion.push_x)
         motion.push_y += felt * (y - motion.push_y)

@@ -38,6 +38,7 @@ WHEEL = np.dtype(
         ("push_y", float),
         ("push_turn", float),  # its moment about B's origin, m
         ("radius", float),  # speed of the push per wheel speed without slip, m/rad
+        ("pitch", float),  # angle from roller to roller, rad
         ("row", float),  # more of the moment while the outer row carries, less with the inner, m
         ("roll", float),  # speed of a roller's surface per wheel speed, m/rad
         ("roller_mass", float),  # what a roller's inertia counts for at the floor, kg
@@ -118,6 +119,7 @@ def _fill_mounts(wheels: Array, robot: Robot) -> None:
     wheels["radius"] = robot.wheel.radius * rolling
     wheels["x"], wheels["y"] = np.array([(m.x, m.y) for m in robot.mounts]).T
     wheels["inertia"] = axle_inertia(robot.wheel)
+    wheels["pitch"] = 2.0 * pi / rollers_of(robot.wheel)
     wheels["row"] = 0.5 * robot.wheel.row_gap * rolling if robot.wheel.rows == 2 else 0.0
     wheels["roll"] = robot.wheel.radius * np.sin([mount.roller for mount in robot.mounts])
     inertia = roller_inertia(robot.wheel)

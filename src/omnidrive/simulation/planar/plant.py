@@ -86,9 +86,7 @@ class PlanarPlant:
         spins["speed"][self._model.wheels["locked"]] = 0.0
         c, s = cos(float(motion["yaw"][0])), sin(float(motion["yaw"][0]))
         x, y, turn = conditions.impulse
-        kick = np.linalg.solve(
-            mass_matrix(self._model.frame), [c * x + s * y, c * y - s * x, turn]
-        )
+        kick = np.linalg.solve(mass_matrix(self._model.frame), [c * x + s * y, c * y - s * x, turn])
         for name, change in zip(("vx", "vy", "yaw_rate"), kick.tolist(), strict=True):
             motion[name] += change
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
+from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.planar.dynamics import drive
@@ -51,15 +52,16 @@ def roll_out(
     starts, commands = (np.ascontiguousarray(a, dtype=float) for a in (starts, commands))
     steps = ceil(dt / timestep - 1e-9)
     poses, twists = np.empty(commands.shape), np.empty(commands.shape)
+    state = State.at_rest(len(robot.mounts), rollers_of(robot.wheel), Pose(0.0, 0.0, 0.0))
     _roll_out(
-        *model_of(robot, Conditions()), *State.at_rest(len(robot.mounts), rollers_of(robot.wheel)),
+        *model_of(robot, Conditions()), *state,
         starts, commands, dt / steps, steps, poses, twists,
     )  # fmt: skip
     return poses, twists
 
 
 @compiled
-def _roll_out(
+def _roll_out(  # noqa: PLR0917
     frame: Array,
     wheels: Array,
     motion: Array,

@@ -34,7 +34,6 @@ SPIN = np.dtype(
         ("torque", float),  # of the motor, mean of the last command, N m
         ("command", float),  # speed asked for, rad/s
         ("grip", float),  # most impulse between wheel and floor in this step, N s
-        ("roller", int),  # the one on the floor
         ("turn", float),  # moment of the push about B's origin per N, in m
         ("slope", float),  # how that impulse falls with the mount's speed, kg
         ("reason", int),  # why: 0 it rolls, 1 or -1 with all its torque, 2 or -2 it slips
@@ -54,7 +53,7 @@ class State(NamedTuple):
     """Speed at which every roller's surface runs, in m/s, as its wheel's mount moves."""
 
     @classmethod
-    def at_rest(cls, wheels: int, rollers: int, pose: Pose = Pose(0.0, 0.0, 0.0)) -> State:
+    def at_rest(cls, wheels: int, rollers: int, pose: Pose) -> State:
         """A robot of so many wheels, of so many rollers each, that stands at ``pose``."""
         state = cls(np.zeros(1, MOTION), np.zeros(wheels, SPIN), np.zeros((wheels, rollers)))
         for name, value in pose._asdict().items():

@@ -80,7 +80,7 @@ def momentum(body: Any, v: Vector) -> Vector:
 
 
 @inlined
-def surplus(
+def surplus(  # noqa: PLR0917
     body: Any, wheels: Array, spins: Array, given: Vector, v: Vector, h: float
 ) -> tuple[Vector, bool]:
     """Momentum of ``v`` beyond what was there and what the floor gives; whether reasons changed.
@@ -140,8 +140,8 @@ def stepped(v: Vector, d: Vector, t: float) -> Vector:
 
 
 @compiled
-def twist_after(
-    body: Any, wheels: Array, spins: Array, free: Vector, taken: Vector, guess: Vector, h: float
+def twist_after(  # noqa: PLR0917
+    body: Any, wheels: Array, spins: Array, given: Vector, guess: Vector, h: float
 ) -> Vector:
     """Body twist at the end of a step; m/s, m/s, rad/s.
 
@@ -149,13 +149,10 @@ def twist_after(
         body: Record of the model.
         wheels: Records of the model.
         spins: Records of the state before the step, with this step's grip.
-        free: The twist without the floor.
-        taken: Momentum that something else took away.
+        given: Momentum that the robot would have without the wheels' pushes: ``M free``.
         guess: Where the search begins; the result depends on it in the last digits.
         h: Duration of the step, in s.
     """
-    x, y, turn = momentum(body, free)
-    given = (x - taken[0], y - taken[1], turn - taken[2])
     v = guess
     left, _ = surplus(body, wheels, spins, given, v, h)
     for _ in range(_MOST_STEPS):
