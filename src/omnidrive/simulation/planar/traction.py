@@ -25,6 +25,7 @@ Vector = tuple[float, float, float]
 
 _MOST_STEPS = 20  # three are many
 _HALVINGS = 40
+_FLAT = 1e-9  # part of the slope at first that is none
 
 
 @inlined
@@ -36,7 +37,8 @@ def clipped(value: float, limit: float) -> float:
 @inlined
 def along(wheel: Any, spin: Any, v: Vector) -> float:
     """Speed in m/s of a wheel's mount along its push."""
-    return wheel.push_x * v[0] + wheel.push_y * v[1] + spin.turn * v[2]
+    speed: float = wheel.push_x * v[0] + wheel.push_y * v[1] + spin.turn * v[2]
+    return speed
 
 
 @inlined
@@ -165,7 +167,7 @@ def twist_after(  # noqa: PLR0917
             return after
         slope = dot(left, d)
         for _ in range(_HALVINGS):
-            if slope <= 0.0 and (t == 1.0 or slope >= 0.5 * begun):
+            if slope <= -_FLAT * begun and (t == 1.0 or slope >= 0.5 * begun):
                 break
             low, high = (low, t) if slope > 0.0 else (t, high)
             t = 0.5 * (low + high)
