@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, exp, hypot, sin
+from math import cos, exp, hypot, pi, sin
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from omnidrive.simulation.planar.traction import (
 
 Array = np.ndarray
 
+_DOWN = 1.5 * pi  # rad that roller 0, ahead of the axle at first, turns on to come to the floor
 _AXLES = 0.02  # s in which sprung axles hand on a load
 
 
@@ -38,17 +39,17 @@ def set_commands(body: Any, wheels: Array, spins: Array, twist: Vector) -> None:
 
 
 @inlined
-def outer_share(passed: float) -> float:
-    """Which row of a wheel carries: 1 the outer, -1 the inner; in between, both.
+def moment(wheel: Any, angle: float) -> float:
+    """Of a wheel's push about B's origin per N, in m, by where on its rollers it stands.
 
-    Axles and contacts give, so that the next roller takes over little by little.
-
-    Args:
-        passed: How many rollers have passed the floor since one of the outer row stood there.
+    Two rows take turns: rollers with an odd number are in the outer one. Axles and contacts give,
+    so that the next one takes over little by little. On a tilted roller the contact wanders along
+    the axle.
     """
+    passed = (angle + _DOWN) / wheel.pitch
     roller = round(passed)
-    share = min(2.0 - 4.0 * abs(passed - roller), 1.0)
-    return share if roller % 2 == 0 else -share
+    outer = min(2.0 - 4.0 * abs(passed - roller), 1.0) * (1.0 if roller % 2 == 1 else -1.0)
+    return wheel.push_turn + wheel.row * outer + wheel.wander * 2.0 * (passed - roller)
 
 
 @inlined
@@ -63,7 +64,7 @@ def set_down(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> N
         friction = body.patch_friction if near else wheel.friction
         load = wheel.load + wheel.load_x * motion.push_x + wheel.load_y * motion.push_y
         spin.grip = h * friction * max(load, 0.0)
-        spin.turn = wheel.push_turn + wheel.row * outer_share(spin.angle / wheel.pitch)
+        spin.turn = moment(wheel, spin.angle)
 
 
 @inlined
@@ -79,10 +80,10 @@ def spin_up_rollers(wheels: Array, motion: Any, spins: Array, rollers: Array, h:
         wheel, spin = wheels[i], spins[i]
         for k in range(rollers.shape[1]):
             rollers[i, k] *= 1.0 - h * wheel.roller_decay
-        on_floor = round(spin.angle / wheel.pitch) % rollers.shape[1]
+        on_floor = round((spin.angle + _DOWN) / wheel.pitch) % rollers.shape[1]
         ax, ay = wheel.push_y, -wheel.push_x
-        moment = wheel.x * ay - wheel.y * ax
-        across = ax * motion.vx + ay * motion.vy + moment * motion.yaw_rate
+        arm = wheel.x * ay - wheel.y * ax
+        across = ax * motion.vx + ay * motion.vy + arm * motion.yaw_rate
         slip = across + wheel.roll * spin.speed - rollers[i, on_floor]
         v = (motion.vx, motion.vy, motion.yaw_rate)
         ahead = along(wheel, spin, v) - wheel.radius * spin.speed
@@ -91,7 +92,7 @@ def spin_up_rollers(wheels: Array, motion: Any, spins: Array, rollers: Array, h:
             q = clipped(wheel.roller_mass * slip, spin.grip * abs(slip) / total)
             rollers[i, on_floor] += q / wheel.roller_mass
             spin.speed -= wheel.roll * q / wheel.inertia
-            x, y, turn = x + ax * q, y + ay * q, turn + moment * q
+            x, y, turn = x + ax * q, y + ay * q, turn + arm * q
     return x, y, turn
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, hypot, pi, sin, sqrt
+from math import cos, hypot, pi, sin, sqrt, tan
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
-from omnidrive.robot import GRAVITY, OmniWheel, Robot
+from omnidrive.robot import GRAVITY, Mount, OmniWheel, Robot
 from omnidrive.simulation.conditions import Conditions, Motor, Payload
 
 Array = np.ndarray
@@ -40,6 +40,7 @@ WHEEL = np.dtype(
         ("radius", float),  # speed of the push per wheel speed without slip, m/rad
         ("pitch", float),  # angle from roller to roller, rad
         ("row", float),  # more of the moment while the outer row carries, less with the inner, m
+        ("wander", float),  # more of it on the last of a tilted roller, less on the first, m
         ("roll", float),  # speed of a roller's surface per wheel speed, m/rad
         ("roller_mass", float),  # what a roller's inertia counts for at the floor, kg
         ("roller_decay", float),  # rate at which rollers in the air come to rest, 1/s
@@ -99,7 +100,7 @@ def _fill_frame(frame: Array, robot: Robot, conditions: Conditions, rise: float)
     frame["mass"] = mass
     frame["com_x"] = (robot.mass * robot.com[0] + payload.mass * payload.x) / mass
     frame["com_y"] = (robot.mass * robot.com[1] + payload.mass * payload.y) / mass
-    wheels = len(robot.mounts) * upright_inertia(robot.wheel)
+    wheels = sum(upright_inertia(robot.wheel, mount) for mount in robot.mounts)
     carried = payload.mass * (payload.x**2 + payload.y**2)
     frame["inertia"] = robot.yaw_inertia + wheels + carried
     frame["pull_x"], frame["pull_y"] = (-GRAVITY * s / rise for s in conditions.slope)
@@ -118,14 +119,23 @@ def _fill_mounts(wheels: Array, robot: Robot) -> None:
         wheels[f"drive_{name}"] = robot.drive.jacobian[:, k]
     wheels["radius"] = robot.wheel.radius * rolling
     wheels["x"], wheels["y"] = np.array([(m.x, m.y) for m in robot.mounts]).T
-    wheels["inertia"] = axle_inertia(robot.wheel)
-    wheels["pitch"] = 2.0 * pi / rollers_of(robot.wheel)
-    wheels["row"] = 0.5 * robot.wheel.row_gap * rolling if robot.wheel.rows == 2 else 0.0
-    wheels["roll"] = robot.wheel.radius * np.sin([mount.roller for mount in robot.mounts])
-    inertia = roller_inertia(robot.wheel)
-    wheels["roller_mass"] = inertia / handing_over_radius(robot.wheel) ** 2
-    wheels["roller_decay"] = _BEARING / inertia
+    wheels["inertia"] = [axle_inertia(robot.wheel, mount) for mount in robot.mounts]
+    _fill_rollers(wheels, robot)
     wheels["friction"] = robot.friction
+
+
+def _fill_rollers(wheels: Array, robot: Robot) -> None:
+    wheel, mounts = robot.wheel, robot.mounts
+    pitch, tilts = 2.0 * pi / rollers_of(wheel), np.array([mount.roller for mount in mounts])
+    wheels["pitch"] = pitch
+    wheels["row"] = 0.5 * wheel.row_gap * np.cos(tilts) if wheel.rows == 2 else 0.0
+    # ahead of the axle a tilted roller touches the floor behind its middle, so beside the wheel's
+    wheels["wander"] = (wheel.radius - wheel.roller_radius) * tan(0.5 * pitch) * np.sin(tilts)
+    wheels["roll"] = wheel.radius * np.sin(tilts)
+    inertia = 0.5 * wheel.roller_mass * wheel.roller_radius**2 + _ARMATURE
+    radii = np.array([handing_over_radius(wheel, mount) for mount in mounts])
+    wheels["roller_mass"] = inertia / radii**2
+    wheels["roller_decay"] = _BEARING / inertia
 
 
 def _fill_motors(wheels: Array, robot: Robot, motors: tuple[Motor, ...]) -> None:
@@ -157,34 +167,30 @@ def mass_matrix(frame: Array) -> Float[Array, "3 3"]:
     return np.array([[m, 0.0, -m * cy], [0.0, m, m * cx], [-m * cy, m * cx, inertia]])
 
 
-def axle_inertia(wheel: OmniWheel) -> float:
+def axle_inertia(wheel: OmniWheel, mount: Mount) -> float:
     """Of rotor, hub and rollers about the axle, in kg m^2."""
-    rollers = (wheel.radius - wheel.roller_radius) ** 2 + wheel.roller_radius**2
-    return wheel.rotor_inertia + _hub_inertia(wheel) + _rollers(wheel) * rollers
+    ring = (wheel.radius - wheel.roller_radius) ** 2 + _own(wheel, mount)
+    return wheel.rotor_inertia + _hub_inertia(wheel) + _rollers(wheel) * ring
 
 
-def upright_inertia(wheel: OmniWheel) -> float:
+def upright_inertia(wheel: OmniWheel, mount: Mount) -> float:
     """Of a wheel about the vertical through its middle, in kg m^2."""
     hub = 0.5 * _hub_inertia(wheel) + wheel.mass * wheel.row_gap**2 / 12.0
-    ring = 0.5 * (wheel.radius - wheel.roller_radius) ** 2 + 0.75 * wheel.roller_radius**2
+    ring = 0.5 * (wheel.radius - wheel.roller_radius) ** 2
+    own = 0.5 * (2.5 * wheel.roller_radius**2 - _own(wheel, mount))
     apart = 0.25 * wheel.row_gap**2 if wheel.rows == 2 else 0.0
-    return hub + _rollers(wheel) * (ring + apart)
+    return hub + _rollers(wheel) * (ring + own + apart)
 
 
-def roller_inertia(wheel: OmniWheel) -> float:
-    """Of one roller about its axis, in kg m^2."""
-    return 0.5 * wheel.roller_mass * wheel.roller_radius**2 + _ARMATURE
-
-
-def handing_over_radius(wheel: OmniWheel) -> float:
+def handing_over_radius(wheel: OmniWheel, mount: Mount) -> float:
     """Radius in m of a roller where it touches the floor at first and at last.
 
-    Half a roller's share of a turn from its middle; it is an ellipsoid as long as its curvature
-    there is that of the wheel, ``a^2 = b r``.
+    Half a roller's share of a turn from its middle; it is an ellipsoid on which the wheel stands
+    as high there as on its middle.
     """
-    angle, b = pi / rollers_of(wheel), wheel.roller_radius
-    across, upright = b * wheel.radius * sin(angle) ** 2, (b * cos(angle)) ** 2
-    return float(b * b * cos(angle) / sqrt(across + upright))
+    turned, b = pi / rollers_of(wheel), wheel.roller_radius
+    support = wheel.radius - (wheel.radius - b) * cos(turned)
+    return b * b * sqrt(1.0 - (sin(turned) * cos(mount.roller)) ** 2) / support
 
 
 def rollers_of(wheel: OmniWheel) -> int:
@@ -195,6 +201,14 @@ def rollers_of(wheel: OmniWheel) -> int:
 def _rollers(wheel: OmniWheel) -> float:
     """Mass of all rollers, in kg."""
     return rollers_of(wheel) * wheel.roller_mass
+
+
+def _own(wheel: OmniWheel, mount: Mount) -> float:
+    """Inertia per mass of a roller about a line through its middle as the axle, in m^2.
+
+    About its own axis it is half of ``b^2``, across that ``b^2``.
+    """
+    return wheel.roller_radius**2 * (1.0 - 0.5 * sin(mount.roller) ** 2)
 
 
 def _hub_inertia(wheel: OmniWheel) -> float:

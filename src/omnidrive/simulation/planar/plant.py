@@ -44,8 +44,8 @@ class PlanarPlant:
 
         Args:
             robot: What moves.
-            rng: What the angles at which the wheels stand at every reset are drawn from; None: a
-                roller of the outer row below every axle.
+            rng: What the angles at which the wheels stand at every reset are drawn from; None: they
+                are those of MuJoCo's model.
             timestep: Longest step in s.
         """
         self.robot = robot
