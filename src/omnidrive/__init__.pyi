@@ -41,9 +41,11 @@ from .simulation import (
     MujocoPlant,
     Outcome,
     PaperNoise,
+    PlanarPlant,
     Plant,
     Run,
     identify_lag,
+    roll_out,
     simulate,
 )
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
@@ -76,6 +78,7 @@ __all__ = [
     "PathOptions",
     "Place",
     "Plan",
+    "PlanarPlant",
     "Plant",
     "Pose",
     "Reference",
@@ -108,6 +111,7 @@ __all__ = [
     "plan",
     "run_study",
     "save_nav2_map",
+    "roll_out",
     "save_waypoints",
     "search",
     "simulate",
