@@ -39,32 +39,41 @@ def set_commands(body: Any, wheels: Array, spins: Array, twist: Vector) -> None:
 
 
 @inlined
-def moment(wheel: Any, angle: float) -> float:
-    """Of a wheel's push about B's origin per N, in m, by where on its rollers it stands.
+def beside(wheel: Any, angle: float) -> float:
+    """How far along its axle, outwards from its middle, a wheel touches the floor, in m.
 
     Two rows take turns: rollers with an odd number are in the outer one. Axles and contacts give,
-    so that the next one takes over little by little. On a tilted roller the contact wanders along
-    the axle.
+    so that the next one takes over little by little. On a tilted roller the contact wanders.
     """
     passed = (angle + _DOWN) / wheel.pitch
     roller = round(passed)
     outer = min(2.0 - 4.0 * abs(passed - roller), 1.0) * (1.0 if roller % 2 == 1 else -1.0)
-    return wheel.push_turn + wheel.row * outer + wheel.wander * 2.0 * (passed - roller)
+    return wheel.row * outer + wheel.wander * 2.0 * (passed - roller)
 
 
 @inlined
 def set_down(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> None:
-    """What every wheel can push, by its load and its floor; and where, by the row that carries."""
-    c, s = cos(motion.yaw), sin(motion.yaw)
+    """Where every wheel touches the floor, and what it can push there by its load and friction.
+
+    The weight stays where it is: contacts further out carry less, and a push below the centre of
+    mass shifts load backwards.
+    """
+    mx, my = body.com_height * motion.push_x, body.com_height * motion.push_y
     for i in range(len(wheels)):
         wheel, spin = wheels[i], spins[i]
+        out = beside(wheel, spin.angle)
+        spin.turn = wheel.push_turn + out * wheel.lever
+        mx += wheel.load * out * wheel.axle_x
+        my += wheel.load * out * wheel.axle_y
+    c, s = cos(motion.yaw), sin(motion.yaw)
+    for i in range(len(wheels)):
+        wheel = wheels[i]
         x = motion.x + c * wheel.x - s * wheel.y - body.patch_x
         y = motion.y + s * wheel.x + c * wheel.y - body.patch_y
         near = body.patch_radius >= 0.0 and x * x + y * y <= body.patch_radius**2
         friction = body.patch_friction if near else wheel.friction
-        load = wheel.load + wheel.load_x * motion.push_x + wheel.load_y * motion.push_y
-        spin.grip = h * friction * max(load, 0.0)
-        spin.turn = moment(wheel, spin.angle)
+        load = wheel.load - wheel.share_x * mx - wheel.share_y * my
+        spins[i].grip = h * friction * max(load, 0.0)
 
 
 @inlined

@@ -19,6 +19,7 @@ FRAME = np.dtype(
         ("mass", float),  # kg, wheels and payload included
         ("com_x", float),  # centre of mass in B, m
         ("com_y", float),
+        ("com_height", float),  # above the floor, m
         ("inertia", float),  # yaw, about B's origin, kg m^2
         ("pull_x", float),  # gravity along the floor, in W, m/s^2
         ("pull_y", float),
@@ -39,8 +40,11 @@ WHEEL = np.dtype(
         ("push_turn", float),  # its moment about B's origin, m
         ("radius", float),  # speed of the push per wheel speed without slip, m/rad
         ("pitch", float),  # angle from roller to roller, rad
-        ("row", float),  # more of the moment while the outer row carries, less with the inner, m
-        ("wander", float),  # more of it on the last of a tilted roller, less on the first, m
+        ("axle_x", float),  # unit vector along the axle, in B
+        ("axle_y", float),
+        ("lever", float),  # moment of the push per contact's shift along the axle
+        ("row", float),  # distance of two rows from the wheel's middle, m
+        ("wander", float),  # how far along the axle the contact gets on a tilted roller, m
         ("roll", float),  # speed of a roller's surface per wheel speed, m/rad
         ("roller_mass", float),  # what a roller's inertia counts for at the floor, kg
         ("roller_decay", float),  # rate at which rollers in the air come to rest, 1/s
@@ -55,8 +59,8 @@ WHEEL = np.dtype(
         ("locked", bool),  # the wheel does not turn
         ("friction", float),  # Coulomb coefficient
         ("load", float),  # on the floor at rest, N
-        ("load_x", float),  # more of it per N that the floor pushes the robot along x of B
-        ("load_y", float),
+        ("share_x", float),  # less of it per moment of weight or push along x of B, 1/m
+        ("share_y", float),
     ]
 )
 """What there is once per wheel."""
@@ -100,6 +104,7 @@ def _fill_frame(frame: Array, robot: Robot, conditions: Conditions, rise: float)
     frame["mass"] = mass
     frame["com_x"] = (robot.mass * robot.com[0] + payload.mass * payload.x) / mass
     frame["com_y"] = (robot.mass * robot.com[1] + payload.mass * payload.y) / mass
+    frame["com_height"] = robot.com_height
     wheels = sum(upright_inertia(robot.wheel, mount) for mount in robot.mounts)
     carried = payload.mass * (payload.x**2 + payload.y**2)
     frame["inertia"] = robot.yaw_inertia + wheels + carried
@@ -128,9 +133,12 @@ def _fill_rollers(wheels: Array, robot: Robot) -> None:
     wheel, mounts = robot.wheel, robot.mounts
     pitch, tilts = 2.0 * pi / rollers_of(wheel), np.array([mount.roller for mount in mounts])
     wheels["pitch"] = pitch
-    wheels["row"] = 0.5 * wheel.row_gap * np.cos(tilts) if wheel.rows == 2 else 0.0
+    axles = np.array([mount.axle for mount in mounts])
+    wheels["axle_x"], wheels["axle_y"] = np.cos(axles), np.sin(axles)
+    wheels["lever"] = np.cos(tilts)
+    wheels["row"] = 0.5 * wheel.row_gap if wheel.rows == 2 else 0.0
     # ahead of the axle a tilted roller touches the floor behind its middle, so beside the wheel's
-    wheels["wander"] = (wheel.radius - wheel.roller_radius) * tan(0.5 * pitch) * np.sin(tilts)
+    wheels["wander"] = (wheel.radius - wheel.roller_radius) * tan(0.5 * pitch) * np.tan(tilts)
     wheels["roll"] = wheel.radius * np.sin(tilts)
     inertia = 0.5 * wheel.roller_mass * wheel.roller_radius**2 + _ARMATURE
     radii = np.array([handing_over_radius(wheel, mount) for mount in mounts])
@@ -152,13 +160,12 @@ def _fill_motors(wheels: Array, robot: Robot, motors: tuple[Motor, ...]) -> None
 
 
 def _fill_loads(wheels: Array, robot: Robot, frame: Array, gravity: float) -> None:
-    """As :attr:`Robot.loads`; what pushes at the floor, below the centre of mass, shifts them."""
+    """As :attr:`Robot.loads`, and how moments shift them."""
     sharing = np.linalg.pinv(np.array([np.ones(len(wheels)), wheels["x"], wheels["y"]]))
     weight = float(frame["mass"][0]) * gravity
     at_rest = [1.0, float(frame["com_x"][0]), float(frame["com_y"][0])]
     wheels["load"] = weight * (sharing @ at_rest)
-    wheels["load_x"] = -robot.com_height * sharing[:, 1]
-    wheels["load_y"] = -robot.com_height * sharing[:, 2]
+    wheels["share_x"], wheels["share_y"] = sharing[:, 1], sharing[:, 2]
 
 
 def mass_matrix(frame: Array) -> Float[Array, "3 3"]:
