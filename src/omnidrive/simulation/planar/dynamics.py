@@ -43,12 +43,13 @@ def beside(wheel: Any, angle: float) -> float:
     """How far along its axle, outwards from its middle, a wheel touches the floor, in m.
 
     Two rows take turns: rollers with an odd number are in the outer one. Axles and contacts give,
-    so that the next one takes over little by little. On a tilted roller the contact wanders.
+    so that both carry for a fifth of the way. On a tilted roller the contact wanders.
     """
     passed = (angle + _DOWN) / wheel.pitch
     roller = round(passed)
     outer = min(5.0 - 10.0 * abs(passed - roller), 1.0) * (1.0 if roller % 2 == 1 else -1.0)
-    return wheel.row * outer + wheel.wander * 2.0 * (passed - roller)
+    out: float = wheel.row * outer + wheel.wander * 2.0 * (passed - roller)
+    return out
 
 
 @inlined
