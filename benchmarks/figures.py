@@ -29,11 +29,11 @@ def row(name, value, unit, target="", holds=True) -> dict[str, object]:
             "holds": bool(holds)}  # fmt: skip
 
 
-def publish(benchmark: str, rows: list[dict[str, object]]) -> None:
-    """Print the rows, those with a target first, and write ``benchmarks/out/BENCHMARK.json``."""
+def publish(benchmark: str, rows: list[dict[str, object]], printed: int | None = None) -> None:
+    """Print the rows, or so many, those with a target first; write ``benchmarks/out/NAME.json``."""
     rows = sorted(rows, key=lambda r: not r["target"])
     table = Table("what", "value", "unit", "target", "holds")
-    for r in rows:
+    for r in rows[:printed]:
         holds = str(r["holds"]) if r["target"] else ""
         table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], holds)
     console.print(table)

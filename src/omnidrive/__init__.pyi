@@ -41,9 +41,11 @@ from .simulation import (
     MujocoPlant,
     Outcome,
     PaperNoise,
+    PlanarPlant,
     Plant,
     Run,
     identify_lag,
+    roll_out,
     simulate,
 )
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
@@ -76,6 +78,7 @@ __all__ = [
     "PathOptions",
     "Place",
     "Plan",
+    "PlanarPlant",
     "Plant",
     "Pose",
     "Reference",
@@ -106,6 +109,7 @@ __all__ = [
     "paper_map",
     "paper_scenario",
     "plan",
+    "roll_out",
     "run_study",
     "save_nav2_map",
     "save_waypoints",

@@ -7,13 +7,14 @@ import pytest
 
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, to_body, to_world
 from omnidrive.robot import ROBOTS, named_robot
-from omnidrive.simulation import KinematicPlant, MujocoPlant, Plant
+from omnidrive.simulation import KinematicPlant, MujocoPlant, PlanarPlant, Plant
 from tests.laws.motions import turned
 
 PLANTS = {
     "kinematic": KinematicPlant,
     "ball": lambda robot: MujocoPlant(robot, "ball"),
     "rollers": lambda robot: MujocoPlant(robot, "rollers"),
+    "planar": PlanarPlant,
 }
 every_plant = pytest.mark.parametrize("make", PLANTS.values(), ids=PLANTS)
 every_robot = pytest.mark.parametrize("robot", ROBOTS)
@@ -43,7 +44,12 @@ def test_starts_at_rest_where_it_is_told(make, robot):
 
 
 # m/s and rad/s; a light robot is shaken more by the change from roller to roller
-BIAS = {("small", "rollers"): 1e-3, ("kiwi", "rollers"): 1.5e-3}
+BIAS = {
+    ("small", "rollers"): 1e-3,
+    ("kiwi", "rollers"): 1.5e-3,
+    ("small", "planar"): 2e-3,
+    ("kiwi", "planar"): 3e-3,
+}
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -117,9 +123,9 @@ def test_reported_velocity_is_the_derivative_of_the_pose(make):
     assert moved == pytest.approx(np.array(world), abs=0.04)  # rollers make a ripple of 4 %
 
 
-@pytest.mark.parametrize("wheels", ["ball", "rollers"])
-def test_motors_do_work(wheels):
-    plant = MujocoPlant(named_robot("small"), wheels)
+@pytest.mark.parametrize("plant", [name for name in PLANTS if name != "kinematic"])
+def test_motors_do_work(plant):
+    plant = PLANTS[plant](named_robot("small"))
     states = drive(plant, Pose(0.0, 0.0, 0.0), BodyTwist(1.0, 0.0, 0.0), 10)
     work = [s.work for s in states]
     assert work == sorted(work)

@@ -72,7 +72,8 @@ class Demand:
         str | None,
         choice(
             get_args(PlantName),
-            "What simulates it: MuJoCo with rollers or with balls, or kinematics alone.",
+            "What simulates it: MuJoCo with rollers or with balls, a rigid body on the plane with "
+            "friction at its wheels, or kinematics alone.",
             HOW,
         ),
     ] = None

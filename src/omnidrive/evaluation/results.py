@@ -81,7 +81,7 @@ class StudyResults:
     Attributes:
         title: One line that names the study.
         robot: The robot that drove.
-        plant: Which plant: rollers, ball or kinematic.
+        plant: Which plant: rollers, ball, planar or kinematic.
         dt: Sample time of the controllers, in s.
         obstacles: What the robot's body must not touch.
         free: Where its centre may be.

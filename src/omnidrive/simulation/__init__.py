@@ -6,6 +6,7 @@ from omnidrive.simulation.kinematic import KinematicPlant
 from omnidrive.simulation.loop import Outcome, Run, simulate
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.mujoco_plant import MujocoPlant
+from omnidrive.simulation.planar import PlanarPlant, roll_out
 from omnidrive.simulation.plant import DisturbablePlant, Measurement, Plant
 from omnidrive.simulation.sensing import Estimate, PaperNoise, PerfectSensor, Sensor
 
@@ -23,9 +24,11 @@ __all__ = [
     "Patch",
     "Payload",
     "PerfectSensor",
+    "PlanarPlant",
     "Plant",
     "Run",
     "Sensor",
     "identify_lag",
+    "roll_out",
     "simulate",
 ]

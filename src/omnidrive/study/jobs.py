@@ -26,6 +26,7 @@ from omnidrive.simulation import (
     MovingObstacle,
     MujocoPlant,
     PaperNoise,
+    PlanarPlant,
     Plant,
     simulate,
 )
@@ -141,6 +142,7 @@ def make_plant(
     """
     table: dict[PlantName, Callable[[], Plant]] = {
         "kinematic": lambda: KinematicPlant(robot),
+        "planar": lambda: PlanarPlant(robot, rng),
         "ball": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
         "rollers": lambda: MujocoPlant(robot, "rollers", rng, obstacles=obstacles, moving=moving),
     }

@@ -23,7 +23,7 @@ ControllerName = Literal[
 PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 """Who plans over a horizon."""
 TaskName = Literal["track", "noise", "step", "horizon"]
-PlantName = Literal["rollers", "ball", "kinematic"]
+PlantName = Literal["rollers", "ball", "planar", "kinematic"]
 _SOLID: tuple[PlantName, ...] = ("rollers", "ball")
 """On which a robot runs into obstacles."""
 PresetName = Literal["paper", "published-code", "recommended"]

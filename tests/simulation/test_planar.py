@@ -1,0 +1,439 @@
+"""The planar plant against mechanics on paper, MuJoCo's inertias, and the plant with rollers."""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import exp, hypot, pi, sqrt
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.errors import InvalidInput
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, twist_between
+from omnidrive.robot import GRAVITY, ROBOTS, Robot, named_robot
+from omnidrive.simulation import (
+    Conditions,
+    DisturbablePlant,
+    Motor,
+    MujocoPlant,
+    Patch,
+    Payload,
+    PlanarPlant,
+    roll_out,
+)
+from omnidrive.simulation.mjcf import omni_model
+from omnidrive.simulation.planar.model import mass_matrix, model_of
+from omnidrive.simulation.planar.state import SPIN
+from omnidrive.simulation.planar.traction import twist_after
+from omnidrive.study import make_plant
+
+ORIGIN, STILL = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
+ALONG = np.array([1.0, 1.0]) / sqrt(2.0)
+"""Along the axles of wheels 0 and 2 of the robot small: wheels 1 and 3 push, rollers rest."""
+
+
+class Small:
+    """What the robot small weighs along the diagonal, by MuJoCo's own account."""
+
+    robot = named_robot("small")
+    model = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
+
+    @classmethod
+    def wheel(cls):
+        """Inertia about the axle, in kg m^2."""
+        return full_inertia(cls.model)[np.ix_(*[[cls.model.joint("wheel0").dofadr[0]]] * 2)].item()
+
+    @classmethod
+    def mass(cls):
+        """Of the robot and its two rolling wheels, in kg."""
+        return cls.robot.mass + 2.0 * cls.wheel() / cls.robot.wheel.radius**2
+
+
+def full_inertia(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix
+
+
+def small(**changes) -> Robot:
+    return replace(Small.robot, **changes)
+
+
+def diagonal(speed):
+    return BodyTwist(*(speed * ALONG).tolist(), 0.0)
+
+
+def kick(speed):
+    return Conditions(impulse=WorldTwist(*(Small.robot.mass * speed * ALONG).tolist(), 0.0))
+
+
+def speed_along(state):
+    return float(ALONG @ state.twist[:2])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_inertias_are_those_of_the_mujoco_model(name):
+    robot = ROBOTS[name]
+    mujocos = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
+    matrix = full_inertia(mujocos)
+    ours = model_of(robot, Conditions())
+    assert mass_matrix(ours.frame)[[0, 2], [0, 2]] == pytest.approx(
+        matrix[[0, 5], [0, 5]], rel=1e-4
+    )
+    wheel = mujocos.joint("wheel0").dofadr[0]
+    assert ours.wheels["inertia"] == pytest.approx(matrix[wheel, wheel], rel=1e-4)
+    rollers = [i for i in range(mujocos.nv) if 0.0 < mujocos.dof_damping[i] < 1e-4]
+    inertia = matrix[rollers[0], rollers[0]]
+    decay = ours.wheels["roller_decay"]
+    assert decay == pytest.approx(mujocos.dof_damping[rollers[0]] / inertia, rel=1e-4)
+    assert len(rollers) == len(robot.mounts) * robot.wheel.rows * robot.wheel.rollers_per_row
+
+
+def test_a_robot_off_its_centre_has_the_mass_matrix_of_the_mujoco_model():
+    robot = small(com=(0.05, -0.03))
+    model = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
+    planar = full_inertia(model)[np.ix_([0, 1, 5], [0, 1, 5])]
+    assert mass_matrix(model_of(robot, Conditions()).frame) == pytest.approx(planar, abs=2e-4)
+
+
+def test_full_torque_gives_the_acceleration_of_mass_and_wheels():
+    robot = small(servo_gain=1e3, friction=5.0, max_torque=1.0)
+    plant = PlanarPlant(robot)
+    plant.reset(ORIGIN)
+    state = plant.step(diagonal(2.0), 0.2)
+    force = 2.0 * robot.max_torque / robot.wheel.radius
+    assert speed_along(state) == pytest.approx(0.2 * force / Small.mass(), rel=5e-3)
+    assert state.wheel_torques == pytest.approx([0.0, -1.0, 0.0, 1.0], abs=0.02)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.4])
+def test_coulomb_limits_the_acceleration(friction):
+    plant = PlanarPlant(small(friction=friction, max_torque=50.0, servo_gain=50.0))
+    plant.reset(ORIGIN)
+    state = plant.step(diagonal(2.0), 0.2)
+    # two of four wheels push, each with friction times a quarter of the weight
+    assert speed_along(state) == pytest.approx(0.2 * friction * GRAVITY / 2.0, rel=0.01)
+    plant.reset(ORIGIN)
+    ahead = plant.step(BodyTwist(2.0, 0.0, 0.0), 0.1)  # all four, at 45 degrees
+    assert ahead.twist.vx == pytest.approx(0.1 * friction * GRAVITY / sqrt(2.0), rel=0.05)
+
+
+@pytest.mark.parametrize(("part", "slips"), [(0.97, False), (1.03, True)])
+def test_wheels_begin_to_slip_where_the_push_exceeds_the_grip(part, slips):
+    friction, r = 0.3, Small.robot.wheel.radius
+    push = friction * Small.robot.mass * GRAVITY / 4.0
+    spin = Small.wheel() * (2.0 * push / Small.robot.mass) / r  # torque that the wheel itself takes
+    robot = small(friction=friction, servo_gain=1e3, max_torque=part * (push * r + spin))
+    plant = PlanarPlant(robot)
+    plant.reset(ORIGIN)
+    state = plant.step(diagonal(2.4), 0.5)
+    rolled = r * state.wheel_angles[3]
+    moved = hypot(state.pose.x, state.pose.y)
+    assert (abs(rolled - moved) > 0.01 * moved) == slips
+
+
+def test_with_dead_motors_only_the_rollers_bearings_brake():
+    """Two wheels stand across the motion, one roller each turns on and on."""
+    plant = PlanarPlant(Small.robot, np.random.default_rng(1))
+    plant.reset(ORIGIN)
+    dead = (Motor.DEAD,) * 4
+    plant.impose(kick(0.6)._replace(motors=dead))
+    plant.impose(Conditions(motors=dead))
+    first = plant.step(STILL, 0.1)
+    last = plant.step(STILL, 1.0)
+    wheel = model_of(Small.robot, Conditions()).wheels[0]
+    drag = 2.0 * wheel["roller_mass"] * wheel["roller_decay"]
+    mass = Small.mass() + 2.0 * wheel["roller_mass"]
+    lost = 1.0 - speed_along(last) / speed_along(first)
+    assert lost == pytest.approx(1.0 - exp(-drag / mass), rel=0.1)
+    assert speed_along(first) == pytest.approx(0.6 * Small.robot.mass / mass, rel=1e-3)
+    assert last.work == 0.0
+
+
+def test_without_friction_the_centre_of_mass_flies_straight_on():
+    robot = small(friction=0.0, com=(0.06, -0.02))
+    plant = PlanarPlant(robot, timestep=1e-3)
+    plant.reset(Pose(0.3, 0.2, 0.5))
+    plant.impose(Conditions(impulse=WorldTwist(4.0, 2.0, 0.8)))
+    plant.impose(Conditions())
+
+    def centre(state):
+        return np.array(move(state.pose, BodyTwist(*robot.com, 0.0), 1.0)[:2])
+
+    states = [plant.step(STILL, 0.25) for _ in range(8)]
+    places = np.array([centre(state) for state in states])
+    assert np.diff(places, axis=0) == pytest.approx(
+        np.tile([0.25 * 4.0 / robot.mass, 0.25 * 2.0 / robot.mass], (7, 1)), abs=2e-4
+    )
+    rates = [state.twist.yaw_rate for state in states]
+    assert rates == pytest.approx([rates[0]] * 8, rel=1e-12)
+    inertia = mass_matrix(model_of(robot, Conditions()).frame)
+    turned = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]) @ [4.0, 2.0]
+    assert rates[0] == pytest.approx(np.linalg.solve(inertia, [*turned, 0.8])[2], rel=1e-9)
+
+
+def test_work_becomes_motion_and_is_never_made():
+    plant = PlanarPlant(small(friction=3.0), timestep=5e-4)
+    plant.reset(ORIGIN)
+    for _ in range(12):
+        state = plant.step(diagonal(0.8), 0.025)
+        motion = 0.5 * Small.mass() * speed_along(state) ** 2
+        assert state.work >= motion
+    assert state.work == pytest.approx(motion, rel=0.01)
+
+
+def test_a_robot_rolls_down_a_slope_and_servos_let_it_creep():
+    steep = 0.1
+    slope = Conditions(slope=tuple((steep * ALONG).tolist()))
+    pull = GRAVITY * steep / hypot(1.0, steep) * Small.robot.mass
+    plant = PlanarPlant(Small.robot)
+    plant.reset(ORIGIN)
+    plant.impose(slope._replace(motors=(Motor.DEAD,) * 4))
+    rolling = plant.step(STILL, 0.3)
+    assert speed_along(rolling) == pytest.approx(-0.3 * pull / Small.mass(), rel=5e-3)
+    plant.reset(ORIGIN)
+    plant.impose(slope)
+    creeping = plant.step(STILL, 1.0)
+    r, gain = Small.robot.wheel.radius, Small.robot.servo_gain
+    assert speed_along(creeping) == pytest.approx(-pull * r * r / (2.0 * gain), rel=5e-3)
+
+
+def test_a_slope_is_fixed_to_the_world():
+    turned = PlanarPlant(Small.robot)
+    turned.reset(Pose(0.0, 0.0, 0.5 * pi))
+    turned.impose(Conditions(slope=(0.1, 0.0), motors=(Motor.DEAD,) * 4))
+    state = turned.step(STILL, 0.5)
+    assert state.pose.x < -0.1
+    assert abs(state.pose.y) < 1e-3
+
+
+def test_a_payload_is_carried_where_it_lies():
+    payload = Payload(6.0, 0.1, -0.05)
+    loaded = model_of(Small.robot, Conditions(payload=payload)).wheels["load"]
+    together = small(mass=16.0, com=(6.0 * 0.1 / 16.0, -6.0 * 0.05 / 16.0))
+    assert loaded == pytest.approx(together.loads, rel=1e-12)
+    plant = PlanarPlant(small(servo_gain=1e3, friction=5.0, max_torque=1.0))
+    plant.reset(ORIGIN)
+    plant.impose(Conditions(payload=Payload(Small.mass(), 0.0, 0.0)))
+    state = plant.step(diagonal(2.0), 0.2)
+    assert speed_along(state) == pytest.approx(0.2 * 40.0 / (2.0 * Small.mass()), rel=5e-3)
+
+
+def test_acceleration_shifts_the_load():
+    """A hard start of kiwi, whose wheels push unevenly, against the plant with rollers."""
+    robot, command = named_robot("kiwi"), BodyTwist(1.5, 0.0, 0.0)
+    poses = {}
+    for name, plant in {
+        "rollers": MujocoPlant(robot),
+        "planar": PlanarPlant(robot),
+        "flat": PlanarPlant(replace(robot, com_height=1e-6)),
+    }.items():
+        plant.reset(ORIGIN)
+        poses[name] = np.array(plant.step(command, 0.6).pose)
+    shifted, flat = (np.abs(poses[name] - poses["rollers"])[0] for name in ("planar", "flat"))
+    assert shifted < flat
+
+
+def test_a_patch_acts_on_the_wheels_that_stand_on_it():
+    robot = small(friction=0.5, servo_gain=50.0, max_torque=50.0)
+    x, y, *_ = robot.mounts[1]
+    speeds = {}
+    for radius in (0.05, 5.0):
+        plant = PlanarPlant(robot)
+        plant.reset(ORIGIN)
+        plant.impose(Conditions(patch=Patch(x, y, radius, 0.1)))
+        speeds[radius] = plant.step(diagonal(2.0), 0.05)
+    push = 0.05 * GRAVITY / 4.0
+    assert speed_along(speeds[5.0]) == pytest.approx(push * 0.2, rel=0.01)
+    assert speed_along(speeds[0.05]) == pytest.approx(push * 0.6, rel=0.03)
+
+
+def test_a_locked_wheel_stands_and_a_weak_motor_gives_half():
+    plant = PlanarPlant(small(servo_gain=1e3))
+    plant.reset(ORIGIN)
+    plant.impose(Conditions(motors=(Motor.LOCKED, Motor.WEAK, Motor.HEALTHY, Motor.DEAD)))
+    state = plant.step(BodyTwist(2.0, 0.0, 0.0), 0.02)
+    assert state.wheel_angles[0] == 0.0
+    assert abs(state.wheel_torques[1]) == pytest.approx(0.5 * Small.robot.max_torque)
+    assert abs(state.wheel_torques[2]) == pytest.approx(Small.robot.max_torque)
+    assert state.wheel_torques[3] == 0.0
+
+
+def test_a_locked_wheel_lets_the_robot_go_only_across():
+    plant = PlanarPlant(Small.robot)
+    plant.reset(ORIGIN)
+    plant.impose(Conditions(motors=(Motor.LOCKED, *[Motor.HEALTHY] * 3)))
+    free = plant.step(diagonal(0.2), 1.0)  # along its axle its rollers turn
+    assert speed_along(free) == pytest.approx(0.2, abs=2e-3)
+    plant.impose(Conditions(motors=(Motor.LOCKED, *[Motor.DEAD] * 3)))
+    plant.step(STILL, 0.1)
+    plant.impose(Conditions((Motor.LOCKED, *[Motor.DEAD] * 3), impulse=WorldTwist(-0.5, 0.5, 0.0)))
+    state = plant.step(STILL, 0.2)
+    assert abs(Small.robot.rims[0] @ state.twist) < 1e-5
+    assert abs(state.twist.yaw_rate) > 0.01
+
+
+def test_a_jump_moves_the_pose_alone_and_reset_takes_all_back():
+    plant = PlanarPlant(Small.robot)
+    plant.reset(ORIGIN)
+    untouched = [plant.step(diagonal(0.3), 0.1) for _ in range(3)]
+    load, patch = Payload(3.0, 0.1, 0.0), Patch(0.0, 0.0, 9.0, 0.01)
+    jump = WorldTwist(0.5, -0.2, 0.7)
+    plant.impose(Conditions((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, jump=jump))
+    after = plant.step(diagonal(0.3), 1e-9)
+    moved = np.subtract(after.pose, untouched[-1].pose)
+    assert moved == pytest.approx([0.5, -0.2, 0.7], abs=1e-6)
+    assert np.array(after.twist) == pytest.approx(np.array(untouched[-1].twist), abs=1e-6)
+    plant.reset(ORIGIN)
+    assert [plant.step(diagonal(0.3), 0.1) for _ in range(3)] == untouched
+
+
+def test_conditions_for_other_wheels_are_refused():
+    plant = PlanarPlant(Small.robot)
+    assert isinstance(plant, DisturbablePlant)
+    with pytest.raises(InvalidInput, match="3 motors, the robot 'small' has 4"):
+        plant.impose(Conditions(motors=(Motor.DEAD,) * 3))
+
+
+def wheels_own_answer(wheel, spin, v, h):
+    """Impulse of the floor at one wheel, from its speed afterwards, found by bisection."""
+    ground = wheel["push_x"] * v[0] + wheel["push_y"] * v[1] + spin["turn"] * v[2]
+
+    def speed_under(q):  # inertia (w - speed) = h torque(w) - radius q, rising to the left in w
+        low, high = -1e4, 1e4
+        for _ in range(70):
+            w = 0.5 * (low + high)
+            torque = wheel["gain"] * (spin["target"] - w)
+            torque = min(max(torque, -wheel["limit"]), wheel["limit"])
+            lag = wheel["inertia"] * (w - spin["speed"]) - h * torque + wheel["radius"] * q
+            low, high = (low, w) if lag > 0.0 else (w, high)
+        return w
+
+    low, high = -spin["grip"], spin["grip"]
+    for _ in range(60):  # the more the floor pushes, the slower the wheel
+        q = 0.5 * (low + high)
+        spins_on = wheel["radius"] * speed_under(q) > ground
+        low, high = (q, high) if spins_on else (low, q)
+    return q
+
+
+numbers = st.floats(-1.0, 1.0).map(lambda v: round(v, 3))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(numbers, min_size=18, max_size=18), st.sampled_from(["small", "kiwi"]))
+def test_a_step_solves_what_bodies_wheels_and_servos_demand(draws, name):
+    """Residual of Newton's law, every wheel's part of it found without the kernel."""
+    h, robot = 0.002, replace(named_robot(name), com=(0.03, 0.01), friction=0.3)
+    model = model_of(robot, Conditions())
+    count = len(robot.mounts)
+    spins = np.zeros(count, SPIN)
+    spins["speed"], spins["target"] = (np.array(draws[k : k + count]) * 40.0 for k in (0, 4))
+    spins["grip"] = h * robot.friction * robot.loads * (1.0 + np.array(draws[8 : 8 + count]))
+    spins["turn"] = model.wheels["push_turn"]
+    free, guess = (tuple((2.0 * np.array(draws[k : k + 3])).tolist()) for k in (12, 15))
+    given = tuple((mass_matrix(model.frame) @ free).tolist())
+    v = twist_after(model.frame[0], model.wheels, spins, given, guess, h)
+    pushed = np.zeros(3)
+    for records in zip(model.wheels, spins, strict=True):
+        wheel, spin = (dict(zip(r.dtype.names, r.item(), strict=True)) for r in records)
+        q = wheels_own_answer(wheel, spin, v, h)
+        pushed += q * np.array([wheel["push_x"], wheel["push_y"], spin["turn"]])
+    gained = mass_matrix(model.frame) @ np.subtract(v, free)
+    assert gained == pytest.approx(pushed, abs=1e-6)
+
+
+def test_servos_follow_as_their_differential_equation_says_to_first_order():
+    """Small steps of speed: no limit acts, so that v' = (c - v) / tau, and errors halve with h."""
+    robot = small(friction=3.0, max_torque=20.0)
+    tau = robot.wheel.radius**2 * Small.mass() / (2.0 * robot.servo_gain)
+    t, c = 0.016, 0.02
+    errors = []
+    for h in (2e-3, 1e-3, 5e-4):
+        plant = PlanarPlant(robot, timestep=h)
+        plant.reset(ORIGIN)
+        errors.append(speed_along(plant.step(diagonal(c), t)) - c * (1.0 - exp(-t / tau)))
+    halves = np.divide(errors[:-1], errors[1:])
+    assert halves == pytest.approx([2.0, 2.0], rel=0.15)
+    assert abs(errors[0]) < 0.05 * c
+
+
+def test_motors_lag():
+    lag, quick_robot = 0.2, small(friction=3.0, max_torque=20.0)
+    plant = PlanarPlant(replace(quick_robot, motor_lag=lag))
+    plant.reset(ORIGIN)
+    states = [plant.step(diagonal(0.2), 0.02) for _ in range(100)]
+    behind = 0.2 * 2.0 - hypot(*states[-1].pose[:2])
+    plant = PlanarPlant(quick_robot)
+    plant.reset(ORIGIN)
+    quick = 0.2 * 2.0 - hypot(*plant.step(diagonal(0.2), 2.0).pose[:2])
+    assert behind - quick == pytest.approx(0.2 * lag, rel=0.02)
+
+
+def test_a_batch_is_bit_for_bit_what_single_steps_give():
+    robot, rng = named_robot("kiwi"), np.random.default_rng(5)
+    starts = rng.normal(size=(3, 3))
+    commands = rng.normal(size=(3, 12, 3))
+    poses, twists = roll_out(robot, starts, commands, 0.05)
+    plant = PlanarPlant(robot)
+    for run in range(3):
+        plant.reset(Pose(*starts[run].tolist()))
+        for k in range(12):
+            state = plant.step(BodyTwist(*commands[run, k].tolist()), 0.05)
+            assert tuple(poses[run, k].tolist()) == tuple(state.pose)
+            assert tuple(twists[run, k].tolist()) == tuple(state.twist)
+
+
+def test_a_batch_of_other_sizes_is_refused():
+    with pytest.raises(InvalidInput, match="2 starts for 3 runs"):
+        roll_out(Small.robot, np.zeros((2, 3)), np.zeros((3, 4, 3)), 0.1)
+    with pytest.raises(InvalidInput, match="must be positive"):
+        roll_out(Small.robot, np.zeros((1, 3)), np.zeros((1, 4, 3)), 0.0)
+
+
+def test_rollers_stand_as_drawn():
+    drawn = [PlanarPlant(Small.robot, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    states = [plant.reset(ORIGIN) and plant.step(diagonal(0.5), 0.5) for plant in drawn]
+    assert states[0] == states[1] != states[2]
+    assert states[2].wheel_angles == pytest.approx(states[0].wheel_angles, abs=0.05)
+    again = drawn[0].reset(ORIGIN)
+    assert again.wheel_angles == (0.0,) * 4
+    assert drawn[0].step(diagonal(0.5), 0.5) == states[0]
+
+
+def s_commands(dt=0.05, speed=0.7):
+    """Body twists along one period of a sine, 4 m long and 0.5 m wide, heading along it."""
+    x = np.linspace(0.0, 4.0, 8001)
+    y = 0.5 * np.sin(0.5 * pi * x)
+    run = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
+    heading = np.arctan2(0.25 * pi * np.cos(0.5 * pi * x), 1.0)
+    along = np.arange(0.0, run[-1], speed * dt)
+    rows = np.transpose([np.interp(along, run, column) for column in (x, y, heading)])
+    poses = [Pose(*row) for row in rows.tolist()]
+    return poses[0], [twist_between(a, b, dt) for a, b in pairwise(poses)]
+
+
+@pytest.mark.parametrize(("friction", "limit"), [(0.8, 0.012), (0.1, 0.01)])
+def test_an_s_path_is_that_of_the_plant_with_rollers(friction, limit):
+    """From a standing start at once: at low friction its wheels spin for a second."""
+    robot, (start, twists) = small(friction=friction), s_commands()
+    ways = []
+    for plant in (MujocoPlant(robot), PlanarPlant(robot)):
+        plant.reset(start)
+        ways.append(np.array([plant.step(twist, 0.05).pose for twist in twists]))
+    assert np.hypot(*(ways[0] - ways[1])[:, :2].T).max() < limit
+
+
+def test_a_command_that_is_not_a_number_shows_in_the_state():
+    plant = PlanarPlant(Small.robot)
+    plant.reset(ORIGIN)
+    assert np.isnan(plant.step(BodyTwist(float("nan"), 0.0, 0.0), 0.1).pose).all()
+    assert np.isfinite(plant.reset(ORIGIN).pose).all()
+
+
+def test_studies_know_it_by_name():
+    assert isinstance(make_plant(Small.robot, "planar"), PlanarPlant)
