@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,15 @@ from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import Robot
-from omnidrive.simulation import KinematicPlant, MujocoPlant, PaperNoise, Plant, simulate
+from omnidrive.simulation import (
+    CoppeliaSimPlant,
+    CoppeliaSimScene,
+    KinematicPlant,
+    MujocoPlant,
+    PaperNoise,
+    Plant,
+    simulate,
+)
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
     PREDICTIVE,
@@ -114,14 +123,28 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     return Actuation.of(robot, section.traction, may_spin=section.may_spin)
 
 
-def make_plant(robot: Robot, name: PlantName) -> Plant:
-    """A fresh plant."""
+def make_plant(robot: Robot, name: PlantName, scene: CoppeliaSimScene | None = None) -> Plant:
+    """A fresh plant; ``scene`` is for ``coppeliasim``, which must be closed after use."""
     table: dict[PlantName, Callable[[], Plant]] = {
         "kinematic": lambda: KinematicPlant(robot),
         "ball": lambda: MujocoPlant(robot, "ball"),
         "rollers": lambda: MujocoPlant(robot, "rollers"),
+        "coppeliasim": lambda: CoppeliaSimPlant(robot, scene),
     }
     return table[name]()
+
+
+@contextmanager
+def _plant(prepared: Prepared) -> Iterator[Plant]:
+    """The scenario's plant, stopped at the end if it would go on by itself."""
+    scenario = prepared.scenario
+    scene = CoppeliaSimScene(**scenario.coppeliasim.model_dump())
+    plant = make_plant(prepared.robot, scenario.plant, scene)
+    try:
+        yield plant
+    finally:
+        if isinstance(plant, CoppeliaSimPlant):
+            plant.close()
 
 
 def _track(prepared: Prepared, job: Job) -> TrackResult:
@@ -134,14 +157,15 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     reference = prepared.reference(job.duration)
     noise = job.task == "noise"
     rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
-    run = simulate(
-        make_plant(prepared.robot, scenario.plant),
-        make_controller(scenario, prepared.robot, job.controller, job.horizon),
-        reference,
-        start=reference.at(0.0).pose,
-        dt=scenario.sample_time,
-        sensor=PaperNoise(rng) if noise else None,
-    )
+    with _plant(prepared) as plant:
+        run = simulate(
+            plant,
+            make_controller(scenario, prepared.robot, job.controller, job.horizon),
+            reference,
+            start=reference.at(0.0).pose,
+            dt=scenario.sample_time,
+            sensor=PaperNoise(rng) if noise else None,
+        )
     return TrackResult(
         job.controller, job.task, job.duration, noise, job.horizon, run,
         measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]), job.repeat,
@@ -155,13 +179,14 @@ def _step(prepared: Prepared, job: Job) -> StepResult:
     assert task is not None
     start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
-    run = simulate(
-        make_plant(prepared.robot, scenario.plant),
-        make_controller(scenario, prepared.robot, job.controller, job.horizon),
-        Hold(goal, job.duration),
-        start=start,
-        dt=scenario.sample_time,
-    )
+    with _plant(prepared) as plant:
+        run = simulate(
+            plant,
+            make_controller(scenario, prepared.robot, job.controller, job.horizon),
+            Hold(goal, job.duration),
+            start=start,
+            dt=scenario.sample_time,
+        )
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )

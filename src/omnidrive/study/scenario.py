@@ -14,6 +14,7 @@ from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
 from omnidrive.reference import Heading
 from omnidrive.robot import named_robot
+from omnidrive.study.coppeliasim import CoppeliaSimSection
 
 ControllerName = Literal[
     "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended"
@@ -21,7 +22,7 @@ ControllerName = Literal[
 PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 """Who plans over a horizon."""
 TaskName = Literal["track", "noise", "step", "horizon"]
-PlantName = Literal["rollers", "ball", "kinematic"]
+PlantName = Literal["rollers", "ball", "kinematic", "coppeliasim"]
 PresetName = Literal["paper", "published-code", "recommended"]
 TimingName = Literal["uniform", "limits", "minimum-time"]
 
@@ -201,6 +202,8 @@ class Scenario(_Section):
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
     robot: RobotSection
     plant: PlantName = "rollers"
+    coppeliasim: CoppeliaSimSection = CoppeliaSimSection()
+    """For the plant of that name."""
     sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
     map: MapSection
     start: Place

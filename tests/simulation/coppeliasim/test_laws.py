@@ -1,4 +1,4 @@
-"""The laws of every plant, over the wire: the vendor's client on one side, the stand-in on the other."""
+"""The laws of every plant, from the vendor's client over the wire to the stand-in."""
 
 from contextlib import ExitStack
 from dataclasses import replace
@@ -71,9 +71,10 @@ def test_turning_the_world_turns_the_motion(make, twist):
     laws.test_turning_the_world_turns_the_motion(make, twist)
 
 
+@pytest.mark.parametrize("robot", ["paper", "small"])
 @pytest.mark.parametrize("twist", laws.TWISTS)
-def test_moves_as_told(make, twist):
-    states = laws.drive(make(named_robot("small")), Pose(0.0, 0.0, 0.0), twist, 40)
+def test_moves_as_told(make, robot, twist):
+    states = laws.drive(make(named_robot(robot)), Pose(0.0, 0.0, 0.0), twist, 40)
     moved = np.subtract(states[-1].pose, states[9].pose) / 3.0
     assert moved == pytest.approx(np.array(twist), abs=5e-4)
 
