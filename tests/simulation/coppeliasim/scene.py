@@ -9,7 +9,7 @@ from omnidrive.simulation import MujocoPlant
 from omnidrive.simulation.coppeliasim.placing import planar
 
 BASE, FLOOR, FIRST_JOINT = 15, 16, 17
-STOPPED, RUNNING, STOPPING = 0, 17, 21
+STOPPED, PAUSED, RUNNING, STOPPING = 0, 8, 17, 21
 
 
 class Refused(Exception):
@@ -131,12 +131,12 @@ class Scene:
         return self.state
 
     def startSimulation(self):  # noqa: N802
-        if self.state == STOPPED:
+        if self.state in {STOPPED, PAUSED}:
             self.state = RUNNING
         return 1
 
     def stopSimulation(self):  # noqa: N802
-        if self.state == RUNNING:
+        if self.state != STOPPED:
             self.state = STOPPING
         return 1
 

@@ -14,7 +14,7 @@ from threading import Event, Thread
 import zmq
 from coppeliasim_zmqremoteapi_client import cbor
 
-from tests.simulation.coppeliasim.scene import RUNNING, STOPPED, Refused, Scene
+from tests.simulation.coppeliasim.scene import RUNNING, STOPPED, STOPPING, Refused, Scene
 
 WAIT = {"func": "_*wait*_", "args": []}
 
@@ -54,17 +54,17 @@ class StandIn:
     def _serve(self):
         try:
             while not self._end.is_set():
-                if self.scene.state != STOPPED and not self._held():
+                if self._may_go():
                     self._pass_time()
-                idle = self.scene.state == STOPPED or self._held()
-                if self._socket.poll(20 if idle else 0):
+                if self._socket.poll(0 if self._may_go() else 20):
                     self._answer(cbor.loads(self._socket.recv()))
         finally:
             self._socket.close(linger=0)
             self._context.term()
 
-    def _held(self):
-        return any(c.level > 0 and c.wanted <= self.current for c in self.clients.values())
+    def _may_go(self):
+        held = any(c.level > 0 and c.wanted <= self.current for c in self.clients.values())
+        return self.scene.state in {RUNNING, STOPPING} and not held
 
     def _pass_time(self):
         self.scene.pass_time()

@@ -1,5 +1,7 @@
 """The signals of the scene that the paper's author published."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,9 +109,12 @@ def test_a_scene_that_tells_nothing():
 
 
 def test_a_scene_of_another_robot(server):
-    with plant_at(server, named_robot("small")) as plant:
-        with pytest.raises(InvalidScene, match="is 1 m, of robot 'small' it would be 0.35"):
-            plant.reset(Pose(0.0, 0.0, 0.0))
+    fact = r"is 1 m, of robot 'small' it would be 0\.35"
+    with (
+        plant_at(server, named_robot("small")) as plant,
+        pytest.raises(InvalidScene, match=fact),
+    ):
+        plant.reset(Pose(0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("value", [b"short", 3.0, "x"])
@@ -124,8 +129,6 @@ def test_a_pose_that_is_none_ends_the_run(server, value):
 
 
 def test_is_for_four_wheels(server):
-    from dataclasses import replace
-
     three = replace(PAPER, mounts=PAPER.mounts[:3])
     with pytest.raises(InvalidInput, match="for the paper's four wheels"):
         plant_at(server, three)

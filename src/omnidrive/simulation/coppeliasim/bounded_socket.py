@@ -63,14 +63,12 @@ class BoundedSocket:
         except Exception:  # of whatever decoder the client has
             reply = None
         if not isinstance(reply, dict):
-            raise PlantLost(
-                f"what answers at {self.endpoint} does not speak CoppeliaSim's language"
-            )
+            raise PlantLost(f"what answers at {self.endpoint} is not CoppeliaSim's remote API")
         if "func" in reply:
             if reply["func"] not in _WAITING:
                 name = one_line(str(reply["func"]), 60)
                 raise PlantLost(f"{self.endpoint} asks to call '{name}' here, which is refused")
-        elif "err" not in reply and not isinstance(reply.get("ret"), list):
+        elif "success" in reply or not ("err" in reply or isinstance(reply.get("ret"), list)):
             said = f": {one_line(str(reply['error']), 200)}" if "error" in reply else ""
             raise PlantLost(
                 f"CoppeliaSim at {self.endpoint} speaks another version of its remote API{said}; "

@@ -71,9 +71,7 @@ class Link:
             PlantLost: It does not answer in time, or refuses, or does not know the function.
         """
         if not self.knows(name):
-            raise PlantLost(
-                f"CoppeliaSim at {self.where} has no function sim.{name}: is it too old?"
-            )
+            raise PlantLost(f"CoppeliaSim at {self.where} has no sim.{name}: is it too old?")
         return self._bounded(f"sim.{name}", getattr(self._sim, name), *args)
 
     def knows(self, name: str) -> bool:
@@ -98,7 +96,7 @@ class Link:
         if len(values) != count or not all(type(v) in {int, float} for v in values):
             raise PlantLost(
                 f"CoppeliaSim at {self.where} answers {source} with {one_line(str(value), 60)}, "
-                f"need {count} numbers"
+                f"need {'a number' if count == 1 else f'{count} numbers'}"
             )
         return tuple(float(v) for v in values)
 
