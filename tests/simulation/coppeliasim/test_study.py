@@ -21,14 +21,14 @@ PAPER = named_robot("paper")
 
 
 def scenario_at(port, **section):
-    """Two seconds of the paper's step, and its path, with the controller that needs no compiling."""
+    """The paper's path and a step, with the controller that is compiled soonest."""
     return paper_scenario().model_copy(
         update={
             "plant": "coppeliasim",
             "coppeliasim": CoppeliaSimSection(port=port, timeout=5.0, **section),
             "controllers": ("feedforward",),
             "tasks": Tasks(
-                track=DurationsTask(durations=(20.0, 30.0)),
+                track=DurationsTask(durations=(17.0,)),
                 step=StepTask(displacement=(0.5, 0.5, 0.2), duration=2.0),
             ),
         }
@@ -68,8 +68,8 @@ def test_the_section_survives_its_file(tmp_path):
     [
         ("port: 0", "coppeliasim.port"),
         ("timeout: forever", "coppeliasim.timeout must be a plain number"),
-        ("joints: [motor1]", "coppeliasim.joints"),
-        ("signs: [1, 1, 0, 1]", "coppeliasim.signs"),
+        ("body: motor1", "coppeliasim.body"),
+        ("body_yaw: 90", "coppeliasim.body_yaw"),
         ("host: 'a b'", "coppeliasim.host"),
         ("jonits: []", "did you mean 'joints'"),
         ("interface: ros", "coppeliasim.interface"),
@@ -101,7 +101,6 @@ def test_a_study_in_one_process(monkeypatch, interface):
 
 
 def test_a_simulator_that_goes_away_leaves_the_run_so_far(tmp_path):
-    scenario = scenario_at(0)
     with standin(PAPER) as server:
         scenario = scenario_at(server.port)
         count = 0
@@ -129,6 +128,7 @@ def test_without_a_simulator_the_command_says_so(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_a_run_from_the_command_line(tmp_path):
     with standin(PAPER) as server:
         save_scenario(scenario_at(server.port), tmp_path / "scenario.yaml")
