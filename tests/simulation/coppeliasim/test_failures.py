@@ -13,6 +13,7 @@ from omnidrive.errors import InvalidInput, InvalidScene, MissingExtra, PlantLost
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene, Outcome, simulate
+from omnidrive.simulation.coppeliasim.link import Link
 from tests.laws.motions import Circle
 from tests.simulation.coppeliasim.scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
 from tests.simulation.coppeliasim.standin import cbor, standin
@@ -58,6 +59,12 @@ def test_nobody_listens():
 def test_a_host_that_does_not_exist():
     with pytest.raises(PlantLost, match=r"nobody listens at no-such-host.invalid"):
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="no-such-host.invalid", timeout=2.0))
+
+
+def test_an_address_that_zeromq_does_not_know(monkeypatch):
+    monkeypatch.setattr(Link, "_refuse_unless_listening", lambda link: None)
+    with pytest.raises(PlantLost, match=r"cannot connect to ::1:23000: Invalid argument"):
+        CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="::1"))
 
 
 def test_another_program_on_the_port():

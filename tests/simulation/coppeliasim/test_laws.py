@@ -21,8 +21,6 @@ from tests.laws import test_plants as laws
 from tests.laws.motions import Circle
 from tests.simulation.coppeliasim.standin import standin
 
-pytest.importorskip("coppeliasim_zmqremoteapi_client")
-
 
 @pytest.fixture
 def make():

@@ -50,16 +50,20 @@ class Link:
         """
         self.close()
         self._refuse_unless_listening()
-        self._client = _quiet_client(self._module, self._host, self._port)
-        self._client.socket.close(linger=0)
-        self._client.socket = BoundedSocket(
-            self._module.zmq,
-            self._client.context,
-            f"tcp://{self._host}:{self._port}",
-            self._module.cbor.loads,
-        )
+        zmq = self._module.zmq
         try:
+            self._client = _quiet_client(self._module, self._host, self._port)
+            self._client.socket.close(linger=0)
+            self._client.socket = BoundedSocket(
+                zmq,
+                self._client.context,
+                f"tcp://{self._host}:{self._port}",
+                self._module.cbor.loads,
+            )
             self._sim = self._bounded("require", self._client.require, "sim")
+        except zmq.ZMQError as error:
+            self.close()
+            raise PlantLost(f"cannot connect to {self.where}: {error}") from None
         except BaseException:
             self.close()
             raise
@@ -70,9 +74,7 @@ class Link:
         Raises:
             PlantLost: It does not answer in time, or refuses, or does not know the function.
         """
-        if not self.knows(name):
-            raise PlantLost(f"CoppeliaSim at {self.where} has no sim.{name}: is it too old?")
-        return self._bounded(f"sim.{name}", getattr(self._sim, name), *args)
+        return self._bounded(f"sim.{name}", self._member(name), *args)
 
     def knows(self, name: str) -> bool:
         """Whether there is such a function or constant."""
@@ -114,9 +116,14 @@ class Link:
                 "its objects in the scenario's section coppeliasim"
             )
         handle = int(found)
-        if joint and self.call("getObjectType", handle) != self._sim.sceneobject_joint:
+        if joint and self.call("getObjectType", handle) != self._member("sceneobject_joint"):
             raise InvalidScene(f"'{path}' in CoppeliaSim's scene is not a joint")
         return handle
+
+    def _member(self, name: str) -> Any:
+        if not self.knows(name):
+            raise PlantLost(f"CoppeliaSim at {self.where} has no sim.{name}: is it too old?")
+        return getattr(self._sim, name)
 
     @property
     def where(self) -> str:

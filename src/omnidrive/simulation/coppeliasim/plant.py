@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from math import nan
 from time import monotonic, sleep
 from types import TracebackType
@@ -137,15 +136,18 @@ class CoppeliaSimPlant:
 
         Does what can still be done, and raises nothing.
         """
-        with suppress(PlantLost, InvalidScene):
+        try:
             if self._started and not self._link.usable:
                 self._link.open()
             if self._started:
                 self._motors.command([0.0] * len(self.robot.mounts))
                 self._stop()
                 self._link.call("setObjectPose", self._base, self._home)
-        self._started = False
-        self._link.close()
+        except (PlantLost, InvalidScene):
+            pass  # nobody is left to be told
+        finally:
+            self._started = False
+            self._link.close()
 
     def __enter__(self) -> CoppeliaSimPlant:
         return self

@@ -5,7 +5,7 @@ from __future__ import annotations
 MAX_BYTES = 4 * 2**20
 """Longest reply: many times the list of all functions, which is the longest one asked for."""
 
-_MAX_DEPTH = 16
+_MAX_DEPTH = 64
 _BREAK = 0xFF
 
 
