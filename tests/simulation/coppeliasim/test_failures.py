@@ -99,6 +99,10 @@ def test_settings_that_do_not_fit_the_robot(server):
         plant_at(server, joints=("/a", "/b", "/c"))
     with pytest.raises(InvalidInput, match=r"coppeliasim.signs names 1 of 4"):
         plant_at(server, signs=(1,))
+    with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
+        plant_at(server, signs=(1, 1, 1, 2))
+    with pytest.raises(InvalidInput, match="no interface 'ros' to CoppeliaSim"):
+        plant_at(server, interface="ros")
 
 
 def test_an_object_that_lies():
@@ -276,6 +280,8 @@ def test_garbage_is_refused(server, raw, fact):
         ("getObjectVelocity", [1.0, 2.0], "getObjectVelocity with no two vectors"),
         ("getSimulationTime", None, "getSimulationTime .* need a number"),
         ("getJointForce", True, "getJointForce .* need a number"),
+        ("getJointForce", 10**400, "getJointForce .* need a number"),
+        ("getSimulationTime", float("nan"), "stopped or paused .* its clock shows nan s"),
     ],
 )
 def test_an_answer_of_another_kind_ends_the_run(server, function, value, fact):
@@ -288,9 +294,10 @@ def test_an_answer_of_another_kind_ends_the_run(server, function, value, fact):
         assert stands_still(server)
 
 
-def test_a_pose_that_is_not_finite_ends_the_run_as_on_every_plant(server):
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_pose_that_is_not_finite_ends_the_run_as_on_every_plant(server, value):
     with plant_at(server) as plant:
-        nowhere = cbor.dumps({"ret": [[float("nan")] * 7]})
+        nowhere = cbor.dumps({"ret": [[value] * 7]})
         server.before = after(
             11, lambda: setattr(server, "mangle", reply_to("sim.getObjectPose", nowhere))
         )
@@ -305,6 +312,27 @@ def test_a_function_that_this_version_lacks(server):
     )
     with pytest.raises(PlantLost, match=r"has no sim.getObjectPose: is it too old"):
         plant_at(server, interface="signals")
+
+
+def test_a_busy_server_is_asked_again(server):
+    """Another client's callback is under way."""
+    busy, asked = cbor.dumps({"func": "_*repeat*_", "args": []}), []
+
+    def mangle(request, reply):
+        asked.append(request["func"])
+        return busy if len(asked) in {3, 4} else cbor.dumps(reply)
+
+    server.mangle = mangle
+    with plant_at(server) as plant:
+        plant.reset(ORIGIN)
+    assert asked[2:5] == ["sim.getObject"] * 3
+
+
+@pytest.mark.parametrize("reply", [float("nan"), float("inf"), -1, 10**400, None, "15"])
+def test_a_handle_that_is_none(server, reply):
+    server.mangle = reply_to("sim.getObject", cbor.dumps({"ret": [reply]}))
+    with pytest.raises((InvalidScene, PlantLost), match=r"no object '/omni'|need a number"):
+        plant_at(server)
 
 
 def test_nothing_is_left_behind(server):

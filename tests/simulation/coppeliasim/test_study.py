@@ -2,9 +2,11 @@
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
+from time import monotonic, sleep
 
 import pytest
 
@@ -126,6 +128,23 @@ def test_without_a_simulator_the_command_says_so(tmp_path):
     assert done.returncode == 2, done.stdout
     assert "nobody listens at localhost:" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_an_interrupted_command_stops_the_robot(tmp_path):
+    with standin(PAPER) as server:
+        save_scenario(scenario_at(server.port), tmp_path / "scenario.yaml")
+        command = [sys.executable, "-m", "omnidrive", "run", "scenario.yaml", "--controller",
+                   "feedforward"]  # fmt: skip
+        with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as process:
+            deadline = monotonic() + 120.0
+            while len(server.called("step")) < 20 and monotonic() < deadline:
+                sleep(0.01)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60.0) == 130
+        assert server.scene.finished == 1
+        assert server.scene.state == STOPPED
+        assert not server.scene.targets.any()
+        assert not any(server.called("setJointTargetVelocity")[-1][1:])
 
 
 @pytest.mark.long

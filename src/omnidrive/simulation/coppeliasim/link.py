@@ -5,12 +5,15 @@ from __future__ import annotations
 import socket
 import sys
 from importlib import import_module
+from math import isfinite, nan
 from types import ModuleType
 from typing import Any
 
 from omnidrive.errors import InvalidScene, MissingExtra, PlantLost
 from omnidrive.simulation.coppeliasim.bounded_socket import BoundedSocket
 from omnidrive.yaml_file import one_line
+
+_MOST = 2**53  # whole numbers beyond are neither handles nor measurements
 
 
 class Link:
@@ -89,18 +92,18 @@ class Link:
         return self.as_numbers(count, self.call(name, *args), f"sim.{name}")
 
     def as_numbers(self, count: int, value: Any, source: str) -> tuple[float, ...]:
-        """``value`` as so many numbers.
+        """``value`` as so many numbers; what is not finite as NaN.
 
         Raises:
             PlantLost: It is something else.
         """
         values = value if isinstance(value, list | tuple) else [value]
-        if len(values) != count or not all(type(v) in {int, float} for v in values):
+        if len(values) != count or not all(_is_number(v) for v in values):
             raise PlantLost(
                 f"CoppeliaSim at {self.where} answers {source} with {one_line(str(value), 60)}, "
                 f"need {'a number' if count == 1 else f'{count} numbers'}"
             )
-        return tuple(float(v) for v in values)
+        return tuple(float(v) if isfinite(v) else nan for v in values)
 
     def handle(self, path: str, *, joint: bool = False) -> int:
         """The scene's object of that path.
@@ -110,7 +113,7 @@ class Link:
             PlantLost: As for :meth:`call`.
         """
         (found,) = self.numbers(1, "getObject", path, {"noError": True})
-        if found < 0:
+        if not 0 <= found < _MOST:
             raise InvalidScene(
                 f"the scene in CoppeliaSim has no object '{path}': open the robot's scene, or name "
                 "its objects in the scenario's section coppeliasim"
@@ -161,6 +164,10 @@ class Link:
                 "whose add-on 'ZMQ remote API server' listens on port 23000, or name another host "
                 "and port in the scenario's section coppeliasim"
             ) from None
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) is float or (type(value) is int and abs(value) <= _MOST)
 
 
 def _vendors_client() -> ModuleType:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import nan
 from time import monotonic, sleep
 from types import TracebackType
+from typing import get_args
 
 from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
@@ -13,12 +14,13 @@ from omnidrive.robot import Robot
 from omnidrive.simulation.coppeliasim.joints import Joints
 from omnidrive.simulation.coppeliasim.link import Link
 from omnidrive.simulation.coppeliasim.placing import moved, planar, seen_from, then, uprightness
-from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene
+from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene, Interface
 from omnidrive.simulation.coppeliasim.signals import Signals
 from omnidrive.simulation.plant import Measurement
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 _UPRIGHT = 0.9  # cosine of the tilt up to which a yaw means something
+_LEAST_STEP = 1e-5  # s that a simulator's step takes at least
 _PAUSE = 0.01  # s between questions while a simulation stops
 
 
@@ -93,7 +95,7 @@ class CoppeliaSimPlant:
                 "first (its stop button, or sim.stopSimulation())"
             )
         body = self._link.numbers(7, "getObjectPose", self._body)
-        if uprightness(body) < _UPRIGHT:
+        if not uprightness(body) >= _UPRIGHT:
             raise InvalidScene(
                 f"the z axis of '{self.scene.body or self.scene.model}' in CoppeliaSim does not "
                 "point up: name another object of the robot, such as a dummy, as coppeliasim.body"
@@ -186,7 +188,7 @@ class CoppeliaSimPlant:
 
     def _steps(self, dt: float) -> int:
         """How many of the simulator's steps ``dt`` (s) is."""
-        steps = round(dt / self._period) if self._period > 0.0 else 0
+        steps = round(dt / self._period) if self._period >= _LEAST_STEP else 0
         if steps < 1 or abs(steps * self._period - dt) > 1e-6 * dt:
             raise InvalidInput(
                 f"the sample time {dt:g} s is not a multiple of CoppeliaSim's time step "
@@ -203,7 +205,7 @@ class CoppeliaSimPlant:
                 self._motors.follow(self._period)
         (now,) = self._link.numbers(1, "getSimulationTime")
         expected = self._time + steps * self._period
-        if abs(now - expected) > 0.5 * self._period:
+        if not abs(now - expected) <= 0.5 * self._period:
             raise PlantLost(
                 f"the simulation in CoppeliaSim was stopped or paused from outside at "
                 f"{self._time:g} s: its clock shows {now:g} s, not {expected:g} s"
@@ -215,8 +217,9 @@ class CoppeliaSimPlant:
         assert self._frame is not None
         body = planar(self._link.numbers(7, "getObjectPose", self._body))
         linear, angular = self._velocity()
-        told = isinstance(self._motors, Signals) and self._time > 0.0
-        at = self._motors.pose() if told else then(body, self._frame)  # type: ignore[union-attr]
+        at = then(body, self._frame)
+        if isinstance(self._motors, Signals) and self._time > 0.0:  # before, no script has run
+            at = self._motors.pose()
         self._yaw += wrap(at.yaw - self._yaw)
         dx, dy = at.x - body.x, at.y - body.y
         turning = angular[2]
@@ -255,6 +258,11 @@ class CoppeliaSimPlant:
 
 def _refuse_unless_fitting(robot: Robot, scene: CoppeliaSimScene) -> None:
     wheels = len(robot.mounts)
+    if scene.interface not in get_args(Interface):
+        raise InvalidInput(
+            f"there is no interface '{scene.interface}' to CoppeliaSim; there are "
+            f"{', '.join(get_args(Interface))}"
+        )
     if scene.interface == "signals":
         if wheels != 4:
             raise InvalidInput(
@@ -268,3 +276,5 @@ def _refuse_unless_fitting(robot: Robot, scene: CoppeliaSimScene) -> None:
                 f"coppeliasim.{name} names {count} of {wheels} wheels of robot '{robot.name}': "
                 "name one per wheel, in the order of its mounts"
             )
+    if not set(scene.signs) <= {1, -1}:
+        raise InvalidInput(f"coppeliasim.signs are 1 or -1, got {scene.signs}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from math import isclose
+from math import isclose, isfinite, nan
 from typing import Any
 
 from omnidrive.errors import InvalidScene, PlantLost
@@ -47,7 +47,7 @@ class Signals:
             raw = raw.encode("utf-8", "surrogateescape")
         if not isinstance(raw, bytes) or len(raw) < 12:
             raise PlantLost("signal 'omni_pose0' does not hold three packed floats")
-        return Pose(*struct.unpack_from("<3f", raw))
+        return Pose(*(v if isfinite(v) else nan for v in struct.unpack_from("<3f", raw)))
 
     def check(self, robot: Robot) -> None:
         """Refuse a robot of other dimensions than the scene's.
