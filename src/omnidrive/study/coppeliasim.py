@@ -20,7 +20,7 @@ class CoppeliaSimSection(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    host: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,253}$")] = "localhost"
+    host: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,253}$")] = "localhost"
     port: Annotated[int, Bounds(1, 65_535, "")] = 23000
     """Of the add-on 'ZMQ remote API server'."""
     timeout: Annotated[float, Bounds(0.1, 600.0, "s")] = 10.0

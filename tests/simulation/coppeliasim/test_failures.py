@@ -63,8 +63,8 @@ def test_a_host_that_does_not_exist():
 
 def test_an_address_that_zeromq_does_not_know(monkeypatch):
     monkeypatch.setattr(Link, "_refuse_unless_listening", lambda link: None)
-    with pytest.raises(PlantLost, match=r"cannot connect to ::1:23000: Invalid argument"):
-        CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="::1"))
+    with pytest.raises(PlantLost, match=r"cannot connect to a b:23000: Invalid argument"):
+        CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="a b"))
 
 
 def test_another_program_on_the_port():
@@ -101,8 +101,10 @@ def test_settings_that_do_not_fit_the_robot(server):
         plant_at(server, signs=(1,))
     with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
         plant_at(server, signs=(1, 1, 1, 2))
+    scene = CoppeliaSimScene(port=server.port)
+    object.__setattr__(scene, "interface", "ros")
     with pytest.raises(InvalidInput, match="no interface 'ros' to CoppeliaSim"):
-        plant_at(server, interface="ros")
+        CoppeliaSimPlant(SMALL, scene)
 
 
 def test_an_object_that_lies():
@@ -280,7 +282,7 @@ def test_garbage_is_refused(server, raw, fact):
         ("getObjectVelocity", [1.0, 2.0], "getObjectVelocity with no two vectors"),
         ("getSimulationTime", None, "getSimulationTime .* need a number"),
         ("getJointForce", True, "getJointForce .* need a number"),
-        ("getJointForce", 10**400, "getJointForce .* need a number"),
+        ("getJointForce", 2**70, "getJointForce .* need a number"),
         ("getSimulationTime", float("nan"), "stopped or paused .* its clock shows nan s"),
     ],
 )
@@ -328,7 +330,7 @@ def test_a_busy_server_is_asked_again(server):
     assert asked[2:5] == ["sim.getObject"] * 3
 
 
-@pytest.mark.parametrize("reply", [float("nan"), float("inf"), -1, 10**400, None, "15"])
+@pytest.mark.parametrize("reply", [float("nan"), float("inf"), -1, 2**70, None, "15"])
 def test_a_handle_that_is_none(server, reply):
     server.mangle = reply_to("sim.getObject", cbor.dumps({"ret": [reply]}))
     with pytest.raises((InvalidScene, PlantLost), match=r"no object '/omni'|need a number"):

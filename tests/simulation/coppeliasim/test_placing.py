@@ -20,7 +20,7 @@ TILTED = st.tuples(METRES, METRES, METRES, *[st.floats(-pi, pi)] * 3).map(
 
 @given(TILTED, POSES, POSES)
 def test_a_moved_object_keeps_its_height_its_tilt_and_its_place_in_the_robot(pose, here, there):
-    new = np.array(moved(pose, here, there))
+    new = moved(pose, here, there)
     turn = there.yaw - here.yaw
     c, s = cos(turn), sin(turn)
     arm = np.subtract(pose[:2], here[:2])
