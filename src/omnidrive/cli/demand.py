@@ -72,8 +72,8 @@ class Demand:
         str | None,
         choice(
             get_args(PlantName),
-            "What simulates it: MuJoCo with rollers or with balls, kinematics alone, or a CoppeliaSim "
-            "that is running.",
+            "What simulates it: MuJoCo with rollers or with balls, kinematics alone, or a running "
+            "CoppeliaSim.",
             HOW,
         ),
     ] = None
