@@ -6,9 +6,9 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
+from omnidrive.bounded_file import one_line
 from omnidrive.errors import PlantLost
 from omnidrive.simulation.coppeliasim.replies import MAX_BYTES, is_plain
-from omnidrive.yaml_file import one_line
 
 _WAITING = {"_*wait*_", "_*repeat*_"}
 

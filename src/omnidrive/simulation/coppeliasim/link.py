@@ -9,9 +9,9 @@ from math import isfinite, nan
 from types import ModuleType
 from typing import Any
 
+from omnidrive.bounded_file import one_line
 from omnidrive.errors import InvalidScene, MissingExtra, PlantLost
 from omnidrive.simulation.coppeliasim.bounded_socket import BoundedSocket
-from omnidrive.yaml_file import one_line
 
 _MOST = 2**53  # whole numbers beyond are neither handles nor measurements
 
