@@ -8,9 +8,11 @@ OmnidriveError
 │   ├── InvalidPlace              a start or goal outside the map or inside an obstacle
 │   ├── InvalidReference          times not increasing, shapes that disagree, too fast for the
 │   │                             robot, a waypoint file that is missing, malformed or too large
-│   └── InvalidScenario           a scenario with an unknown key, a wrong unit, sign or range
+│   ├── InvalidScenario           a scenario with an unknown key, a wrong unit, sign or range
+│   └── InvalidScene              a simulator's scene without what the settings name
 ├── NoPathFound                   the planner proved there is none
 ├── MissingExtra                  an optional dependency is not installed
+├── PlantLost                     a simulator behind a plant cannot be reached, or went away
 ├── CannotWrite                   the run folder cannot be made or has no room left
 ├── WorkerLost                    a process that did some of the runs was killed
 └── RunFailed                     raised only on request, by ``Run.raise_if_failed()``
@@ -63,12 +65,23 @@ class InvalidScenario(InvalidInput):
     """A scenario that does not say what it means."""
 
 
+class InvalidScene(InvalidInput):
+    """A simulator's scene that does not hold what the settings name."""
+
+
 class NoPathFound(OmnidriveError):
     """There is no way from start to goal."""
 
 
 class MissingExtra(OmnidriveError):
     """An optional dependency is needed and not installed."""
+
+
+class PlantLost(OmnidriveError):
+    """The simulator or robot behind a plant cannot be reached, or went away.
+
+    Raised by a plant's ``step`` it ends the run, whose log is kept.
+    """
 
 
 class CannotWrite(OmnidriveError):

@@ -10,7 +10,8 @@ from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference import Setpoint
 from omnidrive.simulation import simulate
 from omnidrive.study import paper_scenario, prepare
-from omnidrive.study.jobs import make_controller, make_plant
+from omnidrive.study.jobs import make_controller
+from omnidrive.study.plants import make_plant
 
 LAWS = {
     "quintic": lambda part: part**3 * (10.0 - part * (15.0 - 6.0 * part)),

@@ -73,7 +73,7 @@ class Demand:
         choice(
             get_args(PlantName),
             "What simulates it: MuJoCo with rollers or with balls, a rigid body on the plane with "
-            "friction at its wheels, or kinematics alone.",
+            "friction at its wheels, kinematics alone, or a running CoppeliaSim.",
             HOW,
         ),
     ] = None

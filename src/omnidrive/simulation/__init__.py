@@ -1,6 +1,7 @@
 """The robot's answer to a command, and the loop that closes around it."""
 
 from omnidrive.simulation.conditions import Conditions, Motor, Patch, Payload
+from omnidrive.simulation.coppeliasim import CoppeliaSimPlant, CoppeliaSimScene
 from omnidrive.simulation.identify import identify_lag
 from omnidrive.simulation.kinematic import KinematicPlant
 from omnidrive.simulation.loop import Outcome, Run, simulate
@@ -12,6 +13,8 @@ from omnidrive.simulation.sensing import Estimate, PaperNoise, PerfectSensor, Se
 
 __all__ = [
     "Conditions",
+    "CoppeliaSimPlant",
+    "CoppeliaSimScene",
     "DisturbablePlant",
     "Estimate",
     "KinematicPlant",

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.control import Command, Controller, DetailedController, Status
-from omnidrive.errors import InvalidInput, RunFailed
+from omnidrive.errors import InvalidInput, PlantLost, RunFailed
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Reference
 from omnidrive.simulation.plant import Plant
@@ -31,6 +31,7 @@ class Outcome(Enum):
     FINISHED = "reached the end of the reference"
     CONTROLLER_FAILED = "the controller had no usable command"
     PLANT_FAILED = "the plant's state is not finite"
+    PLANT_LOST = "the plant was lost"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,6 +52,7 @@ class Run:
         status: :class:`~omnidrive.control.Status` of each command.
         collisions: How often the body has begun to touch an obstacle.
         outcome: Why the loop stopped.
+        reason: What more there is to say of that; often nothing.
         details: Inner numbers of a :class:`~omnidrive.control.DetailedController` at each sample,
             by name; NaN where it gave none, as in the last row.
         detail_units: The unit of each.
@@ -69,13 +71,19 @@ class Run:
     status: Int[Array, " rows"]
     collisions: Int[Array, " rows"]
     outcome: Outcome
+    reason: str = ""
     details: dict[str, Float[Array, " rows"]] = field(default_factory=dict)
     detail_units: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def ending(self) -> str:
+        """Why the loop stopped, with the reason where there is one."""
+        return f"{self.outcome.value}: {self.reason}" if self.reason else self.outcome.value
 
     def raise_if_failed(self) -> Run:
         """Return self, or raise :class:`RunFailed` if the loop stopped early."""
         if self.outcome is not Outcome.FINISHED:
-            raise RunFailed(f"stopped at {self.t[-1]:g} s: {self.outcome.value}")
+            raise RunFailed(f"stopped at {self.t[-1]:g} s: {self.ending}")
         return self
 
 
@@ -108,7 +116,7 @@ def simulate(
     units = controller.detail_units if isinstance(controller, DetailedController) else {}
     rows: list[tuple[float, ...]] = []
     details: list[tuple[float, ...]] = []
-    outcome = Outcome.FINISHED
+    outcome, reason = Outcome.FINISHED, ""
     last = round(reference.duration / dt)
 
     controller.reset(start)
@@ -135,16 +143,20 @@ def simulate(
             outcome = Outcome.CONTROLLER_FAILED
             break
         if k < last:
-            state = plant.step(command.twist, dt)
+            try:
+                state = plant.step(command.twist, dt)
+            except PlantLost as error:
+                outcome, reason = Outcome.PLANT_LOST, str(error)
+                break
             if not all(map(isfinite, (*state.pose, *state.twist))):
                 outcome = Outcome.PLANT_FAILED
                 break
-    return _log(np.array(rows, dtype=float), outcome, details, units)
+    return _log(np.array(rows, dtype=float), (outcome, reason), details, units)
 
 
 def _log(
     rows: Float[Array, "rows 22"],
-    outcome: Outcome,
+    ending: tuple[Outcome, str],
     details: Sequence[tuple[float, ...]],
     units: Mapping[str, str],
 ) -> Run:
@@ -162,7 +174,8 @@ def _log(
         step_time=rows[:, 17],
         status=rows[:, 18].astype(np.int64),
         collisions=rows[:, 19].astype(np.int64),
-        outcome=outcome,
+        outcome=ending[0],
+        reason=ending[1],
         details=_detail_columns(details, units),
         detail_units=dict(units),
     )

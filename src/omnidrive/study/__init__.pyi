@@ -1,7 +1,8 @@
 from .destination import check_new_folder, check_plan_targets
 from .folder import RunFolder
-from .jobs import Job, jobs_of, make_controller, make_plant, run_job
+from .jobs import Job, jobs_of, make_controller, run_job
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
+from .plants import make_plant
 from .prepared import Prepared, lay_out, prepare
 from .queries import solve_queries
 from .scenario import (

@@ -32,13 +32,14 @@ def execute(
     """Yield each job with its result as it finishes; the order depends on ``processes``.
 
     Every run owns its plant, controller and random numbers, so results do not depend on it.
-    Runs are started longest first.
+    Runs are started longest first; those in CoppeliaSim one at a time, as it holds one robot.
 
     Raises:
         WorkerLost: A worker process was killed; what was yielded before stands.
     """
     queue = sorted(jobs, key=lambda job: -job.duration)
-    if processes <= 1 or len(queue) <= 1:
+    alone = prepared.scenario.plant == "coppeliasim"
+    if alone or processes <= 1 or len(queue) <= 1:
         for job in queue:
             yield job, run_job(prepared, job)
         return

@@ -157,7 +157,7 @@ def track_record(result: TrackResult) -> dict[str, Any]:
         "horizon": result.horizon,
         "repeat": result.repeat,
         "finished": run.outcome is Outcome.FINISHED,
-        "outcome": run.outcome.value,
+        "outcome": run.ending,
         "me": m.me,
         "mae": m.mae,
         "max_error": m.max_error,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,23 +18,17 @@ from omnidrive.control import (
 from omnidrive.control.nmpc.holonomic import Actuation
 from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
-from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Hold
 from omnidrive.robot import Robot
 from omnidrive.simulation import (
-    KinematicPlant,
-    MovingObstacle,
-    MujocoPlant,
     PaperNoise,
-    PlanarPlant,
-    Plant,
     simulate,
 )
+from omnidrive.study.plants import plant_of
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
     PREDICTIVE,
     ControllerName,
-    PlantName,
     Scenario,
     TaskName,
 )
@@ -123,46 +117,6 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     return Actuation.of(robot, section.traction, may_spin=section.may_spin)
 
 
-def make_plant(
-    robot: Robot,
-    name: PlantName,
-    *,
-    rng: np.random.Generator | None = None,
-    obstacles: OccupancyGrid | None = None,
-    moving: Sequence[MovingObstacle] = (),
-) -> Plant:
-    """A fresh plant.
-
-    Args:
-        robot: What drives.
-        name: Which plant.
-        rng: What the rollers' first angles are drawn from, and
-        obstacles: what stands around it, and
-        moving: what moves there: of plants that have such things.
-    """
-    table: dict[PlantName, Callable[[], Plant]] = {
-        "kinematic": lambda: KinematicPlant(robot),
-        "planar": lambda: PlanarPlant(robot, rng),
-        "ball": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
-        "rollers": lambda: MujocoPlant(robot, "rollers", rng, obstacles=obstacles, moving=moving),
-    }
-    return table[name]()
-
-
-def _plant_on_map(prepared: Prepared, job: Job) -> Plant:
-    """The scenario's plant among its obstacles; every controller meets the same one."""
-    scenario = prepared.scenario
-    # apart from the numbers of the noise
-    seed = np.random.SeedSequence(scenario.seed, spawn_key=(job.repeat,))
-    return make_plant(
-        prepared.robot,
-        scenario.plant,
-        rng=np.random.default_rng(seed) if scenario.robot.roller_phase else None,
-        obstacles=prepared.obstacles,
-        moving=[section.obstacle() for section in scenario.map.moving],
-    )
-
-
 def _track(prepared: Prepared, job: Job) -> TrackResult:
     """Follow the path; with noise, every controller sees the same random numbers.
 
@@ -173,14 +127,15 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     reference = prepared.reference(job.duration)
     noise = job.task == "noise"
     rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
-    run = simulate(
-        _plant_on_map(prepared, job),
-        make_controller(scenario, prepared.robot, job.controller, job.horizon),
-        reference,
-        start=reference.at(0.0).pose,
-        dt=scenario.sample_time,
-        sensor=PaperNoise(rng) if noise else None,
-    )
+    with plant_of(prepared, job.repeat) as plant:
+        run = simulate(
+            plant,
+            make_controller(scenario, prepared.robot, job.controller, job.horizon),
+            reference,
+            start=reference.at(0.0).pose,
+            dt=scenario.sample_time,
+            sensor=PaperNoise(rng) if noise else None,
+        )
     return TrackResult(
         job.controller, job.task, job.duration, noise, job.horizon, run,
         measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]), job.repeat,
@@ -194,13 +149,14 @@ def _step(prepared: Prepared, job: Job) -> StepResult:
     assert task is not None
     start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
-    run = simulate(
-        make_plant(prepared.robot, scenario.plant),
-        make_controller(scenario, prepared.robot, job.controller, job.horizon),
-        Hold(goal, job.duration),
-        start=start,
-        dt=scenario.sample_time,
-    )
+    with plant_of(prepared, on_map=False) as plant:
+        run = simulate(
+            plant,
+            make_controller(scenario, prepared.robot, job.controller, job.horizon),
+            Hold(goal, job.duration),
+            start=start,
+            dt=scenario.sample_time,
+        )
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )

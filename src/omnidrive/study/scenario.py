@@ -16,6 +16,7 @@ from omnidrive.planning import PathOptions, Place
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
+from omnidrive.study.coppeliasim import CoppeliaSimSection
 
 ControllerName = Literal[
     "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended"
@@ -23,7 +24,7 @@ ControllerName = Literal[
 PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 """Who plans over a horizon."""
 TaskName = Literal["track", "noise", "step", "horizon"]
-PlantName = Literal["rollers", "ball", "planar", "kinematic"]
+PlantName = Literal["rollers", "ball", "planar", "kinematic", "coppeliasim"]
 _SOLID: tuple[PlantName, ...] = ("rollers", "ball")
 """On which a robot runs into obstacles."""
 PresetName = Literal["paper", "published-code", "recommended"]
@@ -262,6 +263,8 @@ class Scenario(_Section):
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
     robot: RobotSection
     plant: PlantName = "rollers"
+    coppeliasim: CoppeliaSimSection = CoppeliaSimSection()
+    """For the plant of that name."""
     sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
     map: MapSection
     start: Place

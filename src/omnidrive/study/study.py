@@ -84,7 +84,7 @@ class Study:
         """Return self, or raise :class:`RunFailed` if a run stopped early."""
         failed = [r for r in self.results.runs if r.run.outcome is not Outcome.FINISHED]
         if failed:
-            facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.outcome.value})" for r in failed)
+            facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.ending})" for r in failed)
             raise RunFailed(f"stopped early: {'; '.join(facts)}")
         return self
 

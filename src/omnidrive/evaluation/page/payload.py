@@ -145,7 +145,7 @@ def _run(run: Run, label: str, short: str, ink: Ink) -> dict[str, Any]:
         "yawRate": _column(run.twist[:, 2]),
         "tuning": {f"{each.quantity} {each.channel}": _column(each.values)
                    for each in tuning_of(run)},
-        "ended": None if run.outcome is Outcome.FINISHED else run.outcome.value,
+        "ended": None if run.outcome is Outcome.FINISHED else run.ending,
     }  # fmt: skip
 
 

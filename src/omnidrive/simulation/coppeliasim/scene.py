@@ -1,0 +1,38 @@
+"""Where CoppeliaSim listens, and what the robot is called in its scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Interface = Literal["joints", "signals"]
+
+
+@dataclass(frozen=True, slots=True)
+class CoppeliaSimScene:
+    """Settings of :class:`~omnidrive.simulation.coppeliasim.CoppeliaSimPlant`.
+
+    The defaults name what the paper's author called the parts of his robot.
+
+    Attributes:
+        host: Name or address of the machine.
+        port: Of its ZeroMQ remote API server.
+        timeout: Longest wait for one answer, in s.
+        interface: ``joints``: wheels are commanded and read joint by joint, in any scene;
+            ``signals``: by the signals that the script in the author's scene listens to.
+        model: Path of the robot's base, which is moved to the start.
+        body: Path of the object whose pose is read, with its z axis up; None: the base.
+        body_yaw: Bearing of B's x axis in the frame of that object, in rad.
+        joints: Path of every wheel's joint, in the order of the robot's mounts.
+        signs: 1 where positive turning is the mount's, -1 where it is the opposite, per joint.
+    """
+
+    host: str = "localhost"
+    port: int = 23000
+    timeout: float = 10.0
+    interface: Interface = "joints"
+    model: str = "/omni"
+    body: str | None = None
+    body_yaw: float = 0.0
+    joints: tuple[str, ...] = ("/omni/motor3", "/omni/motor2", "/omni/motor1", "/omni/motor4")
+    signs: tuple[int, ...] = (-1, -1, -1, -1)

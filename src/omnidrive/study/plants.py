@@ -1,0 +1,78 @@
+"""The plants of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from omnidrive.maps import OccupancyGrid
+from omnidrive.robot import Robot
+from omnidrive.simulation import (
+    CoppeliaSimPlant,
+    CoppeliaSimScene,
+    KinematicPlant,
+    MovingObstacle,
+    MujocoPlant,
+    PlanarPlant,
+    Plant,
+)
+from omnidrive.study.prepared import Prepared
+from omnidrive.study.scenario import PlantName
+
+
+def make_plant(
+    robot: Robot,
+    name: PlantName,
+    *,
+    rng: np.random.Generator | None = None,
+    obstacles: OccupancyGrid | None = None,
+    moving: Sequence[MovingObstacle] = (),
+    scene: CoppeliaSimScene | None = None,
+) -> Plant:
+    """A fresh plant; ``coppeliasim`` must be closed after use.
+
+    Args:
+        robot: What drives.
+        name: Which plant.
+        rng: What the rollers' first angles are drawn from, and
+        obstacles: what stands around it, and
+        moving: what moves there, and
+        scene: what to find in CoppeliaSim: of plants that have such things.
+    """
+    table: dict[PlantName, Callable[[], Plant]] = {
+        "kinematic": lambda: KinematicPlant(robot),
+        "planar": lambda: PlanarPlant(robot, rng),
+        "ball": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
+        "rollers": lambda: MujocoPlant(robot, "rollers", rng, obstacles=obstacles, moving=moving),
+        "coppeliasim": lambda: CoppeliaSimPlant(robot, scene),
+    }
+    return table[name]()
+
+
+@contextmanager
+def plant_of(prepared: Prepared, repeat: int = 0, *, on_map: bool = True) -> Iterator[Plant]:
+    """The scenario's plant, stopped at the end if it would go on by itself.
+
+    Args:
+        prepared: The scenario with its map.
+        repeat: Which of the random numbers; every controller meets the same ones.
+        on_map: Whether the map's obstacles stand around it, or it is on an endless floor.
+    """
+    scenario = prepared.scenario
+    # apart from the numbers of the noise
+    seed = np.random.SeedSequence(scenario.seed, spawn_key=(repeat,))
+    plant = make_plant(
+        prepared.robot,
+        scenario.plant,
+        rng=np.random.default_rng(seed) if scenario.robot.roller_phase else None,
+        obstacles=prepared.obstacles if on_map else None,
+        moving=[section.obstacle() for section in scenario.map.moving] if on_map else (),
+        scene=CoppeliaSimScene(**scenario.coppeliasim.model_dump()),
+    )
+    try:
+        yield plant
+    finally:
+        if isinstance(plant, CoppeliaSimPlant):
+            plant.close()

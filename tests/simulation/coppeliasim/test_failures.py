@@ -1,0 +1,362 @@
+"""What goes wrong on the wire is one clear line, stops the robot and keeps the log."""
+
+import socket
+import sys
+import threading
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from omnidrive.control import FeedforwardController
+from omnidrive.errors import InvalidInput, InvalidScene, MissingExtra, PlantLost
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.robot import named_robot
+from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene, Outcome, simulate
+from omnidrive.simulation.coppeliasim.link import Link
+from tests.laws.motions import Circle
+from tests.simulation.coppeliasim.scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
+from tests.simulation.coppeliasim.standin import cbor, standin
+
+SMALL = named_robot("small")
+ORIGIN = Pose(0.0, 0.0, 0.0)
+AHEAD = BodyTwist(0.5, 0.0, 0.0)
+
+
+@pytest.fixture
+def server():
+    with standin(SMALL) as running:
+        yield running
+
+
+def plant_at(server, robot=SMALL, timeout=5.0, **options):
+    scene = CoppeliaSimScene(port=server.port, timeout=timeout, **options)
+    return CoppeliaSimPlant(robot, scene)
+
+
+def stands_still(server):
+    return server.scene.state == STOPPED and not server.scene.targets.any()
+
+
+def reply_to(name, raw):
+    """A `mangle` that answers one function with these bytes."""
+    return lambda request, reply: raw if request["func"] == name else cbor.dumps(reply)
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_nobody_listens():
+    began = monotonic()
+    with pytest.raises(PlantLost, match=r"nobody listens at localhost:.*start CoppeliaSim"):
+        CoppeliaSimPlant(SMALL, CoppeliaSimScene(port=free_port()))
+    assert monotonic() - began < 5.0
+
+
+def test_a_host_that_does_not_exist():
+    with pytest.raises(PlantLost, match=r"nobody listens at no-such-host.invalid"):
+        CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="no-such-host.invalid", timeout=2.0))
+
+
+def test_an_address_that_zeromq_does_not_know(monkeypatch):
+    monkeypatch.setattr(Link, "_refuse_unless_listening", lambda link: None)
+    with pytest.raises(PlantLost, match=r"cannot connect to a b:23000: Invalid argument"):
+        CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="a b"))
+
+
+def test_another_program_on_the_port():
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with pytest.raises(PlantLost, match=r"did not answer within 0.5 s"):
+            CoppeliaSimPlant(SMALL, CoppeliaSimScene(port=port, timeout=0.5))
+
+
+def test_the_client_is_not_installed(monkeypatch):
+    monkeypatch.setitem(sys.modules, "coppeliasim_zmqremoteapi_client", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[coppeliasim\]'"):
+        CoppeliaSimPlant(SMALL)
+
+
+@pytest.mark.parametrize(
+    ("options", "fact"),
+    [
+        ({"model": "/robot"}, "no object '/robot'"),
+        ({"body": "/omni/centre"}, "no object '/omni/centre'"),
+        ({"joints": ("/omni/motor1", "/omni/motor2", "/omni/motor3", "/w")}, "no object '/w'"),
+        ({"joints": ("/omni/motor1", "/omni/motor2", "/omni/motor3", "/Floor")}, "not a joint"),
+    ],
+)
+def test_a_scene_without_the_robot(server, options, fact):
+    with pytest.raises(InvalidScene, match=fact):
+        plant_at(server, **options)
+
+
+def test_settings_that_do_not_fit_the_robot(server):
+    with pytest.raises(InvalidInput, match="names 3 of 4 wheels of robot 'small'"):
+        plant_at(server, joints=("/a", "/b", "/c"))
+    with pytest.raises(InvalidInput, match=r"coppeliasim.signs names 1 of 4"):
+        plant_at(server, signs=(1,))
+    with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
+        plant_at(server, signs=(1, 1, 1, 2))
+    scene = CoppeliaSimScene(port=server.port)
+    object.__setattr__(scene, "interface", "ros")
+    with pytest.raises(InvalidInput, match="no interface 'ros' to CoppeliaSim"):
+        CoppeliaSimPlant(SMALL, scene)
+
+
+def test_an_object_that_lies():
+    with standin(SMALL, upright=False) as server, plant_at(server) as plant:
+        with pytest.raises(InvalidScene, match=r"z axis of '/omni'.* does not point up"):
+            plant.reset(ORIGIN)
+        assert server.scene.state == STOPPED
+
+
+def test_a_simulation_of_somebody_else_is_left_alone(server):
+    server.scene.startSimulation()
+    with plant_at(server) as plant, pytest.raises(InvalidInput, match="not started from here"):
+        plant.reset(ORIGIN)
+    assert server.scene.state == RUNNING
+    assert not server.called("stopSimulation")
+
+
+def test_a_sample_time_that_is_no_multiple(server):
+    with plant_at(server) as plant:
+        plant.reset(ORIGIN)
+        for dt in (0.12, 0.02):
+            with pytest.raises(InvalidInput, match=rf"{dt} s is not a multiple .* 0.05 s"):
+                plant.step(AHEAD, dt)
+        plant.step(AHEAD, 0.15)
+        assert server.scene.time == pytest.approx(0.15)
+
+
+def test_the_robot_is_placed_while_the_simulation_is_stopped_and_put_back(server):
+    home = server.scene.motion.pose
+    with plant_at(server) as plant:
+        plant.reset(Pose(1.0, 2.0, 3.0))
+        plant.step(AHEAD, 0.1)
+        plant.reset(Pose(2.0, 1.0, 0.0))
+    assert [state for *_, state in server.scene.moves] == [STOPPED] * 3
+    assert np.array(server.scene.motion.pose) == pytest.approx(home)
+    assert server.scene.height == 0.05
+    assert server.scene.finished == 2
+
+
+@pytest.mark.parametrize("leave", [KeyboardInterrupt, RuntimeError])
+def test_whatever_ends_a_run_the_robot_is_stopped(server, leave):
+    def run():
+        with plant_at(server) as plant:
+            plant.reset(ORIGIN)
+            plant.step(AHEAD, 0.1)
+            assert server.scene.targets.any()
+            raise leave
+
+    with pytest.raises(leave):
+        run()
+    assert stands_still(server)
+
+
+def test_an_interruption_in_a_call_stops_the_robot_through_a_new_client(server):
+    """The old one is inside sim.step: all it sends is taken for the answer that it owes."""
+    plant = plant_at(server)
+    plant.reset(ORIGIN)
+    link = plant._link._client.socket
+
+    def interrupt():
+        link._deadline = -1.0
+        raise KeyboardInterrupt
+
+    link.recv, step = interrupt, lambda: plant.step(AHEAD, 0.1)
+    with pytest.raises(KeyboardInterrupt):
+        step()
+    assert stands_still(server)
+    assert len(server.greetings) == 2
+    assert server.called("setJointTargetVelocity")[-1] == [FIRST_JOINT + 3, -0.0]
+
+
+def drive(plant, duration=2.0):
+    reference = Circle(duration=duration)
+    start = reference.at(0.0).pose
+    return simulate(plant, FeedforwardController(0.1), reference, start=start, dt=0.1)
+
+
+def after(steps, action):
+    """Do something once so many steps were asked for."""
+    count = 0
+
+    def before(request):
+        nonlocal count
+        count += request["func"] == "sim.step"
+        if count == steps:
+            action()
+            count += 1
+
+    return before
+
+
+def test_stopped_from_outside(server):
+    def press_stop():
+        server.scene.state = STOPPING
+
+    server.before = after(11, press_stop)
+    with plant_at(server) as plant:
+        run = drive(plant)
+    assert run.outcome is Outcome.PLANT_LOST
+    assert "stopped or paused from outside at 0.5 s" in run.ending
+    assert run.t == pytest.approx(np.arange(6) * 0.1)
+    assert stands_still(server)
+
+
+def test_paused_from_outside(server):
+    def press_pause():
+        server.scene.state = PAUSED
+
+    server.before = after(11, press_pause)
+    with plant_at(server) as plant:
+        run = drive(plant)
+    assert run.outcome is Outcome.PLANT_LOST
+    assert "its clock shows 0.5 s, not 0.6 s" in run.reason
+    assert stands_still(server)
+
+
+def test_silent_in_the_middle_of_a_run(server):
+    server.before = after(11, lambda: setattr(server, "mangle", lambda request, reply: None))
+    began = monotonic()
+    with plant_at(server, timeout=0.5) as plant:
+        run = drive(plant)
+    assert monotonic() - began < 10.0
+    assert run.outcome is Outcome.PLANT_LOST
+    assert "did not answer within 0.5 s" in run.reason
+    assert len(run.t) == 6
+
+
+def test_a_simulator_that_never_finishes_a_step(server):
+    """It answers at once, for ever, that there is nothing yet."""
+    wait = cbor.dumps({"func": "_*wait*_", "args": []})
+    server.before = after(11, lambda: setattr(server, "mangle", lambda request, reply: wait))
+    with plant_at(server, timeout=0.5) as plant:
+        run = drive(plant)
+    assert run.outcome is Outcome.PLANT_LOST
+    assert "did not answer within 0.5 s" in run.reason
+
+
+def nested(depth):
+    return b"\x81" * depth + b"\x00"
+
+
+@pytest.mark.parametrize(
+    ("raw", "fact"),
+    [
+        (b"", "is not CoppeliaSim's remote API"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "is not CoppeliaSim's remote API"),
+        (cbor.dumps([1, 2]), "is not CoppeliaSim's remote API"),
+        (cbor.dumps({"ret": 7}), "another version"),
+        (nested(1_000_000), "is not CoppeliaSim's remote API"),
+        (b"\x9b" + b"\xff" * 8, "is not CoppeliaSim's remote API"),
+        (b"\xa1\x63ret\x9a\x7f\xff\xff\xff", "is not CoppeliaSim's remote API"),
+        (b"\xa1\x63ret\x81\x62\xff\xff", "is not CoppeliaSim's remote API"),
+        (cbor.dumps({"success": True, "ret": []}), "another version of its remote API"),
+        (cbor.dumps({"success": False, "error": "new\none"}), r"another version.*: new\\none"),
+        (cbor.dumps({"func": "exit", "args": []}), "asks to call 'exit' here, which is refused"),
+        (cbor.dumps({"err": "No such\nfunction"}), r"refuses require: No such\\nfunction"),
+        (bytes(5 * 2**20), "did not answer within 1 s"),
+    ],
+    ids=["empty", "http", "list", "no-list", "nested", "endless", "longer", "not-text", "version-1",
+         "mismatch", "call", "refusal", "huge"],
+)  # fmt: skip
+def test_garbage_is_refused(server, raw, fact):
+    server.mangle = reply_to("zmqRemoteApi.require", raw)
+    with pytest.raises(PlantLost, match=fact) as refusal:
+        plant_at(server, timeout=1.0)
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("function", "value", "fact"),
+    [
+        ("getObjectPose", [1.0, 2.0], "getObjectPose .* need 7 numbers"),
+        ("getObjectPose", "here", "getObjectPose .* need 7 numbers"),
+        ("getObjectVelocity", [1.0, 2.0], "getObjectVelocity with no two vectors"),
+        ("getSimulationTime", None, "getSimulationTime .* need a number"),
+        ("getJointForce", True, "getJointForce .* need a number"),
+        ("getJointForce", 2**70, "getJointForce .* need a number"),
+        ("getSimulationTime", float("nan"), "stopped or paused .* its clock shows nan s"),
+    ],
+)
+def test_an_answer_of_another_kind_ends_the_run(server, function, value, fact):
+    with plant_at(server) as plant:
+        plant.reset(ORIGIN)
+        reply = {"ret": [] if value is None else [value]}
+        server.mangle = reply_to(f"sim.{function}", cbor.dumps(reply))
+        with pytest.raises(PlantLost, match=fact):
+            plant.step(AHEAD, 0.1)
+        assert stands_still(server)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_pose_that_is_not_finite_ends_the_run_as_on_every_plant(server, value):
+    with plant_at(server) as plant:
+        nowhere = cbor.dumps({"ret": [[value] * 7]})
+        server.before = after(
+            11, lambda: setattr(server, "mangle", reply_to("sim.getObjectPose", nowhere))
+        )
+        run = drive(plant)
+    assert run.outcome is Outcome.PLANT_FAILED
+    assert stands_still(server)
+
+
+def test_a_function_that_this_version_lacks(server):
+    server.mangle = reply_to(
+        "zmqRemoteApi.info", cbor.dumps({"ret": [{"getObject": {"func": {}}}]})
+    )
+    with pytest.raises(PlantLost, match=r"has no sim.getObjectPose: is it too old"):
+        plant_at(server, interface="signals")
+
+
+def test_a_busy_server_is_asked_again(server):
+    """Another client's callback is under way."""
+    busy, asked = cbor.dumps({"func": "_*repeat*_", "args": []}), []
+
+    def mangle(request, reply):
+        asked.append(request["func"])
+        return busy if len(asked) in {3, 4} else cbor.dumps(reply)
+
+    server.mangle = mangle
+    with plant_at(server) as plant:
+        plant.reset(ORIGIN)
+    assert asked[2:5] == ["sim.getObject"] * 3
+
+
+@pytest.mark.parametrize("reply", [float("nan"), float("inf"), -1, 2**70, None, "15"])
+def test_a_handle_that_is_none(server, reply):
+    server.mangle = reply_to("sim.getObject", cbor.dumps({"ret": [reply]}))
+    with pytest.raises((InvalidScene, PlantLost), match=r"no object '/omni'|need a number"):
+        plant_at(server)
+
+
+def test_nothing_is_left_behind(server):
+    """No threads, no function in the main program, and the plant can be used again."""
+    main, before = vars(sys.modules["__main__"]), threading.active_count()
+    names = set(main)
+    plant = plant_at(server)
+    for _ in range(2):
+        plant.reset(ORIGIN)
+        plant.step(AHEAD, 0.1)
+        plant.close()
+        plant.close()
+    assert set(main) == names
+    assert threading.active_count() == before
+    assert stands_still(server)
+
+
+def test_the_first_request_names_version_2(server):
+    with plant_at(server):
+        pass
+    (hello,) = server.greetings
+    assert hello["func"] == "zmqRemoteApi.require"
+    assert hello["args"] == ["sim"]
+    assert hello["ver"] == 2
+    assert hello["lang"] == "python"

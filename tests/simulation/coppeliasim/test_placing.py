@@ -1,0 +1,45 @@
+"""Motions of objects over the floor, against SciPy's rotations."""
+
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from omnidrive.geometry import Pose, wrap
+from omnidrive.simulation.coppeliasim.placing import moved, planar, seen_from, then, uprightness
+
+METRES = st.floats(-20.0, 20.0)
+POSES = st.builds(Pose, METRES, METRES, st.floats(-10.0, 10.0))
+TILTED = st.tuples(METRES, METRES, METRES, *[st.floats(-pi, pi)] * 3).map(
+    lambda v: [*v[:3], *Rotation.from_euler("xyz", v[3:]).as_quat().tolist()]
+)
+
+
+@given(TILTED, POSES, POSES)
+def test_a_moved_object_keeps_its_height_its_tilt_and_its_place_in_the_robot(pose, here, there):
+    new = moved(pose, here, there)
+    turn = there.yaw - here.yaw
+    c, s = cos(turn), sin(turn)
+    arm = np.subtract(pose[:2], here[:2])
+    assert new[:2] == pytest.approx([[c, -s], [s, c]] @ arm + there[:2], abs=1e-12)
+    assert new[2] == pose[2]
+    wanted = Rotation.from_rotvec([0.0, 0.0, turn]) * Rotation.from_quat(pose[3:])
+    assert (wanted.inv() * Rotation.from_quat(new[3:])).magnitude() == pytest.approx(0.0, abs=1e-7)
+    assert uprightness(new) == pytest.approx(uprightness(pose), abs=1e-12)
+
+
+@given(POSES, POSES)
+def test_a_pose_seen_from_another_leads_back(frame, pose):
+    assert np.array(then(frame, seen_from(frame, pose))) == pytest.approx(pose, abs=1e-12)
+
+
+@given(TILTED)
+def test_seen_from_above(pose):
+    x_axis, _, z_axis = Rotation.from_quat(pose[3:]).as_matrix().T
+    assert uprightness(pose) == pytest.approx(z_axis[2], abs=1e-12)
+    if np.hypot(*x_axis[:2]) > 1e-3:
+        bearing = np.arctan2(x_axis[1], x_axis[0])
+        assert wrap(planar(pose).yaw - bearing) == pytest.approx(0.0, abs=1e-9)

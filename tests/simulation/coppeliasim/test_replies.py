@@ -1,0 +1,60 @@
+"""What is looked at before a reply is decoded."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnidrive.simulation.coppeliasim.replies import is_plain
+from tests.simulation.coppeliasim.standin import cbor
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | st.text()
+    | st.binary(),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
+    max_leaves=20,
+)  # fmt: skip
+
+
+def depth(value):
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return 1 + max(map(depth, inner), default=0)
+
+
+@settings(max_examples=200, deadline=None)
+@given(VALUES.filter(lambda value: depth(value) < 12), st.data())
+def test_what_the_encoder_writes_is_plain_and_nothing_shorter_or_longer(value, data):
+    raw = cbor.dumps(value)
+    assert is_plain(raw)
+    assert not is_plain(raw + b"\0")
+    assert not is_plain(raw[: data.draw(st.integers(0, len(raw) - 1))])
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=40))
+def test_any_bytes_get_an_answer(raw):
+    if is_plain(raw):
+        assert raw
+
+
+@pytest.mark.parametrize(
+    ("text", "plain"),
+    [  # examples of RFC 8949, appendix A and, not well-formed, appendix F
+        ("00", True), ("1bffffffffffffffff", True), ("f97e00", True), ("fb3ff199999999999a", True),
+        ("c249010000000000000000", True), ("d74401020304", True), ("6449455446", True),
+        ("a201020304", True), ("826161a161626163", True), ("5f42010243030405ff", True),
+        ("9f018202039f0405ffff", True), ("bf61610161629f0203ffff", True), ("a0", True),
+        ("", False), ("18", False), ("1901", False), ("41", False), ("61", False), ("81", False),
+        ("a1", False), ("a20102", False), ("5f4100", False), ("9f", False), ("9f01", False),
+        ("1c", False), ("3d", False), ("5e", False), ("7c", False), ("fe", False), ("ff", False),
+        ("81ff", False), ("8200ff", False), ("a1ff", False), ("c0", False), ("1f", False),
+        ("df", False), ("3f", False),
+    ],
+)  # fmt: skip
+def test_examples_of_the_standard(text, plain):
+    assert is_plain(bytes.fromhex(text)) is plain
+
+
+def test_depth_and_length_are_bounded():
+    assert is_plain(b"\x81" * 60 + b"\0")
+    assert not is_plain(b"\x81" * 1000 + b"\0")
+    assert not is_plain(b"\x9b" + bytes(7) + b"\xff" + bytes(100))

@@ -1,0 +1,134 @@
+"""The signals of the scene that the paper's author published."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.robot import named_robot
+from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene
+from tests.laws import test_plants as laws
+from tests.simulation.coppeliasim.standin import standin
+
+PAPER = named_robot("paper")
+
+
+def plant_at(server, robot=PAPER):
+    return CoppeliaSimPlant(
+        robot, CoppeliaSimScene(port=server.port, timeout=5.0, interface="signals")
+    )
+
+
+def authors_matrix(arm):
+    """Motor speeds per body twist, as in his Matlab scripts; there `arm` is bodyDiameter / 2."""
+    s = 0.7071
+    return np.array([[-s, s, -arm], [s, s, -arm], [s, -s, -arm], [-s, -s, -arm]]) * (2.0 / 0.1)
+
+
+@pytest.fixture
+def server():
+    with standin(PAPER, signals=True) as running:
+        yield running
+
+
+def test_starts_where_it_is_told(server):
+    with plant_at(server) as plant:
+        start = Pose(1.0, -2.0, 4.0)
+        assert np.array(plant.reset(start).pose) == pytest.approx(start, abs=1e-6)  # single floats
+
+
+@pytest.mark.parametrize("twist", laws.TWISTS)
+def test_moves_as_told(server, twist):
+    with plant_at(server) as plant:
+        states = laws.drive(plant, Pose(0.0, 0.0, 0.0), twist, 40)
+    moved = np.subtract(states[-1].pose, states[9].pose) / 3.0
+    assert moved == pytest.approx(np.array(twist), abs=5e-4)
+
+
+@pytest.mark.parametrize("twist", [*laws.TWISTS, BodyTwist(0.3, -0.2, 0.7)])
+def test_motors_get_what_the_author_sent_them(server, twist):
+    """But for his slip: the wheels stand 0.7071 m from the centre, he takes 0.5 m."""
+    with plant_at(server) as plant:
+        plant.reset(Pose(0.0, 0.0, 0.0))
+        plant.step(twist, 0.1)
+        name, packed = server.called("setBufferSignal")[-1]
+        assert name == "omni_reqVelocities0"
+        wanted = authors_matrix(PAPER.arm) @ np.array(twist)
+        assert np.frombuffer(packed, "<f4") == pytest.approx(wanted, rel=1e-4, abs=1e-4)
+
+
+def test_the_authors_slip_is_a_preset_of_the_robot(server):
+    with plant_at(server, named_robot("paper", assumed_arm=0.5)) as plant:
+        plant.reset(Pose(0.0, 0.0, 0.0))
+        plant.step(BodyTwist(0.1, 0.2, 0.3), 0.1)
+        _, packed = server.called("setBufferSignal")[-1]
+        wanted = authors_matrix(0.5) @ np.array([0.1, 0.2, 0.3])
+        assert np.frombuffer(packed, "<f4") == pytest.approx(wanted, rel=1e-4, abs=1e-4)
+
+
+def test_yaw_is_counted_on_over_whole_turns(server):
+    with plant_at(server) as plant:
+        states = laws.drive(plant, Pose(0.0, 0.0, 3.0), BodyTwist(0.0, 0.0, 3.0), 30)
+    yaw = np.array([s.pose.yaw for s in states])
+    assert (np.diff(yaw) > 0.0).all()
+    assert yaw[-1] == pytest.approx(3.0 + 9.0, abs=0.3)
+
+
+def test_a_frame_that_differs_from_the_bodys(server):
+    """The script tells the pose of a point off the body's origin, seen the other way round."""
+    tell = server.scene._tell
+
+    def another():
+        tell()
+        x, y, yaw = server.scene.motion.pose
+        told = [x + 0.1 * np.cos(yaw), y + 0.1 * np.sin(yaw), yaw + np.pi]
+        server.scene.signal["omni_pose0"] = np.array(told, "<f4").tobytes()
+
+    server.scene._tell = another
+    with plant_at(server) as plant:
+        start = Pose(1.0, -2.0, 0.7)
+        assert np.array(plant.reset(start).pose) == pytest.approx(start, abs=1e-6)
+        state = plant.step(BodyTwist(0.0, 0.0, 0.0), 0.1)
+        assert np.array(state.pose) == pytest.approx(start, abs=1e-4)
+        states = [plant.step(BodyTwist(0.0, 0.0, 0.5), 0.1) for _ in range(20)]
+        rates = np.subtract(states[-1].pose, states[-2].pose) / 0.1
+        yaw = states[-1].pose.yaw
+        turned = np.array([np.cos(yaw) * rates[0] + np.sin(yaw) * rates[1],
+                           np.cos(yaw) * rates[1] - np.sin(yaw) * rates[0]])  # fmt: skip
+        assert np.array(states[-1].twist[:2]) == pytest.approx(turned, abs=5e-3)
+        assert abs(turned[1]) > 0.04
+
+
+def test_a_scene_that_tells_nothing():
+    with standin(PAPER) as server, plant_at(server) as plant:
+        with pytest.raises(InvalidScene, match="does not set the signal 'omni_bodyDiameter0'"):
+            plant.reset(Pose(0.0, 0.0, 0.0))
+        assert server.scene.state == 0
+
+
+def test_a_scene_of_another_robot(server):
+    fact = r"is 1 m, of robot 'small' it would be 0\.35"
+    with (
+        plant_at(server, named_robot("small")) as plant,
+        pytest.raises(InvalidScene, match=fact),
+    ):
+        plant.reset(Pose(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("value", [b"short", 3.0, "x"])
+def test_a_pose_that_is_none_ends_the_run(server, value):
+    tell = server.scene._tell
+    with plant_at(server) as plant:
+        plant.reset(Pose(0.0, 0.0, 0.0))
+        server.scene._tell = lambda: (tell(), server.scene.signal.update(omni_pose0=value))
+        with pytest.raises(PlantLost, match="omni_pose0"):
+            plant.step(BodyTwist(0.1, 0.0, 0.0), 0.1)
+        assert server.scene.state == 0
+
+
+def test_is_for_four_wheels(server):
+    three = replace(PAPER, mounts=PAPER.mounts[:3])
+    with pytest.raises(InvalidInput, match="for the paper's four wheels"):
+        plant_at(server, three)

@@ -1,0 +1,160 @@
+"""CoppeliaSim in scenarios and on the command line."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from time import monotonic, sleep
+
+import pytest
+
+from omnidrive.errors import InvalidScenario, PlantLost
+from omnidrive.robot import named_robot
+from omnidrive.simulation import CoppeliaSimScene, Outcome
+from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
+from omnidrive.study.coppeliasim import CoppeliaSimSection
+from omnidrive.study.scenario import DurationsTask, StepTask
+from tests.simulation.coppeliasim.scene import STOPPED
+from tests.simulation.coppeliasim.standin import cbor, standin
+
+PAPER = named_robot("paper")
+
+
+def scenario_at(port, **section):
+    """The paper's path and a step, with the controller that is compiled soonest."""
+    return paper_scenario().model_copy(
+        update={
+            "plant": "coppeliasim",
+            "coppeliasim": CoppeliaSimSection(port=port, timeout=5.0, **section),
+            "controllers": ("feedforward",),
+            "tasks": Tasks(
+                track=DurationsTask(durations=(17.0,)),
+                step=StepTask(displacement=(0.5, 0.5, 0.2), duration=2.0),
+            ),
+        }
+    )
+
+
+def omnidrive(*args, cwd):
+    return subprocess.run(
+        [sys.executable, "-m", "omnidrive", *map(str, args)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_the_sections_defaults_are_the_plants():
+    assert CoppeliaSimScene(**CoppeliaSimSection().model_dump()) == CoppeliaSimScene()
+
+
+def test_the_section_survives_its_file(tmp_path):
+    scenario = scenario_at(23001, body="/omni/centre", signs=(1, -1, 1, 1))
+    save_scenario(scenario, tmp_path / "scenario.yaml")
+    assert load_scenario(tmp_path / "scenario.yaml") == scenario
+
+
+@pytest.mark.parametrize(
+    ("line", "fact"),
+    [
+        ("port: 0", "coppeliasim.port"),
+        ("timeout: forever", "coppeliasim.timeout must be a plain number"),
+        ("body: motor1", "coppeliasim.body"),
+        ("body_yaw: 90", "coppeliasim.body_yaw"),
+        ("host: 'a b'", "coppeliasim.host"),
+        ("jonits: []", "did you mean 'joints'"),
+        ("interface: ros", "coppeliasim.interface"),
+    ],
+)
+def test_a_section_that_says_nothing_of_use_is_refused(tmp_path, line, fact):
+    file = tmp_path / "scenario.yaml"
+    save_scenario(paper_scenario(), file)
+    text = file.read_text()
+    head, tail = text.split("coppeliasim:\n")
+    key = line.split(":")[0]
+    lines = [f"  {line}", *(row for row in tail.splitlines() if not row.startswith(f"  {key}:"))]
+    file.write_text(f"{head}coppeliasim:\n" + "\n".join(lines))
+    with pytest.raises(InvalidScenario, match=fact):
+        load_scenario(file)
+
+
+@pytest.mark.parametrize("interface", ["joints", "signals"])
+def test_a_study_in_one_process(monkeypatch, interface):
+    """Also when more are allowed: one simulator holds one robot."""
+    monkeypatch.setattr(sys.modules["omnidrive.study.execute"], "ProcessPoolExecutor", None)
+    with standin(PAPER, signals=interface == "signals") as server:
+        study = run_study(scenario_at(server.port, interface=interface), processes=4)
+        assert server.scene.state == STOPPED
+    study.raise_if_failed()
+    direct = run_study(scenario_at(1).model_copy(update={"plant": "ball"}))
+    for there, here in zip(study.results.tracks, direct.results.tracks, strict=True):
+        assert there.run.pose == pytest.approx(here.run.pose, abs=1e-4)
+
+
+def test_a_simulator_that_goes_away_leaves_the_run_so_far(tmp_path):
+    with standin(PAPER) as server:
+        scenario = scenario_at(server.port)
+        count = 0
+
+        def mangle(request, reply):
+            nonlocal count
+            count += request["func"] == "sim.step"
+            return b"" if count > 100 else cbor.dumps(reply)
+
+        server.mangle = mangle
+        with pytest.raises(PlantLost):  # the next run cannot begin
+            run_study(scenario, tmp_path / "run")
+    (record,) = json.loads((tmp_path / "run" / "results.json").read_text())["runs"]
+    assert not record["finished"]
+    assert record["outcome"].startswith(Outcome.PLANT_LOST.value + ": ")
+    assert "is not CoppeliaSim's remote API" in record["outcome"]
+    assert (tmp_path / "run" / record["series"]).exists()
+
+
+def test_without_a_simulator_the_command_says_so(tmp_path):
+    save_scenario(scenario_at(free_port()), tmp_path / "scenario.yaml")
+    done = omnidrive("run", "scenario.yaml", "--controller", "feedforward", cwd=tmp_path)
+    assert done.returncode == 2, done.stdout
+    assert "nobody listens at localhost:" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_an_interrupted_command_stops_the_robot(tmp_path):
+    with standin(PAPER) as server:
+        save_scenario(scenario_at(server.port), tmp_path / "scenario.yaml")
+        command = [sys.executable, "-m", "omnidrive", "run", "scenario.yaml", "--controller",
+                   "feedforward"]  # fmt: skip
+        with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as process:
+            deadline = monotonic() + 120.0
+            while len(server.called("step")) < 20 and monotonic() < deadline:
+                sleep(0.01)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60.0) == 130
+        assert server.scene.finished == 1
+        assert server.scene.state == STOPPED
+        assert not server.scene.targets.any()
+        assert not any(server.called("setJointTargetVelocity")[-1][1:])
+
+
+@pytest.mark.long
+def test_a_run_from_the_command_line(tmp_path):
+    with standin(PAPER) as server:
+        save_scenario(scenario_at(server.port), tmp_path / "scenario.yaml")
+        done = omnidrive(
+            "run", "scenario.yaml", "--controller", "feedforward", "--task", "step",
+            "--plant", "coppeliasim", "--out", "here", cwd=tmp_path,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / "here" / "report.html").exists()
+        assert server.scene.finished == 1
