@@ -12,6 +12,8 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf import TIMESTEP, WheelModel, omni_model
+from omnidrive.simulation.mujoco_conditions import MujocoConditions
+from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.plant import Measurement
 
 _SETTLING = 0.2  # s for the axle springs to take the load before a run starts
@@ -38,12 +40,16 @@ class MujocoPlant:
         self._drive = robot.drive
         self._model = mujoco.MjModel.from_xml_string(omni_model(robot, wheels))
         self._data = mujoco.MjData(self._model)
+        self._conditions = MujocoConditions(self._model, robot.mounts)
         self._yaw = 0.0
         self._work = 0.0
+        self._angles = np.zeros(len(robot.mounts))
+        self._torques = np.zeros(len(robot.mounts))
 
     def reset(self, pose: Pose) -> Measurement:
         """Stand at rest at ``pose``, springs settled."""
         data = self._data
+        self._conditions.clear()
         mujoco.mj_resetData(self._model, data)
         self._model.opt.timestep = TIMESTEP
         self._place(pose)
@@ -52,6 +58,7 @@ class MujocoPlant:
         self._place(pose)
         mujoco.mj_forward(self._model, data)
         self._yaw, self._work = pose.yaw, 0.0
+        self._angles[:], self._torques[:] = 0.0, 0.0
         return self._measure()
 
     def step(self, twist: BodyTwist, dt: float) -> Measurement:
@@ -60,12 +67,31 @@ class MujocoPlant:
         substeps = ceil(dt / TIMESTEP - 1e-9)
         model.opt.timestep = dt / substeps
         data.ctrl[:] = self._drive.wheel_speeds(self._drive.saturate(twist))
-        power = 0.0
+        power, conditions = 0.0, self._conditions
+        turned, torque = np.zeros_like(self._angles), np.zeros_like(self._angles)
         for _ in range(substeps):
+            if conditions.patch is not None:
+                conditions.tread(data)
             mujoco.mj_step(model, data)
             power += np.abs(data.actuator_force * data.actuator_velocity).sum()
+            turned += data.actuator_velocity
+            torque += data.actuator_force
         self._work += float(power) * dt / substeps
+        self._angles += turned * (dt / substeps)
+        self._torques = torque / substeps
+        for i in conditions.locked:  # what its motor gives against what holds the wheel
+            most = self.robot.max_torque
+            self._torques[i] = np.clip(self.robot.servo_gain * data.ctrl[i], -most, most)
         return self._measure()
+
+    def impose(self, conditions: Conditions) -> None:
+        """Let ``conditions`` hold from now on; ``reset`` takes them back.
+
+        Raises:
+            InvalidInput: They speak of wheels that the robot does not have.
+        """
+        self._conditions.impose(conditions, self._data)
+        self._yaw += conditions.jump.yaw_rate
 
     def _place(self, pose: Pose) -> None:
         self._data.qpos[:2] = pose.x, pose.y
@@ -83,7 +109,10 @@ class MujocoPlant:
         vx, vy, _, _, _, yaw_rate = data.qvel[:6].tolist()
         twist = to_body(WorldTwist(vx, vy, yaw_rate), self._yaw)
         px, py = data.qpos[:2].tolist()
-        return Measurement(Pose(px, py, self._yaw), twist, self._work)
+        return Measurement(
+            Pose(px, py, self._yaw), twist, self._work,
+            tuple(self._angles.tolist()), tuple(self._torques.tolist()),
+        )  # fmt: skip
 
 
 _DIVERGED = (
