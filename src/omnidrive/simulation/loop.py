@@ -1,82 +1,33 @@
-"""The closed loop, and the log it leaves."""
+"""The closed loop."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from math import isfinite, nan
 from time import get_clock_info, perf_counter_ns, thread_time_ns
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from omnidrive.control import Command, Controller, DetailedController, Status
-from omnidrive.errors import InvalidInput, RunFailed
+from omnidrive.control.supervision import Event, Seen, Supervisor
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Reference
-from omnidrive.simulation.plant import Plant
-from omnidrive.simulation.sensing import PerfectSensor, Sensor
+from omnidrive.simulation.conditions import Conditions, SensorConditions
+from omnidrive.simulation.faults import Schedule
+from omnidrive.simulation.faults.perception import Perception
+from omnidrive.simulation.plant import DisturbablePlant, Measurement, Plant
+from omnidrive.simulation.run import Outcome, Run
+from omnidrive.simulation.sensing import Estimate, PerfectSensor, Sensor
 
 Array = np.ndarray
 
 # a thread's own time is not disturbed by other processes; some systems count it too coarsely
 _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
 _STOP = Command(BodyTwist(0.0, 0.0, 0.0))
-
-
-class Outcome(Enum):
-    """Why the loop stopped."""
-
-    FINISHED = "reached the end of the reference"
-    CONTROLLER_FAILED = "the controller had no usable command"
-    PLANT_FAILED = "the plant's state is not finite"
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Run:
-    """Log of one closed loop: one row per sample, the last at the end of the reference.
-
-    Attributes:
-        t: Time of each row, in s.
-        pose: True pose of B in W; x and y in m, yaw in rad, unwrapped.
-        measured: Pose that the controller saw, as ``pose``.
-        position_sigma: Standard deviation of its position as far as it is known, in m.
-        yaw_sigma: The same of its yaw, in rad.
-        target: Reference pose, as ``pose``.
-        command: Commanded body twist held from ``t``, before the wheels' limits; m/s, m/s, rad/s.
-        twist: True body twist, as ``command``.
-        work: Mechanical work of the motors so far, in J; NaN without forces.
-        step_time: Computing time of ``Controller.step`` in its thread, in us; NaN in the last row.
-        status: :class:`~omnidrive.control.Status` of each command.
-        collisions: How often the body has begun to touch an obstacle.
-        outcome: Why the loop stopped.
-        details: Inner numbers of a :class:`~omnidrive.control.DetailedController` at each sample,
-            by name; NaN where it gave none, as in the last row.
-        detail_units: The unit of each.
-    """
-
-    t: Float[Array, " rows"]
-    pose: Float[Array, "rows 3"]
-    measured: Float[Array, "rows 3"]
-    position_sigma: Float[Array, " rows"]
-    yaw_sigma: Float[Array, " rows"]
-    target: Float[Array, "rows 3"]
-    command: Float[Array, "rows 3"]
-    twist: Float[Array, "rows 3"]
-    work: Float[Array, " rows"]
-    step_time: Float[Array, " rows"]
-    status: Int[Array, " rows"]
-    collisions: Int[Array, " rows"]
-    outcome: Outcome
-    details: dict[str, Float[Array, " rows"]] = field(default_factory=dict)
-    detail_units: dict[str, str] = field(default_factory=dict)
-
-    def raise_if_failed(self) -> Run:
-        """Return self, or raise :class:`RunFailed` if the loop stopped early."""
-        if self.outcome is not Outcome.FINISHED:
-            raise RunFailed(f"stopped at {self.t[-1]:g} s: {self.outcome.value}")
-        return self
+_BEFORE = -1.0  # s; a time before the first sample
 
 
 def simulate(
@@ -87,6 +38,9 @@ def simulate(
     start: Pose,
     dt: float,
     sensor: Sensor | None = None,
+    schedule: Schedule | None = None,
+    supervisor: Supervisor | None = None,
+    rng: np.random.Generator | None = None,
 ) -> Run:
     """Close the loop until the reference ends.
 
@@ -97,75 +51,182 @@ def simulate(
         start: Pose at which the robot stands at t = 0.
         dt: Sample time in s; the reference ends on the nearest multiple.
         sensor: What the controller sees; the true pose by default.
+        schedule: What goes wrong, and when; nothing by default.
+        supervisor: Who stops the robot in time, and makes up for wheels that fail; nobody by
+            default.
+        rng: What jitter of the sample time is drawn from; without it there is none.
 
     Raises:
-        InvalidInput: ``dt`` is not a positive number of seconds, or a command holds more or fewer
-            details than the controller announces.
+        InvalidInput: ``dt`` is not a positive number of seconds, a fault begins after the end or
+            befalls a plant that knows none, or a command holds more or fewer details than the
+            controller announces.
     """
     if not (isfinite(dt) and dt > 0.0):
         raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
-    sensor = sensor or PerfectSensor()
-    units = controller.detail_units if isinstance(controller, DetailedController) else {}
-    rows: list[tuple[float, ...]] = []
-    details: list[tuple[float, ...]] = []
-    outcome = Outcome.FINISHED
-    last = round(reference.duration / dt)
-
+    around = _Surroundings(plant, Perception(sensor or PerfectSensor()), reference, schedule)
+    around.check()
     controller.reset(start)
     controller.step(0.0, start, reference)  # compiles what has to be, outside the measured time
     state = plant.reset(start)
-    sensor.reset(start)
+    around.perception.sensor.reset(start)
     controller.reset(start)
-    for k in range(last + 1):
-        t = k * dt  # never a running sum: it drifts
-        measured = sensor.sense(t, state)
-        command, step_time = _STOP, float("nan")
-        if k < last:
-            began = _clock()
-            command = controller.step(t, measured.pose, reference)
-            step_time = (_clock() - began) * 1e-3
+    if supervisor is not None:
+        supervisor.reset()
+    log, outcome = _Log(_units(controller)), Outcome.FINISHED
+    late, before, asked = _STOP, _BEFORE, (_STOP.twist, 0.0)
+    for t, h, ends in _samples(schedule, reference.duration, dt, rng):
+        measured, seen = around.perceive(t, state)
         target = reference.at(t).pose
-        rows.append(
+        shown, pilot = measured.pose, controller
+        if supervisor is not None:
+            if before != _BEFORE:
+                supervisor.feel(t, *asked, seen)
+            shown = supervisor.look(t, seen, target)
+            pilot = supervisor.controller or controller
+        command, step_time = _STOP, nan
+        if not ends and not (supervisor and supervisor.stopped):
+            command, step_time = _timed_step(pilot, t, shown, reference)
+        if schedule is not None and schedule.overrun(t):
+            command, late = late, command
+        else:
+            late = command
+        if supervisor is not None:
+            command = supervisor.allow(command, h)
+        log.add(t, state, measured, target, command, step_time)
+        if command.status is Status.FAILED or not all(map(isfinite, command.twist)):
+            outcome = Outcome.CONTROLLER_FAILED
+            break
+        if supervisor is not None and supervisor.at_rest and asked[0] == _STOP.twist:
+            break
+        if not ends:
+            around.impose(before, t)
+            state = plant.step(command.twist, h)
+            before, asked = t, (command.twist, h)
+            if not all(map(isfinite, (*state.pose, *state.twist))):
+                outcome = Outcome.PLANT_FAILED
+                break
+    return log.run(outcome, around.events, supervisor)
+
+
+def _samples(
+    schedule: Schedule | None, duration: float, dt: float, rng: np.random.Generator | None
+) -> Iterator[tuple[float, float, bool]]:
+    """Time of every sample, time to the next, both in s, and whether it is the last."""
+    if schedule is not None:
+        yield from schedule.samples(duration, dt, rng)
+        return
+    last = round(duration / dt)
+    for k in range(last + 1):
+        yield k * dt, dt, k == last  # never a running sum: it drifts
+
+
+def _timed_step(
+    controller: Controller, t: float, pose: Pose, reference: Reference
+) -> tuple[Command, float]:
+    """The controller's command, and its computing time in us."""
+    began = _clock()
+    command = controller.step(t, pose, reference)
+    return command, (_clock() - began) * 1e-3
+
+
+def _units(controller: Controller) -> Mapping[str, str]:
+    return controller.detail_units if isinstance(controller, DetailedController) else {}
+
+
+@dataclass(slots=True)
+class _Surroundings:
+    """What befalls the robot and its sensors in a run."""
+
+    plant: Plant
+    perception: Perception
+    reference: Reference
+    schedule: Schedule | None
+    events: list[Event] = field(default_factory=list)
+    _holding: list[str] = field(default_factory=list)
+    _imposed: Conditions = field(default_factory=Conditions)
+
+    def check(self) -> None:
+        """Refuse faults that cannot be."""
+        if self.schedule is None:
+            return
+        self.schedule.check(self.reference.duration)
+        if self.schedule.on_the_plant and not isinstance(self.plant, DisturbablePlant):
+            raise InvalidInput(
+                f"nothing can befall this plant, so no {', '.join(self.schedule.on_the_plant)}; "
+                "take the plant rollers, ball or planar"
+            )
+
+    def perceive(self, t: float, state: Measurement) -> tuple[Estimate, Seen]:
+        """What the robot believes of its pose, and all that it knows of itself."""
+        conditions = SensorConditions() if self.schedule is None else self.schedule.sensors(t)
+        found = self.perception.sense(t, state, conditions)
+        angles = self.perception.encoders(state, conditions)
+        seen = Seen(found.pose, found.position_sigma, found.age, angles, state.wheel_torques)
+        return found, seen
+
+    def impose(self, before: float, t: float) -> None:
+        """Let happen what happens at ``t`` (s), when the sample before was at ``before``."""
+        if self.schedule is None:
+            return
+        for fault in self.schedule.faults:
+            if fault.holds(t) != fault.holds(before):
+                does = "begins" if fault.holds(t) else "ends"
+                self.events.append(Event(t, f"{fault.kind} {does}"))
+        conditions = self.schedule.conditions(before, t, self.reference)
+        if conditions != self._imposed and isinstance(self.plant, DisturbablePlant):
+            self.plant.impose(conditions)
+            self._imposed = conditions
+
+
+@dataclass(slots=True)
+class _Log:
+    """Rows, as they come."""
+
+    units: Mapping[str, str]
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    details: list[tuple[float, ...]] = field(default_factory=list)
+
+    def add(
+        self, t: float, state: Measurement, measured: Estimate, target: Pose,
+        command: Command, step_time: float,
+    ) -> None:  # fmt: skip
+        """Append one sample."""
+        self.rows.append(
             (t, *state.pose, *measured.pose, *target, *command.twist, *state.twist, state.work,
              step_time, command.status, state.collisions, measured.position_sigma,
              measured.yaw_sigma)
         )  # fmt: skip
-        details.append(command.details)
-        if command.status is Status.FAILED or not all(map(isfinite, command.twist)):
-            outcome = Outcome.CONTROLLER_FAILED
-            break
-        if k < last:
-            state = plant.step(command.twist, dt)
-            if not all(map(isfinite, (*state.pose, *state.twist))):
-                outcome = Outcome.PLANT_FAILED
-                break
-    return _log(np.array(rows, dtype=float), outcome, details, units)
+        self.details.append(command.details)
 
-
-def _log(
-    rows: Float[Array, "rows 22"],
-    outcome: Outcome,
-    details: Sequence[tuple[float, ...]],
-    units: Mapping[str, str],
-) -> Run:
-    pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
-    return Run(
-        t=rows[:, 0],
-        pose=pose,
-        measured=measured,
-        position_sigma=rows[:, 20],
-        yaw_sigma=rows[:, 21],
-        target=target,
-        command=command,
-        twist=twist,
-        work=rows[:, 16],
-        step_time=rows[:, 17],
-        status=rows[:, 18].astype(np.int64),
-        collisions=rows[:, 19].astype(np.int64),
-        outcome=outcome,
-        details=_detail_columns(details, units),
-        detail_units=dict(units),
-    )
+    def run(
+        self, outcome: Outcome, events: Sequence[Event], supervisor: Supervisor | None
+    ) -> Run:
+        """All rows as columns."""
+        rows = np.array(self.rows, dtype=float)
+        pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
+        reason = "" if supervisor is None else supervisor.stopped or ""
+        if reason and outcome is Outcome.FINISHED:
+            outcome = Outcome.STOPPED
+        found = () if supervisor is None else supervisor.events
+        return Run(
+            t=rows[:, 0],
+            pose=pose,
+            measured=measured,
+            position_sigma=rows[:, 20],
+            yaw_sigma=rows[:, 21],
+            target=target,
+            command=command,
+            twist=twist,
+            work=rows[:, 16],
+            step_time=rows[:, 17],
+            status=rows[:, 18].astype(np.int64),
+            collisions=rows[:, 19].astype(np.int64),
+            outcome=outcome,
+            details=_detail_columns(self.details, self.units),
+            detail_units=dict(self.units),
+            events=tuple(sorted((*events, *found), key=lambda event: event.t)),
+            reason=reason,
+        )
 
 
 def _detail_columns(

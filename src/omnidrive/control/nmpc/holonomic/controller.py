@@ -116,9 +116,13 @@ class HolonomicController:
         """Forget the last plan; the robot is at rest."""
         self._forget()
 
-    def _forget(self) -> None:
-        self.solution, self._age, self._moving = None, 0, _STOP
-        self._twists.extend([_STOP] * (self._twists.maxlen or 0))
+    def resume(self, twist: BodyTwist) -> None:
+        """Forget the last plan; the robot is moving, as it was asked for, by ``twist``."""
+        self._forget(twist)
+
+    def _forget(self, moving: BodyTwist = _STOP) -> None:
+        self.solution, self._age, self._moving = None, 0, moving
+        self._twists.extend([moving] * (self._twists.maxlen or 0))
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
         """Command for the pose measured at ``t`` (s)."""
