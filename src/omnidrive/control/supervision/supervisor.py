@@ -47,8 +47,8 @@ class Seen(NamedTuple):
     """By the motors' currents, in N m."""
 
 
-Rebuild = Callable[[Remaining, BodyTwist], Controller]
-"""Makes a controller for a robot that drives with the wheels that are left, and is in motion."""
+Adapt = Callable[[Remaining], Controller]
+"""Makes of the controller of the beginning one that goes on with the wheels that are left."""
 
 
 @dataclass(slots=True)
@@ -56,7 +56,7 @@ class Supervisor:
     """Watches a run, stops the robot in time, and makes up for wheels that fail.
 
     A dead wheel: the twist is allocated to the others, commands keep to what these can turn and
-    push, and a controller that plans with the wheels is made anew for them. A locked wheel: twists
+    push, and a controller that plans with wheels is told. A locked wheel: twists
     must lie in the null space of its row of the wheel matrix, so two degrees of freedom are left.
     They go to the position; the heading is given up, and the controller is shown none of its error.
 
@@ -64,8 +64,8 @@ class Supervisor:
         robot: As it was built.
         watchdog: None: nobody stops the robot.
         monitor: None: wheels are trusted.
-        rebuild: None: the controller knows nothing of wheels, and is kept.
-        controller: The one made anew; None: that of the beginning.
+        adapt: None: the controller knows nothing of wheels, and is kept.
+        controller: The adapted one; None: that of the beginning.
         events: What happened, in order.
         stopped: Why the robot had to stop; None: it had not.
     """
@@ -73,7 +73,7 @@ class Supervisor:
     robot: Robot
     watchdog: Watchdog | None = None
     monitor: WheelMonitor | None = None
-    rebuild: Rebuild | None = None
+    adapt: Adapt | None = None
     controller: Controller | None = field(default=None, init=False)
     events: list[Event] = field(default_factory=list, init=False)
     stopped: str | None = field(default=None, init=False)
@@ -166,9 +166,9 @@ class Supervisor:
             self._stop(t, f"{name}, and the others cannot make up for it")
             return
         self._remaining, done = left, "limits are theirs"
-        if self.rebuild is not None and self._locked is None:
-            self.controller = self.rebuild(left, self._asked)
-            done = "the controller is made anew for them"
+        if self.adapt is not None and self._locked is None:
+            self.controller = self.adapt(left)
+            done = "the controller plans with them"
         self.events.append(Event(t, f"{name}; the other {len(left.wheels)} make up for it, {done}"))
 
     def _go_without_heading(self, t: float, wheel: int, name: str) -> None:

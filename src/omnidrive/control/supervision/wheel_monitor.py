@@ -47,7 +47,8 @@ class WheelMonitor:
     """Compares each motor's torque with what its servo should give at the speed that is measured.
 
     The mean torque of a velocity servo during a sample is, while it is not at its limit,
-    ``gain (commanded - turned / dt)`` of the mean speeds. A healthy wheel keeps to that in every
+    ``gain (commanded - turned / dt)`` of the mean speeds; samples in which the command jumps so far
+    that the limit is reached tell nothing of it. A healthy wheel keeps to that in every
     start and slide, as slip is between wheel and floor and not between motor and wheel:
 
     - a dead one turns with the floor, and gives no torque where some is due;
@@ -67,6 +68,7 @@ class WheelMonitor:
         """Forget the past; all wheels are at rest, and deemed healthy."""
         wheels = len(self._robot.mounts)
         self._set_points = np.zeros(wheels)
+        self._before = np.zeros(wheels)
         self._angles: Float[Array, " wheels"] | None = None
         self._signs = {defect: np.zeros(wheels, dtype=int) for defect in WheelDefect}
         self._known: set[int] = set()
@@ -91,17 +93,17 @@ class WheelMonitor:
         if before is None:
             before = np.zeros(wheels)
         speeds, robot = (now - before) / dt, self._robot
-        due = robot.servo_gain * (asked - speeds) / robot.max_torque
-        given = np.asarray(torques, dtype=float) / robot.max_torque
+        scale = robot.servo_gain / robot.max_torque
+        due, given = scale * (asked - speeds), np.asarray(torques, dtype=float) / robot.max_torque
+        linear = (scale * np.abs(asked - self._before) < 1.0) & (np.abs(due) < 1.0)
+        self._before = asked
         stands = np.abs(speeds) <= _STANDS * np.abs(asked)
         strains = np.abs(given) >= 0.5 * np.minimum(np.abs(due), 1.0)
-        called = robot.servo_gain * np.abs(asked) >= _BRAKED * robot.max_torque
+        called = scale * np.abs(asked) >= _BRAKED
         turns = np.abs(speeds) > _TURNS * np.abs(asked)
+        idle = linear & turns & (np.abs(given) <= _NONE) & (np.abs(due) >= _CALLED)
         evidence = {
-            WheelDefect.DEAD: (
-                turns & (np.abs(given) <= _NONE) & (np.abs(due) >= _CALLED),
-                np.abs(given) > 2.0 * _NONE,
-            ),
+            WheelDefect.DEAD: (idle, np.abs(given) > 2.0 * _NONE),
             WheelDefect.LOCKED: (stands & strains & called, ~stands & called),
             WheelDefect.BLIND: (stands & ~strains & called, ~stands & called),
         }
