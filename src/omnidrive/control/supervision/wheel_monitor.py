@@ -40,6 +40,7 @@ _NONE = 1e-3  # so little is no torque
 _CALLED = 5e-3  # so much should have been given to tell a dead motor
 _BRAKED = 0.05  # so much should have been given to tell a wheel that stands
 _STANDS = 0.02  # part of the commanded speed below which a wheel stands
+_MARGIN = 1.2  # on the grip of wheels
 _TURNS = 0.1  # part above which it turns
 
 
@@ -51,7 +52,8 @@ class WheelMonitor:
     that the limit is reached tell nothing of it. A healthy wheel keeps to that in every
     start and slide, as slip is between wheel and floor and not between motor and wheel:
 
-    - a dead one turns with the floor, and gives no torque where some is due;
+    - a dead one turns with the floor, so not far from as told while the others have grip, and
+      gives no torque where some is due;
     - a locked one stands where it should turn, and its motor strains;
     - one with a dead encoder seems to stand, but its motor does not strain.
 
@@ -62,6 +64,7 @@ class WheelMonitor:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._drive = robot.drive
+        self._grip = _MARGIN * robot.pushes * robot.wheel.radius / robot.max_torque
         self.reset()
 
     def reset(self) -> None:
@@ -101,9 +104,10 @@ class WheelMonitor:
         strains = np.abs(given) >= 0.5 * np.minimum(np.abs(due), 1.0)
         called = scale * np.abs(asked) >= _BRAKED
         turns = np.abs(speeds) > _TURNS * np.abs(asked)
-        idle = linear & turns & (np.abs(given) <= _NONE) & (np.abs(due) >= _CALLED)
+        none, rolls = np.abs(given) <= _NONE, np.abs(due) <= self._grip
+        idle = linear & turns & none & rolls & (np.abs(due) >= _CALLED)
         evidence = {
-            WheelDefect.DEAD: (idle, np.abs(given) > 2.0 * _NONE),
+            WheelDefect.DEAD: (idle, (np.abs(given) > 2.0 * _NONE) | ~rolls),
             WheelDefect.LOCKED: (stands & strains & called, ~stands & called),
             WheelDefect.BLIND: (stands & ~strains & called, ~stands & called),
         }
