@@ -10,6 +10,7 @@ import typer
 from omnidrive.cli.options import (
     Demand,
     DurationOption,
+    FaultOption,
     GoalOption,
     JobsOption,
     JsonOption,
@@ -25,10 +26,18 @@ from omnidrive.cli.options import (
     choose_many,
     cores,
     new_folder,
+    with_faults,
 )
-from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
+from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
-from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, run_study
+from omnidrive.study import (
+    PREDICTIVE,
+    ControllerName,
+    Scenario,
+    TaskName,
+    run_study,
+    with_task,
+)
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 
@@ -67,6 +76,7 @@ def compare(
     tasks: TasksOption = None,
     seed: SeedOption = None,
     noise_seeds: NoiseSeedsOption = None,
+    fault: FaultOption = None,
     jobs: JobsOption = None,
     out: OutOption = None,
     json: JsonOption = False,
@@ -83,9 +93,11 @@ def compare(
     * `omnidrive compare --map depot.yaml --start 2,2 --goal 27,13 --robot small --speed 0.6`
     * `omnidrive compare --tasks track --controllers nmpc,recommended --plant ball`
     * `omnidrive compare --tasks noise --noise-seeds 50`
+    * `omnidrive compare --tasks faults --plant ball`
     """
     demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
     resolved = _restrict(demand.resolve(), controllers, tasks, noise_seeds)
+    resolved = with_faults(resolved, fault)
     folder = out or new_folder(resolved.name)
     with LiveProgress() as progress:
         study = run_study(resolved, folder, processes=jobs or cores(), watcher=progress)
@@ -93,6 +105,7 @@ def compare(
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
         print_tables(study.tables)
+        print_events(study)
         parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
         typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
@@ -111,6 +124,7 @@ def _restrict(
     if tasks is not None:
         names = get_args(TaskName)
         wanted = choose_many("task", tasks, names)
+        scenario = with_task(scenario, wanted)
         kept = {name: getattr(scenario.tasks, name) if name in wanted else None for name in names}
         if not any(kept.values()):
             raise InvalidInput(f"the scenario has none of these tasks: {', '.join(wanted)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from difflib import get_close_matches
@@ -18,6 +18,7 @@ from omnidrive.maps import Unknown
 from omnidrive.planning import MethodName, Place, SmoothingName
 from omnidrive.reference import Heading
 from omnidrive.robot import ROBOTS
+from omnidrive.simulation.faults import FAULTS, parse_fault
 from omnidrive.study import (
     PlantName,
     PresetName,
@@ -111,6 +112,16 @@ JobsOption = Annotated[
 ]
 
 
+FaultOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fault",
+        metavar="KIND[:NAME=VALUE,...]",
+        help=f"Let something go wrong, such as wheel-dead:wheel=2,at=5; may be given several times. "
+        f"Kinds: {', '.join(FAULTS)}.",
+        rich_help_panel=_HOW,
+    ),
+]
 SearchOption = Annotated[
     str | None,
     typer.Option(
@@ -267,6 +278,23 @@ class Demand:
             return paper_scenario(preset or "paper")
         path = Path(self.scenario)
         return load_scenario(path / "scenario.yaml" if path.is_dir() else path)
+
+
+def with_faults(scenario: Scenario, texts: Sequence[str] | None) -> Scenario:
+    """Let faults act: one by one in the task `faults` if there is one, else all in every run.
+
+    Raises:
+        InvalidInput: One is not a fault, or cannot be in this scenario.
+    """
+    if not texts:
+        return scenario
+    faults = [parse_fault(text).model_dump() for text in texts]
+    data = scenario_data(scenario)
+    if data["tasks"]["faults"]:
+        data["tasks"]["faults"]["faults"] = faults
+    else:
+        data["faults"] = faults
+    return parse_scenario(data, "with these faults")
 
 
 def _is_map(path: Path) -> bool:

@@ -83,6 +83,15 @@ def print_tables(tables: Sequence[Table]) -> None:
         console.print()
 
 
+def print_events(study: Study) -> None:
+    """Say what went wrong in tracking runs and step responses, what was found, and what was done."""
+    console = Console()
+    for result in study.results.runs:
+        if result.run.events:
+            facts = "\n".join(f"  {e.t:6.2f} s  {e.what}" for e in result.run.events)
+            console.print(f"{result.name}:\n{facts}", markup=False, highlight=False)
+
+
 def warn_of_touching(study: Study) -> None:
     """Say on standard error which robots would have touched an obstacle."""
     if study.touching:

@@ -10,6 +10,7 @@ import typer
 from omnidrive.cli.options import (
     Demand,
     DurationOption,
+    FaultOption,
     GoalOption,
     JsonOption,
     MapOption,
@@ -23,10 +24,19 @@ from omnidrive.cli.options import (
     StartOption,
     choose_one,
     new_folder,
+    with_faults,
 )
-from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
+from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
-from omnidrive.study import PREDICTIVE, ControllerName, Scenario, TaskName, one_task, run_study
+from omnidrive.study import (
+    PREDICTIVE,
+    ControllerName,
+    Scenario,
+    TaskName,
+    one_task,
+    run_study,
+    with_task,
+)
 
 
 def run(
@@ -42,7 +52,9 @@ def run(
     task: Annotated[
         str,
         typer.Option(
-            metavar="track|noise|step", help="What it has to do.", rich_help_panel="How to drive"
+            metavar="track|noise|step|faults",
+            help="What it has to do.",
+            rich_help_panel="How to drive",
         ),
     ] = "track",
     horizon: Annotated[
@@ -62,6 +74,7 @@ def run(
     plant: PlantOption = None,
     preset: PresetOption = None,
     seed: SeedOption = None,
+    fault: FaultOption = None,
     out: OutOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -73,9 +86,10 @@ def run(
 
     * `omnidrive run --controller nmpc --horizon 25`
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
+    * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     """
     demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
-    resolved = _narrow(demand.resolve(), controller, task, horizon)
+    resolved = with_faults(_narrow(demand.resolve(), controller, task, horizon), fault)
     folder = out or new_folder(f"{resolved.name}-{controller}-{task}")
     with LiveProgress() as progress:
         study = run_study(resolved, folder, watcher=progress)
@@ -83,6 +97,7 @@ def run(
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
         print_tables(study.tables)
+        print_events(study)
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
     warn_of_touching(study)
     study.raise_if_failed()
@@ -94,7 +109,7 @@ def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None)
     chosen = choose_one("task", task, [t for t in get_args(TaskName) if t != "horizon"])
     changes: dict[str, object] = {
         "controllers": (name,),
-        "tasks": one_task(scenario.tasks, chosen),
+        "tasks": one_task(with_task(scenario, [chosen]).tasks, chosen),
     }
     if horizon is not None:
         if name not in PREDICTIVE:

@@ -1,8 +1,6 @@
 """The robot's answer to a command, and the loop that closes around it."""
 
 from omnidrive.simulation.conditions import Conditions, Motor, Patch, Payload, SensorConditions
-from omnidrive.simulation.identify import identify_lag
-from omnidrive.simulation.kinematic import KinematicPlant
 from omnidrive.simulation.faults import (
     FAULTS,
     Fault,
@@ -10,6 +8,8 @@ from omnidrive.simulation.faults import (
     default_faults,
     parse_fault,
 )
+from omnidrive.simulation.identify import identify_lag
+from omnidrive.simulation.kinematic import KinematicPlant
 from omnidrive.simulation.loop import simulate
 from omnidrive.simulation.mujoco_plant import MujocoPlant
 from omnidrive.simulation.plant import DisturbablePlant, Measurement, Plant

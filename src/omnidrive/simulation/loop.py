@@ -198,9 +198,7 @@ class _Log:
         )  # fmt: skip
         self.details.append(command.details)
 
-    def run(
-        self, outcome: Outcome, events: Sequence[Event], supervisor: Supervisor | None
-    ) -> Run:
+    def run(self, outcome: Outcome, events: Sequence[Event], supervisor: Supervisor | None) -> Run:
         """All rows as columns."""
         rows = np.array(self.rows, dtype=float)
         pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))

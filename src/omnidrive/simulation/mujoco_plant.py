@@ -11,9 +11,9 @@ import numpy as np
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.robot import Robot
+from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.mjcf import TIMESTEP, WheelModel, omni_model
 from omnidrive.simulation.mujoco_conditions import MujocoConditions
-from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.plant import Measurement
 
 _SETTLING = 0.2  # s for the axle springs to take the load before a run starts

@@ -1,5 +1,5 @@
 from .folder import RunFolder
-from .jobs import Job, jobs_of, make_controller, make_plant, run_job
+from .jobs import Job, faults_of, jobs_of, make_controller, make_plant, run_job
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .prepared import Prepared, lay_out, prepare
 from .queries import solve_queries
@@ -21,7 +21,8 @@ from .scenario import (
 )
 from .scenario_file import load_scenario, save_scenario
 from .study import Study, Watcher, run_study
-from .timing import one_task, plan_at, retime
+from .supervision import make_supervisor
+from .timing import one_task, plan_at, retime, with_task
 from .warm_up import warm_up
 
 __all__ = [
@@ -41,11 +42,13 @@ __all__ = [
     "Tasks",
     "TimingName",
     "Watcher",
+    "faults_of",
     "jobs_of",
     "lay_out",
     "load_scenario",
     "make_controller",
     "make_plant",
+    "make_supervisor",
     "map_scenario",
     "one_task",
     "paper_scenario",
@@ -63,4 +66,5 @@ __all__ = [
     "solve_queries",
     "study_tasks",
     "warm_up",
+    "with_task",
 ]

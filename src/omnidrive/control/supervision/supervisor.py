@@ -178,9 +178,7 @@ class Supervisor:
             self._stop(t, f"{name}, and the others cannot make up for it")
             return
         self._locked = wheel
-        self.events.append(
-            Event(t, f"{name}; the position is kept, the heading given up")
-        )
+        self.events.append(Event(t, f"{name}; the position is kept, the heading given up"))
 
     def _braked(self, dt: float) -> BodyTwist:
         """On the straight way to rest, as hard as the wheels can push."""

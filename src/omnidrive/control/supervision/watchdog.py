@@ -10,7 +10,6 @@ from omnidrive.geometry import Pose
 from omnidrive.parameter import Bounds
 from omnidrive.robot import Robot
 
-
 _ROUNDING = 1e-9  # s
 
 

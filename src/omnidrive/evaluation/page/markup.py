@@ -7,7 +7,7 @@ from html import escape
 from math import degrees
 
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.tables import Table
+from omnidrive.evaluation.table import Table
 
 
 def tables_markup(tables: Sequence[Table]) -> str:

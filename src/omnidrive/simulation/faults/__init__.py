@@ -2,6 +2,7 @@
 
 from omnidrive.simulation.faults.fault import (
     FAULTS,
+    ON_THE_PLANT,
     DeadEncoder,
     DeadWheel,
     Fault,
@@ -22,6 +23,7 @@ from omnidrive.simulation.faults.words import parse_fault
 
 __all__ = [
     "FAULTS",
+    "ON_THE_PLANT",
     "DeadEncoder",
     "DeadWheel",
     "Fault",
