@@ -117,7 +117,7 @@ FaultOption = Annotated[
     typer.Option(
         "--fault",
         metavar="KIND[:NAME=VALUE,...]",
-        help=f"Let something go wrong, such as wheel-dead:wheel=2,at=5; may be given several times. "
+        help=f"Let something go wrong, such as wheel-dead:wheel=2,at=5; may be given again. "
         f"Kinds: {', '.join(FAULTS)}.",
         rich_help_panel=_HOW,
     ),

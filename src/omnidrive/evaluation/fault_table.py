@@ -8,6 +8,7 @@ from omnidrive.evaluation.recovery import Recovery
 from omnidrive.evaluation.results import FaultResult, StudyResults
 from omnidrive.evaluation.table import Table
 from omnidrive.simulation import Outcome
+from omnidrive.simulation.faults import FAULTS
 
 
 def fault_table(results: StudyResults) -> Table:
@@ -48,6 +49,6 @@ def _verdict(result: FaultResult, found: Recovery) -> str:
 
 def _found(result: FaultResult) -> str:
     """The first thing that the robot itself found out."""
-    kind = result.fault.kind if result.fault else ""
-    found = [event for event in result.run.events if not event.what.startswith(kind)]
-    return f"{found[0].t:g} s: {found[0].what.split(';')[0]}" if found else ""
+    known = {f"{kind} {does}" for kind in FAULTS for does in ("begins", "ends")}
+    found = [event for event in result.run.events if event.what not in known]
+    return f"{found[0].t:.2f} s: {found[0].what}" if found else ""

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.control import Command, Controller, DetailedController, Status
-from omnidrive.control.supervision import Event, Seen, Supervisor
+from omnidrive.control.supervision import Event, Seen, Supervisor, Unsupervised
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Reference
@@ -63,6 +63,7 @@ def simulate(
     """
     if not (isfinite(dt) and dt > 0.0):
         raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    guard = supervisor or Unsupervised()
     around = _Surroundings(plant, Perception(sensor or PerfectSensor()), reference, schedule)
     around.check()
     controller.reset(start)
@@ -70,42 +71,33 @@ def simulate(
     state = plant.reset(start)
     around.perception.sensor.reset(start)
     controller.reset(start)
-    if supervisor is not None:
-        supervisor.reset()
+    guard.reset()
     log, outcome = _Log(_units(controller)), Outcome.FINISHED
-    late, before, asked = _STOP, _BEFORE, (_STOP.twist, 0.0)
+    before, asked, lasted = _BEFORE, _STOP.twist, 0.0
     for t, h, ends in _samples(schedule, reference.duration, dt, rng):
         measured, seen = around.perceive(t, state)
         target = reference.at(t).pose
-        shown, pilot = measured.pose, controller
-        if supervisor is not None:
-            if before != _BEFORE:
-                supervisor.feel(t, *asked, seen)
-            shown = supervisor.look(t, seen, target)
-            pilot = supervisor.controller or controller
+        if before != _BEFORE:
+            guard.feel(t, asked, lasted, seen)
+        shown = guard.look(t, seen, target)
         command, step_time = _STOP, nan
-        if not ends and not (supervisor and supervisor.stopped):
-            command, step_time = _timed_step(pilot, t, shown, reference)
-        if schedule is not None and schedule.overrun(t):
-            command, late = late, command
-        else:
-            late = command
-        if supervisor is not None:
-            command = supervisor.allow(command, h)
+        if not (ends or guard.stopped):
+            command, step_time = _timed_step(guard.controller or controller, t, shown, reference)
+        if not ends:
+            command = guard.allow(around.in_time(t, command), h)
         log.add(t, state, measured, target, command, step_time)
         if command.status is Status.FAILED or not all(map(isfinite, command.twist)):
             outcome = Outcome.CONTROLLER_FAILED
             break
-        if supervisor is not None and supervisor.at_rest and asked[0] == _STOP.twist:
+        if ends or (guard.at_rest and asked == _STOP.twist):
             break
-        if not ends:
-            around.impose(before, t)
-            state = plant.step(command.twist, h)
-            before, asked = t, (command.twist, h)
-            if not all(map(isfinite, (*state.pose, *state.twist))):
-                outcome = Outcome.PLANT_FAILED
-                break
-    return log.run(outcome, around.events, supervisor)
+        around.impose(before, t)
+        state = plant.step(command.twist, h)
+        before, asked, lasted = t, command.twist, h
+        if not all(map(isfinite, (*state.pose, *state.twist))):
+            outcome = Outcome.PLANT_FAILED
+            break
+    return log.run(outcome, around.events, guard)
 
 
 def _samples(
@@ -144,6 +136,7 @@ class _Surroundings:
     events: list[Event] = field(default_factory=list)
     _holding: list[str] = field(default_factory=list)
     _imposed: Conditions = field(default_factory=Conditions)
+    _late: Command = _STOP
 
     def check(self) -> None:
         """Refuse faults that cannot be."""
@@ -164,6 +157,11 @@ class _Surroundings:
         seen = Seen(found.pose, found.position_sigma, found.age, angles, state.wheel_torques)
         return found, seen
 
+    def in_time(self, t: float, command: Command) -> Command:
+        """The command that acts from ``t`` (s) on: that of the sample before in an overrun."""
+        late, self._late = self._late, command
+        return late if self.schedule is not None and self.schedule.overrun(t) else command
+
     def impose(self, before: float, t: float) -> None:
         """Let happen what happens at ``t`` (s), when the sample before was at ``before``."""
         if self.schedule is None:
@@ -173,7 +171,8 @@ class _Surroundings:
                 does = "begins" if fault.holds(t) else "ends"
                 self.events.append(Event(t, f"{fault.kind} {does}"))
         conditions = self.schedule.conditions(before, t, self.reference)
-        if conditions != self._imposed and isinstance(self.plant, DisturbablePlant):
+        at_once = any(conditions.impulse) or any(conditions.jump)
+        if (at_once or conditions != self._imposed) and isinstance(self.plant, DisturbablePlant):
             self.plant.impose(conditions)
             self._imposed = conditions
 
@@ -186,10 +185,15 @@ class _Log:
     rows: list[tuple[float, ...]] = field(default_factory=list)
     details: list[tuple[float, ...]] = field(default_factory=list)
 
-    def add(
-        self, t: float, state: Measurement, measured: Estimate, target: Pose,
-        command: Command, step_time: float,
-    ) -> None:  # fmt: skip
+    def add(  # noqa: PLR0917 - a row is what it is
+        self,
+        t: float,
+        state: Measurement,
+        measured: Estimate,
+        target: Pose,
+        command: Command,
+        step_time: float,
+    ) -> None:
         """Append one sample."""
         self.rows.append(
             (t, *state.pose, *measured.pose, *target, *command.twist, *state.twist, state.work,
@@ -198,14 +202,15 @@ class _Log:
         )  # fmt: skip
         self.details.append(command.details)
 
-    def run(self, outcome: Outcome, events: Sequence[Event], supervisor: Supervisor | None) -> Run:
+    def run(
+        self, outcome: Outcome, events: Sequence[Event], guard: Supervisor | Unsupervised
+    ) -> Run:
         """All rows as columns."""
         rows = np.array(self.rows, dtype=float)
         pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
-        reason = "" if supervisor is None else supervisor.stopped or ""
+        reason = guard.stopped or ""
         if reason and outcome is Outcome.FINISHED:
             outcome = Outcome.STOPPED
-        found = () if supervisor is None else supervisor.events
         return Run(
             t=rows[:, 0],
             pose=pose,
@@ -222,7 +227,7 @@ class _Log:
             outcome=outcome,
             details=_detail_columns(self.details, self.units),
             detail_units=dict(self.units),
-            events=tuple(sorted((*events, *found), key=lambda event: event.t)),
+            events=tuple(sorted((*events, *guard.events), key=lambda event: event.t)),
             reason=reason,
         )
 

@@ -18,15 +18,17 @@ Array = np.ndarray
 
 _BRAKE = 1e4  # N m s/rad of a locked wheel: under all its grip the rim creeps by 0.1 mm/s
 _WEAK = 0.5
-_CHANGED = (
+_MOTORS = (
     "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_forcelimited",
-    "geom_friction", "geom_priority",
-    "body_mass", "body_ipos", "body_iquat", "body_inertia",
 )  # fmt: skip
-_DERIVED = (
-    "body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0",
-    "actuator_length0",
+_TYRES = ("geom_friction", "geom_priority")
+_MASSES = (
+    "body_mass", "body_ipos", "body_iquat", "body_inertia", "body_subtreemass", "body_invweight0",
+    "dof_invweight0", "dof_M0", "actuator_acc0", "actuator_length0", "cam_pos0", "cam_poscom0",
+    "light_pos0", "light_poscom0",
 )  # fmt: skip
+"""And what ``mj_setConst`` derives from them."""
+_STATISTICS = ("meaninertia", "meanmass", "meansize", "extent")
 
 
 class MujocoConditions:
@@ -43,7 +45,6 @@ class MujocoConditions:
         self._base = model.body("base").id
         self._tyres = [_geoms_under(model, f"wheel{i}") for i in range(len(mounts))]
         self._now = Conditions()
-        self._scratch = mujoco.MjData(model)
 
     @property
     def locked(self) -> list[int]:
@@ -59,8 +60,9 @@ class MujocoConditions:
         """Take all back, bit for bit."""
         if self._now == Conditions():
             return
-        for name in (*_CHANGED, *_DERIVED):
+        for name in _MOTORS + _TYRES:
             getattr(self._model, name)[:] = getattr(self._healthy, name)
+        self._restore_masses()
         self._model.opt.gravity[:] = self._healthy.opt.gravity
         self._now = Conditions()
 
@@ -90,7 +92,7 @@ class MujocoConditions:
 
     def _motors(self, motors: tuple[Motor, ...]) -> None:
         model, healthy = self._model, self._healthy
-        for name in _CHANGED[:4]:
+        for name in _MOTORS:
             getattr(model, name)[:] = getattr(healthy, name)
         for i, motor in enumerate(motors):
             if motor == Motor.WEAK:
@@ -112,8 +114,7 @@ class MujocoConditions:
     def _load(self, payload: Payload | None) -> None:
         """Add a point to the frame, as high as its centre of mass."""
         model, healthy, base = self._model, self._healthy, self._base
-        for name in (*_CHANGED[6:], *_DERIVED):
-            getattr(model, name)[:] = getattr(healthy, name)
+        self._restore_masses()
         if payload is None:
             return
         mass, centre = float(healthy.body_mass[base]), healthy.body_ipos[base].copy()
@@ -127,7 +128,13 @@ class MujocoConditions:
         model.body_mass[base], model.body_ipos[base] = total, common
         model.body_inertia[base] = principal
         mujoco.mju_mat2Quat(model.body_iquat[base], axes.ravel())
-        mujoco.mj_setConst(model, self._scratch)
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    def _restore_masses(self) -> None:
+        for name in _MASSES:
+            getattr(self._model, name)[:] = getattr(self._healthy, name)
+        for name in _STATISTICS:
+            setattr(self._model.stat, name, getattr(self._healthy.stat, name))
 
     def _lay(self, data: mujoco.MjData) -> None:
         """MuJoCo takes the larger friction of two geoms unless one has priority: tyres get it."""

@@ -206,8 +206,9 @@ class RecommendedSection(_Section):
 
 
 class WatchdogSection(_Section):
-    """When a run is stopped because the robot is lost; see
-    :class:`~omnidrive.control.supervision.WatchdogLimits`.
+    """When a run is stopped because the robot is lost.
+
+    See :class:`~omnidrive.control.supervision.WatchdogLimits`.
     """
 
     on: bool = True

@@ -12,8 +12,12 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from omnidrive.errors import InvalidScenario
+from omnidrive.simulation.faults import FAULTS
 from omnidrive.study.scenario import Scenario
 from omnidrive.yaml_file import one_line, read_yaml, shown
+
+
+_KINDS = ", ".join(FAULTS)
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -89,15 +93,19 @@ def _explain(problem: Any) -> str:
         return f"'{key}' is missing"
     if kind in {"float_parsing", "float_type", "int_parsing", "int_type"}:
         return f"{key} must be a plain number without a unit, got {shown(value)}"
+    if kind == "union_tag_invalid":
+        return f"{key}: there is no fault {shown(problem['ctx']['tag'])}; there are {_KINDS}"
+    if kind == "union_tag_not_found":
+        return f"{key} must name its kind; there are {_KINDS}"
     message = problem["msg"].removeprefix("Value error, ")
     if kind == "value_error":
-        return f"{key} {message}"
+        return f"{key} {message}".lstrip()
     return f"{key or 'a key'}: {message[0].lower()}{message[1:]}, got {shown(value)}"
 
 
 def _fields(loc: Iterable[Any]) -> list[Any]:
     """``loc`` without what pydantic adds to it, such as `function-after[check(), float]`."""
-    return [part for part in loc if isinstance(part, int) or part.isidentifier()]
+    return [part for part in loc if isinstance(part, int) or part.isidentifier() or part in FAULTS]
 
 
 def _within(spot: list[Any]) -> str:
@@ -108,7 +116,9 @@ def _suggestion(name: str, loc: list[Any]) -> str:
     """The nearest key that exists at ``loc``, or all of them."""
     model: Any = Scenario
     for part in loc:
-        if isinstance(part, str) and part in _keys(model):
+        if part in FAULTS:
+            model = FAULTS[part]
+        elif isinstance(part, str) and part in _keys(model):
             model = _type_at(model, part)
     keys = _keys(model)
     near = get_close_matches(name, keys, n=1, cutoff=0.5)

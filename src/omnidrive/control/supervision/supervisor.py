@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import hypot
-from typing import NamedTuple
 
 from omnidrive.control.controller import Command, Controller
+from omnidrive.control.supervision.event import Event, Seen
 from omnidrive.control.supervision.remaining import Remaining, eased
 from omnidrive.control.supervision.watchdog import Watchdog
 from omnidrive.control.supervision.wheel_monitor import Finding, WheelDefect, WheelMonitor
@@ -20,31 +20,8 @@ _SHARE = 0.85
 """Part of what the wheels can push that commands are eased to once a wheel has failed."""
 _LONGEST_STEP = 0.5
 """Of a robot with a locked wheel during one sample, as a multiple of that wheel's arm."""
-_ROUNDS = 8
-"""Of the fixed point between turning and travelling; each gains a digit at least."""
-
-
-class Event(NamedTuple):
-    """Something that happened in a run."""
-
-    t: float
-    """In s."""
-    what: str
-
-
-class Seen(NamedTuple):
-    """What a robot knows of itself."""
-
-    pose: Pose
-    """Where it believes to be, in W."""
-    position_sigma: float
-    """In m; NaN: unknown."""
-    age: float
-    """Of the last measurement of the pose, in s."""
-    wheel_angles: tuple[float, ...] = ()
-    """By the encoders, in rad."""
-    wheel_torques: tuple[float, ...] = ()
-    """By the motors' currents, in N m."""
+_ROUNDS = 20
+"""Of the fixed point between turning and travelling; each leaves a quarter of the error at most."""
 
 
 Adapt = Callable[[Remaining], Controller]
@@ -145,7 +122,7 @@ class Supervisor:
         return command if twist is command.twist else command._replace(twist=twist)
 
     def _stop(self, t: float, why: str) -> None:
-        self.stopped = why
+        self.stopped = f"at {t:.2f} s {why}"
         self.events.append(Event(t, f"the watchdog stops the robot: {why}"))
 
     def _make_up_for(self, t: float, found: Finding) -> None:
@@ -162,7 +139,6 @@ class Supervisor:
         try:
             left = Remaining.of(self.robot, self._dead)
         except InvalidGeometry:
-            self.events.append(Event(t, f"{name}; those that are left do not drive it every way"))
             self._stop(t, f"{name}, and the others cannot make up for it")
             return
         self._remaining, done = left, "limits are theirs"
@@ -174,7 +150,6 @@ class Supervisor:
     def _go_without_heading(self, t: float, wheel: int, name: str) -> None:
         row = self.robot.rims[wheel]
         if self._locked is not None or abs(row[2]) < 1e-6 * self.robot.arm:
-            self.events.append(Event(t, f"{name}; what is left does not keep the position"))
             self._stop(t, f"{name}, and the others cannot make up for it")
             return
         self._locked = wheel

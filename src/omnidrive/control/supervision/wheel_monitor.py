@@ -19,9 +19,12 @@ Array = np.ndarray
 class WheelDefect(Enum):
     """What is wrong with a wheel."""
 
-    DEAD = "is dead: its motor gives no torque"
-    LOCKED = "is locked: it does not turn"
-    BLIND = "has a dead encoder: it pushes as told, but is not seen to turn"
+    DEAD = "is dead"
+    """Its motor gives no torque; it turns freely."""
+    LOCKED = "is locked"
+    """It does not turn, and its motor strains."""
+    BLIND = "has a dead encoder"
+    """It is not seen to turn, but its motor does not strain."""
 
 
 class Finding(NamedTuple):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from omnidrive.parameter import Bounds
 
@@ -195,6 +196,18 @@ ON_THE_PLANT = (
 """Kinds that act on the robot itself; the others act on sensors and timing."""
 
 
+_ANY: TypeAdapter[Fault] = TypeAdapter(Fault)
+
+
+def make_fault(kind: str, values: Mapping[str, object]) -> Fault:
+    """A fault of one of :data:`FAULTS`.
+
+    Raises:
+        pydantic.ValidationError: A value has no meaning.
+    """
+    return _ANY.validate_python({**values, "kind": kind})
+
+
 def default_faults(at: float) -> tuple[Fault, ...]:
     """One of every kind, beginning at ``at`` (s)."""
-    return tuple(kind(at=at) for kind in FAULTS.values())  # type: ignore[misc]
+    return tuple(make_fault(kind, {"at": at}) for kind in FAULTS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import cos, sin, tan
 
@@ -101,10 +101,6 @@ class Schedule:
             if ends:
                 return
             late, k = late + (step - dt), k + 1
-
-    def begun(self, before: float, t: float) -> Sequence[Fault]:
-        """Those that begin at the sample at ``t``, when the one before was at ``before`` (s)."""
-        return [f for f in self.faults if f.holds(t) and not f.holds(before)]
 
     def conditions(self, before: float, t: float, reference: Reference) -> Conditions:
         """What acts on the robot from the sample at ``t`` on.

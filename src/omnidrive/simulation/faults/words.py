@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from pydantic import ValidationError
 
 from omnidrive.errors import InvalidInput
-from omnidrive.simulation.faults.fault import FAULTS, Fault
+from omnidrive.simulation.faults.fault import FAULTS, Fault, make_fault
 
 _LONGEST = 200  # characters
 _SHOWN = 60
@@ -43,10 +43,10 @@ def parse_fault(text: str) -> Fault:
             raise InvalidInput(f"fault {kind}: '{name}' is given twice")
         values[name] = _number(kind, name, value)
     try:
-        return FAULTS[kind].model_validate(values)  # type: ignore[return-value]
+        return make_fault(kind, values)
     except ValidationError as error:
         facts = "; ".join(
-            f"{problem['loc'][0]} {problem['msg'].removeprefix('Value error, ')}"
+            f"{problem['loc'][-1]} {problem['msg'].removeprefix('Value error, ')}"
             for problem in error.errors()
         )
         raise InvalidInput(f"fault {kind}: {facts}") from None
