@@ -84,7 +84,7 @@ def print_tables(tables: Sequence[Table]) -> None:
 
 
 def print_events(study: Study) -> None:
-    """Say what happened in tracking runs and step responses: faults, findings, and what was done."""
+    """Say what happened in tracking runs and step responses: faults, findings, what was done."""
     console = Console()
     for result in study.results.runs:
         if result.run.events:

@@ -16,8 +16,15 @@ from omnidrive.simulation.faults import FAULTS
 from omnidrive.study.scenario import Scenario
 from omnidrive.yaml_file import one_line, read_yaml, shown
 
-
-_KINDS = ", ".join(FAULTS)
+_MISSING = "'{key}' is missing"
+_NO_NUMBER = "{key} must be a plain number without a unit, got {value}"
+_NO_FAULT = f"{{key}}: there is no such kind of fault; there are {', '.join(FAULTS)}"
+_SAYINGS = {
+    **dict.fromkeys(("missing", "missing_argument"), _MISSING),
+    **dict.fromkeys(("float_parsing", "float_type", "int_parsing", "int_type"), _NO_NUMBER),
+    **dict.fromkeys(("union_tag_invalid", "union_tag_not_found"), _NO_FAULT),
+}
+"""What to say of problems, by the name that pydantic has for them."""
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -89,14 +96,8 @@ def _explain(problem: Any) -> str:
         key = ".".join([*map(str, spot), one_line(str(name), 60)])
         return f"unknown key '{key}'" + _suggestion(str(name), spot)
     key = ".".join(map(str, _fields(problem["loc"])))
-    if kind in {"missing", "missing_argument"}:
-        return f"'{key}' is missing"
-    if kind in {"float_parsing", "float_type", "int_parsing", "int_type"}:
-        return f"{key} must be a plain number without a unit, got {shown(value)}"
-    if kind == "union_tag_invalid":
-        return f"{key}: there is no fault {shown(problem['ctx']['tag'])}; there are {_KINDS}"
-    if kind == "union_tag_not_found":
-        return f"{key} must name its kind; there are {_KINDS}"
+    if kind in _SAYINGS:
+        return _SAYINGS[kind].format(key=key, value=shown(value))
     message = problem["msg"].removeprefix("Value error, ")
     if kind == "value_error":
         return f"{key} {message}".lstrip()
