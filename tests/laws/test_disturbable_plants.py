@@ -91,7 +91,7 @@ def test_what_ends_is_over(make):
     plant.impose(Conditions())
     after = drive(plant, GOING, 10)[-1]
     healthy, _ = begun(make, Conditions(), GOING)
-    assert np.array(after.twist) == pytest.approx(drive(healthy, GOING, 10)[-1].twist, abs=0.01)
+    assert np.array(after.twist) == pytest.approx(drive(healthy, GOING, 10)[-1].twist, abs=0.02)
 
 
 @every_plant
@@ -100,7 +100,7 @@ def test_a_dead_motor_gives_no_torque_and_the_others_drive_on(make):
     after = drive(plant, GOING)[-1]
     assert after.wheel_torques[0] == 0.0
     assert all(abs(torque) > 0.01 for torque in after.wheel_torques[1:])
-    assert np.array(after.twist) == pytest.approx(before.twist, abs=0.01)
+    assert np.array(after.twist) == pytest.approx(before.twist, abs=0.02)
     turned = after.wheel_angles[0] - before.wheel_angles[0]
     assert turned / 0.8 == pytest.approx(ROBOT.chassis.wheel_speeds(GOING)[0], rel=0.1)
 
@@ -128,9 +128,9 @@ def test_a_weak_motor_gives_half(make):
 def test_an_impulse_changes_the_velocity_by_itself_over_the_mass(make, angle):
     """2 ms later friction on the floor has had no time yet."""
     blow = 0.5 * ROBOT.mass * np.array([np.cos(angle), np.sin(angle)])
-    plant, _ = begun(make, Conditions(impulse=WorldTwist(*blow.tolist(), 0.0)))
+    plant, before = begun(make, Conditions(impulse=WorldTwist(*blow.tolist(), 0.0)))
     after = plant.step(STILL, 0.002)
-    moved = np.subtract(after.pose, AT)[:2] / 0.002
+    moved = np.subtract(after.pose, before.pose)[:2] / 0.002
     assert moved == pytest.approx(blow / ROBOT.mass, abs=0.06)
 
 

@@ -26,12 +26,14 @@ ROBOT = named_robot("paper")
 STANDING = Hold(Pose(0.0, 0.0, 0.0), 3.0)
 
 
-def circle(duration=12.0, radius=1.0, speed=0.4):
+def circle(duration=12.0, radius=1.0, speed=0.6):
     """Round and round, looking ahead, from rest."""
     t = np.linspace(0.0, duration, 1201)
     angle = speed / radius * (t - 1.0 + np.exp(-t))
+    rate = speed / radius * (1.0 - np.exp(-t))
     poses = np.stack([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), angle], axis=1)
-    return SampledReference(t, poses)
+    twists = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.ones_like(t)], axis=1)
+    return SampledReference(t, poses, rate[:, None] * twists)
 
 
 CIRCLE = circle()
@@ -137,7 +139,7 @@ def test_a_sensor_that_stays_silent_stops_the_robot():
     log = run("sensor-silent:at=2,duration=9", plant="kinematic")
     assert log.outcome is Outcome.STOPPED
     assert "its pose is lost: measured 1.9" in log.reason
-    assert 3.5 < log.t[-1] < 5.0
+    assert 3.5 < log.t[-1] < 6.0
     assert np.abs(log.twist[-1]).max() == 0.0
 
 
@@ -208,5 +210,5 @@ def test_faults_after_the_end_and_on_plants_that_know_none_are_refused():
 def test_two_pushes_in_a_row_are_two():
     once = run("push:at=1,direction=0", reference=STANDING, guarded=False)
     twice = run("push:at=1,direction=0", "push:at=1.1,direction=0", reference=STANDING)
-    assert twice.twist[12, 0] > once.twist[12, 0] + 1e-4
+    assert twice.pose[12, 0] > once.pose[12, 0] + 0.005
     assert abs(twice.pose[-1, 2]) < 0.1 * pi

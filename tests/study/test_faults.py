@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from omnidrive.cli.main import load_verb
 from omnidrive.errors import InvalidInput, InvalidScenario
@@ -42,8 +41,7 @@ def folder(tmp_path_factory):
 
 def test_every_kind_is_tried_with_every_controller(folder):
     data = json.loads((folder / "results.json").read_text())
-    kinds = [kind for kind in FAULTS if kind in {
-        "encoder-dead", "pose-jump", "sensor-silent", "period-jitter", "solver-overrun"}]  # fmt: skip
+    kinds = ["encoder-dead", "pose-jump", "sensor-silent", "period-jitter", "solver-overrun"]
     found = [(r["fault"]["kind"], r["controller"]) for r in data["faults"]]
     assert found == [(kind, name) for kind in kinds for name in ("feedforward", "fuzzy_t1")]
     for record in data["faults"]:
@@ -186,30 +184,29 @@ def test_wheels_that_are_not_there_are_found_before_anything_runs():
 
 
 def verb(name, *words):
-    return CliRunner().invoke(load_verb(name), list(map(str, words)))
+    load_verb(name)(list(map(str, words)), standalone_mode=False)
 
 
-def test_help_lists_the_kinds():
-    shown = CliRunner(env={"COLUMNS": "300"}).invoke(load_verb("run"), ["--help"]).output
-    for kind in FAULTS:
-        assert kind in shown
+def test_help_lists_the_kinds(capsys):
+    verb("run", "--help")
+    shown = capsys.readouterr().out
+    assert all(kind in shown for kind in FAULTS)
 
 
-def test_run_says_what_happened(tmp_path):
+def test_run_says_what_happened(tmp_path, capsys):
     words = ("--plant", "kinematic", "--controller", "feedforward", "--out", tmp_path / "out")
-    done = verb("run", *words, "--fault", "pose-jump:at=5", "--fault", "sensor-silent:at=8")
-    assert done.exit_code == 0
+    verb("run", *words, "--fault", "pose-jump:at=5", "--fault", "sensor-silent:at=8")
+    shown = capsys.readouterr().out
     for text in ("5.00 s  pose-jump begins", "8.00 s  sensor-silent begins", "sensor-silent ends"):
-        assert text in done.output
+        assert text in shown
     record = json.loads((tmp_path / "out" / "results.json").read_text())["runs"][0]
     assert record["events"][0]["what"] == "pose-jump begins"
 
 
-def test_compare_enables_the_task_and_takes_its_faults(tmp_path):
+def test_compare_enables_the_task_and_takes_its_faults(tmp_path, capsys):
     words = ("--plant", "kinematic", "--controllers", "feedforward", "--out", tmp_path / "out")
-    done = verb("compare", "--tasks", "faults", *words, "--fault", "pose-jump:distance=0.2,at=3")
-    assert done.exit_code == 0
-    assert "pose-jump at 3 s" in done.output
+    verb("compare", "--tasks", "faults", *words, "--fault", "pose-jump:distance=0.2,at=3")
+    assert "pose-jump at 3 s" in capsys.readouterr().out
     data = json.loads((tmp_path / "out" / "results.json").read_text())
     assert len(data["faults"]) == 1
     assert data["runs"] == []

@@ -160,19 +160,23 @@ def make_plant(robot: Robot, name: PlantName) -> Plant:
 def _simulated(
     prepared: Prepared,
     job: Job,
+    plant: Plant,
     reference: Reference,
     *,
     start: Pose | None = None,
     sensor: Sensor | None = None,
     faults: tuple[Fault, ...] = (),
 ) -> Run:
-    """One run under supervision, with the scenario's faults and others."""
+    """One run under supervision, with the scenario's faults and others.
+
+    Jitter is the same for every controller, and apart from the numbers of the noise.
+    """
     scenario, robot = prepared.scenario, prepared.robot
     controller = make_controller(scenario, robot, job.controller, job.horizon)
     every = (*scenario.faults, *faults)
     jitter = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat, 1])
     return simulate(
-        make_plant(robot, scenario.plant),
+        plant,
         controller,
         reference,
         start=start or reference.at(0.0).pose,
@@ -188,7 +192,8 @@ def _fault(prepared: Prepared, job: Job) -> FaultResult:
     """Follow the path with one fault of the task, or with none."""
     reference = prepared.reference(job.duration)
     fault = (None, *faults_of(prepared.scenario))[job.fault]
-    run = _simulated(prepared, job, reference, faults=(fault,) if fault else ())
+    plant = make_plant(prepared.robot, prepared.scenario.plant)
+    run = _simulated(prepared, job, plant, reference, faults=(fault,) if fault else ())
     metrics = measure(run, prepared.robot.drive)
     return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
 
@@ -203,7 +208,8 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     reference = prepared.reference(job.duration)
     noise = job.task == "noise"
     rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
-    run = _simulated(prepared, job, reference, sensor=PaperNoise(rng) if noise else None)
+    plant = make_plant(prepared.robot, scenario.plant)
+    run = _simulated(prepared, job, plant, reference, sensor=PaperNoise(rng) if noise else None)
     return TrackResult(
         job.controller, job.task, job.duration, noise, job.horizon, run,
         measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]), job.repeat,
@@ -216,7 +222,8 @@ def _step(prepared: Prepared, job: Job) -> StepResult:
     assert task is not None
     start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
-    run = _simulated(prepared, job, Hold(goal, job.duration), start=start)
+    plant = make_plant(prepared.robot, prepared.scenario.plant)
+    run = _simulated(prepared, job, plant, Hold(goal, job.duration), start=start)
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )
