@@ -39,6 +39,16 @@ from omnidrive.study import (
 )
 
 
+HorizonOption = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Prediction horizon of the NMPC, in steps.",
+        rich_help_panel="How to drive",
+    ),
+]
+
+
 def run(
     scenario: ScenarioArgument = "paper",
     controller: Annotated[
@@ -57,14 +67,7 @@ def run(
             rich_help_panel="How to drive",
         ),
     ] = "track",
-    horizon: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Prediction horizon of the NMPC, in steps.",
-            rich_help_panel="How to drive",
-        ),
-    ] = None,
+    horizon: HorizonOption = None,
     map_: MapOption = None,
     start: StartOption = None,
     goal: GoalOption = None,

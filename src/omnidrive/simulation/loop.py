@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
 from time import get_clock_info, perf_counter_ns, thread_time_ns
@@ -72,17 +72,29 @@ def simulate(
     around.perception.sensor.reset(start)
     controller.reset(start)
     guard.reset()
+    return _driven(around, controller, guard, state, _samples(schedule, reference, dt, rng))
+
+
+def _driven(
+    around: _Surroundings,
+    controller: Controller,
+    guard: Supervisor | Unsupervised,
+    state: Measurement,
+    samples: Iterable[tuple[float, float, bool]],
+) -> Run:
+    """Sample by sample: perceive, judge, decide, act; all else is ready."""
     log, outcome = _Log(_units(controller)), Outcome.FINISHED
     before, asked, lasted = _BEFORE, _STOP.twist, 0.0
-    for t, h, ends in _samples(schedule, reference.duration, dt, rng):
+    for t, h, ends in samples:
         measured, seen = around.perceive(t, state)
-        target = reference.at(t).pose
+        target = around.reference.at(t).pose
         if before != _BEFORE:
             guard.feel(t, asked, lasted, seen)
         shown = guard.look(t, seen, target)
         command, step_time = _STOP, nan
         if not (ends or guard.stopped):
-            command, step_time = _timed_step(guard.controller or controller, t, shown, reference)
+            pilot = guard.controller or controller
+            command, step_time = _timed_step(pilot, t, shown, around.reference)
         if not ends:
             command = guard.allow(around.in_time(t, command), h)
         log.add(t, state, measured, target, command, step_time)
@@ -92,7 +104,7 @@ def simulate(
         if ends or (guard.at_rest and asked == _STOP.twist):
             break
         around.impose(before, t)
-        state = plant.step(command.twist, h)
+        state = around.plant.step(command.twist, h)
         before, asked, lasted = t, command.twist, h
         if not all(map(isfinite, (*state.pose, *state.twist))):
             outcome = Outcome.PLANT_FAILED
@@ -101,13 +113,13 @@ def simulate(
 
 
 def _samples(
-    schedule: Schedule | None, duration: float, dt: float, rng: np.random.Generator | None
+    schedule: Schedule | None, reference: Reference, dt: float, rng: np.random.Generator | None
 ) -> Iterator[tuple[float, float, bool]]:
     """Time of every sample, time to the next, both in s, and whether it is the last."""
     if schedule is not None:
-        yield from schedule.samples(duration, dt, rng)
+        yield from schedule.samples(reference.duration, dt, rng)
         return
-    last = round(duration / dt)
+    last = round(reference.duration / dt)
     for k in range(last + 1):
         yield k * dt, dt, k == last  # never a running sum: it drifts
 

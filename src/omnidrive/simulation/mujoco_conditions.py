@@ -138,10 +138,11 @@ class MujocoConditions:
 
     def _lay(self, data: mujoco.MjData) -> None:
         """MuJoCo takes the larger friction of two geoms unless one has priority: tyres get it."""
-        for tyre in self._tyres:
-            self._model.geom_priority[tyre] = 1
-            self._model.geom_friction[tyre] = self._healthy.geom_friction[tyre]
-        self.tread(data)
+        for name in _TYRES:
+            getattr(self._model, name)[:] = getattr(self._healthy, name)
+        if self._now.patch is not None:
+            self._model.geom_priority[sum(self._tyres, [])] = 1
+            self.tread(data)
 
     def tread(self, data: mujoco.MjData) -> None:
         """Give the tyres that stand in the patch its friction, and the others their own."""
