@@ -38,7 +38,6 @@ from omnidrive.study import (
     with_task,
 )
 
-
 HorizonOption = Annotated[
     int | None,
     typer.Option(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from itertools import chain
 from math import cos, hypot, sin
 
 import mujoco
@@ -141,7 +142,7 @@ class MujocoConditions:
         for name in _TYRES:
             getattr(self._model, name)[:] = getattr(self._healthy, name)
         if self._now.patch is not None:
-            self._model.geom_priority[sum(self._tyres, [])] = 1
+            self._model.geom_priority[list(chain(*self._tyres))] = 1
             self.tread(data)
 
     def tread(self, data: mujoco.MjData) -> None:

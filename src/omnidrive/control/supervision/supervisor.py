@@ -148,12 +148,16 @@ class Supervisor:
         self.events.append(Event(t, f"{name}; the other {len(left.wheels)} make up for it, {done}"))
 
     def _go_without_heading(self, t: float, wheel: int, name: str) -> None:
-        row = self.robot.rims[wheel]
-        if self._locked is not None or abs(row[2]) < 1e-6 * self.robot.arm:
+        if self._locked is not None or abs(self._rim(wheel)[2]) < 1e-6 * self.robot.arm:
             self._stop(t, f"{name}, and the others cannot make up for it")
             return
         self._locked = wheel
         self.events.append(Event(t, f"{name}; the position is kept, the heading given up"))
+
+    def _rim(self, wheel: int) -> tuple[float, float, float]:
+        """Speed of its rim per unit of body twist, as commands are turned into wheel speeds."""
+        a, b, c = (self.robot.wheel.radius * self.robot.drive.jacobian[wheel]).tolist()
+        return a, b, c
 
     def _braked(self, dt: float) -> BodyTwist:
         """On the straight way to rest, as hard as the wheels can push."""
@@ -169,7 +173,7 @@ class Supervisor:
         the goal depends in turn on the yaw rate: a fixed point, found by iteration.
         """
         assert self._locked is not None
-        a, b, c = self.robot.rims[self._locked].tolist()
+        a, b, c = self._rim(self._locked)
         goal, here = move(self._shown, twist, dt), self._pose
         dx, dy = goal.x - here.x, goal.y - here.y
         part = min(1.0, _LONGEST_STEP * abs(c) / max(hypot(dx, dy), 1e-12))
