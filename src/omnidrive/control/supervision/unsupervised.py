@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from omnidrive.control.controller import Command
+from omnidrive.control.controller import Command, Controller
 from omnidrive.control.supervision.event import Event, Seen
 from omnidrive.geometry import BodyTwist, Pose
 
@@ -10,8 +10,8 @@ from omnidrive.geometry import BodyTwist, Pose
 class Unsupervised:
     """Lets everything pass where there is no :class:`Supervisor`."""
 
-    controller = None
-    stopped = None
+    controller: Controller | None = None
+    stopped: str | None = None
     at_rest = False
     events: tuple[Event, ...] = ()
 

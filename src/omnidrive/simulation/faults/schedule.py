@@ -111,7 +111,9 @@ class Schedule:
             reference: Where the robot shall be, for patches without a place.
         """
         motors = [Motor.HEALTHY] * len(self.robot.mounts)
-        rise, payload, patch = (0.0, 0.0), None, None
+        rise = (0.0, 0.0)
+        payload: Payload | None = None
+        patch: Patch | None = None
         impulse, jump = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for fault in self.faults:
             begins = fault.holds(t) and not fault.holds(before)
