@@ -5,7 +5,7 @@ from math import nan
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.control import Command
@@ -28,6 +28,7 @@ ROBOT = named_robot("paper")
 HERE = Pose(0.0, 0.0, 0.0)
 LIMITS = WatchdogLimits(error=1.0, position_sigma=0.5, age=1.5, patience=0.3)
 DT = 0.1
+few = settings(max_examples=25, deadline=None)
 
 
 def looks(errors, sigma=0.0, age=0.0):
@@ -119,6 +120,7 @@ def test_a_defect_is_found_after_three_samples(wheel, defect):
     ]  # fmt: skip
 
 
+@few
 @given(st.integers(0, 2**32 - 1))
 def test_healthy_wheels_are_never_found_defective(seed):
     """Any commands, any slip that the motors' torque explains, also at its limit."""
@@ -173,6 +175,7 @@ def test_two_wheels_do_not():
 twists = st.builds(BodyTwist, *[st.floats(-2.0, 2.0)] * 3)
 
 
+@few
 @given(twists, twists)
 def test_an_eased_twist_is_on_the_way_and_within_traction(before, wanted):
     got = eased(ROBOT.traction, before, wanted, DT)
@@ -198,6 +201,7 @@ def test_nothing_is_changed_while_nothing_is_wrong():
     assert guard.allow(command, DT) is command
 
 
+@few
 @given(
     st.integers(0, 3),
     st.builds(Pose, *[st.floats(-3.0, 3.0)] * 3),

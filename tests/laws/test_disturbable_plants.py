@@ -38,6 +38,13 @@ EVERYTHING = Conditions(
 )
 
 
+def broken(wheel, motor):
+    """Conditions under which one motor is not healthy."""
+    motors = [Motor.HEALTHY] * len(ROBOT.mounts)
+    motors[wheel] = motor
+    return Conditions(tuple(motors))
+
+
 def drive(plant, twist, steps=8, dt=0.1):
     return [plant.step(twist, dt) for _ in range(steps)]
 
@@ -96,7 +103,7 @@ def test_what_ends_is_over(make):
 
 @every_plant
 def test_a_dead_motor_gives_no_torque_and_the_others_drive_on(make):
-    plant, before = begun(make, Conditions((Motor.DEAD, 0, 0, 0)), GOING)
+    plant, before = begun(make, broken(0, Motor.DEAD), GOING)
     after = drive(plant, GOING)[-1]
     assert after.wheel_torques[0] == 0.0
     assert all(abs(torque) > 0.01 for torque in after.wheel_torques[1:])
@@ -107,7 +114,7 @@ def test_a_dead_motor_gives_no_torque_and_the_others_drive_on(make):
 
 @every_plant
 def test_a_locked_wheel_stands_and_its_motor_strains(make):
-    plant, before = begun(make, Conditions((0, Motor.LOCKED, 0, 0)), GOING)
+    plant, before = begun(make, broken(1, Motor.LOCKED), GOING)
     after = drive(plant, GOING)[-1]
     assert after.wheel_angles[1] == pytest.approx(before.wheel_angles[1], abs=0.02)
     asked = ROBOT.servo_gain * ROBOT.chassis.wheel_speeds(GOING)[1]
@@ -117,7 +124,7 @@ def test_a_locked_wheel_stands_and_its_motor_strains(make):
 @every_plant
 def test_a_weak_motor_gives_half(make):
     spin = BodyTwist(0.0, 0.0, 8.0)
-    plant, _ = begun(make, Conditions((Motor.WEAK, 0, 0, 0)))
+    plant, _ = begun(make, broken(0, Motor.WEAK))
     weak, *healthy = plant.step(spin, 0.002).wheel_torques
     assert weak == pytest.approx(0.5 * ROBOT.max_torque)
     assert healthy == pytest.approx([ROBOT.max_torque] * 3)
@@ -194,7 +201,7 @@ def test_wheels_that_are_not_there_are_refused(make):
     plant = make(ROBOT)
     plant.reset(AT)
     with pytest.raises(InvalidInput, match="3 motors for 4 wheels"):
-        plant.impose(Conditions((Motor.DEAD, 0, 0)))
+        plant.impose(Conditions((Motor.DEAD,) * 3))
 
 
 def test_without_forces_only_a_jump_means_something():

@@ -6,7 +6,7 @@ from math import hypot, pi
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput
@@ -26,6 +26,7 @@ from omnidrive.simulation import (
 ROBOT = named_robot("paper")
 PLACE = Hold(Pose(1.0, 2.0, 0.3), 100.0)
 BEFORE = -1.0
+few = settings(max_examples=25, deadline=None)
 
 
 def schedule(*texts):
@@ -38,6 +39,7 @@ def history(plan, dt=0.1, steps=100):
     return {t: plan.conditions(b, t, PLACE) for b, t in pairwise(times)}
 
 
+@few
 @given(st.floats(0.0, 9.0), st.floats(0.2, 5.0), st.sampled_from([0.02, 0.1, 0.25]))
 def test_what_lasts_holds_from_its_beginning_to_its_end(at, duration, dt):
     plan = schedule(f"wheel-dead:wheel=2,at={at!r},duration={duration!r}")
@@ -46,6 +48,7 @@ def test_what_lasts_holds_from_its_beginning_to_its_end(at, duration, dt):
         assert found == (Conditions((0, 0, Motor.DEAD, 0)) if inside else Conditions())
 
 
+@few
 @given(st.floats(0.0, 9.0), st.sampled_from([0.02, 0.1, 0.25]))
 def test_what_is_at_once_happens_once(at, dt):
     plan = schedule(f"push:at={at!r},speed=2,direction=0", f"pose-jump:at={at!r}")
@@ -88,6 +91,7 @@ def test_without_jitter_time_is_counted():
     assert samples == [(k * dt, dt, k == 20) for k in range(21)]
 
 
+@few
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.9))
 def test_jitter_stays_within_its_spread_and_the_run_within_its_duration(seed, spread):
     plan = schedule(f"period-jitter:at=1,duration=3,spread={spread!r}")
@@ -164,6 +168,7 @@ def test_what_makes_no_sense_is_refused(text, message):
     assert "\x1b" not in str(caught.value)
 
 
+@few
 @given(st.text(max_size=250))
 def test_any_text_is_a_fault_or_refused(text):
     with suppress(InvalidInput):

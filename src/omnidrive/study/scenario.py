@@ -178,7 +178,9 @@ class Tasks(_Section):
     @property
     def shortest(self) -> float:
         """Duration of the shortest run, in s."""
-        return min((*self.following, *((self.step.duration,) if self.step else ())))
+        step = (self.step.duration,) if self.step else ()
+        shortest: float = min((*self.following, *step))
+        return shortest
 
     @property
     def with_noise(self) -> float:

@@ -70,7 +70,7 @@ class Watchdog:
         beyond = {
             "error": error > allowed,
             "position_sigma": position_sigma > limits.position_sigma,
-            "age": age > limits.age,
+            "age": age > limits.age + _ROUNDING,
         }
         why = {
             "error": f"it is {error:.2f} m from the reference, more than {allowed:.2f} m",
