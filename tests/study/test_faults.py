@@ -211,7 +211,8 @@ def test_run_says_what_happened(tmp_path, capsys, monkeypatch):
     assert record["events"][0]["what"] == "pose-jump begins"
 
 
-def test_compare_enables_the_task_and_takes_its_faults(tmp_path, capsys):
+def test_compare_enables_the_task_and_takes_its_faults(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("omnidrive.study.study.write_figures", no_figures)
     words = ("--plant", "kinematic", "--controllers", "feedforward", "--out", tmp_path / "out")
     verb("compare", "--tasks", "faults", *words, "--fault", "pose-jump:distance=0.2,at=3")
     assert "pose-jump at 3 s" in capsys.readouterr().out
