@@ -16,6 +16,7 @@ from omnidrive.control.nmpc.holonomic import (
     Rung,
 )
 from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
+from omnidrive.control.supervision import Remaining
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move, wrap
 from omnidrive.reference import Hold
@@ -45,6 +46,27 @@ def test_a_robot_on_the_reference_stays_on_it():
     after = move(Circle().at(0.0).pose, command.twist, DT)
     assert np.allclose(after, Circle().at(DT).pose, atol=1e-9)
     assert controller.solution.residual < 1e-6
+
+
+def test_with_other_wheels_it_goes_on_where_it_was():
+    robot = named_robot("small")
+    usual = Actuation.of(robot)
+    controller = holonomic_nmpc(CHASSIS, DT, actuation=usual)
+    controller.reset(Circle().at(0.0).pose)
+    for k in range(5):
+        controller.step(DT * k, Circle().at(DT * k).pose, Circle())
+    left = Remaining.of(robot, {2})
+    same = controller.driving(CHASSIS, usual)
+    fewer = controller.driving(left.chassis, Actuation(left.traction, robot.lag))
+    at = 0.5, Circle().at(0.5).pose, Circle()
+    command = controller.step(*at)
+    assert same.step(*at) == command
+    far = Hold(Pose(9.0, 0.0, 0.0), 9.0)
+    before = np.array(fewer._twists[-1])
+    hurried = fewer.step(0.6, Circle().at(0.6).pose, far).twist
+    change = np.abs(left.traction @ (np.array(fewer._twists[-1]) - before)).max()
+    assert 0.99 * DT <= change <= DT * (1.0 + 1e-6)  # as hard as the three can push
+    assert np.isfinite(hurried).all()
 
 
 def test_a_lost_measurement_is_bridged_by_the_old_plan_then_by_a_ramp_then_refused():

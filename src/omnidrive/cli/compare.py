@@ -8,6 +8,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 from omnidrive.cli.demand import Demand, with_demand
+from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     HOW,
     FolderOption,
@@ -17,7 +18,7 @@ from omnidrive.cli.options import (
     new_folder,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
+from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
     PREDICTIVE,
@@ -26,6 +27,7 @@ from omnidrive.study import (
     TaskName,
     check_new_folder,
     run_study,
+    with_task,
 )
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
@@ -54,6 +56,7 @@ def compare(
             "N", "Runs at the same time; changes no number [default: every core].", HOW, least=1
         ),
     ] = None,
+    fault: FaultOption = None,
     out: FolderOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -69,10 +72,12 @@ def compare(
     * `omnidrive compare --map depot.yaml --start 2,2 --goal 27,13 --robot small --speed 0.6`
     * `omnidrive compare --tasks track --controllers nmpc,recommended --plant ball`
     * `omnidrive compare --tasks noise --noise-seeds 50`
+    * `omnidrive compare --tasks faults --plant ball`
     """
     if out is not None:
         check_new_folder(out)
     resolved = _restrict(demand.resolve(), controllers, tasks, noise_seeds)
+    resolved = with_faults(resolved, fault)
     folder = out or new_folder(resolved.name)
     with LiveProgress() as progress:
         study = run_study(resolved, folder, processes=jobs or cores(), watcher=progress)
@@ -80,6 +85,7 @@ def compare(
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
         print_tables(study.tables)
+        print_events(study)
         parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
         typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
@@ -98,6 +104,7 @@ def _restrict(
     if tasks is not None:
         names = get_args(TaskName)
         wanted = choose_many("task", tasks, names)
+        scenario = with_task(scenario, wanted)
         kept = {name: getattr(scenario.tasks, name) if name in wanted else None for name in names}
         if not any(kept.values()):
             raise InvalidInput(f"the scenario has none of these tasks: {', '.join(wanted)}")

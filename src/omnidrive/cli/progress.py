@@ -83,6 +83,15 @@ def print_tables(tables: Sequence[Table]) -> None:
         console.print()
 
 
+def print_events(study: Study) -> None:
+    """Say what happened in tracking runs and step responses: faults, findings, what was done."""
+    console = Console()
+    for result in study.results.runs:
+        if result.run.events:
+            facts = "\n".join(f"  {e.t:6.2f} s  {e.what}" for e in result.run.events)
+            console.print(f"{result.name}:\n{facts}", markup=False, highlight=False)
+
+
 def warn_of_touching(study: Study) -> None:
     """Say on standard error which robots ran into an obstacle, or would have."""
     if study.collisions:

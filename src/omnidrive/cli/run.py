@@ -8,6 +8,7 @@ from typing import Annotated, get_args
 import typer
 
 from omnidrive.cli.demand import Demand, with_demand
+from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     HOW,
     FolderOption,
@@ -17,7 +18,7 @@ from omnidrive.cli.options import (
     new_folder,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_tables, warn_of_touching
+from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
     PREDICTIVE,
@@ -27,6 +28,7 @@ from omnidrive.study import (
     check_new_folder,
     one_task,
     run_study,
+    with_task,
 )
 
 
@@ -36,10 +38,11 @@ def run(
     controller: Annotated[
         str, choice(get_args(ControllerName), "Which controller.", HOW)
     ] = "recommended",
-    task: Annotated[str, option("track|noise|step", "What it has to do.", HOW)] = "track",
+    task: Annotated[str, option("track|noise|step|faults", "What it has to do.", HOW)] = "track",
     horizon: Annotated[
         int | None, option("N", "Prediction horizon of the NMPC, in steps.", HOW)
     ] = None,
+    fault: FaultOption = None,
     out: FolderOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -51,10 +54,11 @@ def run(
 
     * `omnidrive run --controller nmpc --horizon 25`
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
+    * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     """
     if out is not None:
         check_new_folder(out)
-    resolved = _narrow(demand.resolve(), controller, task, horizon)
+    resolved = with_faults(_narrow(demand.resolve(), controller, task, horizon), fault)
     folder = out or new_folder(f"{resolved.name}-{controller}-{task}")
     with LiveProgress() as progress:
         study = run_study(resolved, folder, watcher=progress)
@@ -62,6 +66,7 @@ def run(
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
         print_tables(study.tables)
+        print_events(study)
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
     warn_of_touching(study)
     study.raise_if_failed()
@@ -73,7 +78,7 @@ def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None)
     chosen = choose_one("task", task, [t for t in get_args(TaskName) if t != "horizon"])
     changes: dict[str, object] = {
         "controllers": (name,),
-        "tasks": one_task(scenario.tasks, chosen),
+        "tasks": one_task(with_task(scenario, [chosen]).tasks, chosen),
     }
     if horizon is not None:
         if name not in PREDICTIVE:

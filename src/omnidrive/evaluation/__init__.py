@@ -10,15 +10,25 @@ from omnidrive.evaluation.paired import (
     paired_differences,
     repeated_runs,
 )
-from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.recovery import Recovery, recovery
+from omnidrive.evaluation.results import (
+    STEP_AXES,
+    FaultResult,
+    StepResult,
+    StudyResults,
+    TrackResult,
+)
 from omnidrive.evaluation.step_response import StepResponse, step_response
-from omnidrive.evaluation.tables import Table, study_tables
+from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.tables import study_tables
 
 __all__ = [
     "MEASURES",
     "STEP_AXES",
+    "FaultResult",
     "Metrics",
     "PairedDifference",
+    "Recovery",
     "Repeated",
     "StepResponse",
     "StepResult",
@@ -29,6 +39,7 @@ __all__ = [
     "measure",
     "paired_differences",
     "position_error",
+    "recovery",
     "repeated_runs",
     "step_response",
     "study_tables",

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omnidrive.evaluation.metrics import Metrics
+from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.step_response import StepResponse
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path, SplinePath
 from omnidrive.robot import Robot
-from omnidrive.simulation import Run
+from omnidrive.simulation import Fault, Run
 
 STEP_AXES = ("x", "y", "heading")
 
@@ -75,6 +76,33 @@ class StepResult:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class FaultResult:
+    """One run of the task `faults`.
+
+    Attributes:
+        controller: Which controller.
+        number: Which fault of the task, counted from 1; 0: none.
+        fault: What went wrong; None: nothing did.
+        duration: Of the reference, in s.
+        run: The log.
+        metrics: Its numbers.
+    """
+
+    controller: str
+    number: int
+    fault: Fault | None
+    duration: float
+    run: Run
+    metrics: Metrics
+
+    @property
+    def name(self) -> str:
+        """Unique in its study: also the stem of its time-series file."""
+        fault = f"{self.number:02d}-{self.fault.kind}" if self.fault else "00-none"
+        return f"faults-{self.controller}-{fault}"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class StudyResults:
     """Everything that a finished study knows.
 
@@ -89,6 +117,7 @@ class StudyResults:
         spline: The smooth path.
         tracks: Every tracking run.
         steps: Every step response.
+        faults: Every run of the task `faults`.
     """
 
     title: str
@@ -101,6 +130,7 @@ class StudyResults:
     spline: SplinePath
     tracks: tuple[TrackResult, ...]
     steps: tuple[StepResult, ...]
+    faults: tuple[FaultResult, ...] = ()
 
     @property
     def runs(self) -> tuple[TrackResult | StepResult, ...]:
@@ -124,3 +154,16 @@ class StudyResults:
     def repeats(self) -> int:
         """With how many seeds of the noise every controller drove."""
         return max((r.repeat for r in self.tracks), default=0) + 1
+
+    @property
+    def recoveries(self) -> tuple[tuple[FaultResult, Recovery], ...]:
+        """Every run with a fault, and how it went on, in the order of the faults.
+
+        Those whose controller has not yet driven without a fault are left out.
+        """
+        undisturbed = {r.controller: r.run for r in self.faults if r.fault is None}
+        return tuple(
+            (r, recovery(r.run, undisturbed[r.controller], r.fault.at))
+            for r in sorted(self.faults, key=lambda r: r.number)
+            if r.fault is not None and r.controller in undisturbed
+        )

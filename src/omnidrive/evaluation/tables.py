@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import isfinite, nan
 
 import numpy as np
 
 from omnidrive.control.pid.rules import LABELS, paper_rules
 from omnidrive.control.pid.rules import published_rules as code_rules
+from omnidrive.evaluation.fault_table import fault_table
 from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
     MEASURES,
@@ -20,28 +20,10 @@ from omnidrive.evaluation.paired import (
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.table import Table
 from omnidrive.simulation import Outcome
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table of text, ready to draw.
-
-    Attributes:
-        title: What it shows.
-        columns: Heading of each column, with its unit.
-        rows: Cells, row by row.
-        note: One sentence under the table; may be empty.
-        keys: Leading columns that together name a row.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-    keys: int = 1
 
 
 def study_tables(
@@ -60,6 +42,7 @@ def study_tables(
         paired_table(results),
         _step_table(results, published),
         _horizon_table(results),
+        fault_table(results),
     ]
     if any(r.controller.startswith("fuzzy") for r in results.runs):
         tables.append(rule_table(published_rules=published_rules))

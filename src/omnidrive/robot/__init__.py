@@ -3,6 +3,7 @@
 from omnidrive.robot.chassis import Chassis
 from omnidrive.robot.mount import Mount, mecanum_rectangle, omni_ring
 from omnidrive.robot.robot import GRAVITY, ROBOTS, OmniWheel, Robot, named_robot
+from omnidrive.robot.traction import traction_faces
 
 __all__ = [
     "GRAVITY",
@@ -14,4 +15,5 @@ __all__ = [
     "mecanum_rectangle",
     "named_robot",
     "omni_ring",
+    "traction_faces",
 ]

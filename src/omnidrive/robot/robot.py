@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 from math import cos, hypot, pi
 
 import numpy as np
@@ -13,6 +12,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.robot.chassis import Chassis
 from omnidrive.robot.checks import check_robot, check_wheel
 from omnidrive.robot.mount import Mount, mecanum_rectangle, omni_ring
+from omnidrive.robot.traction import traction_faces
 
 Array = np.ndarray
 
@@ -200,17 +200,9 @@ class Robot:
     def traction(self) -> Float[Array, "faces 3"]:
         """``|traction @ (ax, ay, yaw acceleration)| <= 1``: what the wheels can push, in B.
 
-        Every wheel pushes along its direction, up to :attr:`pushes`. All that they can do
-        together is a zonotope of forces and torque; its faces are spanned by pairs of wheels
-        (McMullen, "On zonotopes", Trans. AMS 159, 1971).
-        Rows are in s^2/m, s^2/m and s^2/rad. Beyond, a wheel spins or falls behind.
+        Beyond, a wheel spins or falls behind; see :func:`traction_faces`.
         """
-        forces = self.pushes[:, None] * self.rims  # and torque, of each wheel's greatest push
-        faces = np.array([np.cross(a, b) for a, b in combinations(self.rims, 2)])
-        faces = faces[np.linalg.norm(faces, axis=1) > 1e-9 * self.arm]
-        reach = np.abs(faces @ forces.T).sum(axis=1)
-        rows: Float[Array, "faces 3"] = faces * self.inertia / reach[:, None]
-        return rows
+        return traction_faces(self.rims, self.pushes, self.inertia)
 
 
 _CROSS = (0.25 * pi, 0.75 * pi, 1.25 * pi, 1.75 * pi)

@@ -1,37 +1,5 @@
 """The robot's answer to a command, and the loop that closes around it."""
 
-from omnidrive.simulation.conditions import Conditions, Motor, Patch, Payload
-from omnidrive.simulation.coppeliasim import CoppeliaSimPlant, CoppeliaSimScene
-from omnidrive.simulation.identify import identify_lag
-from omnidrive.simulation.kinematic import KinematicPlant
-from omnidrive.simulation.loop import Outcome, Run, simulate
-from omnidrive.simulation.moving_obstacle import MovingObstacle
-from omnidrive.simulation.mujoco_plant import MujocoPlant
-from omnidrive.simulation.planar import PlanarPlant, roll_out
-from omnidrive.simulation.plant import DisturbablePlant, Measurement, Plant
-from omnidrive.simulation.sensing import Estimate, PaperNoise, PerfectSensor, Sensor
+import lazy_loader as _lazy
 
-__all__ = [
-    "Conditions",
-    "CoppeliaSimPlant",
-    "CoppeliaSimScene",
-    "DisturbablePlant",
-    "Estimate",
-    "KinematicPlant",
-    "Measurement",
-    "Motor",
-    "MovingObstacle",
-    "MujocoPlant",
-    "Outcome",
-    "PaperNoise",
-    "Patch",
-    "Payload",
-    "PerfectSensor",
-    "PlanarPlant",
-    "Plant",
-    "Run",
-    "Sensor",
-    "identify_lag",
-    "roll_out",
-    "simulate",
-]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

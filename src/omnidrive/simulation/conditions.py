@@ -57,3 +57,14 @@ class Conditions(NamedTuple):
     """Given to the body once, when imposed: N s, N s and, about B's origin, N m s."""
     jump: WorldTwist = WorldTwist(0.0, 0.0, 0.0)
     """By which the robot is carried elsewhere at once, when imposed: m, m, rad."""
+
+
+class SensorConditions(NamedTuple):
+    """What is wrong with a robot's sensors; by default nothing."""
+
+    dead_encoders: tuple[int, ...] = ()
+    """Wheels, counted from 0, whose encoders stand still in what they tell."""
+    fixes_silent: bool = False
+    """Whether no measurement of the pose arrives."""
+    gyro_silent: bool = False
+    """Whether no measurement of the yaw rate arrives."""

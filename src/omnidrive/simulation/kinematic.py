@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import nan
 
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import Robot
+from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.plant import Measurement
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
@@ -34,3 +36,18 @@ class KinematicPlant:
         actual = self.robot.chassis.twist(drive.wheel_speeds(drive.saturate(twist)))
         self._pose = move(self._pose, actual, dt)
         return Measurement(self._pose, actual, nan)
+
+    def impose(self, conditions: Conditions) -> None:
+        """Carry the robot elsewhere; nothing else can act on one without forces.
+
+        Raises:
+            InvalidInput: The conditions say anything else.
+        """
+        jump = conditions.jump
+        if conditions != Conditions(jump=jump):
+            raise InvalidInput(
+                "on the plant kinematic, which knows no forces, only pose-jump, sensors and timing "
+                "can go wrong; take the plant rollers, ball or planar"
+            )
+        x, y, yaw = self._pose
+        self._pose = Pose(x + jump.vx, y + jump.vy, yaw + jump.yaw_rate)

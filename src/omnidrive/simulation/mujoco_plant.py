@@ -14,8 +14,10 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
+from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.mjcf import TIMESTEP, WheelModel, omni_model
 from omnidrive.simulation.moving_obstacle import MovingObstacle
+from omnidrive.simulation.mujoco_conditions import MujocoConditions
 from omnidrive.simulation.mujoco_obstacles import MujocoObstacles
 from omnidrive.simulation.plant import Measurement
 from omnidrive.simulation.walls import Walls
@@ -72,6 +74,7 @@ class MujocoPlant:
         self._model = mujoco.MjModel.from_xml_string(xml)
         self._data = mujoco.MjData(self._model)
         self._obstacles = MujocoObstacles(self._model, robot, walls, moving)
+        self._conditions = MujocoConditions(self._model, robot.mounts)
         self._joints = [
             int(self._model.joint(f"wheel{i}").qposadr[0]) for i in range(len(robot.mounts))
         ]
@@ -93,6 +96,7 @@ class MujocoPlant:
     def reset(self, pose: Pose) -> Measurement:
         """Stand at rest at ``pose``, springs settled."""
         data = self._data
+        self._conditions.clear()
         mujoco.mj_resetData(self._model, data)
         self._model.opt.timestep = TIMESTEP
         if self.wheels == "rollers":
@@ -117,13 +121,16 @@ class MujocoPlant:
         forces = np.empty((substeps, model.nu))
         speeds = np.empty((substeps, model.nu))
         force, speed = data.actuator_force, data.actuator_velocity
-        places, place, obstacles = np.empty((substeps, 2)), data.qpos[:2], self._obstacles
+        places, place = np.empty((substeps, 2)), data.qpos[:2]
+        obstacles, conditions = self._obstacles, self._conditions
         for begin in range(0, substeps, _APPROACHES):
             end, time = min(begin + _APPROACHES, substeps), data.time
             watched = obstacles.approach(data)
             for k in range(begin, end):
                 if watched:
                     obstacles.move(data)
+                if conditions.patch is not None:
+                    conditions.tread(data)
                 mujoco.mj_step(model, data)
                 forces[k], speeds[k], places[k] = force, speed, place
             if watched:
@@ -131,6 +138,15 @@ class MujocoPlant:
                 obstacles.count(places[begin:end], times)
         self._account(forces, speeds, dt)
         return self._measure()
+
+    def impose(self, conditions: Conditions) -> None:
+        """Let ``conditions`` hold from now on; ``reset`` takes them back.
+
+        Raises:
+            InvalidInput: They speak of wheels that the robot does not have.
+        """
+        self._conditions.impose(conditions, self._data)
+        self._yaw += conditions.jump.yaw_rate
 
     def _start(self, yaw: float) -> None:
         """Nothing done yet."""
@@ -147,6 +163,9 @@ class MujocoPlant:
         power = np.abs(forces * speeds).sum(axis=1).cumsum()[-1]  # in order, as it came
         self._work += float(power) * dt / len(forces)
         self._torques = self._given(forces, speeds).mean(axis=0)
+        for i in self._conditions.locked:  # what its motor gives against what holds the wheel
+            most = self.robot.max_torque
+            self._torques[i] = np.clip(self.robot.servo_gain * self._data.ctrl[i], -most, most)
         self._turned += speeds.mean(axis=0) * dt
         self._last_turn = speeds[-1] * dt / len(speeds)
 

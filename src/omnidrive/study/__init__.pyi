@@ -1,6 +1,6 @@
 from .destination import check_new_folder, check_plan_targets
 from .folder import RunFolder
-from .jobs import Job, jobs_of, make_controller, run_job
+from .jobs import Job, faults_of, jobs_of, make_controller, run_job
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .plants import make_plant
 from .prepared import Prepared, lay_out, prepare
@@ -23,7 +23,8 @@ from .scenario import (
 )
 from .scenario_file import load_scenario, save_scenario
 from .study import Study, Watcher, run_study
-from .timing import one_task, plan_at, retime
+from .supervision import make_supervisor
+from .timing import one_task, plan_at, retime, with_task
 from .warm_up import warm_up
 
 __all__ = [
@@ -45,11 +46,13 @@ __all__ = [
     "Watcher",
     "check_new_folder",
     "check_plan_targets",
+    "faults_of",
     "jobs_of",
     "lay_out",
     "load_scenario",
     "make_controller",
     "make_plant",
+    "make_supervisor",
     "map_scenario",
     "one_task",
     "paper_scenario",
@@ -67,4 +70,5 @@ __all__ = [
     "solve_queries",
     "study_tasks",
     "warm_up",
+    "with_task",
 ]

@@ -14,11 +14,11 @@ from multiprocessing.process import BaseProcess
 from threading import Thread
 
 from omnidrive.errors import WorkerLost
-from omnidrive.evaluation import StepResult, TrackResult
+from omnidrive.evaluation import FaultResult, StepResult, TrackResult
 from omnidrive.study.jobs import Job, run_job
 from omnidrive.study.prepared import Prepared
 
-Result = TrackResult | StepResult
+Result = TrackResult | StepResult | FaultResult
 
 _shared: list[Prepared] = []  # in a worker process: what its runs share
 

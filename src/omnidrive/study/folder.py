@@ -19,7 +19,9 @@ from omnidrive.errors import CannotWrite
 from omnidrive.evaluation import (
     MEASURES,
     STEP_AXES,
+    FaultResult,
     PairedDifference,
+    Recovery,
     Repeated,
     StepResult,
     StudyResults,
@@ -87,6 +89,7 @@ class RunFolder:
             "step_response": [row for step in results.steps for row in step_records(step)],
             "repeated": [mean_record(group) for group in repeated_runs(results)],
             "paired": [paired_record(difference) for difference in paired_differences(results)],
+            "faults": [fault_record(*found) for found in results.recoveries],
             "timing_s": timing,
         }
         with self.whole("results.json") as path:
@@ -158,6 +161,7 @@ def track_record(result: TrackResult) -> dict[str, Any]:
         "repeat": result.repeat,
         "finished": run.outcome is Outcome.FINISHED,
         "outcome": run.ending,
+        "events": event_records(run),
         "me": m.me,
         "mae": m.mae,
         "max_error": m.max_error,
@@ -185,11 +189,41 @@ def step_records(result: StepResult) -> list[dict[str, Any]]:
                 "axis": axis,
                 **response._asdict(),
                 "finished": result.run.outcome is Outcome.FINISHED,
+                "outcome": result.run.ending,
+                "events": event_records(result.run),
                 "series": f"series/{result.name}.parquet",
             }
         )
         for axis, response in zip(STEP_AXES, result.responses, strict=True)
     ]
+
+
+def fault_record(result: FaultResult, found: Recovery) -> dict[str, Any]:
+    """One entry of ``faults`` in results.json; null where undefined."""
+    fault = result.fault
+    return _json_safe(
+        {
+            "name": result.name,
+            "controller": result.controller,
+            "fault": fault.model_dump() if fault else None,
+            "duration": result.duration,
+            "recovered": found.recovered,
+            "time_to_recover": found.time,
+            "worst_error": found.worst,
+            "stopped": found.stopped,
+            "finished": result.run.outcome is Outcome.FINISHED,
+            "outcome": result.run.ending,
+            "me": result.metrics.me,
+            "mae": result.metrics.mae,
+            "events": event_records(result.run),
+            "series": f"series/{result.name}.parquet",
+        }
+    )
+
+
+def event_records(run: Run) -> list[dict[str, Any]]:
+    """What happened in a run, in order: time in s, and what."""
+    return [event._asdict() for event in run.events]
 
 
 def mean_record(group: Repeated) -> dict[str, Any]:

@@ -16,22 +16,30 @@ from omnidrive.control import (
     unicycle_nmpc,
 )
 from omnidrive.control.nmpc.holonomic import Actuation
-from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
+from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
-from omnidrive.reference import Hold
+from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation import (
+    Fault,
     PaperNoise,
+    Plant,
+    Run,
+    Schedule,
+    Sensor,
+    default_faults,
     simulate,
 )
 from omnidrive.study.plants import plant_of
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
+    MOVED_BY_FORCES,
     PREDICTIVE,
     ControllerName,
     Scenario,
     TaskName,
 )
+from omnidrive.study.supervision import make_supervisor
 
 
 class Job(NamedTuple):
@@ -45,6 +53,8 @@ class Job(NamedTuple):
     """Prediction horizon of the NMPC, in steps; None for other controllers."""
     repeat: int = 0
     """Which of the task's random numbers, counted from 0."""
+    fault: int = 0
+    """Which fault of the task `faults`, counted from 1; 0: none."""
 
 
 def jobs_of(scenario: Scenario) -> list[Job]:
@@ -71,11 +81,29 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     if tasks.horizon and swept:
         seconds = tasks.horizon.duration
         jobs += [Job("horizon", swept, seconds, n) for n in tasks.horizon.horizons]
+    if tasks.faults:
+        seconds = tasks.faults.duration
+        jobs += [
+            Job("faults", name, seconds, horizon(name), fault=number)
+            for number in range(len(faults_of(scenario)) + 1)
+            for name in scenario.controllers
+        ]
     return jobs
 
 
-def run_job(prepared: Prepared, job: Job) -> TrackResult | StepResult:
+def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
+    """Those of the task `faults`: its own, or one of every kind that the plant knows."""
+    task = scenario.tasks.faults
+    if task is None or task.faults:
+        return task.faults if task else ()
+    unknown = MOVED_BY_FORCES if scenario.plant == "kinematic" else ()
+    return tuple(f for f in default_faults(0.25 * task.duration) if f.kind not in unknown)
+
+
+def run_job(prepared: Prepared, job: Job) -> TrackResult | StepResult | FaultResult:
     """Do one run and measure it."""
+    if job.task == "faults":
+        return _fault(prepared, job)
     return _step(prepared, job) if job.task == "step" else _track(prepared, job)
 
 
@@ -117,6 +145,48 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     return Actuation.of(robot, section.traction, may_spin=section.may_spin)
 
 
+def _simulated(
+    prepared: Prepared,
+    job: Job,
+    plant: Plant,
+    reference: Reference,
+    *,
+    start: Pose | None = None,
+    sensor: Sensor | None = None,
+    faults: tuple[Fault, ...] = (),
+) -> Run:
+    """One run under supervision, with the scenario's faults and others.
+
+    Jitter is the same for every controller, and apart from the numbers of the noise.
+    """
+    scenario, robot = prepared.scenario, prepared.robot
+    controller = make_controller(scenario, robot, job.controller, job.horizon)
+    every = (*scenario.faults, *faults)
+    jitter = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat, 1])
+    return simulate(
+        plant,
+        controller,
+        reference,
+        start=start or reference.at(0.0).pose,
+        dt=scenario.sample_time,
+        sensor=sensor,
+        schedule=Schedule(every, robot) if every else None,
+        supervisor=make_supervisor(scenario, robot, controller),
+        rng=jitter,
+    )
+
+
+def _fault(prepared: Prepared, job: Job) -> FaultResult:
+    """Follow the path with one fault of the task, or with none."""
+    reference = prepared.reference(job.duration)
+    fault = (None, *faults_of(prepared.scenario))[job.fault]
+    faults = (fault,) if fault else ()
+    with plant_of(prepared) as plant:
+        run = _simulated(prepared, job, plant, reference, faults=faults)
+    metrics = measure(run, prepared.robot.drive)
+    return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
+
+
 def _track(prepared: Prepared, job: Job) -> TrackResult:
     """Follow the path; with noise, every controller sees the same random numbers.
 
@@ -127,15 +197,9 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     reference = prepared.reference(job.duration)
     noise = job.task == "noise"
     rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
+    sensor = PaperNoise(rng) if noise else None
     with plant_of(prepared, job.repeat) as plant:
-        run = simulate(
-            plant,
-            make_controller(scenario, prepared.robot, job.controller, job.horizon),
-            reference,
-            start=reference.at(0.0).pose,
-            dt=scenario.sample_time,
-            sensor=PaperNoise(rng) if noise else None,
-        )
+        run = _simulated(prepared, job, plant, reference, sensor=sensor)
     return TrackResult(
         job.controller, job.task, job.duration, noise, job.horizon, run,
         measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]), job.repeat,
@@ -144,19 +208,12 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
 
 def _step(prepared: Prepared, job: Job) -> StepResult:
     """Let the reference jump from the start pose, on an empty floor."""
-    scenario = prepared.scenario
-    task = scenario.tasks.step
+    task = prepared.scenario.tasks.step
     assert task is not None
     start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
     with plant_of(prepared, on_map=False) as plant:
-        run = simulate(
-            plant,
-            make_controller(scenario, prepared.robot, job.controller, job.horizon),
-            Hold(goal, job.duration),
-            start=start,
-            dt=scenario.sample_time,
-        )
+        run = _simulated(prepared, job, plant, Hold(goal, job.duration), start=start)
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )

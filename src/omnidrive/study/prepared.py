@@ -21,6 +21,7 @@ from omnidrive.reference import (
     time_within_limits,
 )
 from omnidrive.robot import Robot
+from omnidrive.simulation.faults import Schedule
 from omnidrive.study.scenario import Scenario, robot_of
 
 Array = np.ndarray
@@ -160,8 +161,11 @@ def prepare(scenario: Scenario) -> Prepared:
 
     Raises:
         InvalidReference: A duration is too short for the wheels; the message says which is not.
+        InvalidInput: A fault is of a wheel that the robot does not have.
     """
     prepared = lay_out(scenario)
+    task = scenario.tasks.faults
+    Schedule((*scenario.faults, *(task.faults if task else ())), prepared.robot)
     for duration in scenario.tasks.following:
         prepared.reference(duration)
     return prepared

@@ -15,6 +15,7 @@ from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
+from omnidrive.simulation.faults import ON_THE_PLANT, Fault
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
 from omnidrive.study.coppeliasim import CoppeliaSimSection
 
@@ -23,7 +24,7 @@ ControllerName = Literal[
 ]
 PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 """Who plans over a horizon."""
-TaskName = Literal["track", "noise", "step", "horizon"]
+TaskName = Literal["track", "noise", "step", "horizon", "faults"]
 PlantName = Literal["rollers", "ball", "planar", "kinematic", "coppeliasim"]
 _SOLID: tuple[PlantName, ...] = ("rollers", "ball")
 """On which a robot runs into obstacles."""
@@ -41,11 +42,17 @@ DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
 MAX_STEPS = 200_000
 """Most samples of one run: an hour at 50 Hz; its log stays below a gigabyte."""
 
+MAX_FAULTS = 100
+"""Most faults of one run, and most runs with a fault of one controller."""
+
 MAX_NOISE_STEPS = 1_000_000
 """Most samples of one controller's runs with noise over one duration: all are kept in memory."""
 
 Seconds = Annotated[float, Bounds(0.1, 36_000.0, "s")]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
+MOVED_BY_FORCES = tuple(kind for kind in ON_THE_PLANT if kind != "pose-jump")
+"""Faults that mean nothing on the plant `kinematic`."""
+
 _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
 _Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
 _Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]
@@ -200,6 +207,17 @@ class HorizonTask(_Section):
     horizons: Annotated[tuple[Horizon, ...], Field(min_length=1, max_length=50), _Different]
 
 
+Faults = Annotated[tuple[Fault, ...], Field(max_length=MAX_FAULTS)]
+
+
+class FaultsTask(_Section):
+    """Follow the path once as it is, and once with each of several faults."""
+
+    duration: Seconds
+    faults: Faults = ()
+    """None: one of every kind, all beginning after a quarter of the time."""
+
+
 class Tasks(_Section):
     """What the controllers have to do; None leaves a task out."""
 
@@ -207,24 +225,32 @@ class Tasks(_Section):
     noise: NoiseTask | None = None
     step: StepTask | None = None
     horizon: HorizonTask | None = None
+    faults: FaultsTask | None = None
 
     @model_validator(mode="after")
     def _something_to_do(self) -> Tasks:
-        if not any((self.track, self.noise, self.step, self.horizon)):
-            raise ValueError("names no task; there are track, noise, step and horizon")
+        if not any((self.track, self.noise, self.step, self.horizon, self.faults)):
+            raise ValueError("names no task; there are track, noise, step, horizon and faults")
         return self
 
     @property
     def following(self) -> tuple[float, ...]:
         """Every duration in which the path is followed, in s."""
         lists = (task.durations for task in (self.track, self.noise) if task)
-        single = (self.horizon.duration,) if self.horizon else ()
+        single = [task.duration for task in (self.horizon, self.faults) if task]
         return tuple(sorted({*chain.from_iterable(lists), *single}))
 
     @property
     def longest(self) -> float:
         """Duration of the longest run, in s."""
         return max((*self.following, self.step.duration if self.step else 0.0))
+
+    @property
+    def shortest(self) -> float:
+        """Duration of the shortest run, in s."""
+        step = (self.step.duration,) if self.step else ()
+        shortest: float = min((*self.following, *step))
+        return shortest
 
     @property
     def with_noise(self) -> float:
@@ -249,6 +275,24 @@ class RecommendedSection(_Section):
     """Whether wheels may spin where the robot does not get along as planned. It then follows more
     closely, but its odometry is lost by decimetres at a hard start: say false for robots that
     have no other measurement of their pose."""
+
+
+class WatchdogSection(_Section):
+    """When a run is stopped because the robot is lost.
+
+    See :class:`~omnidrive.control.supervision.WatchdogLimits`.
+    """
+
+    on: bool = True
+    error: Annotated[float, Bounds(0.01, 1e6, "m")] | None = None
+    """Distance to the reference, on top of that at the start; None: twice the robot's radius, and
+    no less than 1 m."""
+    position_sigma: Annotated[float, Bounds(1e-3, 1e6, "m")] = 0.5
+    """Standard deviation of the position."""
+    age: Annotated[float, Bounds(0.01, 1e6, "s")] = 1.5
+    """Time since a pose was measured."""
+    patience: Annotated[float, Bounds(0.0, 60.0, "s")] = 0.3
+    """For which a limit has to be exceeded."""
 
 
 class Scenario(_Section):
@@ -280,6 +324,11 @@ class Scenario(_Section):
     nmpc: NmpcSection = NmpcSection()
     feedforward: FeedforwardGains = FeedforwardGains()
     recommended: RecommendedSection = RecommendedSection()
+    faults: Faults = ()
+    """What goes wrong in every run, on top of the task `faults`."""
+    watchdog: WatchdogSection = WatchdogSection()
+    wheel_monitor: bool = True
+    """Whether dead and locked wheels are looked for, and made up for."""
     tasks: Tasks
 
     @model_validator(mode="after")
@@ -305,6 +354,23 @@ class Scenario(_Section):
                 f"asks for {steps:.0f} samples with noise, need at most {MAX_NOISE_STEPS}: "
                 "lower tasks.noise.repeats or shorten its longest duration"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _faults_can_be(self) -> Scenario:
+        task = self.tasks.faults
+        of_task = [(fault, task.duration) for fault in task.faults] if task else []
+        for fault, ends in (*((f, self.tasks.shortest) for f in self.faults), *of_task):
+            if fault.at >= ends:
+                raise ValueError(
+                    f"has the fault {fault.kind} at {fault.at:g} s, after a run's end at "
+                    f"{ends:g} s: let it begin earlier"
+                )
+            if self.plant == "kinematic" and fault.kind in MOVED_BY_FORCES:
+                raise ValueError(
+                    f"has the fault {fault.kind}, which needs forces, on the plant kinematic: take "
+                    "the plant rollers, ball or planar"
+                )
         return self
 
 

@@ -13,8 +13,19 @@ from pydantic import BaseModel, ValidationError
 
 from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidScenario
+from omnidrive.simulation.faults import FAULTS
 from omnidrive.study.scenario import Scenario
 from omnidrive.yaml_file import read_yaml
+
+_MISSING = "'{key}' is missing"
+_NO_NUMBER = "{key} must be a plain number without a unit, got {value}"
+_NO_FAULT = f"{{key}}: there is no such kind of fault; there are {', '.join(FAULTS)}"
+_SAYINGS = {
+    **dict.fromkeys(("missing", "missing_argument"), _MISSING),
+    **dict.fromkeys(("float_parsing", "float_type", "int_parsing", "int_type"), _NO_NUMBER),
+    **dict.fromkeys(("union_tag_invalid", "union_tag_not_found"), _NO_FAULT),
+}
+"""What to say of problems, by the name that pydantic has for them."""
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -86,19 +97,17 @@ def _explain(problem: Any) -> str:
         key = ".".join([*map(str, spot), one_line(str(name), 60)])
         return f"unknown key '{key}'" + _suggestion(str(name), spot)
     key = ".".join(map(str, _fields(problem["loc"])))
-    if kind in {"missing", "missing_argument"}:
-        return f"'{key}' is missing"
-    if kind in {"float_parsing", "float_type", "int_parsing", "int_type"}:
-        return f"{key} must be a plain number without a unit, got {shown(value)}"
+    if kind in _SAYINGS:
+        return _SAYINGS[kind].format(key=key, value=shown(value))
     message = problem["msg"].removeprefix("Value error, ")
     if kind == "value_error":
-        return f"{key} {message}"
+        return f"{key} {message}".lstrip()
     return f"{key or 'a key'}: {message[0].lower()}{message[1:]}, got {shown(value)}"
 
 
 def _fields(loc: Iterable[Any]) -> list[Any]:
     """``loc`` without what pydantic adds to it, such as `function-after[check(), float]`."""
-    return [part for part in loc if isinstance(part, int) or part.isidentifier()]
+    return [part for part in loc if isinstance(part, int) or part.isidentifier() or part in FAULTS]
 
 
 def _within(spot: list[Any]) -> str:
@@ -109,7 +118,9 @@ def _suggestion(name: str, loc: list[Any]) -> str:
     """The nearest key that exists at ``loc``, or all of them."""
     model: Any = Scenario
     for part in loc:
-        if isinstance(part, str) and part in _keys(model):
+        if part in FAULTS:
+            model = FAULTS[part]
+        elif isinstance(part, str) and part in _keys(model):
             model = _type_at(model, part)
     keys = _keys(model)
     near = get_close_matches(name, keys, n=1, cutoff=0.5)

@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 
 from omnidrive.errors import RunFailed
 from omnidrive.evaluation import (
+    FaultResult,
     StepResult,
     StudyResults,
     Table,
@@ -81,7 +82,7 @@ class Study:
         return {r.name: r.collisions for r in self.results.tracks if r.collisions}
 
     def raise_if_failed(self) -> Study:
-        """Return self, or raise :class:`RunFailed` if a run stopped early."""
+        """Return self, or raise :class:`RunFailed` if a run stopped early, but for `faults`."""
         failed = [r for r in self.results.runs if r.run.outcome is not Outcome.FINISHED]
         if failed:
             facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.ending})" for r in failed)
@@ -198,4 +199,5 @@ def _collect(prepared: Prepared, jobs: Sequence[Job], finished: dict[Job, Result
         spline=prepared.path,
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),
+        faults=tuple(r for r in done if isinstance(r, FaultResult)),
     )

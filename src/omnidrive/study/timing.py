@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, isfinite
 
 from omnidrive.errors import InvalidInput
 from omnidrive.study.prepared import Prepared, lay_out
-from omnidrive.study.scenario import DurationsTask, Scenario, TaskName, Tasks
+from omnidrive.study.scenario import DurationsTask, FaultsTask, Scenario, TaskName, Tasks
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 USUAL_SPEED = 0.5
@@ -92,7 +93,22 @@ def _scaled(scenario: Scenario, factor: float) -> Scenario:
             tasks[name]["durations"] = [round(factor * t, 6) for t in tasks[name]["durations"]]
     if tasks["horizon"]:
         tasks["horizon"]["duration"] = round(factor * tasks["horizon"]["duration"], 6)
+    if tasks["faults"]:
+        tasks["faults"]["duration"] = round(factor * tasks["faults"]["duration"], 6)
     return parse_scenario({**scenario_data(scenario), "tasks": tasks}, "with these times")
+
+
+def with_task(scenario: Scenario, names: Sequence[str]) -> Scenario:
+    """The scenario with the task `faults`, if that is among the names and it has none.
+
+    It takes the shortest time in which the path is followed.
+    """
+    following = scenario.tasks.following
+    if "faults" not in names or scenario.tasks.faults is not None or not following:
+        return scenario
+    task = FaultsTask(duration=following[0])
+    tasks = scenario.tasks.model_copy(update={"faults": task})
+    return scenario.model_copy(update={"tasks": tasks})
 
 
 def one_task(tasks: Tasks, name: TaskName) -> Tasks:

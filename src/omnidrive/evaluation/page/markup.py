@@ -7,7 +7,7 @@ from html import escape
 from math import atan2, degrees
 
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.tables import Table
+from omnidrive.evaluation.table import Table
 from omnidrive.robot import Robot
 
 

@@ -15,7 +15,12 @@ from omnidrive.evaluation.palette import (
     controller_short,
     horizon_inks,
 )
-from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.results import (
+    FaultResult,
+    StepResult,
+    StudyResults,
+    TrackResult,
+)
 from omnidrive.evaluation.tuning import INPUTS, tuning_of, unit_text
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome, Run
@@ -73,7 +78,7 @@ def _run_lengths(kinds: Int[Array, " cells"]) -> list[int]:
 
 
 def _groups(results: StudyResults) -> list[dict[str, Any]]:
-    """Runs that race together, by task and duration; then the step responses."""
+    """Runs that race together, by task and duration; then the step responses and faults."""
     keys = dict.fromkeys((r.task, r.duration) for r in results.tracks)
     groups = []
     for task, duration in sorted(keys, key=lambda key: (list(_TASKS).index(key[0]), key[1])):
@@ -91,6 +96,12 @@ def _groups(results: StudyResults) -> list[dict[str, Any]]:
         runs_of_steps = [r.run for r in results.steps]
         drawn = [_controller(r) for r in results.steps]
         groups.append(_group("step", "Step response", runs_of_steps, drawn))
+    for number in dict.fromkeys(sorted(r.number for r in results.faults)):
+        together = [r for r in results.faults if r.number == number]
+        fault = together[0].fault
+        name = f"{fault.kind} at {fault.at:g} s" if fault else "no fault"
+        drawn = [_controller(r) for r in together]
+        groups.append(_group(f"fault-{number}", name, [r.run for r in together], drawn))
     return groups
 
 
@@ -122,7 +133,7 @@ def _quantities(runs: list[Run]) -> list[dict[str, str]]:
     ]
 
 
-def _controller(result: TrackResult | StepResult) -> dict[str, Any]:
+def _controller(result: TrackResult | StepResult | FaultResult) -> dict[str, Any]:
     name = result.controller
     return _run(result.run, controller_label(name), controller_short(name), controller_ink(name))
 

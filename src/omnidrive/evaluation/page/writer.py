@@ -13,7 +13,7 @@ from pathlib import Path
 from omnidrive.evaluation.page.markup import facts_markup, tables_markup
 from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.tables import Table
+from omnidrive.evaluation.table import Table
 
 _STYLES = ("vendor/uPlot.min.css", "page.css")
 _EARLY = ("theme.js",)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from math import isfinite
 from typing import Literal
@@ -115,6 +115,18 @@ class HolonomicController:
     def reset(self, pose: Pose) -> None:
         """Forget the last plan; the robot is at rest."""
         self._forget()
+
+    def driving(self, chassis: Chassis, actuation: Actuation) -> HolonomicController:
+        """The controller that goes on from here with other wheels, but the same delay.
+
+        Args:
+            chassis: The wheels, and how fast they can turn.
+            actuation: How the robot follows from now on.
+        """
+        other = replace(self, chassis=chassis, actuation=actuation)
+        other.solution, other._age, other._moving = self.solution, self._age, self._moving
+        other._twists.extend(self._twists)
+        return other
 
     def _forget(self) -> None:
         self.solution, self._age, self._moving = None, 0, _STOP

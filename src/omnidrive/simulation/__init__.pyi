@@ -1,0 +1,49 @@
+from .conditions import Conditions, Motor, Patch, Payload, SensorConditions
+from .coppeliasim import CoppeliaSimPlant, CoppeliaSimScene
+from .faults import (
+    FAULTS,
+    Fault,
+    Schedule,
+    default_faults,
+    parse_fault,
+)
+from .identify import identify_lag
+from .kinematic import KinematicPlant
+from .loop import simulate
+from .moving_obstacle import MovingObstacle
+from .mujoco_plant import MujocoPlant
+from .planar import PlanarPlant, roll_out
+from .plant import DisturbablePlant, Measurement, Plant
+from .run import Outcome, Run
+from .sensing import Estimate, PaperNoise, PerfectSensor, Sensor
+
+__all__ = [
+    "FAULTS",
+    "Conditions",
+    "CoppeliaSimPlant",
+    "CoppeliaSimScene",
+    "DisturbablePlant",
+    "Estimate",
+    "Fault",
+    "KinematicPlant",
+    "Measurement",
+    "Motor",
+    "MovingObstacle",
+    "MujocoPlant",
+    "Outcome",
+    "PaperNoise",
+    "Patch",
+    "Payload",
+    "PerfectSensor",
+    "PlanarPlant",
+    "Plant",
+    "Run",
+    "Schedule",
+    "Sensor",
+    "SensorConditions",
+    "default_faults",
+    "identify_lag",
+    "parse_fault",
+    "roll_out",
+    "simulate",
+]

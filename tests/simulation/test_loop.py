@@ -1,0 +1,214 @@
+"""The closed loop under faults and supervision."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from omnidrive.control import Command, FeedforwardController, Status
+from omnidrive.control.supervision import Supervisor, Watchdog, WatchdogLimits, WheelMonitor
+from omnidrive.errors import InvalidInput, RunFailed
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.reference import Hold, SampledReference
+from omnidrive.robot import named_robot
+from omnidrive.simulation import (
+    KinematicPlant,
+    MujocoPlant,
+    Outcome,
+    PaperNoise,
+    Schedule,
+    parse_fault,
+    simulate,
+)
+
+DT = 0.1
+ROBOT = named_robot("paper")
+STANDING = Hold(Pose(0.0, 0.0, 0.0), 3.0)
+
+
+def circle(duration=12.0, radius=1.5, speed=0.7):
+    """Round and round, looking ahead, from rest."""
+    t = np.linspace(0.0, duration, 1201)
+    angle = speed / radius * (t - 1.0 + np.exp(-t))
+    rate = speed / radius * (1.0 - np.exp(-t))
+    poses = np.stack([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), angle], axis=1)
+    twists = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.ones_like(t)], axis=1)
+    return SampledReference(t, poses, rate[:, None] * twists)
+
+
+CIRCLE = circle()
+
+
+def supervisor(robot=ROBOT):
+    return Supervisor(robot, Watchdog(WatchdogLimits.of(robot)), WheelMonitor(robot))
+
+
+def run(*faults, plant="ball", reference=CIRCLE, guarded=True, controller=None, sensor=None):
+    made = KinematicPlant(ROBOT) if plant == "kinematic" else MujocoPlant(ROBOT, plant)
+    return simulate(
+        made,
+        controller or FeedforwardController(DT),
+        reference,
+        start=reference.at(0.0).pose,
+        dt=DT,
+        sensor=sensor,
+        schedule=Schedule(tuple(map(parse_fault, faults)), ROBOT) if faults else None,
+        supervisor=supervisor() if guarded else None,
+        rng=np.random.default_rng(1),
+    )
+
+
+def errors(log):
+    return np.hypot(*(log.pose - log.target)[:, :2].T)
+
+
+def whats(log):
+    return [event.what for event in log.events]
+
+
+def test_supervision_of_a_healthy_robot_changes_no_bit():
+    plain, guarded = run(guarded=False), run()
+    for name in ("pose", "command", "twist", "work"):
+        assert getattr(plain, name).tobytes() == getattr(guarded, name).tobytes()
+    assert guarded.events == ()
+    assert guarded.outcome is Outcome.FINISHED
+
+
+def test_the_same_faults_give_the_same_run():
+    kinds = ("push:at=1", "period-jitter:at=2", "wheel-dead:at=3,wheel=1")
+    one, two = run(*kinds), run(*kinds)
+    assert one.pose.tobytes() == two.pose.tobytes()
+    assert one.events == two.events
+
+
+def test_faults_begin_and_end_in_the_log():
+    log = run("slope:at=1,duration=2", "push:at=0", reference=STANDING)
+    assert [(round(e.t, 9), e.what) for e in log.events] == [
+        (0.0, "push begins"), (1.0, "slope begins"),
+    ]  # fmt: skip
+    log = run("slope:at=1,duration=1", reference=STANDING)
+    assert (2.0, "slope ends") in [(round(e.t, 9), e.what) for e in log.events]
+
+
+@pytest.mark.parametrize("plant", ["ball", "rollers"])
+@pytest.mark.parametrize("wheel", [0, 2])
+def test_a_locked_wheel_costs_the_heading_and_not_the_position(plant, wheel):
+    fault = f"wheel-locked:at=3,wheel={wheel}"
+    log = run(fault, plant=plant)
+    found = log.events[1]
+    assert found.what == f"wheel {wheel} is locked; the position is kept, the heading given up"
+    assert 3.2 <= found.t <= 3.6
+    assert errors(log).max() < 0.1
+    assert errors(log)[log.t > found.t + 1.5].max() < 0.02
+    turned = log.pose[-1, 2] - log.target[-1, 2]
+    assert abs(turned) > 0.2
+
+
+def test_nobody_makes_up_for_it_without_a_supervisor():
+    assert errors(run("wheel-locked:at=3", guarded=False)).max() > 0.15
+
+
+@pytest.mark.parametrize("plant", ["ball", "rollers"])
+def test_a_dead_wheel_is_found_and_made_up_for(plant):
+    log = run("wheel-dead:at=3,wheel=1", plant=plant)
+    assert log.events[1].what.startswith("wheel 1 is dead; the other 3 make up for it")
+    assert errors(log)[log.t > 3.0].max() < 0.02
+    assert log.outcome is Outcome.FINISHED
+
+
+def test_a_dead_encoder_is_neither_dead_nor_locked():
+    log = run("encoder-dead:at=3,wheel=1")
+    assert whats(log) == ["encoder-dead begins", "wheel 1 has a dead encoder"]
+    assert log.pose.tobytes() == run("encoder-dead:at=3,wheel=1", guarded=False).pose.tobytes()
+
+
+def test_a_kidnapped_robot_comes_back():
+    log = run("pose-jump:at=3,distance=0.5", plant="kinematic")
+    assert errors(log)[31] == pytest.approx(0.5, abs=0.1)
+    assert errors(log)[-1] < 0.01
+
+
+def test_a_sensor_that_is_silent_says_the_same_for_a_second():
+    log = run("sensor-silent:at=2,duration=1", plant="kinematic", guarded=False)
+    assert np.ptp(log.measured[19:30], axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=0.0)
+    assert log.measured[30] == pytest.approx(log.pose[30])
+    assert errors(log)[-1] < 0.01
+
+
+def test_a_sensor_that_stays_silent_stops_the_robot():
+    log = run("sensor-silent:at=2,duration=9", plant="kinematic")
+    assert log.outcome is Outcome.STOPPED
+    assert "its pose is lost: measured 1.9" in log.reason
+    assert 3.5 < log.t[-1] < 6.0
+    assert np.abs(log.twist[-1]).max() == 0.0
+
+
+def test_noise_goes_on_when_the_sensor_does():
+    noise = PaperNoise(np.random.default_rng(3))
+    log = run("sensor-silent:at=2,duration=1", plant="kinematic", sensor=noise)
+    assert np.ptp(log.measured[20:30, 0]) == 0.0
+    assert np.ptp((log.measured - log.pose)[30:, 0]) > 0.01
+
+
+def test_late_commands_are_those_of_the_sample_before():
+    on_time = run(plant="kinematic", reference=CIRCLE).command
+    log = run("solver-overrun:at=4,duration=0.1", plant="kinematic")
+    assert log.command[40].tolist() == on_time[39].tolist()
+    assert log.command[:40].tolist() == on_time[:40].tolist()
+
+
+def test_jitter_is_in_the_log_and_the_reference_is_asked_for_the_true_time():
+    log = run("period-jitter:at=1,spread=0.5", plant="kinematic")
+    assert np.diff(log.t).std() > 0.01
+    for t, target in zip(log.t[::10], log.target[::10], strict=True):
+        assert target == pytest.approx(CIRCLE.at(float(t)).pose)
+    moved = np.diff(log.pose[:, 2])
+    assert moved == pytest.approx(log.command[:-1, 2] * np.diff(log.t), abs=1e-9)
+
+
+class Runaway:
+    """A controller that has lost its mind at 2 s."""
+
+    def reset(self, pose):
+        pass
+
+    def step(self, t, pose, reference):
+        return Command(BodyTwist(2.0 if t >= 2.0 else 0.0, 0.0, 0.0), Status.OK)
+
+
+@pytest.mark.parametrize("plant", ["ball", "kinematic"])
+def test_no_controller_runs_away(plant):
+    log = run(plant=plant, reference=Hold(Pose(0.0, 0.0, 0.0), 20.0), controller=Runaway())
+    assert log.outcome is Outcome.STOPPED
+    assert "m from the reference, more than 1.50 m" in log.reason
+    assert whats(log)[-1].startswith("the watchdog stops the robot")
+    assert 2.5 < log.t[-1] < 5.0
+    assert np.abs(log.twist[-1]).max() < 0.01  # it stands
+    braking = np.diff(log.command[log.t > 3.2], axis=0)
+    assert np.abs(braking @ ROBOT.traction.T).max() <= DT
+    with pytest.raises(RunFailed, match="the watchdog stopped the robot: at"):
+        log.raise_if_failed()
+
+
+def test_faults_after_the_end_and_on_plants_that_know_none_are_refused():
+    with pytest.raises(InvalidInput, match="push begins at 3 s, but the run ends at 3 s"):
+        run("push:at=3", reference=STANDING)
+
+    class Other:
+        def reset(self, pose):
+            raise AssertionError
+
+        step = reset
+
+    with pytest.raises(InvalidInput, match="nothing can befall this plant, so no push"):
+        simulate(
+            Other(), FeedforwardController(DT), STANDING, start=Pose(0.0, 0.0, 0.0), dt=DT,
+            schedule=Schedule((parse_fault("push:at=1"),), ROBOT),
+        )  # fmt: skip
+
+
+def test_two_pushes_in_a_row_are_two():
+    once = run("push:at=1,direction=0", reference=STANDING, guarded=False)
+    twice = run("push:at=1,direction=0", "push:at=1.1,direction=0", reference=STANDING)
+    assert twice.pose[12, 0] > once.pose[12, 0] + 0.005
+    assert abs(twice.pose[-1, 2]) < 0.1 * pi

@@ -1,0 +1,221 @@
+"""Faults in scenarios and studies, and on the command line."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from omnidrive.cli.main import load_verb
+from omnidrive.errors import InvalidInput, InvalidScenario
+from omnidrive.evaluation import recovery
+from omnidrive.simulation import FAULTS, Outcome, default_faults, parse_fault
+from omnidrive.study import (
+    faults_of,
+    load_scenario,
+    paper_scenario,
+    prepare,
+    run_study,
+    save_scenario,
+)
+from omnidrive.study.folder import fault_record
+from omnidrive.study.jobs import jobs_of
+from omnidrive.study.scenario import FaultsTask, Tasks, WatchdogSection
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from tests.study.small import small_scenario
+
+
+def faulty(*texts, plant="kinematic", duration=20.0, **changes):
+    faults = tuple(map(parse_fault, texts))
+    tasks = Tasks(faults=FaultsTask(duration=duration, faults=faults))
+    return small_scenario(
+        **{"plant": plant, "tasks": tasks, "controllers": ("feedforward",), **changes}
+    )
+
+
+def no_figures(results, folder):
+    """They take their time, and are drawn elsewhere."""
+    return ()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("faults") / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("omnidrive.study.study.write_figures", no_figures)
+        run_study(faulty(controllers=("feedforward", "fuzzy_t1")), path)
+    return path
+
+
+def test_every_kind_is_tried_with_every_controller(folder):
+    data = json.loads((folder / "results.json").read_text())
+    kinds = ["encoder-dead", "pose-jump", "sensor-silent", "period-jitter", "solver-overrun"]
+    found = [(r["fault"]["kind"], r["controller"]) for r in data["faults"]]
+    assert found == [(kind, name) for kind in kinds for name in ("feedforward", "fuzzy_t1")]
+    for record in data["faults"]:
+        assert record["recovered"] is True
+        assert record["finished"] is True
+        assert record["time_to_recover"] >= 0.0
+        assert record["events"][0] == {"t": 5.0, "what": f"{record['fault']['kind']} begins"}
+        assert (folder / record["series"]).exists()
+    jump = next(r for r in data["faults"] if r["fault"]["kind"] == "pose-jump")
+    assert jump["worst_error"] == pytest.approx(0.5, abs=0.1)
+    assert 0.3 < jump["time_to_recover"] < 2.0
+
+
+def test_the_page_holds_the_table(folder):
+    page = (folder / "report.html").read_text()
+    for text in ("Disturbances and faults", "pose-jump at 5 s", "time to recover"):
+        assert text in page
+
+
+def test_the_folders_scenario_repeats_it(folder):
+    scenario = load_scenario(folder / "scenario.yaml")
+    assert scenario.tasks.faults == FaultsTask(duration=20.0)
+    results = run_study(scenario, processes=2).results
+    old = json.loads((folder / "results.json").read_text())["faults"]
+    assert json.loads(json.dumps([fault_record(*each) for each in results.recoveries])) == old
+    assert len(results.faults) == 12
+
+
+def test_a_run_that_the_watchdog_stopped_has_not_recovered():
+    tasks = faulty("sensor-silent:at=4,duration=10", "encoder-dead:at=4").tasks
+    study = run_study(small_scenario(tasks=tasks, controllers=("feedforward",)))
+    (_, silent), (_, blind) = study.results.recoveries
+    assert (silent.recovered, silent.stopped) == (False, True)
+    assert np.isnan(silent.time)
+    assert blind == (True, 0.0, blind.worst, False)
+    table = next(t for t in study.tables if t.title == "Disturbances and faults")
+    assert table.rows[0][2].startswith("stopped at 6")
+    assert table.rows[0][-1].startswith("5.80 s: the watchdog stops the robot: its pose is lost")
+    study.raise_if_failed()  # what this task is for is no failure
+
+
+def test_recovery_is_for_good_and_against_the_same_controllers_usual_error():
+    run = run_study(faulty("encoder-dead:at=4")).results.faults[0].run
+
+    def off(extra):
+        pose = run.pose.copy()
+        pose[:, 0] = run.target[:, 0] + extra
+        pose[:, 1] = run.target[:, 1]
+        return replace(run, pose=pose)
+
+    t = run.t
+    usual = off(np.full(len(t), 0.2))
+    back = off(np.where((t > 5.95) & (t < 8.05), 0.3, 0.24))
+    found = recovery(back, usual, 6.0)
+    assert found == (True, pytest.approx(2.1), pytest.approx(0.3), False)
+    assert recovery(off(np.where(t > 19.95, 0.3, 0.2)), usual, 6.0).recovered is False
+    assert recovery(usual, usual, 6.0) == (True, 0.0, pytest.approx(0.2), False)
+
+
+def test_faults_act_in_every_run_of_a_scenario():
+    scenario = small_scenario(
+        faults=(parse_fault("pose-jump:at=2"),), controllers=("feedforward",),
+        tasks=small_scenario().tasks.model_copy(update={"horizon": None, "noise": None}),
+    )  # fmt: skip
+    study = run_study(scenario)
+    assert len(study.results.runs) == 2
+    for result in study.results.runs:
+        assert [event.what for event in result.run.events] == ["pose-jump begins"]
+
+
+def test_the_papers_study_has_no_faults_and_trusts_the_watchdog():
+    assert not any(job.task == "faults" for job in jobs_of(paper_scenario()))
+    assert paper_scenario().watchdog == WatchdogSection()
+
+
+def test_a_watchdog_can_be_set_and_taken_away():
+    tasks = faulty("sensor-silent:at=4,duration=10").tasks
+    for section, outcome in (
+        (WatchdogSection(on=False), Outcome.FINISHED),
+        (WatchdogSection(age=100.0, error=0.3), Outcome.STOPPED),
+    ):
+        scenario = small_scenario(tasks=tasks, controllers=("feedforward",), watchdog=section)
+        assert run_study(scenario).results.faults[1].run.outcome is outcome
+
+
+def test_defaults_are_those_that_the_plant_knows():
+    assert [f.kind for f in faults_of(faulty(plant="ball"))] == list(FAULTS)
+    assert {f.at for f in faults_of(faulty(plant="ball", duration=40.0))} == {10.0}
+    assert len(faults_of(faulty())) == 5
+
+
+def test_scenarios_with_faults_are_written_and_read(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    tasks = Tasks(faults=FaultsTask(duration=20.0, faults=default_faults(3.0)))
+    scenario = small_scenario(
+        plant="ball", tasks=tasks, faults=default_faults(1.0), watchdog=WatchdogSection(error=2.0),
+        wheel_monitor=False,
+    )  # fmt: skip
+    save_scenario(scenario, path)
+    assert load_scenario(path) == scenario
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ({"kind": "push", "at": 30.0}, "the fault push at 30 s, after a run's end at 20 s"),
+        ({"kind": "puhs"}, "there is no such kind of fault; there are push, slope"),
+        ({"at": 3.0}, "there is no such kind of fault; there are push, slope"),
+        ({"kind": "push", "speed": "fast"}, "faults.0.push.speed must be a plain number"),
+        ({"kind": "push", "speed": 11}, "speed is 11 m/s, need 0 to 10 m/s"),
+        ({"kind": "wheel-dead", "whel": 1}, "unknown key 'tasks.faults.faults.0.wheel-dead.whel'; "
+         "did you mean 'wheel'?"),
+        ("push", "faults.0"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused(fault, message):
+    data = scenario_data(faulty(plant="ball"))
+    data["tasks"]["faults"]["faults"] = [fault]
+    with pytest.raises(InvalidScenario) as caught:
+        parse_scenario(data, "x.yaml")
+    assert message in str(caught.value)
+
+
+def test_too_many_faults_are_refused():
+    data = scenario_data(faulty(plant="ball"))
+    data["tasks"]["faults"]["faults"] = [{"kind": "push", "at": 1.0}] * 101
+    with pytest.raises(InvalidScenario, match="100"):
+        parse_scenario(data, "x.yaml")
+
+
+def test_forces_need_a_plant_that_knows_them():
+    with pytest.raises(InvalidScenario, match="slope, which needs forces, on the plant kinematic"):
+        parse_scenario(scenario_data(faulty()) | {"faults": [{"kind": "slope"}]}, "x.yaml")
+
+
+def test_wheels_that_are_not_there_are_found_before_anything_runs():
+    with pytest.raises(InvalidInput, match="no wheel 6"):
+        prepare(faulty("encoder-dead:wheel=6"))
+
+
+def verb(name, *words):
+    load_verb(name)(list(map(str, words)), standalone_mode=False)
+
+
+def test_help_lists_the_kinds(capsys):
+    verb("run", "--help")
+    shown = capsys.readouterr().out
+    assert all(kind in shown for kind in FAULTS)
+
+
+def test_run_says_what_happened(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("omnidrive.study.study.write_figures", no_figures)
+    words = ("--plant", "kinematic", "--controller", "feedforward", "--out", tmp_path / "out")
+    verb("run", *words, "--fault", "pose-jump:at=5", "--fault", "sensor-silent:at=8")
+    shown = capsys.readouterr().out
+    for text in ("5.00 s  pose-jump begins", "8.00 s  sensor-silent begins", "sensor-silent ends"):
+        assert text in shown
+    record = json.loads((tmp_path / "out" / "results.json").read_text())["runs"][0]
+    assert record["events"][0]["what"] == "pose-jump begins"
+
+
+def test_compare_enables_the_task_and_takes_its_faults(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("omnidrive.study.study.write_figures", no_figures)
+    words = ("--plant", "kinematic", "--controllers", "feedforward", "--out", tmp_path / "out")
+    verb("compare", "--tasks", "faults", *words, "--fault", "pose-jump:distance=0.2,at=3")
+    assert "pose-jump at 3 s" in capsys.readouterr().out
+    data = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert len(data["faults"]) == 1
+    assert data["runs"] == []

@@ -1,0 +1,65 @@
+"""Every controller under every fault, on physics; and none of it when nothing is wrong."""
+
+import pytest
+
+from omnidrive.simulation import Outcome, parse_fault
+from omnidrive.study import jobs_of, paper_scenario, prepare, run_job, run_study
+from omnidrive.study.scenario import DurationsTask, FaultsTask, Tasks
+
+pytestmark = pytest.mark.long
+
+PRESETS = ("paper", "published-code", "recommended")
+PLANTS = ("ball", "rollers")
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_nobody_diverges_silently(preset, plant):
+    """Whoever does not come back is stopped by the watchdog, which says so."""
+    scenario = paper_scenario(preset).model_copy(
+        update={"plant": plant, "tasks": Tasks(faults=FaultsTask(duration=20.0))}
+    )
+    results = run_study(scenario, processes=2).results
+    assert len(results.recoveries) == 12 * len(scenario.controllers)
+    for result, found in results.recoveries:
+        assert found.recovered or found.stopped, result.name
+        if found.stopped:
+            assert "the watchdog stops the robot" in result.run.events[-1].what
+        if result.fault.kind in {"wheel-dead", "wheel-locked"}:
+            assert found.recovered, result.name
+            assert any(event.what.startswith("wheel 0 is") for event in result.run.events)
+            extra = 0.05 if result.fault.kind == "wheel-locked" else 0.02
+            usual = next(
+                r for r in results.faults if r.fault is None and r.controller == result.controller
+            )
+            late = usual.run.t >= result.fault.at
+            error = (usual.run.pose - usual.run.target)[late, :2]
+            assert found.worst <= (error**2).sum(axis=1).max() ** 0.5 + extra, result.name
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_nothing_is_found_where_nothing_is_wrong(preset, plant):
+    prepared = prepare(paper_scenario(preset).model_copy(update={"plant": plant}))
+    for job in jobs_of(prepared.scenario):
+        if job.task != "horizon":
+            run = run_job(prepared, job).run
+            assert run.events == (), job
+            assert run.outcome is Outcome.FINISHED, job
+
+
+@pytest.mark.parametrize("wheel", range(4))
+@pytest.mark.parametrize("kind", ["wheel-dead", "wheel-locked"])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_every_wheel_may_fail(plant, kind, wheel):
+    scenario = paper_scenario("recommended").model_copy(
+        update={
+            "plant": plant,
+            "controllers": ("recommended",),
+            "tasks": Tasks(track=DurationsTask(durations=(20.0,))),
+            "faults": (parse_fault(f"{kind}:wheel={wheel},at=4"),),
+        }
+    )
+    (result,) = run_study(scenario).results.tracks
+    assert any(event.what.startswith(f"wheel {wheel} is") for event in result.run.events)
+    assert result.metrics.me < 0.01
