@@ -40,6 +40,8 @@ class MujocoPlant:
         self._data = mujoco.MjData(self._model)
         self._yaw = 0.0
         self._work = 0.0
+        self._angles = np.zeros(self._model.nu)
+        self._torques = np.zeros(self._model.nu)
 
     def reset(self, pose: Pose) -> Measurement:
         """Stand at rest at ``pose``, springs settled."""
@@ -52,6 +54,8 @@ class MujocoPlant:
         self._place(pose)
         mujoco.mj_forward(self._model, data)
         self._yaw, self._work = pose.yaw, 0.0
+        self._angles = np.zeros(self._model.nu)
+        self._torques = np.zeros(self._model.nu)
         return self._measure()
 
     def step(self, twist: BodyTwist, dt: float) -> Measurement:
@@ -61,10 +65,15 @@ class MujocoPlant:
         model.opt.timestep = dt / substeps
         data.ctrl[:] = self._drive.wheel_speeds(self._drive.saturate(twist))
         power = 0.0
+        turned, torques = np.zeros(model.nu), np.zeros(model.nu)
         for _ in range(substeps):
             mujoco.mj_step(model, data)
             power += np.abs(data.actuator_force * data.actuator_velocity).sum()
+            turned += data.actuator_velocity
+            torques += data.actuator_force
         self._work += float(power) * dt / substeps
+        self._angles += turned * dt / substeps
+        self._torques = torques / substeps
         return self._measure()
 
     def _place(self, pose: Pose) -> None:
@@ -83,7 +92,8 @@ class MujocoPlant:
         vx, vy, _, _, _, yaw_rate = data.qvel[:6].tolist()
         twist = to_body(WorldTwist(vx, vy, yaw_rate), self._yaw)
         px, py = data.qpos[:2].tolist()
-        return Measurement(Pose(px, py, self._yaw), twist, self._work)
+        angles, torques = tuple(self._angles.tolist()), tuple(self._torques.tolist())
+        return Measurement(Pose(px, py, self._yaw), twist, self._work, angles, torques)
 
 
 _DIVERGED = (
