@@ -30,7 +30,12 @@ class EstimatorSettings:
     creep: Annotated[float, Bounds(0.0, 1.0, "m/sqrt(m)")] = 1e-3
     """Standard deviation of a rim's way after 1 m while no slip is suspected; it grows with the
     square root of the way."""
-    slip_memory: Annotated[float, Bounds(0.001, 60.0, "s")] = 0.2
+    slip_doubt: Annotated[float, Bounds(0.0, 100.0, "1")] = 2.0
+    """Slip that is suspected, as a multiple of what redundant wheels and the gyro show of it: they
+    do not show slip that looks like a motion."""
+    slip_at_grip: Annotated[float, Bounds(0.0, 10.0, "m/s")] = 0.4
+    """Usual slip of a rim whose wheel needs all its grip; less goes with the square of the part."""
+    slip_memory: Annotated[float, Bounds(0.001, 60.0, "s")] = 0.05
     """Time constant with which a suspicion of slip fades."""
     false_alarms: Annotated[float, Bounds(1e-9, 0.5, "1")] = 1e-3
     """Share of sound fixes that is not believed."""
@@ -230,15 +235,19 @@ class PoseEstimator:
 def _model(robot: Robot, sensors: SensorSettings, settings: EstimatorSettings) -> MotionModel:
     gyro, fixes = sensors.gyro, sensors.fixes
     traction = np.ascontiguousarray(robot.traction)
+    wandering = fixes.wandering if fixes else (1.0, 0.9)
     return MotionModel(
         rims=np.ascontiguousarray(robot.rims),
         traction=traction,
         agility=1.0 / np.abs(traction).max(axis=0),
         quantum=robot.wheel.radius * 2.0 * pi / sensors.encoders.counts_per_turn,
         creep=float(settings.creep),
+        slip_doubt=float(settings.slip_doubt),
+        slip_at_grip=float(settings.slip_at_grip),
         slip_memory=float(settings.slip_memory),
         gyro_noise=gyro.noise_density if gyro else 0.0,
         gyro_walk=gyro.bias_walk if gyro else 0.0,
         bias_sigma=fixes.bias_sigma if fixes else np.zeros(3),
-        bias_time=float(fixes.wandering_time) if fixes else 1.0,
+        bias_time=float(wandering[0]),
+        bias_damping=float(wandering[1]),
     )

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from omnidrive.compiled import compiled, inlined
 from omnidrive.simulation.estimation.belief import Belief
 from omnidrive.simulation.estimation.se2 import after, exponential, right_jacobian, transport
+from omnidrive.simulation.sensing.wander import wander
 
 Array = np.ndarray
 
@@ -31,6 +32,10 @@ class MotionModel(NamedTuple):
     """Way of a rim from count to count, in m."""
     creep: float
     """Standard deviation of a rim's way after 1 m, in m / sqrt(m)."""
+    slip_doubt: float
+    """Slip that is suspected, as a multiple of what the residuals show of it."""
+    slip_at_grip: float
+    """Usual slip of a rim that needs all its grip, in m/s; less goes with the square of the part."""
     slip_memory: float
     """Time constant with which a suspicion of slip fades, in s."""
     gyro_noise: float
@@ -40,7 +45,9 @@ class MotionModel(NamedTuple):
     bias_sigma: Float[Array, " 3"]
     """Standard deviations of the fixes' wandering bias, in m, m, rad."""
     bias_time: float
-    """Time constant with which it wanders, in s."""
+    """Its size over its rate of change, in s."""
+    bias_damping: float
+    """See :func:`~omnidrive.simulation.sensing.wander`."""
 
 
 class Odometry(NamedTuple):
@@ -94,8 +101,9 @@ def propagate(belief: Belief, odometry: Odometry, model: MotionModel) -> Belief:
 def _slip(belief: Belief, odometry: Odometry, model: MotionModel, rate: float) -> float:
     """Speed in m/s at which rims must slip to explain what wheels and gyro tell.
 
-    Root mean square of what remains of the rims' ways after least squares for the motion, whose
-    turn is the gyro's where there is one; and what of the acceleration the floor cannot give.
+    The largest of three: a multiple of the root mean square of what remains of the rims' ways after
+    least squares for the motion, whose turn is the gyro's where there is one; what is usual for the
+    part of their grip that the wheels need; and what of the acceleration the floor cannot give.
     """
     dt, ways = odometry.duration, odometry.ways
     turning = isfinite(rate)
@@ -124,12 +132,13 @@ def _slip(belief: Belief, odometry: Odometry, model: MotionModel, rate: float) -
     found = 0.0
     if known > unknown:
         excess = squares / (known - unknown) - 4.0 * nominal / known
-        found = sqrt(max(excess, 0.0)) / dt
-    if known >= unknown and odometry.share == 1.0:
+        found = model.slip_doubt * sqrt(max(excess, 0.0)) / dt
+    if known >= unknown:
         change = motion / dt - belief.motion
-        needed = np.abs(model.traction @ change).max() / dt
-        if needed > 1.0:
-            found = max(found, (1.0 - 1.0 / needed) * sqrt(change[0] ** 2 + change[1] ** 2))
+        push = np.abs(model.traction @ change).max() * odometry.share / dt
+        found = max(found, model.slip_at_grip * min(push, 1.0) ** 2)
+        if push > 1.0:  # which no wheel can give
+            found = max(found, (1.0 - 1.0 / push) * sqrt(change[0] ** 2 + change[1] ** 2))
     return min(found, _MOST_SLIP)
 
 
@@ -187,12 +196,7 @@ def _moved(
     carry[:3, :3] = transport(motion)
     carry[:3, 10:] = right_jacobian(motion)
     carry[3, 3] = 1.0
-    # the bias wanders as a Gaussian process with Matern covariance of order 3/2: exact transition
-    # (Hartikainen & Sarkka, "Kalman filtering ... of Gaussian process regression", MLSP 2010)
-    pull = 1.0 / model.bias_time
-    decay = exp(-pull * dt)
-    a, b = decay * (1.0 + pull * dt), decay * dt
-    c, d = -decay * pull**2 * dt, decay * (1.0 - pull * dt)
+    a, b, c, d = wander(dt, model.bias_time, model.bias_damping)
     for i in range(3):
         carry[4 + i, 4 + i], carry[4 + i, 7 + i] = a, b
         carry[7 + i, 4 + i], carry[7 + i, 7 + i] = c, d
@@ -200,7 +204,7 @@ def _moved(
     covariance[3, 3] += model.gyro_walk**2 * dt
     for i in range(3):
         level = model.bias_sigma[i] ** 2
-        steep = level * pull**2
+        steep = level / model.bias_time**2
         cross = a * c * level + b * d * steep
         covariance[4 + i, 4 + i] += level - a * a * level - b * b * steep
         covariance[7 + i, 7 + i] += steep - c * c * level - d * d * steep

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import cos, exp, inf, pi, sin, sqrt
+from math import cos, inf, pi, sin, sqrt
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from jaxtyping import Float
 from omnidrive.geometry import Pose, move, twist_between
 from omnidrive.parameter import Bounds
 from omnidrive.simulation.sensing.readings import Fix
+from omnidrive.simulation.sensing.wander import wander
 
 Array = np.ndarray
 
@@ -41,7 +42,9 @@ class PoseFixSettings:
     yaw_bias: Annotated[float, Bounds(0.0, 3.0, "rad")] = 0.0
     """The same of the yaw."""
     bias_time: Annotated[float, Bounds(0.1, 1e6, "s")] = 5.0
-    """Time constant with which the bias wanders."""
+    """Size of the bias over its rate of change."""
+    bias_damping: Annotated[float, Bounds(0.0, 0.999, "1")] = 0.9
+    """Near 1, the bias wanders; near 0, it goes to and fro with a period of 2 pi bias_time."""
     latency: Annotated[float, Bounds(0.0, 10.0, "s")] = 0.0
     """From taking a fix until it arrives, at least."""
     jitter: Annotated[float, Bounds(0.0, 10.0, "s")] = 0.0
@@ -64,9 +67,12 @@ class PoseFixSettings:
         return np.array([self.position_bias, self.position_bias, self.yaw_bias])
 
     @property
-    def wandering_time(self) -> float:
-        """Size over rate of change of the bias, in s; the paper's ``sin(t / 5)`` has 5 s."""
-        return 5.0 if self.law == "paper" else self.bias_time
+    def wandering(self) -> tuple[float, float]:
+        """Time in s and damping with which the bias goes on; see :func:`.wander.wander`.
+
+        The paper's is ``sin(t / 5)``; that it would go on so for ever, no log shows.
+        """
+        return (5.0, 0.05) if self.law == "paper" else (self.bias_time, self.bias_damping)
 
 
 @dataclass(slots=True)
@@ -95,7 +101,7 @@ class PoseFixes:
     def reset(self, pose: Pose) -> None:
         """Begin at ``pose`` without a bias, which may change at once; random numbers go on."""
         self._count, self._before, self._waiting = 0, (-inf, pose), []
-        sigma = self.settings.bias_sigma / self.settings.wandering_time
+        sigma = self.settings.bias_sigma / self.settings.wandering[0]
         self._bias = np.array([np.zeros(3), sigma * self.chance.standard_normal(3)])
 
     def read(self, t: float, pose: Pose, *, silent: bool = False) -> tuple[Fix, ...]:
@@ -141,12 +147,12 @@ class PoseFixes:
         return Fix(stamp, measured, *sigmas)
 
     def _wander(self, dt: float) -> None:
-        """Let the bias go on: a Gaussian process with Matern covariance of order 3/2."""
-        pull, sigma = 1.0 / self.settings.wandering_time, self.settings.bias_sigma
-        step = np.array([[1.0 + pull * dt, dt], [-(pull**2) * dt, 1.0 - pull * dt]])
-        step *= exp(-pull * dt)
-        settled = np.diag([1.0, pull**2])
-        root = np.linalg.cholesky(settled - step @ settled @ step.T)
+        """Let the bias go on."""
+        (time, damping), sigma = self.settings.wandering, self.settings.bias_sigma
+        step = np.array(wander(dt, time, damping)).reshape(2, 2)
+        settled = np.diag([1.0, time**-2])
+        spread = settled - step @ settled @ step.T
+        root = np.linalg.cholesky(spread) if damping > 0.0 else np.zeros((2, 2))
         self._bias = step @ self._bias + sigma * (root @ self.chance.standard_normal((2, 3)))
 
 
