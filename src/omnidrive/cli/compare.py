@@ -10,6 +10,7 @@ import typer
 from omnidrive.cli.options import (
     Demand,
     DurationOption,
+    EstimatorOption,
     GoalOption,
     JobsOption,
     JsonOption,
@@ -68,6 +69,7 @@ def compare(
     seed: SeedOption = None,
     noise_seeds: NoiseSeedsOption = None,
     jobs: JobsOption = None,
+    estimator: EstimatorOption = None,
     out: OutOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -84,7 +86,10 @@ def compare(
     * `omnidrive compare --tasks track --controllers nmpc,recommended --plant ball`
     * `omnidrive compare --tasks noise --noise-seeds 50`
     """
-    demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
+    demand = Demand(
+        scenario, map_, start, goal, duration, speed, robot, plant, preset, seed,
+        estimator=estimator,
+    )  # fmt: skip
     resolved = _restrict(demand.resolve(), controllers, tasks, noise_seeds)
     folder = out or new_folder(resolved.name)
     with LiveProgress() as progress:

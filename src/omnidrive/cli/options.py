@@ -22,6 +22,7 @@ from omnidrive.study import (
     PlantName,
     PresetName,
     Scenario,
+    SensorsSection,
     TimingName,
     load_scenario,
     map_scenario,
@@ -87,6 +88,16 @@ PresetOption = Annotated[
 ]
 SeedOption = Annotated[
     int | None, typer.Option(metavar="N", help="Seed of the noise.", rich_help_panel=_HOW)
+]
+EstimatorOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--estimator/--no-estimator",
+        help="Whether the controllers see what an estimator makes of wheel encoders, a gyro and a "
+        "measured pose, or as in the paper the pose as it is measured.",
+        show_default=False,
+        rich_help_panel=_HOW,
+    ),
 ]
 OutOption = Annotated[
     Path | None,
@@ -194,6 +205,7 @@ class Demand:
     seed: int | None = None
     details: Mapping[str, object] = field(default_factory=dict)
     """Values for keys of the scenario, such as ``path.search``; None where nothing."""
+    estimator: bool | None = None
 
     @property
     def map_file(self) -> Path | None:
@@ -236,6 +248,8 @@ class Demand:
             changes["preset"] = preset
         if self.seed is not None:
             changes["seed"] = self.seed
+        if self.estimator is not None:
+            changes["sensors"] = (scenario.sensors or SensorsSection()) if self.estimator else None
         scenario = scenario.model_copy(update=changes)
         scenario = parse_scenario(self._detailed(scenario_data(scenario)), "with these options")
         if retimed and (on_map or self.duration is not None or self.speed is not None):

@@ -10,6 +10,7 @@ import typer
 from omnidrive.cli.options import (
     Demand,
     DurationOption,
+    EstimatorOption,
     GoalOption,
     JsonOption,
     MapOption,
@@ -62,6 +63,7 @@ def run(
     plant: PlantOption = None,
     preset: PresetOption = None,
     seed: SeedOption = None,
+    estimator: EstimatorOption = None,
     out: OutOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -73,8 +75,12 @@ def run(
 
     * `omnidrive run --controller nmpc --horizon 25`
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
+    * `omnidrive run --task noise --estimator`
     """
-    demand = Demand(scenario, map_, start, goal, duration, speed, robot, plant, preset, seed)
+    demand = Demand(
+        scenario, map_, start, goal, duration, speed, robot, plant, preset, seed,
+        estimator=estimator,
+    )  # fmt: skip
     resolved = _narrow(demand.resolve(), controller, task, horizon)
     folder = out or new_folder(f"{resolved.name}-{controller}-{task}")
     with LiveProgress() as progress:

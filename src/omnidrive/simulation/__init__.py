@@ -1,29 +1,5 @@
 """The robot's answer to a command, and the loop that closes around it."""
 
-from omnidrive.simulation.conditions import Conditions, Motor, Patch, Payload
-from omnidrive.simulation.identify import identify_lag
-from omnidrive.simulation.kinematic import KinematicPlant
-from omnidrive.simulation.loop import Outcome, Run, simulate
-from omnidrive.simulation.mujoco_plant import MujocoPlant
-from omnidrive.simulation.plant import DisturbablePlant, Measurement, Plant
-from omnidrive.simulation.sensing import Estimate, PaperNoise, PerfectSensor, Sensor
+import lazy_loader as _lazy
 
-__all__ = [
-    "Conditions",
-    "DisturbablePlant",
-    "Estimate",
-    "KinematicPlant",
-    "Measurement",
-    "Motor",
-    "MujocoPlant",
-    "Outcome",
-    "PaperNoise",
-    "Patch",
-    "Payload",
-    "PerfectSensor",
-    "Plant",
-    "Run",
-    "Sensor",
-    "identify_lag",
-    "simulate",
-]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

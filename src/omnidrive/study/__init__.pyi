@@ -1,5 +1,5 @@
 from .folder import RunFolder
-from .jobs import Job, jobs_of, make_controller, make_plant, run_job
+from .jobs import Job, jobs_of, make_controller, make_plant, make_sensor, run_job
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .prepared import Prepared, lay_out, prepare
 from .queries import solve_queries
@@ -11,6 +11,7 @@ from .scenario import (
     PresetName,
     RobotSection,
     Scenario,
+    SensorsSection,
     TaskName,
     Tasks,
     TimingName,
@@ -36,6 +37,7 @@ __all__ = [
     "RobotSection",
     "RunFolder",
     "Scenario",
+    "SensorsSection",
     "Study",
     "TaskName",
     "Tasks",
@@ -46,6 +48,7 @@ __all__ = [
     "load_scenario",
     "make_controller",
     "make_plant",
+    "make_sensor",
     "map_scenario",
     "one_task",
     "paper_scenario",

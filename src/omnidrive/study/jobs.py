@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,19 @@ from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import Robot
-from omnidrive.simulation import KinematicPlant, MujocoPlant, PaperNoise, Plant, simulate
+from omnidrive.simulation import (
+    EstimatingSensor,
+    KinematicPlant,
+    LatestFix,
+    MujocoPlant,
+    PaperNoise,
+    PerfectSensor,
+    Plant,
+    PoseEstimator,
+    Sensor,
+    Sensors,
+    simulate,
+)
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
     PREDICTIVE,
@@ -111,7 +124,7 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     section = scenario.recommended
     if scenario.plant == "kinematic":
         return Actuation(robot.traction / section.traction)
-    return Actuation.of(robot, section.traction, may_spin=section.may_spin)
+    return Actuation.of(robot, section.traction, may_spin=scenario.wheels_may_spin)
 
 
 def make_plant(robot: Robot, name: PlantName) -> Plant:
@@ -122,6 +135,25 @@ def make_plant(robot: Robot, name: PlantName) -> Plant:
         "rollers": lambda: MujocoPlant(robot, "rollers"),
     }
     return table[name]()
+
+
+def make_sensor(
+    scenario: Scenario, robot: Robot, rng: np.random.Generator, *, noise: bool = False
+) -> Sensor:
+    """What the controllers see, fresh; ``noise``: of a pose that is measured with the paper's."""
+    section = scenario.sensors
+    if section is None:
+        return PaperNoise(rng) if noise else PerfectSensor()
+    settings = section.settings
+    if noise and settings.fixes:
+        settings = replace(settings, fixes=replace(settings.fixes, law="paper"))
+    sensors = Sensors(settings, robot.chassis, rng)
+    if section.estimator is None:
+        return LatestFix(sensors)
+    slips = scenario.plant != "kinematic"
+    return EstimatingSensor(
+        sensors, PoseEstimator(robot, settings, section.estimator, slips=slips)
+    )
 
 
 def _track(prepared: Prepared, job: Job) -> TrackResult:
@@ -140,7 +172,7 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
         reference,
         start=reference.at(0.0).pose,
         dt=scenario.sample_time,
-        sensor=PaperNoise(rng) if noise else None,
+        sensor=make_sensor(scenario, prepared.robot, rng, noise=noise),
     )
     return TrackResult(
         job.controller, job.task, job.duration, noise, job.horizon, run,
@@ -161,6 +193,7 @@ def _step(prepared: Prepared, job: Job) -> StepResult:
         Hold(goal, job.duration),
         start=start,
         dt=scenario.sample_time,
+        sensor=make_sensor(scenario, prepared.robot, np.random.default_rng(scenario.seed)),
     )
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))

@@ -1,6 +1,5 @@
 """Where the robot is, from what its sensors tell."""
 
-from omnidrive.simulation.estimation.estimator import EstimatorSettings, PoseEstimator
-from omnidrive.simulation.estimation.sensor import EstimatingSensor
+import lazy_loader as _lazy
 
-__all__ = ["EstimatingSensor", "EstimatorSettings", "PoseEstimator"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -26,9 +26,9 @@ class Belief(NamedTuple):
 
     mean: Float[Array, " 10"]
     covariance: Float[Array, "10 10"]
-    motion: Float[Array, " 3"]
-    """Twist over the last interval, in B: m/s, m/s, rad/s."""
+    velocity: Float[Array, " 3"]
+    """Twist of B at this instant, in B: m/s, m/s, rad/s."""
     slip: float
-    """Speed at which rims are suspected to slip, in m/s."""
+    """Speed by which rims slip otherwise than expected, in m/s."""
     blind: float
-    """For how long the wheels and the gyro have not told the whole motion, in s."""
+    """For how long wheels and gyro have not told the whole motion, in s."""

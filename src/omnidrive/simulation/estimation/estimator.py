@@ -4,48 +4,29 @@ from __future__ import annotations
 
 from bisect import insort
 from dataclasses import dataclass, field
-from math import isfinite, nan, pi
-from typing import Annotated
+from math import isfinite, nan
 
 import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtri
 
 from omnidrive.geometry import Pose
-from omnidrive.parameter import Bounds
 from omnidrive.robot import Robot
 from omnidrive.simulation.estimation.belief import BIAS, GYRO, POSE, RATE, SIZE, Belief
 from omnidrive.simulation.estimation.correction import correct
-from omnidrive.simulation.estimation.propagation import MotionModel, Odometry, propagate
+from omnidrive.simulation.estimation.motion_model import MotionModel, Odometry
+from omnidrive.simulation.estimation.propagation import propagate
 from omnidrive.simulation.estimation.relocation import JUMP, agree
+from omnidrive.simulation.estimation.settings import EstimatorSettings
 from omnidrive.simulation.sensing import Estimate, Fix, Readings, SensorSettings
 
 Array = np.ndarray
 
+_HOLDING_TIME = 3e-3
+"""Time constant in s with which a robot follows wheels that hold; that of no robot matters more."""
 
-@dataclass(frozen=True, slots=True)
-class EstimatorSettings:
-    """What is not in the sensors' data sheets."""
-
-    creep: Annotated[float, Bounds(0.0, 1.0, "m/sqrt(m)")] = 1e-3
-    """Standard deviation of a rim's way after 1 m while no slip is suspected; it grows with the
-    square root of the way."""
-    slip_doubt: Annotated[float, Bounds(0.0, 100.0, "1")] = 2.0
-    """Slip that is suspected, as a multiple of what redundant wheels and the gyro show of it: they
-    do not show slip that looks like a motion."""
-    slip_at_grip: Annotated[float, Bounds(0.0, 10.0, "m/s")] = 0.4
-    """Usual slip of a rim whose wheel needs all its grip; less goes with the square of the part."""
-    slip_memory: Annotated[float, Bounds(0.001, 60.0, "s")] = 0.05
-    """Time constant with which a suspicion of slip fades."""
-    false_alarms: Annotated[float, Bounds(1e-9, 0.5, "1")] = 1e-3
-    """Share of sound fixes that is not believed."""
-    relocate_after: Annotated[int, Bounds(2, 1000, "fixes")] = 5
-    """Fixes in a row that are not believed but agree with each other: then the robot must have been
-    carried away, and they are believed after all."""
-    memory: Annotated[float, Bounds(0.0, 60.0, "s")] = 2.0
-    """For how long readings are kept for fixes that come late; older ones are not used."""
-    floor: Annotated[float, Bounds(1e-6, 1.0, "m, rad")] = 1e-3
-    """Standard deviation that fixes have at least, whatever they say of themselves."""
+_NO_YAW = 1e3
+"""Standard deviation in rad of a yaw that was not measured."""
 
 
 @dataclass(order=True, slots=True)
@@ -54,7 +35,9 @@ class _Kept:
 
     fix: Fix
     believed: bool = field(default=False, compare=False)
-    pose: tuple[float, ...] = field(default=(), compare=False)
+    carried: bool = field(default=False, compare=False)
+    """Whether the robot was carried elsewhere shortly before it was taken."""
+    pose: Pose = field(default=Pose(0.0, 0.0, 0.0), compare=False)
     """Believed when it was taken, before it."""
 
 
@@ -68,8 +51,6 @@ class _Interval:
     yaw_rate: float
     before: Belief
     fixes: list[_Kept] = field(default_factory=list)
-    carried: bool = False
-    """Whether somebody carried the robot elsewhere before the first of the fixes."""
 
 
 class PoseEstimator:
@@ -83,10 +64,17 @@ class PoseEstimator:
     changes slowly; odometry drifts faster for a moment, when wheels slip, and slower for long. What
     is observable is the difference, and that at the start.
 
+    Args:
+        robot: Its wheels, mass and friction say how far wheels slip when it accelerates.
+        sensors: Their data sheets; those of the sensors that are read.
+        settings: The rest.
+        slips: False for a robot without masses, whose wheels never slip.
+
     Attributes:
         belief: Mean and covariance at the last readings.
-        rejected: Fixes that were not believed when they arrived.
-        too_old: Fixes that came later than what is kept.
+        rejected: Fixes that were not believed when they arrived, or came too late.
+        surprise: Squared length of the latest fix's innovation, in standard deviations: on average 3,
+            if all is as the data sheets say.
         relocations: When (s) it found that the robot had been carried elsewhere.
     """
 
@@ -95,10 +83,12 @@ class PoseEstimator:
         robot: Robot,
         sensors: SensorSettings | None = None,
         settings: EstimatorSettings | None = None,
+        *,
+        slips: bool = True,
     ) -> None:
         self.settings = settings or EstimatorSettings()
         sensors = sensors or SensorSettings()
-        self._model = _model(robot, sensors, self.settings)
+        self._model = _model(robot, sensors, self.settings, slips)
         self._radius = robot.wheel.radius
         self._gyro_bias = sensors.gyro.bias if sensors.gyro else 0.0
         self._gate = float(chdtri(3.0, self.settings.false_alarms))
@@ -111,11 +101,15 @@ class PoseEstimator:
         covariance[GYRO, GYRO] = self._gyro_bias**2
         covariance[RATE, RATE] = np.diag((self._model.bias_sigma / self._model.bias_time) ** 2)
         self.belief = Belief(mean, covariance, np.zeros(3), 0.0, 0.0)
-        self.rejected, self.too_old = 0, 0
+        self.rejected, self.surprise = 0, nan
         self.relocations: list[float] = []
         self._intervals: list[_Interval] = []
         self._angles = np.full(len(self._model.rims), nan)
         self._believed = 0.0  # s, when the last fix was taken that was believed
+
+    @property
+    def _pose(self) -> Pose:
+        return Pose(*self.belief.mean[POSE].tolist())
 
     @property
     def fix_bias(self) -> Pose:
@@ -154,14 +148,14 @@ class PoseEstimator:
         """Put a fix in the interval in which it was taken; return which."""
         last = len(self._intervals) - 1
         stamp = kept.fix.stamp
-        if not all(map(isfinite, (stamp, *kept.fix.pose))) or stamp > self._intervals[last].end:
+        numbers = (stamp, *kept.fix.pose, kept.fix.position_sigma)
+        if not all(map(isfinite, numbers)) or stamp > self._intervals[last].end:
             return last
         for i in range(last, -1, -1):
             interval = self._intervals[i]
             if interval.begin < stamp or interval.begin == interval.end == stamp:
                 insort(interval.fixes, kept)
                 return i
-        self.too_old += 1
         return last
 
     def _go_through(self, first: int) -> None:
@@ -173,50 +167,50 @@ class PoseEstimator:
         self.belief = belief
 
     def _through(self, interval: _Interval, belief: Belief) -> Belief:
-        time, length = interval.begin, interval.end - interval.begin
-        for number, kept in enumerate(interval.fixes):
-            stamp = kept.fix.stamp
-            belief = self._moved(belief, interval, stamp - time, length)
-            time = stamp
-            if interval.carried and number == 0:
+        time = interval.begin
+        for kept in interval.fixes:
+            belief = self._moved(belief, interval, kept.fix.stamp - time)
+            time = kept.fix.stamp
+            if kept.carried:
                 covariance = belief.covariance.copy()
                 covariance[POSE, POSE] += JUMP
                 belief = belief._replace(covariance=covariance)
-            kept.pose = tuple(belief.mean[POSE].tolist())
-            floor = self.settings.floor
-            sigma = max(kept.fix.position_sigma, floor), max(kept.fix.yaw_sigma, floor)
-            belief, distance = correct(belief, np.array(kept.fix.pose, float), sigma, self._gate)
-            kept.believed = bool(distance <= self._gate)
-        return self._moved(belief, interval, interval.end - time, length)
+            kept.pose = Pose(*belief.mean[POSE].tolist())
+            belief, self.surprise = self._corrected(belief, kept)
+            kept.believed = self.surprise <= self._gate
+        return self._moved(belief, interval, interval.end - time)
 
-    def _moved(self, belief: Belief, interval: _Interval, dt: float, length: float) -> Belief:
+    def _moved(self, belief: Belief, interval: _Interval, dt: float) -> Belief:
         if dt <= 0.0:
             return belief
-        part = dt / length
+        part = dt / (interval.end - interval.begin)
         odometry = Odometry(part * interval.ways, interval.yaw_rate, float(dt), float(part))
         return propagate(belief, odometry, self._model)
 
+    def _corrected(self, belief: Belief, kept: _Kept) -> tuple[Belief, float]:
+        _, measured, *sigmas = kept.fix
+        if not isfinite(sigmas[1]):  # only a position was measured
+            measured = measured._replace(yaw=kept.pose.yaw + float(belief.mean[BIAS][2]))
+            sigmas[1] = _NO_YAW
+        floor = self.settings.floor
+        sigma = max(float(sigmas[0]), floor), max(float(sigmas[1]), floor)
+        return correct(belief, np.array(measured, dtype=float), sigma, self._gate)
+
     def _look_around(self, t: float) -> None:
         """Believe fixes that were not, if so many in a row agree: the robot was carried away."""
-        count = self.settings.relocate_after
         taken = [(i, kept) for i, each in enumerate(self._intervals) for kept in each.fixes]
-        for _, kept in taken:
-            if kept.believed:
-                self._believed = max(self._believed, kept.fix.stamp)
-        latest = [kept for _, kept in taken[-count:]]
-        if len(latest) < count or any(kept.believed for kept in latest):
-            return
-        here = Pose(*self.belief.mean[POSE].tolist())
-        if not agree([(kept.fix, Pose(*kept.pose)) for kept in latest], here):
-            return
-        first = taken[-count][0]
-        interval = self._intervals[first]
-        earlier = [kept for kept in interval.fixes if kept.fix < latest[0].fix]
-        interval.fixes = [kept for kept in interval.fixes if kept not in earlier]
-        interval.carried = True
-        self._go_through(first)
-        self.relocations.append(t)
-        self._believed = max(self._believed, *(k.fix.stamp for k in latest if k.believed), 0.0)
+        latest = taken[-self.settings.relocate_after :]
+        if (
+            len(latest) == self.settings.relocate_after
+            and not any(kept.believed for _, kept in latest)
+            and agree([(kept.fix, kept.pose) for _, kept in latest], self._pose)
+        ):
+            first, kept = latest[0]
+            kept.carried = True
+            self._go_through(first)
+            self.relocations.append(t)
+        stamps = [kept.fix.stamp for _, kept in taken if kept.believed]
+        self._believed = max([self._believed, *stamps])
 
     def _forget(self, before: float) -> None:
         """Forget intervals that ended before a time, but not the last."""
@@ -224,30 +218,33 @@ class PoseEstimator:
         self._intervals = self._intervals[kept[0] if kept else -1 :]
 
     def _estimate(self, t: float) -> Estimate:
-        pose = Pose(*self.belief.mean[POSE].tolist())
         spread = self.belief.covariance[POSE, POSE]
         half, apart = 0.5 * (spread[0, 0] + spread[1, 1]), 0.5 * (spread[0, 0] - spread[1, 1])
         most = half + np.hypot(apart, spread[0, 1])  # the larger eigenvalue
         sigmas = np.sqrt(np.maximum([most, spread[2, 2]], 0.0)).tolist()
-        return Estimate(pose, sigmas[0], sigmas[1], t - self._believed)
+        return Estimate(self._pose, sigmas[0], sigmas[1], t - self._believed)
 
 
-def _model(robot: Robot, sensors: SensorSettings, settings: EstimatorSettings) -> MotionModel:
+def _model(
+    robot: Robot, sensors: SensorSettings, settings: EstimatorSettings, slips: bool
+) -> MotionModel:
     gyro, fixes = sensors.gyro, sensors.fixes
-    traction = np.ascontiguousarray(robot.traction)
-    wandering = fixes.wandering if fixes else (1.0, 0.9)
+    rims, pushes = np.ascontiguousarray(robot.rims), np.array(robot.pushes)
+    time, damping = fixes.wandering if fixes else (1.0, 0.9)
     return MotionModel(
-        rims=np.ascontiguousarray(robot.rims),
-        traction=traction,
-        agility=1.0 / np.abs(traction).max(axis=0),
-        quantum=robot.wheel.radius * 2.0 * pi / sensors.encoders.counts_per_turn,
+        rims=rims,
+        pushes=pushes if slips else np.full_like(pushes, np.inf),
+        inertia=np.array(robot.inertia),
+        stiffness=robot.mass / (_HOLDING_TIME * float((rims[:, 0] ** 2).sum())),
+        agility=1.0 / np.abs(robot.traction).max(axis=0),
+        quantum=robot.wheel.radius * sensors.encoders.step,
         creep=float(settings.creep),
+        slip_error=float(settings.slip_error),
         slip_doubt=float(settings.slip_doubt),
-        slip_at_grip=float(settings.slip_at_grip),
         slip_memory=float(settings.slip_memory),
         gyro_noise=gyro.noise_density if gyro else 0.0,
         gyro_walk=gyro.bias_walk if gyro else 0.0,
         bias_sigma=fixes.bias_sigma if fixes else np.zeros(3),
-        bias_time=float(wandering[0]),
-        bias_damping=float(wandering[1]),
+        bias_time=float(time),
+        bias_damping=float(damping),
     )

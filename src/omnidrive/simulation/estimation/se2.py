@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin, tan
+from math import cos, floor, pi, sin, tan
 
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 
 Array = np.ndarray
 
 
-@inlined
-def wrapped(angle: float) -> float:
-    """:func:`omnidrive.geometry.wrap` of a number."""
-    return angle - 2.0 * pi * np.floor((angle + pi) / (2.0 * pi))
-
-
-@inlined
+@compiled
 def exponential(motion: Float[Array, " 3"]) -> Float[Array, " 3"]:
     """Pose that a motion leads to from the origin: :func:`omnidrive.geometry.move`."""
     turn = motion[2]
@@ -32,16 +26,19 @@ def exponential(motion: Float[Array, " 3"]) -> Float[Array, " 3"]:
     )
 
 
-@inlined
+@compiled
 def logarithm(pose: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """Motion that leads from the origin to ``pose``: inverse of :func:`exponential`."""
-    turn = wrapped(pose[2])
+    """Motion that leads from the origin to ``pose``: inverse of :func:`exponential`.
+
+    It turns the short way.
+    """
+    turn = pose[2] - 2.0 * pi * floor((pose[2] + pi) / (2.0 * pi))
     half = 0.5 * turn
     along = 1.0 - half * half / 3.0 if abs(half) < 1e-4 else half / tan(half)
     return np.array([along * pose[0] + half * pose[1], along * pose[1] - half * pose[0], turn])
 
 
-@inlined
+@compiled
 def after(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, " 3"]:
     """``pose`` composed with ``other``; the yaws add up, unwrapped."""
     c, s = cos(pose[2]), sin(pose[2])
@@ -54,7 +51,7 @@ def after(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, "
     )
 
 
-@inlined
+@compiled
 def seen_from(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, " 3"]:
     """``other`` in the frame of ``pose``: the inverse of ``pose``, composed with ``other``."""
     c, s = cos(pose[2]), sin(pose[2])
@@ -62,12 +59,12 @@ def seen_from(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Arra
     return np.array([c * dx + s * dy, c * dy - s * dx, other[2] - pose[2]])
 
 
-@inlined
+@compiled
 def transport(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
     """How an error of a pose, in its frame, is seen from the frame after ``motion``.
 
-    The adjoint of the inverse motion (Sola, Deray & Atchuthan, "A micro Lie theory", 2018,
-    eq. 31 and 171).
+    The adjoint of the inverse motion (Sola, Deray & Atchuthan, "A micro Lie theory", 2018, eq. 31
+    and, for the plane, eq. 159).
     """
     end = exponential(motion)
     c, s = cos(end[2]), sin(end[2])
@@ -75,12 +72,18 @@ def transport(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
     return np.array([[c, s, y], [-s, c, -x], [0.0, 0.0, 1.0]])
 
 
-@inlined
+@compiled
 def right_jacobian(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
-    """How an error of a motion shows, in the frame at its end; to third order in the turn.
+    """How an error of a motion shows in the frame at its end; to second order in the motion.
 
-    The series ``I - ad / 2 + ad^2 / 6`` (Sola, Deray & Atchuthan, 2018, eq. 163 is its limit).
+    The series ``I - ad / 2 + ad^2 / 6`` (Sola, Deray & Atchuthan, 2018, eq. 163 is its sum).
     """
     x, y, turn = motion[0], motion[1], motion[2]
-    ad = np.array([[0.0, -turn, y], [turn, 0.0, -x], [0.0, 0.0, 0.0]])
-    return np.eye(3) - 0.5 * ad + ad @ ad / 6.0
+    square = turn * turn / 6.0
+    return np.array(
+        [
+            [1.0 - square, 0.5 * turn, -0.5 * y + x * turn / 6.0],
+            [-0.5 * turn, 1.0 - square, 0.5 * x + y * turn / 6.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )

@@ -1,37 +1,5 @@
-"""What a robot's sensors tell of the truth, and what a controller sees."""
+"""What a robot's sensors tell of the truth, and what a controller sees of it."""
 
-from omnidrive.simulation.sensing.encoders import Encoders, EncoderSettings
-from omnidrive.simulation.sensing.gyro import Gyro, GyroSettings
-from omnidrive.simulation.sensing.lidar import Lidar, LidarSettings, Scan
-from omnidrive.simulation.sensing.pose_fix import PoseFixes, PoseFixSettings
-from omnidrive.simulation.sensing.readings import Fix, Readings
-from omnidrive.simulation.sensing.sensor import (
-    Estimate,
-    LatestFix,
-    PaperNoise,
-    PerfectSensor,
-    Sensor,
-)
-from omnidrive.simulation.sensing.suite import SensorConditions, Sensors, SensorSettings
+import lazy_loader as _lazy
 
-__all__ = [
-    "EncoderSettings",
-    "Encoders",
-    "Estimate",
-    "Fix",
-    "Gyro",
-    "GyroSettings",
-    "LatestFix",
-    "Lidar",
-    "LidarSettings",
-    "PaperNoise",
-    "PerfectSensor",
-    "PoseFixSettings",
-    "PoseFixes",
-    "Readings",
-    "Scan",
-    "Sensor",
-    "SensorConditions",
-    "SensorSettings",
-    "Sensors",
-]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

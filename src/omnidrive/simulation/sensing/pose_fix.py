@@ -70,9 +70,10 @@ class PoseFixSettings:
     def wandering(self) -> tuple[float, float]:
         """Time in s and damping with which the bias goes on; see :func:`.wander.wander`.
 
-        The paper's is ``sin(t / 5)``; that it would go on so for ever, no log shows.
+        The paper's is ``sin(t / 5)``. That it goes on so for ever, no log shows: one of five
+        minutes, ten periods, cannot tell a damping of 0.02 from none.
         """
-        return (5.0, 0.05) if self.law == "paper" else (self.bias_time, self.bias_damping)
+        return (5.0, 0.02) if self.law == "paper" else (self.bias_time, self.bias_damping)
 
 
 @dataclass(slots=True)

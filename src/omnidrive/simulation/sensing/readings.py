@@ -17,7 +17,7 @@ class Fix(NamedTuple):
     position_sigma: float
     """Standard deviation of x and of y, without a bias and without outliers, in m."""
     yaw_sigma: float
-    """Standard deviation of the yaw likewise, in rad."""
+    """Standard deviation of the yaw likewise, in rad; infinite: only the position was measured."""
 
 
 class Readings(NamedTuple):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import cos, exp, sin, sqrt
 
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 
 
-@inlined
+@compiled
 def wander(dt: float, time: float, damping: float) -> tuple[float, float, float, float]:
     """How a bias and its rate go on in ``dt`` seconds, but for what is random.
 

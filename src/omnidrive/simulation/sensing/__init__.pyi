@@ -1,0 +1,35 @@
+from .encoders import Encoders, EncoderSettings
+from .gyro import Gyro, GyroSettings
+from .lidar import Lidar, LidarSettings, Scan
+from .pose_fix import PoseFixes, PoseFixSettings
+from .readings import Fix, Readings
+from .sensor import (
+    Estimate,
+    LatestFix,
+    PaperNoise,
+    PerfectSensor,
+    Sensor,
+)
+from .suite import SensorConditions, Sensors, SensorSettings
+
+__all__ = [
+    "EncoderSettings",
+    "Encoders",
+    "Estimate",
+    "Fix",
+    "Gyro",
+    "GyroSettings",
+    "LatestFix",
+    "Lidar",
+    "LidarSettings",
+    "PaperNoise",
+    "PerfectSensor",
+    "PoseFixSettings",
+    "PoseFixes",
+    "Readings",
+    "Scan",
+    "Sensor",
+    "SensorConditions",
+    "SensorSettings",
+    "Sensors",
+]
