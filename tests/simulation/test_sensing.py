@@ -12,13 +12,16 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
+    DisturbableSensor,
     EncoderSettings,
+    EstimatingSensor,
     GyroSettings,
     KinematicPlant,
     LatestFix,
     Measurement,
     MujocoPlant,
     PaperNoise,
+    PoseEstimator,
     PoseFixSettings,
     SensorConditions,
     Sensors,
@@ -208,6 +211,14 @@ def test_conditions_hold_until_the_next_reset():
     assert not any(map(isnan, read.wheel_angles))
     assert read.yaw_rate is not None
     assert len(read.fixes) == 1
+
+
+def test_who_can_be_disturbed():
+    sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
+    estimating = EstimatingSensor(sensors, PoseEstimator(ROBOT))
+    assert isinstance(LatestFix(sensors), DisturbableSensor)
+    assert isinstance(estimating, DisturbableSensor)
+    assert not isinstance(PaperNoise(np.random.default_rng(0)), DisturbableSensor)
 
 
 def test_conditions_of_wheels_that_are_not_there_are_refused():

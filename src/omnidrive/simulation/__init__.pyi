@@ -6,6 +6,7 @@ from .loop import Outcome, Run, simulate
 from .mujoco_plant import MujocoPlant
 from .plant import DisturbablePlant, Measurement, Plant
 from .sensing import (
+    DisturbableSensor,
     EncoderSettings,
     Estimate,
     Fix,
@@ -26,6 +27,7 @@ from .sensing import (
 __all__ = [
     "Conditions",
     "DisturbablePlant",
+    "DisturbableSensor",
     "EncoderSettings",
     "Estimate",
     "EstimatingSensor",

@@ -4,6 +4,7 @@ from .lidar import Lidar, LidarSettings, Scan
 from .pose_fix import PoseFixes, PoseFixSettings
 from .readings import Fix, Readings
 from .sensor import (
+    DisturbableSensor,
     Estimate,
     LatestFix,
     PaperNoise,
@@ -13,6 +14,7 @@ from .sensor import (
 from .suite import SensorConditions, Sensors, SensorSettings
 
 __all__ = [
+    "DisturbableSensor",
     "EncoderSettings",
     "Encoders",
     "Estimate",

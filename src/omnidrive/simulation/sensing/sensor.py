@@ -40,6 +40,19 @@ class Sensor(Protocol):
         ...
 
 
+@runtime_checkable
+class DisturbableSensor(Sensor, Protocol):
+    """A sensor whose parts can fail."""
+
+    def impose(self, conditions: SensorConditions) -> None:
+        """Let ``conditions`` hold from now on; ``reset`` takes them back.
+
+        Raises:
+            InvalidInput: They speak of wheels that the robot does not have.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class PerfectSensor:
     """Measures the true pose."""
