@@ -1,8 +1,9 @@
 """What the estimator and the laser scanner cost, warm, in time of the process.
 
-A robot `paper` rolls without slip; its estimator reads encoders, gyro and a fix of the pose ten times
-a second. With latency it goes back to when a fix was taken, and through what was read since. filterpy
-does one prediction and one update of a filter of the same size in its own way, without going back.
+A robot `paper` rolls without slip; its estimator reads encoders, gyro and a fix of the pose ten
+times a second. With latency it goes back to when a fix was taken, and through what was read since.
+filterpy, if it is installed, does one prediction and one update of a filter of the same size in its
+own way, without going back.
 """
 
 from __future__ import annotations

@@ -382,8 +382,7 @@ def test_whatever_is_read_the_covariance_is_one(rows, slips):
     estimator.reset(START)
     for k, (angles, rate, number) in enumerate(rows):
         fix = Fix(DT * k, Pose(number, 0.0, number), 0.02, 0.01)
-        turned_ = None if rate is None or rate != rate else rate
-        seen = estimator.update(Readings(DT * k, tuple(angles), turned_, (fix,)))
+        seen = estimator.update(Readings(DT * k, tuple(angles), rate, (fix,)))
         covariance = estimator.belief.covariance
         assert np.isfinite(covariance).all()
         assert (covariance == covariance.T).all()
@@ -450,8 +449,8 @@ def test_slip_is_that_of_the_differential_equation():
         gaps = speeds - model.rims @ body
         push = np.clip(model.stiffness * gaps, -model.pushes, model.pushes)
         x, y, turn = body
-        force = model.rims.T @ push / model.inertia
-        return [*(force + [turn * y, -turn * x, 0.0]), *body, *gaps]
+        ax, ay, turning = model.rims.T @ push / model.inertia
+        return [ax + turn * y, ay - turn * x, turning, *body, *gaps]
 
     exact = solve_ivp(law, (0.0, DT), np.zeros(10), rtol=1e-8, atol=1e-10).y[:, -1]
     assert lost == pytest.approx(exact[6:], abs=5e-4)

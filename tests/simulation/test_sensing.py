@@ -223,7 +223,7 @@ def test_who_can_be_disturbed():
 
 def test_conditions_of_wheels_that_are_not_there_are_refused():
     sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
-    with pytest.raises(InvalidInput, match="there is no wheel 4 .* wheels 0 to 3"):
+    with pytest.raises(InvalidInput, match=r"there is no wheel 4 .* wheels 0 to 3"):
         sensors.impose(SensorConditions(dead_encoders=(4,)))
 
 

@@ -151,9 +151,7 @@ def make_sensor(
     if section.estimator is None:
         return LatestFix(sensors)
     slips = scenario.plant != "kinematic"
-    return EstimatingSensor(
-        sensors, PoseEstimator(robot, settings, section.estimator, slips=slips)
-    )
+    return EstimatingSensor(sensors, PoseEstimator(robot, settings, section.estimator, slips=slips))
 
 
 def _track(prepared: Prepared, job: Job) -> TrackResult:

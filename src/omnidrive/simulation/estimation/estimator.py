@@ -73,8 +73,8 @@ class PoseEstimator:
     Attributes:
         belief: Mean and covariance at the last readings.
         rejected: Fixes that were not believed when they arrived, or came too late.
-        surprise: Squared length of the latest fix's innovation, in standard deviations: on average 3,
-            if all is as the data sheets say.
+        surprise: Squared length of the latest fix's innovation, in standard deviations: 3 on
+            average, if all is as the data sheets say.
         relocations: When (s) it found that the robot had been carried elsewhere.
     """
 

@@ -11,7 +11,9 @@ Array = np.ndarray
 
 
 @compiled
-def product(a: Float[Array, "rows n"], b: Float[Array, "n columns"]) -> Float[Array, "rows columns"]:
+def product(
+    a: Float[Array, "rows n"], b: Float[Array, "n columns"]
+) -> Float[Array, "rows columns"]:
     """``a b``."""
     rows, inner, columns = a.shape[0], a.shape[1], b.shape[1]
     result = np.zeros((rows, columns))

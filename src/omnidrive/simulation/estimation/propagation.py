@@ -91,15 +91,27 @@ def _unexpected(
             motion[a] += solver[a, b] * right[b]
     if turning:
         motion[2] = rate * dt
+    squares = _squares(odometry, model, lost, motion)
+    excess = squares / (known - unknown) - 4.0 * nominal / known
+    return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MOST_SLIP)
+
+
+@compiled
+def _squares(
+    odometry: Odometry,
+    model: MotionModel,
+    lost: Float[Array, " wheels"],
+    motion: Float[Array, " 3"],
+) -> float:
+    """Sum of the squares, in m^2, of what a motion leaves of the rims' ways."""
     squares = 0.0
-    for i in range(len(ways)):
-        if isfinite(ways[i]):
-            left = ways[i] - lost[i]
+    for i in range(len(odometry.ways)):
+        if isfinite(odometry.ways[i]):
+            left = odometry.ways[i] - lost[i]
             for a in range(3):
                 left -= model.rims[i, a] * motion[a]
             squares += left * left
-    excess = squares / (known - unknown) - 4.0 * nominal / known
-    return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MOST_SLIP)
+    return squares
 
 
 @compiled

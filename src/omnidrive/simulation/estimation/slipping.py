@@ -40,7 +40,7 @@ def slipped(
     lost, mean, now = np.zeros(wheels), np.zeros(3), velocity.copy()
     if not isfinite(model.pushes[0]):
         return lost, mean, now
-    steps = int(ceil(odometry.duration / _STEP))
+    steps = ceil(odometry.duration / _STEP)
     h = odometry.duration / steps
     pull = np.zeros(3)
     for _ in range(steps):

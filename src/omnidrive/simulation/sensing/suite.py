@@ -32,10 +32,10 @@ class SensorConditions(NamedTuple):
 class SensorSettings:
     """What sensors a robot has, and how good they are."""
 
-    encoders: EncoderSettings = EncoderSettings()
-    gyro: GyroSettings | None = GyroSettings()
+    encoders: EncoderSettings = field(default_factory=EncoderSettings)
+    gyro: GyroSettings | None = field(default_factory=GyroSettings)
     """None: it has none."""
-    fixes: PoseFixSettings | None = PoseFixSettings()
+    fixes: PoseFixSettings | None = field(default_factory=PoseFixSettings)
     """None: nothing measures the pose."""
 
 
