@@ -15,7 +15,7 @@ class EstimatorSettings:
     creep: Annotated[float, Bounds(0.0, 1.0, "m/sqrt(m)")] = 1e-3
     """Standard deviation of a rim's way after 1 m while no slip is suspected; it grows with the
     square root of the way."""
-    slip_error: Annotated[float, Bounds(0.0, 10.0, "1")] = 0.4
+    slip_error: Annotated[float, Bounds(0.0, 10.0, "1")] = 0.3
     """Standard deviation of a slip that is expected, as a part of it. Friction, loads and mass are
     known better; but what is wrong about them is so in every interval of a start alike."""
     slip_doubt: Annotated[float, Bounds(0.0, 100.0, "1")] = 1.5

@@ -15,13 +15,13 @@ from omnidrive.parameter import Bounds
 class GyroSettings:
     """A gyro as data sheets describe it.
 
-    The defaults are those of a usual automotive or drone part: 0.014 deg/s / sqrt(Hz), a bias of
-    0.1 deg/s that is left after it was measured at rest, and a walk of it by 0.02 deg/s in 5 min.
+    The defaults are those of a usual part in drones and robots: 0.014 deg/s / sqrt(Hz), and a bias
+    that was averaged for two seconds at rest before the start, which leaves 0.01 deg/s of it.
     """
 
     noise_density: Annotated[float, Bounds(0.0, 1.0, "rad/s/sqrt(Hz)")] = 2.4e-4
     """Of its white noise: the angle walks by this times the square root of seconds."""
-    bias: Annotated[float, Bounds(0.0, 1.0, "rad/s")] = 1.7e-3
+    bias: Annotated[float, Bounds(0.0, 1.0, "rad/s")] = 2e-4
     """Standard deviation of the bias with which a run begins."""
     bias_walk: Annotated[float, Bounds(0.0, 1.0, "rad/s/sqrt(s)")] = 2e-5
     """Standard deviation of the bias's change in one second."""
