@@ -119,9 +119,10 @@ def _variance(
     odometry: Odometry, model: MotionModel, i: int, lost: Float[Array, " wheels"]
 ) -> float:
     """Of a rim's way, in m^2: two roundings to whole counts, creep, and the slip expected."""
-    rounding = model.quantum**2 / 6.0 * odometry.share
+    rounding: float = model.quantum**2 / 6.0 * odometry.share
     creep = model.creep**2 * abs(odometry.ways[i])
-    return rounding + creep + (model.slip_error * lost[i]) ** 2 + _ROUNDING
+    slip: float = (model.slip_error * lost[i]) ** 2
+    return float(rounding + creep + slip + _ROUNDING)
 
 
 @compiled

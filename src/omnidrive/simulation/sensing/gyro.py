@@ -48,6 +48,6 @@ class Gyro:
     def read(self, turn: float, dt: float) -> float:
         """Mean yaw rate in rad/s, when the robot truly turned by ``turn`` (rad) in ``dt`` (s)."""
         noise, walk = self.rng.standard_normal(2).tolist()
-        rate = turn / dt + self.bias + self.settings.noise_density / sqrt(dt) * noise
+        rate: float = turn / dt + self.bias + self.settings.noise_density / sqrt(dt) * noise
         self.bias += self.settings.bias_walk * sqrt(dt) * walk
         return rate
