@@ -138,29 +138,35 @@ def _motion(
     Before anything is measured the robot goes on as it did, give or take what it can accelerate.
     """
     dt = odometry.duration
-    information, told, right = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    spread, told, motion = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     for a in range(3):
         # what an unknown velocity adds is added to, not its square to the square
         before = 0.5 * model.agility[a] * belief.blind**2
         now = model.agility[a] * dt * (belief.blind + dt)
-        information[a, a] = 1.0 / (now * now + 2.0 * before * now)
-        right[a] = information[a, a] * belief.velocity[a] * dt
+        spread[a, a] = now * now + 2.0 * before * now
+        motion[a] = belief.velocity[a] * dt
     if isfinite(odometry.yaw_rate):
         told[2, 2] = 1.0
     for i in range(len(odometry.ways)):
-        if isfinite(odometry.ways[i]):
-            certainty = 1.0 / (_variance(odometry, model, i, lost) + (slip * dt) ** 2)
+        if isfinite(odometry.ways[i]):  # one wheel after the other, by Joseph's form
+            variance = _variance(odometry, model, i, lost) + (slip * dt) ** 2
+            surprise, total, gain = odometry.ways[i] - lost[i], variance, np.zeros(3)
             for a in range(3):
-                right[a] += certainty * model.rims[i, a] * (odometry.ways[i] - lost[i])
+                surprise -= model.rims[i, a] * motion[a]
                 for b in range(3):
-                    both = model.rims[i, a] * model.rims[i, b]
-                    information[a, b] += certainty * both
-                    told[a, b] += both
-    spread, _ = inverse(information)
-    motion = np.zeros(3)
-    for a in range(3):
-        for b in range(3):
-            motion[a] += spread[a, b] * right[b]
+                    gain[a] += spread[a, b] * model.rims[i, b]
+                    told[a, b] += model.rims[i, a] * model.rims[i, b]
+                total += model.rims[i, a] * gain[a]
+            left = np.eye(3)
+            for a in range(3):
+                gain[a] /= total
+                motion[a] += gain[a] * surprise
+                for b in range(3):
+                    left[a, b] -= gain[a] * model.rims[i, b]
+            spread = sandwich(left, spread)
+            for a in range(3):
+                for b in range(3):
+                    spread[a, b] += variance * gain[a] * gain[b]
     _, determinant = inverse(told)
     return motion, spread, determinant > 1e-6
 
