@@ -16,9 +16,11 @@ from omnidrive.simulation import (
     MujocoPlant,
     Patch,
     Payload,
+    PlanarPlant,
 )
 
 PLANTS = {
+    "planar": PlanarPlant,
     "ball": lambda robot: MujocoPlant(robot, "ball"),
     "rollers": lambda robot: MujocoPlant(robot, "rollers"),
 }

@@ -22,6 +22,7 @@ from omnidrive.study import (
     PlantName,
     PresetName,
     Scenario,
+    SensorsSection,
     TimingName,
     load_scenario,
     map_scenario,
@@ -124,6 +125,15 @@ class Demand:
         str | None,
         choice(get_args(Heading), "Where the robot looks, with the timing `limits`.", HOW),
     ] = None
+    estimator: Annotated[
+        bool | None,
+        flag(
+            "Whether the controllers see what an estimator makes of wheel encoders, a gyro and a "
+            "measured pose, or as in the paper the pose as it is measured.",
+            HOW,
+            "--estimator/--no-estimator",
+        ),
+    ] = None
     seed: Annotated[int | None, option("N", "Seed of the noise.", HOW)] = None
 
     @property
@@ -168,6 +178,8 @@ class Demand:
             changes["preset"] = preset
         if self.seed is not None:
             changes["seed"] = self.seed
+        if self.estimator is not None:
+            changes["sensors"] = (scenario.sensors or SensorsSection()) if self.estimator else None
         scenario = scenario.model_copy(update=changes)
         scenario = parse_scenario(self._detailed(scenario_data(scenario)), "with these options")
         if retimed and (on_map or self.duration is not None or self.speed is not None):

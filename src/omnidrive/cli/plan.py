@@ -34,7 +34,7 @@ _SHOWN = 10  # queries whose lengths differ
 _OF_SEARCHES = {"scenario", "map", "search", "unknown"}
 
 
-@with_demand("plant", "preset", "seed")
+@with_demand("plant", "preset", "seed", "estimator")
 def plan(
     demand: Demand,
     scen: Annotated[

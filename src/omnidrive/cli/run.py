@@ -54,6 +54,7 @@ def run(
 
     * `omnidrive run --controller nmpc --horizon 25`
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
+    * `omnidrive run --task noise --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     """
     if out is not None:

@@ -1,5 +1,6 @@
 from .conditions import Conditions, Motor, Patch, Payload, SensorConditions
 from .coppeliasim import CoppeliaSimPlant, CoppeliaSimScene
+from .estimation import EstimatingSensor, EstimatorSettings, PoseEstimator
 from .faults import (
     FAULTS,
     Fault,
@@ -15,7 +16,23 @@ from .mujoco_plant import MujocoPlant
 from .planar import PlanarPlant, roll_out
 from .plant import DisturbablePlant, Measurement, Plant
 from .run import Outcome, Run
-from .sensing import Estimate, PaperNoise, PerfectSensor, Sensor
+from .sensing import (
+    DisturbableSensor,
+    EncoderSettings,
+    Estimate,
+    Fix,
+    GyroSettings,
+    LatestFix,
+    Lidar,
+    LidarSettings,
+    PaperNoise,
+    PerfectSensor,
+    PoseFixSettings,
+    Readings,
+    Sensor,
+    Sensors,
+    SensorSettings,
+)
 
 __all__ = [
     "FAULTS",
@@ -23,9 +40,18 @@ __all__ = [
     "CoppeliaSimPlant",
     "CoppeliaSimScene",
     "DisturbablePlant",
+    "DisturbableSensor",
+    "EncoderSettings",
     "Estimate",
+    "EstimatingSensor",
+    "EstimatorSettings",
     "Fault",
+    "Fix",
+    "GyroSettings",
     "KinematicPlant",
+    "LatestFix",
+    "Lidar",
+    "LidarSettings",
     "Measurement",
     "Motor",
     "MovingObstacle",
@@ -37,10 +63,15 @@ __all__ = [
     "PerfectSensor",
     "PlanarPlant",
     "Plant",
+    "PoseEstimator",
+    "PoseFixSettings",
+    "Readings",
     "Run",
     "Schedule",
     "Sensor",
     "SensorConditions",
+    "SensorSettings",
+    "Sensors",
     "default_faults",
     "identify_lag",
     "parse_fault",

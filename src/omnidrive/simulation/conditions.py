@@ -63,8 +63,8 @@ class SensorConditions(NamedTuple):
     """What is wrong with a robot's sensors; by default nothing."""
 
     dead_encoders: tuple[int, ...] = ()
-    """Wheels, counted from 0, whose encoders stand still in what they tell."""
+    """Wheels, counted from 0, whose encoders tell nothing, or stand still in what they tell."""
     fixes_silent: bool = False
-    """Whether no measurement of the pose arrives."""
+    """Whether the pose is not measured; fixes on their way still arrive."""
     gyro_silent: bool = False
     """Whether no measurement of the yaw rate arrives."""

@@ -1,6 +1,6 @@
 from .destination import check_new_folder, check_plan_targets
 from .folder import RunFolder
-from .jobs import Job, faults_of, jobs_of, make_controller, run_job
+from .jobs import Job, faults_of, jobs_of, make_controller, make_sensor, run_job
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .plants import make_plant
 from .prepared import Prepared, lay_out, prepare
@@ -13,6 +13,7 @@ from .scenario import (
     PresetName,
     RobotSection,
     Scenario,
+    SensorsSection,
     TaskName,
     Tasks,
     TimingName,
@@ -39,6 +40,7 @@ __all__ = [
     "RobotSection",
     "RunFolder",
     "Scenario",
+    "SensorsSection",
     "Study",
     "TaskName",
     "Tasks",
@@ -52,6 +54,7 @@ __all__ = [
     "load_scenario",
     "make_controller",
     "make_plant",
+    "make_sensor",
     "make_supervisor",
     "map_scenario",
     "one_task",

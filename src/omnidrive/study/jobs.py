@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,12 +22,17 @@ from omnidrive.geometry import Pose
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation import (
+    EstimatingSensor,
     Fault,
+    LatestFix,
     PaperNoise,
+    PerfectSensor,
     Plant,
+    PoseEstimator,
     Run,
     Schedule,
     Sensor,
+    Sensors,
     default_faults,
     simulate,
 )
@@ -142,7 +148,7 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     section = scenario.recommended
     if scenario.plant == "kinematic":
         return Actuation(robot.traction / section.traction)
-    return Actuation.of(robot, section.traction, may_spin=section.may_spin)
+    return Actuation.of(robot, section.traction, may_spin=scenario.wheels_may_spin)
 
 
 def _simulated(
@@ -152,24 +158,26 @@ def _simulated(
     reference: Reference,
     *,
     start: Pose | None = None,
-    sensor: Sensor | None = None,
     faults: tuple[Fault, ...] = (),
 ) -> Run:
     """One run under supervision, with the scenario's faults and others.
 
-    Jitter is the same for every controller, and apart from the numbers of the noise.
+    Every controller meets the same random numbers. Those of repeat 0 are those of
+    ``[seed, duration]``: a zero at the end of a numpy seed of few words does not count. Jitter's
+    are apart from those of the sensors.
     """
     scenario, robot = prepared.scenario, prepared.robot
     controller = make_controller(scenario, robot, job.controller, job.horizon)
     every = (*scenario.faults, *faults)
-    jitter = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat, 1])
+    seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
+    sensing, jitter = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
     return simulate(
         plant,
         controller,
         reference,
         start=start or reference.at(0.0).pose,
         dt=scenario.sample_time,
-        sensor=sensor,
+        sensor=make_sensor(scenario, robot, sensing, noise=job.task == "noise"),
         schedule=Schedule(every, robot) if every else None,
         supervisor=make_supervisor(scenario, robot, controller),
         rng=jitter,
@@ -187,21 +195,30 @@ def _fault(prepared: Prepared, job: Job) -> FaultResult:
     return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
 
 
-def _track(prepared: Prepared, job: Job) -> TrackResult:
-    """Follow the path; with noise, every controller sees the same random numbers.
+def make_sensor(
+    scenario: Scenario, robot: Robot, rng: np.random.Generator, *, noise: bool = False
+) -> Sensor:
+    """What the controllers see, fresh; ``noise``: of a pose that is measured with the paper's."""
+    section = scenario.sensors
+    if section is None:
+        return PaperNoise(rng) if noise else PerfectSensor()
+    settings = section.settings
+    if noise and settings.fixes:
+        settings = replace(settings, fixes=replace(settings.fixes, law="paper"))
+    sensors = Sensors(settings, robot.chassis, rng)
+    if section.estimator is None:
+        return LatestFix(sensors)
+    slips = scenario.plant != "kinematic"
+    return EstimatingSensor(sensors, PoseEstimator(robot, settings, section.estimator, slips=slips))
 
-    Those of repeat 0 are those of ``[seed, duration]``: a zero at the end of a numpy seed of few
-    words does not count.
-    """
-    scenario = prepared.scenario
+
+def _track(prepared: Prepared, job: Job) -> TrackResult:
+    """Follow the path."""
     reference = prepared.reference(job.duration)
-    noise = job.task == "noise"
-    rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
-    sensor = PaperNoise(rng) if noise else None
     with plant_of(prepared, job.repeat) as plant:
-        run = _simulated(prepared, job, plant, reference, sensor=sensor)
+        run = _simulated(prepared, job, plant, reference)
     return TrackResult(
-        job.controller, job.task, job.duration, noise, job.horizon, run,
+        job.controller, job.task, job.duration, job.task == "noise", job.horizon, run,
         measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]), job.repeat,
     )  # fmt: skip
 

@@ -15,6 +15,13 @@ from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
+from omnidrive.simulation import (
+    EncoderSettings,
+    EstimatorSettings,
+    GyroSettings,
+    PoseFixSettings,
+    SensorSettings,
+)
 from omnidrive.simulation.faults import ON_THE_PLANT, Fault
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
 from omnidrive.study.coppeliasim import CoppeliaSimSection
@@ -271,10 +278,34 @@ class RecommendedSection(_Section):
     weights: HolonomicParameters = HolonomicParameters()
     traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.85
     """Acceleration that a plan may ask for, as a multiple of what the wheels can push."""
-    may_spin: bool = True
+    may_spin: bool | None = None
     """Whether wheels may spin where the robot does not get along as planned. It then follows more
     closely, but its odometry is lost by decimetres at a hard start: say false for robots that
-    have no other measurement of their pose."""
+    have no other measurement of their pose. None: unless an estimator rests on odometry."""
+
+
+class SensorsSection(_Section):
+    """What the controller sees instead of the true pose; by default with an estimator."""
+
+    encoders: EncoderSettings = EncoderSettings()
+    gyro: GyroSettings | None = GyroSettings()
+    """None: there is none."""
+    fixes: PoseFixSettings | None = PoseFixSettings()
+    """Measurements of the pose; in the task noise, their law is the paper's. None: there are none,
+    and odometry has to do."""
+    estimator: EstimatorSettings | None = EstimatorSettings()
+    """What makes a pose of all; None: the controller sees the latest fix as it is."""
+
+    @model_validator(mode="after")
+    def _something_to_see(self) -> SensorsSection:
+        if self.estimator is None and self.fixes is None:
+            raise ValueError("has neither fixes nor an estimator: nothing would tell the pose")
+        return self
+
+    @property
+    def settings(self) -> SensorSettings:
+        """Of the sensors alone."""
+        return SensorSettings(self.encoders, self.gyro, self.fixes)
 
 
 class WatchdogSection(_Section):
@@ -329,7 +360,16 @@ class Scenario(_Section):
     watchdog: WatchdogSection = WatchdogSection()
     wheel_monitor: bool = True
     """Whether dead and locked wheels are looked for, and made up for."""
+    sensors: SensorsSection | None = None
+    """None: the controllers see the true pose, with the paper's noise in the task noise."""
     tasks: Tasks
+
+    @property
+    def wheels_may_spin(self) -> bool:
+        """See :attr:`RecommendedSection.may_spin`."""
+        if self.recommended.may_spin is None:
+            return self.sensors is None or self.sensors.estimator is None
+        return self.recommended.may_spin
 
     @model_validator(mode="after")
     def _movers_can_be_met(self) -> Scenario:

@@ -44,7 +44,7 @@ def _adapt(scenario: Scenario, robot: Robot, controller: Controller) -> Adapt | 
 
     def adapt(left: Remaining) -> Controller:
         """The same plans within what the wheels that are left can do."""
-        grip = Grip.of(robot, may_spin=section.may_spin)
+        grip = Grip.of(robot, may_spin=scenario.wheels_may_spin)
         weakest = float(left.pushes.min() / robot.max_push)
         grip = grip._replace(rims=np.ascontiguousarray(left.rims), most=weakest * grip.most)
         actuation = Actuation(left.traction / section.traction, robot.lag, grip, usual.delay)

@@ -8,10 +8,12 @@ import numpy as np
 
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, keep_outs, speed_limits
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
 from omnidrive.planning import MethodName, PathOptions, Place, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
+from omnidrive.simulation import Fix, PoseEstimator, Readings
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.prepared import lay_out
 from omnidrive.study.scenario import PresetName, paper_scenario
@@ -25,7 +27,7 @@ def warm_up(watcher: Watcher | None = None) -> None:
     """
     watch = watcher or Unwatched()
     scenarios = [paper_scenario(preset) for preset in get_args(PresetName)]
-    watch.part("warm up", 2 + sum(len(scenario.controllers) for scenario in scenarios))
+    watch.part("warm up", 3 + sum(len(scenario.controllers) for scenario in scenarios))
     _plans()
     watch.done("planning")
     for scenario in scenarios:
@@ -38,6 +40,8 @@ def warm_up(watcher: Watcher | None = None) -> None:
             watch.done(name)
     _batch()
     watch.done("batches")
+    _estimate()
+    watch.done("estimator")
 
 
 def _plans() -> None:
@@ -55,6 +59,14 @@ def _plans() -> None:
     found = plan(grid, start, goal, inflation=0.05, options=PathOptions())
     time_within_limits(found.spline, robot.chassis, MotionLimits.of_robot(robot))
     Corridor.along(found.way.poses[:, :2], found.free)
+
+
+def _estimate() -> None:
+    """Two readings and a fix."""
+    estimator = PoseEstimator(named_robot("paper"))
+    for k in range(2):
+        fix = Fix(0.1 * k, Pose(0.0, 0.0, 0.0), 0.01, 0.01)
+        estimator.update(Readings(0.1 * k, (0.0,) * 4, 0.0, (fix,)))
 
 
 def _batch() -> None:

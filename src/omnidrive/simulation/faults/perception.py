@@ -3,20 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
 from omnidrive.simulation.conditions import SensorConditions
 from omnidrive.simulation.plant import Measurement
-from omnidrive.simulation.sensing import Estimate, Sensor
-
-
-@runtime_checkable
-class DisturbableSensor(Sensor, Protocol):
-    """A sensor that has parts which can fail."""
-
-    def impose(self, conditions: SensorConditions) -> None:
-        """Let ``conditions`` hold from now on; ``reset`` takes them back."""
-        ...
+from omnidrive.simulation.sensing import DisturbableSensor, Estimate, Sensor
 
 
 @dataclass(slots=True)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan, sin
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from omnidrive.geometry import Pose
+from omnidrive.geometry import Pose, wrap
+from omnidrive.simulation.conditions import SensorConditions
 from omnidrive.simulation.plant import Measurement
+from omnidrive.simulation.sensing.readings import Fix
+from omnidrive.simulation.sensing.suite import Sensors
 
 
 class Estimate(NamedTuple):
@@ -35,6 +38,19 @@ class Sensor(Protocol):
 
     def sense(self, t: float, state: Measurement) -> Estimate:
         """What is believed at ``t`` (s), in steady succession, when ``state`` is the truth."""
+        ...
+
+
+@runtime_checkable
+class DisturbableSensor(Sensor, Protocol):
+    """A sensor whose parts can fail."""
+
+    def impose(self, conditions: SensorConditions) -> None:
+        """Let ``conditions`` hold from now on; ``reset`` takes them back.
+
+        Raises:
+            InvalidInput: They speak of wheels that the robot does not have.
+        """
         ...
 
 
@@ -70,3 +86,34 @@ class PaperNoise:
         pose, size = state.pose, sin(t / 5.0) / 6.0
         dx, dy, dyaw = (self.rng.random(3) * size).tolist()
         return Estimate(Pose(pose.x + dx, pose.y + dy, pose.yaw + dyaw))
+
+
+@dataclass(slots=True)
+class LatestFix:
+    """The newest fix of the pose as it is, without odometry or estimator.
+
+    Attributes:
+        sensors: Where fixes come from.
+    """
+
+    sensors: Sensors
+    _latest: Fix = field(default=Fix(0.0, Pose(0.0, 0.0, 0.0), 0.0, 0.0), init=False, repr=False)
+
+    def reset(self, pose: Pose) -> None:
+        """The pose is known, until a fix arrives."""
+        self.sensors.reset(pose)
+        self._latest = Fix(0.0, pose, 0.0, 0.0)
+
+    def impose(self, conditions: SensorConditions) -> None:
+        """Let ``conditions`` hold for the sensors; see :meth:`Sensors.impose`."""
+        self.sensors.impose(conditions)
+
+    def sense(self, t: float, state: Measurement) -> Estimate:
+        """The fix that was taken last of those that have arrived; its yaw made continuous."""
+        for fix in self.sensors.read(t, state).fixes:
+            if fix.stamp >= self._latest.stamp:
+                turn = wrap(fix.pose.yaw - self._latest.pose.yaw)
+                pose = fix.pose._replace(yaw=self._latest.pose.yaw + turn)
+                self._latest = fix._replace(pose=pose)
+        stamp, pose, *sigmas = self._latest
+        return Estimate(pose, sigmas[0], sigmas[1], t - stamp)

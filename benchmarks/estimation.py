@@ -1,0 +1,115 @@
+"""What the estimator and the laser scanner cost, warm, in time of the process.
+
+A robot `paper` rolls without slip; its estimator reads encoders, gyro and a fix of the pose ten
+times a second. With latency it goes back to when a fix was taken, and through what was read since.
+filterpy, if it is installed, does one prediction and one update of a filter of the same size in its
+own way, without going back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from statistics import median
+from time import process_time_ns
+
+import mujoco
+import numpy as np
+from figures import at_most, publish, row
+
+from omnidrive.geometry import BodyTwist, Pose, move
+from omnidrive.robot import named_robot
+from omnidrive.simulation import (
+    Lidar,
+    LidarSettings,
+    Measurement,
+    PoseEstimator,
+    PoseFixSettings,
+    Sensors,
+    SensorSettings,
+)
+
+STEPS, DT = 3000, 0.1
+START, TWIST = Pose(0.0, 0.0, 0.0), BodyTwist(0.4, 0.1, 0.3)
+LATENCIES = (0.0, 0.1, 0.5)  # s
+RAYS = 360
+ROOM = """<mujoco><worldbody>
+  <geom type="plane" size="9 9 1"/>
+  <geom type="box" size="0.1 9 1" pos="5 0 1"/> <geom type="box" size="0.1 9 1" pos="-5 0 1"/>
+  <geom type="box" size="9 0.1 1" pos="0 5 1"/> <geom type="box" size="9 0.1 1" pos="0 -5 1"/>
+  {boxes}
+  <body name="base"><freejoint/><geom type="cylinder" size="0.3 0.1"/></body>
+</worldbody></mujoco>"""
+
+
+def per_call(calls: list[Callable[[], object]]) -> float:
+    """Median time of the calls, each done once, in us."""
+    times = []
+    for call in calls:
+        began = process_time_ns()
+        call()
+        times.append((process_time_ns() - began) * 1e-3)
+    return median(times)
+
+
+def updates(latency: float) -> float:
+    """Of one update of the estimator, in us."""
+    robot = named_robot("paper")
+    settings = SensorSettings(fixes=PoseFixSettings(latency=latency))
+    sensors = Sensors(settings, robot.chassis, np.random.default_rng(0))
+    estimator = PoseEstimator(robot, settings)
+    sensors.reset(START)
+    estimator.reset(START)
+    poses = [move(START, TWIST, DT * k) for k in range(STEPS)]
+    wheels = robot.chassis.wheel_speeds(TWIST)
+    states = [
+        Measurement(pose, TWIST, 0.0, tuple((wheels * DT * k).tolist()))
+        for k, pose in enumerate(poses)
+    ]
+    read = [sensors.read(DT * k, state) for k, state in enumerate(states)]
+    return per_call([lambda r=r: estimator.update(r) for r in read])
+
+
+def filterpys() -> float | None:
+    """Of filterpy's prediction and update with three of ten states measured, in us."""
+    try:
+        from filterpy.kalman import ExtendedKalmanFilter
+    except ImportError:
+        return None
+    peer = ExtendedKalmanFilter(10, 3)
+    peer.x = np.zeros(10)
+    peer.Q, shows = 1e-4 * np.eye(10), np.eye(3, 10)
+
+    def step() -> None:
+        peer.predict()
+        peer.update(np.zeros(3), lambda x: shows, lambda x: x[:3])
+
+    return per_call([step] * STEPS)
+
+
+def scans(boxes: int) -> float:
+    """Of one scan among so many boxes, in us."""
+    rng = np.random.default_rng(0)
+    some = "".join(
+        f'<geom type="box" size="0.1 0.1 1" pos="{x:.3f} {y:.3f} 1"/>'
+        for x, y in rng.uniform(-4.5, 4.5, (boxes, 2))
+    )
+    model = mujoco.MjModel.from_xml_string(ROOM.format(boxes=some))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    lidar = Lidar(LidarSettings(rays=RAYS), model, data, rng)
+    return per_call([lambda: lidar.scan(0.0)] * 300)
+
+
+def main() -> None:
+    updates(0.1)  # compiles
+    rows = [at_most(f"update, fixes {s:g} s late", updates(s), "us", 100.0) for s in LATENCIES[:2]]
+    rows.append(row(f"update, fixes {LATENCIES[2]:g} s late", updates(LATENCIES[2]), "us"))
+    peers = filterpys()
+    if peers is not None:
+        rows.append(row("filterpy, prediction and update", peers, "us"))
+    rows += [row(f"scan of {RAYS} rays, {n} boxes", scans(n), "us") for n in (0, 100, 1000)]
+    publish("estimation", rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""Compiled products of small matrices, written out: they compile sooner than calls of libraries."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.compiled import compiled
+
+Array = np.ndarray
+
+
+@compiled
+def product(
+    a: Float[Array, "rows n"], b: Float[Array, "n columns"]
+) -> Float[Array, "rows columns"]:
+    """``a b``."""
+    rows, inner, columns = a.shape[0], a.shape[1], b.shape[1]
+    result = np.zeros((rows, columns))
+    for i in range(rows):
+        for k in range(inner):
+            if a[i, k] != 0.0:
+                for j in range(columns):
+                    result[i, j] += a[i, k] * b[k, j]
+    return result
+
+
+@compiled
+def sandwich(a: Float[Array, "rows n"], p: Float[Array, "n n"]) -> Float[Array, "rows rows"]:
+    """``a p a^T`` of a symmetric p, exactly symmetric."""
+    half = product(a, p)
+    rows = a.shape[0]
+    result = np.zeros((rows, rows))
+    for i in range(rows):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(a.shape[1]):
+                total += half[i, k] * a[j, k]
+            result[i, j] = result[j, i] = total
+    return result
+
+
+@compiled
+def inverse(m: Float[Array, "3 3"]) -> tuple[Float[Array, "3 3"], float]:
+    """Inverse of a symmetric matrix and its determinant, by cofactors."""
+    result = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            result[j, i] = m[a, c] * m[b, d] - m[a, d] * m[b, c]
+    determinant = m[0, 0] * result[0, 0] + m[0, 1] * result[1, 0] + m[0, 2] * result[2, 0]
+    for i in range(3):
+        for j in range(3):
+            result[i, j] /= determinant
+    return result, determinant

@@ -1,0 +1,281 @@
+"""Raw sensors: each against what its settings say."""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import inf, isnan, pi
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from omnidrive.errors import InvalidInput
+from omnidrive.geometry import BodyTwist, Pose, move
+from omnidrive.robot import named_robot
+from omnidrive.simulation import (
+    DisturbableSensor,
+    EncoderSettings,
+    EstimatingSensor,
+    GyroSettings,
+    KinematicPlant,
+    LatestFix,
+    Measurement,
+    MujocoPlant,
+    PaperNoise,
+    PoseEstimator,
+    PoseFixSettings,
+    SensorConditions,
+    Sensors,
+    SensorSettings,
+)
+from omnidrive.simulation.sensing import Encoders, Gyro, PoseFixes
+
+ROBOT = named_robot("paper")
+REST = BodyTwist(0.0, 0.0, 0.0)
+START = Pose(1.0, -2.0, 0.5)
+
+
+def standing(pose=START, angles=()):
+    return Measurement(pose, REST, 0.0, angles)
+
+
+def fixes(settings, seed=0):
+    rng = np.random.default_rng(seed)
+    taker = PoseFixes(settings, rng, rng.spawn(1)[0])
+    taker.reset(START)
+    return taker
+
+
+def errors(settings, seconds, seed=0):
+    """Of all fixes of a robot at rest, one row each."""
+    found = fixes(settings, seed).read(seconds, START)
+    return np.array([np.subtract(fix.pose, START) for fix in found])
+
+
+def test_encoders_count_whole_steps():
+    encoders = Encoders(EncoderSettings(counts_per_turn=100), ROBOT.chassis)
+    turned = (0.1, -7.3, 40.0, 1e-3)
+    read = np.array(encoders.read(standing(angles=turned)))
+    counts = read * 100 / (2 * pi)
+    assert counts == pytest.approx(np.round(counts), abs=1e-9)
+    assert np.abs(read - turned).max() <= pi / 100
+
+
+def test_a_dead_encoder_tells_nothing():
+    read = Encoders(EncoderSettings(), ROBOT.chassis).read(standing(angles=(1.0,) * 4), {2})
+    assert [isnan(angle) for angle in read] == [False, False, True, False]
+
+
+def test_a_plant_without_wheels_has_wheels_that_do_not_slip():
+    plant, twist = KinematicPlant(ROBOT), BodyTwist(0.4, -0.2, 0.3)
+    encoders = Encoders(EncoderSettings(counts_per_turn=2**20), ROBOT.chassis)
+    plant.reset(START)
+    encoders.reset(START)
+    for _ in range(10):
+        read = encoders.read(plant.step(twist, 0.1))
+    assert np.array(read) == pytest.approx(ROBOT.chassis.wheel_speeds(twist), abs=1e-5)
+
+
+@pytest.mark.parametrize("wheels", ["rollers", "ball"])
+def test_wheels_on_physics_turn_as_the_chassis_says(wheels):
+    plant, twist = MujocoPlant(ROBOT, wheels), BodyTwist(0.3, 0.2, 0.2)
+    plant.reset(START)
+    before = plant.step(twist, 1.0).wheel_angles
+    after = plant.step(twist, 1.0).wheel_angles
+    turned = np.subtract(after, before)
+    assert turned == pytest.approx(ROBOT.chassis.wheel_speeds(twist), abs=0.02)
+
+
+def test_gyro_noise_has_its_density_and_bias():
+    settings = GyroSettings(noise_density=0.01, bias=0.1, bias_walk=0.0)
+    gyro = Gyro(settings, np.random.default_rng(1))
+    biases = []
+    for _ in range(2000):
+        gyro.reset()
+        biases.append(gyro.bias)
+    assert np.std(biases) == pytest.approx(0.1, rel=0.06)
+    read = np.array([gyro.read(0.05, 0.1) for _ in range(4000)])
+    assert read.mean() == pytest.approx(0.5 + gyro.bias, abs=0.002)
+    assert read.std() == pytest.approx(0.01 / 0.1**0.5, rel=0.05)
+
+
+def test_the_gyros_bias_walks():
+    settings = GyroSettings(noise_density=0.0, bias=0.0, bias_walk=0.02)
+    ends = []
+    for seed in range(400):
+        gyro = Gyro(settings, np.random.default_rng(seed))
+        gyro.reset()
+        for _ in range(25):
+            gyro.read(0.0, 1.0)
+        ends.append(gyro.bias)
+    assert np.std(ends) == pytest.approx(0.02 * 25**0.5, rel=0.12)
+
+
+def test_white_fixes_are_as_good_as_they_say():
+    settings = PoseFixSettings(rate=100.0, position_sigma=0.03, yaw_sigma=0.02)
+    error = errors(settings, 60.0)
+    assert len(error) == 6001
+    assert error.std(axis=0) == pytest.approx([0.03, 0.03, 0.02], rel=0.05)
+    assert np.abs(error.mean(axis=0)).max() < 0.002
+
+
+@pytest.mark.parametrize("damping", [0.9, 0.3, 0.1])
+def test_the_bias_begins_at_nothing_and_wanders_as_far_as_it_says(damping):
+    settings = PoseFixSettings(
+        rate=2.0, position_sigma=0.0, yaw_sigma=0.0, position_bias=0.1, yaw_bias=0.05,
+        bias_time=3.0, bias_damping=damping,
+    )  # fmt: skip
+    runs = np.array([errors(settings, 60.0, seed) for seed in range(200)])
+    assert not runs[:, 0].any()
+    assert (np.abs(runs[:, 1]) < 0.1).all()  # half a second later: at most some sigmas of its rate
+    late = runs[:, 20:].std(axis=(0, 1))
+    assert late == pytest.approx([0.1, 0.1, 0.05], rel=0.15)
+
+
+def test_the_papers_preset_is_the_papers_noise():
+    settings = SensorSettings(fixes=PoseFixSettings(law="paper"))
+    sensors = Sensors(settings, ROBOT.chassis, np.random.default_rng(3))
+    paper = PaperNoise(np.random.default_rng(3))
+    sensors.reset(START)
+    for k in range(300):
+        (fix,) = sensors.read(k * 0.1, standing()).fixes
+        assert np.array(fix.pose) == pytest.approx(paper.sense(k * 0.1, standing()).pose, abs=1e-12)
+
+
+def test_the_papers_preset_tells_its_spread():
+    settings = PoseFixSettings(law="paper", rate=200.0)
+    found = [fix for fix in fixes(settings).read(7.9, START) if fix.stamp > 7.7]
+    error = np.array([np.subtract(fix.pose, START) for fix in found])
+    assert error.std(axis=0) == pytest.approx([found[0].position_sigma] * 3, rel=0.3)
+    assert error.mean() == pytest.approx(1 / 12, rel=0.1)
+    assert settings.bias_sigma[0] == pytest.approx(np.std(np.sin(np.arange(0, 100)) / 12), rel=0.01)
+
+
+def test_fixes_come_late_and_say_when_they_were_taken():
+    settings = PoseFixSettings(rate=10.0, latency=0.25)
+    taker = fixes(settings)
+    arrived = {k: [f.stamp for f in taker.read(0.1 * k, START)] for k in range(6)}
+    assert arrived[2] == []
+    assert arrived[3] == [0.0]
+    assert arrived[4] == pytest.approx([0.1])
+
+
+def test_fixes_that_are_late_by_chance_overtake_each_other():
+    taker = fixes(PoseFixSettings(rate=20.0, jitter=0.5))
+    stamps = [fix.stamp for k in range(60) for fix in taker.read(0.1 * k, START)]
+    assert any(a > b for a, b in pairwise(stamps))
+    assert len(set(stamps)) == len(stamps) > 100
+
+
+def test_fixes_are_lost_and_far_off_as_often_as_told():
+    settings = PoseFixSettings(
+        rate=100.0, position_sigma=1e-3, dropout=0.2, outliers=0.1, outlier_size=2.0
+    )
+    error = errors(settings, 100.0)
+    far = np.hypot(error[:, 0], error[:, 1]) > 1.0
+    assert len(error) == pytest.approx(0.8 * 10_001, rel=0.02)
+    assert far.mean() == pytest.approx(0.1, rel=0.1)
+    assert np.hypot(*error[far, :2].T) == pytest.approx(2.0, abs=0.01)
+
+
+def test_between_samples_a_fix_sees_where_the_robot_was():
+    settings = PoseFixSettings(rate=40.0, position_sigma=0.0, yaw_sigma=0.0)
+    taker, twist = fixes(settings), BodyTwist(1.0, 0.5, 2.0)
+    taker.read(0.0, START)
+    found = taker.read(0.1, move(START, twist, 0.1))
+    assert [fix.stamp for fix in found] == pytest.approx([0.025, 0.05, 0.075, 0.1])
+    for fix in found:
+        assert np.array(fix.pose) == pytest.approx(move(START, twist, fix.stamp), abs=1e-12)
+
+
+def test_silence_loses_what_would_be_taken_but_not_what_is_on_its_way():
+    taker = fixes(PoseFixSettings(rate=10.0, latency=0.1))
+    taker.read(0.0, START)
+    assert [fix.stamp for fix in taker.read(0.1, START, silent=True)] == [0.0]
+    assert taker.read(0.2, START, silent=True) == ()
+    assert taker.read(0.3, START) == ()
+    assert [f.stamp for f in taker.read(0.4, START)] == pytest.approx([0.3])
+
+
+def test_conditions_hold_until_the_next_reset():
+    sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
+    sensors.reset(START)
+    sensors.read(0.0, standing())
+    sensors.impose(SensorConditions(dead_encoders=(1,), fixes_silent=True, gyro_silent=True))
+    read = sensors.read(0.1, standing())
+    assert [isnan(angle) for angle in read.wheel_angles] == [False, True, False, False]
+    assert read.yaw_rate is None
+    assert read.fixes == ()
+    sensors.reset(START)
+    sensors.read(0.0, standing())
+    read = sensors.read(0.1, standing())
+    assert not any(map(isnan, read.wheel_angles))
+    assert read.yaw_rate is not None
+    assert len(read.fixes) == 1
+
+
+def test_who_can_be_disturbed():
+    sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
+    estimating = EstimatingSensor(sensors, PoseEstimator(ROBOT))
+    assert isinstance(LatestFix(sensors), DisturbableSensor)
+    assert isinstance(estimating, DisturbableSensor)
+    assert not isinstance(PaperNoise(np.random.default_rng(0)), DisturbableSensor)
+
+
+def test_conditions_of_wheels_that_are_not_there_are_refused():
+    sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
+    with pytest.raises(InvalidInput, match=r"there is no wheel 4 .* wheels 0 to 3"):
+        sensors.impose(SensorConditions(dead_encoders=(4,)))
+
+
+def read_all(settings, seed):
+    sensors = Sensors(settings, ROBOT.chassis, np.random.default_rng(seed))
+    sensors.reset(START)
+    return [sensors.read(0.1 * k, standing(move(START, BodyTwist(1, 0, 1), 0.1 * k)))
+            for k in range(50)]  # fmt: skip
+
+
+def test_the_same_seed_gives_the_same_readings():
+    settings = SensorSettings(fixes=PoseFixSettings(jitter=0.3, dropout=0.3, outliers=0.1))
+    assert repr(read_all(settings, 5)) == repr(read_all(settings, 5))
+    assert repr(read_all(settings, 5)) != repr(read_all(settings, 6))
+
+
+def test_one_sensors_settings_do_not_change_anothers_numbers():
+    usual = SensorSettings()
+    other = replace(usual, gyro=None, encoders=EncoderSettings(16))
+    assert [r.fixes for r in read_all(usual, 5)] == [r.fixes for r in read_all(other, 5)]
+    lossy = replace(usual, fixes=PoseFixSettings(dropout=0.5))
+    assert [r.yaw_rate for r in read_all(usual, 5)] == [r.yaw_rate for r in read_all(lossy, 5)]
+
+
+def test_the_latest_fix_counts_however_late_others_come():
+    settings = SensorSettings(fixes=PoseFixSettings(rate=20.0, jitter=0.4, position_sigma=0.0,
+                                                    yaw_sigma=0.0))  # fmt: skip
+    sensor = LatestFix(Sensors(settings, ROBOT.chassis, np.random.default_rng(2)))
+    sensor.reset(START)
+    stamps = []
+    for k in range(100):
+        pose = move(START, BodyTwist(0.5, 0.0, 1.0), 0.1 * k)
+        seen = sensor.sense(0.1 * k, standing(pose))
+        stamps.append(0.1 * k - seen.age)
+        was = move(START, BodyTwist(0.5, 0.0, 1.0), stamps[-1])
+        assert np.array(seen.pose) == pytest.approx(was, abs=1e-9)  # the yaw goes on, unwrapped
+    assert stamps == sorted(stamps)
+    assert max(b - a for a, b in pairwise(stamps)) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        (PoseFixSettings, {"dropout": 1.5}),
+        (PoseFixSettings, {"position_sigma": -0.1}),
+        (PoseFixSettings, {"rate": 0.0}),
+        (PoseFixSettings, {"latency": inf}),
+        (PoseFixSettings, {"law": "pink"}),
+        (GyroSettings, {"bias": -1.0}),
+        (EncoderSettings, {"counts_per_turn": 0}),
+    ],
+)
+def test_settings_have_bounds(kind, wrong):
+    with pytest.raises(ValidationError):
+        TypeAdapter(kind).validate_python(wrong)

@@ -1,0 +1,133 @@
+"""The estimator in studies."""
+
+import numpy as np
+import pytest
+import yaml
+
+from omnidrive.cli.main import load_verb
+from omnidrive.errors import InvalidScenario
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.robot import named_robot
+from omnidrive.simulation import (
+    EstimatingSensor,
+    EstimatorSettings,
+    GyroSettings,
+    LatestFix,
+    Measurement,
+    Outcome,
+    PaperNoise,
+    PerfectSensor,
+    PoseFixSettings,
+)
+from omnidrive.study import (
+    Job,
+    SensorsSection,
+    load_scenario,
+    make_sensor,
+    paper_scenario,
+    prepare,
+    run_job,
+    save_scenario,
+)
+from omnidrive.study.scenario import DurationsTask, Tasks
+from tests.study.small import small_scenario
+
+HARD = PoseFixSettings(latency=0.1, dropout=0.2, outliers=0.01, outlier_size=1.0)
+"""What the issue of the sensors asks for besides the paper's noise."""
+
+
+def with_sensors(**changes):
+    return paper_scenario().model_copy(update={"sensors": SensorsSection(**changes)})
+
+
+@pytest.mark.parametrize(("fixes", "limit"), [(PoseFixSettings(), 0.015), (HARD, 0.020)])
+def test_noise_is_seen_through_on_physics(fixes, limit):
+    """Far from the 0.0566 m and 0.0586 rad that the paper reached; two seeds of the long test."""
+    prepared = prepare(with_sensors(fixes=fixes))
+    for repeat in range(2):
+        result = run_job(prepared, Job("noise", "recommended", 30.0, 15, repeat))
+        assert result.run.outcome is Outcome.FINISHED
+        assert result.metrics.me <= limit
+        assert result.metrics.mae <= 0.006
+        assert (result.run.position_sigma[1:] > 0.0).all()
+
+
+def test_who_rests_on_odometry_does_not_spin_its_wheels():
+    assert paper_scenario().wheels_may_spin
+    assert not with_sensors().wheels_may_spin
+    assert with_sensors(estimator=None).wheels_may_spin
+    section = paper_scenario().recommended.model_copy(update={"may_spin": True})
+    assert with_sensors().model_copy(update={"recommended": section}).wheels_may_spin
+
+
+def test_a_scenario_with_sensors_is_read_again(tmp_path):
+    for scenario in (
+        with_sensors(),
+        with_sensors(gyro=None, fixes=HARD),
+        with_sensors(fixes=None, gyro=GyroSettings(bias=0.1)),
+        with_sensors(estimator=None),
+        with_sensors(estimator=EstimatorSettings(memory=1.0)),
+    ):
+        save_scenario(scenario, tmp_path / "s.yaml")
+        assert load_scenario(tmp_path / "s.yaml") == scenario
+
+
+@pytest.mark.parametrize(
+    ("sensors", "message"),
+    [
+        ({"fixes": {"latncy": 1}}, "unknown key 'sensors.fixes.latncy'; did you mean 'latency'?"),
+        ({"fixes": {"dropout": 2}}, "sensors.fixes.dropout is 2 1, need 0 to 1"),
+        ({"gyro": {"bias": "1 deg"}}, "sensors.gyro.bias must be a plain number"),
+        ({"estimator": None, "fixes": None}, "neither fixes nor an estimator"),
+        ({"lidar": {}}, "unknown key 'sensors.lidar'"),
+    ],
+)
+def test_wrong_sensors_are_named(tmp_path, sensors, message):
+    save_scenario(paper_scenario(), tmp_path / "s.yaml")
+    data = yaml.safe_load((tmp_path / "s.yaml").read_text())
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump({**data, "sensors": sensors}))
+    with pytest.raises(InvalidScenario) as refused:
+        load_scenario(tmp_path / "s.yaml")
+    assert message in str(refused.value)
+
+
+def test_what_the_controllers_see():
+    robot, rng = named_robot("paper"), np.random.default_rng(0)
+    plain = paper_scenario()
+    assert isinstance(make_sensor(plain, robot, rng), PerfectSensor)
+    assert isinstance(make_sensor(plain, robot, rng, noise=True), PaperNoise)
+    assert isinstance(make_sensor(with_sensors(), robot, rng), EstimatingSensor)
+    assert isinstance(make_sensor(with_sensors(estimator=None), robot, rng), LatestFix)
+
+
+def test_without_an_estimator_fixes_at_every_sample_are_the_papers_noise():
+    robot, start = named_robot("paper"), Pose(0.0, 0.0, 0.0)
+    state = Measurement(start, BodyTwist(0.0, 0.0, 0.0), 0.0, (0.0,) * 4)
+    seen = {}
+    for name, scenario in (("plain", paper_scenario()), ("fix", with_sensors(estimator=None))):
+        sensor = make_sensor(scenario, robot, np.random.default_rng(5), noise=True)
+        sensor.reset(start)
+        seen[name] = [sensor.sense(0.1 * k, state).pose for k in range(100)]
+    assert np.array(seen["fix"]) == pytest.approx(np.array(seen["plain"]), abs=1e-12)
+
+
+def test_every_task_runs_with_an_estimator():
+    prepared = prepare(small_scenario(sensors=SensorsSection()))
+    for task in ("track", "noise", "step"):
+        seconds = 4.0 if task == "step" else 20.0
+        result = run_job(prepared, Job(task, "feedforward", seconds))
+        assert result.run.outcome is Outcome.FINISHED
+        assert np.hypot(*(result.run.pose - result.run.measured)[:, :2].T).max() < 0.1
+        again = run_job(prepared, Job(task, "feedforward", seconds))
+        assert (again.run.pose == result.run.pose).all()
+
+
+def test_the_command_line_switches_it_on_and_off(tmp_path):
+    tasks = Tasks(track=DurationsTask(durations=(20.0,)))
+    path = tmp_path / "s.yaml"
+    save_scenario(small_scenario(tasks=tasks), path)
+    for option, sensors in (("--estimator", SensorsSection()), ("--no-estimator", None)):
+        folder = tmp_path / option
+        line = ["run", str(path), "--controller", "feedforward", option, "--out", str(folder)]
+        load_verb("run")(line, standalone_mode=False)
+        assert load_scenario(folder / "scenario.yaml").sensors == sensors
