@@ -37,7 +37,9 @@ class InvalidGeometry(InvalidInput):
     """The wheel layout cannot produce every planar twist."""
 
     def __init__(self, rank: int) -> None:
-        super().__init__(f"wheel matrix has rank {rank}, need 3: not omnidirectional")
+        super().__init__(
+            f"wheel matrix has rank {rank}, need 3: not omnidirectional; turn a wheel or add one"
+        )
         self.rank = rank
 
     def __reduce__(self) -> tuple[type[InvalidGeometry], tuple[int]]:

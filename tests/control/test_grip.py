@@ -110,7 +110,6 @@ def test_at_any_sample_time_a_robot_of_the_model_speeds_up_smoothly(dt):
     [
         ({"lag": (0.0, 0.01)}, "a grip needs lags of at least 0.1 ms, got 0 s"),
         ({"friction": 0.0}, "a grip needs a positive push, got 0"),
-        ({"mass": float("nan")}, "a grip needs a positive mass, got nan"),
     ],
 )
 def test_robots_without_grip_are_refused(changes, message):

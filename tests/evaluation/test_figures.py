@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from PIL import Image
 
 from omnidrive.evaluation.figures import draw_figures, write_figures
+from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.route import draw_map
 from omnidrive.evaluation.palette import controller_ink, controller_label, horizon_inks
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
+from omnidrive.robot import ROBOTS
 from tests.evaluation.cutting import cut
 
 DIAGRAMS = {"kinematics", "tracking_error", "membership_functions"}
@@ -203,3 +206,14 @@ def test_a_map_beside_the_view_is_drawn_all_the_same():
     axes = Figure(figsize=(5, 5)).add_subplot()
     draw_map(axes, grid, grid, Path(np.zeros((2, 3))), (50.0, 60.0, 50.0, 60.0))
     assert axes.get_xlim() == (50.0, 60.0)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_kinematic_diagram_shows_every_wheel_of_any_robot(name):
+    robot = ROBOTS[name]
+    above, wheel = kinematics(robot).axes
+    names = [text.get_text() for text in above.texts]
+    assert all(str(k + 1) in names for k in range(len(robot.mounts)))
+    assert len([p for p in above.patches if isinstance(p, Polygon)]) == len(robot.mounts)
+    mecanum = any(mount.roller for mount in robot.mounts)
+    assert any("rho" in text.get_text() for text in wheel.texts) == mecanum

@@ -13,6 +13,7 @@ from PIL import Image
 from omnidrive.evaluation.page import page_text, write_page
 from omnidrive.evaluation.tables import Table
 from omnidrive.maps import OccupancyGrid
+from omnidrive.robot import ROBOTS
 from omnidrive.simulation import Outcome
 from tests.evaluation.cutting import cut
 
@@ -44,6 +45,15 @@ def test_data_holds_every_group_and_run(study):
     np.testing.assert_allclose(told["pose"][0], run.pose[:, 0], atol=5.1e-6)
     assert told["measured"] is None
     assert groups["noise-30"]["runs"][0]["measured"] is not None
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_wheels_are_told_where_they_stand(part, name):
+    text = page_text(replace(part, robot=ROBOTS[name]), ())
+    told = data_of(text)["robot"]["wheels"]
+    assert [tuple(wheel.values()) for wheel in told] == [tuple(m) for m in ROBOTS[name].mounts]
+    kind = "mecanum" if name == "mecanum" else "omni"
+    assert f"{len(told)} {kind} wheels at " in text
 
 
 def test_map_is_told_cell_by_cell(study):

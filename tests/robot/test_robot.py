@@ -50,10 +50,12 @@ def test_two_wheels_are_not_omnidirectional():
 @given(part=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), way=st.integers(0, 2**32 - 1))
 def test_traction_is_what_the_wheels_can_push_together(robot, part, way):
     """Whatever they push is within, and in every direction they can push up to the limit."""
-    most = min(robot.friction * robot.mass * GRAVITY / 4, robot.max_torque / robot.wheel.radius)
+    count, roller = len(robot.mounts), abs(robot.mounts[0].roller)  # weight lies evenly on them
+    grip = robot.friction * robot.mass * GRAVITY / count * np.cos(roller)
+    most = min(grip, robot.max_torque / robot.wheel.radius)
     pushes = robot.wheel.radius * robot.chassis.jacobian
     inertia = np.array([robot.mass, robot.mass, robot.yaw_inertia])
-    reached = most * np.array(part) @ pushes / inertia
+    reached = most * np.array(part[:count]) @ pushes / inertia
     assert np.abs(robot.traction @ reached).max() <= 1.0 + 1e-9
     normal = robot.traction[way % len(robot.traction)]
     furthest = most * np.sign(pushes @ (normal / inertia)) @ pushes / inertia

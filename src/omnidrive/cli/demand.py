@@ -161,7 +161,8 @@ class Demand:
             name = choose_one("robot", self.robot, ROBOTS)
             changes["robot"] = robot_section(name, preset or scenario.preset)
         elif preset:
-            changes["robot"] = robot_section(scenario.robot.name, preset)
+            arm = robot_section(scenario.robot.name, preset).assumed_arm
+            changes["robot"] = scenario.robot.model_copy(update={"assumed_arm": arm})
         if preset:
             changes["preset"] = preset
         if self.seed is not None:

@@ -84,7 +84,13 @@ def print_tables(tables: Sequence[Table]) -> None:
 
 
 def warn_of_touching(study: Study) -> None:
-    """Say on standard error which robots would have touched an obstacle."""
+    """Say on standard error which robots ran into an obstacle, or would have."""
+    if study.collisions:
+        times = (f"{name} ({count} times)" for name, count in study.collisions.items())
+        Console(stderr=True).print(
+            f"These robots ran into an obstacle: {', '.join(times)}.",
+            markup=False, highlight=False,
+        )  # fmt: skip
     if study.touching:
         Console(stderr=True).print(
             f"These robots would have touched an obstacle: {', '.join(study.touching)}.",

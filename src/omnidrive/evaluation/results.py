@@ -42,6 +42,11 @@ class TrackResult:
     repeat: int = 0
 
     @property
+    def collisions(self) -> int:
+        """How often the body ran into an obstacle, on a plant that has them."""
+        return int(self.run.collisions[-1])
+
+    @property
     def name(self) -> str:
         """Unique in its study: also the stem of its time-series file."""
         horizon = f"-N{self.horizon}" if self.task == "horizon" else ""

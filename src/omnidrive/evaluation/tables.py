@@ -67,7 +67,7 @@ def study_tables(
 
 
 _PRICE_COLUMNS = (
-    "largest, m", "effort, rad/s²", "work, J", "step, µs", "p99, µs", "clearance, m",
+    "largest, m", "effort, rad/s²", "work, J", "step, µs", "p99, µs", "clearance, m", "collisions",
 )  # fmt: skip
 
 
@@ -81,6 +81,7 @@ def _price(result: TrackResult) -> tuple[str, ...]:
         _number(m.step_time_median, 0),
         _number(m.step_time_p99, 0),
         _of(result, result.min_clearance, 3),
+        _if_any(result.collisions),
     )
 
 
@@ -98,6 +99,11 @@ def _of(result: TrackResult | StepResult, value: float, decimals: int) -> str:
 
 def _number(value: float, decimals: int) -> str:
     return f"{value:.{decimals}f}" if isfinite(value) else "–"
+
+
+def _if_any(count: int) -> str:
+    """A count; nothing for none, so that a column without any is left out."""
+    return str(count) if count else ""
 
 
 def _beside(published: bool, key: tuple[str, float, str]) -> tuple[str, str]:
@@ -188,6 +194,7 @@ def _price_of_many(group: Repeated) -> tuple[str, ...]:
         over(np.mean, [m.step_time_median for m in metrics], 0),
         over(np.mean, [m.step_time_p99 for m in metrics], 0),
         over(np.min, [r.min_clearance for r in results], 3),
+        _if_any(sum(r.collisions for r in group.runs.values())),
     )
 
 

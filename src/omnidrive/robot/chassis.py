@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, isfinite, sin
 
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.errors import InvalidGeometry
+from omnidrive.errors import InvalidGeometry, InvalidInput
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot.mount import Mount
 
@@ -23,12 +23,22 @@ class Chassis:
     Attributes:
         jacobian: J, wheel angular speed per unit body twist, in rad/m and rad/rad.
         max_wheel_speed: Speed no wheel exceeds, in rad/s.
+
+    Raises:
+        InvalidGeometry: The wheels cannot produce every twist.
+        InvalidInput: A number is not finite, or the speed is not positive.
     """
 
     jacobian: Float[Array, "wheels 3"]
     max_wheel_speed: float
 
     def __post_init__(self) -> None:
+        if not np.isfinite(self.jacobian).all():
+            raise InvalidInput("the wheel matrix holds numbers that are not finite")
+        if not (isfinite(self.max_wheel_speed) and self.max_wheel_speed > 0.0):
+            raise InvalidInput(
+                f"the wheels' greatest speed must be positive, got {self.max_wheel_speed:g} rad/s"
+            )
         rank = int(np.linalg.matrix_rank(self.jacobian))
         if rank != 3:
             raise InvalidGeometry(rank)
@@ -49,6 +59,7 @@ class Chassis:
             wheel_radius: r, in m.
             max_wheel_speed: Speed no wheel exceeds, in rad/s.
         """
+        _check_radius(wheel_radius)
         rows = []
         for mount in mounts:
             px, py = mount.push
@@ -71,6 +82,7 @@ class Chassis:
             wheel_radius: r, in m.
             max_wheel_speed: Speed no wheel exceeds, in rad/s.
         """
+        _check_radius(wheel_radius)
         rows = [[-sin(a), cos(a), arm] for a in angles]
         return cls(np.array(rows) / wheel_radius, max_wheel_speed)
 
@@ -95,3 +107,8 @@ class Chassis:
             return twist
         k = self.max_wheel_speed / peak
         return BodyTwist(k * twist.vx, k * twist.vy, k * twist.yaw_rate)
+
+
+def _check_radius(radius: float) -> None:
+    if not (isfinite(radius) and radius > 0.0):
+        raise InvalidInput(f"the wheels' radius must be positive, got {radius:g} m")

@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.robot.chassis import Chassis
-from omnidrive.robot.mount import Mount, omni_ring
+from omnidrive.robot.checks import check_robot, check_wheel
+from omnidrive.robot.mount import Mount, mecanum_rectangle, omni_ring
 
 Array = np.ndarray
 
@@ -21,16 +22,20 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, slots=True)
 class OmniWheel:
-    """A wheel with two staggered rows of passive rollers.
+    """A wheel with passive rollers: omni or mecanum, as its mount says.
 
     Attributes:
         radius: From axle to ground, in m.
         mass: Hub and rim without rollers, in kg.
         rotor_inertia: Motor inertia reflected to the axle, in kg m^2.
-        rollers_per_row: Rollers in each of the two rows.
+        rollers_per_row: Rollers in each row.
         roller_radius: Largest radius of a roller, in m.
         roller_mass: Of one roller, in kg.
-        row_gap: Distance between the centres of the rows, in m.
+        row_gap: Distance between the centres of the rows, in m; of one row, its width.
+        rows: Rows of rollers, staggered: two of omni wheels, one of mecanum wheels.
+
+    Raises:
+        InvalidInput: It cannot be built: see :func:`omnidrive.robot.checks.check_wheel`.
     """
 
     radius: float
@@ -40,11 +45,15 @@ class OmniWheel:
     roller_radius: float = 0.0125
     roller_mass: float = 0.012
     row_gap: float = 0.022
+    rows: int = 2
+
+    def __post_init__(self) -> None:
+        check_wheel(self)
 
     @property
     def total_mass(self) -> float:
         """Hub, rim and rollers, in kg."""
-        return self.mass + 2 * self.rollers_per_row * self.roller_mass
+        return self.mass + self.rows * self.rollers_per_row * self.roller_mass
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +79,11 @@ class Robot:
         body_inertia: Yaw inertia of all but the wheels about its centre of mass, in kg m^2; None:
             that of a disc of 0.8 times the wheels' distance from the centre.
         motor_lag: Time constant with which the servos' set points follow the command, in s.
+
+    Raises:
+        InvalidGeometry: Its wheels cannot push in every direction.
+        InvalidInput: It could not stand or move: see
+            :func:`omnidrive.robot.checks.check_robot`.
     """
 
     name: str
@@ -87,6 +101,9 @@ class Robot:
     com: tuple[float, float] = (0.0, 0.0)
     body_inertia: float | None = None
     motor_lag: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_robot(self)
 
     @property
     def chassis(self) -> Chassis:
@@ -226,7 +243,37 @@ _SMALL = Robot(
     friction=0.8,
     lag=(0.018, 0.006),
 )
-ROBOTS = {robot.name: robot for robot in (_PAPER, _SMALL)}
+# Three wheels on a light plate, of the size of a room's robots.
+_KIWI = Robot(
+    name="kiwi",
+    mounts=omni_ring((pi / 3.0, pi, -pi / 3.0), 0.17),
+    wheel=OmniWheel(radius=0.04, mass=0.2, rotor_inertia=4e-4, roller_radius=0.01,
+                    roller_mass=0.007, row_gap=0.018),
+    mass=6.0,
+    com_height=0.06,
+    body_radius=0.21,
+    max_wheel_speed=40.0,
+    max_torque=1.5,
+    servo_gain=1.2,
+    friction=0.8,
+    lag=(0.0088, 0.0038),
+)  # fmt: skip
+# Four wheels of 6 inches under a plate of about 0.5 m by 0.4 m: the size of usual research bases.
+_MECANUM = Robot(
+    name="mecanum",
+    mounts=mecanum_rectangle(0.2, 0.22),
+    wheel=OmniWheel(radius=0.0762, mass=0.9, rotor_inertia=4e-3, rollers_per_row=12,
+                    roller_radius=0.011, roller_mass=0.03, row_gap=0.05, rows=1),
+    mass=20.0,
+    com_height=0.1,
+    body_radius=0.36,
+    max_wheel_speed=25.0,
+    max_torque=6.0,
+    servo_gain=4.0,
+    friction=0.8,
+    lag=(0.0126, 0.0042),
+)  # fmt: skip
+ROBOTS = {robot.name: robot for robot in (_PAPER, _SMALL, _KIWI, _MECANUM)}
 
 
 def named_robot(name: str, *, assumed_arm: float | None = None) -> Robot:

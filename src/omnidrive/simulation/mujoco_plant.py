@@ -1,19 +1,28 @@
-"""The robot on MuJoCo: rigid bodies, friction, motors with limits."""
+"""The robot on MuJoCo: rigid bodies, friction, motors with limits, obstacles."""
 
 from __future__ import annotations
 
-from math import atan2, ceil, nan
+from collections.abc import Sequence
+from math import atan2, ceil, nan, pi
 from typing import get_args
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
+from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf import TIMESTEP, WheelModel, omni_model
+from omnidrive.simulation.moving_obstacle import MovingObstacle
+from omnidrive.simulation.mujoco_obstacles import MujocoObstacles
 from omnidrive.simulation.plant import Measurement
+from omnidrive.simulation.walls import Walls
 
+Array = np.ndarray
+
+_APPROACHES = 50  # steps after which what is near is looked up again
 _SETTLING = 0.2  # s for the axle springs to take the load before a run starts
 
 
@@ -22,13 +31,35 @@ mujoco.set_mju_user_warning(lambda _: None)
 
 
 class MujocoPlant:
-    """A four-wheel omni robot in MuJoCo; see :mod:`omnidrive.simulation.mjcf` for the models.
+    """A robot of any wheels in MuJoCo; see :mod:`omnidrive.simulation.mjcf` for the models.
 
     The command becomes wheel speeds by ``robot.drive`` (scaled together when one saturates);
-    velocity servos with the robot's torque limit turn the wheels.
+    velocity servos with the robot's torque limit turn the wheels. What is imposed on it and what
+    draws it may use :attr:`model` and :attr:`data`; B is the frame of the body ``base``.
     """
 
-    def __init__(self, robot: Robot, wheels: WheelModel = "rollers") -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        wheels: WheelModel = "rollers",
+        rng: np.random.Generator | None = None,
+        *,
+        obstacles: OccupancyGrid | None = None,
+        moving: Sequence[MovingObstacle] = (),
+    ) -> None:
+        """Build the world.
+
+        Args:
+            robot: What drives.
+            wheels: How its wheels are made.
+            rng: What the angles are drawn from at which the wheels' rollers stand in every run;
+                None: all wheels stand alike. Balls have no such angle.
+            obstacles: The map that stands around the robot; None: an endless floor.
+            moving: Obstacles that move, from the time of ``reset`` on.
+
+        Raises:
+            InvalidInput: There is no such wheel model, or too much moves.
+        """
         if wheels not in get_args(WheelModel):
             raise InvalidInput(
                 f"there is no wheel model '{wheels}'; there are {', '.join(get_args(WheelModel))}"
@@ -36,22 +67,45 @@ class MujocoPlant:
         self.robot = robot
         self.wheels = wheels
         self._drive = robot.drive
-        self._model = mujoco.MjModel.from_xml_string(omni_model(robot, wheels))
+        walls = Walls(obstacles) if obstacles is not None else None
+        xml = omni_model(robot, wheels, walls=walls, moving=moving)
+        self._model = mujoco.MjModel.from_xml_string(xml)
         self._data = mujoco.MjData(self._model)
-        self._yaw = 0.0
-        self._work = 0.0
+        self._obstacles = MujocoObstacles(self._model, robot, walls, moving)
+        self._joints = [
+            int(self._model.joint(f"wheel{i}").qposadr[0]) for i in range(len(robot.mounts))
+        ]
+        pitch = 2.0 * pi / robot.wheel.rollers_per_row
+        count = len(robot.mounts)
+        self._phases = rng.uniform(0.0, pitch, count) if rng is not None else np.zeros(count)
+        self._start(0.0)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The world as MuJoCo has it."""
+        return self._model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The world's state."""
+        return self._data
 
     def reset(self, pose: Pose) -> Measurement:
         """Stand at rest at ``pose``, springs settled."""
         data = self._data
         mujoco.mj_resetData(self._model, data)
         self._model.opt.timestep = TIMESTEP
+        if self.wheels == "rollers":
+            data.qpos[self._joints] = self._phases
+        self._obstacles.reset(data)
         self._place(pose)
         mujoco.mj_step(self._model, data, round(_SETTLING / TIMESTEP))
         data.qvel[:] = 0.0
         self._place(pose)
+        data.time = 0.0
+        self._obstacles.approach(data)
         mujoco.mj_forward(self._model, data)
-        self._yaw, self._work = pose.yaw, 0.0
+        self._start(pose.yaw)
         return self._measure()
 
     def step(self, twist: BodyTwist, dt: float) -> Measurement:
@@ -60,12 +114,48 @@ class MujocoPlant:
         substeps = ceil(dt / TIMESTEP - 1e-9)
         model.opt.timestep = dt / substeps
         data.ctrl[:] = self._drive.wheel_speeds(self._drive.saturate(twist))
-        power = 0.0
-        for _ in range(substeps):
+        forces = np.empty((substeps, model.nu))
+        speeds = np.empty((substeps, model.nu))
+        force, speed = data.actuator_force, data.actuator_velocity
+        watched = False
+        for k in range(substeps):
+            if k % _APPROACHES == 0:
+                watched = self._obstacles.approach(data)
             mujoco.mj_step(model, data)
-            power += np.abs(data.actuator_force * data.actuator_velocity).sum()
-        self._work += float(power) * dt / substeps
+            forces[k], speeds[k] = force, speed
+            if watched:
+                self._obstacles.watch(data)
+        self._account(forces, speeds, dt)
         return self._measure()
+
+    def _start(self, yaw: float) -> None:
+        """Nothing done yet."""
+        wheels = len(self.robot.mounts)
+        self._yaw, self._work = yaw, 0.0
+        self._turned, self._last_turn = np.zeros(wheels), np.zeros(wheels)
+        self._torques = np.zeros(wheels)
+        self._angles_at_start = self._data.qpos[self._joints].copy()
+
+    def _account(
+        self, forces: Float[Array, "steps wheels"], speeds: Float[Array, "steps wheels"], dt: float
+    ) -> None:
+        """Work, torque and angle of steps of ``dt`` s together; speeds are those at their begin."""
+        power = np.abs(forces * speeds).sum(axis=1).cumsum()[-1]  # in order, as it came
+        self._work += float(power) * dt / len(forces)
+        self._torques = forces.mean(axis=0)
+        self._turned += speeds.mean(axis=0) * dt
+        self._last_turn = speeds[-1] * dt / len(speeds)
+
+    def _wheel_angles(self) -> Float[Array, " wheels"]:
+        """How far the wheels have turned, in rad.
+
+        Of balls the sum of their speeds about their axles; that of the last step is taken to be
+        what it was in the step before.
+        """
+        if self.wheels == "ball":
+            return self._turned + self._last_turn
+        angles: Float[Array, " wheels"] = self._data.qpos[self._joints] - self._angles_at_start
+        return angles
 
     def _place(self, pose: Pose) -> None:
         self._data.qpos[:2] = pose.x, pose.y
@@ -75,15 +165,24 @@ class MujocoPlant:
     def _measure(self) -> Measurement:
         """Read B's pose and velocity; the yaw is counted on from the last reading."""
         data = self._data
+        collisions = self._obstacles.collisions
         if any(data.warning[int(w)].number for w in _DIVERGED):
-            return Measurement(Pose(nan, nan, nan), BodyTwist(nan, nan, nan), nan)
+            lost = Pose(nan, nan, nan), BodyTwist(nan, nan, nan)
+            return Measurement(*lost, nan, collisions=collisions)
         w, x, y, z = data.qpos[3:7].tolist()
         heading = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         self._yaw += wrap(heading - self._yaw)
         vx, vy, _, _, _, yaw_rate = data.qvel[:6].tolist()
         twist = to_body(WorldTwist(vx, vy, yaw_rate), self._yaw)
         px, py = data.qpos[:2].tolist()
-        return Measurement(Pose(px, py, self._yaw), twist, self._work)
+        return Measurement(
+            Pose(px, py, self._yaw),
+            twist,
+            self._work,
+            wheel_angles=tuple(self._wheel_angles().tolist()),
+            wheel_torques=tuple(self._torques.tolist()),
+            collisions=collisions,
+        )
 
 
 _DIVERGED = (

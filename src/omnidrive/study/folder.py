@@ -137,7 +137,7 @@ def series_table(run: Run) -> pa.Table:
     ):
         columns += [(prefix + name, unit, block[:, i]) for i, (name, unit) in enumerate(fields)]
     columns += [("work", "J", run.work), ("status", "1", run.status)]
-    columns.append(("step_time", "us", run.step_time))
+    columns += [("collisions", "1", run.collisions), ("step_time", "us", run.step_time)]
     columns += [(name, run.detail_units[name], column) for name, column in run.details.items()]
     schema = pa.schema(
         [pa.field(n, pa.from_numpy_dtype(v.dtype), metadata={"unit": u}) for n, u, v in columns]
@@ -168,6 +168,7 @@ def track_record(result: TrackResult) -> dict[str, Any]:
         "wheel_acceleration": m.wheel_acceleration,
         "work": m.work,
         "min_clearance": result.min_clearance,
+        "collisions": result.collisions,
         "fallbacks": m.fallbacks,
         "step_time_us": {"median": m.step_time_median, "p99": m.step_time_p99},
         "series": f"series/{result.name}.parquet",

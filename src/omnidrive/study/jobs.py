@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +18,17 @@ from omnidrive.control import (
 from omnidrive.control.nmpc.holonomic import Actuation
 from omnidrive.evaluation import StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
+from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Hold
 from omnidrive.robot import Robot
-from omnidrive.simulation import KinematicPlant, MujocoPlant, PaperNoise, Plant, simulate
+from omnidrive.simulation import (
+    KinematicPlant,
+    MovingObstacle,
+    MujocoPlant,
+    PaperNoise,
+    Plant,
+    simulate,
+)
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
     PREDICTIVE,
@@ -114,14 +122,43 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     return Actuation.of(robot, section.traction, may_spin=section.may_spin)
 
 
-def make_plant(robot: Robot, name: PlantName) -> Plant:
-    """A fresh plant."""
+def make_plant(
+    robot: Robot,
+    name: PlantName,
+    *,
+    rng: np.random.Generator | None = None,
+    obstacles: OccupancyGrid | None = None,
+    moving: Sequence[MovingObstacle] = (),
+) -> Plant:
+    """A fresh plant.
+
+    Args:
+        robot: What drives.
+        name: Which plant.
+        rng: What the rollers' first angles are drawn from, and
+        obstacles: what stands around it, and
+        moving: what moves there: of plants that have such things.
+    """
     table: dict[PlantName, Callable[[], Plant]] = {
         "kinematic": lambda: KinematicPlant(robot),
-        "ball": lambda: MujocoPlant(robot, "ball"),
-        "rollers": lambda: MujocoPlant(robot, "rollers"),
+        "ball": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
+        "rollers": lambda: MujocoPlant(robot, "rollers", rng, obstacles=obstacles, moving=moving),
     }
     return table[name]()
+
+
+def _plant_on_map(prepared: Prepared, job: Job) -> Plant:
+    """The scenario's plant among its obstacles; every controller meets the same one."""
+    scenario = prepared.scenario
+    # apart from the numbers of the noise
+    seed = np.random.SeedSequence(scenario.seed, spawn_key=(job.repeat,))
+    return make_plant(
+        prepared.robot,
+        scenario.plant,
+        rng=np.random.default_rng(seed) if scenario.robot.roller_phase else None,
+        obstacles=prepared.obstacles,
+        moving=[section.obstacle() for section in scenario.map.moving],
+    )
 
 
 def _track(prepared: Prepared, job: Job) -> TrackResult:
@@ -135,7 +172,7 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     noise = job.task == "noise"
     rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
     run = simulate(
-        make_plant(prepared.robot, scenario.plant),
+        _plant_on_map(prepared, job),
         make_controller(scenario, prepared.robot, job.controller, job.horizon),
         reference,
         start=reference.at(0.0).pose,

@@ -20,8 +20,8 @@ from omnidrive.reference import (
     time_uniformly,
     time_within_limits,
 )
-from omnidrive.robot import Robot, named_robot
-from omnidrive.study.scenario import Scenario
+from omnidrive.robot import Robot
+from omnidrive.study.scenario import Scenario, robot_of
 
 Array = np.ndarray
 
@@ -91,11 +91,11 @@ def lay_out(scenario: Scenario) -> Prepared:
         InvalidMap: The map cannot be read.
         InvalidPlace: The robot cannot stand at start or goal.
         NoPathFound: There is no way between them.
-        InvalidInput: There is no such robot.
+        InvalidInput: There is no such robot, or it cannot stand or move as it is changed.
         InvalidReference: The timing is for other paths.
         MissingExtra: The timing needs an extra that is not installed.
     """
-    robot = named_robot(scenario.robot.name, assumed_arm=scenario.robot.assumed_arm)
+    robot = robot_of(scenario.robot)
     source, made_of = scenario.map, ""
     if source.source == "paper":
         obstacles, grid, inflation = paper_wall(), paper_map(), source.margin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import chain
 from math import pi
 from typing import Annotated, Literal, get_args
@@ -13,7 +14,8 @@ from omnidrive.maps import Unknown
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Place
 from omnidrive.reference import Heading
-from omnidrive.robot import named_robot
+from omnidrive.robot import Robot, named_robot
+from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
 
 ControllerName = Literal[
     "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended"
@@ -22,6 +24,8 @@ PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 """Who plans over a horizon."""
 TaskName = Literal["track", "noise", "step", "horizon"]
 PlantName = Literal["rollers", "ball", "kinematic"]
+_SOLID: tuple[PlantName, ...] = ("rollers", "ball")
+"""On which a robot runs into obstacles."""
 PresetName = Literal["paper", "published-code", "recommended"]
 TimingName = Literal["uniform", "limits", "minimum-time"]
 
@@ -42,6 +46,8 @@ MAX_NOISE_STEPS = 1_000_000
 Seconds = Annotated[float, Bounds(0.1, 36_000.0, "s")]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
+_Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
+_Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]
 
 
 def _all_different(values: tuple[object, ...]) -> tuple[object, ...]:
@@ -57,12 +63,64 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+_Offset = Annotated[float, Bounds(-10.0, 10.0, "m")]
+_Lag = Annotated[float, Bounds(0.0, 10.0, "s")]
+
+
 class RobotSection(_Section):
-    """Which robot, and what its wheel controller believes."""
+    """Which robot, in what it differs from it, and what its wheel controller believes.
+
+    None: as the named robot is. Its lags, by which the recommended controller foretells it, are
+    those of the named robot whatever else is changed: give those of the changed robot, as
+    :func:`omnidrive.simulation.identify_lag` finds them, where they matter.
+    """
 
     name: str
     assumed_arm: Annotated[float, Bounds(0.01, 10.0, "m")] | None = None
     """Distance to the wheels by which commands become wheel speeds; None: the true one."""
+    mass: Annotated[float, Bounds(0.1, 10_000.0, "kg")] | None = None
+    """In total."""
+    body_inertia: Annotated[float, Bounds(1e-6, 1e5, "kg m^2")] | None = None
+    """Yaw inertia of all but the wheels, about its own centre of mass."""
+    com: tuple[_Offset, _Offset] | None = None
+    """Centre of mass in B; between the wheels, or one would lift off."""
+    friction: Annotated[float, Bounds(0.0, 5.0, "1")] | None = None
+    """Coulomb coefficient between rollers and floor."""
+    max_torque: Annotated[float, Bounds(1e-3, 1e4, "N m")] | None = None
+    """That a motor gives at its wheel."""
+    servo_gain: Annotated[float, Bounds(1e-4, 1e4, "N m s/rad")] | None = None
+    """Torque per unit of wheel-speed error."""
+    motor_lag: Annotated[float, Bounds(0.0, 2.0, "s")] | None = None
+    """Time constant with which the servos' set points follow the command."""
+    lag: tuple[_Lag, _Lag] | None = None
+    """Time constants with which translation and rotation follow commands."""
+    roller_phase: bool = False
+    """Whether the angles at which the rollers stand at first are drawn from the scenario's seed,
+    anew for each repeat; else all wheels stand alike. Plant `rollers` only."""
+
+
+class MovingSection(_Section):
+    """A disc that moves on a given path, whatever stands in its way."""
+
+    radius: Annotated[float, Bounds(0.01, 100.0, "m")]
+    path: Annotated[
+        tuple[tuple[_Instant, _Coordinate, _Coordinate], ...],
+        Field(min_length=1, max_length=MOST_POINTS),
+    ]
+    """When it is where: t (s), x (m), y (m), the times growing; evenly in between, at rest before
+    and after."""
+    loop: bool = False
+    """Whether it starts again at the last of the times."""
+
+    @model_validator(mode="after")
+    def _moves(self) -> MovingSection:
+        self.obstacle()
+        return self
+
+    def obstacle(self) -> MovingObstacle:
+        """The same for the plant."""
+        times = tuple(t for t, _, _ in self.path)
+        return MovingObstacle(self.radius, times, tuple((x, y) for _, x, y in self.path), self.loop)
 
 
 class MapSection(_Section):
@@ -78,6 +136,9 @@ class MapSection(_Section):
     """What cells count as of which the map does not say whether they are free."""
     resolution: Annotated[float, Bounds(0.001, 10.0, "m")] | None = None
     """Side of a cell, where the map's file does not say it; 1 m if neither does."""
+    moving: Annotated[tuple[MovingSection, ...], Field(max_length=MOST_MOVING)] = ()
+    """What moves there while the robot follows its path; on the plants `rollers` and `ball`.
+    Nobody plans around it."""
 
     @model_validator(mode="after")
     def _resolution_has_a_use(self) -> MapSection:
@@ -219,6 +280,15 @@ class Scenario(_Section):
     tasks: Tasks
 
     @model_validator(mode="after")
+    def _movers_can_be_met(self) -> Scenario:
+        if self.map.moving and self.plant not in _SOLID:
+            raise ValueError(
+                f"map.moving: on the plant {self.plant} nothing is in the robot's way; use "
+                f"{' or '.join(_SOLID)}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _bounded(self) -> Scenario:
         steps = self.tasks.longest / self.sample_time
         if steps > MAX_STEPS:
@@ -233,6 +303,16 @@ class Scenario(_Section):
                 "lower tasks.noise.repeats or shorten its longest duration"
             )
         return self
+
+
+def robot_of(section: RobotSection) -> Robot:
+    """The named robot with what the section says of it instead.
+
+    Raises:
+        InvalidInput: There is no such robot, or it could not stand or move as it is changed.
+    """
+    changes = section.model_dump(exclude={"name", "roller_phase"}, exclude_none=True)
+    return replace(named_robot(section.name), **changes)
 
 
 def robot_section(name: str, preset: PresetName) -> RobotSection:

@@ -69,8 +69,16 @@ class Study:
 
     @property
     def touching(self) -> list[str]:
-        """Names of the runs whose robot would have touched an obstacle."""
-        return [r.name for r in self.results.tracks if r.min_clearance < 0.0]
+        """Names of the runs whose robot would have touched an obstacle, had it stood there."""
+        bumped = self.collisions
+        return [
+            r.name for r in self.results.tracks if r.min_clearance < 0.0 and r.name not in bumped
+        ]
+
+    @property
+    def collisions(self) -> dict[str, int]:
+        """How often the robot ran into something, by the names of the runs in which it did."""
+        return {r.name: r.collisions for r in self.results.tracks if r.collisions}
 
     def raise_if_failed(self) -> Study:
         """Return self, or raise :class:`RunFailed` if a run stopped early."""

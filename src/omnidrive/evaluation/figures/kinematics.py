@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, degrees, pi, sin
+from math import atan2, cos, degrees, hypot, isclose, pi, sin, tan
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,7 +19,7 @@ from omnidrive.evaluation.figures.sketch import (
 )
 from omnidrive.evaluation.figures.style import FAINT, INK, canvas, diagram
 from omnidrive.geometry import Pose
-from omnidrive.robot import Robot
+from omnidrive.robot import Mount, Robot
 
 _BLUE, _GREEN, _RED, _PURPLE = "#0072b2", "#007a59", "#d55e00", "#a8558a"
 _YAW = 0.35  # rad; heading of the drawn robot
@@ -46,34 +46,48 @@ def _above(axes: Axes, robot: Robot) -> None:
     angle(axes, (0.0, 0.0), 0.42 * size, 0.0, _YAW, colour=FAINT)
     note(axes, (0.52 * size * cos(0.5 * _YAW), 0.52 * size * sin(0.5 * _YAW)), r"$\theta$")
     for k, mount in enumerate(robot.mounts):
-        _drive(axes, robot, pose, k, mount.axle)
-    first, last = robot.mounts[0].axle, robot.mounts[-1].axle
-    angle(axes, (0.0, 0.0), 0.26 * size, _YAW, _YAW + first, colour=_GREEN)
-    middle = _YAW + 0.5 * first
-    note(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), r"$a_1$", colour=_GREEN)
-    hub = place(pose, [(robot.arm * cos(last), robot.arm * sin(last))])[0]
-    dimension(axes, (0.0, 0.0), (hub[0], hub[1]), f"R = {robot.arm:.4g} m", offset=0.07 * size)
-    hub = place(pose, [(robot.arm * cos(first), robot.arm * sin(first))])[0]
-    axes.plot([0.0, hub[0]], [0.0, hub[1]], color=_GREEN, lw=0.9, ls=(0, (2, 2)), zorder=3)
+        _drive(axes, robot, pose, k, mount)
+    first, last = (place(pose, [robot.mounts[k][:2]])[0].tolist() for k in (0, -1))
+    bearing = atan2(first[1], first[0])
+    angle(axes, (0.0, 0.0), 0.26 * size, _YAW, bearing, colour=_GREEN)
+    middle = 0.5 * (_YAW + bearing)
+    name = "$a_1$" if _is_ring(robot) else "$b_1$"
+    note(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), name, colour=_GREEN)
+    length = hypot(last[0], last[1])
+    text = f"{'R = ' if _is_ring(robot) else ''}{length:.4g} m"
+    dimension(axes, (0.0, 0.0), (last[0], last[1]), text, offset=0.07 * size)
+    axes.plot([0.0, first[0]], [0.0, first[1]], color=_GREEN, lw=0.9, ls=(0, (2, 2)), zorder=3)
     axes.set_title(f"Robot '{robot.name}' from above, to scale", parse_math=False)
     axes.set(xlim=(-1.85 * size, 1.5 * size), ylim=(-1.62 * size, 1.3 * size))
     axes.text(0.0, -1.6 * size, _facts(robot), ha="center", va="bottom", fontsize=8)
 
 
 def _facts(robot: Robot) -> str:
-    bearings = ", ".join(f"{degrees(a):g}" for a in (mount.axle for mount in robot.mounts))
-    return (
-        f"wheel radius r = {robot.wheel.radius:.4g} m,  body radius {robot.body_radius:.4g} m\n"
-        f"bearings $a_i$ = {bearings} degrees,  {robot.mass:g} kg"
+    first = f"wheel radius r = {robot.wheel.radius:.4g} m,  body radius {robot.body_radius:.4g} m"
+    bearings = ", ".join(f"{degrees(mount.axle):g}" for mount in robot.mounts)
+    if _is_ring(robot):
+        return f"{first}\nbearings $a_i$ = {bearings} degrees,  {robot.mass:g} kg"
+    rollers = ", ".join(f"{degrees(mount.roller):g}" for mount in robot.mounts)
+    return f"{first},  {robot.mass:g} kg\naxles at {bearings}, rollers at {rollers} degrees"
+
+
+def _is_ring(robot: Robot) -> bool:
+    """Whether all wheels are omni wheels at one distance, with axles to the centre."""
+    return all(
+        mount.roller == 0.0
+        and isclose(mount.x, robot.reach * cos(mount.axle), abs_tol=1e-9)
+        and isclose(mount.y, robot.reach * sin(mount.axle), abs_tol=1e-9)
+        for mount in robot.mounts
     )
 
 
-def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, bearing: float) -> None:
-    """Number of a wheel, and the direction in which it pushes when it turns forward."""
-    size, turn = robot.body_radius, bearing + 0.5 * pi
+def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, mount: Mount) -> None:
+    """Number of a wheel, and the direction in which it rolls when it turns forward."""
+    size, turn = robot.body_radius, mount.axle + 0.5 * pi
+    bearing = atan2(mount.y, mount.x)
     c, s = cos(bearing), sin(bearing)
     rim = 1.15 * robot.wheel.radius
-    start = (robot.arm * c + rim * cos(turn), robot.arm * s + rim * sin(turn))
+    start = (mount.x + rim * cos(turn), mount.y + rim * sin(turn))
     end = (start[0] + 0.33 * size * cos(turn), start[1] + 0.33 * size * sin(turn))
     tail, tip, name, speed = place(
         pose,
@@ -86,26 +100,38 @@ def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, bearing: float) -> None
 
 
 def _wheel(axes: Axes, robot: Robot) -> None:
-    """Velocity of the first wheel's hub, taken apart along its rolling direction."""
+    """Velocity of the first wheel's hub, taken apart along the direction in which it pushes."""
     diagram(axes)
-    bearing = robot.mounts[0].axle
-    turn = bearing + 0.5 * pi
+    mount = robot.mounts[0]
+    bearing, turn = mount.axle, mount.axle + 0.5 * pi
     hub = Pose(0.0, 0.0, turn)
     corners = place(hub, [(0.34, 0.13), (-0.34, 0.13), (-0.34, -0.13), (0.34, -0.13)])
     axes.add_patch(Polygon(corners, facecolor="#e9edf2", edgecolor=INK, lw=1.0, zorder=2))
-    rollers = [place(hub, [(x, 0.1), (x, -0.1)]) for x in (-0.24, -0.12, 0.0, 0.12, 0.24)]
+    # those on the floor: omni wheels' are as long as drawn wide, mecanum wheels' lie aslant
+    lean = 0.1 / tan(mount.roller) if mount.roller else 0.0
+    rollers = [
+        place(hub, [(x - lean, 0.1), (x + lean, -0.1)]) for x in (-0.24, -0.12, 0.0, 0.12, 0.24)
+    ]
     for ends in rollers:
         axes.plot(ends[:, 0], ends[:, 1], color=FAINT, lw=2.2, zorder=3)
-    line, axle = place(hub, [(-1.5, 0.0), (1.5, 0.0)]), place(hub, [(0.0, -0.75), (0.0, 1.35)])
+    push = Pose(0.0, 0.0, turn - mount.roller)
+    line, axle = place(push, [(-1.5, 0.0), (1.5, 0.0)]), place(push, [(0.0, -0.75), (0.0, 1.35)])
     axes.plot(line[:, 0], line[:, 1], color=_RED, lw=0.7, ls=(0, (2, 2)), zorder=1)
     axes.plot(axle[:, 0], axle[:, 1], color=_GREEN, lw=0.7, ls=(0, (2, 2)), zorder=1)
     label = "axle, to the centre;\nalong it the rollers give way"
+    if not _is_ring(robot):
+        label = "along this line\nthe rollers give way"
     note(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
-    _components(axes, bearing)
+    _components(axes, bearing - mount.roller)
     axes.set_title("Velocity at wheel $i$")
     axes.set(xlim=(-1.5, 1.5), ylim=(-1.75, 1.45))
-    axes.text(0.0, -1.72, r"$v_i = r\,\omega_i = -\sin(a_i)\,\dot{x} + \cos(a_i)\,\dot{y}"
-              r" + R\,\dot{\theta}$", ha="center", va="bottom", fontsize=10.5)  # fmt: skip
+    law = r"$v_i = r\,\omega_i = -\sin(a_i)\,\dot{x} + \cos(a_i)\,\dot{y} + R\,\dot{\theta}$"
+    if not _is_ring(robot):
+        law = (
+            r"$v_i = r\,\omega_i\cos\rho_i = -\sin(a_i-\rho_i)\,(\dot{x} - y_i\dot{\theta})"
+            r" + \cos(a_i-\rho_i)\,(\dot{y} + x_i\dot{\theta})$"
+        )
+    axes.text(0.0, -1.72, law, ha="center", va="bottom", fontsize=10.5 if _is_ring(robot) else 8)
 
 
 def _components(axes: Axes, bearing: float) -> None:

@@ -122,4 +122,10 @@ def wheel_outline(axes: Axes, robot: Robot, pose: Pose, mount: Mount, colour: st
     wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + mount.axle + 0.5 * pi)
     r, half = robot.wheel.radius, 0.5 * robot.wheel.row_gap + 0.4 * robot.wheel.radius
     corners = place(wheel, [(r, half), (-r, half), (-r, -half), (r, -half)])
-    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=INK, lw=0.8, zorder=4))
+    tyre = Polygon(corners, facecolor=colour, edgecolor=INK, lw=0.8, zorder=4)
+    axes.add_patch(tyre)
+    if mount.roller != 0.0:
+        slant = half * cos(mount.roller) / sin(mount.roller)
+        for middle in (-r, -0.5 * r, 0.0, 0.5 * r, r):  # the topmost rollers
+            ends = place(wheel, [(middle + slant, half), (middle - slant, -half)])
+            axes.plot(*ends.T, color="white", lw=0.9, zorder=4.5, clip_path=tyre)

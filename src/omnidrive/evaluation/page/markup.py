@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from math import degrees
+from math import atan2, degrees
 
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.tables import Table
+from omnidrive.robot import Robot
 
 
 def tables_markup(tables: Sequence[Table]) -> str:
@@ -19,10 +20,9 @@ def facts_markup(results: StudyResults) -> str:
     """What was driven where, as the items of a description list."""
     robot, grid = results.robot, results.obstacles
     rows, cols = grid.occupied.shape
-    bearings = ", ".join(f"{degrees(mount.axle):g}" for mount in robot.mounts)
     facts = {
         "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.arm:.4g} m, "
-        f"r = {robot.wheel.radius:.4g} m, wheels at {bearings}°",
+        f"r = {robot.wheel.radius:.4g} m, {_wheels(robot)}",
         "Plant": results.plant,
         "Sample time": f"{results.dt:g} s",
         "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
@@ -32,6 +32,13 @@ def facts_markup(results: StudyResults) -> str:
     return "\n".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()
     )
+
+
+def _wheels(robot: Robot) -> str:
+    """How many of which kind, and in which direction from the centre."""
+    bearings = ", ".join(f"{degrees(atan2(mount.y, mount.x)):.4g}" for mount in robot.mounts)
+    kind = "mecanum wheels" if any(mount.roller for mount in robot.mounts) else "omni wheels"
+    return f"{len(robot.mounts)} {kind} at {bearings}°"
 
 
 def _table(k: int, table: Table) -> str:

@@ -38,9 +38,8 @@ def payload(results: StudyResults) -> str:
         "dt": results.dt,
         "robot": {
             "bodyRadius": results.robot.body_radius,
-            "arm": results.robot.arm,
             "wheelRadius": results.robot.wheel.radius,
-            "wheelAngles": [mount.axle for mount in results.robot.mounts],
+            "wheels": [mount._asdict() for mount in results.robot.mounts],
         },
         "map": _map(results.obstacles, results.free),
         "cells": [_column(results.way.poses[:, i]) for i in (0, 1)],

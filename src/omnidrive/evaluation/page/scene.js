@@ -225,10 +225,10 @@ class Scene {
     pen.stroke();
   }
 
-  /* Body circle, four wheels and an arrow along the heading; to scale. */
+  /* Body circle, wheels and an arrow along the heading; to scale. */
   drawRobot(run, state, hovered) {
     const { pen, camera } = this;
-    const { bodyRadius, arm, wheelRadius, wheelAngles } = Study.robot;
+    const { bodyRadius, wheelRadius, wheels } = Study.robot;
     const size = bodyRadius * camera.scale;
     const colour = run.colour();
     pen.save();
@@ -243,14 +243,34 @@ class Scene {
     pen.globalAlpha = 1;
     pen.stroke();
     const half = Math.max(wheelRadius * camera.scale, 3);
-    for (const angle of wheelAngles) {
+    for (const { x, y, axle, roller } of wheels) {
       pen.save();
-      pen.rotate(-angle);
-      pen.translate(arm * camera.scale, 0);
+      pen.translate(x * camera.scale, -y * camera.scale);
+      pen.rotate(-axle);
       pen.fillRect(-0.45 * half, -half, 0.9 * half, 2 * half);
+      if (roller !== 0) this.drawRollers(half, roller);
       pen.restore();
     }
     this.drawArrow(0.78 * size);
+    pen.restore();
+  }
+
+  /* The topmost rollers of a mecanum wheel, whose rolling is up on the screen. */
+  drawRollers(half, roller) {
+    const { pen } = this;
+    const slope = Math.cos(roller) / Math.sin(roller);
+    pen.save();
+    pen.strokeStyle = this.colours.panel;
+    pen.lineWidth = Math.max(0.12 * half, 1);
+    pen.beginPath();
+    pen.rect(-0.45 * half, -half, 0.9 * half, 2 * half);
+    pen.clip();
+    pen.beginPath();
+    for (const middle of [-1, -0.5, 0, 0.5, 1]) {
+      pen.moveTo(-0.5 * half, (middle - 0.5 * slope) * half);
+      pen.lineTo(0.5 * half, (middle + 0.5 * slope) * half);
+    }
+    pen.stroke();
     pen.restore();
   }
 

@@ -1,0 +1,84 @@
+"""Robots that could not stand or move are refused, with the fact and the way out."""
+
+from dataclasses import replace
+from math import inf, nan, pi
+
+import pytest
+
+from omnidrive.errors import InvalidGeometry, InvalidInput
+from omnidrive.robot import ROBOTS, Chassis, Mount, OmniWheel, named_robot, omni_ring
+
+SMALL = named_robot("small")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mass": -1.0}, "the robot's mass must be positive, got -1 kg"),
+        ({"mass": nan}, "the robot's mass must be positive, got nan kg"),
+        ({"mass": 2.0}, r"mass is 2 kg and its wheels alone weigh 2.264 kg: raise the mass"),
+        ({"com": (0.3, 0.0)}, r"at \(0.3, 0\) m wheel 2 would lift off .* put com between"),
+        ({"com": (nan, 0.0)}, "com must be finite"),
+        ({"body_inertia": 0.0}, "body_inertia must be positive"),
+        ({"friction": -0.1}, "friction must not be negative, got -0.1$"),
+        ({"max_torque": inf}, "max_torque must be positive, got inf N m"),
+        ({"motor_lag": -0.01}, "lag of the robot must not be negative, got -0.01 s"),
+        ({"lag": (nan, 0.0)}, "lag of the robot must not be negative, got nan s"),
+        ({"max_wheel_speed": 0.0}, "max_wheel_speed must be positive, got 0 rad/s"),
+        ({"assumed_arm": 0.0}, "assumed_arm must be positive"),
+        ({"mounts": omni_ring([0.1 * k for k in range(20)], 0.2)}, "20 wheels, need at most 16"),
+        ({"mounts": (Mount(nan, 0.0, 0.0), *SMALL.mounts)}, "wheel 0 is mounted at .* finite"),
+        ({"mounts": (Mount(0.2, 0.2, 0.0, 0.5 * pi), *SMALL.mounts)}, "it could not push"),
+    ],
+)
+def test_an_impossible_robot_is_refused(changes, message):
+    with pytest.raises(InvalidInput, match=message):
+        replace(SMALL, **changes)
+
+
+@pytest.mark.parametrize("mounts", [(), omni_ring((0.0, pi), 0.2), (Mount(0.2, 0.0, 0.5),) * 5])
+def test_wheels_that_cannot_push_everywhere_are_refused(mounts):
+    with pytest.raises(InvalidGeometry, match="need 3: not omnidirectional; turn a wheel"):
+        replace(SMALL, mounts=mounts)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"radius": 0.0}, "radius must be positive, got 0 m"),
+        ({"mass": -0.1}, "mass must be positive"),
+        ({"rotor_inertia": nan}, "rotor_inertia must not be negative, got nan"),
+        ({"roller_radius": 0.05}, "do not fit a wheel of radius 0.05 m: make the rollers smaller"),
+        ({"rollers_per_row": 2}, "2 rows of 2 rollers, need"),
+        ({"rollers_per_row": 10**6}, "need 1 to 4 rows of 3 to 100"),
+        ({"rows": 0}, "0 rows"),
+    ],
+)
+def test_an_impossible_wheel_is_refused(changes, message):
+    with pytest.raises(InvalidInput, match=message):
+        replace(SMALL.wheel, **changes)
+
+
+@pytest.mark.parametrize(("radius", "speed"), [(0.0, 1.0), (nan, 1.0), (0.05, 0.0), (0.05, nan)])
+def test_a_chassis_needs_finite_positive_numbers(radius, speed):
+    with pytest.raises(InvalidInput, match="must be positive"):
+        Chassis.of_mounts(SMALL.mounts, wheel_radius=radius, max_wheel_speed=speed)
+    with pytest.raises(InvalidInput, match="must be positive"):
+        Chassis.omni(angles=(0.0, 2.0, 4.0), arm=0.2, wheel_radius=radius, max_wheel_speed=speed)
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+def test_loads_balance_the_weight(robot):
+    """By the equations of statics: forces and both moments."""
+    shifted = replace(robot, com=(0.1 * robot.reach, -0.2 * robot.reach))
+    weight = 9.81 * robot.mass
+    assert shifted.loads.sum() == pytest.approx(weight)
+    for axis in (0, 1):
+        moment = sum(load * m[axis] for load, m in zip(shifted.loads, robot.mounts, strict=True))
+        assert moment == pytest.approx(weight * shifted.com[axis])
+
+
+def test_a_wheel_weighs_what_its_parts_do():
+    wheel = OmniWheel(radius=0.08, mass=1.0, rotor_inertia=0.0, rows=1, rollers_per_row=10,
+                      roller_mass=0.03)  # fmt: skip
+    assert wheel.total_mass == pytest.approx(1.3)

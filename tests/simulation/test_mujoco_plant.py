@@ -1,0 +1,208 @@
+"""The MuJoCo robot is the one that was described: weight, balance, motors, wheels."""
+
+from dataclasses import replace
+from math import exp, pi
+
+import mujoco
+import numpy as np
+import pytest
+
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
+from omnidrive.robot import ROBOTS, Mount, named_robot, omni_ring
+from omnidrive.simulation import MujocoPlant
+from omnidrive.simulation.mjcf_wheels import roller_shape
+
+SMALL = named_robot("small")
+ORIGIN = Pose(0.0, 0.0, 0.0)
+REST = BodyTwist(0.0, 0.0, 0.0)
+every_model = pytest.mark.parametrize("wheels", ["ball", "rollers"])
+every_robot = pytest.mark.parametrize("name", ROBOTS)
+
+
+def settled(plant):
+    plant.reset(ORIGIN)
+    plant.step(REST, 1.0)
+    return plant
+
+
+@every_model
+@every_robot
+@pytest.mark.parametrize("share", [(0.0, 0.0), (0.15, -0.2)])
+def test_every_wheel_carries_its_load(name, wheels, share):
+    """Contact forces, as MuJoCo solves them, against statics."""
+    robot = ROBOTS[name]
+    robot = replace(robot, com=(share[0] * robot.reach, share[1] * robot.reach))
+    plant = settled(MujocoPlant(robot, wheels))
+    model, data, carried = plant.model, plant.data, np.zeros(len(robot.mounts))
+    roots = {model.body(f"wheel{i}").id: i for i in range(len(robot.mounts))}
+    for k in range(data.ncon):
+        body = int(model.geom_bodyid[max(data.contact[k].geom)])
+        while body not in roots:
+            body = int(model.body_parentid[body])
+        force = np.zeros(6)
+        mujoco.mj_contactForce(model, data, k, force)
+        carried[roots[body]] += force[0]
+    assert carried == pytest.approx(robot.loads, rel=0.04)
+
+
+@every_model
+def test_centre_of_mass_and_inertia_are_those_asked_for(wheels):
+    robot = replace(SMALL, com=(0.04, -0.02), mass=12.0, body_inertia=0.4)
+    plant = MujocoPlant(robot, wheels)
+    plant.reset(ORIGIN)
+    model, data = plant.model, plant.data
+    assert data.subtree_com[0][:2] == pytest.approx(robot.com, abs=1e-4)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    assert matrix[0, 0] == pytest.approx(12.0)
+    assert matrix[5, 5] == pytest.approx(robot.yaw_inertia, rel=0.03)
+    assert robot.yaw_inertia > 0.4
+
+
+SHAPES = {
+    "five": omni_ring([0.3 + 0.4 * pi * k for k in range(5)], 0.22),
+    "crooked": (
+        Mount(0.2, 0.15, 0.9), Mount(-0.15, 0.2, 2.2), Mount(-0.2, -0.15, 3.8), Mount(0.2, -0.2, -1)
+    ),
+    "steep": tuple(
+        Mount(x, y, -0.5 * pi, side * 0.6) for x, y, side in
+        ((0.2, 0.2, 1), (0.2, -0.2, -1), (-0.2, 0.2, -1), (-0.2, -0.2, 1))
+    ),
+}  # fmt: skip
+
+
+@every_model
+@pytest.mark.parametrize("shape", SHAPES)
+def test_wheels_of_any_number_and_mount_move_the_robot_as_told(wheels, shape):
+    wheel = SMALL.wheel if shape != "steep" else replace(SMALL.wheel, rows=1, rollers_per_row=12)
+    robot = replace(SMALL, mounts=SHAPES[shape], wheel=wheel)
+    plant = MujocoPlant(robot, wheels)
+    plant.reset(ORIGIN)
+    for twist in (BodyTwist(0.3, 0.0, 0.0), BodyTwist(0.0, 0.3, 0.0), BodyTwist(0.0, 0.0, 0.8)):
+        before = plant.step(twist, 0.8).pose
+        after = plant.step(twist, 3.0).pose
+        moved = to_body(WorldTwist(*np.subtract(after, before) / 3.0), before.yaw)
+        assert np.array(moved) == pytest.approx(np.array(twist), abs=4e-3)
+
+
+@every_model
+@every_robot
+def test_wheel_angles_tell_how_far_the_robot_came(name, wheels):
+    """Gently driven wheels roll without slip: their angles are the wheel matrix times the way."""
+    robot = ROBOTS[name]
+    plant = MujocoPlant(robot, wheels)
+    assert plant.reset(ORIGIN).wheel_angles == (0.0,) * len(robot.mounts)
+    for k in range(20):
+        plant.step(BodyTwist(0.01 * k, 0.005 * k, 0.0), 0.05)
+    state = plant.step(BodyTwist(0.2, 0.1, 0.0), 2.0)
+    way = robot.chassis.jacobian @ to_body(WorldTwist(*state.pose), state.pose.yaw)
+    assert np.array(state.wheel_angles) == pytest.approx(way, rel=0.01, abs=0.02)
+
+
+@every_model
+@every_robot
+def test_torques_are_what_accelerates_the_robot(name, wheels):
+    """By the principle of work: torques at the rims add up to mass times acceleration."""
+    robot = ROBOTS[name]
+    plant = MujocoPlant(robot, wheels)
+    assert plant.reset(ORIGIN).wheel_torques == (0.0,) * len(robot.mounts)
+    rate, torques = 0.5, []
+    for k in range(60):
+        state = plant.step(BodyTwist(rate * 0.02 * k, 0.0, 0.0), 0.02)
+        torques.append(state.wheel_torques)
+    push = robot.rims[:, 0] @ np.mean(torques[20:], axis=0) / robot.wheel.radius
+    speeds = robot.rims[:, 0] / robot.wheel.radius  # of the wheels, per m/s
+    turning = robot.wheel.rotor_inertia + 0.5 * robot.wheel.mass * (0.7 * robot.wheel.radius) ** 2
+    weighs = robot.mass + turning * float(speeds @ speeds)
+    assert push == pytest.approx(weighs * rate, rel=0.06)
+
+
+@every_model
+def test_a_motors_lag_delays_its_speed(wheels):
+    """A first-order lag, exactly: beside a robot without it, that on the way of 1 - exp(-t / T)."""
+    lag, command = 0.4, BodyTwist(0.0, 0.0, 0.5)
+    quick = MujocoPlant(replace(SMALL, servo_gain=2.0), wheels)
+    slow = MujocoPlant(replace(SMALL, servo_gain=2.0, motor_lag=lag), wheels)
+    for plant in (quick, slow):
+        plant.reset(ORIGIN)
+    for k in range(1, 13):
+        there, behind = (plant.step(command, 0.1).wheel_angles[0] for plant in (quick, slow))
+        t = 0.1 * k
+        full = float(slow.robot.chassis.wheel_speeds(command)[0])
+        assert behind == pytest.approx(there - full * lag * (1.0 - exp(-t / lag)), abs=0.03 * full)
+    again = slow.reset(ORIGIN)
+    assert again.wheel_angles == (0.0,) * 4
+    assert abs(slow.step(REST, 0.1).twist.yaw_rate) < 1e-3
+
+
+def test_a_motor_gives_no_more_than_its_torque():
+    plant = MujocoPlant(replace(SMALL, friction=3.0, max_torque=0.3), "ball")
+    plant.reset(ORIGIN)
+    state = plant.step(BodyTwist(2.0, 0.0, 0.0), 0.1)
+    assert np.abs(state.wheel_torques).max() == pytest.approx(0.3)
+
+
+def test_friction_bounds_the_acceleration():
+    """All four wheels of a cross push along x with sqrt(1/2) of their grip."""
+    plant = MujocoPlant(replace(SMALL, friction=0.1, max_torque=20.0, servo_gain=5.0), "ball")
+    plant.reset(ORIGIN)
+    plant.step(BodyTwist(5.0, 0.0, 0.0), 0.1)
+    before = plant.step(BodyTwist(5.0, 0.0, 0.0), 0.1).twist.vx
+    after = plant.step(BodyTwist(5.0, 0.0, 0.0), 0.5).twist.vx
+    assert (after - before) / 0.5 == pytest.approx(0.5**0.5 * 0.1 * 9.81, rel=0.06)
+
+
+@every_robot
+def test_the_rollers_first_angles_are_drawn(name):
+    robot = ROBOTS[name]
+
+    def end(seed):
+        rng = None if seed is None else np.random.default_rng(seed)
+        plant = MujocoPlant(robot, "rollers", rng)
+        starts = [plant.reset(ORIGIN) for _ in range(2)]
+        assert repr(starts[0]) == repr(starts[1])
+        assert starts[0].wheel_angles == (0.0,) * len(robot.mounts)
+        joints = [plant.data.joint(f"wheel{i}").qpos[0] for i in range(len(robot.mounts))]
+        return np.mod(joints, 2.0 * pi / robot.wheel.rollers_per_row), plant.step(
+            BodyTwist(0.3, 0.1, 0.0), 0.5
+        ).pose
+
+    phases, pose = end(1)
+    again, same = end(1)
+    other, different = end(2)
+    none, _ = end(None)
+    assert phases.tolist() == again.tolist() != other.tolist()
+    assert pose == same != different
+    assert np.ptp(phases) > 0.01
+    assert np.ptp(np.mod(none + 0.1, 2.0 * pi / robot.wheel.rollers_per_row)) < 0.01
+    assert np.array(pose) == pytest.approx(np.array(different), abs=0.01)
+
+
+@pytest.mark.parametrize("angle", [0.25 * pi, -0.25 * pi, 0.6])
+@pytest.mark.parametrize("rollers", [9, 12, 16])
+def test_mecanum_wheels_are_round(rollers, angle):
+    """Height of the axle over a wheel's turn, from the rollers' points, not from their formula."""
+    wheel = replace(named_robot("mecanum").wheel, rollers_per_row=rollers)
+    tilt, half = roller_shape(wheel, angle)
+    r, b = wheel.radius, wheel.roller_radius
+    t, u = np.meshgrid(np.linspace(-1, 1, 801), np.linspace(0, 2 * pi, 361))
+    along, around = half * t, b * np.sqrt(1 - t**2)  # an ellipsoid about z
+    x, y = around * np.cos(u), around * np.sin(u)
+    heights = []
+    for d in np.linspace(0.0, pi / rollers, 25):
+        # roller below the axle, its axis tilted by `tilt` out of the wheel's plane, all turned by d
+        ahead = along * np.cos(tilt) - y * np.sin(tilt)
+        low = -(r - b) + x
+        heights.append(-(low * np.cos(d) - ahead * np.sin(d)).min())
+    assert np.ptp(heights) < {9: 4e-4, 12: 1e-4, 16: 4e-5}[rollers]
+    assert np.mean(heights) == pytest.approx(r, abs=2e-4)
+
+
+def test_an_unmoved_robot_shows_what_it_is():
+    """Looks weigh nothing and touch nothing."""
+    plant = MujocoPlant(SMALL, "ball")
+    model = plant.model
+    seen = [i for i in range(model.ngeom) if model.geom_group[i] == 1]
+    assert seen
+    assert all(model.geom_contype[i] == model.geom_conaffinity[i] == 0 for i in seen)
+    assert model.geom("nose").pos[0] > 0.5 * SMALL.body_radius

@@ -1,0 +1,177 @@
+"""Walls and moving discs stand in the robot's way: it stops there, and that is counted."""
+
+from math import cos, hypot, pi, sin
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from omnidrive.errors import InvalidInput
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.maps import OccupancyGrid
+from omnidrive.robot import named_robot
+from omnidrive.simulation import MovingObstacle, MujocoPlant
+from omnidrive.simulation.walls import Walls, boxes_of
+
+SMALL = named_robot("small")
+REST = BodyTwist(0.0, 0.0, 0.0)
+cells = arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
+
+
+@given(cells)
+def test_boxes_cover_the_taken_cells_once(occupied):
+    covered = np.zeros(occupied.shape, int)
+    for left, right, bottom, top in boxes_of(occupied):
+        covered[bottom:top, left:right] += 1
+    np.testing.assert_array_equal(covered, occupied)
+
+
+def test_a_rectangle_is_one_box():
+    occupied = np.zeros((20, 30), bool)
+    occupied[4:15, 7:29] = True
+    assert boxes_of(occupied).tolist() == [[7, 29, 4, 15]]
+
+
+@settings(deadline=None)
+@given(
+    cells, st.floats(-4, 4), st.booleans(), st.lists(st.tuples(*[st.floats(-3, 6)] * 2), min_size=1)
+)
+def test_the_nearest_box_is_as_far_as_the_maps_clearance(occupied, yaw, walled, points):
+    """Whatever was asked before; the grid's own clearance is found in another way."""
+    grid = OccupancyGrid(occupied, 0.5, (0.7, -0.4), walled=walled, yaw=yaw)
+    walls, reach = Walls(grid), 1.0
+    for point in points:
+        clearance = max(0.0, float(grid.clearance(np.array([point]))[0]))
+        near = walls.near(*point, reach, 16)
+        u, v = walls.in_map(*point)
+        gaps = [
+            hypot(max(left - u, u - right, 0.0), max(bottom - v, v - top, 0.0))
+            for left, right, bottom, top in near
+        ]
+        assert gaps == sorted(gaps)
+        if clearance < reach - 1e-9:
+            assert gaps[0] == pytest.approx(clearance, abs=1e-9)
+        elif clearance > reach + 1e-9:
+            assert not gaps
+        assert np.isfinite(near).all()
+
+
+def block(yaw=0.0, *, walled=False):
+    """A block of 0.5 m by 0.2 m in the middle of 10 m by 10 m, far from W's origin."""
+    occupied = np.zeros((200, 200), bool)
+    occupied[95:105, 120:124] = True
+    return OccupancyGrid(occupied, 0.05, (3.0, -2.0), walled=walled, yaw=yaw)
+
+
+def ahead(angle, speed=0.5):
+    return BodyTwist(speed * cos(angle), speed * sin(angle), 0.0)
+
+
+@pytest.mark.parametrize("wheels", ["ball", "rollers"])
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+@pytest.mark.parametrize("angle", [0.1, 2.0, 4.4])
+def test_a_wall_stops_the_robot(wheels, yaw, angle):
+    grid = block(yaw)
+    x, y = grid.centre(100, 122)
+    plant = MujocoPlant(SMALL, wheels, obstacles=grid)
+    plant.reset(Pose(x + cos(angle), y + sin(angle), 0.0))
+    states = [plant.step(ahead(angle + pi), 0.1) for _ in range(25)]
+    gaps = grid.clearance(np.array([s.pose[:2] for s in states])) - SMALL.body_radius
+    first = next(k for k, s in enumerate(states) if s.collisions)
+    assert gaps[:first].min() > 0.0
+    assert gaps.min() > -5e-3  # it gives way by millimetres
+    assert gaps[first:].min() == pytest.approx(0.0, abs=5e-3)
+    assert states[-1].collisions >= 1
+
+
+def test_a_robot_that_comes_back_collides_again():
+    grid = block()
+    x, y = grid.centre(100, 124)
+    plant = MujocoPlant(SMALL, "ball", obstacles=grid)
+    plant.reset(Pose(x + 0.6, y, 0.0))
+    counts = [
+        plant.step(ahead(pi if (k // 15) % 2 == 0 else 0.0), 0.1).collisions for k in range(60)
+    ]
+    assert counts[14] == 1
+    assert counts[44] == counts[-1] == 2
+    assert plant.reset(Pose(x + 0.6, y, 0.0)).collisions == 0
+
+
+@pytest.mark.parametrize("walled", [False, True])
+def test_a_walled_map_ends_at_a_wall(walled):
+    grid = OccupancyGrid(np.zeros((20, 20), bool), 0.1, walled=walled)
+    plant = MujocoPlant(SMALL, "ball", obstacles=grid)
+    plant.reset(Pose(1.0, 1.0, 0.0))
+    state = [plant.step(ahead(0.3), 0.5) for _ in range(6)][-1]
+    assert (state.pose.x < 2.0 - SMALL.body_radius + 5e-3) == walled
+    assert (state.collisions > 0) == walled
+
+
+@pytest.mark.parametrize("wheels", ["ball", "rollers"])
+def test_walls_that_are_not_touched_change_nothing(wheels):
+    alone, among = MujocoPlant(SMALL, wheels), MujocoPlant(SMALL, wheels, obstacles=block())
+    start = Pose(8.4, 2.9, 0.3)
+    before = [plant.reset(start) for plant in (alone, among)]
+    after = [plant.step(BodyTwist(0.0, 0.2, 0.4), 0.5) for plant in (alone, among)]
+    assert repr(before[0]) == repr(before[1])
+    assert repr(after[0]) == repr(after[1])
+
+
+def test_a_robot_put_into_a_wall_gets_out_sideways():
+    occupied = np.zeros((100, 100), bool)
+    occupied[:, :50] = True
+    grid = OccupancyGrid(occupied, 0.1, walled=False)
+    plant = MujocoPlant(SMALL, "ball", obstacles=grid)
+    plant.reset(Pose(4.9, 5.0, 0.0))
+    plant.step(REST, 1.0)
+    assert abs(plant.data.qpos[2] - SMALL.wheel.radius) < 0.02
+    assert plant.step(REST, 1.0).pose.x > 5.0 + SMALL.body_radius - 5e-3
+
+
+def test_a_disc_is_where_its_path_says():
+    disc = MovingObstacle(0.3, (1.0, 2.0, 4.0), ((0.0, 0.0), (1.0, 0.0), (1.0, 4.0)))
+    assert [disc.at(t) for t in (0.0, 1.0, 1.25, 2.0, 3.0, 4.0, 9.0)] == [
+        (0.0, 0.0), (0.0, 0.0), (0.25, 0.0), (1.0, 0.0), (1.0, 2.0), (1.0, 4.0), (1.0, 4.0),
+    ]  # fmt: skip
+    looped = MovingObstacle(0.3, (0.0, 1.0, 2.0), ((0.0, 0.0), (1.0, 0.0), (0.0, 0.0)), loop=True)
+    assert looped.at(2.5) == looped.at(0.5) == (0.5, 0.0)
+    assert MovingObstacle(0.3, (0.0,), ((2.0, 1.0),), loop=True).at(7.0) == (2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0, (0.0,), ((0.0, 0.0),)), "radius must be positive, got 0"),
+        ((float("nan"), (0.0,), ((0.0, 0.0),)), "radius must be positive, got nan"),
+        ((0.1, (0.0, 1.0), ((0.0, 0.0),)), "2 times and 1 points"),
+        ((0.1, (), ()), "0 times and 0 points"),
+        ((0.1, (0.0, 0.0), ((0.0, 0.0), (1.0, 0.0))), "times must grow"),
+        ((0.1, (-1.0,), ((0.0, 0.0),)), "from 0 s or later"),
+        ((0.1, (0.0,), ((0.0, float("inf")),)), "must be finite"),
+    ],
+)
+def test_a_path_that_is_none_is_refused(arguments, message):
+    with pytest.raises(InvalidInput, match=message):
+        MovingObstacle(*arguments)
+
+
+@pytest.mark.parametrize("wheels", ["ball", "rollers"])
+def test_a_moving_disc_pushes_the_robot_away(wheels):
+    disc = MovingObstacle(0.2, (0.5, 2.5), ((1.0, 0.0), (0.0, 0.0)))
+    plant = MujocoPlant(SMALL, wheels, moving=[disc])
+    plant.reset(Pose(0.0, 0.0, 0.0))
+    assert plant.step(REST, 0.9).collisions == 0
+    state = [plant.step(REST, 0.2) for _ in range(10)][-1]
+    assert state.collisions >= 1
+    assert hypot(state.pose.x, state.pose.y) > 0.2 + SMALL.body_radius - 0.02
+    again = plant.reset(Pose(0.0, 0.0, 0.0))
+    assert again.collisions == 0
+    assert plant.data.mocap_pos[0, :2].tolist() == [1.0, 0.0]
+
+
+def test_too_many_moving_discs_are_refused():
+    disc = MovingObstacle(0.2, (0.0,), ((3.0, 0.0),))
+    with pytest.raises(InvalidInput, match="33 obstacles move, need at most 32"):
+        MujocoPlant(SMALL, "ball", moving=[disc] * 33)
