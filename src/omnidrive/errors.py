@@ -12,6 +12,7 @@ OmnidriveError
 ├── NoPathFound                   the planner proved there is none
 ├── MissingExtra                  an optional dependency is not installed
 ├── CannotWrite                   the run folder cannot be made or has no room left
+├── CannotDraw                    no OpenGL to draw with, or no display for a window
 ├── WorkerLost                    a process that did some of the runs was killed
 └── RunFailed                     raised only on request, by ``Run.raise_if_failed()``
 
@@ -73,6 +74,10 @@ class MissingExtra(OmnidriveError):
 
 class CannotWrite(OmnidriveError):
     """Results cannot be written."""
+
+
+class CannotDraw(OmnidriveError):
+    """There is nothing to draw a picture with, or nowhere to show it."""
 
 
 class WorkerLost(OmnidriveError):

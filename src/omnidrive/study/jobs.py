@@ -29,6 +29,7 @@ from omnidrive.simulation import (
     Plant,
     simulate,
 )
+from omnidrive.simulation.show import Onlooker, watched
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
     PREDICTIVE,
@@ -79,9 +80,12 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     return jobs
 
 
-def run_job(prepared: Prepared, job: Job) -> TrackResult | StepResult:
-    """Do one run and measure it."""
-    return _step(prepared, job) if job.task == "step" else _track(prepared, job)
+def run_job(
+    prepared: Prepared, job: Job, onlookers: Sequence[Onlooker] = ()
+) -> TrackResult | StepResult:
+    """Do one run and measure it, while ``onlookers`` see it."""
+    do = _step if job.task == "step" else _track
+    return do(prepared, job, onlookers)
 
 
 def make_controller(
@@ -161,7 +165,7 @@ def _plant_on_map(prepared: Prepared, job: Job) -> Plant:
     )
 
 
-def _track(prepared: Prepared, job: Job) -> TrackResult:
+def _track(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> TrackResult:
     """Follow the path; with noise, every controller sees the same random numbers.
 
     Those of repeat 0 are those of ``[seed, duration]``: a zero at the end of a numpy seed of few
@@ -172,7 +176,14 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     noise = job.task == "noise"
     rng = np.random.default_rng([scenario.seed, round(job.duration * 1e6), job.repeat])
     run = simulate(
-        _plant_on_map(prepared, job),
+        watched(
+            _plant_on_map(prepared, job),
+            prepared.robot,
+            reference,
+            onlookers,
+            obstacles=prepared.obstacles,
+            moving=[section.obstacle() for section in scenario.map.moving],
+        ),
         make_controller(scenario, prepared.robot, job.controller, job.horizon),
         reference,
         start=reference.at(0.0).pose,
@@ -185,17 +196,19 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     )  # fmt: skip
 
 
-def _step(prepared: Prepared, job: Job) -> StepResult:
+def _step(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> StepResult:
     """Let the reference jump from the start pose, on an empty floor."""
     scenario = prepared.scenario
     task = scenario.tasks.step
     assert task is not None
     start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
+    reference = Hold(goal, job.duration)
+    plant = make_plant(prepared.robot, scenario.plant)
     run = simulate(
-        make_plant(prepared.robot, scenario.plant),
+        watched(plant, prepared.robot, reference, onlookers),
         make_controller(scenario, prepared.robot, job.controller, job.horizon),
-        Hold(goal, job.duration),
+        reference,
         start=start,
         dt=scenario.sample_time,
     )
