@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from math import hypot, isfinite, pi
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 import gymnasium
 import numpy as np
@@ -96,7 +96,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             InvalidReference: The robot cannot follow the reference.
         """
         self._robot = named_robot(robot) if isinstance(robot, str) else robot
-        _check(dt, preview, spread, lost, effort, render_mode)
+        _check(
+            plant=plant, dt=dt, preview=preview, spread=spread, lost=lost, effort=effort,
+            render_mode=render_mode,
+        )  # fmt: skip
         self._reference = reference or _usual_reference(self._robot)
         self._plant = (
             make_plant(self._robot, plant, obstacles=obstacles)
@@ -115,7 +118,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / dt), 1)}
         self.render_mode = render_mode
         self._picture = Picture(self._plant, self._robot, self._reference, render_size, obstacles)
-        self._k, self._running = 0, False
+        self._k, self._begun, self._running = 0, False, False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -132,7 +135,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         """
         super().reset(seed=seed)
         start = Pose(*(np.array(self._reference.at(0.0).pose) + self._offset(options)).tolist())
-        self._k, self._running, self._action = 0, True, np.zeros(3)
+        self._k, self._begun, self._running = 0, True, True
+        self._action = np.zeros(3)
         self._state = self._plant.reset(start)
         self._sensor = self._make_sensor(self.np_random) if self._make_sensor else PerfectSensor()
         self._sensor.reset(start)
@@ -180,6 +184,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         """
         if self.render_mode is None:
             return None
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("there is nothing to see: call reset() first")
         return self._picture.draw(self._time)
 
     def close(self) -> None:
@@ -247,6 +253,8 @@ def _usual_reference(robot: Robot) -> Reference:
 
 
 def _check(
+    *,
+    plant: PlantName | Callable[[Robot], Plant],
     dt: float,
     preview: int,
     spread: tuple[float, float],
@@ -254,8 +262,11 @@ def _check(
     effort: float,
     render_mode: str | None,
 ) -> None:
-    """Refuse numbers that make no environment."""
+    """Refuse what makes no environment."""
+    plants = get_args(PlantName)
     wrong = {
+        f"there is no plant '{plant}'; there are {', '.join(plants)}": isinstance(plant, str)
+        and plant not in plants,
         f"dt is {dt:g} s, need 0.001 to 1 s": not 0.001 <= dt <= 1.0,
         f"preview is {preview}, need 0 to 100": not 0 <= preview <= 100,
         f"spread is {spread}, need 0 to 10 m and 0 to pi rad": not (

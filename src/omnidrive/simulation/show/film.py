@@ -168,12 +168,8 @@ def _pictures(
         off = hypot(target.x - trail[k, 0], target.y - trail[k, 1])
         fast = f"   x {speed:g}" if speed != 1.0 else ""
         caption = f"{recording.t[k]:.1f} s   error {1e3 * off:.1f} mm{fast}"
-        yield canvas.draw(
-            data,
-            view.camera,
-            Marks(recording.path, trail[: k + 1], target, recording.radius),
-            caption,
-        )
+        marks = Marks(recording.path, trail[: k + 1], target, recording.radius)
+        yield canvas.draw(data, view.camera, marks, caption)
 
 
 def _counted(
