@@ -46,6 +46,7 @@ from .simulation import (
     identify_lag,
     simulate,
 )
+from .simulation.show import Onlooker, Recorder, Recording, Viewer, film, replay, watched
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
 
 __all__ = [
@@ -70,6 +71,7 @@ __all__ = [
     "NmpcController",
     "OccupancyGrid",
     "OmnidriveError",
+    "Onlooker",
     "Outcome",
     "PaperNoise",
     "Path",
@@ -78,6 +80,8 @@ __all__ = [
     "Plan",
     "Plant",
     "Pose",
+    "Recorder",
+    "Recording",
     "Reference",
     "Robot",
     "Run",
@@ -91,8 +95,10 @@ __all__ = [
     "TimedReference",
     "TrackingPidController",
     "UniformReference",
+    "Viewer",
     "WorldTwist",
     "classical_pid",
+    "film",
     "fuzzy_pid",
     "holonomic_nmpc",
     "identify_lag",
@@ -106,6 +112,7 @@ __all__ = [
     "paper_map",
     "paper_scenario",
     "plan",
+    "replay",
     "run_study",
     "save_nav2_map",
     "save_waypoints",
@@ -118,4 +125,5 @@ __all__ = [
     "to_body",
     "to_world",
     "unicycle_nmpc",
+    "watched",
 ]

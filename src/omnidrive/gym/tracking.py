@@ -49,6 +49,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ``error``: d in m and h in rad.
 
     The same seed gives the same run, whatever was run before.
+
+    Attributes:
+        max_twist: Twist of an action of ones, in m/s, m/s and rad/s.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -97,8 +100,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         """
         self._robot = named_robot(robot) if isinstance(robot, str) else robot
         _check(
-            plant=plant, dt=dt, preview=preview, spread=spread, lost=lost, effort=effort,
-            render_mode=render_mode,
+            plant=plant, dt=dt, preview=preview, max_twist=max_twist, spread=spread, lost=lost,
+            effort=effort, render_mode=render_mode,
         )  # fmt: skip
         self._reference = reference or _usual_reference(self._robot)
         self._plant = (
@@ -109,9 +112,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._make_sensor = sensor
         self._dt, self._spread, self._lost, self._effort = dt, spread, lost, effort
         self._last = max(round(self._reference.duration / dt), 1)
-        self._max_twist = np.array(max_twist or fastest_twist(self._robot), dtype=float)
+        self.max_twist = np.array(max_twist or fastest_twist(self._robot), dtype=float)
         self._law = ObservationLaw(
-            self._reference, dt, preview, lost, self._max_twist, top_speed(self._reference, dt)
+            self._reference, dt, preview, lost, self.max_twist, top_speed(self._reference, dt)
         )
         self.observation_space = spaces.Box(-1.0, 1.0, (self._law.size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
@@ -160,7 +163,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if given.shape != (3,) or not np.isfinite(given).all():
             raise InvalidInput(f"an action is three numbers from -1 to 1, got {action}")
         before, self._action = self._action, np.clip(given, -1.0, 1.0)
-        twist = BodyTwist(*(self._action * self._max_twist).tolist())
+        twist = BodyTwist(*(self._action * self.max_twist).tolist())
         state = self._plant.step(twist, self._dt)
         self._k += 1
         failed = not all(map(isfinite, (*state.pose, *state.twist)))
@@ -257,6 +260,7 @@ def _check(
     plant: PlantName | Callable[[Robot], Plant],
     dt: float,
     preview: int,
+    max_twist: BodyTwist | None,
     spread: tuple[float, float],
     lost: tuple[float, float],
     effort: float,
@@ -269,6 +273,8 @@ def _check(
         and plant not in plants,
         f"dt is {dt:g} s, need 0.001 to 1 s": not 0.001 <= dt <= 1.0,
         f"preview is {preview}, need 0 to 100": not 0 <= preview <= 100,
+        f"max_twist is {max_twist}, need positive numbers": max_twist is not None
+        and not all(isfinite(most) and most > 0.0 for most in max_twist),
         f"spread is {spread}, need 0 to 10 m and 0 to pi rad": not (
             0.0 <= spread[0] <= 10.0 and 0.0 <= spread[1] <= pi
         ),
