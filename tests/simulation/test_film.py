@@ -3,6 +3,8 @@
 import os
 import stat
 import sys
+from dataclasses import replace
+from inspect import unwrap
 from math import radians, tan
 from pathlib import Path
 
@@ -45,6 +47,13 @@ def recording():
     for _ in range(10):
         plant.step(BodyTwist(1.57, 0.0, 1.57), 0.1)
     return recorder.recording
+
+
+@pytest.fixture(scope="module")
+def brief(recording):
+    """The first frames of it."""
+    series = {name: getattr(recording, name)[:5] for name in ("t", "places", "moving", "target")}
+    return replace(recording, **series)
 
 
 def share(picture, colour):
@@ -98,7 +107,7 @@ def test_a_gif_is_what_was_drawn(recording, tmp_path):
 
 
 def test_too_long_a_run_plays_faster(recording, tmp_path, monkeypatch):
-    monkeypatch.setitem(film.__globals__["_MOST"], ".gif", 10)
+    monkeypatch.setitem(sys.modules["omnidrive.simulation.show.film"]._MOST, ".gif", 10)
     assert film(recording, tmp_path / "run.gif", size=SIZE) == 3.0
     assert sum(duration for _, duration in frames_of(tmp_path / "run.gif")) == 9 * 40
 
@@ -171,7 +180,7 @@ def test_sizes_are_bounded_and_even(recording, tmp_path, size):
 
 def test_a_camera_that_there_is_not(recording, tmp_path):
     with pytest.raises(InvalidInput, match="there is no camera 'side'; there are auto, whole"):
-        film(recording, tmp_path / "run.gif", camera="side")
+        unwrap(film)(recording, tmp_path / "run.gif", camera="side")  # without type checks
 
 
 def test_a_film_that_cannot_be_written_leaves_nothing(recording, tmp_path):
@@ -224,12 +233,12 @@ def stand_in(folder, monkeypatch, *, encoder="libx264", most=-1, status=0):
 
 
 @pytest.mark.parametrize("encoder", ["libx264", "libopenh264", "libvpx-vp9", "mpeg4"])
-def test_the_command_ffmpeg_gets_every_picture(recording, tmp_path, monkeypatch, encoder):
+def test_the_command_ffmpeg_gets_every_picture(brief, tmp_path, monkeypatch, encoder):
     notes = stand_in(tmp_path, monkeypatch, encoder=encoder)
     check_film(tmp_path / "run.mp4")
-    film(recording, tmp_path / "run.mp4", size=SIZE)
+    film(brief, tmp_path / "run.mp4", size=SIZE)
     taken = int.from_bytes((tmp_path / "run.mp4").read_bytes(), "big")
-    assert taken == len(recording.t) * 160 * 90 * 3
+    assert taken == 5 * 160 * 90 * 3
     told = notes.read_text()
     assert "-s 160x90 -r 25 " in told
     assert f"-c:v {encoder} " in told

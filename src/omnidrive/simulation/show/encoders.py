@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -48,34 +49,42 @@ def check_encoder() -> None:
 
 
 def write_gif(
-    path: Path, pictures: Iterator[UInt8[Array, "height width 3"]], per_second: float
+    path: Path,
+    pictures: Iterator[UInt8[Array, "height width 3"]],
+    per_second: float,
+    sample: UInt8[Array, "rows columns 3"],
 ) -> None:
     """Write pictures as a GIF that repeats itself; all are in memory at the end.
 
-    Colours are those of the first picture, 255 at most. Pixels that keep their colour are written
+    There are 255 colours, the same in all pictures. Pixels that keep their colour are written
     as transparent, which takes little room.
 
     Args:
         path: The file.
         pictures: All of one size; at least one.
         per_second: How many of them; hundredths of a second between them are rounded.
+        sample: A picture of all colours that matter.
     """
-    first = Image.fromarray(next(pictures)).quantize(_SAME, dither=Image.Dither.NONE)
+    palette = Image.fromarray(sample).quantize(_SAME, dither=Image.Dither.NONE)
 
-    def changes() -> Iterator[Image.Image]:
+    def quantized(picture: UInt8[Array, "height width 3"]) -> Image.Image:
+        return Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    def changes(first: Image.Image) -> Iterator[Image.Image]:
         before = np.asarray(first)
         for picture in pictures:
-            image = Image.fromarray(picture).quantize(palette=first, dither=Image.Dither.NONE)
-            now = np.asarray(image)
+            now = np.asarray(quantized(picture))
             changed = Image.fromarray(np.where(now == before, np.uint8(_SAME), now))
-            changed.putpalette(first.getpalette() or [])
+            changed.putpalette(palette.getpalette() or [])
             before = now
             yield changed
 
-    first.save(
-        path, format="GIF", save_all=True, append_images=changes(), loop=0, disposal=1,
-        duration=round(100.0 / per_second) * 10, transparency=_SAME, optimize=False,
-    )  # fmt: skip
+    first = quantized(next(pictures))
+    with path.open("wb") as file:
+        first.save(
+            file, format="GIF", save_all=True, append_images=changes(first), loop=0, disposal=1,
+            duration=round(100.0 / per_second) * 10, transparency=_SAME, optimize=False,
+        )  # fmt: skip
 
 
 def write_mp4(
@@ -136,15 +145,15 @@ def _write_with_command(
         encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said)
         assert encoder.stdin is not None
         try:
-            for picture in pictures:
-                encoder.stdin.write(picture.tobytes())
-            encoder.stdin.close()
-        except BrokenPipeError:  # it says why
-            pass
+            with suppress(BrokenPipeError):  # it says why
+                for picture in pictures:
+                    encoder.stdin.write(picture.tobytes())
         except BaseException:
             encoder.kill()
             raise
         finally:
+            with suppress(BrokenPipeError):  # what could not be written is written again
+                encoder.stdin.close()
             status = encoder.wait()
         if status != 0:
             said.seek(0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from math import hypot
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import get_args
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 
 from omnidrive.bounded_file import one_line
 from omnidrive.errors import CannotWrite, InvalidInput
@@ -95,13 +95,16 @@ def film(
     stride = -(-len(recording.t) // _MOST[kind])
     chosen = range(0, len(recording.t), stride)
     speed = _speed(recording, stride)
-    write = {".mp4": write_mp4, ".gif": write_gif}[kind]
     part = path.with_name(path.name + ".part")
     try:
         with Canvas(recording.model, width, height) as canvas:
-            view = _View(camera, recording, width / height)
-            pictures = _pictures(recording, canvas, chosen, view, speed)
-            write(part, _counted(pictures, len(chosen), progress), FRAMES_PER_SECOND)
+            shots = _Shots(recording, canvas, camera, width / height, speed=speed)
+            pictures = _counted(map(shots.picture, chosen), len(chosen), progress)
+            if kind == ".mp4":
+                write_mp4(part, pictures, FRAMES_PER_SECOND)
+            else:
+                sample = np.vstack([shots.picture(chosen[k]) for k in (0, -1)])
+                write_gif(part, pictures, FRAMES_PER_SECOND, sample)
         os.replace(part, path)
     except OSError as error:
         raise CannotWrite(
@@ -136,40 +139,38 @@ def _speed(recording: Recording, stride: int) -> float:
     return round(stride * step * FRAMES_PER_SECOND, 2)
 
 
-class _View:
-    """A camera that follows the robot, or that does not move."""
+class _Shots:
+    """The frames of a film."""
 
-    def __init__(self, name: CameraName, recording: Recording, aspect: float) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        canvas: Canvas,
+        name: CameraName,
+        aspect: float,
+        *,
+        speed: float,
+    ) -> None:
+        self._recording, self._canvas = recording, canvas
+        self._data = mujoco.MjData(recording.model)
         shown = np.vstack([recording.path, recording.places[:, :2]])
-        self.camera = camera_of(name, shown, recording.radius, aspect)
+        self._camera = camera_of(name, shown, recording.radius, aspect)
         self._follows = follows(name, shown, recording.radius)
+        self._fast = f"   x {speed:g}" if speed != 1.0 else ""
 
-    def turn_to(self, place: Float[Array, " 2"]) -> None:
-        """The robot is at a place (m, in W)."""
-        if self._follows:
-            follow(self.camera, place)
-
-
-def _pictures(
-    recording: Recording,
-    canvas: Canvas,
-    chosen: Sequence[int],
-    view: _View,
-    speed: float,
-) -> Iterator[UInt8[Array, "height width 3"]]:
-    """The chosen frames, one after the other."""
-    data = mujoco.MjData(recording.model)
-    trail = recording.places[:, :2]
-    for k in chosen:
+    def picture(self, k: int) -> UInt8[Array, "height width 3"]:
+        """The ``k``-th frame of the recording."""
+        recording, data = self._recording, self._data
         data.qpos[:], data.mocap_pos[:] = recording.places[k], recording.moving[k]
         place(recording.model, data)
-        view.turn_to(trail[k])
+        trail = recording.places[: k + 1, :2]
+        if self._follows:
+            follow(self._camera, trail[-1])
         target = Pose(*recording.target[k].tolist())
-        off = hypot(target.x - trail[k, 0], target.y - trail[k, 1])
-        fast = f"   x {speed:g}" if speed != 1.0 else ""
-        caption = f"{recording.t[k]:.1f} s   error {1e3 * off:.1f} mm{fast}"
-        marks = Marks(recording.path, trail[: k + 1], target, recording.radius)
-        yield canvas.draw(data, view.camera, marks, caption)
+        off = 1e3 * hypot(target.x - trail[-1, 0], target.y - trail[-1, 1])
+        caption = f"{recording.t[k]:.1f} s   error {off:.1f} mm{self._fast}"
+        marks = Marks(recording.path, trail, target, recording.radius)
+        return self._canvas.draw(data, self._camera, marks, caption)
 
 
 def _counted(

@@ -5,8 +5,7 @@ They are geoms of the picture alone; the physics knows nothing of them.
 
 from __future__ import annotations
 
-from itertools import pairwise
-from math import cos, sin
+from math import cos, hypot, sin
 from typing import NamedTuple
 
 import mujoco
@@ -23,6 +22,8 @@ _TRAIL = (0.93, 0.36, 0.06, 1.0)
 _TARGET = (0.05, 0.62, 0.32, 0.45)
 _POINTS = 200  # of a line, at most
 _LOW, _ABOVE = 0.004, 0.010  # m above the floor
+_THIN = 0.002  # m
+_NOT_TURNED = np.eye(3).ravel()
 
 
 class Marks(NamedTuple):
@@ -39,7 +40,7 @@ class Marks(NamedTuple):
 
     def add_to(self, scene: mujoco.MjvScene) -> None:
         """Add geoms to those that are in the picture already, as far as there is room."""
-        width = 0.025 * self.radius
+        width = 0.06 * self.radius
         _add_line(scene, self.path, _LOW, width, _PATH)
         _add_line(scene, self.trail, _ABOVE, width, _TRAIL)
         x, y, yaw = self.target
@@ -50,7 +51,7 @@ class Marks(NamedTuple):
         arrow = _add(scene, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), start, (*_TARGET[:3], 1.0))
         if arrow is not None:
             mujoco.mjv_connector(
-                arrow, mujoco.mjtGeom.mjGEOM_ARROW, 2.0 * width, start + ahead, start + 1.4 * ahead
+                arrow, mujoco.mjtGeom.mjGEOM_ARROW, 0.8 * width, start + ahead, start + 1.4 * ahead
             )
 
 
@@ -64,20 +65,24 @@ def _add_line(
     scene: mujoco.MjvScene,
     points: Float[Array, "rows 2"],
     height: float,
-    radius: float,
+    width: float,
     colour: tuple[float, float, float, float],
 ) -> None:
-    """A line through at most as many points as there is room for; where it stands, none."""
+    """A ribbon through at most as many points as there is room for; where it stands, none."""
     if len(points) < 2:
         return
-    chosen = np.linspace(0, len(points) - 1, min(len(points), _POINTS)).round().astype(int)
-    line = np.column_stack([points[chosen], np.full(len(chosen), height)])
-    for begin, end in pairwise(line):
-        if np.array_equal(begin, end):
+    chosen = points[np.linspace(0, len(points) - 1, min(len(points), _POINTS)).round().astype(int)]
+    for (x, y), (dx, dy) in zip(
+        chosen[:-1].tolist(), np.diff(chosen, axis=0).tolist(), strict=True
+    ):
+        length = hypot(dx, dy)
+        if length == 0.0:
             continue
-        geom = _add(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), begin, colour)
-        if geom is not None:
-            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, begin, end)
+        size = np.array([0.5 * (length + width), 0.5 * width, 0.5 * _THIN])
+        middle = np.array([x + 0.5 * dx, y + 0.5 * dy, height])
+        c, s = dx / length, dy / length
+        turned = np.array([c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0])
+        _add(scene, mujoco.mjtGeom.mjGEOM_BOX, size, middle, colour, turned=turned)
 
 
 def _add(
@@ -86,14 +91,16 @@ def _add(
     size: Float[Array, " 3"],
     place: Float[Array, " 3"],
     colour: tuple[float, float, float, float],
+    *,
+    turned: Float[Array, " 9"] = _NOT_TURNED,
 ) -> mujoco.MjvGeom | None:
-    """One geom, not turned; None if there is no room left."""
+    """One geom; None if there is no room left."""
     if scene.ngeom >= scene.maxgeom:
         return None
     geom = scene.geoms[scene.ngeom]
     scene.ngeom += 1
     rgba = np.array(colour, dtype=np.float32)
-    mujoco.mjv_initGeom(geom, kind, size, place, np.eye(3).ravel(), rgba)
+    mujoco.mjv_initGeom(geom, kind, size, place, turned, rgba)
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
-    geom.emission = 0.5
+    geom.emission = 0.2
     return geom

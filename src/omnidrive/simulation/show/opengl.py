@@ -28,7 +28,7 @@ def offscreen(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, mujo
     machine has: EGL, which also works without a display, OSMesa, or an invisible window.
 
     Args:
-        model: What is drawn; the size is noted in it.
+        model: What is drawn; the size and how finely are noted in it.
         width: Of the pictures, in pixels.
         height: Of the pictures, in pixels.
 
@@ -36,6 +36,8 @@ def offscreen(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, mujo
         CannotDraw: None works.
     """
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    quality = model.vis.quality  # without a graphics card fine surfaces take most of the time
+    quality.numslices, quality.numstacks, quality.numquads = 28, 6, 1
     reasons = []
     for kind in _kinds():
         try:
