@@ -153,7 +153,7 @@ def test_a_turn_too_far_loses_as_well():
 
 
 def test_the_end_of_the_reference_truncates():
-    env = small(plant=KinematicPlant, reference=Hold(Pose(0.0, 0.0, 0.0), 0.35))
+    env = small(plant=KinematicPlant, reference=Hold(Pose(0.0, 0.0, 0.0), 0.4))
     env.reset(seed=1)
     ends = [env.step(np.zeros(3))[2:4] for _ in range(4)]
     assert ends == [(False, False)] * 3 + [(False, True)]

@@ -61,7 +61,7 @@ def screen(monkeypatch):
 
 
 def drive(plant, *, onlookers, reference=None):
-    reference = reference or Circle(duration=2.0)
+    reference = reference or Circle(duration=1.0)
     return simulate(
         watched(plant, ROBOT, reference, onlookers),
         FeedforwardController(0.1),
@@ -78,20 +78,20 @@ def test_a_run_is_shown_at_real_time_and_the_window_closes_after_it(screen, whee
         assert isinstance(watching, Onlooker)
         drive(plant, onlookers=[watching])
         (window,) = screen.windows
-        assert window.shown == 101
-        assert screen.clock.slept == pytest.approx(2.0)
+        assert window.shown == 26
+        assert screen.clock.slept == pytest.approx(1.0)
         assert 50 < window.user_scn.ngeom < 500  # path, trail, target
         assert not window.closed
     assert window.closed
 
 
 def test_a_closed_window_lets_the_run_go_on_alone(screen):
-    screen.open_for = 30
+    screen.open_for = 10
     with Viewer() as watching:
         run = drive(KinematicPlant(ROBOT), onlookers=[watching])
-    assert run.t[-1] == pytest.approx(2.0)
-    assert screen.windows[0].shown == 30
-    assert screen.clock.slept == pytest.approx(0.58, abs=0.021)
+    assert run.t[-1] == pytest.approx(1.0)
+    assert screen.windows[0].shown == 10
+    assert screen.clock.slept == pytest.approx(0.36, abs=0.041)
     assert screen.windows[0].closed
 
 
@@ -116,14 +116,14 @@ def test_what_is_too_slow_is_not_hurried_afterwards(screen):
 
     with Viewer() as watching:
         drive(Slow(ROBOT), onlookers=[watching])
-    assert screen.clock.now == pytest.approx(103.0, abs=0.15)
+    assert screen.clock.now == pytest.approx(102.0, abs=0.15)
 
 
 def test_a_step_of_the_reference_is_shown_without_a_path(screen):
     goal = Circle().at(0.0).pose
     with Viewer() as watching:
         drive(KinematicPlant(ROBOT), onlookers=[watching], reference=Hold(goal, 0.3))
-    assert screen.windows[0].shown == 16
+    assert screen.windows[0].shown == 8
 
 
 def test_no_screen_is_an_error_that_names_the_way_out(monkeypatch):

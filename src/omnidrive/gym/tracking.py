@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from math import hypot, isfinite, pi
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar, cast, get_args
 
 import gymnasium
 import numpy as np
@@ -59,7 +59,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def __init__(
         self,
         *,
-        plant: PlantName | Callable[[Robot], Plant] = "rollers",
+        plant: str | Callable[[Robot], Plant] = "rollers",
         robot: str | Robot = "paper",
         reference: Reference | None = None,
         sensor: Callable[[np.random.Generator], Sensor] | None = None,
@@ -105,7 +105,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )  # fmt: skip
         self._reference = reference or _usual_reference(self._robot)
         self._plant = (
-            make_plant(self._robot, plant, obstacles=obstacles)
+            make_plant(self._robot, cast(PlantName, plant), obstacles=obstacles)
             if isinstance(plant, str)
             else plant(self._robot)
         )
@@ -257,7 +257,7 @@ def _usual_reference(robot: Robot) -> Reference:
 
 def _check(
     *,
-    plant: PlantName | Callable[[Robot], Plant],
+    plant: str | Callable[[Robot], Plant],
     dt: float,
     preview: int,
     max_twist: BodyTwist | None,

@@ -17,6 +17,7 @@ from omnidrive.simulation.show.camera import camera_of
 from omnidrive.simulation.show.marks import Marks, path_of
 from omnidrive.simulation.show.onlooker import Scene
 from omnidrive.simulation.show.opengl import has_display
+from omnidrive.simulation.show.recording import FRAMES_PER_SECOND
 
 _OPENING = 30.0  # s that a window may take to open
 _LATE = 0.2  # s that the window may lag behind before it gives up to catch up
@@ -51,7 +52,7 @@ class Viewer:
     @property
     def period(self) -> float:
         """Simulated time between frames, in s."""
-        return 1.0 / 50.0
+        return 1.0 / FRAMES_PER_SECOND
 
     def begin(self, scene: Scene) -> None:
         """Open the window, or show another run in a new one.
