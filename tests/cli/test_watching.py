@@ -7,6 +7,9 @@ import sys
 import pytest
 from PIL import Image
 
+from omnidrive.study import paper_scenario, save_scenario
+from omnidrive.study.scenario import StepTask
+
 QUICK = ["run", "--plant", "kinematic", "--controller", "feedforward", "--out", "here"]
 
 
@@ -24,14 +27,17 @@ def omnidrive(*args, cwd, **env):
 
 
 def test_a_run_is_filmed(tmp_path):
-    done = omnidrive(*QUICK, "--task", "step", "--video", "step.gif", cwd=tmp_path)
+    step = StepTask(displacement=(0.3, 0.1, 0.2), duration=0.6)
+    tasks = paper_scenario().tasks.model_copy(update={"step": step})
+    save_scenario(paper_scenario().model_copy(update={"tasks": tasks}), tmp_path / "s.yaml")
+    done = omnidrive(*QUICK, "--task", "step", "--video", "step.gif", "s.yaml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-2] == "film: step.gif"
     with Image.open(tmp_path / "step.gif") as image:
         assert image.size == (640, 360)
         seconds = sum(frame_time(image, k) for k in range(image.n_frames)) / 1000
-    assert seconds == pytest.approx(10.04)
-    assert sorted(os.listdir(tmp_path)) == ["here", "step.gif"]
+    assert seconds == pytest.approx(0.64)
+    assert sorted(os.listdir(tmp_path)) == ["here", "s.yaml", "step.gif"]
 
 
 def frame_time(image, k):

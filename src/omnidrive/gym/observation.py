@@ -71,7 +71,8 @@ class ObservationLaw:
                 action,
             ]
         )
-        return np.clip(numbers, -1.0, 1.0).astype(np.float32)
+        bounded: Float32[Array, " numbers"] = np.clip(numbers, -1.0, 1.0).astype(np.float32)
+        return bounded
 
 
 def top_speed(reference: Reference, dt: float) -> float:

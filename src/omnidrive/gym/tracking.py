@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from math import hypot, isfinite, pi
-from typing import Any, ClassVar, cast, get_args
+from typing import Any, cast, get_args
 
 import gymnasium
 import numpy as np
@@ -54,7 +54,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         max_twist: Twist of an action of ones, in m/s, m/s and rad/s.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._running = not (lost or over)
         return self._observation(), -cost, lost, over, self._info()
 
-    def render(self) -> UInt8[Array, "height width 3"] | None:  # type: ignore[override]
+    def render(self) -> UInt8[Array, "height width 3"] | None:
         """A picture of the robot, its reference and the way that it has gone.
 
         Raises:

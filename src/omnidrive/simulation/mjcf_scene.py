@@ -50,8 +50,8 @@ def add_surroundings(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     )  # fmt: skip
     add(assets, "material", name="floor", texture="squares", texrepeat="1 1", texuniform="true")
     add(
-        world, "light", pos="0 0 6", dir="-.25 .3 -1", directional="true", diffuse=".4 .4 .4",
-        specular=".1 .1 .1",
+        world, "light", pos="0 0 6", dir="-.25 .3 -1", directional="true", castshadow="false",
+        diffuse=".4 .4 .4", specular=".1 .1 .1",
     )  # fmt: skip
     floor = dict(CONTACT, friction=floor_friction(robot), contype="1", conaffinity="0")
     add(world, "geom", name="floor", type="plane", size="50 50 1", material="floor", **floor)

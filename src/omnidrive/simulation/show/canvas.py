@@ -33,7 +33,6 @@ class Canvas:
         self._model = model
         self._context, self._drawing = offscreen(model, width, height)
         self._scene = mujoco.MjvScene(model, _MOST_GEOMS)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0  # a third of the time
         self._options = mujoco.MjvOption()
         self._view = mujoco.MjrRect(0, 0, width, height)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from importlib import import_module
 from math import hypot
 from threading import Thread
 from time import monotonic, sleep
@@ -38,11 +39,7 @@ class Viewer:
         Raises:
             CannotDraw: There is none.
         """
-        if not has_display():
-            raise CannotDraw(
-                "there is no display for the viewer's window (DISPLAY is not set); a film needs "
-                "none: --video FILE.gif"
-            )
+        _find_screen()
         self._handle: Any = None
         self._scene: Scene | None = None
         self._path = np.empty((0, 2))
@@ -119,23 +116,34 @@ class Viewer:
         self.close()
 
 
+def _find_screen() -> None:
+    """Refuse to go on without a screen."""
+    way_out = "a film needs none: --video FILE.gif"
+    if not has_display():
+        raise CannotDraw(
+            f"there is no display for the viewer's window (DISPLAY is not set); {way_out}"
+        )
+    try:
+        glfw = import_module("glfw")  # both look for libraries when they are imported
+        import_module("mujoco.viewer")
+    except Exception as error:  # libraries for windows fail in their own ways
+        raise CannotDraw(f"the viewer cannot be loaded: {error}; {way_out}") from None
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ready = sys.platform == "darwin" or glfw.init()  # there it is for MuJoCo to do
+    if not ready:
+        reasons = "; ".join(str(each.message) for each in said) or "no reason given"
+        raise CannotDraw(f"there is no display for the viewer's window: {reasons}; {way_out}")
+
+
 def _open_window(scene: Scene) -> Any:
     """The viewer's handle.
 
-    MuJoCo opens the window in a thread of its own, and waits for ever if that fails there: so what
-    can be tried is tried before, and the waiting is bounded.
+    MuJoCo opens the window in a thread of its own, and waits for ever if that fails there: so the
+    waiting is bounded.
     """
-    try:
-        import glfw  # noqa: PLC0415 - both look for a screen when they are imported
-        from mujoco import viewer  # noqa: PLC0415
-    except Exception as error:  # libraries for windows fail in their own ways
-        raise CannotDraw(f"the viewer cannot be loaded: {error}") from None
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        ready = glfw.init() if sys.platform != "darwin" else True
-    if not ready:
-        reasons = "; ".join(str(each.message) for each in said) or "no reason given"
-        raise CannotDraw(f"there is no display for the viewer's window: {reasons}")
+    from mujoco import viewer  # noqa: PLC0415 - looks for a screen when it is imported
+
     opened: list[Any] = []
 
     def launch() -> None:
