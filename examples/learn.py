@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 env = gymnasium.make("omnidrive.gym:omnidrive/Tracking-v0", plant="kinematic", robot="small")
-limits = env.unwrapped.get_wrapper_attr("max_twist")
+limits = env.get_wrapper_attr("max_twist")
 
 
 def score(gains: np.ndarray) -> float:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import glfw
 import mujoco
+import numpy as np
 import pytest
 
 from omnidrive.control import FeedforwardController
@@ -21,7 +22,8 @@ ROBOT = named_robot("small")
 class Window:
     """What MuJoCo gives for a window."""
 
-    def __init__(self, model, open_for):
+    def __init__(self, model, data, open_for):
+        self.model, self.data, self.places = model, data, []
         self.cam, self.user_scn = mujoco.MjvCamera(), mujoco.MjvScene(model, 2000)
         self.open_for, self.shown, self.closed = open_for, 0, False
 
@@ -30,6 +32,7 @@ class Window:
 
     def sync(self):
         self.shown += 1
+        self.places.append(self.data.qpos[:2].tolist())
 
     def lock(self):
         return nullcontext()
@@ -47,10 +50,10 @@ def screen(monkeypatch):
         clock.now += seconds
         clock.slept += seconds
 
-    desk = SimpleNamespace(clock=clock, windows=[], open_for=10**9)
+    desk = SimpleNamespace(clock=clock, windows=[], open_for=10**9, kind=Window)
 
-    def open_window(scene):
-        desk.windows.append(Window(scene.model, desk.open_for))
+    def open_window(model, data):
+        desk.windows.append(desk.kind(model, data, desk.open_for))
         return desk.windows[-1]
 
     monkeypatch.setenv("DISPLAY", ":7")
@@ -84,6 +87,26 @@ def test_a_run_is_shown_at_real_time_and_the_window_closes_after_it(screen, whee
         assert 50 < window.user_scn.ngeom < 500  # path, trail, target
         assert not window.closed
     assert window.closed
+
+
+def test_what_is_done_in_the_window_does_not_change_the_run(screen):
+    """There, a key sets the world back, and the mouse pulls at bodies."""
+
+    class Meddling(Window):
+        def sync(self):
+            super().sync()
+            mujoco.mj_resetData(self.model, self.data)
+            self.data.xfrc_applied[:] = 100.0
+            self.model.opt.gravity[:] = 0.0
+
+    alone = drive(MujocoPlant(ROBOT, "ball"), onlookers=[])
+    screen.kind = Meddling
+    with Viewer() as watching:
+        seen = drive(MujocoPlant(ROBOT, "ball"), onlookers=[watching])
+    assert np.array_equal(alone.pose, seen.pose)
+    (window,) = screen.windows
+    assert window.places[0] == pytest.approx(seen.pose[0, :2])
+    assert window.places[-1] == pytest.approx(seen.pose[-1, :2])
 
 
 def test_a_closed_window_lets_the_run_go_on_alone(screen):

@@ -71,6 +71,10 @@ class Canvas:
             self._context.free()
             self._context = None
 
+    def __del__(self) -> None:
+        if hasattr(self, "_context"):
+            self.close()
+
     def __enter__(self) -> Canvas:
         return self
 

@@ -136,7 +136,9 @@ def _speed(recording: Recording, stride: int) -> float:
     if len(recording.t) < 2:
         return 1.0
     step = float(recording.t[-1] - recording.t[0]) / (len(recording.t) - 1)
-    return round(stride * step * FRAMES_PER_SECOND, 2)
+    speed = stride * step * FRAMES_PER_SECOND
+    whole = round(speed)  # but for frames that wait for the next physics step
+    return float(whole) if abs(speed - whole) < 0.05 else round(speed, 2)
 
 
 class _Shots:

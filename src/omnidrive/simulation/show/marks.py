@@ -36,11 +36,11 @@ class Marks(NamedTuple):
     target: Pose
     """Where B should be now."""
     radius: float
-    """Of the robot, in m; lines are a twentieth of it wide."""
+    """Of the robot, in m; lines are a sixteenth of it wide."""
 
     def add_to(self, scene: mujoco.MjvScene) -> None:
         """Add geoms to those that are in the picture already, as far as there is room."""
-        width = 0.06 * self.radius
+        width = self.radius / 16.0
         _add_line(scene, self.path, _LOW, width, _PATH)
         _add_line(scene, self.trail, _ABOVE, width, _TRAIL)
         x, y, yaw = self.target

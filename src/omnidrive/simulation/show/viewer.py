@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from copy import copy
 from importlib import import_module
 from math import hypot
 from threading import Thread
@@ -11,6 +12,7 @@ from time import monotonic, sleep
 from types import TracebackType
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from omnidrive.errors import CannotDraw
@@ -18,6 +20,7 @@ from omnidrive.simulation.show.camera import camera_of
 from omnidrive.simulation.show.marks import Marks, path_of
 from omnidrive.simulation.show.onlooker import Scene
 from omnidrive.simulation.show.opengl import has_display
+from omnidrive.simulation.show.puppet import place
 from omnidrive.simulation.show.recording import FRAMES_PER_SECOND
 
 _OPENING = 30.0  # s that a window may take to open
@@ -29,8 +32,9 @@ class Viewer:
     """An :class:`~omnidrive.simulation.show.Onlooker` that shows a run in a window at real time.
 
     The run waits for the clock; one that is too slow for it is shown as fast as it goes. When the
-    window is closed the run goes on without it, at full speed, to the same numbers. Use it in a
-    ``with``: at its end the window is closed.
+    window is closed the run goes on without it, at full speed. The window shows a copy of the
+    world, so that nothing which is done in it changes the run. Use it in a ``with``: at its end the
+    window is closed.
     """
 
     def __init__(self) -> None:
@@ -42,6 +46,7 @@ class Viewer:
         _find_screen()
         self._handle: Any = None
         self._scene: Scene | None = None
+        self._copy: mujoco.MjData | None = None
         self._path = np.empty((0, 2))
         self._trail: list[tuple[float, float]] = []
         self._began = 0.0
@@ -60,7 +65,10 @@ class Viewer:
         self.close()
         self._scene, self._path = scene, path_of(scene.reference)
         self._trail = [scene.place]
-        self._handle = _open_window(scene)
+        model = copy(scene.model)
+        self._copy = mujoco.MjData(model)
+        self._show()
+        self._handle = _open_window(model, self._copy)
         camera = camera_of(
             "auto", np.vstack([self._path, self._trail]), scene.robot.body_radius, 1.6
         )
@@ -91,12 +99,22 @@ class Viewer:
         with self._handle.lock():
             self._handle.user_scn.ngeom = 0
             marks.add_to(self._handle.user_scn)
+            self._show()
         self._handle.sync()
         ahead = self._began + t - monotonic()
         if ahead > 0.0:
             sleep(ahead)
         elif ahead < -_LATE:
             self._began -= ahead
+
+    def _show(self) -> None:
+        """Make the copy of the world what the world is now."""
+        assert self._scene is not None
+        assert self._copy is not None
+        world = self._scene.data
+        self._copy.qpos[:], self._copy.mocap_pos[:] = world.qpos, world.mocap_pos
+        self._copy.time = world.time
+        place(self._copy.model, self._copy)
 
     def close(self) -> None:
         """Close the window, if it is open."""
@@ -136,7 +154,7 @@ def _find_screen() -> None:
         raise CannotDraw(f"there is no display for the viewer's window: {reasons}; {way_out}")
 
 
-def _open_window(scene: Scene) -> Any:
+def _open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     """The viewer's handle.
 
     MuJoCo opens the window in a thread of its own, and waits for ever if that fails there: so the
@@ -149,9 +167,7 @@ def _open_window(scene: Scene) -> Any:
     def launch() -> None:
         try:
             opened.append(
-                viewer.launch_passive(
-                    scene.model, scene.data, show_left_ui=False, show_right_ui=False
-                )
+                viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
             )
         except Exception as error:
             opened.append(error)
