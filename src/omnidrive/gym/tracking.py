@@ -192,8 +192,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._picture.draw(self._time)
 
     def close(self) -> None:
-        """Give back what pictures are drawn with."""
+        """Give back what pictures are drawn with, and a plant that is to be given back."""
         self._picture.close()
+        give_back = getattr(self._plant, "close", None)
+        if callable(give_back):
+            give_back()
 
     @property
     def _time(self) -> float:
