@@ -80,7 +80,7 @@ def test_a_wall_stops_the_robot(wheels, yaw, angle):
     states = [plant.step(ahead(angle + pi), 0.1) for _ in range(25)]
     gaps = grid.clearance(np.array([s.pose[:2] for s in states])) - SMALL.body_radius
     first = next(k for k, s in enumerate(states) if s.collisions)
-    assert gaps[:first].min() > 0.0
+    assert gaps[:first].min() > -1.1e-3  # told a step of 2 ms later
     assert gaps.min() > -5e-3  # it gives way by millimetres
     assert gaps[first:].min() == pytest.approx(0.0, abs=5e-3)
     assert states[-1].collisions >= 1
@@ -91,11 +91,9 @@ def test_a_robot_that_comes_back_collides_again():
     x, y = grid.centre(100, 124)
     plant = MujocoPlant(SMALL, "ball", obstacles=grid)
     plant.reset(Pose(x + 0.6, y, 0.0))
-    counts = [
-        plant.step(ahead(pi if (k // 15) % 2 == 0 else 0.0), 0.1).collisions for k in range(60)
-    ]
-    assert counts[14] == 1
-    assert counts[44] == counts[-1] == 2
+    counts = [plant.step(ahead(0.0 if 15 <= k < 23 else pi), 0.1).collisions for k in range(40)]
+    assert counts[14] == counts[25] == 1
+    assert counts[-1] == 2
     assert plant.reset(Pose(x + 0.6, y, 0.0)).collisions == 0
 
 
@@ -119,15 +117,20 @@ def test_walls_that_are_not_touched_change_nothing(wheels):
     assert repr(after[0]) == repr(after[1])
 
 
-def test_a_robot_put_into_a_wall_gets_out_sideways():
+def test_a_robot_put_into_a_wall_is_told_and_may_leave():
     occupied = np.zeros((100, 100), bool)
     occupied[:, :50] = True
     grid = OccupancyGrid(occupied, 0.1, walled=False)
     plant = MujocoPlant(SMALL, "ball", obstacles=grid)
     plant.reset(Pose(4.9, 5.0, 0.0))
-    plant.step(REST, 1.0)
-    assert abs(plant.data.qpos[2] - SMALL.wheel.radius) < 0.02
-    assert plant.step(REST, 1.0).pose.x > 5.0 + SMALL.body_radius - 5e-3
+    stood = plant.step(REST, 1.0)
+    assert stood.collisions == 1
+    assert stood.pose.x == pytest.approx(4.9, abs=1e-4)
+    left = [plant.step(ahead(0.0), 0.1) for _ in range(15)][-1]
+    assert left.pose.x > 5.0 + SMALL.body_radius
+    back = [plant.step(ahead(pi), 0.1) for _ in range(15)][-1]
+    assert back.collisions == 2
+    assert back.pose.x == pytest.approx(5.0 + SMALL.body_radius, abs=5e-3)
 
 
 def test_a_disc_is_where_its_path_says():

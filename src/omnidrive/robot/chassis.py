@@ -65,7 +65,7 @@ class Chassis:
             px, py = mount.push
             turn = mount.x * py - mount.y * px
             rows.append(np.array([px, py, turn]) / (wheel_radius * cos(mount.roller)))
-        return cls(np.array(rows), max_wheel_speed)
+        return cls(np.array(rows).reshape(-1, 3), max_wheel_speed)
 
     @classmethod
     def omni(

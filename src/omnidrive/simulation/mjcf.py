@@ -81,7 +81,11 @@ def _wheel_mass(wheel: OmniWheel, wheels: WheelModel) -> float:
 def _add_chassis(base: ET.Element, robot: Robot, wheels: WheelModel) -> None:
     one = _wheel_mass(robot.wheel, wheels)
     mass = robot.mass - len(robot.mounts) * one
-    about_z = robot.frame_inertia * mass / robot.frame_mass
+    if robot.body_inertia is None:
+        about_z = robot.frame_inertia * mass / robot.frame_mass
+    else:  # the weight of rollers that are not there stays with the wheels
+        rest = robot.wheel.total_mass - one
+        about_z = robot.body_inertia + rest * sum(m.x**2 + m.y**2 for m in robot.mounts)
     place = (
         round((robot.mass * of_all - one * sum(wheels_at)) / mass, 12)  # without rounding's dust
         for of_all, wheels_at in zip(robot.com, zip(*robot.mounts, strict=True), strict=False)

@@ -17,7 +17,7 @@ from omnidrive.simulation.walls import Walls
 
 Array = np.ndarray
 
-NEAR_WALLS = 16
+NEAR_WALLS = 8
 """Boxes of the map that stand in the physical world: those nearest to the robot."""
 AHEAD = 5.0
 """From the robot's body to the end of the furthest part of such a box, in m, at most."""

@@ -42,13 +42,15 @@ def add_ball_wheel(
     """A sphere driven about a horizontal axis across the mount's push, free about the others.
 
     The motor turns ``1 / cos(roller)`` times as fast as the sphere does about that axis, and its
-    torque is as much greater there: ``r w cos(roller) = push . v``, without loss.
+    torque is as much greater there: ``r w cos(roller) = push . v``, without loss. The rotor's
+    inertia lies on every axis of the sphere: of mecanum wheels what it weighs on the mean over all
+    directions, of omni wheels twice that.
     """
     wheel, gear = robot.wheel, 1.0 / cos(mount.roller)
     pos = numbers(mount.x, mount.y, 0.0)
     add(base, "site", name=f"drive{i}", pos=pos, quat=about_z(mount.axle - mount.roller))
     body = _sprung(base, robot, i, mount)
-    add(body, "joint", name=f"wheel{i}", type="ball", armature=wheel.rotor_inertia * gear**2)
+    add(body, "joint", name=f"wheel{i}", type="ball", armature=wheel.rotor_inertia)
     inertia = _hub_inertia(wheel)
     add(body, "inertial", pos="0 0 0", mass=wheel.mass, diaginertia=numbers(*[inertia] * 3))
     add(body, "site", name=f"hub{i}")

@@ -13,13 +13,14 @@ from omnidrive.errors import InvalidInput
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf_scene import AHEAD, NEAR_WALLS, PARKED
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MovingObstacle
-from omnidrive.simulation.walls import Walls
+from omnidrive.simulation.walls import Walls, distances
 
 Array = np.ndarray
 
 _LOOK_AHEAD = 0.1  # s for which the boxes that are near are chosen
 _ROOM = 0.15  # m that the robot may get further in that time than its speed says
-_APART = 0.1  # s without touch after which another touch is another collision
+_DEEP = 0.05  # m into a wall to which no robot drives: it was put there
+_APART = 0.12  # s without touch after which another touch is another collision
 
 
 class MujocoObstacles:
@@ -27,10 +28,11 @@ class MujocoObstacles:
 
     Of the map's boxes the nearest few stand in the physical world, chosen anew ten times a second:
     what is further away than the robot gets in that time cannot matter, and a map of any size costs
-    the same. In free space nothing is looked at.
+    the same. In free space nothing is looked at. A wall into which the robot was put, as no robot
+    drives, is a collision but does not throw it out: it stands again once the robot has left it.
 
     Attributes:
-        collisions: How often the body began to touch something; a touch within 0.1 s of another
+        collisions: How often the body began to touch something; a touch within 0.12 s of another
             is the same collision.
     """
 
@@ -50,12 +52,11 @@ class MujocoObstacles:
             raise InvalidInput(f"{len(moving)} obstacles move, need at most {MOST_MOVING}")
         self._model, self._walls, self._moving = model, walls, tuple(moving)
         self._radius = robot.body_radius
-        some = walls is not None or bool(moving)
-        self._body = model.geom("body").id if some else -1
         first = model.geom("wall0").id if walls is not None else 0
         self._geoms = slice(first, first + NEAR_WALLS)
         self._mocaps = [int(model.body(f"moving{k}").mocapid[0]) for k in range(len(moving))]
-        self._standing = 0
+        self._boxes = np.empty((0, 4))
+        self._within = False
         self._touched = -inf
         self.collisions = 0
 
@@ -63,28 +64,51 @@ class MujocoObstacles:
         """No walls near, movers where they start, nothing touched."""
         if self._walls is not None:
             self._stand(np.empty((0, 4)))
-        self._move(data)
-        self._touched, self.collisions = -inf, 0
+        self.move(data)
+        self._within, self._touched, self.collisions = False, -inf, 0
 
     def approach(self, data: mujoco.MjData) -> bool:
-        """Put up the walls that are near; tell whether there is anything to :meth:`watch`."""
-        if self._walls is not None:
+        """Put up the walls that are near; tell whether there is anything to :meth:`count`."""
+        walls = self._walls
+        if walls is not None:
             x, y = data.qpos[:2].tolist()
             speed = float(np.hypot(*data.qvel[:2]))
             reach = self._radius + min(_ROOM + _LOOK_AHEAD * speed, AHEAD)
             if np.isfinite(x + y + speed):  # else the run ends
-                self._stand(self._walls.near(x, y, reach, NEAR_WALLS))
-        return self._standing > 0 or bool(self._moving)
+                boxes = walls.near(x, y, reach, NEAR_WALLS)
+                deep = 0.0 if self._within else min(_DEEP, 0.5 * self._radius)
+                inside = distances(boxes, *walls.in_map(x, y)) < self._radius - deep
+                self._within = bool(inside.any())
+                if self._within:
+                    self._touch(data.time)
+                self._stand(boxes[~inside])
+        return len(self._boxes) > 0 or bool(self._moving)
 
-    def watch(self, data: mujoco.MjData) -> None:
-        """Count what was touched in the last step, and move what moves for the next."""
-        if data.ncon and (data.contact.geom == self._body).any():
-            if data.time - self._touched > _APART:
-                self.collisions += 1
-            self._touched = data.time
-        self._move(data)
+    def count(self, places: Float[Array, "steps 2"], times: Float[Array, " steps"]) -> None:
+        """Count what was touched on the way since :meth:`approach`.
 
-    def _move(self, data: mujoco.MjData) -> None:
+        From where the body's centre was, in m of W, and when, in s: a sphere touches an upright box
+        or cylinder if it is nearer than its radius. Going through MuJoCo's contacts in every step
+        would take as long as the physics of balls.
+        """
+        touched = np.zeros(len(times), dtype=bool)
+        if self._walls is not None:
+            u, v = self._walls.in_map(*places.T)
+            for box in self._boxes:
+                touched |= distances(box[None], u, v) < self._radius
+        for obstacle in self._moving:
+            there = np.array([obstacle.at(t) for t in times.tolist()])
+            touched |= np.hypot(*(places - there).T) < self._radius + obstacle.radius
+        for time in times[touched].tolist():
+            self._touch(time)
+
+    def _touch(self, time: float) -> None:
+        if time - self._touched > _APART:
+            self.collisions += 1
+        self._touched = time
+
+    def move(self, data: mujoco.MjData) -> None:
+        """Put what moves where it is now."""
         for mocap, obstacle in zip(self._mocaps, self._moving, strict=True):
             data.mocap_pos[mocap, :2] = obstacle.at(data.time)
 
@@ -92,7 +116,7 @@ class MujocoObstacles:
         """Let these boxes stand, and no others."""
         places, sizes = self._model.geom_pos[self._geoms], self._model.geom_size[self._geoms]
         count = len(boxes)
-        if count == self._standing == 0:
+        if count == len(self._boxes) == 0:
             return
         left, right, bottom, top = boxes.T
         places[:count] = np.column_stack(
@@ -100,4 +124,4 @@ class MujocoObstacles:
         )
         places[count:] = PARKED
         sizes[:count, :2] = 0.5 * np.column_stack([right - left, top - bottom])
-        self._standing = count
+        self._boxes = boxes

@@ -121,16 +121,20 @@ class MujocoPlant:
         forces = np.empty((substeps, model.nu))
         speeds = np.empty((substeps, model.nu))
         force, speed = data.actuator_force, data.actuator_velocity
-        watched = False
-        for k in range(substeps):
-            if k % _APPROACHES == 0:
-                watched = self._obstacles.approach(data)
-            mujoco.mj_step(model, data)
-            forces[k], speeds[k] = force, speed
+        places, place, obstacles = np.empty((substeps, 2)), data.qpos[:2], self._obstacles
+        for begin in range(0, substeps, _APPROACHES):
+            end, time = min(begin + _APPROACHES, substeps), data.time
+            watched = obstacles.approach(data)
+            for k in range(begin, end):
+                if watched:
+                    obstacles.move(data)
+                mujoco.mj_step(model, data)
+                forces[k], speeds[k], places[k] = force, speed, place
+                if self.observer is not None:
+                    self.observer()
             if watched:
-                self._obstacles.watch(data)
-            if self.observer is not None:
-                self.observer()
+                times = time + model.opt.timestep * np.arange(1, end - begin + 1)
+                obstacles.count(places[begin:end], times)
         self._account(forces, speeds, dt)
         return self._measure()
 
@@ -148,9 +152,24 @@ class MujocoPlant:
         """Work, torque and angle of steps of ``dt`` s together; speeds are those at their begin."""
         power = np.abs(forces * speeds).sum(axis=1).cumsum()[-1]  # in order, as it came
         self._work += float(power) * dt / len(forces)
-        self._torques = forces.mean(axis=0)
+        self._torques = self._given(forces, speeds).mean(axis=0)
         self._turned += speeds.mean(axis=0) * dt
         self._last_turn = speeds[-1] * dt / len(speeds)
+
+    def _given(
+        self, forces: Float[Array, "steps wheels"], speeds: Float[Array, "steps wheels"]
+    ) -> Float[Array, "steps wheels"]:
+        """Torque that the motors gave in every step.
+
+        MuJoCo tells that at a step's begin; its integrator takes the servo's answer to the speed at
+        the end, unless the motor is at its limit. How the speed changes in the last step is taken
+        from the one before.
+        """
+        limits, gains = self._model.actuator_forcerange[:, 1], -self._model.actuator_biasprm[:, 2]
+        change = np.diff(speeds, axis=0)
+        change = np.vstack([change, change[-1:]]) if len(change) else np.zeros_like(speeds)
+        given: Float[Array, "steps wheels"] = forces - gains * change * (np.abs(forces) < limits)
+        return given
 
     def _wheel_angles(self) -> Float[Array, " wheels"]:
         """How far the wheels have turned, in rad.

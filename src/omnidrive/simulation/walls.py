@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos, hypot, inf, sin
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from omnidrive.maps import OccupancyGrid
 
 Array = np.ndarray
+T = TypeVar("T", float, np.ndarray)
 
 _SLACK = 0.5  # m that the robot moves before boxes are looked up again
 _SPARE = 0.3  # m by which its reach may grow before
@@ -38,15 +40,15 @@ class Walls:
             around += [(0.0, width, -inf, 0.0), (0.0, width, height, inf)]
             self.boxes = np.vstack([self.boxes, around])
         self._looked_up: tuple[float, float, float] = (inf, inf, 0.0)
-        self._near = self.boxes[:0]
+        self._near, self._nearest = self.boxes[:0], inf
 
     @property
     def frame(self) -> tuple[tuple[float, float], float]:
         """Where the map's frame lies in W, and by how much it is turned: ((m, m), rad)."""
         return self._grid.origin, self._grid.yaw
 
-    def in_map(self, x: float, y: float) -> tuple[float, float]:
-        """A point of W in the map's frame, in m."""
+    def in_map(self, x: T, y: T) -> tuple[T, T]:
+        """A point of W, or many, in the map's frame, in m."""
         dx, dy = x - self._grid.origin[0], y - self._grid.origin[1]
         c, s = cos(self._grid.yaw), sin(self._grid.yaw)
         return c * dx + s * dy, c * dy - s * dx
@@ -58,15 +60,17 @@ class Walls:
         """
         u, v = self.in_map(x, y)
         looked_at_u, looked_at_v, had = self._looked_up
-        if not (hypot(u - looked_at_u, v - looked_at_v) <= _SLACK and reach <= had):
-            within = reach + _SPARE + _SLACK
-            self._near = self.boxes[_distances(self.boxes, u, v) <= within]
-            self._looked_up = (u, v, reach + _SPARE)
-        if len(self._near) == 0:
-            return self._near
-        distances = _distances(self._near, u, v)
-        order = np.argsort(distances, kind="stable")[:most]
-        chosen = self._near[order[distances[order] <= reach]]
+        moved = hypot(u - looked_at_u, v - looked_at_v)
+        if not (moved <= _SLACK and reach <= had):
+            gaps = distances(self.boxes, u, v)
+            self._near = self.boxes[gaps <= reach + _SPARE + _SLACK]
+            self._nearest = float(gaps.min(initial=inf))
+            self._looked_up, moved = (u, v, reach + _SPARE), 0.0
+        if moved + reach < self._nearest:
+            return self.boxes[:0]
+        gaps = distances(self._near, u, v)
+        order = np.argsort(gaps, kind="stable")[:most]
+        chosen = self._near[order[gaps[order] <= reach]]
         window = np.array([u, u, v, v])
         clipped: Float[Array, "near 4"] = np.clip(chosen, window - reach, window + reach)
         return clipped
@@ -88,10 +92,14 @@ def boxes_of(occupied: Bool[Array, "rows cols"]) -> Int[Array, "boxes 4"]:
     return np.column_stack([begin[first], end[first], row[first], row[last] + 1])
 
 
-def _distances(boxes: Float[Array, "boxes 4"], u: float, v: float) -> Float[Array, " boxes"]:
-    """From a point to each box, in m; 0 inside."""
+def distances(
+    boxes: Float[Array, "#points 4"],
+    u: float | Float[Array, " points"],
+    v: float | Float[Array, " points"],
+) -> Float[Array, " points"]:
+    """From a point to boxes, or from points to a box, all in one frame, in m; 0 inside."""
     left, right, bottom, top = boxes.T
     across = np.maximum(np.maximum(left - u, u - right), 0.0)
     along = np.maximum(np.maximum(bottom - v, v - top), 0.0)
-    distances: Float[Array, " boxes"] = np.hypot(across, along)
-    return distances
+    gaps: Float[Array, " points"] = np.hypot(across, along)
+    return gaps
