@@ -48,6 +48,7 @@ from .simulation import (
     roll_out,
     simulate,
 )
+from .simulation.show import Onlooker, Recorder, Recording, Viewer, film, replay, watched
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
 
 __all__ = [
@@ -72,6 +73,7 @@ __all__ = [
     "NmpcController",
     "OccupancyGrid",
     "OmnidriveError",
+    "Onlooker",
     "Outcome",
     "PaperNoise",
     "Path",
@@ -81,6 +83,8 @@ __all__ = [
     "PlanarPlant",
     "Plant",
     "Pose",
+    "Recorder",
+    "Recording",
     "Reference",
     "Robot",
     "Run",
@@ -94,8 +98,10 @@ __all__ = [
     "TimedReference",
     "TrackingPidController",
     "UniformReference",
+    "Viewer",
     "WorldTwist",
     "classical_pid",
+    "film",
     "fuzzy_pid",
     "holonomic_nmpc",
     "identify_lag",
@@ -109,6 +115,7 @@ __all__ = [
     "paper_map",
     "paper_scenario",
     "plan",
+    "replay",
     "roll_out",
     "run_study",
     "save_nav2_map",
@@ -122,4 +129,5 @@ __all__ = [
     "to_body",
     "to_world",
     "unicycle_nmpc",
+    "watched",
 ]

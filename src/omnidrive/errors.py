@@ -14,6 +14,7 @@ OmnidriveError
 ├── MissingExtra                  an optional dependency is not installed
 ├── PlantLost                     a simulator behind a plant cannot be reached, or went away
 ├── CannotWrite                   the run folder cannot be made or has no room left
+├── CannotDraw                    no OpenGL to draw with, or no display for a window
 ├── WorkerLost                    a process that did some of the runs was killed
 └── RunFailed                     raised only on request, by ``Run.raise_if_failed()``
 
@@ -86,6 +87,10 @@ class PlantLost(OmnidriveError):
 
 class CannotWrite(OmnidriveError):
     """Results cannot be written."""
+
+
+class CannotDraw(OmnidriveError):
+    """There is nothing to draw a picture with, or nowhere to show it."""
 
 
 class WorkerLost(OmnidriveError):

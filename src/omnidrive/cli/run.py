@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Annotated, get_args
 
 import typer
@@ -11,15 +13,18 @@ from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     HOW,
+    RESULTS,
     FolderOption,
     JsonOption,
     choice,
     choose_one,
+    flag,
     new_folder,
     option,
 )
 from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_touching
 from omnidrive.errors import InvalidInput
+from omnidrive.simulation.show import Recorder, Viewer, check_film, film
 from omnidrive.study import (
     PREDICTIVE,
     ControllerName,
@@ -43,7 +48,13 @@ def run(
         int | None, option("N", "Prediction horizon of the NMPC, in steps.", HOW)
     ] = None,
     fault: FaultOption = None,
+    view: Annotated[
+        bool, flag("Watch it in MuJoCo's viewer, at real time.", HOW, "--view")
+    ] = False,
     out: FolderOption = None,
+    video: Annotated[
+        Path | None, option("FILE", "Film of it: .mp4, or .gif; at real time.", RESULTS)
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Drive once: one controller, one task, its numbers, time series, figures and report.
@@ -56,21 +67,42 @@ def run(
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
     * `omnidrive run --task noise --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
+    * `omnidrive run --video race.gif`
     """
     if out is not None:
         check_new_folder(out)
+    if video is not None:
+        check_film(video)
     resolved = with_faults(_narrow(demand.resolve(), controller, task, horizon), fault)
     folder = out or new_folder(f"{resolved.name}-{controller}-{task}")
-    with LiveProgress() as progress:
-        study = run_study(resolved, folder, watcher=progress)
+    with ExitStack() as stack:
+        viewers = [stack.enter_context(Viewer())] if view else []
+        recorders = [Recorder()] if video is not None else []
+        progress = stack.enter_context(LiveProgress())
+        study = run_study(resolved, folder, watcher=progress, onlookers=[*viewers, *recorders])
+        films = [_film(recorder, video, progress) for recorder in recorders if video is not None]
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
         print_tables(study.tables)
         print_events(study)
+        for each in films:
+            typer.echo(f"film: {each}")
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
     warn_of_touching(study)
     study.raise_if_failed()
+
+
+def _film(recorder: Recorder, video: Path, progress: LiveProgress) -> str:
+    """Draw what was recorded; returns what there is to say of the film."""
+
+    def drawn(done: int, count: int) -> None:
+        if done == 1:
+            progress.part("video", count)
+        progress.done(video.name)
+
+    speed = film(recorder.recording, video, progress=drawn)
+    return str(video) if speed == 1.0 else f"{video} ({speed:g} times as fast as it was)"
 
 
 def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None) -> Scenario:

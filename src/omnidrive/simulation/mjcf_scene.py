@@ -37,7 +37,7 @@ def add_surroundings(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     add(root, "statistic", center="0 0 0", extent="3")  # else walls put away count as far ends
     visual = add(root, "visual")
     add(visual, "global", offwidth="1920", offheight="1080")
-    add(visual, "headlight", ambient=".35 .35 .35", diffuse=".45 .45 .45", specular="0 0 0")
+    add(visual, "headlight", ambient=".3 .3 .3", diffuse=".25 .25 .25", specular="0 0 0")
     add(visual, "quality", shadowsize="2048")
     assets = add(root, "asset")
     add(
@@ -50,8 +50,8 @@ def add_surroundings(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     )  # fmt: skip
     add(assets, "material", name="floor", texture="squares", texrepeat="1 1", texuniform="true")
     add(
-        world, "light", pos="0 0 6", dir="-.25 .3 -1", directional="true", diffuse=".55 .55 .55",
-        specular=".1 .1 .1",
+        world, "light", pos="0 0 6", dir="-.25 .3 -1", directional="true", castshadow="false",
+        diffuse=".4 .4 .4", specular=".1 .1 .1",
     )  # fmt: skip
     floor = dict(CONTACT, friction=floor_friction(robot), contype="1", conaffinity="0")
     add(world, "geom", name="floor", type="plane", size="50 50 1", material="floor", **floor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import atan2, ceil, nan, pi
 from typing import get_args
 
@@ -38,6 +38,9 @@ class MujocoPlant:
     The command becomes wheel speeds by ``robot.drive`` (scaled together when one saturates);
     velocity servos with the robot's torque limit turn the wheels. What is imposed on it and what
     draws it may use :attr:`model` and :attr:`data`; B is the frame of the body ``base``.
+
+    Attributes:
+        observer: Called after every physics step of a command; it must change nothing.
     """
 
     def __init__(
@@ -81,6 +84,7 @@ class MujocoPlant:
         pitch = 2.0 * pi / robot.wheel.rollers_per_row
         count = len(robot.mounts)
         self._phases = rng.uniform(0.0, pitch, count) if rng is not None else np.zeros(count)
+        self.observer: Callable[[], None] | None = None
         self._start(0.0)
 
     @property
@@ -133,6 +137,8 @@ class MujocoPlant:
                     conditions.tread(data)
                 mujoco.mj_step(model, data)
                 forces[k], speeds[k], places[k] = force, speed, place
+                if self.observer is not None:
+                    self.observer()
             if watched:
                 times = time + model.opt.timestep * np.arange(1, end - begin + 1)
                 obstacles.count(places[begin:end], times)

@@ -15,6 +15,7 @@ from threading import Thread
 
 from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult
+from omnidrive.simulation.show import Onlooker
 from omnidrive.study.jobs import Job, run_job
 from omnidrive.study.prepared import Prepared
 
@@ -27,21 +28,22 @@ _ENDINGS = _KEYBOARD | {signal.SIGTERM}
 
 
 def execute(
-    prepared: Prepared, jobs: Sequence[Job], processes: int
+    prepared: Prepared, jobs: Sequence[Job], processes: int, onlookers: Sequence[Onlooker] = ()
 ) -> Generator[tuple[Job, Result], None, None]:
     """Yield each job with its result as it finishes; the order depends on ``processes``.
 
     Every run owns its plant, controller and random numbers, so results do not depend on it.
-    Runs are started longest first; those in CoppeliaSim one at a time, as it holds one robot.
+    Runs are started longest first; one by one where ``onlookers`` see them, and in CoppeliaSim,
+    which holds one robot.
 
     Raises:
         WorkerLost: A worker process was killed; what was yielded before stands.
     """
     queue = sorted(jobs, key=lambda job: -job.duration)
-    alone = prepared.scenario.plant == "coppeliasim"
+    alone = prepared.scenario.plant == "coppeliasim" or bool(onlookers)
     if alone or processes <= 1 or len(queue) <= 1:
         for job in queue:
-            yield job, run_job(prepared, job)
+            yield job, run_job(prepared, job, onlookers)
         return
     with _undisturbed():  # this starts Python's own helper, the resource tracker
         pool = ProcessPoolExecutor(

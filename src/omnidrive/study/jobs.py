@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -36,6 +36,7 @@ from omnidrive.simulation import (
     default_faults,
     simulate,
 )
+from omnidrive.simulation.show import Onlooker
 from omnidrive.study.plants import plant_of
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import (
@@ -106,11 +107,14 @@ def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
     return tuple(f for f in default_faults(0.25 * task.duration) if f.kind not in unknown)
 
 
-def run_job(prepared: Prepared, job: Job) -> TrackResult | StepResult | FaultResult:
-    """Do one run and measure it."""
+def run_job(
+    prepared: Prepared, job: Job, onlookers: Sequence[Onlooker] = ()
+) -> TrackResult | StepResult | FaultResult:
+    """Do one run and measure it, while ``onlookers`` see it."""
     if job.task == "faults":
-        return _fault(prepared, job)
-    return _step(prepared, job) if job.task == "step" else _track(prepared, job)
+        return _fault(prepared, job, onlookers)
+    do = _step if job.task == "step" else _track
+    return do(prepared, job, onlookers)
 
 
 def make_controller(
@@ -184,12 +188,12 @@ def _simulated(
     )
 
 
-def _fault(prepared: Prepared, job: Job) -> FaultResult:
+def _fault(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> FaultResult:
     """Follow the path with one fault of the task, or with none."""
     reference = prepared.reference(job.duration)
     fault = (None, *faults_of(prepared.scenario))[job.fault]
     faults = (fault,) if fault else ()
-    with plant_of(prepared) as plant:
+    with plant_of(prepared, reference, onlookers=onlookers) as plant:
         run = _simulated(prepared, job, plant, reference, faults=faults)
     metrics = measure(run, prepared.robot.drive)
     return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
@@ -212,10 +216,10 @@ def make_sensor(
     return EstimatingSensor(sensors, PoseEstimator(robot, settings, section.estimator, slips=slips))
 
 
-def _track(prepared: Prepared, job: Job) -> TrackResult:
+def _track(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> TrackResult:
     """Follow the path."""
     reference = prepared.reference(job.duration)
-    with plant_of(prepared, job.repeat) as plant:
+    with plant_of(prepared, reference, job.repeat, onlookers=onlookers) as plant:
         run = _simulated(prepared, job, plant, reference)
     return TrackResult(
         job.controller, job.task, job.duration, job.task == "noise", job.horizon, run,
@@ -223,14 +227,15 @@ def _track(prepared: Prepared, job: Job) -> TrackResult:
     )  # fmt: skip
 
 
-def _step(prepared: Prepared, job: Job) -> StepResult:
+def _step(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> StepResult:
     """Let the reference jump from the start pose, on an empty floor."""
     task = prepared.scenario.tasks.step
     assert task is not None
     start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
-    with plant_of(prepared, on_map=False) as plant:
-        run = _simulated(prepared, job, plant, Hold(goal, job.duration), start=start)
+    reference = Hold(goal, job.duration)
+    with plant_of(prepared, reference, on_map=False, onlookers=onlookers) as plant:
+        run = _simulated(prepared, job, plant, reference, start=start)
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )

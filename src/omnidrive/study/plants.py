@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from omnidrive.maps import OccupancyGrid
+from omnidrive.reference import Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation import (
     CoppeliaSimPlant,
@@ -18,6 +19,7 @@ from omnidrive.simulation import (
     PlanarPlant,
     Plant,
 )
+from omnidrive.simulation.show import Onlooker, watched
 from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import PlantName
 
@@ -52,27 +54,40 @@ def make_plant(
 
 
 @contextmanager
-def plant_of(prepared: Prepared, repeat: int = 0, *, on_map: bool = True) -> Iterator[Plant]:
+def plant_of(
+    prepared: Prepared,
+    reference: Reference,
+    repeat: int = 0,
+    *,
+    on_map: bool = True,
+    onlookers: Sequence[Onlooker] = (),
+) -> Iterator[Plant]:
     """The scenario's plant, stopped at the end if it would go on by itself.
 
     Args:
         prepared: The scenario with its map.
+        reference: What it is to follow, for onlookers.
         repeat: Which of the random numbers; every controller meets the same ones.
         on_map: Whether the map's obstacles stand around it, or it is on an endless floor.
+        onlookers: Who sees the run.
     """
     scenario = prepared.scenario
     # apart from the numbers of the noise
     seed = np.random.SeedSequence(scenario.seed, spawn_key=(repeat,))
+    obstacles = prepared.obstacles if on_map else None
+    moving = [section.obstacle() for section in scenario.map.moving] if on_map else []
     plant = make_plant(
         prepared.robot,
         scenario.plant,
         rng=np.random.default_rng(seed) if scenario.robot.roller_phase else None,
-        obstacles=prepared.obstacles if on_map else None,
-        moving=[section.obstacle() for section in scenario.map.moving] if on_map else (),
+        obstacles=obstacles,
+        moving=moving,
         scene=CoppeliaSimScene(**scenario.coppeliasim.model_dump()),
     )
     try:
-        yield plant
+        yield watched(
+            plant, prepared.robot, reference, onlookers, obstacles=obstacles, moving=moving
+        )
     finally:
         if isinstance(plant, CoppeliaSimPlant):
             plant.close()

@@ -21,6 +21,7 @@ from omnidrive.evaluation import (
     write_page,
 )
 from omnidrive.simulation import Outcome
+from omnidrive.simulation.show import Onlooker
 from omnidrive.study.destination import check_new_folder
 from omnidrive.study.execute import Result, execute
 from omnidrive.study.folder import RunFolder, writing
@@ -96,6 +97,7 @@ def run_study(
     *,
     processes: int = 1,
     watcher: Watcher | None = None,
+    onlookers: Sequence[Onlooker] = (),
 ) -> Study:
     """Plan, run, measure and report.
 
@@ -106,6 +108,7 @@ def run_study(
         folder: A new or empty folder for the results; None writes nothing.
         processes: Runs done at the same time; the numbers do not depend on it.
         watcher: Told how far the work is.
+        onlookers: See every run as it happens; the runs are then done one by one.
 
     Raises:
         InvalidInput: The scenario cannot be done as it stands.
@@ -124,7 +127,7 @@ def run_study(
     finished: dict[Job, Result] = {}
     with (
         clock.part("simulate", len(jobs)),
-        closing(execute(prepared, jobs, processes)) as done,  # an error ends the workers
+        closing(execute(prepared, jobs, processes, onlookers)) as done,  # an error ends the workers
     ):
         for job, result in done:
             finished[job] = result

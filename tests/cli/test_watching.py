@@ -1,0 +1,60 @@
+"""`omnidrive run --video` and `--view` as a user meets them."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from PIL import Image
+
+from omnidrive.study import paper_scenario, save_scenario
+from omnidrive.study.scenario import StepTask
+
+QUICK = ["run", "--plant", "kinematic", "--controller", "feedforward", "--out", "here"]
+
+
+def omnidrive(*args, cwd, **env):
+    kept = {k: v for k, v in os.environ.items() if k not in {"DISPLAY", "WAYLAND_DISPLAY"}}
+    return subprocess.run(
+        [sys.executable, "-m", "omnidrive", *args],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env={**kept, "COLUMNS": "200", **env},
+    )
+
+
+def test_a_run_is_filmed(tmp_path):
+    step = StepTask(displacement=(0.3, 0.1, 0.2), duration=0.6)
+    tasks = paper_scenario().tasks.model_copy(update={"step": step})
+    save_scenario(paper_scenario().model_copy(update={"tasks": tasks}), tmp_path / "s.yaml")
+    done = omnidrive(*QUICK, "--task", "step", "--video", "step.gif", "s.yaml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-2] == "film: step.gif"
+    with Image.open(tmp_path / "step.gif") as image:
+        assert image.size == (640, 360)
+        seconds = sum(frame_time(image, k) for k in range(image.n_frames)) / 1000
+    assert seconds == pytest.approx(0.64)
+    assert sorted(os.listdir(tmp_path)) == ["here", "s.yaml", "step.gif"]
+
+
+def frame_time(image, k):
+    image.seek(k)
+    return image.info["duration"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--video", "run.avi"], "run.avi: films are written as .mp4 or .gif"),
+        (["--video", "no/run.gif"], "name a file in a folder that is there"),
+        (["--view"], "there is no display for the viewer's window"),
+    ],
+)
+def test_what_cannot_be_shown_is_said_before_the_run(tmp_path, options, said):
+    done = omnidrive(*QUICK, *options, cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in " ".join(done.stderr.split())
+    assert not os.listdir(tmp_path)

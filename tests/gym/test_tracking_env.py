@@ -1,0 +1,249 @@
+"""The environment `omnidrive/Tracking-v0`."""
+
+from functools import partial
+from math import nan, pi
+from typing import get_args
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="needs the extra gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from omnidrive.control import FeedforwardController, holonomic_nmpc  # noqa: E402
+from omnidrive.control.nmpc.holonomic import Actuation  # noqa: E402
+from omnidrive.errors import InvalidInput  # noqa: E402
+from omnidrive.geometry import BodyTwist, Pose  # noqa: E402
+from omnidrive.gym import ENVIRONMENT, TrackingEnv  # noqa: E402
+from omnidrive.gym.tracking import fastest_twist  # noqa: E402
+from omnidrive.reference import Hold  # noqa: E402
+from omnidrive.robot import ROBOTS, named_robot  # noqa: E402
+from omnidrive.simulation import (  # noqa: E402
+    KinematicPlant,
+    Measurement,
+    MujocoPlant,
+    PaperNoise,
+    simulate,
+)
+from omnidrive.study import PlantName  # noqa: E402
+from tests.laws.motions import Circle  # noqa: E402
+
+SMALL = named_robot("small")
+CIRCLE = Circle(duration=8.0)
+SIMULATED = [name for name in get_args(PlantName) if name != "coppeliasim"]
+make = partial(gymnasium.make, f"omnidrive.gym:{ENVIRONMENT}", robot="small", reference=CIRCLE)
+
+
+def small(**changes):
+    return TrackingEnv(**{"robot": SMALL, "plant": "kinematic", "reference": CIRCLE, **changes})
+
+
+@pytest.mark.parametrize("plant", SIMULATED)
+def test_gymnasium_finds_no_fault(plant):
+    """Warnings are errors here; pictures are checked too."""
+    env = make(plant=plant, render_size=(64, 48))
+    check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_every_robot_has_an_environment(robot):
+    env = TrackingEnv(plant="kinematic", robot=robot)
+    seen, _ = env.reset(seed=1)
+    assert seen in env.observation_space
+    assert env.step(np.zeros(3))[0] in env.observation_space
+
+
+def test_noise_and_any_plant_pass_the_check():
+    check_env(make(plant=KinematicPlant, sensor=PaperNoise, render_size=(64, 48)).unwrapped)
+
+
+def through(env, controller, **reset):
+    """Poses of a controller that drives in the environment."""
+    _, info = env.reset(**reset)
+    controller.reset(Pose(*info["measured"]))
+    poses, over = [info["pose"]], False
+    while not over:
+        twist = controller.step(info["t"], Pose(*info["measured"]), CIRCLE).twist
+        _, _, lost, over, info = env.step(np.array(twist) / env.max_twist)
+        assert not lost
+        poses.append(info["pose"])
+    return np.array(poses)
+
+
+CONTROLLERS = {
+    "feedforward": lambda: FeedforwardController(0.1),
+    "recommended": lambda: holonomic_nmpc(SMALL.chassis, 0.1, actuation=Actuation.of(SMALL)),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_controller_does_the_same_as_in_the_closed_loop(name):
+    start = CIRCLE.at(0.0).pose
+    run = simulate(MujocoPlant(SMALL, "ball"), CONTROLLERS[name](), CIRCLE, start=start, dt=0.1)
+    env = small(plant="ball")
+    poses = through(env, CONTROLLERS[name](), options={"offset": (0.0, 0.0, 0.0)})
+    assert poses == pytest.approx(run.pose, abs=1e-9)
+
+
+def test_the_noise_is_the_seeds():
+    first, again, other = (
+        through(small(sensor=PaperNoise), FeedforwardController(0.1), seed=seed)
+        for seed in (5, 5, 6)
+    )
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_what_is_observed_by_hand():
+    env = small(preview=2, max_twist=BodyTwist(2.0, 4.0, 5.0))
+    seen, info = env.reset(options={"offset": (0.1, -0.2, 0.5 * pi)})
+    # the circle starts at (0, -1) with heading 0; the robot looks along y
+    assert info["pose"] == pytest.approx([0.1, -1.2, 0.5 * pi])
+    assert seen[:3] == pytest.approx([0.2, 0.1, -0.5], abs=1e-6)
+    assert seen[3:6] == pytest.approx([0.0, 0.0, 0.0])
+    speed = 2 * pi / 8.0
+    assert seen[6:9] == pytest.approx([0.0, -speed / 4.0, speed / 5.0], abs=1e-6)
+    for k in (1, 2):
+        x, y, yaw = CIRCLE.at(0.1 * k).pose
+        reach = 1.0 + 0.1 * k * speed
+        wanted = [(y + 1.2) / reach, -(x - 0.1) / reach, (yaw - 0.5 * pi) / pi]
+        assert seen[6 + 3 * k : 9 + 3 * k] == pytest.approx(wanted, abs=1e-6)
+    action = np.array([0.25, -0.5, 0.1])
+    seen, *_ = env.step(action)
+    assert seen[-3:] == pytest.approx(action, abs=1e-7)
+    assert seen[3:6] == pytest.approx(action, abs=1e-6)  # a kinematic plant does as it is told
+    assert len(seen) == 18
+
+
+def test_the_reward_by_hand():
+    env = TrackingEnv(
+        robot=SMALL, plant="kinematic", reference=Hold(Pose(0.0, 0.0, 0.0), 1.0),
+        lost=(0.5, 1.0), effort=0.3, max_twist=BodyTwist(1.0, 1.0, 1.0),
+    )  # fmt: skip
+    env.reset(options={"offset": (0.2, 0.0, 0.1)})
+    *_, reward, lost, over, info = env.step(np.zeros(3))
+    assert reward == pytest.approx(-((0.2 / 0.5) ** 2 + 0.1**2))
+    assert info["error"] == pytest.approx([0.2, 0.1])
+    assert (lost, over) == (False, False)
+    *_, reward, _, _, info = env.step(np.array([1.0, 0.0, -1.0]))
+    distance, turned = info["error"]
+    assert turned == pytest.approx(0.0, abs=1e-12)
+    assert reward == pytest.approx(-((distance / 0.5) ** 2) - 0.3 * 2.0)
+
+
+def test_who_is_lost_pays_for_all_that_is_left():
+    env = TrackingEnv(
+        robot=SMALL, plant="kinematic", reference=Hold(Pose(0.0, 0.0, 0.0), 1.0),
+        lost=(0.5, 3.0), effort=0.0, max_twist=BodyTwist(1.0, 1.0, 1.0),
+    )  # fmt: skip
+    env.reset(options={"offset": (0.45, 0.0, 0.0)})
+    *_, reward, lost, over, _ = env.step(np.array([1.0, 0.0, 0.0]))
+    assert (lost, over) == (True, False)
+    assert reward == pytest.approx(-2.0 * 10)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros(3))
+
+
+def test_a_turn_too_far_loses_as_well():
+    env = small(lost=(1.0, 0.2))
+    env.reset(options={"offset": (0.0, 0.0, 0.3)})
+    assert env.step(np.zeros(3))[2]
+
+
+def test_the_end_of_the_reference_truncates():
+    env = small(plant=KinematicPlant, reference=Hold(Pose(0.0, 0.0, 0.0), 0.4))
+    env.reset(seed=1)
+    ends = [env.step(np.zeros(3))[2:4] for _ in range(4)]
+    assert ends == [(False, False)] * 3 + [(False, True)]
+
+
+def test_a_plant_that_fails_ends_the_run_with_finite_numbers():
+    class Failing(KinematicPlant):
+        def step(self, twist, dt):
+            return Measurement(Pose(nan, nan, nan), BodyTwist(nan, nan, nan), nan)
+
+    env = small(plant=Failing)
+    env.reset(seed=1)
+    seen, reward, lost, over, info = env.step(np.zeros(3))
+    assert (lost, over) == (True, False)
+    assert np.isfinite([*seen, reward, *info["pose"]]).all()
+
+
+def test_large_actions_are_cut_and_nonsense_is_refused():
+    env = small()
+    env.reset(options={"offset": (0, 0, 0)})
+    seen, *_ = env.step(np.array([7.0, 0.0, -3.0]))
+    assert seen[-3:] == pytest.approx([1.0, 0.0, -1.0])
+    for action in ([nan, 0.0, 0.0], [0.0, 0.0], "abc"):
+        env.reset(seed=1)
+        with pytest.raises((InvalidInput, ValueError)):
+            env.step(np.array(action))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_an_action_of_one_is_the_fastest_along_its_axis(robot):
+    chassis = named_robot(robot).chassis
+    for axis, speed in enumerate(fastest_twist(named_robot(robot))):
+        twist = BodyTwist(*(speed * np.eye(3)[axis]).tolist())
+        fastest = np.abs(chassis.wheel_speeds(twist)).max()
+        assert fastest == pytest.approx(chassis.max_wheel_speed)
+
+
+def test_starts_are_spread_as_asked():
+    env = small(spread=(0.2, 0.4))
+    offsets = np.array([env.reset(seed=k)[1]["pose"] - CIRCLE.at(0.0).pose for k in range(60)])
+    most = np.abs(offsets).max(axis=0)
+    assert (most <= [0.2, 0.2, 0.4]).all()
+    assert (most > [0.15, 0.15, 0.3]).all()
+
+
+@pytest.mark.parametrize("plant", ["kinematic", "ball"])
+def test_pictures_show_the_robot_where_it_is(plant):
+    env = small(plant=plant, render_mode="rgb_array", render_size=(160, 90))
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.render()
+    env.reset(seed=1)
+    before = env.render()
+    assert before.shape == (90, 160, 3)
+    for _ in range(5):
+        env.step(np.array([0.3, 0.0, 0.0]))
+    after = env.render()
+    assert np.abs(after.astype(int) - before).mean() > 0.5
+    env.close()
+    env.close()
+
+
+def test_no_picture_without_a_mode():
+    env = small()
+    env.reset(seed=1)
+    assert env.render() is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"plant": "roller"}, "there is no plant 'roller'; there are rollers"),
+        ({"robot": "big"}, "there is no robot 'big'"),
+        ({"dt": 0.0}, "dt is 0 s"),
+        ({"dt": nan}, "dt is nan s"),
+        ({"preview": 101}, "preview is 101"),
+        ({"spread": (-0.1, 0.0)}, "spread is"),
+        ({"lost": (1.0, 4.0)}, "lost is"),
+        ({"effort": nan}, "effort is nan"),
+        ({"render_mode": "human"}, "render_mode is 'human'"),
+        ({"render_size": (8, 8)}, "a picture of"),
+        ({"max_twist": BodyTwist(1.0, 0.0, 1.0)}, "max_twist"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_bad_settings_are_refused(change, said):
+    with pytest.raises(InvalidInput, match=said):
+        small(**change)
+
+
+@pytest.mark.parametrize("options", [{"ofset": 1}, {"offset": (1, 2)}, {"offset": (nan, 0, 0)}])
+def test_bad_options_are_refused(options):
+    with pytest.raises(InvalidInput, match=r"offset|option"):
+        small().reset(options=options)
