@@ -136,7 +136,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--duration", "-5"], "duration must be positive, got -5 s"),
         (["compare", "--speed", "9"], "is too short for this path"),
         (["compare", "--duration", "25", "--speed", "0.4"], "give one of them"),
-        (["compare", "--plant", "rolers"], "no plant 'rolers'; there are rollers, ball, kin"),
+        (["compare", "--plant", "rolers"], "no plant 'rolers'; there are rollers, ball, pla"),
         (["compare", "--controllers", "nmcp"], "did you mean 'nmpc'?"),
         (["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"], "is for nmpc and rec"),
         (["compare", "--seed", "-1"], "seed is -1, need 0 to"),

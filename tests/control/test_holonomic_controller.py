@@ -237,7 +237,6 @@ def test_ipopt_drives_alike():
         ({"horizon": 0}, "the horizon must be at least 1 stage, got 0"),
         ({"parameters": HolonomicParameters(position_weight=-1.0)}, "position_weight"),
         ({"parameters": HolonomicParameters(velocity_weight=0.0)}, "velocity_weight"),
-        ({"chassis": Chassis(CHASSIS.jacobian, 0.0)}, "the wheels must be able to turn, got 0"),
     ],
 )
 def test_bad_arguments_are_refused(settings, message):

@@ -335,12 +335,6 @@ def test_traction_has_to_limit_everything(rows):
         MotionLimits(traction=rows)
 
 
-@pytest.mark.parametrize("top", [0.0, -3.0, nan])
-def test_wheels_that_do_not_turn_are_refused(top):
-    with pytest.raises(InvalidInput, match="top speed must be positive"):
-        time_within_limits(straight(1.0), Chassis(FOUR.jacobian, top), LIMITS)
-
-
 @pytest.mark.parametrize("heading", HEADINGS)
 def test_paths_that_stand_still_are_refused(heading):
     with pytest.raises(InvalidReference, match=r"stands still at \(1, 2\) m"):

@@ -78,7 +78,7 @@ def changed(*path, value):
         (changed("timing", "law", value="fast"), "timing.law: input should be 'uniform', 'lim"),
         (changed("map", "unknown", value="maybe"), "map.unknown: input should be 'occupied' or"),
         (changed("map", "margin", value=-0.5), "map.margin is -0.5 m, need 0 to 10 m"),
-        (changed("plant", value="rolers"), "plant: input should be 'rollers', 'ball', 'kinem"),
+        (changed("plant", value="rolers"), "plant: input should be 'rollers', 'ball', 'plan"),
         (changed("controllers", value=["nmcp"]), "'recommended', got 'nmcp'"),
         (changed("nmpc", "horizon", value=0), "nmpc.horizon is 0 steps, need 1 to 200 steps"),
         (changed("tasks", value={}), "tasks names no task; there are track, noise"),

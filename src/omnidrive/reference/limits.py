@@ -102,8 +102,6 @@ class LimitRows(NamedTuple):
 def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
     """Every finite limit; wheel limits are those of ``chassis``'s own wheel matrix."""
     top = min(chassis.max_wheel_speed, limits.wheel_speed)
-    if isnan(chassis.max_wheel_speed) or top <= 0.0:
-        raise InvalidInput(f"the wheels' top speed must be positive, got {top:g} rad/s")
     x, y, yaw = np.eye(3)[:, None]
     groups: list[tuple[LimitRows, float]] = [
         (LimitRows("wheel speed", "speed", chassis.jacobian), top),

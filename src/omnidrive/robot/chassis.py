@@ -22,11 +22,11 @@ class Chassis:
 
     Attributes:
         jacobian: J, wheel angular speed per unit body twist, in rad/m and rad/rad.
-        max_wheel_speed: Speed no wheel exceeds, in rad/s.
+        max_wheel_speed: Speed no wheel exceeds, in rad/s; infinite for no limit.
 
     Raises:
         InvalidGeometry: The wheels cannot produce every twist.
-        InvalidInput: A number is not finite, or the speed is not positive.
+        InvalidInput: A number of the matrix is not finite, or the speed is not positive.
     """
 
     jacobian: Float[Array, "wheels 3"]
@@ -35,7 +35,7 @@ class Chassis:
     def __post_init__(self) -> None:
         if not np.isfinite(self.jacobian).all():
             raise InvalidInput("the wheel matrix holds numbers that are not finite")
-        if not (isfinite(self.max_wheel_speed) and self.max_wheel_speed > 0.0):
+        if not self.max_wheel_speed > 0.0:
             raise InvalidInput(
                 f"the wheels' greatest speed must be positive, got {self.max_wheel_speed:g} rad/s"
             )

@@ -85,7 +85,7 @@ def test_wheels_are_counted_over_whole_turns(make):
     state = laws.drive(plant, Pose(0.0, 0.0, 0.0), twist, 20)[-1]
     assert state.wheel_angles == pytest.approx(plant.server.scene.angles, abs=1e-6)
     assert state.wheel_angles == pytest.approx(2.0 * robot.chassis.wheel_speeds(twist), rel=0.1)
-    assert state.wheel_torques == pytest.approx(plant.server.scene.torques, abs=0.2)
+    assert state.wheel_torques == ()  # those of an instant are no mean
     assert state.work > 0.5 * robot.mass * 1.0
 
 

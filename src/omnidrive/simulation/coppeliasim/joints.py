@@ -25,7 +25,6 @@ class Joints:
 
     Attributes:
         angles: How far each has turned since :meth:`reset`, in rad.
-        torques: Mean over the steps since :meth:`command`, in N m.
         work: Since :meth:`reset`, in J: the torque at the end of a step times the way in it.
     """
 
@@ -39,8 +38,6 @@ class Joints:
         self._link, self._signs = link, tuple(signs)
         self._handles = [link.handle(path, joint=True) for path in paths]
         self._last: list[Turning] = []
-        self._sums: list[float] = []
-        self._steps = 0
         self.angles: tuple[float, ...] = ()
         self.work = 0.0
 
@@ -48,13 +45,11 @@ class Joints:
         """Count from here."""
         self._last = self._read()
         self.angles, self.work = (0.0,) * len(self._handles), 0.0
-        self._sums, self._steps = [0.0] * len(self._handles), 0
 
     def command(self, speeds: Sequence[float]) -> None:
         """Turn at ``speeds`` (rad/s)."""
         for handle, sign, speed in zip(self._handles, self._signs, speeds, strict=True):
             self._link.call("setJointTargetVelocity", handle, sign * float(speed))
-        self._sums, self._steps = [0.0] * len(self._handles), 0
 
     def follow(self, dt: float) -> None:
         """Read what happened in a step of ``dt`` (s).
@@ -69,13 +64,6 @@ class Joints:
             self.work += abs(b.torque * way)
             turned.append(angle + way)
         self.angles, self._last = tuple(turned), now
-        self._sums = [total + b.torque for total, b in zip(self._sums, now, strict=True)]
-        self._steps += 1
-
-    @property
-    def torques(self) -> tuple[float, ...]:
-        """Mean over the steps since :meth:`command`, in N m."""
-        return tuple(total / max(self._steps, 1) for total in self._sums)
 
     def _read(self) -> list[Turning]:
         return [

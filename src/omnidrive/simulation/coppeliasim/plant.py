@@ -237,7 +237,7 @@ class CoppeliaSimPlant:
     def _measurement(self, at: Pose, twist: BodyTwist) -> Measurement:
         motors = self._motors
         if isinstance(motors, Joints):
-            return Measurement(at, twist, motors.work, motors.angles, motors.torques)
+            return Measurement(at, twist, motors.work, motors.angles)
         return Measurement(at, twist, nan)
 
     def _frame_of_signals(self) -> Pose:

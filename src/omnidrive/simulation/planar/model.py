@@ -148,9 +148,7 @@ def _fill_rollers(wheels: Array, robot: Robot) -> None:
 
 def _fill_motors(wheels: Array, robot: Robot, motors: tuple[Motor, ...]) -> None:
     if motors and len(motors) != len(wheels):
-        raise InvalidInput(
-            f"conditions name {len(motors)} motors, the robot '{robot.name}' has {len(wheels)}"
-        )
+        raise InvalidInput(f"conditions of {len(motors)} motors for {len(wheels)} wheels")
     states = motors or (Motor.HEALTHY,) * len(wheels)
     wheels["gain"] = robot.servo_gain
     wheels["limit"] = [robot.max_torque * _TORQUE[state] for state in states]

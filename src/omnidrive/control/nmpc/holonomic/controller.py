@@ -99,10 +99,6 @@ class HolonomicController:
 
     def __post_init__(self) -> None:
         check_settings(self.dt, self.horizon, self.parameters)
-        if not self.chassis.max_wheel_speed > 0.0:
-            raise InvalidInput(
-                f"the wheels must be able to turn, got {self.chassis.max_wheel_speed:g} rad/s"
-            )
         self._limits = self.actuation.limits(self.chassis, self.dt)
         self._twists = deque(maxlen=int(self.actuation.delay / self.dt) + 1)
         self._forget()

@@ -295,7 +295,7 @@ def test_a_jump_moves_the_pose_alone_and_reset_takes_all_back():
 def test_conditions_for_other_wheels_are_refused():
     plant = PlanarPlant(Small.robot)
     assert isinstance(plant, DisturbablePlant)
-    with pytest.raises(InvalidInput, match="3 motors, the robot 'small' has 4"):
+    with pytest.raises(InvalidInput, match="3 motors for 4 wheels"):
         plant.impose(Conditions(motors=(Motor.DEAD,) * 3))
 
 

@@ -128,6 +128,6 @@ def test_the_command_line_switches_it_on_and_off(tmp_path):
     save_scenario(small_scenario(tasks=tasks), path)
     for option, sensors in (("--estimator", SensorsSection()), ("--no-estimator", None)):
         folder = tmp_path / option
-        line = ["run", str(path), "--controller", "feedforward", option, "--out", str(folder)]
+        line = [str(path), "--controller", "feedforward", option, "--out", str(folder)]
         load_verb("run")(line, standalone_mode=False)
         assert load_scenario(folder / "scenario.yaml").sensors == sensors
