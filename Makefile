@@ -64,7 +64,7 @@ lock:  ## resolve the lock files anew (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group build pyproject.toml -o requirements.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
-	  --custom-compile-command "make lock" --group dev --all-extras -c requirements.lock \
+	  --custom-compile-command "make lock" --group dev --extra casadi --extra coppeliasim --extra gymnasium -c requirements.lock \
 	  pyproject.toml -o requirements-dev.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" benchmarks/peers.in -o benchmarks/peers.lock
