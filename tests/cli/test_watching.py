@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from omnidrive.study import paper_scenario, save_scenario
-from omnidrive.study.scenario import StepTask
+from omnidrive.study.tasks import StepTask
 
 QUICK = ["run", "--plant", "kinematic", "--controller", "feedforward", "--out", "here"]
 

@@ -1,7 +1,7 @@
 """A study that takes a second or two."""
 
 from omnidrive.study import paper_scenario
-from omnidrive.study.scenario import DurationsTask, HorizonTask, NoiseTask, StepTask, Tasks
+from omnidrive.study.tasks import DurationsTask, HorizonTask, NoiseTask, StepTask, Tasks
 
 
 def small_scenario(**changes):

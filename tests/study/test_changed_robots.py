@@ -9,16 +9,14 @@ from omnidrive.robot import named_robot
 from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.prepared import lay_out
 from omnidrive.study.scenario import (
-    DurationsTask,
     MapSection,
     MovingSection,
-    NoiseTask,
     RobotSection,
-    Tasks,
     TimingSection,
     robot_of,
 )
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.tasks import DurationsTask, NoiseTask, Tasks
 
 
 def scenario(**changes):

@@ -4,7 +4,7 @@ import pytest
 
 from omnidrive.simulation import Outcome, parse_fault
 from omnidrive.study import jobs_of, paper_scenario, prepare, run_job, run_study
-from omnidrive.study.scenario import DurationsTask, FaultsTask, Tasks
+from omnidrive.study.tasks import DurationsTask, FaultsTask, Tasks
 
 pytestmark = pytest.mark.long
 

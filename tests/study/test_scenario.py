@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from omnidrive.errors import InvalidScenario
 from omnidrive.planning import Place
 from omnidrive.study import load_scenario, map_scenario, paper_scenario, retime, save_scenario
-from omnidrive.study.scenario import DurationsTask, Tasks
 from omnidrive.study.scenario_file import scenario_data
+from omnidrive.study.tasks import DurationsTask, Tasks
 from tests.shared_data import shared
 
 

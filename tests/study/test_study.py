@@ -10,7 +10,8 @@ import pytest
 from omnidrive.errors import CannotWrite, InvalidReference
 from omnidrive.study import load_scenario, paper_scenario, run_study, study_tasks
 from omnidrive.study.jobs import jobs_of
-from omnidrive.study.scenario import DurationsTask, MapSection, Tasks, TimingSection
+from omnidrive.study.scenario import MapSection, TimingSection
+from omnidrive.study.tasks import DurationsTask, Tasks
 from tests.study.small import small_scenario
 
 NOT_REPRODUCIBLE = {"step_time_us", "timing_s"}

@@ -29,7 +29,7 @@ from omnidrive.study import (
     run_job,
     save_scenario,
 )
-from omnidrive.study.scenario import DurationsTask, Tasks
+from omnidrive.study.tasks import DurationsTask, Tasks
 from tests.study.small import small_scenario
 
 HARD = PoseFixSettings(latency=0.1, dropout=0.2, outliers=0.01, outlier_size=1.0)

@@ -28,6 +28,7 @@ _Built = tuple[Any, Callable[..., Any]]
 @intrinsic
 def _borrowed(_: Any, array: Any) -> _Built:
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        """The array without a count of who holds it."""
         made = context.make_array(array)(context, builder, value=arguments[0])
         made.meminfo = _build.get_null_value(made.meminfo.type)
         made.parent = _build.get_null_value(made.parent.type)
@@ -41,6 +42,7 @@ def _part(_: Any, array: Any, begin: Any, end: Any) -> _Built:
     _check_contiguous(array)
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        """From ``begin`` to ``end``."""
         source, begin, end = arguments
         length = builder.sub(end, begin)
         return _within(context, builder, (array, source), begin, (array, [length]))
@@ -54,6 +56,7 @@ def _table(_: Any, array: Any, begin: Any, rows: Any, columns: Any) -> _Built:
     kind = types.Array(array.dtype, 2, "C")
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        """Rows and columns from ``begin`` on."""
         source, begin, *shape = arguments
         return _within(context, builder, (array, source), begin, (kind, shape))
 

@@ -78,10 +78,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         Args:
             plant: Its name, or what makes one.
             robot: Its name, or the robot itself.
-            reference: What to track; by default the paper's path in 20 s, or in the shortest
-                time in which the robot can.
-            sensor: Makes a sensor, which draws from the random numbers that it is given;
-                by default poses are seen as they are.
+            reference: What to track; by default the paper's path, in 20 s or as fast as it can.
+            sensor: Makes one, of random numbers for it to draw; by default nothing is wrong.
             obstacles: A map that stands around the robot, where the plant has obstacles.
             dt: Sample time in s.
             preview: How many set points ahead are observed, 0 to 100.
@@ -104,13 +102,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             effort=effort, render_mode=render_mode,
         )  # fmt: skip
         self._reference = reference or _usual_reference(self._robot)
-        self._plant = (
-            make_plant(self._robot, cast(PlantName, plant), obstacles=obstacles)
-            if isinstance(plant, str)
-            else plant(self._robot)
-        )
-        self._make_sensor = sensor
-        self._dt, self._spread, self._lost, self._effort = dt, spread, lost, effort
+        self._plant = _made(plant, self._robot, obstacles)
+        self._make_sensor, self._dt, self._effort = sensor, dt, effort
+        self._spread, self._lost = spread, lost
         self._last = max(round(self._reference.duration / dt), 1)
         self.max_twist = np.array(max_twist or fastest_twist(self._robot), dtype=float)
         self._law = ObservationLaw(
@@ -251,6 +245,15 @@ def fastest_twist(robot: Robot) -> BodyTwist:
 @cache
 def _paper_path() -> SplinePath:
     return lay_out(paper_scenario()).path
+
+
+def _made(
+    plant: str | Callable[[Robot], Plant], robot: Robot, obstacles: OccupancyGrid | None
+) -> Plant:
+    """The plant of that name, or that is made so."""
+    if isinstance(plant, str):
+        return make_plant(robot, cast(PlantName, plant), obstacles=obstacles)
+    return plant(robot)
 
 
 def _usual_reference(robot: Robot) -> Reference:

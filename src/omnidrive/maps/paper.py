@@ -32,6 +32,7 @@ def paper_map() -> OccupancyGrid:
     per_metre, body = 5, 0.75
 
     def index(metres: float) -> int:
+        """The paper's f."""
         return floor(per_metre * metres)
 
     occupied = np.zeros((50, 50), dtype=bool)

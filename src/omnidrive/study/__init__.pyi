@@ -14,17 +14,15 @@ from .scenario import (
     RobotSection,
     Scenario,
     SensorsSection,
-    TaskName,
-    Tasks,
     TimingName,
     map_scenario,
     paper_scenario,
     robot_section,
-    study_tasks,
 )
 from .scenario_file import load_scenario, save_scenario
 from .study import Study, Watcher, run_study
 from .supervision import make_supervisor
+from .tasks import TaskName, Tasks, study_tasks
 from .timing import one_task, plan_at, retime, with_task
 from .warm_up import warm_up
 

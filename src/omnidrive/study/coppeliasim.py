@@ -5,20 +5,19 @@ from __future__ import annotations
 from math import pi
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from omnidrive.parameter import Bounds
+from omnidrive.study.section import Section
 
 _Path = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]{1,200}$")]
 
 
-class CoppeliaSimSection(BaseModel):
+class CoppeliaSimSection(Section):
     """Where CoppeliaSim listens, and what the robot is called in the scene that it has open.
 
     The defaults are the names in the scene of the paper's author.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     host: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,253}$")] = "localhost"
     port: Annotated[int, Bounds(1, 65_535, "")] = 23000

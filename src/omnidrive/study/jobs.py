@@ -39,14 +39,9 @@ from omnidrive.simulation import (
 from omnidrive.simulation.show import Onlooker
 from omnidrive.study.plants import plant_of
 from omnidrive.study.prepared import Prepared
-from omnidrive.study.scenario import (
-    MOVED_BY_FORCES,
-    PREDICTIVE,
-    ControllerName,
-    Scenario,
-    TaskName,
-)
+from omnidrive.study.scenario import MOVED_BY_FORCES, PREDICTIVE, ControllerName, Scenario
 from omnidrive.study.supervision import make_supervisor
+from omnidrive.study.tasks import TaskName
 
 
 class Job(NamedTuple):

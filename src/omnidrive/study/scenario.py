@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import chain
-from math import pi
 from typing import Annotated, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from omnidrive.control import FeedforwardGains, HolonomicParameters
 from omnidrive.maps import Unknown
@@ -22,16 +20,22 @@ from omnidrive.simulation import (
     PoseFixSettings,
     SensorSettings,
 )
-from omnidrive.simulation.faults import ON_THE_PLANT, Fault
+from omnidrive.simulation.faults import ON_THE_PLANT
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
 from omnidrive.study.coppeliasim import CoppeliaSimSection
+from omnidrive.study.section import Different, Section
+from omnidrive.study.tasks import (
+    Faults,
+    Horizon,
+    Tasks,
+    study_tasks,
+)
 
 ControllerName = Literal[
     "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended"
 ]
 PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
 """Who plans over a horizon."""
-TaskName = Literal["track", "noise", "step", "horizon", "faults"]
 PlantName = Literal["rollers", "ball", "planar", "kinematic", "coppeliasim"]
 _SOLID: tuple[PlantName, ...] = ("rollers", "ball")
 """On which a robot runs into obstacles."""
@@ -49,40 +53,21 @@ DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
 MAX_STEPS = 200_000
 """Most samples of one run: an hour at 50 Hz; its log stays below a gigabyte."""
 
-MAX_FAULTS = 100
-"""Most faults of one run, and most runs with a fault of one controller."""
-
 MAX_NOISE_STEPS = 1_000_000
 """Most samples of one controller's runs with noise over one duration: all are kept in memory."""
 
-Seconds = Annotated[float, Bounds(0.1, 36_000.0, "s")]
-Horizon = Annotated[int, Bounds(1, 200, "steps")]
 MOVED_BY_FORCES = tuple(kind for kind in ON_THE_PLANT if kind != "pose-jump")
 """Faults that mean nothing on the plant `kinematic`."""
 
-_Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
 _Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
 _Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]
-
-
-def _all_different(values: tuple[object, ...]) -> tuple[object, ...]:
-    if len({f"{v:g}" if isinstance(v, float) else v for v in values}) < len(values):
-        raise ValueError("names something twice")
-    return values
-
-
-_Different = AfterValidator(_all_different)
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 _Offset = Annotated[float, Bounds(-10.0, 10.0, "m")]
 _Lag = Annotated[float, Bounds(0.0, 10.0, "s")]
 
 
-class RobotSection(_Section):
+class RobotSection(Section):
     """Which robot, in what it differs from it, and what its wheel controller believes.
 
     None: as the named robot is. Its lags, by which the recommended controller foretells it, are
@@ -114,7 +99,7 @@ class RobotSection(_Section):
     anew for each repeat; else all wheels stand alike. Plant `rollers` only."""
 
 
-class MovingSection(_Section):
+class MovingSection(Section):
     """A disc that moves on a given path, whatever stands in its way."""
 
     radius: Annotated[float, Bounds(0.01, 100.0, "m")]
@@ -138,7 +123,7 @@ class MovingSection(_Section):
         return MovingObstacle(self.radius, times, tuple((x, y) for _, x, y in self.path), self.loop)
 
 
-class MapSection(_Section):
+class MapSection(Section):
     """Which map, and how far from its obstacles to stay."""
 
     source: str
@@ -164,7 +149,7 @@ class MapSection(_Section):
         return self
 
 
-class TimingSection(_Section):
+class TimingSection(Section):
     """When the robot is to be where on its path."""
 
     law: TimingName = "uniform"
@@ -187,92 +172,14 @@ class TimingSection(_Section):
         return self
 
 
-class DurationsTask(_Section):
-    """Follow the path in each of several times."""
-
-    durations: Annotated[tuple[Seconds, ...], Field(min_length=1, max_length=20), _Different]
-
-
-class NoiseTask(DurationsTask):
-    """The same with the paper's noise on the measured pose."""
-
-    repeats: Annotated[int, Bounds(1, 200, "seeds")] = 1
-    """How many times, each with other random numbers; every controller meets the same ones."""
-
-
-class StepTask(_Section):
-    """Stand still, then let the reference jump in x, y (m) and heading (rad) at once."""
-
-    displacement: tuple[_Metres, _Metres, Annotated[float, Bounds(-pi, pi, "rad")]]
-    duration: Seconds
-
-
-class HorizonTask(_Section):
-    """Follow the path with NMPC of several prediction horizons."""
-
-    duration: Seconds
-    horizons: Annotated[tuple[Horizon, ...], Field(min_length=1, max_length=50), _Different]
-
-
-Faults = Annotated[tuple[Fault, ...], Field(max_length=MAX_FAULTS)]
-
-
-class FaultsTask(_Section):
-    """Follow the path once as it is, and once with each of several faults."""
-
-    duration: Seconds
-    faults: Faults = ()
-    """None: one of every kind, all beginning after a quarter of the time."""
-
-
-class Tasks(_Section):
-    """What the controllers have to do; None leaves a task out."""
-
-    track: DurationsTask | None = None
-    noise: NoiseTask | None = None
-    step: StepTask | None = None
-    horizon: HorizonTask | None = None
-    faults: FaultsTask | None = None
-
-    @model_validator(mode="after")
-    def _something_to_do(self) -> Tasks:
-        if not any((self.track, self.noise, self.step, self.horizon, self.faults)):
-            raise ValueError("names no task; there are track, noise, step, horizon and faults")
-        return self
-
-    @property
-    def following(self) -> tuple[float, ...]:
-        """Every duration in which the path is followed, in s."""
-        lists = (task.durations for task in (self.track, self.noise) if task)
-        single = [task.duration for task in (self.horizon, self.faults) if task]
-        return tuple(sorted({*chain.from_iterable(lists), *single}))
-
-    @property
-    def longest(self) -> float:
-        """Duration of the longest run, in s."""
-        return max((*self.following, self.step.duration if self.step else 0.0))
-
-    @property
-    def shortest(self) -> float:
-        """Duration of the shortest run, in s."""
-        step = (self.step.duration,) if self.step else ()
-        shortest: float = min((*self.following, *step))
-        return shortest
-
-    @property
-    def with_noise(self) -> float:
-        """Seconds that each controller drives with noise, all repeats of the longest together."""
-        return self.noise.repeats * max(self.noise.durations) if self.noise else 0.0
-
-
-class NmpcSection(_Section):
+class NmpcSection(Section):
     """The NMPC's prediction horizon and solver."""
 
     horizon: Horizon = 15
     solver: Literal["sqp", "rti", "casadi"] = "sqp"
 
 
-class RecommendedSection(_Section):
+class RecommendedSection(Section):
     """Weights of the recommended NMPC, and how hard it may accelerate."""
 
     weights: HolonomicParameters = HolonomicParameters()
@@ -284,7 +191,7 @@ class RecommendedSection(_Section):
     have no other measurement of their pose. None: unless an estimator rests on odometry."""
 
 
-class SensorsSection(_Section):
+class SensorsSection(Section):
     """What the controller sees instead of the true pose; by default with an estimator."""
 
     encoders: EncoderSettings = EncoderSettings()
@@ -308,7 +215,7 @@ class SensorsSection(_Section):
         return SensorSettings(self.encoders, self.gyro, self.fixes)
 
 
-class WatchdogSection(_Section):
+class WatchdogSection(Section):
     """When a run is stopped because the robot is lost.
 
     See :class:`~omnidrive.control.supervision.WatchdogLimits`.
@@ -326,7 +233,7 @@ class WatchdogSection(_Section):
     """For which a limit has to be exceeded."""
 
 
-class Scenario(_Section):
+class Scenario(Section):
     """Everything that decides a study, and nothing computed.
 
     Lengths are in m, angles in rad, times in s. Two runs of one scenario with the same versions on
@@ -346,7 +253,7 @@ class Scenario(_Section):
     goal: Place
     path: PathOptions = PathOptions()
     timing: TimingSection = TimingSection()
-    controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1), _Different]
+    controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1), Different]
     preset: PresetName = "paper"
     """Whether the paper's controllers follow its text, its published code, or what we recommend.
 
@@ -449,17 +356,6 @@ def paper_scenario(preset: PresetName = "paper") -> Scenario:
         controllers=DEFAULT_CONTROLLERS[preset],
         preset=preset,
         tasks=study_tasks(20.0),
-    )
-
-
-def study_tasks(duration: float) -> Tasks:
-    """The paper's tasks for a path to be followed in ``duration`` and 1.5 ``duration`` seconds."""
-    slower = round(1.5 * duration, 6)
-    return Tasks(
-        track=DurationsTask(durations=(duration, slower)),
-        noise=NoiseTask(durations=(slower,)),
-        step=StepTask(displacement=(1.0, 1.0, 0.25 * pi), duration=10.0),
-        horizon=HorizonTask(duration=duration, horizons=(5, 10, 15, 20, 25, 30)),
     )
 
 

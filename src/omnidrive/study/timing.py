@@ -8,8 +8,9 @@ from math import ceil, isfinite
 
 from omnidrive.errors import InvalidInput
 from omnidrive.study.prepared import Prepared, lay_out
-from omnidrive.study.scenario import DurationsTask, FaultsTask, Scenario, TaskName, Tasks
+from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.tasks import DurationsTask, FaultsTask, TaskName, Tasks
 
 USUAL_SPEED = 0.5
 """Mean speed in m/s when the user names none: the paper's at 20 s."""

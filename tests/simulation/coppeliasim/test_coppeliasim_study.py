@@ -15,7 +15,7 @@ from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimScene, Outcome
 from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.coppeliasim import CoppeliaSimSection
-from omnidrive.study.scenario import DurationsTask, StepTask
+from omnidrive.study.tasks import DurationsTask, StepTask
 from tests.simulation.coppeliasim.scene import STOPPED
 from tests.simulation.coppeliasim.standin import cbor, standin
 

@@ -96,6 +96,7 @@ def _lines(name: str, text: str) -> list[str]:
 
 def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " rows"]]) -> Waypoints:
     def place(i: int) -> str:
+        """Where waypoint i stands, for messages."""
         return f"line {lines[i]}"
 
     poses = np.column_stack([column[key] for key in _POSE])

@@ -68,9 +68,11 @@ def write_gif(
     palette = Image.fromarray(sample).quantize(_SAME, dither=Image.Dither.NONE)
 
     def quantized(picture: UInt8[Array, "height width 3"]) -> Image.Image:
+        """In the colours of the palette."""
         return Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
 
     def changes(first: Image.Image) -> Iterator[Image.Image]:
+        """What is new in each picture; all else is clear."""
         before = np.asarray(first)
         for picture in pictures:
             now = np.asarray(quantized(picture))

@@ -165,6 +165,7 @@ def _open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     opened: list[Any] = []
 
     def launch() -> None:
+        """Put the window, or what went wrong, where the waiting looks."""
         try:
             opened.append(
                 viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
