@@ -223,6 +223,19 @@ def check_exact(defuzzifier, value, line, width):
     assert size == pytest.approx(expected, abs=tolerance)
 
 
+@pytest.mark.parametrize(
+    ("shape", "ramp", "expected"),
+    [("linsmf", (0.0, 1.25), 2 / 3), ("linzmf", (-0.25, 1.0), 1 / 3)],
+)
+@pytest.mark.parametrize("height", [1.0, 0.9])
+def test_a_ramp_may_reach_its_top_beyond_the_range(shape, ramp, expected, height):
+    """A cut above what is left of it within the range takes nothing away: a triangle stays."""
+    output = OutputVariable("y", 0, 1, (FuzzySet("s", Membership(shape, ramp)),))
+    driver = InputVariable("x", 0, 1, (FuzzySet("s", Membership("linsmf", (0, 1))),))
+    system = FuzzySystem("s", (driver,), (output,), (Rule(Is("x", "s"), (Is("y", "s"),)),))
+    assert Inference(system)(height)[0] == pytest.approx(expected, abs=1e-12)
+
+
 @given(
     systems(
         **EXACT | {"output_shapes": ("trimf", "trapmf")}, defuzzifiers=("centroid", "bisector")

@@ -1,6 +1,9 @@
 """Runs on several processes: what ends them, and what they leave alone."""
 
+import os
 import signal
+import struct
+import sys
 from multiprocessing import active_children, get_context
 from time import sleep
 
@@ -8,7 +11,7 @@ import pytest
 
 from omnidrive.errors import WorkerLost
 from omnidrive.study.execute import execute
-from omnidrive.study.jobs import jobs_of
+from omnidrive.study.jobs import Job, jobs_of
 from omnidrive.study.prepared import prepare
 from tests.study.small import small_scenario
 
@@ -55,3 +58,53 @@ def test_signals_are_held_back_only_while_workers_are_started(prepared):
     next(results)
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
     results.close()
+
+
+class Dying(Job):
+    """A job that kills its worker in the middle of the answer."""
+
+    def __reduce__(self):
+        return begin_an_answer, (True,)
+
+
+class Stuck(Job):
+    """A job of which the answer is begun, and never finished."""
+
+    def __reduce__(self):
+        return begin_an_answer, (False,)
+
+
+def begin_an_answer(die):
+    """Called by the worker as it takes the job from its queue."""
+    frame = sys._getframe()
+    while "result_queue" not in frame.f_locals:
+        frame = frame.f_back
+    os.write(frame.f_locals["result_queue"]._writer.fileno(), struct.pack("!i", 1000) + b"half")
+    if die:
+        os.kill(os.getpid(), signal.SIGKILL)
+    sleep(600)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs Unix")
+def test_a_worker_killed_in_the_middle_of_its_answer_is_noticed(prepared):
+    job = jobs_of(prepared.scenario)[0]
+    with pytest.raises(WorkerLost):
+        list(execute(prepared, [Dying(*job), Stuck(*job)], 2))
+    assert not active_children()
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs Unix")
+def test_runs_are_given_up_even_in_the_middle_of_an_answer(prepared):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    job = jobs_of(prepared.scenario)[0]
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 5.0)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            list(execute(prepared, [Stuck(*job), Stuck(*job)], 2))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert not active_children()

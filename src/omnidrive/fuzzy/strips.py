@@ -55,7 +55,8 @@ def _corners(output: OutputVariable, shape: Shape) -> Corners | None:
     a, b, c, d = kind.curve(*shape.of.upper.parameters)
     a, b = (output.low, output.low) if isinf(a) else (a, b)
     c, d = (output.high, output.high) if isinf(d) else (c, d)
-    return (a, b, c, d) if output.low <= a and d <= output.high else None
+    # a ramp may reach its top, or begin to fall, only beyond the range: no trapezoid within
+    return (a, b, c, d) if output.low <= a <= b <= c <= d <= output.high else None
 
 
 @compiled

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for_futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
@@ -57,13 +58,12 @@ def execute(
     try:
         with ThreadPoolExecutor(1) as aside:  # Ctrl-C would break a start in the main thread
             aside.submit(_start, pool, queue, futures, workers).result()
-        for future in as_completed(futures):
+        for future in _as_completed(futures, workers):
             yield futures[future], future.result()
     except BrokenProcessPool as error:
         raise WorkerLost from error
     except BaseException:  # nobody waits for the runs that are under way
-        for process in workers:
-            process.kill()
+        _end(pool, workers)
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -81,6 +81,35 @@ def _start(
         for job in queue:
             futures[pool.submit(_run, job)] = job
         workers += [process for process in active_children() if process not in others]
+
+
+def _as_completed(
+    futures: Iterable[Future[Result]], workers: Sequence[BaseProcess]
+) -> Iterator[Future[Result]]:
+    """Futures as they are done, as long as all workers live.
+
+    Raises:
+        WorkerLost: A worker has died in the middle of an answer, for the rest of which the pool
+            itself would wait for ever.
+    """
+    open_ = set(futures)
+    while open_:
+        done, open_ = wait_for_futures(open_, timeout=1.0, return_when=FIRST_COMPLETED)
+        if not done and wait([process.sentinel for process in workers], timeout=0):
+            raise WorkerLost
+        yield from done
+
+
+def _end(pool: ProcessPoolExecutor, workers: Sequence[BaseProcess]) -> None:
+    """Kill the workers, and wake the pool's own thread should it wait for the rest of an answer.
+
+    It reads a pipe that ends once nobody holds its other side: neither the workers, nor we.
+    """
+    for process in workers:
+        process.kill()
+    answers = getattr(pool, "_result_queue", None)
+    if answers is not None:
+        answers._writer.close()
 
 
 @contextmanager
