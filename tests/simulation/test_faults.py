@@ -149,6 +149,7 @@ def test_values_are_read():
         ("push:speed", "'speed' is not NAME=VALUE, such as at=5"),
         ("push:speed=fast", "speed must be a plain number, got 'fast'"),
         ("push:speed=1 m/s", "speed must be a plain number"),
+        ("push:speed=nan", "speed must be a plain number, got 'nan'"),
         ("push:speed=11", "speed is 11 m/s, need 0 to 10 m/s"),
         ("push:speed=nan", "speed"),
         ("push:at=inf", "at"),

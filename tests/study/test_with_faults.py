@@ -156,7 +156,7 @@ def test_scenarios_with_faults_are_written_and_read(tmp_path):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ({"kind": "push", "at": 30.0}, "the fault push at 30 s, after a run's end at 20 s"),
+        ({"kind": "push", "at": 30.0}, "fault push begins at 30 s, after a run's end at 20 s"),
         ({"kind": "puhs"}, "there is no such kind of fault; there are push, slope"),
         ({"at": 3.0}, "there is no such kind of fault; there are push, slope"),
         ({"kind": "push", "speed": "fast"}, "faults.0.push.speed must be a plain number"),
@@ -182,7 +182,7 @@ def test_too_many_faults_are_refused():
 
 
 def test_forces_need_a_plant_that_knows_them():
-    with pytest.raises(InvalidScenario, match="slope, which needs forces, on the plant kinematic"):
+    with pytest.raises(InvalidScenario, match="slope needs forces, which the plant kinematic does not have"):
         parse_scenario(scenario_data(faulty()) | {"faults": [{"kind": "slope"}]}, "x.yaml")
 
 

@@ -61,8 +61,6 @@ MOVED_BY_FORCES = tuple(kind for kind in ON_THE_PLANT if kind != "pose-jump")
 
 _Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
 _Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]
-
-
 _Offset = Annotated[float, Bounds(-10.0, 10.0, "m")]
 _Lag = Annotated[float, Bounds(0.0, 10.0, "s")]
 
@@ -310,13 +308,13 @@ class Scenario(Section):
         for fault, ends in (*((f, self.tasks.shortest) for f in self.faults), *of_task):
             if fault.at >= ends:
                 raise ValueError(
-                    f"has the fault {fault.kind} at {fault.at:g} s, after a run's end at "
-                    f"{ends:g} s: let it begin earlier"
+                    f"fault {fault.kind} begins at {fault.at:g} s, after a run's end at {ends:g} s: "
+                    "let it begin earlier"
                 )
             if self.plant == "kinematic" and fault.kind in MOVED_BY_FORCES:
                 raise ValueError(
-                    f"has the fault {fault.kind}, which needs forces, on the plant kinematic: take "
-                    "the plant rollers, ball or planar"
+                    f"fault {fault.kind} needs forces, which the plant kinematic does not have: "
+                    "take the plant rollers, ball or planar"
                 )
         return self
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from math import isfinite, nan
 
 from pydantic import ValidationError
 
@@ -56,9 +57,9 @@ def _number(kind: str, name: str, value: str) -> float:
     try:
         number = float(value)
     except ValueError:
-        raise InvalidInput(
-            f"fault {kind}: {name} must be a plain number, got '{_short(value)}'"
-        ) from None
+        number = nan
+    if not isfinite(number):
+        raise InvalidInput(f"fault {kind}: {name} must be a plain number, got '{_short(value)}'")
     return int(number) if number.is_integer() else number
 
 
