@@ -21,7 +21,7 @@ class Bounds(NamedTuple):
     def check(self, value: float) -> float:
         """Return ``value``; raise ValueError if it is out of range or not a number."""
         if not self.low <= value <= self.high:  # also catches NaN
-            unit = f" {self.unit}" if self.unit else ""
+            unit = "" if self.unit in {"", "1"} else f" {self.unit}"  # 1: a ratio
             raise ValueError(f"is {value:g}{unit}, need {self.low:g} to {self.high:g}{unit}")
         return value
 

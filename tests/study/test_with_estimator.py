@@ -76,7 +76,7 @@ def test_a_scenario_with_sensors_is_read_again(tmp_path):
     ("sensors", "message"),
     [
         ({"fixes": {"latncy": 1}}, "unknown key 'sensors.fixes.latncy'; did you mean 'latency'?"),
-        ({"fixes": {"dropout": 2}}, "sensors.fixes.dropout is 2 1, need 0 to 1"),
+        ({"fixes": {"dropout": 2}}, "sensors.fixes.dropout is 2, need 0 to 1"),
         ({"gyro": {"bias": "1 deg"}}, "sensors.gyro.bias must be a plain number"),
         ({"estimator": None, "fixes": None}, "neither fixes nor an estimator"),
         ({"lidar": {}}, "unknown key 'sensors.lidar'"),

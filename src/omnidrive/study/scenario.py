@@ -82,7 +82,7 @@ class RobotSection(Section):
     """Yaw inertia of all but the wheels, about its own centre of mass."""
     com: tuple[_Offset, _Offset] | None = None
     """Centre of mass in B; between the wheels, or one would lift off."""
-    friction: Annotated[float, Bounds(0.0, 5.0, "1")] | None = None
+    friction: Annotated[float, Bounds(0.001, 5.0, "1")] | None = None
     """Coulomb coefficient between rollers and floor."""
     max_torque: Annotated[float, Bounds(1e-3, 1e4, "N m")] | None = None
     """That a motor gives at its wheel."""
