@@ -26,3 +26,26 @@ def test_nothing_is_cut(width, monkeypatch, capsys):
     parts = drawn.count("Errors")
     assert drawn.count("recommended") == 3 * parts
     assert (parts == 1) == (width >= 150)
+
+
+FOUND = Table(
+    "Faults",
+    ("fault", "controller", "ME, m", "what was found"),
+    (
+        ("1 wheel-locked at 5 s, wheel 0", "recommended", "0.0054", "one two three " * 6),
+        ("2 push at 5 s", "recommended", "0.0055", ""),
+    ),
+    keys=2,
+    prose=True,
+)
+
+
+@pytest.mark.parametrize("width", [80, 100, 160])
+def test_sentences_are_broken_and_stand_alone_only_where_there_are_any(width, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(width))
+    print_tables([FOUND])
+    drawn = capsys.readouterr().out
+    assert "…" not in drawn
+    assert max(map(len, drawn.splitlines())) <= width
+    assert drawn.count("three") == 6
+    assert drawn.count("2 push at 5 s") == 1

@@ -16,6 +16,7 @@ from omnidrive.evaluation import Table
 from omnidrive.study import Study
 
 _WIDTH_OF_FILES = 160  # characters; the widest table fits
+_SENTENCE = 30  # characters of a line of a sentence, at least
 
 
 class LiveProgress:
@@ -121,20 +122,29 @@ def _split(table: Table, width: int) -> list[list[int]]:
 
 
 def _least(table: Table, i: int) -> int:
-    """Characters that column ``i`` cannot do without: its longest cell, or word of its heading."""
-    return max(map(len, [*table.columns[i].split(), *(row[i] for row in table.rows)]))
+    """Characters that column ``i`` cannot do without: its longest cell, or word of its heading.
+
+    Sentences are broken.
+    """
+    least = max(map(len, [*table.columns[i].split(), *(row[i] for row in table.rows)]))
+    return min(least, _SENTENCE) if _is_prose(table, i) else least
+
+
+def _is_prose(table: Table, i: int) -> bool:
+    return table.prose and i == len(table.columns) - 1
 
 
 def _fill(drawn: RichTable, table: Table, columns: list[int], *, tight: bool) -> None:
-    """Add columns and rows, with a rule where the first key changes within a group."""
+    """Add columns, and the rows that say something in them, with rules between the first keys."""
     for i in columns:
-        side: Literal["left", "right"] = "left" if i < table.keys else "right"
+        words = i < table.keys or _is_prose(table, i)
+        side: Literal["left", "right"] = "left" if words else "right"
         least = _least(table, i)
-        drawn.add_column(
-            table.columns[i], justify=side, min_width=least, max_width=least if tight else None
-        )
+        most = least if tight and not _is_prose(table, i) else None
+        drawn.add_column(table.columns[i], justify=side, min_width=least, max_width=most)
     grouped = len({row[0] for row in table.rows}) < len(table.rows)
-    for previous, row in zip((None, *table.rows), table.rows, strict=False):
+    rows = [row for row in table.rows if any(row[i] for i in columns[table.keys :])]
+    for previous, row in zip((None, *rows), rows, strict=False):
         if grouped and previous is not None and row[0] != previous[0]:
             drawn.add_section()
         drawn.add_row(*(row[i] for i in columns))

@@ -27,6 +27,7 @@ def fault_table(results: StudyResults) -> Table:
         "controller does at that time without the fault. Time to recover: from the beginning of "
         "the fault; 0: it was never further away. Stopped: by the watchdog.",
         keys=2,
+        prose=True,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ class Table:
         rows: Cells, row by row.
         note: One sentence under the table; may be empty.
         keys: Leading columns that together name a row.
+        prose: Whether the last column holds sentences.
     """
 
     title: str
@@ -22,3 +23,4 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
     keys: int = 1
+    prose: bool = False

@@ -308,8 +308,8 @@ class Scenario(Section):
         for fault, ends in (*((f, self.tasks.shortest) for f in self.faults), *of_task):
             if fault.at >= ends:
                 raise ValueError(
-                    f"fault {fault.kind} begins at {fault.at:g} s, after a run's end at {ends:g} s: "
-                    "let it begin earlier"
+                    f"fault {fault.kind} begins at {fault.at:g} s, after a run's end at "
+                    f"{ends:g} s: let it begin earlier"
                 )
             if self.plant == "kinematic" and fault.kind in MOVED_BY_FORCES:
                 raise ValueError(

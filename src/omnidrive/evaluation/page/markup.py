@@ -42,8 +42,12 @@ def _wheels(robot: Robot) -> str:
 
 
 def _table(k: int, table: Table) -> str:
-    head = "".join(f'<th scope="col">{escape(column)}</th>' for column in table.columns)
-    body = "\n".join(_row(row) for row in table.rows)
+    classes = _classes(table)
+    head = "".join(
+        f'<th scope="col"{name}>{escape(column)}</th>'
+        for name, column in zip(classes, table.columns, strict=True)
+    )
+    body = "\n".join(_row(classes, row) for row in table.rows)
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
     return (
         f'<section class="card table-card">\n'
@@ -54,10 +58,17 @@ def _table(k: int, table: Table) -> str:
     )
 
 
-def _row(row: tuple[str, ...]) -> str:
-    name, *cells = row
-    return (
-        f'<tr><th scope="row">{escape(name)}</th>'
-        + "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-        + "</tr>"
-    )
+def _classes(table: Table) -> list[str]:
+    """Of each column: words stand to the left, and only sentences are broken."""
+    classes = [' class="words"'] * table.keys + [""] * (len(table.columns) - table.keys)
+    if table.prose:
+        classes[-1] = ' class="prose"'
+    return classes
+
+
+def _row(classes: Sequence[str], row: tuple[str, ...]) -> str:
+    cells = [
+        f"<td{name}>{escape(cell)}</td>"
+        for name, cell in zip(classes[1:], row[1:], strict=True)
+    ]  # fmt: skip
+    return f'<tr><th scope="row">{escape(row[0])}</th>{"".join(cells)}</tr>'
