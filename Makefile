@@ -14,10 +14,11 @@ demo: .venv/ready  ## run the paper's whole study on physics and write its repor
 env: .venv/ready  ## make the environment in .venv from the lock file
 
 test: .venv/ready-dev lint types contract  ## lint, types, import contract and every quick test
-	$(BIN)/python -m pytest -n 2 -m "not long"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not long"
 
-test-long: .venv/ready-dev  ## the checks that take minutes
-	$(BIN)/python -m pytest -n 2 -m long
+test-long: .venv/ready-dev  ## the checks that take minutes, and property tests on examples never seen before
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m long
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "hypothesis and not long" --hypothesis-profile=fresh
 
 lint: .venv/ready-dev
 	$(BIN)/ruff check .

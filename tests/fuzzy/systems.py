@@ -180,8 +180,8 @@ def rules(draw, inputs, outputs, hedges=HEDGES, nesting=2, negated_conclusions=T
         Is(outputs[k][0], draw(st.sampled_from(outputs[k][1])), draw(negations))
         for k in sorted(used)
     )
-    unit = st.floats(0.0, 1.0) if weights else st.just(1.0)
-    return Rule(condition, conclusions, draw(st.just(1.0) | unit))
+    light = st.just(0.0) | st.floats(1e-6, 1.0)  # the kernels take what is fainter for nothing
+    return Rule(condition, conclusions, draw(st.just(1.0) | light) if weights else 1.0)
 
 
 @composite
