@@ -194,7 +194,8 @@ class Robot:
     @property
     def grips(self) -> Float[Array, " wheels"]:
         """What friction carries of each wheel's push at rest; at the rim, in N."""
-        return self._friction_along_push * self.loads
+        grips: Float[Array, " wheels"] = self._friction_along_push * self.loads
+        return grips
 
     @property
     def grip_shifts(self) -> Float[Array, "wheels 2"]:
@@ -202,7 +203,9 @@ class Robot:
 
         In N/N. The floor pushes below the centre of mass, so that loads shift backwards.
         """
-        return -self.com_height * self._friction_along_push[:, None] * self._sharing[:, 1:]
+        leaning = -self.com_height * self._sharing[:, 1:]
+        shifts: Float[Array, "wheels 2"] = self._friction_along_push[:, None] * leaning
+        return shifts
 
     @property
     def _friction_along_push(self) -> Float[Array, " wheels"]:
