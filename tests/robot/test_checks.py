@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import inf, nan, pi
 
+import numpy as np
 import pytest
 
 from omnidrive.errors import InvalidGeometry, InvalidInput
@@ -76,6 +77,16 @@ def test_loads_balance_the_weight(robot):
     for axis in (0, 1):
         moment = sum(load * m[axis] for load, m in zip(shifted.loads, robot.mounts, strict=True))
         assert moment == pytest.approx(weight * shifted.com[axis])
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+def test_pushes_shift_loads_backwards(robot):
+    """By the moments of a push at the floor about the centre of mass; the weight stays."""
+    rolling = np.array([np.cos(mount.roller) for mount in robot.mounts])
+    loads = robot.grip_shifts / (robot.friction * rolling[:, None])
+    places = np.array([(mount.x, mount.y) for mount in robot.mounts])
+    assert loads.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert places.T @ loads == pytest.approx(-robot.com_height * np.eye(2), abs=1e-12)
 
 
 def test_a_wheel_weighs_what_its_parts_do():

@@ -447,7 +447,10 @@ def test_slip_is_that_of_the_differential_equation():
     def law(_, state):
         body = state[:3]
         gaps = speeds - model.rims @ body
-        push = np.clip(model.stiffness * gaps, -model.pushes, model.pushes)
+        push = np.zeros(4)
+        for _ in range(30):  # loads shift by what the wheels push
+            most = np.clip(model.grips + model.shifts @ (model.rims.T @ push)[:2], 0, model.motor)
+            push = np.clip(model.stiffness * gaps, -most, most)
         x, y, turn = body
         ax, ay, turning = model.rims.T @ push / model.inertia
         return [ax + turn * y, ay - turn * x, turning, *body, *gaps]
@@ -457,6 +460,30 @@ def test_slip_is_that_of_the_differential_equation():
     assert mean == pytest.approx(exact[3:6] / DT, abs=0.01)
     assert last == pytest.approx(exact[:3], abs=0.01)
     assert np.abs(lost).max() > 0.01
+
+
+def test_odometry_is_as_uncertain_as_it_says_at_hard_starts():
+    """Rollers stand anywhere; the robot is asked for a speed at once, and later for half of it."""
+    sensors, squares = SensorSettings(fixes=None), []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        sensor = EstimatingSensor(
+            Sensors(sensors, ROBOT.chassis, rng), PoseEstimator(ROBOT, sensors)
+        )
+        plant = MujocoPlant(ROBOT, "rollers", rng)
+        most, heading, turn = rng.uniform([0.3, -pi, -2.0], [1.0, pi, 2.0])
+        state = plant.reset(START)
+        sensor.reset(START)
+        sensor.sense(0.0, state)
+        for k in range(1, 8):
+            speed = most if k < 5 else 0.5 * most
+            twist = BodyTwist(speed * np.cos(heading), speed * np.sin(heading), speed * turn)
+            state = plant.step(twist, DT)
+            seen = sensor.sense(DT * k, state)
+        error = np.array(twist_between(seen.pose, state.pose, 1.0))
+        covariance = sensor.estimator.belief.covariance[POSE, POSE]
+        squares.append(error @ np.linalg.solve(covariance, error))
+    assert 1.0 < np.mean(squares) < 4.5  # 3, if the law of slip were exact and its doubt known
 
 
 @pytest.mark.parametrize("wheels", ["rollers", "ball"])

@@ -40,7 +40,7 @@ def with_sensors(**changes):
     return paper_scenario().model_copy(update={"sensors": SensorsSection(**changes)})
 
 
-@pytest.mark.parametrize(("fixes", "limit"), [(PoseFixSettings(), 0.015), (HARD, 0.020)])
+@pytest.mark.parametrize(("fixes", "limit"), [(PoseFixSettings(), 0.010), (HARD, 0.015)])
 def test_noise_is_seen_through_on_physics(fixes, limit):
     """Far from the 0.0566 m and 0.0586 rad that the paper reached; two seeds of the long test."""
     prepared = prepare(with_sensors(fixes=fixes))

@@ -179,16 +179,42 @@ class Robot:
         Least squares: forces that balance the weight and vary linearly over the floor, as those
         of equal springs under a stiff frame do.
         """
-        statics = np.array([[1.0, m.x, m.y] for m in self.mounts]).T
         weight = self.mass * GRAVITY * np.array([1.0, *self.com])
-        loads: Float[Array, " wheels"] = np.linalg.pinv(statics) @ weight
+        loads: Float[Array, " wheels"] = self._sharing @ weight
         return loads
+
+    @property
+    def _sharing(self) -> Float[Array, "wheels 3"]:
+        """Loads per weight and per its moments about y and x, in 1, 1/m and 1/m."""
+        shares: Float[Array, "wheels 3"] = np.linalg.pinv(
+            np.array([[1.0, m.x, m.y] for m in self.mounts]).T
+        )
+        return shares
+
+    @property
+    def grips(self) -> Float[Array, " wheels"]:
+        """What friction carries of each wheel's push at rest; at the rim, in N."""
+        grips: Float[Array, " wheels"] = self._friction_along_push * self.loads
+        return grips
+
+    @property
+    def grip_shifts(self) -> Float[Array, "wheels 2"]:
+        """How much more :attr:`grips` are per push of the floor on the robot along x and y of B.
+
+        In N/N. The floor pushes below the centre of mass, so that loads shift backwards.
+        """
+        leaning = -self.com_height * self._sharing[:, 1:]
+        shifts: Float[Array, "wheels 2"] = self._friction_along_push[:, None] * leaning
+        return shifts
+
+    @property
+    def _friction_along_push(self) -> Float[Array, " wheels"]:
+        return self.friction * np.array([cos(m.roller) for m in self.mounts])
 
     @property
     def pushes(self) -> Float[Array, " wheels"]:
         """What friction carries of each wheel's push, or its motor gives; at the rim, in N."""
-        grip = self.friction * self.loads * [cos(m.roller) for m in self.mounts]
-        most: Float[Array, " wheels"] = np.minimum(grip, self.max_torque / self.wheel.radius)
+        most: Float[Array, " wheels"] = np.minimum(self.grips, self.max_torque / self.wheel.radius)
         return most
 
     @property

@@ -229,11 +229,13 @@ def _model(
     robot: Robot, sensors: SensorSettings, settings: EstimatorSettings, slips: bool
 ) -> MotionModel:
     gyro, fixes = sensors.gyro, sensors.fixes
-    rims, pushes = np.ascontiguousarray(robot.rims), np.array(robot.pushes)
+    rims, grips = np.ascontiguousarray(robot.rims), robot.grips
     time, damping = fixes.wandering if fixes else (1.0, 0.9)
     return MotionModel(
         rims=rims,
-        pushes=pushes if slips else np.full_like(pushes, np.inf),
+        grips=grips if slips else np.full_like(grips, np.inf),
+        shifts=np.ascontiguousarray(robot.grip_shifts),
+        motor=robot.max_torque / robot.wheel.radius,
         inertia=np.array(robot.inertia),
         stiffness=robot.mass / (_HOLDING_TIME * float((rims[:, 0] ** 2).sum())),
         agility=1.0 / np.abs(robot.traction).max(axis=0),

@@ -15,8 +15,13 @@ class MotionModel(NamedTuple):
 
     rims: Float[Array, "wheels 3"]
     """Speed of every rim per unit of body twist, in 1, 1 and m/rad."""
-    pushes: Float[Array, " wheels"]
-    """At most, of each wheel, in N; not finite: wheels never slip, as without masses."""
+    grips: Float[Array, " wheels"]
+    """What friction carries of each wheel's push at rest, in N; not finite: wheels never slip, as
+    without masses."""
+    shifts: Float[Array, "wheels 2"]
+    """How much more of it there is when the floor pushes the robot along x or y of B, in N/N."""
+    motor: float
+    """Push that a motor gives at most, in N."""
     inertia: Float[Array, " 3"]
     """Mass in kg, twice, and yaw inertia in kg m^2."""
     stiffness: float
@@ -28,7 +33,7 @@ class MotionModel(NamedTuple):
     creep: float
     """Standard deviation of a rim's way after 1 m, in m / sqrt(m)."""
     slip_error: float
-    """Standard deviation of a slip, as a part of the slip expected."""
+    """Standard deviation of a slip, as a part of the slip expected, root mean square of rims."""
     slip_doubt: float
     """The same of a slip not expected, as a multiple of what residuals show of it."""
     slip_memory: float

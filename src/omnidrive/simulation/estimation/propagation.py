@@ -44,7 +44,7 @@ def propagate(belief: Belief, odometry: Odometry, model: MotionModel) -> Belief:
     joint[10:, 10:] = spread
     if isfinite(rate):
         joint = _with_gyro(mean, joint, motion, odometry, model)
-    if isfinite(model.pushes[0]):
+    if isfinite(model.grips[0]):
         velocity += motion / dt - mean_twist
     else:
         velocity = motion / dt
@@ -118,10 +118,14 @@ def _squares(
 def _variance(
     odometry: Odometry, model: MotionModel, i: int, lost: Float[Array, " wheels"]
 ) -> float:
-    """Of a rim's way, in m^2: two roundings to whole counts, creep, and the slip expected."""
+    """Of a rim's way, in m^2: two roundings to whole counts, creep, and the slip expected.
+
+    That of all rims: what is wrong about it is how the robot is dragged along, and this shows
+    also at wheels that hold.
+    """
     rounding: float = model.quantum**2 / 6.0 * odometry.share
     creep = model.creep**2 * abs(odometry.ways[i])
-    slip: float = (model.slip_error * lost[i]) ** 2
+    slip: float = model.slip_error**2 * (lost**2).mean()
     return float(rounding + creep + slip + _ROUNDING)
 
 

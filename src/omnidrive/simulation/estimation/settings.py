@@ -15,9 +15,9 @@ class EstimatorSettings:
     creep: Annotated[float, Bounds(0.0, 1.0, "m/sqrt(m)")] = 1e-3
     """Standard deviation of a rim's way after 1 m while no slip is suspected; it grows with the
     square root of the way."""
-    slip_error: Annotated[float, Bounds(0.0, 10.0, "1")] = 0.3
-    """Standard deviation of a slip that is expected, as a part of it. Friction, loads and mass are
-    known better; but what is wrong about them is so in every interval of a start alike."""
+    slip_error: Annotated[float, Bounds(0.0, 10.0, "1")] = 0.2
+    """Standard deviation of every rim's slip, as a part of the slip that is expected, root mean
+    square of all rims: what is wrong of how the robot is dragged along shows at all of them."""
     slip_doubt: Annotated[float, Bounds(0.0, 100.0, "1")] = 1.5
     """The same of a slip that is not, as a multiple of what redundant wheels and the gyro show of
     it: they do not show slip that looks like a motion."""

@@ -27,23 +27,26 @@ def slipped(
     (Pacejka, "Tire and Vehicle Dynamics", 3rd ed. 2012, section 1.2)::
 
         f_i = clip(stiffness (rim_i - rims_i b), -push_i, push_i)
+        push_i = min(grip_i + shift_i rims^T f, motor)
         inertia (db/dt + w x b) = rims^T f
 
-    with the body twist b, of yaw rate w. A wheel whose speed is not known does not push.
+    with the body twist b, of yaw rate w; what acceleration shifts of the loads, axles hand on at
+    once. A wheel whose speed is not known does not push.
 
     Args:
         velocity: Twist at first, in B.
         odometry: The wheels' ways; their speeds are taken to be even.
-        model: With pushes that are not finite no wheel ever slips.
+        model: With grips that are not finite no wheel ever slips.
     """
     wheels = len(odometry.ways)
     lost, mean, now = np.zeros(wheels), np.zeros(3), velocity.copy()
-    if not isfinite(model.pushes[0]):
+    if not isfinite(model.grips[0]):
         return lost, mean, now
     steps = ceil(odometry.duration / _STEP)
     h = odometry.duration / steps
     pull = np.zeros(3)
     for _ in range(steps):
+        fx, fy = pull[0], pull[1]
         pull[0], pull[1], pull[2] = 0.0, 0.0, 0.0
         for i in range(wheels):
             if isfinite(odometry.ways[i]):
@@ -51,7 +54,9 @@ def slipped(
                 for a in range(3):
                     gap -= model.rims[i, a] * now[a]
                 lost[i] += gap * h
-                push = min(max(model.stiffness * gap, -model.pushes[i]), model.pushes[i])
+                grip = model.grips[i] + model.shifts[i, 0] * fx + model.shifts[i, 1] * fy
+                most = min(max(grip, 0.0), model.motor)
+                push = min(max(model.stiffness * gap, -most), most)
                 for a in range(3):
                     pull[a] += push * model.rims[i, a]
         x, y, turn = now[0], now[1], now[2]

@@ -60,20 +60,20 @@ class PoseFixSettings:
     def bias_sigma(self) -> Float[Array, " 3"]:
         """How large the bias usually is, in m, m, rad.
 
-        The paper's is ``sin(t / 5) / 12``: its root mean square over a period.
+        The paper's is ``sin(t / 5) / 12``: its amplitude, for a run begins where it is zero and
+        changes fastest.
         """
         if self.law == "paper":
-            return np.full(3, sqrt(0.5) / 12.0)
+            return np.full(3, 1.0 / 12.0)
         return np.array([self.position_bias, self.position_bias, self.yaw_bias])
 
     @property
     def wandering(self) -> tuple[float, float]:
         """Time in s and damping with which the bias goes on; see :func:`.wander.wander`.
 
-        The paper's is ``sin(t / 5)``. That it goes on so for ever, no log shows: one of five
-        minutes, ten periods, cannot tell a damping of 0.02 from none.
+        The paper's is ``sin(t / 5)``, which goes on so for ever.
         """
-        return (5.0, 0.02) if self.law == "paper" else (self.bias_time, self.bias_damping)
+        return (5.0, 0.0) if self.law == "paper" else (self.bias_time, self.bias_damping)
 
 
 @dataclass(slots=True)
