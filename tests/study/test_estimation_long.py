@@ -18,12 +18,7 @@ FIXES = {
 """With the largest mean ME in m and MAE in rad that are allowed."""
 
 
-NOT_YET = pytest.mark.xfail(strict=True, reason="ME is 0.0077 m")
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=NOT_YET if k == 0 else ()) for k, name in enumerate(FIXES)]
-)
+@pytest.mark.parametrize("name", FIXES)
 def test_true_errors_with_the_estimator_over_twenty_seeds(name):
     """-s prints the table of decision 0009."""
     fixes, me, mae = FIXES[name]
