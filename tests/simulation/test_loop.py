@@ -105,7 +105,7 @@ def test_a_locked_wheel_costs_the_heading_and_not_the_position(plant, wheel):
 
 
 def test_nobody_makes_up_for_it_without_a_supervisor():
-    assert errors(run("wheel-locked:at=3", guarded=False)).max() > 0.15
+    assert errors(run("wheel-locked:at=3,wheel=1", guarded=False)).max() > 0.15
 
 
 @pytest.mark.parametrize("plant", ["ball", "rollers"])

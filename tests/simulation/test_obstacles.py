@@ -13,6 +13,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import named_robot
 from omnidrive.simulation import MovingObstacle, MujocoPlant
+from omnidrive.simulation.conditions import Conditions, Payload
 from omnidrive.simulation.walls import Walls, boxes_of
 
 SMALL = named_robot("small")
@@ -84,6 +85,19 @@ def test_a_wall_stops_the_robot(wheels, yaw, angle):
     assert gaps.min() > -5e-3  # it gives way by millimetres
     assert gaps[first:].min() == pytest.approx(0.0, abs=5e-3)
     assert states[-1].collisions >= 1
+
+
+@pytest.mark.parametrize("wheels", ["ball", "rollers"])
+@pytest.mark.parametrize("payload", [None, Payload(1.0, 0.0, 0.0)])
+def test_a_robot_rubs_along_the_wall_to_which_it_presses(wheels, payload):
+    """Its wheels spin against the wall and push it to there: it hardly gets on."""
+    grid = OccupancyGrid(np.zeros((80, 80), bool), 0.1, walled=True)
+    plant = MujocoPlant(SMALL, wheels, obstacles=grid)
+    plant.reset(Pose(7.9 - SMALL.body_radius, 2.0, 0.0))
+    plant.impose(Conditions(payload=payload))
+    states = [plant.step(BodyTwist(0.5, 0.3, 0.0), 0.1) for _ in range(30)]
+    assert states[-1].collisions > 0
+    assert abs(states[-1].pose.y - 2.0) < 0.1
 
 
 def test_a_robot_that_comes_back_collides_again():

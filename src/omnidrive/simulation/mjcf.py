@@ -1,7 +1,7 @@
 """MuJoCo models of robots with omni or mecanum wheels, written as MJCF.
 
-Two wheel models: `rollers`, with rows of passive rollers on every wheel, and `ball`, one sphere per
-wheel that is driven about a body-fixed axis and rolls freely about the others.
+Two wheel models: `rollers`, with rows of passive rollers on every wheel, and `ball`, one round cap
+per wheel that grips the floor along the wheel's push and slides freely across it.
 
 What the settings are for: the integrator `discrete` keeps the servo from leading its command
 (`implicitfast` leads by 11 ms); the elliptic cone with impratio 10 and sprung axles share the load
@@ -15,18 +15,22 @@ from collections.abc import Sequence
 from typing import Literal
 from xml.etree import ElementTree as ET
 
-from omnidrive.robot import OmniWheel, Robot
+from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf_element import add, numbers
 from omnidrive.simulation.mjcf_scene import add_looks, add_obstacles, add_surroundings
-from omnidrive.simulation.mjcf_wheels import add_ball_wheel, add_roller_wheel
+from omnidrive.simulation.mjcf_wheels import (
+    FREE,
+    add_ball_wheel,
+    add_grips,
+    add_roller_wheel,
+)
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.walls import Walls
 
 WheelModel = Literal["rollers", "ball"]
 
-TIMESTEP = 0.002
-"""Longest physics step in s: short enough for the stiffest named servo, and for where a robot ends
-whose wheels spin to be right; balls at 4 ms are a decimetre off after 4 s of hard jerks."""
+TIMESTEPS: dict[WheelModel, float] = {"rollers": 0.002, "ball": 1.0 / 300.0}
+"""Longest physics step in s: rollers take turns on the floor, balls roll evenly."""
 
 
 def omni_model(
@@ -47,11 +51,13 @@ def omni_model(
         walls: The map that stands around it; None: nothing.
         moving: Obstacles that move.
     """
+    rollers = wheels == "rollers"
     root = ET.Element("mujoco", model=f"{robot.name}-{wheels}")
     add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     option = add(
-        root, "option", timestep=TIMESTEP, integrator="discrete", cone="elliptic",
-        impratio=10, solver="Newton", jacobian="sparse" if wheels == "rollers" else "dense",
+        root, "option", timestep=TIMESTEPS[wheels], integrator="discrete", cone="elliptic",
+        impratio=10 if rollers else 10 * FREE**2, solver="Newton",
+        jacobian="sparse" if rollers else "dense",
     )  # fmt: skip
     some = walls is not None or bool(moving)
     # the tree of a body's geoms, by which MuJoCo skips pairs, does not know that walls are moved
@@ -63,33 +69,23 @@ def omni_model(
     add_surroundings(root, world, robot)
     base = add(world, "body", name="base", pos=numbers(0, 0, robot.wheel.radius))
     add(base, "freejoint", name="base")
-    _add_chassis(base, robot, wheels)
+    _add_chassis(base, robot)
     add_looks(base, robot)
     if some:
         add_obstacles(root, base, robot, walls=walls, moving=moving)
     actuators = add(root, "actuator")
-    add_wheel = {"rollers": add_roller_wheel, "ball": add_ball_wheel}[wheels]
+    add_wheel = add_roller_wheel if rollers else add_ball_wheel
     for i, mount in enumerate(robot.mounts):
         add_wheel(base, actuators, robot, i, mount)
+    if not rollers:
+        add_grips(root, robot)
     return ET.tostring(root, encoding="unicode")
 
 
-def _wheel_mass(wheel: OmniWheel, wheels: WheelModel) -> float:
-    return wheel.total_mass if wheels == "rollers" else wheel.mass
-
-
-def _add_chassis(base: ET.Element, robot: Robot, wheels: WheelModel) -> None:
-    one = _wheel_mass(robot.wheel, wheels)
-    mass = robot.mass - len(robot.mounts) * one
-    if robot.body_inertia is None:
-        about_z = robot.frame_inertia * mass / robot.frame_mass
-    else:  # the weight of rollers that are not there stays with the wheels
-        rest = robot.wheel.total_mass - one
-        about_z = robot.body_inertia + rest * sum(m.x**2 + m.y**2 for m in robot.mounts)
-    place = (
-        round((robot.mass * of_all - one * sum(wheels_at)) / mass, 12)  # without rounding's dust
-        for of_all, wheels_at in zip(robot.com, zip(*robot.mounts, strict=True), strict=False)
-    )
+def _add_chassis(base: ET.Element, robot: Robot) -> None:
+    mass = robot.frame_mass
+    about_z = robot.frame_inertia
+    place = (round(x, 12) for x in robot.frame_com)  # without rounding's dust
     about_x = 0.5 * about_z + mass * 0.08**2 / 12.0
     add(
         base, "inertial", pos=numbers(*place, robot.com_height - robot.wheel.radius), mass=mass,

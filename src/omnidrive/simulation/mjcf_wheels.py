@@ -25,6 +25,14 @@ _SAG = 0.002  # m that a sprung axle gives under the robot's weight
 _SPRING_DAMPING_RATIO = 0.7
 _ROLLER_ARMATURE = 1e-6  # kg m^2; more makes the robot creep
 _ROLLER_DAMPING = 2e-6  # N m s/rad
+FREE = 1e-4
+"""Friction of a ball along its axis, where it has rollers, over that along its push.
+
+MuJoCo makes a contact's second tangent harder than the first by the inverse square of this; so a
+model of balls makes the first softer by as much. If it were larger, balls would be on the cone of
+their friction whenever they roll, which costs time.
+"""
+_TILT = 0.02  # rad by which a ball's axis rises inwards, so that one end of its capsule touches
 CONTACT = {"condim": "3", "solref": "0.005 1", "solimp": "0.95 0.99 0.0005"}
 """How wheels and the floor press on each other."""
 
@@ -39,26 +47,51 @@ def floor_friction(robot: Robot) -> str:
 def add_ball_wheel(
     base: ET.Element, actuators: ET.Element, robot: Robot, i: int, mount: Mount
 ) -> None:
-    """A sphere driven about a horizontal axis across the mount's push, free about the others.
+    """A round cap, the end of a capsule, that turns about an axis across the mount's push.
 
-    The motor turns ``1 / cos(roller)`` times as fast as the sphere does about that axis, and its
-    torque is as much greater there: ``r w cos(roller) = push . v``, without loss. The rotor's
-    inertia lies on every axis of the sphere: of mecanum wheels what it weighs on the mean over all
-    directions, of omni wheels twice that.
+    The motor turns ``1 / cos(roller)`` times as fast as the cap does about that axis, its torque is
+    as much greater there, and inertia about the axle weighs the square of that:
+    ``r w cos(roller) = push . v``, without loss.
     """
-    wheel, gear = robot.wheel, 1.0 / cos(mount.roller)
-    pos = numbers(mount.x, mount.y, 0.0)
-    add(base, "site", name=f"drive{i}", pos=pos, quat=about_z(mount.axle - mount.roller))
-    body = _sprung(base, robot, i, mount)
-    add(body, "joint", name=f"wheel{i}", type="ball", armature=wheel.rotor_inertia)
-    inertia = _hub_inertia(wheel)
-    add(body, "inertial", pos="0 0 0", mass=wheel.mass, diaginertia=numbers(*[inertia] * 3))
-    add(body, "site", name=f"hub{i}")
-    add(body, "geom", type="sphere", size=wheel.radius, **_tyre(robot))
-    _add_servo(
-        actuators, robot, i, site=f"hub{i}", refsite=f"drive{i}",
-        gear=numbers(0, 0, 0, -gear, 0, 0),
+    wheel, gear = robot.wheel, cos(_TILT) / cos(mount.roller)
+    body = _sprung(base, robot, i, mount, mount.axle - mount.roller)
+    axis = (-cos(_TILT), 0.0, sin(_TILT))
+    add(
+        body, "joint", name=f"wheel{i}", type="hinge", axis=numbers(*axis),
+        armature=gear**2 * wheel.rotor_inertia,
     )  # fmt: skip
+    turned = gear**2 * (_hub_inertia(wheel) + _rollers_inertia(wheel))
+    across = 0.5 * turned + wheel.total_mass * wheel.row_gap**2 / 12.0
+    add(
+        body, "inertial", pos="0 0 0", mass=wheel.total_mass,
+        diaginertia=numbers(turned, across, across),
+    )  # fmt: skip
+    add(
+        body, "geom", name=f"tyre{i}", type="capsule", size=wheel.radius,
+        fromto=numbers(0, 0, 0, *(0.4 * wheel.radius * part for part in axis)),
+        **(_tyre(robot) | {"conaffinity": "0"}),
+    )  # fmt: skip
+    _add_servo(actuators, robot, i, joint=f"wheel{i}", gear=gear)
+
+
+def add_grips(root: ET.Element, robot: Robot) -> None:
+    """Contacts of balls with the floor: they hold along their pushes only.
+
+    MuJoCo turns the frame of a capsule's contact with a plane so that its first tangent lies along
+    the capsule. Slip is damped less than the load's motion, or a wheel that spins would hop.
+    """
+    contacts = add(root, "contact")
+    for i in range(len(robot.mounts)):
+        add(
+            contacts, "pair", name=f"grip{i}", geom1="floor", geom2=f"tyre{i}",
+            friction=numbers(*ball_friction(robot.friction), 0.0005, 0.0001, 0.0001),
+            solreffriction="0.01 1", **CONTACT,
+        )  # fmt: skip
+
+
+def ball_friction(friction: float) -> tuple[float, float]:
+    """Of a ball's contact with the floor: along its axis and along its push."""
+    return FREE * friction, friction
 
 
 def add_roller_wheel(
@@ -66,7 +99,7 @@ def add_roller_wheel(
 ) -> None:
     """A wheel with rows of rollers, staggered where there are several."""
     wheel = robot.wheel
-    body = _sprung(base, robot, i, mount)
+    body = _sprung(base, robot, i, mount, mount.axle)
     add(body, "joint", name=f"wheel{i}", type="hinge", axis="-1 0 0", armature=wheel.rotor_inertia)
     about_axle = _hub_inertia(wheel)
     across = 0.5 * about_axle + wheel.mass * wheel.row_gap**2 / 12.0
@@ -86,10 +119,10 @@ def add_roller_wheel(
     _add_servo(actuators, robot, i, joint=f"wheel{i}")
 
 
-def _sprung(base: ET.Element, robot: Robot, i: int, mount: Mount) -> ET.Element:
+def _sprung(base: ET.Element, robot: Robot, i: int, mount: Mount, yaw: float) -> ET.Element:
     """Body of wheel i on its sprung axle; x along the axle, outwards."""
     pos = numbers(mount.x, mount.y, 0.0)
-    body = add(base, "body", name=f"wheel{i}", pos=pos, quat=about_z(mount.axle))
+    body = add(base, "body", name=f"wheel{i}", pos=pos, quat=about_z(yaw))
     load = robot.mass / len(robot.mounts)
     stiffness = load * GRAVITY / _SAG
     add(
@@ -100,7 +133,7 @@ def _sprung(base: ET.Element, robot: Robot, i: int, mount: Mount) -> ET.Element:
     return body
 
 
-def _add_servo(actuators: ET.Element, robot: Robot, i: int, **place: str) -> None:
+def _add_servo(actuators: ET.Element, robot: Robot, i: int, **place: object) -> None:
     """Torque in proportion to the error of speed; a lag delays the set point."""
     limits = numbers(-robot.max_torque, robot.max_torque)
     if robot.motor_lag == 0.0:
@@ -122,6 +155,12 @@ def _tyre(robot: Robot) -> dict[str, str]:
 
 def _hub_inertia(wheel: OmniWheel) -> float:
     return 0.5 * wheel.mass * (0.7 * wheel.radius) ** 2  # most of the mass lies within 0.7 r
+
+
+def _rollers_inertia(wheel: OmniWheel) -> float:
+    """Of all rollers about the axle."""
+    count = wheel.rows * wheel.rollers_per_row
+    return count * wheel.roller_mass * (wheel.radius - wheel.roller_radius) ** 2
 
 
 def _add_roller(

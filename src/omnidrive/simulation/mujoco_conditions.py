@@ -14,15 +14,17 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import WorldTwist
 from omnidrive.robot import GRAVITY, Mount
 from omnidrive.simulation.conditions import Conditions, Motor, Patch, Payload
+from omnidrive.simulation.mjcf_wheels import ball_friction
 
 Array = np.ndarray
 
 _BRAKE = 1e4  # N m s/rad of a locked wheel: under all its grip the rim creeps by 0.1 mm/s
 _WEAK = 0.5
+_GIVES = 2e-5
 _MOTORS = (
     "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_forcelimited",
 )  # fmt: skip
-_TYRES = ("geom_friction", "geom_priority")
+_TYRES = ("geom_friction", "geom_priority", "pair_friction")
 _MASSES = (
     "body_mass", "body_ipos", "body_iquat", "body_inertia", "body_subtreemass", "body_invweight0",
     "dof_invweight0", "dof_M0", "actuator_acc0", "actuator_length0", "cam_pos0", "cam_poscom0",
@@ -130,6 +132,8 @@ class MujocoConditions:
         model.body_inertia[base] = principal
         mujoco.mju_mat2Quat(model.body_iquat[base], axes.ravel())
         mujoco.mj_setConst(model, mujoco.MjData(model))
+        if model.npair:
+            harden_body(model)
 
     def _restore_masses(self) -> None:
         for name in _MASSES:
@@ -153,12 +157,15 @@ class MujocoConditions:
         x, y = data.qpos[:2].tolist()
         w, _, _, z = data.qpos[3:7].tolist()
         c, s = w * w - z * z, 2.0 * w * z  # of the yaw; the robot stands upright
-        for mount, tyre in zip(self._mounts, self._tyres, strict=True):
+        for i, (mount, tyre) in enumerate(zip(self._mounts, self._tyres, strict=True)):
             across = x + c * mount.x - s * mount.y - patch.x
             along = y + s * mount.x + c * mount.y - patch.y
             inside = hypot(across, along) <= patch.radius
             own = self._healthy.geom_friction[tyre[0], 0]
-            self._model.geom_friction[tyre, 0] = patch.friction if inside else own
+            here = patch.friction if inside else own
+            self._model.geom_friction[tyre, 0] = here
+            if self._model.npair:  # of balls, in the wheels' order
+                self._model.pair_friction[i, :2] = ball_friction(here)
 
     def _push(self, impulse: WorldTwist, data: mujoco.MjData) -> None:
         """The change of all velocities at once by which M dv = J^T impulse.
@@ -173,6 +180,16 @@ class MujocoConditions:
         mujoco.mj_applyFT(model, data, force, torque, point, self._base, along)
         mujoco.mj_solveM(model, data, change, along[None])
         data.qvel[:] += change[0]
+
+
+def harden_body(model: mujoco.MjModel) -> None:
+    """Let obstacles hold the body of a robot on balls harder, by what MuJoCo takes for its weight.
+
+    All first tangents of a model of balls are soft (:data:`omnidrive.simulation.mjcf_wheels.FREE`):
+    without this, nothing would rub on the body. With it, a robot that presses to a wall rubs along
+    it as one on rollers does.
+    """
+    model.body_invweight0[model.body("base").id] *= _GIVES
 
 
 def _geoms_under(model: mujoco.MjModel, name: str) -> list[int]:

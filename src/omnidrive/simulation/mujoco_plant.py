@@ -15,16 +15,17 @@ from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
-from omnidrive.simulation.mjcf import TIMESTEP, WheelModel, omni_model
+from omnidrive.simulation.mjcf import TIMESTEPS, WheelModel, omni_model
 from omnidrive.simulation.moving_obstacle import MovingObstacle
-from omnidrive.simulation.mujoco_conditions import MujocoConditions
+from omnidrive.simulation.mujoco_conditions import MujocoConditions, harden_body
 from omnidrive.simulation.mujoco_obstacles import MujocoObstacles
+from omnidrive.simulation.mujoco_servos import MujocoServos
 from omnidrive.simulation.plant import Measurement
 from omnidrive.simulation.walls import Walls
 
 Array = np.ndarray
 
-_APPROACHES = 50  # steps after which what is near is looked up again
+_SPELL = 0.05  # s after which what is near is looked up again, and motors at their limits
 _SETTLING = 0.2  # s for the axle springs to take the load before a run starts
 
 
@@ -75,8 +76,12 @@ class MujocoPlant:
         walls = Walls(obstacles) if obstacles is not None else None
         xml = omni_model(robot, wheels, walls=walls, moving=moving)
         self._model = mujoco.MjModel.from_xml_string(xml)
+        if wheels == "ball":
+            harden_body(self._model)
         self._data = mujoco.MjData(self._model)
         self._obstacles = MujocoObstacles(self._model, robot, walls, moving)
+        self._servos = MujocoServos(self._model, self._data)
+        self._timestep = TIMESTEPS[wheels]
         self._conditions = MujocoConditions(self._model, robot.mounts)
         self._joints = [
             int(self._model.joint(f"wheel{i}").qposadr[0]) for i in range(len(robot.mounts))
@@ -102,12 +107,12 @@ class MujocoPlant:
         data = self._data
         self._conditions.clear()
         mujoco.mj_resetData(self._model, data)
-        self._model.opt.timestep = TIMESTEP
+        self._model.opt.timestep = self._timestep
         if self.wheels == "rollers":
             data.qpos[self._joints] = self._phases
         self._obstacles.reset(data)
         self._place(pose)
-        mujoco.mj_step(self._model, data, round(_SETTLING / TIMESTEP))
+        mujoco.mj_step(self._model, data, round(_SETTLING / self._timestep))
         data.qvel[:] = 0.0
         self._place(pose)
         data.time = 0.0
@@ -118,32 +123,45 @@ class MujocoPlant:
 
     def step(self, twist: BodyTwist, dt: float) -> Measurement:
         """Servo the wheels to ``twist`` for ``dt`` seconds."""
-        model, data = self._model, self._data
-        substeps = ceil(dt / TIMESTEP - 1e-9)
-        model.opt.timestep = dt / substeps
-        data.ctrl[:] = self._drive.wheel_speeds(self._drive.saturate(twist))
-        forces = np.empty((substeps, model.nu))
-        speeds = np.empty((substeps, model.nu))
-        force, speed = data.actuator_force, data.actuator_velocity
-        places, place = np.empty((substeps, 2)), data.qpos[:2]
-        obstacles, conditions = self._obstacles, self._conditions
-        for begin in range(0, substeps, _APPROACHES):
-            end, time = min(begin + _APPROACHES, substeps), data.time
-            watched = obstacles.approach(data)
-            for k in range(begin, end):
-                if watched:
-                    obstacles.move(data)
-                if conditions.patch is not None:
-                    conditions.tread(data)
-                mujoco.mj_step(model, data)
-                forces[k], speeds[k], places[k] = force, speed, place
-                if self.observer is not None:
-                    self.observer()
-            if watched:
-                times = time + model.opt.timestep * np.arange(1, end - begin + 1)
-                obstacles.count(places[begin:end], times)
-        self._account(forces, speeds, dt)
+        self._data.ctrl[:] = self._drive.wheel_speeds(self._drive.saturate(twist))
+        count = ceil(dt / self._timestep - 1e-9)
+        length, torques = dt / count, np.zeros(len(self.robot.mounts))
+        spell, done = max(1, round(_SPELL / length)), 0
+        while done < count:
+            parts = self._servos.parts(length)
+            steps = 1 if parts > 1 else min(spell - done % spell, count - done)
+            torques += steps * self._advance(steps * parts, length / parts)
+            done += steps
+        self._torques = torques / count
+        for i in self._conditions.locked:  # what its motor gives against what holds the wheel
+            most = self.robot.max_torque
+            self._torques[i] = np.clip(self.robot.servo_gain * self._data.ctrl[i], -most, most)
         return self._measure()
+
+    def _advance(self, steps: int, length: float) -> Float[Array, " wheels"]:
+        """Do physics steps of ``length`` s; mean torques of the motors, in N m."""
+        model, data, advance = self._model, self._data, mujoco.mj_step
+        obstacles, conditions, observer = self._obstacles, self._conditions, self.observer
+        forces, speeds = np.empty((2, steps, model.nu))
+        force, speed = data.actuator_force, data.actuator_velocity
+        places, place = np.empty((steps, 2)), data.qpos[:2]
+        began, watched = data.time, obstacles.approach(data)
+        model.opt.timestep = length
+        for k in range(steps):
+            if watched:
+                obstacles.move(data)
+            if conditions.patch is not None:
+                conditions.tread(data)
+            advance(model, data)
+            forces[k], speeds[k] = force, speed  # at the step's begin
+            if watched:
+                places[k] = place
+            if observer is not None:
+                observer()
+        if watched:
+            obstacles.count(places, began + length * np.arange(1, steps + 1))
+        self._work += length * float(np.abs(forces * speeds).sum())
+        return self._servos.given(forces, speeds)
 
     def impose(self, conditions: Conditions) -> None:
         """Let ``conditions`` hold from now on; ``reset`` takes them back.
@@ -158,47 +176,13 @@ class MujocoPlant:
         """Nothing done yet."""
         wheels = len(self.robot.mounts)
         self._yaw, self._work = yaw, 0.0
-        self._turned, self._last_turn = np.zeros(wheels), np.zeros(wheels)
         self._torques = np.zeros(wheels)
         self._angles_at_start = self._data.qpos[self._joints].copy()
 
-    def _account(
-        self, forces: Float[Array, "steps wheels"], speeds: Float[Array, "steps wheels"], dt: float
-    ) -> None:
-        """Work, torque and angle of steps of ``dt`` s together; speeds are those at their begin."""
-        power = np.abs(forces * speeds).sum(axis=1).cumsum()[-1]  # in order, as it came
-        self._work += float(power) * dt / len(forces)
-        self._torques = self._given(forces, speeds).mean(axis=0)
-        for i in self._conditions.locked:  # what its motor gives against what holds the wheel
-            most = self.robot.max_torque
-            self._torques[i] = np.clip(self.robot.servo_gain * self._data.ctrl[i], -most, most)
-        self._turned += speeds.mean(axis=0) * dt
-        self._last_turn = speeds[-1] * dt / len(speeds)
-
-    def _given(
-        self, forces: Float[Array, "steps wheels"], speeds: Float[Array, "steps wheels"]
-    ) -> Float[Array, "steps wheels"]:
-        """Torque that the motors gave in every step.
-
-        MuJoCo tells that at a step's begin; its integrator takes the servo's answer to the speed at
-        the end, unless the motor is at its limit. How the speed changes in the last step is taken
-        from the one before.
-        """
-        limits, gains = self._model.actuator_forcerange[:, 1], -self._model.actuator_biasprm[:, 2]
-        change = np.diff(speeds, axis=0)
-        change = np.vstack([change, change[-1:]]) if len(change) else np.zeros_like(speeds)
-        given: Float[Array, "steps wheels"] = forces - gains * change * (np.abs(forces) < limits)
-        return given
-
     def _wheel_angles(self) -> Float[Array, " wheels"]:
-        """How far the wheels have turned, in rad.
-
-        Of balls the sum of their speeds about their axles; that of the last step is taken to be
-        what it was in the step before.
-        """
-        if self.wheels == "ball":
-            return self._turned + self._last_turn
-        angles: Float[Array, " wheels"] = self._data.qpos[self._joints] - self._angles_at_start
+        """How far the wheels have turned, in rad."""
+        turned = self._data.qpos[self._joints] - self._angles_at_start
+        angles: Float[Array, " wheels"] = turned * self._model.actuator_gear[:, 0]
         return angles
 
     def _place(self, pose: Pose) -> None:
