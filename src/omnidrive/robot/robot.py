@@ -53,7 +53,17 @@ class OmniWheel:
     @property
     def total_mass(self) -> float:
         """Hub, rim and rollers, in kg."""
-        return self.mass + self.rows * self.rollers_per_row * self.roller_mass
+        return self.mass + self.rollers * self.roller_mass
+
+    @property
+    def rollers(self) -> int:
+        """How many there are in all rows."""
+        return self.rows * self.rollers_per_row
+
+    @property
+    def hub_inertia(self) -> float:
+        """Of hub and rim about the axle, in kg m^2: most of their mass lies within 0.7 radii."""
+        return 0.5 * self.mass * (0.7 * self.radius) ** 2
 
 
 @dataclass(frozen=True, slots=True)

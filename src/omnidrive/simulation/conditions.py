@@ -20,6 +20,10 @@ class Motor(IntEnum):
     """The wheel does not turn."""
 
 
+WEAK = 0.5
+"""Part of its torque that a weak motor gives at most."""
+
+
 class Patch(NamedTuple):
     """A disc of floor with a friction of its own."""
 

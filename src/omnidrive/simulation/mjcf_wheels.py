@@ -23,8 +23,8 @@ from omnidrive.simulation.mjcf_element import about_z, add, numbers
 
 _SAG = 0.002  # m that a sprung axle gives under the robot's weight
 _SPRING_DAMPING_RATIO = 0.7
-_ROLLER_ARMATURE = 1e-6  # kg m^2; more makes the robot creep
-_ROLLER_DAMPING = 2e-6  # N m s/rad
+ROLLER_ARMATURE = 1e-6  # kg m^2; more makes the robot creep
+ROLLER_DAMPING = 2e-6  # N m s/rad
 FREE = 1e-4
 """Friction of a ball along its axis, where it has rollers, over that along its push.
 
@@ -60,7 +60,7 @@ def add_ball_wheel(
         body, "joint", name=f"wheel{i}", type="hinge", axis=numbers(*axis),
         armature=gear**2 * wheel.rotor_inertia,
     )  # fmt: skip
-    turned = gear**2 * (_hub_inertia(wheel) + _rollers_inertia(wheel))
+    turned = gear**2 * (wheel.hub_inertia + _rollers_inertia(wheel))
     across = 0.5 * turned + wheel.total_mass * wheel.row_gap**2 / 12.0
     add(
         body, "inertial", pos="0 0 0", mass=wheel.total_mass,
@@ -101,7 +101,7 @@ def add_roller_wheel(
     wheel = robot.wheel
     body = _sprung(base, robot, i, mount, mount.axle)
     add(body, "joint", name=f"wheel{i}", type="hinge", axis="-1 0 0", armature=wheel.rotor_inertia)
-    about_axle = _hub_inertia(wheel)
+    about_axle = wheel.hub_inertia
     across = 0.5 * about_axle + wheel.mass * wheel.row_gap**2 / 12.0
     add(
         body, "inertial", pos="0 0 0", mass=wheel.mass,
@@ -153,14 +153,9 @@ def _tyre(robot: Robot) -> dict[str, str]:
     return dict(CONTACT, friction=floor_friction(robot), **tyre)
 
 
-def _hub_inertia(wheel: OmniWheel) -> float:
-    return 0.5 * wheel.mass * (0.7 * wheel.radius) ** 2  # most of the mass lies within 0.7 r
-
-
 def _rollers_inertia(wheel: OmniWheel) -> float:
     """Of all rollers about the axle."""
-    count = wheel.rows * wheel.rollers_per_row
-    return count * wheel.roller_mass * (wheel.radius - wheel.roller_radius) ** 2
+    return wheel.rollers * wheel.roller_mass * (wheel.radius - wheel.roller_radius) ** 2
 
 
 def _add_roller(
@@ -176,8 +171,8 @@ def _add_roller(
         zaxis=numbers(sin(tilt), -sin(phase) * cos(tilt), cos(phase) * cos(tilt)),
     )  # fmt: skip
     add(
-        body, "joint", type="hinge", axis="0 0 1", damping=_ROLLER_DAMPING,
-        armature=_ROLLER_ARMATURE,
+        body, "joint", type="hinge", axis="0 0 1", damping=ROLLER_DAMPING,
+        armature=ROLLER_ARMATURE,
     )  # fmt: skip
     about_axis = 0.5 * wheel.roller_mass * b**2
     inertia = numbers(2.0 * about_axis, 2.0 * about_axis, about_axis)
@@ -190,7 +185,7 @@ def roller_shape(wheel: OmniWheel, seen: float) -> tuple[float, float]:
     r, b = wheel.radius, wheel.roller_radius
     if seen == 0.0:
         return 0.0, sqrt(b * r)
-    furthest = pi / (wheel.rows * wheel.rollers_per_row)  # d where the next roller takes over
+    furthest = pi / wheel.rollers  # d where the next roller takes over
     tilt = atan(tan(seen) * furthest / asinh(tan(furthest)))  # by the mean of 1 / cos d
     left = r - (r - b) * cos(furthest)
     stretch = (left**2 - b**2) / (sin(furthest) * cos(tilt)) ** 2

@@ -13,13 +13,12 @@ from jaxtyping import Float
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import WorldTwist
 from omnidrive.robot import GRAVITY, Mount
-from omnidrive.simulation.conditions import Conditions, Motor, Patch, Payload
+from omnidrive.simulation.conditions import WEAK, Conditions, Motor, Patch, Payload
 from omnidrive.simulation.mjcf_wheels import ball_friction
 
 Array = np.ndarray
 
 _BRAKE = 1e4  # N m s/rad of a locked wheel: under all its grip the rim creeps by 0.1 mm/s
-_WEAK = 0.5
 _GIVES = 2e-5
 _MOTORS = (
     "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_forcelimited",
@@ -99,7 +98,7 @@ class MujocoConditions:
             getattr(model, name)[:] = getattr(healthy, name)
         for i, motor in enumerate(motors):
             if motor == Motor.WEAK:
-                model.actuator_forcerange[i] *= _WEAK
+                model.actuator_forcerange[i] *= WEAK
             elif motor == Motor.DEAD:
                 model.actuator_gainprm[i, :], model.actuator_biasprm[i, :] = 0.0, 0.0
             elif motor == Motor.LOCKED:  # a servo for no speed, about which axle it ever is

@@ -10,7 +10,8 @@ from jaxtyping import Float
 
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import GRAVITY, Mount, OmniWheel, Robot
-from omnidrive.simulation.conditions import Conditions, Motor, Payload
+from omnidrive.simulation.conditions import WEAK, Conditions, Motor, Payload
+from omnidrive.simulation.mjcf_wheels import ROLLER_ARMATURE, ROLLER_DAMPING
 
 Array = np.ndarray
 
@@ -66,9 +67,7 @@ WHEEL = np.dtype(
 """What there is once per wheel."""
 
 _LOCK = 1e6  # a locked wheel turns as if so many of the robot's masses moved at its rim
-_BEARING = 2e-6  # N m s/rad, of a roller; this and its armature as in the plants on MuJoCo
-_ARMATURE = 1e-6  # kg m^2
-_TORQUE = {Motor.HEALTHY: 1.0, Motor.WEAK: 0.5, Motor.DEAD: 0.0, Motor.LOCKED: 1.0}
+_TORQUE = {Motor.HEALTHY: 1.0, Motor.WEAK: WEAK, Motor.DEAD: 0.0, Motor.LOCKED: 1.0}
 
 
 class Model(NamedTuple):
@@ -131,7 +130,7 @@ def _fill_mounts(wheels: Array, robot: Robot) -> None:
 
 def _fill_rollers(wheels: Array, robot: Robot) -> None:
     wheel, mounts = robot.wheel, robot.mounts
-    pitch, tilts = 2.0 * pi / rollers_of(wheel), np.array([mount.roller for mount in mounts])
+    pitch, tilts = 2.0 * pi / wheel.rollers, np.array([mount.roller for mount in mounts])
     wheels["pitch"] = pitch
     axles = np.array([mount.axle for mount in mounts])
     wheels["axle_x"], wheels["axle_y"] = np.cos(axles), np.sin(axles)
@@ -140,10 +139,10 @@ def _fill_rollers(wheels: Array, robot: Robot) -> None:
     # ahead of the axle a tilted roller touches the floor behind its middle, so beside the wheel's
     wheels["wander"] = (wheel.radius - wheel.roller_radius) * tan(0.5 * pitch) * np.tan(tilts)
     wheels["roll"] = wheel.radius * np.sin(tilts)
-    inertia = 0.5 * wheel.roller_mass * wheel.roller_radius**2 + _ARMATURE
+    inertia = 0.5 * wheel.roller_mass * wheel.roller_radius**2 + ROLLER_ARMATURE
     radii = np.array([handing_over_radius(wheel, mount) for mount in mounts])
     wheels["roller_mass"] = inertia / radii**2
-    wheels["roller_decay"] = _BEARING / inertia
+    wheels["roller_decay"] = ROLLER_DAMPING / inertia
 
 
 def _fill_motors(wheels: Array, robot: Robot, motors: tuple[Motor, ...]) -> None:
@@ -175,12 +174,12 @@ def mass_matrix(frame: Array) -> Float[Array, "3 3"]:
 def axle_inertia(wheel: OmniWheel, mount: Mount) -> float:
     """Of rotor, hub and rollers about the axle, in kg m^2."""
     ring = (wheel.radius - wheel.roller_radius) ** 2 + _own(wheel, mount)
-    return wheel.rotor_inertia + _hub_inertia(wheel) + _rollers(wheel) * ring
+    return wheel.rotor_inertia + wheel.hub_inertia + _rollers(wheel) * ring
 
 
 def upright_inertia(wheel: OmniWheel, mount: Mount) -> float:
     """Of a wheel about the vertical through its middle, in kg m^2."""
-    hub = 0.5 * _hub_inertia(wheel) + wheel.mass * wheel.row_gap**2 / 12.0
+    hub = 0.5 * wheel.hub_inertia + wheel.mass * wheel.row_gap**2 / 12.0
     ring = 0.5 * (wheel.radius - wheel.roller_radius) ** 2
     own = 0.5 * (2.5 * wheel.roller_radius**2 - _own(wheel, mount))
     apart = 0.25 * wheel.row_gap**2 if wheel.rows == 2 else 0.0
@@ -193,19 +192,14 @@ def handing_over_radius(wheel: OmniWheel, mount: Mount) -> float:
     Half a roller's share of a turn from its middle; it is an ellipsoid on which the wheel stands
     as high there as on its middle.
     """
-    turned, b = pi / rollers_of(wheel), wheel.roller_radius
+    turned, b = pi / wheel.rollers, wheel.roller_radius
     support = wheel.radius - (wheel.radius - b) * cos(turned)
     return b * b * sqrt(1.0 - (sin(turned) * cos(mount.roller)) ** 2) / support
 
 
-def rollers_of(wheel: OmniWheel) -> int:
-    """How many there are."""
-    return wheel.rows * wheel.rollers_per_row
-
-
 def _rollers(wheel: OmniWheel) -> float:
     """Mass of all rollers, in kg."""
-    return rollers_of(wheel) * wheel.roller_mass
+    return wheel.rollers * wheel.roller_mass
 
 
 def _own(wheel: OmniWheel, mount: Mount) -> float:
@@ -214,7 +208,3 @@ def _own(wheel: OmniWheel, mount: Mount) -> float:
     About its own axis it is half of ``b^2``, across that ``b^2``.
     """
     return wheel.roller_radius**2 * (1.0 - 0.5 * sin(mount.roller) ** 2)
-
-
-def _hub_inertia(wheel: OmniWheel) -> float:
-    return 0.5 * wheel.mass * (0.7 * wheel.radius) ** 2  # most of the mass lies within 0.7 r

@@ -11,7 +11,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.planar.dynamics import drive
-from omnidrive.simulation.planar.model import mass_matrix, model_of, rollers_of
+from omnidrive.simulation.planar.model import mass_matrix, model_of
 from omnidrive.simulation.planar.state import State
 from omnidrive.simulation.plant import Measurement
 
@@ -91,7 +91,7 @@ class PlanarPlant:
             motion[name] += change
 
     def _at_rest(self, pose: Pose) -> State:
-        state = State.at_rest(len(self.robot.mounts), rollers_of(self.robot.wheel), pose)
+        state = State.at_rest(len(self.robot.mounts), self.robot.wheel.rollers, pose)
         state.spins["angle"] = self._phases
         return state
 

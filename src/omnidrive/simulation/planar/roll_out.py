@@ -13,7 +13,7 @@ from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.planar.dynamics import drive
-from omnidrive.simulation.planar.model import model_of, rollers_of
+from omnidrive.simulation.planar.model import model_of
 from omnidrive.simulation.planar.plant import TIMESTEP
 from omnidrive.simulation.planar.state import State
 
@@ -52,7 +52,7 @@ def roll_out(
     starts, commands = (np.ascontiguousarray(a, dtype=float) for a in (starts, commands))
     steps = ceil(dt / timestep - 1e-9)
     poses, twists = np.empty(commands.shape), np.empty(commands.shape)
-    state = State.at_rest(len(robot.mounts), rollers_of(robot.wheel), Pose(0.0, 0.0, 0.0))
+    state = State.at_rest(len(robot.mounts), robot.wheel.rollers, Pose(0.0, 0.0, 0.0))
     _roll_out(
         *model_of(robot, Conditions()), *state,
         starts, commands, dt / steps, steps, poses, twists,
