@@ -99,7 +99,8 @@ class WorkerLost(OmnidriveError):
     def __init__(self) -> None:
         super().__init__(
             "a worker process was killed, perhaps for want of memory; what was finished before is "
-            "kept. One run at a time needs the least memory: --jobs 1 (in Python: processes=1)"
+            "kept. One run at a time needs the least memory: --jobs 1 (in Python: processes=1). "
+            "Scripts that use several processes do so under: if __name__ == '__main__'"
         )
 
 

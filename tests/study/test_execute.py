@@ -3,6 +3,7 @@
 import os
 import signal
 import struct
+import subprocess
 import sys
 from multiprocessing import active_children, get_context
 from time import sleep
@@ -108,3 +109,23 @@ def test_runs_are_given_up_even_in_the_middle_of_an_answer(prepared):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     assert not active_children()
+
+
+UNGUARDED = """
+from omnidrive.study import run_study
+from tests.study.small import small_scenario
+run_study(small_scenario(), processes=2)
+"""
+
+
+def test_a_script_that_forgets_its_guard_ends_with_advice(tmp_path):
+    """Each worker runs it anew, and may not start workers of its own: none of them ever starts."""
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED, encoding="utf-8")
+    ended = subprocess.run(
+        [sys.executable, script], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert ended.returncode != 0
+    assert "WorkerLost" in ended.stderr
+    assert "__main__" in ended.stderr.splitlines()[-1]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for_futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from ctypes import Array, c_char
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
+from multiprocessing.sharedctypes import RawArray
 from threading import Thread
 
 from omnidrive.errors import WorkerLost
@@ -46,12 +49,15 @@ def execute(
         for job in queue:
             yield job, run_job(prepared, job, onlookers)
         return
+    data = pickle.dumps(prepared)
+    shared = RawArray(c_char, len(data))  # a worker that cannot start would never read it from us
+    shared.raw = data
     with _undisturbed():  # this starts Python's own helper, the resource tracker
         pool = ProcessPoolExecutor(
             min(processes, len(queue)),
             mp_context=get_context("spawn"),
             initializer=_start_worker,
-            initargs=(prepared,),
+            initargs=(shared,),
         )
     futures: dict[Future[Result], Job] = {}
     workers: list[BaseProcess] = []
@@ -125,13 +131,14 @@ def _undisturbed() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(prepared: Prepared) -> None:
+def _start_worker(shared: Array[c_char]) -> None:
+    """Made ready by the parent: what all runs share, pickled by itself in memory of both."""
     for number in _KEYBOARD:  # the terminal tells all its processes; the parent decides
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDINGS)
     Thread(target=_end_with_parent, daemon=True).start()
-    _shared[:] = [prepared]
+    _shared[:] = [pickle.loads(shared.raw)]
 
 
 def _end_with_parent() -> None:
