@@ -29,7 +29,7 @@ from omnidrive.study import (
     run_job,
     save_scenario,
 )
-from omnidrive.study.tasks import DurationsTask, Tasks
+from omnidrive.study.tasks import NoiseTask, Tasks
 from tests.study.small import small_scenario
 
 HARD = PoseFixSettings(latency=0.1, dropout=0.2, outliers=0.01, outlier_size=1.0)
@@ -122,12 +122,15 @@ def test_every_task_runs_with_an_estimator():
         assert (again.run.pose == result.run.pose).all()
 
 
-def test_the_command_line_switches_it_on_and_off(tmp_path):
-    tasks = Tasks(track=DurationsTask(durations=(20.0,)))
+def test_the_command_line_switches_it_on_and_off(tmp_path, capsys):
+    tasks = Tasks(noise=NoiseTask(durations=(20.0,)))
     path = tmp_path / "s.yaml"
     save_scenario(small_scenario(tasks=tasks), path)
     for option, sensors in (("--estimator", SensorsSection()), ("--no-estimator", None)):
         folder = tmp_path / option
         line = [str(path), "--controller", "feedforward", option, "--out", str(folder)]
-        load_verb("run")(line, standalone_mode=False)
+        load_verb("run")([*line, "--task", "noise"], standalone_mode=False)
         assert load_scenario(folder / "scenario.yaml").sensors == sensors
+        told = " ".join(capsys.readouterr().out.split())
+        assert ("against the estimate" in told) == (option == "--estimator")
+        assert ("against the noisy pose" in told) == (option == "--no-estimator")

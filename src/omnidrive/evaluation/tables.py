@@ -118,6 +118,7 @@ def _tracking_table(results: StudyResults, published: bool) -> Table:
 
 def _noise_table(results: StudyResults, published: bool) -> Table:
     repeated, rows = repeated_runs(results), []
+    estimated = any(isfinite(r.run.position_sigma[-1]) for r in results.select("noise"))
     for r in () if repeated else results.select("noise"):
         m = r.metrics
         me, mae = _beside(published, (r.task, r.duration, r.controller))
@@ -137,8 +138,14 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
         ("time", "controller", "ME measured, m", "paper ME", "MAE measured, rad", "paper MAE",
          "ME true, m", "MAE true, rad", *_PRICE_COLUMNS),
         tuple(rows),
-        "Measured: against the noisy pose, as the paper's author computed it. True: against where "
-        "the robot was. The noise is biased, so no controller without an estimator can be right."
+        (
+            "Measured: against the estimate that controllers saw. True: against where the robot "
+            "was."
+            if estimated
+            else "Measured: against the noisy pose, as the paper's author computed it. True: "
+            "against where the robot was. The noise is biased, so no controller without an "
+            "estimator can be right."
+        )
         + (_OF_MANY.format(results.repeats) if repeated else ""),
         keys=2,
     )  # fmt: skip
