@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from omnidrive.bounded_file import one_line, open_file, read_bounded, read_head, shown
+from omnidrive.files.bounded_file import one_line, open_file, read_bounded, read_head, shown
 
 
 class Refused(ValueError):

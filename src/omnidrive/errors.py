@@ -23,6 +23,9 @@ All but ``RunFailed`` are the user's to mend; their messages name the fact and t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class OmnidriveError(Exception):
     """Base class: ``except OmnidriveError`` catches everything raised on purpose."""
@@ -106,3 +109,26 @@ class WorkerLost(OmnidriveError):
 
 class RunFailed(OmnidriveError):
     """A run did not reach its end."""
+
+
+def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:
+    """The known name most similar to ``name``, or None if the similarity ratio is below ``cutoff``.
+
+    The ratio is difflib's, 0 to 1; case is ignored.
+    """
+    names = {each.lower(): each for each in reversed(list(known))}
+    found = get_close_matches(name[:100].lower(), names, n=1, cutoff=cutoff)
+    return names[found[0]] if found else None
+
+
+def suggestion(name: str, known: Iterable[str], *, most: int = 12) -> str:
+    """End of an error message about an unknown name.
+
+    ``; did you mean 'a'?`` if a name is similar, else ``; there are a, b`` with at most ``most``
+    names.
+    """
+    names = list(known)
+    near = closest(name, names)
+    if near is not None:
+        return f"; did you mean '{near}'?"
+    return f"; there are {', '.join(names[:most])}{', ...' if len(names) > most else ''}"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
+
+from omnidrive.errors import InvalidInput
 
 
 class Bounds(NamedTuple):
@@ -41,3 +44,9 @@ def bounds_of(params: type[Any]) -> dict[str, Bounds]:
         for meta in getattr(hint, "__metadata__", ())
         if isinstance(meta, Bounds)
     }
+
+
+def check_sample_time(dt: float) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless ``dt`` (s) is finite and positive."""
+    if not (isfinite(dt) and dt > 0.0):
+        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")

@@ -13,7 +13,6 @@ import typer
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from omnidrive.bounded_file import one_line
 from omnidrive.cli.fuzzy_text import (
     fired_lines,
     headline,
@@ -25,11 +24,11 @@ from omnidrive.cli.fuzzy_text import (
 from omnidrive.cli.options import choose_one, cores, two_or_three
 from omnidrive.cli.progress import print_tables
 from omnidrive.compiled import kernels_are_kept
-from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.errors import CannotWrite, InvalidInput, suggestion
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
+from omnidrive.files.bounded_file import one_line
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, load, save
-from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.compilation import Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.fuzzy.csv_rows import evaluate_csv
 from omnidrive.fuzzy.system import ALGORITHMS
@@ -282,7 +281,7 @@ def _parse_inputs(text: str, system: FuzzySystem) -> list[float]:
         name = name.strip()
         if name not in names:
             raise InvalidInput(
-                f"--inputs: there is no input {one_line(name, 60)!r}{nearest(name, names)}"
+                f"--inputs: there is no input {one_line(name, 60)!r}{suggestion(name, names)}"
             )
         if name in given:
             raise InvalidInput(f"--inputs: the input {name!r} is there twice")

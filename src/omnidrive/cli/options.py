@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from datetime import datetime
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, closest
 
 WHERE, HOW, RESULTS = "Where to drive", "How to drive", "Results"
 """Panels of the help."""
@@ -66,8 +65,8 @@ def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
     """``value``, which must be one of ``options``; what else it could be is said otherwise."""
     if value in options:
         return value
-    near = get_close_matches(value, list(options), n=1, cutoff=0.5)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
+    near = closest(value, options)
+    hint = f"; did you mean '{near}'?" if near else ""
     raise InvalidInput(f"there is no {name} '{value}'; there are {', '.join(options)}{hint}")
 
 

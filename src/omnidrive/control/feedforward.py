@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, isfinite
+from math import exp
 from typing import Annotated, NamedTuple
 
 from omnidrive.control.controller import Command
-from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
-from omnidrive.parameter import Bounds
+from omnidrive.parameter import Bounds, check_sample_time
 from omnidrive.reference import Reference
 
 
@@ -62,8 +61,7 @@ class FeedforwardController:
     gains: FeedforwardGains = _USUAL_GAINS
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.dt) and self.dt > 0.0):
-            raise InvalidInput(f"the sample time must be positive, got {self.dt:g} s")
+        check_sample_time(self.dt)
 
     def reset(self, pose: Pose) -> None:
         """Do nothing: the law has no memory."""

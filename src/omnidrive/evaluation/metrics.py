@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control import Status
 from omnidrive.geometry import wrap
 from omnidrive.robot import Chassis
 from omnidrive.simulation import Run
-
-Array = np.ndarray
 
 
 class Metrics(NamedTuple):

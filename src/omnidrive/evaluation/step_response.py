@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 _FINE = 1e-3  # s; rows are a sample apart, so figures are read off straight lines between them
 

@@ -7,6 +7,7 @@ from math import isfinite, nan
 
 import numpy as np
 
+from omnidrive.arrays import Array
 from omnidrive.control.pid.rules import LABELS, paper_rules
 from omnidrive.control.pid.rules import published_rules as code_rules
 from omnidrive.evaluation.fault_table import fault_table
@@ -22,8 +23,6 @@ from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.table import Table
 from omnidrive.simulation import Outcome
-
-Array = np.ndarray
 
 
 def study_tables(

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.simulation import Run
-
-Array = np.ndarray
 
 GAINS = ("kp", "ki", "kd")
 INPUTS = {"error_input": "scaled error", "change_input": "scaled change of error"}

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from math import floor, log10, nan, sqrt
 from typing import NamedTuple
 
-import numpy as np
 from jaxtyping import Float
 from scipy.special import stdtr, stdtrit
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 CONFIDENCE = 0.95
 """Share of intervals that hold the true mean."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.exact import exact_interval, polyline
@@ -16,8 +17,6 @@ from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.sets import WHOLE, Plane
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.views import part
-
-Array = np.ndarray
 
 
 class Centres(NamedTuple):

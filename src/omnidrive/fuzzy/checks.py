@@ -3,18 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 
-from omnidrive.errors import InvalidInput
-
-
-def nearest(name: str, known: Sequence[str]) -> str:
-    """``; did you mean ...?`` or a list of what there is: the end of an error message."""
-    close = get_close_matches(name, known, n=1) or [k for k in known if k.lower() == name.lower()]
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    shown = ", ".join(known[:12])
-    return f"; there are {shown}{', ...' if len(known) > 12 else ''}"
+from omnidrive.errors import InvalidInput, suggestion
 
 
 def as_floats(value: object, *fields: str) -> None:
@@ -47,4 +37,4 @@ def check_choice(
 ) -> None:
     """Refuse a name that is not known, with the nearest one that is."""
     if name not in known:
-        raise InvalidInput(f"there is no {what} {name!r}{nearest(name, tuple(known))}")
+        raise InvalidInput(f"there is no {what} {name!r}{suggestion(name, tuple(known))}")

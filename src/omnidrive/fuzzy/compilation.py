@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.centres import centres_of
 from omnidrive.fuzzy.conclusions import conclusions_of
@@ -28,8 +29,6 @@ from omnidrive.fuzzy.sets import WHOLE, Plane, sets_of
 from omnidrive.fuzzy.strips import strips_of
 from omnidrive.fuzzy.sugeno import functions_of
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
-
-Array = np.ndarray
 
 Centroid = Literal["exact", "matlab"]
 Reduction = Literal["centroid", "cos"]

@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS
 from omnidrive.fuzzy.sets import WHOLE, Plane, bounds
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import DEFUZZIFIERS, FuzzySet, LinearFunction
-
-Array = np.ndarray
 
 
 class Shape(NamedTuple):

@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import CONORMS, HEDGE_CODES, NORMS, conjoin, disjoin, hedged
 from omnidrive.fuzzy.rules import And, Condition, Is
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.views import part
-
-Array = np.ndarray
 
 FAINTEST = 1e-200
 """Strength up to which a rule does not fire: areas of such heights would be denormal numbers."""

@@ -16,12 +16,10 @@ import pyarrow as pa
 from jaxtyping import Float
 from pyarrow import csv as arrow
 
-from omnidrive.bounded_file import one_line, shown
-from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.fuzzy.checks import nearest
+from omnidrive.arrays import Array
+from omnidrive.errors import CannotWrite, InvalidInput, suggestion
+from omnidrive.files.bounded_file import one_line, shown
 from omnidrive.fuzzy.inference import Inference
-
-Array = np.ndarray
 
 MAX_LINE = 1_000_000
 """Most bytes of one line."""
@@ -131,7 +129,7 @@ def _columns(block: _Block, inference: Inference) -> tuple[_Columns, tuple[str, 
         if names.count(name) > 1:
             raise InvalidInput(f"line 1: the column {name!r} is there twice")
         if name not in names:
-            there = nearest(name, [one_line(each, 60) for each in names])
+            there = suggestion(name, [one_line(each, 60) for each in names])
             if len(names) == 1 and (other := next((s for s in ";\t" if s in names[0]), None)):
                 there = f"; the separator must be a comma, not {other!r}"
             raise InvalidInput(f"line 1: there is no column {name!r}{there}")

@@ -7,12 +7,11 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.lines import Lines
 from omnidrive.fuzzy.reduction import NIE_TAN
 from omnidrive.fuzzy.sampled import BISECTOR, CENTROID, MOM, of_maxima
-
-Array = np.ndarray
 
 
 @compiled

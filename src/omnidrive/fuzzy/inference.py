@@ -11,9 +11,9 @@ from typing import NamedTuple, cast, get_args, overload
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import entry_point
-from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.checks import nearest
+from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.fuzzy.compilation import (
     MAX_SAMPLES,
     MAX_SLICES,
@@ -34,8 +34,6 @@ from omnidrive.fuzzy.kernels import (
 from omnidrive.fuzzy.lines import why_not_exact
 from omnidrive.fuzzy.rules import Rule
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
-
-Array = np.ndarray
 
 
 class Fired(NamedTuple):
@@ -235,7 +233,7 @@ class Inference:
     def _ordered(self, inputs: Mapping[str, float]) -> list[float]:
         for name in inputs:
             if name not in self._inputs:
-                raise InvalidInput(f"there is no input {name!r}{nearest(name, self._inputs)}")
+                raise InvalidInput(f"there is no input {name!r}{suggestion(name, self._inputs)}")
         for name in self._inputs:
             if name not in inputs:
                 raise InvalidInput(f"the input {name!r} is missing")
@@ -271,7 +269,7 @@ def _check(options: Options) -> None:
     }
     for name, (value, known) in choices.items():
         if value not in known:
-            raise InvalidInput(f"there is no {name} {value!r}{nearest(value, known)}")
+            raise InvalidInput(f"there is no {name} {value!r}{suggestion(value, known)}")
     if not 2 <= options.samples <= MAX_SAMPLES:
         raise InvalidInput(f"needs 2 to {MAX_SAMPLES} samples, got {options.samples}")
     if not 1 <= options.slices <= MAX_SLICES:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.compilation import slices
 from omnidrive.fuzzy.conclusions import Conclusions, Shape, conclusions_of, strongest
@@ -16,8 +17,6 @@ from omnidrive.fuzzy.lines import lines_of
 from omnidrive.fuzzy.norms import AGGREGATIONS
 from omnidrive.fuzzy.sampled import MAX, joined_by_max, joined_by_rule, samples_of
 from omnidrive.fuzzy.sets import WHOLE, Plane
-
-Array = np.ndarray
 
 
 class Joined(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.centres import centre_of_sets
 from omnidrive.fuzzy.conclusions import strongest, summed
@@ -47,8 +48,6 @@ from omnidrive.fuzzy.sets import fuzzify
 from omnidrive.fuzzy.strips import strips_centroid
 from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
 from omnidrive.fuzzy.views import borrowed, part
-
-Array = np.ndarray
 
 SAMPLED, EXACT, CENTRE_OF_SETS, SUGENO = range(4)
 CLAMP, AS_IS, REFUSE = range(3)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.centres import Centres
 from omnidrive.fuzzy.conclusions import Conclusions
@@ -16,8 +16,6 @@ from omnidrive.fuzzy.packed import Packed, integers_of, numbers_of
 from omnidrive.fuzzy.sampled import Samples
 from omnidrive.fuzzy.sets import Sets
 from omnidrive.fuzzy.views import part, table
-
-Array = np.ndarray
 
 
 class Frame(NamedTuple):

@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.sets import WHOLE, Plane
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, OutputVariable
-
-Array = np.ndarray
 
 MAX_LINES = 1_000_000
 """Most straight lines that the shapes of one output may be cut into."""

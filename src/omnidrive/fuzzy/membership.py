@@ -11,10 +11,9 @@ from typing import NamedTuple, overload
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
-
-Array = np.ndarray
 
 TRAPEZOID, SMOOTH, GAUSS, BELL, SIGMOID_DIFFERENCE, SIGMOID_PRODUCT, POINTS = range(7)
 

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.views import part
-
-Array = np.ndarray
 
 
 class Packed(NamedTuple):

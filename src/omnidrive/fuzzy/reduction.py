@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, compiled_sums
 from omnidrive.fuzzy.views import part
-
-Array = np.ndarray
 
 KM, EKM, EIASC, IASC, NIE_TAN = range(5)  # the order of system.ALGORITHMS
 

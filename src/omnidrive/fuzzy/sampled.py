@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Conclusions, Shape
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, disjoin
@@ -14,8 +15,6 @@ from omnidrive.fuzzy.reduction import moments
 from omnidrive.fuzzy.sets import WHOLE, Plane
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.views import part
-
-Array = np.ndarray
 
 MIN, MAX = IMPLICATIONS["min"], AGGREGATIONS["max"]
 CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(9)  # the order of system.DEFUZZIFIERS

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.membership import Curves, Membership, degree
 from omnidrive.fuzzy.variables import Footprint, FuzzySet
-
-Array = np.ndarray
 
 
 class Sets(NamedTuple):

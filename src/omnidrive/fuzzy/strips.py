@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.membership import SHAPES, TRAPEZOID
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import FuzzySet, OutputVariable
-
-Array = np.ndarray
 
 Corners = tuple[float, float, float, float]
 

@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.conclusions import Shape
 from omnidrive.fuzzy.reduction import reduced
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import LinearFunction
-
-Array = np.ndarray
 
 
 class Functions(NamedTuple):

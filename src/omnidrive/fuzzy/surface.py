@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.inference import Inference
-
-Array = np.ndarray
 
 MAX_NODES = 5_000_000
 """Most grid nodes of a surface."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.checks import check_choice, check_different, nearest
+from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.fuzzy.checks import check_choice, check_different
 from omnidrive.fuzzy.norms import CONORMS, IMPLICATIONS, NORMS
 from omnidrive.fuzzy.rules import Is, Rule, terms
 from omnidrive.fuzzy.variables import (
@@ -164,10 +164,10 @@ def _check_term(
     number: int, what: str, term: Is, variables: tuple[str, ...], sets_of: dict[str, set[str]]
 ) -> None:
     if term.variable not in variables:
-        hint = nearest(term.variable, variables)
+        hint = suggestion(term.variable, variables)
         raise InvalidInput(f"rule {number}: there is no {what} {term.variable!r}{hint}")
     if term.set and term.set not in sets_of[term.variable]:
         known = sorted(sets_of[term.variable])
         raise InvalidInput(
-            f"rule {number}: {term.variable!r} has no set {term.set!r}{nearest(term.set, known)}"
+            f"rule {number}: {term.variable!r} has no set {term.set!r}{suggestion(term.set, known)}"
         )

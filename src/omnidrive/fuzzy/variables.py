@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.checks import as_floats, check_choice, check_different, check_name
-from omnidrive.fuzzy.membership import Array, Curves, Membership, degree
+from omnidrive.fuzzy.membership import Curves, Membership, degree
 from omnidrive.fuzzy.norms import AGGREGATIONS
 
 Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom", "lm", "rm", "wtaver", "wtsum"]

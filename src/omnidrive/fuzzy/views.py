@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-import numpy as np
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-Array = np.ndarray
+from omnidrive.arrays import Array
+
 A = TypeVar("A", bound=Array)
 
 _build: Any = cgutils  # neither has types

@@ -8,10 +8,9 @@ from math import cos, sin
 import numpy as np
 from jaxtyping import Float, Float32
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import BodyTwist, Pose, wrap
 from omnidrive.reference import Reference
-
-Array = np.ndarray
 
 _SAMPLES = 100_000
 

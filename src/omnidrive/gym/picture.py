@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
@@ -19,8 +20,6 @@ from omnidrive.simulation.show import (
     follows,
     path_of,
 )
-
-Array = np.ndarray
 
 _MOST = 20_000  # points of a trail
 

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from jaxtyping import Float32, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.gym.observation import ObservationLaw, top_speed
@@ -22,8 +23,6 @@ from omnidrive.reference import Reference, shortest_duration, time_uniformly
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation import Measurement, PerfectSensor, Plant, Sensor
 from omnidrive.study import PlantName, lay_out, make_plant, paper_scenario
-
-Array = np.ndarray
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 

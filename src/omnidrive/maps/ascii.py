@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnidrive.bounded_file import one_line
+from omnidrive.files.bounded_file import one_line
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
 from omnidrive.maps.source import MAX_TEXT, read_content, refuse_resolution

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
-
-Array = np.ndarray
 
 _TOUCH = 1e-9  # cells; a side that reaches no deeper into a square only touches it
 

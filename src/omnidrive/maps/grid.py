@@ -9,12 +9,11 @@ from math import cos, floor, hypot, sin
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int32
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps.footprint import check_footprint, covered_runs, swept
 from omnidrive.maps.nearest import column_table, disc_reach, gaps, nearest_cell, within_reach
 from omnidrive.maps.region import flood
-
-Array = np.ndarray
 
 _FURTHEST = 2.0**62  # cells; where the conversion to an integer ends
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-import numpy as np
 from jaxtyping import Bool, UInt8
 
-from omnidrive.bounded_file import shown
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-
-Array = np.ndarray
+from omnidrive.files.bounded_file import shown
 
 Unknown = Literal["occupied", "free"]
 """What cells count as of which a file does not say whether they are free."""

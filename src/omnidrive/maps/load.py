@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from omnidrive.bounded_file import one_line, read_head
 from omnidrive.errors import InvalidMap
+from omnidrive.files.bounded_file import one_line, read_head
 from omnidrive.maps.ascii import ASCII_CELLS, load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import Unknown

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.source import refuse_size
-
-Array = np.ndarray
 
 _CHOICES = 12  # a number below it, modulo 1, 2, 3 or 4, has equal chances
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidMap
+from omnidrive.files.bounded_file import one_line, shown
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, occupied
 from omnidrive.maps.source import MAX_TEXT, read_content, refuse_resolution, refuse_size

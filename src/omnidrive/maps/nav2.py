@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from math import isfinite, nan
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -12,15 +11,14 @@ import yaml
 from jaxtyping import UInt8
 from PIL import Image
 
-from omnidrive.bounded_file import one_line, shown
-from omnidrive.errors import CannotWrite, InvalidMap
+from omnidrive.arrays import Array
+from omnidrive.errors import CannotWrite, InvalidMap, closest
+from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.yaml_file import read_yaml
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
 from omnidrive.maps.picture import read_picture
 from omnidrive.maps.source import refuse_resolution
-from omnidrive.yaml_file import read_yaml
-
-Array = np.ndarray
 
 Mode = Literal["trinary", "scale", "raw"]
 
@@ -52,9 +50,9 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
         raise InvalidMap(f"{path} is not a Nav2 map: it must set image, resolution and origin")
     for key in meta:
         if key not in _KEYS:
-            near = get_close_matches(str(key), _KEYS, n=1, cutoff=0.75)
+            near = closest(str(key), _KEYS, cutoff=0.75)
             if near:  # other keys are those of other programs
-                raise InvalidMap(f"{path}: unknown key {shown(key)}; did you mean '{near[0]}'?")
+                raise InvalidMap(f"{path}: unknown key {shown(key)}; did you mean '{near}'?")
     resolution = _number(path, meta, "resolution")
     refuse_resolution(resolution, one_line(str(path)))
     table = _kinds_of_greys(path, meta)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int32, Int64
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-
-Array = np.ndarray
 
 _NONE = 1 << 27  # rows to the nearest taken cell of a column that has none
 _FAR = 2.0**30  # cells; points further out are taken to be there

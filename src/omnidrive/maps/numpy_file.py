@@ -11,13 +11,12 @@ import numpy as np
 from jaxtyping import Shaped, UInt8
 from numpy.lib import format as npy
 
-from omnidrive.bounded_file import one_line, open_file, shown
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
+from omnidrive.files.bounded_file import one_line, open_file, shown
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
 from omnidrive.maps.source import refuse_resolution, refuse_size
-
-Array = np.ndarray
 
 _BLOCK = 1 << 20  # cells read at a time
 _VERSION = (1, 0)  # later ones are for long descriptions, of arrays that are no map

@@ -10,11 +10,10 @@ from jaxtyping import Bool, UInt8
 from PIL import Image, UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
-from omnidrive.bounded_file import check_is_file, one_line
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
+from omnidrive.files.bounded_file import check_is_file, one_line
 from omnidrive.maps.source import MAX_CELLS
-
-Array = np.ndarray
 
 _FORMATS = ("PPM", "PNG", "BMP")  # PPM: PGM and PBM as well
 _GREY = {"1", "L", "LA"}

@@ -6,8 +6,8 @@ from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
-from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidMap
+from omnidrive.files.bounded_file import one_line, shown
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.source import read_content
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-
-Array = np.ndarray
 
 
 @compiled

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from pathlib import Path
 
-from omnidrive.bounded_file import read_bounded
 from omnidrive.errors import InvalidMap
+from omnidrive.files.bounded_file import read_bounded
 
 MAX_CELLS = 50_000_000
 """Most cells of a map."""

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import UInt8
 
-from omnidrive.bounded_file import shown
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
+from omnidrive.files.bounded_file import shown
 from omnidrive.maps.source import refuse_size
-
-Array = np.ndarray
 
 _NEW_LINE = ord("\n")
 _NO_CELL = 255

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.source import refuse_size
-
-Array = np.ndarray
 
 
 def random_map(

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.maps import OccupancyGrid
-
-Array = np.ndarray
 
 _TOUCH = 1e-9  # a chord that is less than this inside a square touches it and does not enter
 _STRAIGHT = 1e-10  # eight times what a piece that counts as straight may be beside its chord

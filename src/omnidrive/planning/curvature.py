@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.planning.parts import Parts
 from omnidrive.planning.pieces import Pieces
-
-Array = np.ndarray
 
 STANDSTILL = 1e-9  # of the greatest speed
 _MOST_PARTS = 200_000

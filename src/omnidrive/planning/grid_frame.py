@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.maps import OccupancyGrid
-
-Array = np.ndarray
 
 
 class GridFrame(NamedTuple):

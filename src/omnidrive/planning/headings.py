@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import wrap
 from omnidrive.planning.polyline import travelled
-
-Array = np.ndarray
 
 _STILL = 1e-9
 """In m: what is shorter is rounding, and has no direction."""

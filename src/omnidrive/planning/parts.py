@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from omnidrive.arrays import Array
 from omnidrive.planning.pieces import Pieces
-
-Array = np.ndarray
 
 
 class Parts(NamedTuple):

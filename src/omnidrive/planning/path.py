@@ -9,14 +9,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BSpline
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.arc_length import length_bounds
 from omnidrive.planning.curvature import STANDSTILL, curvature_bounds
 from omnidrive.planning.path_clearance import clearance_bounds
 from omnidrive.planning.pieces import pieces
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

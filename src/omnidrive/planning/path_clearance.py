@@ -7,13 +7,12 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.clearance import Floor, curve_clearance, piece_clearances
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.pieces import Pieces, pieces
-
-Array = np.ndarray
 
 _SHARES = (1.0, 0.03, 0.001)  # of the tolerance
 _MOST_SAMPLES = 10_000  # of a piece

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 
 class KnotWeights(NamedTuple):

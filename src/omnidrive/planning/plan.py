@@ -9,16 +9,14 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from omnidrive.bounded_file import shown
 from omnidrive.errors import InvalidInput, InvalidPlace
+from omnidrive.files.bounded_file import shown
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import Bounds
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.search import HeuristicName, MethodName, SearchResult, search
 from omnidrive.planning.smoothing import SmoothingName, smooth
-
-Array = np.ndarray
 
 _ROOM = 0.2
 """Distance in cells from the inflated obstacles that certified paths keep where they can: hardly

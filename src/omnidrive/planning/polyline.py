@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 
 def travelled(points: Float[Array, "points 2"]) -> Float[Array, " points"]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import NoPathFound
 from omnidrive.geometry import Pose
@@ -14,8 +15,6 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.polyline import travelled
 from omnidrive.reference.course import turned_into_body
 from omnidrive.reference.spline_basis import bezier_basis
-
-Array = np.ndarray
 
 _SAMPLES_PER_CELL = 4
 _MAX_SAMPLES = 1_000_000

@@ -8,11 +8,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.planning import SplinePath
-
-Array = np.ndarray
 
 FixedHeading = Literal["path", "tangent", "fixed"]
 """The path's own headings; the direction of travel; one heading throughout."""

@@ -7,13 +7,12 @@ from math import ceil, cos, log2, pi
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.reference.course import Course
 from omnidrive.reference.fastest import fastest
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.timed import TimedReference
-
-Array = np.ndarray
 
 _SHARES = (0.0, 0.5, 1.0)
 """Places on an interval at which limits hold by construction."""

@@ -11,9 +11,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-
-Array = np.ndarray
 
 _FLAT = 1e-14
 """A row whose ``a`` is below this share of its ``b`` does not limit u."""

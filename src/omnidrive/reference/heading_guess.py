@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.planning import SplinePath
 from omnidrive.reference.limits import LimitRows
-
-Array = np.ndarray
 
 _TURN_WITHIN = 0.2
 """Share of the control points over which a guess turns away from a given end heading."""

@@ -9,10 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import Chassis, Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

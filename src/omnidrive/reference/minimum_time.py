@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.errors import NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
@@ -20,8 +21,6 @@ from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.timed import TimedReference
 from omnidrive.reference.transcription import Guess, casadi, optimised
 from omnidrive.robot import Chassis
-
-Array = np.ndarray
 
 _PIECES = 48
 """Of the new spline, along all of the way, or more if there are many boxes."""

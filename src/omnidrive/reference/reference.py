@@ -8,9 +8,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import Pose, WorldTwist
-
-Array = np.ndarray
 
 
 class Setpoint(NamedTuple):

@@ -9,11 +9,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference.reference import Reference, Setpoint
-
-Array = np.ndarray
 
 SHORTEST_STEP = 1e-6  # s between samples; below, differences of poses over time are rounding
 LARGEST_NUMBER = 1e10  # in s, m, rad, m/s or rad/s; a clock's time since 1970 is 1.8e9 s

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BSpline
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 
 def spline_basis(points: int) -> BSpline:

@@ -8,13 +8,12 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference.course import Course, Motion
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.reference import Setpoint
-
-Array = np.ndarray
 
 _CHECKS = 8
 """Places on every interval where limits are checked, besides its start."""

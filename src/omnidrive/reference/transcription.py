@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference, MissingExtra
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import Course
@@ -17,8 +18,6 @@ from omnidrive.reference.course_timing import time_course
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.spline_basis import bezier_basis, spline_basis
 from omnidrive.reference.timed import TimedReference
-
-Array = np.ndarray
 
 _PER_PIECE = 4
 """Intervals on each piece of the spline."""

@@ -8,14 +8,13 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.planning import SplinePath
 from omnidrive.reference.course import turned_into_body
 from omnidrive.reference.reference import Setpoint
 from omnidrive.robot import Chassis
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

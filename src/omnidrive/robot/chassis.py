@@ -9,11 +9,10 @@ from math import cos, isfinite, sin
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidGeometry, InvalidInput
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot.mount import Mount
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

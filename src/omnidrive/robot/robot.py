@@ -8,13 +8,12 @@ from math import cos, hypot, pi
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot.chassis import Chassis
 from omnidrive.robot.checks import check_robot, check_wheel
 from omnidrive.robot.mount import Mount, mecanum_rectangle, omni_ring
 from omnidrive.robot.traction import traction_faces
-
-Array = np.ndarray
 
 GRAVITY = 9.81
 """In m/s^2."""

@@ -10,10 +10,12 @@ from time import get_clock_info, perf_counter_ns, thread_time_ns
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control import Command, Controller, DetailedController, Status
 from omnidrive.control.supervision import Event, Seen, Supervisor, Unsupervised
 from omnidrive.errors import InvalidInput, PlantLost
 from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.conditions import Conditions, SensorConditions
 from omnidrive.simulation.faults import Schedule
@@ -21,8 +23,6 @@ from omnidrive.simulation.faults.perception import Perception
 from omnidrive.simulation.plant import DisturbablePlant, Measurement, Plant
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensing import Estimate, PerfectSensor, Sensor
-
-Array = np.ndarray
 
 # a thread's own time is not disturbed by other processes; some systems count it too coarsely
 _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
@@ -61,8 +61,7 @@ def simulate(
             befalls a plant that knows none, or a command holds more or fewer details than the
             controller announces.
     """
-    if not (isfinite(dt) and dt > 0.0):
-        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    check_sample_time(dt)
     guard = supervisor or Unsupervised()
     around = _Surroundings(plant, Perception(sensor or PerfectSensor()), reference, schedule)
     around.check()

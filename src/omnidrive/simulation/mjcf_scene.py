@@ -9,13 +9,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf_element import about_z, add, numbers
 from omnidrive.simulation.mjcf_wheels import CONTACT, floor_friction
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.walls import Walls
-
-Array = np.ndarray
 
 NEAR_WALLS = 8
 """Boxes of the map that stand in the physical world: those nearest to the robot."""

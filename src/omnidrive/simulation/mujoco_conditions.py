@@ -10,13 +10,12 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import WorldTwist
 from omnidrive.robot import GRAVITY, Mount
 from omnidrive.simulation.conditions import WEAK, Conditions, Motor, Patch, Payload
 from omnidrive.simulation.mjcf_wheels import ball_friction
-
-Array = np.ndarray
 
 _BRAKE = 1e4  # N m s/rad of a locked wheel: under all its grip the rim creeps by 0.1 mm/s
 _GIVES = 2e-5

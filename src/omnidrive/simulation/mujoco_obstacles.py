@@ -9,13 +9,12 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import Robot
 from omnidrive.simulation.mjcf_scene import AHEAD, NEAR_WALLS, PARKED
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MovingObstacle
 from omnidrive.simulation.walls import Walls, distances
-
-Array = np.ndarray
 
 _LOOK_AHEAD = 0.1  # s for which the boxes that are near are chosen
 _ROOM = 0.15  # m that the robot may get further in that time than its speed says

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.maps import OccupancyGrid
@@ -22,8 +23,6 @@ from omnidrive.simulation.mujoco_obstacles import MujocoObstacles
 from omnidrive.simulation.mujoco_servos import MujocoServos
 from omnidrive.simulation.plant import Measurement
 from omnidrive.simulation.walls import Walls
-
-Array = np.ndarray
 
 _SPELL = 0.05  # s after which what is near is looked up again, and motors at their limits
 _SETTLING = 0.2  # s for the axle springs to take the load before a run starts

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.control.supervision import Event
 from omnidrive.errors import RunFailed
-
-Array = np.ndarray
 
 
 class Outcome(Enum):

@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.maps import OccupancyGrid
 
-Array = np.ndarray
 T = TypeVar("T", float, np.ndarray)
 
 _SLACK = 0.5  # m that the robot moves before boxes are looked up again

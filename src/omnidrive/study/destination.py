@@ -8,8 +8,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from omnidrive.bounded_file import one_line
 from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.files.bounded_file import one_line
 
 FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 """Endings of waypoint files that a plan can be written to."""

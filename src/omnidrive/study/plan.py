@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.bounded_file import one_line
 from omnidrive.errors import CannotWrite
+from omnidrive.files.bounded_file import one_line
 from omnidrive.reference import Reference, TimedReference, save_waypoints, wheel_speed_used
 from omnidrive.study.destination import check_picture_name, is_waypoint_file
 from omnidrive.study.prepared import Prepared

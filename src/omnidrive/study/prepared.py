@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
-import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid, load_map, paper_map, paper_wall
 from omnidrive.planning import Plan, SplinePath, plan
@@ -23,8 +23,6 @@ from omnidrive.reference import (
 from omnidrive.robot import Robot
 from omnidrive.simulation.faults import Schedule
 from omnidrive.study.scenario import Scenario, robot_of
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, is_dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from omnidrive.bounded_file import one_line, shown
-from omnidrive.errors import InvalidScenario
+from omnidrive.errors import InvalidScenario, suggestion
+from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.yaml_file import read_yaml
 from omnidrive.simulation.faults import FAULTS
 from omnidrive.study.scenario import Scenario
-from omnidrive.yaml_file import read_yaml
 
 _MISSING = "'{key}' is missing"
 _NO_NUMBER = "{key} must be a plain number without a unit, got {value}"
@@ -123,8 +122,7 @@ def _suggestion(name: str, loc: list[Any]) -> str:
         elif isinstance(part, str) and part in _keys(model):
             model = _type_at(model, part)
     keys = _keys(model)
-    near = get_close_matches(name, keys, n=1, cutoff=0.5)
-    return f"; did you mean '{near[0]}'?" if near else f"; there are {', '.join(keys)}"
+    return suggestion(name, keys, most=len(keys))
 
 
 def _keys(model: Any) -> list[str]:

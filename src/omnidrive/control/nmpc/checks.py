@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import TypeVar
 
 from omnidrive.compiled import announce_compiling
 from omnidrive.control.controller import Controller
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
-from omnidrive.parameter import bounds_of
+from omnidrive.parameter import bounds_of, check_sample_time
 from omnidrive.reference import Hold
 
 C = TypeVar("C", bound=Controller)
@@ -22,8 +21,7 @@ def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> No
 
     ``parameters`` is a named tuple whose fields carry :class:`~omnidrive.parameter.Bounds`.
     """
-    if not (isfinite(dt) and dt > 0.0):
-        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    check_sample_time(dt)
     if horizon < 1:
         raise InvalidInput(f"the horizon must be at least 1 stage, got {horizon}")
     for name, bounds in bounds_of(type(parameters)).items():

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-
-Array = np.ndarray
 
 
 @compiled

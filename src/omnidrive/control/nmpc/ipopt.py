@@ -11,13 +11,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control.nmpc import unicycle
 from omnidrive.control.nmpc.problem import Problem
 from omnidrive.control.nmpc.solution import Exit, Solution
 from omnidrive.errors import MissingExtra
 from omnidrive.parameter import Bounds
-
-Array = np.ndarray
 
 
 class IpoptSettings(NamedTuple):

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.control.nmpc.point import Point
 from omnidrive.control.nmpc.problem import Problem
-
-Array = np.ndarray
 
 _LEAST_CURVATURE = 1e-8
 """A control Hessian with an eigenvalue below this counts as not positive definite."""

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control.controller import Command, Status
 from omnidrive.control.nmpc.checks import check_settings, compiled_first
 from omnidrive.control.nmpc.ipopt import IpoptSolver
@@ -21,8 +22,6 @@ from omnidrive.control.nmpc.tracking import tracking_problem
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
 from omnidrive.reference import Reference
-
-Array = np.ndarray
 
 SolverName = Literal["sqp", "rti", "casadi"]
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 from jaxtyping import Float
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 
 class Problem(NamedTuple):

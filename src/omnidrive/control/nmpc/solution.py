@@ -7,13 +7,11 @@ from enum import Enum
 from math import isfinite
 from typing import Protocol, runtime_checkable
 
-import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control.nmpc import unicycle
 from omnidrive.control.nmpc.problem import Problem
-
-Array = np.ndarray
 
 
 class Exit(Enum):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
 
-import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.newton import newton_step
 from omnidrive.control.nmpc.point import Point, blank_point
@@ -23,8 +23,6 @@ from omnidrive.control.nmpc.unicycle import (
     kkt_residual,
 )
 from omnidrive.parameter import Bounds
-
-Array = np.ndarray
 
 
 class SqpSettings(NamedTuple):

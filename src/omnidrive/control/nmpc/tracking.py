@@ -7,13 +7,12 @@ from math import copysign, cos, hypot, sin
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.presets import NmpcParameters
 from omnidrive.control.nmpc.problem import Problem
 from omnidrive.geometry import Pose, wrap
 from omnidrive.reference import Reference
-
-Array = np.ndarray
 
 _wrap = inlined(wrap)
 

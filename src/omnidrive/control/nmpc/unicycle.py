@@ -7,12 +7,11 @@ from math import cos, sin
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.cost import tracking_cost
 from omnidrive.control.nmpc.point import Point, blank_point
 from omnidrive.control.nmpc.problem import Problem
-
-Array = np.ndarray
 
 
 @compiled

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 from jaxtyping import Int
 
+from omnidrive.arrays import Array
 from omnidrive.control.pid.rules import LABELS
 from omnidrive.fuzzy import (
     And,
@@ -16,8 +16,6 @@ from omnidrive.fuzzy import (
     OutputVariable,
     Rule,
 )
-
-Array = np.ndarray
 
 INPUTS = ("error", "derror")
 OUTPUTS = ("kp", "ki", "kd")

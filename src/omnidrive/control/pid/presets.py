@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Literal, get_args
 
 from omnidrive.control.pid.channel import (
@@ -20,6 +19,7 @@ from omnidrive.control.pid.laws import (
 )
 from omnidrive.control.pid.tuners import Kind, fuzzy_tuner
 from omnidrive.errors import InvalidInput
+from omnidrive.parameter import check_sample_time
 
 PidPreset = Literal["paper", "published-code", "recommended"]
 
@@ -60,8 +60,7 @@ def classical_pid(preset: PidPreset, dt: float) -> PidController:
 
 
 def _pid(tune: Tuner, preset: PidPreset, dt: float) -> PidController:
-    if not (isfinite(dt) and dt > 0.0):
-        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    check_sample_time(dt)
     if preset == "published-code":
         channel = MemorylessChannel(tune, MemorylessParameters())
         return FuzzyPidController(dt, channel, channel, wraps=False)

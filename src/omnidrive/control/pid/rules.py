@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 LABELS = ("NB", "NM", "NS", "ZO", "PS", "PM", "PB")
 """Names of the seven sets of every variable, from negative big to positive big."""

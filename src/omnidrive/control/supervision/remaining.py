@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidGeometry
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Chassis, Robot, traction_faces
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

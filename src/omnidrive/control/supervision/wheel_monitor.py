@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Robot
-
-Array = np.ndarray
 
 
 class WheelDefect(Enum):

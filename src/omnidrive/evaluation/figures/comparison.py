@@ -10,13 +10,12 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from scipy.spatial import cKDTree
 
+from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.curves import Curve, curves
 from omnidrive.evaluation.figures.route import Box, draw_map
 from omnidrive.evaluation.figures.style import INK, canvas, legend_above
 from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
 from omnidrive.evaluation.results import StudyResults
-
-Array = np.ndarray
 
 _DASHES = (0, (4, 2.5))
 _WINDOW = 0.04  # m; least half side of the magnified square

@@ -11,13 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
-from omnidrive.errors import InvalidInput
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.membership import PLAIN, shortened
 from omnidrive.evaluation.figures.style import INK, canvas, styled
 from omnidrive.fuzzy import Inference, InputVariable
-from omnidrive.fuzzy.checks import nearest
-
-Array = np.ndarray
 
 _COLOUR = "#0072b2"
 _SHADES = "viridis"
@@ -47,11 +45,11 @@ def control_surface(
     names = [each.name for each in system.outputs]
     name = names[0] if output is None else output
     if name not in names:
-        raise InvalidInput(f"there is no output {name!r}{nearest(name, names)}")
+        raise InvalidInput(f"there is no output {name!r}{suggestion(name, names)}")
     point = {v.name: 0.5 * (v.low + v.high) for v in system.inputs}
     for each, value in (held or {}).items():
         if each not in point:
-            raise InvalidInput(f"there is no input {each!r}{nearest(each, list(point))}")
+            raise InvalidInput(f"there is no input {each!r}{suggestion(each, list(point))}")
         point[each] = value
     free = [k for k, v in enumerate(system.inputs) if v.name not in (held or {})][:2]
     if not free:

@@ -9,12 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from omnidrive.arrays import Array
 from omnidrive.control.pid import gain_inference
 from omnidrive.evaluation.figures.style import FAINT, INK, canvas, styled
 from omnidrive.fuzzy import FuzzySet, InputVariable, LinearFunction, OutputVariable
 from omnidrive.fuzzy.sets import Plane, bounds
-
-Array = np.ndarray
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
 """Of the sets of a variable, in turn."""

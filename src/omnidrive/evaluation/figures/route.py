@@ -10,11 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Affine2D
 
+from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.style import DPI, FAINT, INK, canvas, legend_above, styled
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
-
-Array = np.ndarray
 
 _ARROWS = 24  # headings drawn along the path, at equal times
 _BLUE = "#0072b2"

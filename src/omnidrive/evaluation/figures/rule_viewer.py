@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.errors import InvalidInput
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.membership import PLAIN, drawn_at, shortened
 from omnidrive.evaluation.figures.style import FAINT, INK, canvas, styled
 from omnidrive.fuzzy import (
@@ -21,13 +22,10 @@ from omnidrive.fuzzy import (
     LinearFunction,
     OutputVariable,
 )
-from omnidrive.fuzzy.checks import nearest
 from omnidrive.fuzzy.joined import joined_conclusions, shaped, widest
 from omnidrive.fuzzy.norms import HEDGE_CODES, hedged
 from omnidrive.fuzzy.rules import terms
 from omnidrive.fuzzy.sets import bounds
-
-Array = np.ndarray
 
 _INPUT, _OUTPUT, _VALUE = "#0072b2", "#e69f00", "#d55e00"
 _GROUND = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75}
@@ -95,7 +93,7 @@ def _ordered(
     names = [v.name for v in variables]
     for name in inputs:
         if name not in names:
-            raise InvalidInput(f"there is no input {name!r}{nearest(name, names)}")
+            raise InvalidInput(f"there is no input {name!r}{suggestion(name, names)}")
     for name in names:
         if name not in inputs:
             raise InvalidInput(f"the input {name!r} is missing")

@@ -9,11 +9,11 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, Polygon
 
+from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.style import INK
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 
-Array = np.ndarray
 Point = tuple[float, float]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int, Num
 
+from omnidrive.arrays import Array
 from omnidrive.evaluation.palette import (
     Ink,
     controller_ink,
@@ -24,8 +25,6 @@ from omnidrive.evaluation.results import (
 from omnidrive.evaluation.tuning import INPUTS, tuning_of, unit_text
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome, Run
-
-Array = np.ndarray
 
 _DECIMALS = 5  # 0.01 mm, 0.01 mrad
 _TASKS = {"track": "Track", "noise": "Noise", "horizon": "Horizons"}

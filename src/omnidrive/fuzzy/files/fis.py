@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import NamedTuple, cast
 
+from omnidrive.errors import closest
 from omnidrive.fuzzy.files.assembly import placed
 from omnidrive.fuzzy.files.fis_lines import Cursor, Section, sections
 from omnidrive.fuzzy.files.fis_words import (
@@ -200,8 +200,8 @@ def _set(key: str, place: Place, value: Cursor, sugeno: bool) -> _Set:
     shape = value.quoted("a membership function")
     known = ("constant", "linear") if sugeno else SHAPE_NAMES
     if shape not in known:
-        close = get_close_matches(shape[:40], known, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
+        close = closest(shape, known)
+        hint = f"did you mean {close!r}? " if close else ""
         what = "function of a Sugeno output" if sugeno else "membership function"
         raise malformed(
             at, f"there is no {what} {shape[:40]!r}; {hint}There are {', '.join(known)}"
@@ -347,8 +347,8 @@ def _choice(
     place = _entry(section, key)[0]
     name = _text(section, key)
     if name.lower() not in known:
-        close = get_close_matches(name[:40].lower(), known, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
+        close = closest(name, known)
+        hint = f"did you mean {close!r}? " if close else ""
         raise malformed(
             place, f"there is no {key} {name[:40]!r}; {hint}There are {', '.join(known)}"
         )

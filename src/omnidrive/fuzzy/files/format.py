@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from omnidrive.bounded_file import one_line
 from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
+from omnidrive.files.bounded_file import one_line
 from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
 from omnidrive.fuzzy.files.fll import read_fll, write_fll

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnidrive.bounded_file import one_line
 from omnidrive.errors import InvalidFuzzyFile
+from omnidrive.files.bounded_file import one_line
 from omnidrive.fuzzy.place import Place, malformed, number
 
 __all__ = ["MAX_BYTES", "Place", "malformed", "number", "read_text"]

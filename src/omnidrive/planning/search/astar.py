@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int32, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.board import BitBoard
 from omnidrive.planning.search.bucket_queue import (
@@ -19,8 +20,6 @@ from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT, Heuristic, to_
 from omnidrive.planning.search.machine import int64, trailing_zeros
 from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
 from omnidrive.planning.search.tiles import Tiles, empty_tiles, place
-
-Array = np.ndarray
 
 BUCKET = 16
 """Bits of a length within a bucket: one is 2^16 / STRAIGHT, about 0.14 cells."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Int, Integer, UInt8, UInt64
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 
-Array = np.ndarray
 Cell = tuple[int, int]
 
 MARGIN = 64

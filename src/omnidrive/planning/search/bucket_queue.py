@@ -14,10 +14,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int32
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.machine import int64
-
-Array = np.ndarray
 
 _MOST_BUCKETS = 1 << 16
 

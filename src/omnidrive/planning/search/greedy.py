@@ -7,14 +7,13 @@ from heapq import heappop, heappush
 import numpy as np
 from jaxtyping import Int32, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.planning.search.astar import walk_back
 from omnidrive.planning.search.board import BitBoard
 from omnidrive.planning.search.lengths import Heuristic, to_go
 from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
 from omnidrive.planning.search.tiles import Tiles, empty_tiles, place
-
-Array = np.ndarray
 
 _ROWS, _COLS = np.array(MOVES).T.copy()
 

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Int32, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidPlace, NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.search.astar import astar
@@ -23,8 +24,6 @@ from omnidrive.planning.search.lazy_theta import lazy_theta
 from omnidrive.planning.search.lengths import HEURISTICS, Heuristic
 from omnidrive.planning.search.moves import needed_moves
 from omnidrive.planning.search.result import SearchResult, length
-
-Array = np.ndarray
 
 MethodName = Literal["astar", "jump-point", "lazy-theta", "greedy"]
 Found = tuple[Int32[Array, " cells"], int]

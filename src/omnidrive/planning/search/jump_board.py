@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Int64, UInt64
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.board import MARGIN, BitBoard
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT
 from omnidrive.planning.search.machine import int64, leading_zeros, trailing_zeros, uint64
 from omnidrive.planning.search.moves import MOVES
-
-Array = np.ndarray
 
 _ONE, _ALL, _LAST = np.uint64(1), ~np.uint64(0), np.uint64(63)
 _BYTES = 7  # 64 bits from the byte of a cell on hold at least this many bytes after the cell

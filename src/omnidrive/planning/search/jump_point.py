@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int32, Int64, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.astar import BUCKET, FAR
 from omnidrive.planning.search.board import BitBoard
@@ -20,8 +21,6 @@ from omnidrive.planning.search.jump_board import JumpBoard, jumps
 from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT, Heuristic, to_go
 from omnidrive.planning.search.machine import int64, uint32
 from omnidrive.planning.search.moves import BEGIN, surroundings
-
-Array = np.ndarray
 
 _CLOSED = 16  # mark of a node whose moves were tried
 _ROOM = 1 << 9  # nodes and places of the queue to begin with

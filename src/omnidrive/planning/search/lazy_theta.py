@@ -7,6 +7,7 @@ from math import hypot
 import numpy as np
 from jaxtyping import Float64, Int32, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.board import BitBoard, is_occupied
 from omnidrive.planning.search.bucket_queue import (
@@ -20,8 +21,6 @@ from omnidrive.planning.search.bucket_queue import (
 from omnidrive.planning.search.lengths import STRAIGHT, Heuristic, to_go
 from omnidrive.planning.search.machine import int64
 from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
-
-Array = np.ndarray
 
 _ROWS, _COLS = np.array(MOVES).T.copy()
 _WAITING, _CLOSED = 1, 2

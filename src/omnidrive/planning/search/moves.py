@@ -7,10 +7,9 @@ from functools import cache
 import numpy as np
 from jaxtyping import Bool, UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.planning.search.machine import int64
-
-Array = np.ndarray
 
 Move = tuple[int, int]
 

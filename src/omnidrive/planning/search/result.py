@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Int
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -7,10 +7,10 @@ import mmap
 import numpy as np
 from jaxtyping import Int64, UInt32
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.planning.search.board import BitBoard
 
-Array = np.ndarray
 Tiles = UInt32[Array, " places"] | Int64[Array, " places"]
 
 _BITS = 3

@@ -7,10 +7,9 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.planning.clearance import Floor, chord_clearances
-
-Array = np.ndarray
 
 _LONGEST = 1.5  # cells; longer steps are divided
 _MOST_POINTS = 1_000_000

@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.planning.clearance import Floor, piece_at, piece_clearance
 from omnidrive.planning.pieces import KnotWeights, knot_weights
 from omnidrive.planning.smoothing.start import TOLERANCE, Start
-
-Array = np.ndarray
 
 _STRIDES = (16, 8, 4, 2, 1)  # control points from one move's middle to the next's
 _CYCLES = 10  # through all strides: the curvature hardly falls after

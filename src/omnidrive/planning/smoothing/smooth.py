@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.clearance import Floor, curve_clearance
@@ -20,7 +21,6 @@ from omnidrive.planning.smoothing.polygon import free_polygon
 from omnidrive.planning.smoothing.relaxation import relaxed
 from omnidrive.planning.smoothing.start import certified_start
 
-Array = np.ndarray
 SmoothingName = Literal["spline", "certified"]
 
 _LEAST = 1e-6  # cells that a certified path keeps at least where it bends

@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.planning.clearance import Floor, chord_clearances, piece_clearances
 from omnidrive.planning.pieces import pieces
-
-Array = np.ndarray
 
 _SHARE = 0.8  # of the polygon's clearance that a spline with rounded corners must keep
 _STRAIGHT = 1e-11  # square cells: rounding on one line

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 _CORNER = np.cos(np.deg2rad(30.0))  # a polyline that turns more than 30 degrees has a corner there
 _LONGEST_RUN = 256  # points that one curve may have to follow, so that the work stays in proportion

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
 from omnidrive.reference.sampled import SampledReference
 from omnidrive.reference.waypoints.field import Field, read_json
 from omnidrive.reference.waypoints.text_file import write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed
-
-Array = np.ndarray
 
 _VERSION = 3
 # Choreo's optimiser ends with samples less than a microsecond apart, and its files round to 1e-5 m:

@@ -10,20 +10,18 @@ from __future__ import annotations
 
 import pathlib
 import re
-from difflib import get_close_matches
 from math import pi
 
 import numpy as np
 from jaxtyping import Float
 
-from omnidrive.bounded_file import one_line, shown
-from omnidrive.errors import InvalidReference
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidReference, suggestion
+from omnidrive.files.bounded_file import one_line, shown
 from omnidrive.planning import Path
 from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
 from omnidrive.reference.waypoints.text_file import read_text, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed, untimed
-
-Array = np.ndarray
 
 _POSE, _TWIST = ("x", "y", "yaw"), ("vx", "vy", "yaw_rate")
 _DEGREE = pi / 180.0
@@ -127,9 +125,8 @@ def _columns(where: str, titles: list[str]) -> dict[str, float]:
     for title in titles:
         found = _column(title)
         if found is None:
-            near = get_close_matches(title, [*_UNITS, *_OTHER_NAMES], n=1)
-            hint = f"did you mean {near[0]}?" if near else "there are " + ", ".join(_UNITS)
-            raise InvalidReference(f"{where}: unknown column {shown(title)}; {hint}")
+            hint = suggestion(title, [*_UNITS, *_OTHER_NAMES])
+            raise InvalidReference(f"{where}: unknown column {shown(title)}{hint}")
         quantity, unit = found
         if quantity in columns:
             raise InvalidReference(f"{where}: two columns hold {quantity}; remove one")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from omnidrive.bounded_file import one_line, shown
-from omnidrive.errors import InvalidReference
+from omnidrive.errors import InvalidReference, suggestion
+from omnidrive.files.bounded_file import one_line, shown
 from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
 from omnidrive.reference.waypoints.text_file import read_text
 
@@ -47,9 +46,7 @@ class Field:
         """This mapping, refused if it has other keys than these."""
         for key in self.value if isinstance(self.value, dict) else ():
             if key not in keys:
-                near = get_close_matches(str(key), keys, n=1)
-                hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(keys)}"
-                raise self.refusal(f"has the unknown key {shown(key)}; {hint}")
+                raise self.refusal(f"has the unknown key {shown(key)}{suggestion(str(key), keys)}")
         return self
 
     def items(self) -> list[Field]:

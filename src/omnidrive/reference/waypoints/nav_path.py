@@ -13,13 +13,13 @@ from math import atan2, cos, hypot, sin
 
 import numpy as np
 
-from omnidrive.bounded_file import check_is_file, one_line
 from omnidrive.errors import InvalidReference
+from omnidrive.files.bounded_file import check_is_file, one_line
+from omnidrive.files.yaml_file import read_yaml_documents
 from omnidrive.planning import Path
 from omnidrive.reference.waypoints.field import Field
 from omnidrive.reference.waypoints.text_file import MAX_BYTES, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed, untimed
-from omnidrive.yaml_file import read_yaml_documents
 
 _NORM_TOLERANCE = 0.01  # of a quaternion, which should be 1
 _TILT_TOLERANCE = 0.01  # of its x and y, which should be 0 on the ground

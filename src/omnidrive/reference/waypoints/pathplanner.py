@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.planning import Path
@@ -25,8 +26,6 @@ from omnidrive.reference.waypoints.bezier import Chain, even_parameters, fit, po
 from omnidrive.reference.waypoints.field import Field, read_json
 from omnidrive.reference.waypoints.text_file import write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, untimed
-
-Array = np.ndarray
 
 _READ_TOLERANCE = 1e-3  # m between the curve and the polyline through its samples
 _SPACING, _STEPS = 0.05, 20_000  # m between samples at most, if they are not more than this

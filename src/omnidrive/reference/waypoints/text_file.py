@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnidrive.bounded_file import one_line, read_bounded
 from omnidrive.errors import CannotWrite, InvalidReference
+from omnidrive.files.bounded_file import one_line, read_bounded
 
 MAX_BYTES = 10_000_000
 

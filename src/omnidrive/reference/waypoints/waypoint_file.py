@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.bounded_file import one_line, shown
 from omnidrive.errors import InvalidReference
+from omnidrive.files.bounded_file import one_line, shown
 from omnidrive.planning import Path
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.sampled import MOST_SAMPLES, SampledReference

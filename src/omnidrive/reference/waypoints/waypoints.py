@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
 from omnidrive.reference.sampled import (
@@ -17,8 +18,6 @@ from omnidrive.reference.sampled import (
     SampledReference,
     first_step_back,
 )
-
-Array = np.ndarray
 
 Waypoints: TypeAlias = Path | SampledReference
 

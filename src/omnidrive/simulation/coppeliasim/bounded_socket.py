@@ -6,8 +6,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
-from omnidrive.bounded_file import one_line
 from omnidrive.errors import PlantLost
+from omnidrive.files.bounded_file import one_line
 from omnidrive.simulation.coppeliasim.replies import MAX_BYTES, is_plain
 
 _WAITING = {"_*wait*_", "_*repeat*_"}

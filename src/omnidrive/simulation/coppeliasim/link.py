@@ -9,8 +9,8 @@ from math import isfinite, nan
 from types import ModuleType
 from typing import Any
 
-from omnidrive.bounded_file import one_line
 from omnidrive.errors import InvalidScene, MissingExtra, PlantLost
+from omnidrive.files.bounded_file import one_line
 from omnidrive.simulation.coppeliasim.bounded_socket import BoundedSocket
 
 _MOST = 2**53  # whole numbers beyond are neither handles nor measurements

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 from jaxtyping import Float
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 POSE, GYRO, BIAS, RATE = slice(0, 3), 3, slice(4, 7), slice(7, 10)
 """Where in the vectors: the pose (m, m, rad), the gyro's bias (rad/s), the fixes' bias (m, m, rad

@@ -7,12 +7,11 @@ from math import cos, sin
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.simulation.estimation.belief import Belief
 from omnidrive.simulation.estimation.matrices import inverse, product, sandwich
 from omnidrive.simulation.estimation.se2 import after, exponential, logarithm, seen_from
-
-Array = np.ndarray
 
 
 @compiled

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtri
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 from omnidrive.simulation.estimation.belief import BIAS, GYRO, POSE, RATE, SIZE, Belief
@@ -19,8 +20,6 @@ from omnidrive.simulation.estimation.propagation import propagate
 from omnidrive.simulation.estimation.relocation import JUMP, agree
 from omnidrive.simulation.estimation.settings import EstimatorSettings
 from omnidrive.simulation.sensing import Estimate, Fix, Readings, SensorSettings
-
-Array = np.ndarray
 
 _HOLDING_TIME = 3e-3
 """Time constant in s with which a robot follows wheels that hold; that of no robot matters more."""

@@ -7,6 +7,7 @@ from math import exp, isfinite, sqrt
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.simulation.estimation.belief import Belief
 from omnidrive.simulation.estimation.matrices import inverse, sandwich
@@ -14,8 +15,6 @@ from omnidrive.simulation.estimation.motion_model import MotionModel, Odometry
 from omnidrive.simulation.estimation.se2 import after, exponential, right_jacobian, transport
 from omnidrive.simulation.estimation.slipping import slipped
 from omnidrive.simulation.sensing.wander import wander
-
-Array = np.ndarray
 
 _MOST_SLIP = 50.0
 """In m/s: more is no more uncertain."""

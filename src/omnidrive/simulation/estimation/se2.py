@@ -7,9 +7,8 @@ from math import cos, floor, pi, sin, tan
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-
-Array = np.ndarray
 
 
 @compiled

@@ -7,10 +7,9 @@ from math import ceil, isfinite
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.simulation.estimation.motion_model import MotionModel, Odometry
-
-Array = np.ndarray
 
 _STEP = 1e-3
 """Of the integration, in s: well below the time in which a robot follows wheels that hold."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from math import isfinite, nan
 
 from pydantic import ValidationError
 
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.simulation.faults.fault import FAULTS, Fault, make_fault
 
 _LONGEST = 200  # characters
@@ -27,7 +26,7 @@ def parse_fault(text: str) -> Fault:
     if kind not in FAULTS:
         raise InvalidInput(
             f"there is no fault '{_short(kind)}'; there are {', '.join(FAULTS)}"
-            + _suggestion(kind, list(FAULTS))
+            + suggestion(kind, list(FAULTS))
         )
     names = [name for name in FAULTS[kind].model_fields if name != "kind"]
     values: dict[str, object] = {}
@@ -38,7 +37,7 @@ def parse_fault(text: str) -> Fault:
         if name not in names:
             raise InvalidInput(
                 f"fault {kind}: there is no '{_short(name)}'; there are {', '.join(names)}"
-                + _suggestion(name, names)
+                + suggestion(name, names)
             )
         if name in values:
             raise InvalidInput(f"fault {kind}: '{name}' is given twice")
@@ -66,8 +65,3 @@ def _number(kind: str, name: str, value: str) -> float:
 def _short(text: str) -> str:
     plain = "".join(c if c.isprintable() else "?" for c in text)
     return plain if len(plain) <= _SHOWN else plain[:_SHOWN] + "..."
-
-
-def _suggestion(name: str, options: list[str]) -> str:
-    near = get_close_matches(name, options, n=1, cutoff=0.5)
-    return f"; did you mean '{near[0]}'?" if near else ""

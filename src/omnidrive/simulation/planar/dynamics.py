@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import cos, exp, hypot, pi, sin
 from typing import Any
 
-import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.simulation.planar.traction import (
     Vector,
@@ -17,8 +17,6 @@ from omnidrive.simulation.planar.traction import (
     momentum,
     twist_after,
 )
-
-Array = np.ndarray
 
 _DOWN = 1.5 * pi  # rad that roller 0, ahead of the axle at first, turns on to come to the floor
 _AXLES = 0.02  # s in which sprung axles hand on a load

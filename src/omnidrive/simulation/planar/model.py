@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import GRAVITY, Mount, OmniWheel, Robot
 from omnidrive.simulation.conditions import WEAK, Conditions, Motor, Payload
 from omnidrive.simulation.mjcf_wheels import ROLLER_ARMATURE, ROLLER_DAMPING
-
-Array = np.ndarray
 
 FRAME = np.dtype(
     [

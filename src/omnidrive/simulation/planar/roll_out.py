@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from math import ceil, isfinite
+from math import ceil
 
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
+from omnidrive.parameter import check_sample_time
 from omnidrive.robot import Robot
 from omnidrive.simulation.conditions import Conditions
 from omnidrive.simulation.planar.dynamics import drive
 from omnidrive.simulation.planar.model import model_of
 from omnidrive.simulation.planar.plant import TIMESTEP
 from omnidrive.simulation.planar.state import State
-
-Array = np.ndarray
 
 
 def roll_out(
@@ -47,8 +47,7 @@ def roll_out(
     """
     if len(starts) != len(commands):
         raise InvalidInput(f"there are {len(starts)} starts for {len(commands)} runs")
-    if not (isfinite(dt) and dt > 0.0):
-        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+    check_sample_time(dt)
     starts, commands = (np.ascontiguousarray(a, dtype=float) for a in (starts, commands))
     steps = ceil(dt / timestep - 1e-9)
     poses, twists = np.empty(commands.shape), np.empty(commands.shape)

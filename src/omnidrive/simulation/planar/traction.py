@@ -16,11 +16,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 
-Array = np.ndarray
 Vector = tuple[float, float, float]
 
 _MOST_STEPS = 20  # three are many

@@ -10,12 +10,11 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import Pose, twist_between
 from omnidrive.parameter import Bounds
 from omnidrive.robot import Chassis
 from omnidrive.simulation.plant import Measurement
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, slots=True)

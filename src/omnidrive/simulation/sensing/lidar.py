@@ -10,10 +10,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds
-
-Array = np.ndarray
 
 _TIME_SLACK = 1e-9
 """In s: samples count their time otherwise than scans do."""

@@ -9,12 +9,11 @@ from typing import Annotated, Literal
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import Pose, move, twist_between
 from omnidrive.parameter import Bounds
 from omnidrive.simulation.sensing.readings import Fix
 from omnidrive.simulation.sensing.wander import wander
-
-Array = np.ndarray
 
 _TIME_SLACK = 1e-9
 """In s: samples count their time otherwise than fixes do."""

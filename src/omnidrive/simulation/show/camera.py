@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-Array = np.ndarray
+from omnidrive.arrays import Array
 
 CameraName = Literal["auto", "whole", "follow"]
 """`whole`: all of the path is in the picture; `follow`: the robot is in the middle of it; `auto`:

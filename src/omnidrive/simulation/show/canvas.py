@@ -8,10 +8,9 @@ import mujoco
 import numpy as np
 from jaxtyping import UInt8
 
+from omnidrive.arrays import Array
 from omnidrive.simulation.show.marks import Marks
 from omnidrive.simulation.show.opengl import offscreen
-
-Array = np.ndarray
 
 _MOST_GEOMS = 4000
 

@@ -20,9 +20,8 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
+from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, MissingExtra
-
-Array = np.ndarray
 
 _SAME = 255  # index of the colour that is none: what was there before stays
 _COMMAND = "ffmpeg"

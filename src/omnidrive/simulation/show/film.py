@@ -13,8 +13,9 @@ import mujoco
 import numpy as np
 from jaxtyping import UInt8
 
-from omnidrive.bounded_file import one_line
+from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import Pose
 from omnidrive.simulation.show.camera import CameraName, camera_of, follow, follows
 from omnidrive.simulation.show.canvas import Canvas
@@ -23,8 +24,6 @@ from omnidrive.simulation.show.marks import Marks
 from omnidrive.simulation.show.opengl import offscreen
 from omnidrive.simulation.show.puppet import place
 from omnidrive.simulation.show.recording import FRAMES_PER_SECOND, MOST_FRAMES, Recording
-
-Array = np.ndarray
 
 _USUAL = {".mp4": (960, 540), ".gif": (640, 360)}
 _MOST = {".mp4": MOST_FRAMES, ".gif": 800}

@@ -12,10 +12,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import Pose
 from omnidrive.reference import Reference
-
-Array = np.ndarray
 
 _PATH = (0.12, 0.13, 0.16, 1.0)
 _TRAIL = (0.93, 0.36, 0.06, 1.0)

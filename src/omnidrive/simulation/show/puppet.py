@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
@@ -16,8 +17,6 @@ from omnidrive.simulation.mjcf import omni_model
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.plant import Measurement
 from omnidrive.simulation.walls import Walls
-
-Array = np.ndarray
 
 
 class Puppet:

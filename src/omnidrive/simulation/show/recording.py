@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
@@ -19,8 +20,6 @@ from omnidrive.simulation.run import Run
 from omnidrive.simulation.show.marks import path_of
 from omnidrive.simulation.show.onlooker import Scene
 from omnidrive.simulation.show.puppet import Puppet, between
-
-Array = np.ndarray
 
 FRAMES_PER_SECOND = 25.0
 """Of films at real time: GIF counts in hundredths of a second."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.iterate import Iterate, evaluate, iterate, largest_slope
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.riccati import factors, is_convex, newton_step, step_of
 from omnidrive.control.nmpc.holonomic.start import bounds_of
-
-Array = np.ndarray
 
 _MAX_ITERATIONS = 8
 """Iterations after which the set will hardly be found: they take less than a third of the time of

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf, isfinite
 
-import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control.nmpc.holonomic.grip import Grip
 from omnidrive.control.nmpc.holonomic.limits import joined, rate_limits, speed_limits
 from omnidrive.control.nmpc.holonomic.problem import Limits
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import Chassis, Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.control.nmpc.holonomic.problem import KeepOuts
-
-Array = np.ndarray
 
 
 @inlined

@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.motion import twist
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Robot
-
-Array = np.ndarray
 
 Vector = tuple[float, float, float]
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.distance import keep_out_cost
 from omnidrive.control.nmpc.holonomic.iterate import (
@@ -29,8 +30,6 @@ from omnidrive.control.nmpc.holonomic.riccati import (
     step_of,
 )
 from omnidrive.control.nmpc.holonomic.start import bounds_of, slowed
-
-Array = np.ndarray
 
 CONVERGED, CAPPED, STALLED = range(3)
 

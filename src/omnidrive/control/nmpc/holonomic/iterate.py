@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.cost import tracking_cost
 from omnidrive.control.nmpc.holonomic.distance import add_keep_outs, keep_out_cost
 from omnidrive.control.nmpc.holonomic.motion import roll_out, twist_derivatives
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-
-Array = np.ndarray
 
 
 class Iterate(NamedTuple):

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control.nmpc.holonomic.problem import KeepOuts
 from omnidrive.errors import InvalidInput
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

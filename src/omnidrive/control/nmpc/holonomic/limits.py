@@ -7,10 +7,9 @@ from math import inf
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control.nmpc.holonomic.problem import Limits
 from omnidrive.errors import InvalidInput
-
-Array = np.ndarray
 
 
 def speed_limits(

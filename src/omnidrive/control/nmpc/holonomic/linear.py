@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-
-Array = np.ndarray
 
 
 @inlined

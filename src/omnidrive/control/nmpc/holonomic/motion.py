@@ -7,10 +7,9 @@ from math import cos, isnan, sin
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-
-Array = np.ndarray
 
 _SMALL = 0.02
 """Half turn below which the arc's factor is taken from its series, to rounding."""

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.iterate import Iterate
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-
-Array = np.ndarray
 
 _LEAST_CURVATURE = 1e-10
 """A pivot up to this counts as not positive."""

@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.iterate import (
     cost,
@@ -20,8 +21,6 @@ from omnidrive.control.nmpc.holonomic.motion import largest_part, roll_out, twis
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.start import bounds_of
 from omnidrive.control.nmpc.solution import Exit
-
-Array = np.ndarray
 
 Account = tuple[Float[Array, "points 3"], float, float, float]
 """States, J, KKT residual and violation."""

@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.active_set import hold_limits
 from omnidrive.control.nmpc.holonomic.distance import keep_out_cost
@@ -20,8 +21,6 @@ from omnidrive.control.nmpc.holonomic.solution import Account, HolonomicSolution
 from omnidrive.control.nmpc.solution import Exit
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds
-
-Array = np.ndarray
 
 _BETWEEN_LOOKS = 4
 """Iterations between two looks at the clock, where there is a deadline."""

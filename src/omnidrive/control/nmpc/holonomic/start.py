@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.linear import policy
 from omnidrive.control.nmpc.holonomic.motion import limited, twist, velocity
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-
-Array = np.ndarray
 
 _INSIDE = 0.9
 """Part of its bound that the first plan may need of a limit."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from omnidrive.bounded_file import one_line, read_bounded, shown
+from omnidrive.files.bounded_file import one_line, read_bounded, shown
 
 _MAX_BYTES = 100_000
 _MAX_DEPTH = 30

@@ -1,0 +1,7 @@
+"""The array type in shape annotations such as ``Float[Array, "rows 3"]``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
