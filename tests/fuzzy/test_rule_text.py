@@ -5,7 +5,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.place import Place
+from omnidrive.fuzzy.position import Position
 from omnidrive.fuzzy.rule_text import MAX_LENGTH, normalised, parse_rule, rule_text
 from omnidrive.fuzzy.rules import MAX_DEPTH, And, Is, Or, Rule
 from tests.fuzzy.systems import PRINTABLE_NAMES, rules, systems
@@ -111,14 +111,14 @@ def test_written_with_parentheses_only_where_needed(rule, text):
 )
 def test_errors_say_where_and_what(text, column, said):
     with pytest.raises(InvalidInput) as caught:
-        parse_rule(text, Place(7, 1))
+        parse_rule(text, Position(7, 1))
     assert str(caught.value).startswith(f"line 7, column {column}: ")
     assert said in str(caught.value)
 
 
 def test_place_of_an_error_on_a_later_line():
     with pytest.raises(InvalidInput, match=r"^line 4, column 9: expected 'is' after 'c', got 'iz'"):
-        parse_rule("if a is b\n then c iz d", Place(3, 20))
+        parse_rule("if a is b\n then c iz d", Position(3, 20))
 
 
 def test_bounds():

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple, NoReturn
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.place import Place, malformed, number
+from omnidrive.fuzzy.position import Position, malformed, parse_number
 from omnidrive.fuzzy.rules import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule, terms
 
 MAX_LENGTH = 10_000
@@ -23,7 +23,7 @@ _PLAIN = r"""[^\s,():;'"]+"""
 _TOKEN = re.compile(rf"\s*(?:(?P<quoted>'(?:[^']|'')*')|(?P<mark>[,()])|(?P<word>{_PLAIN}))")
 
 
-def parse_rule(text: str, place: Place | None = None) -> Rule:
+def parse_rule(text: str, position: Position | None = None) -> Rule:
     """Rule that a text says.
 
     ``if CONDITION then CONCLUSIONS [with WEIGHT]``, where
@@ -44,12 +44,12 @@ def parse_rule(text: str, place: Place | None = None) -> Rule:
 
     Args:
         text: At most :data:`MAX_LENGTH` characters; may have several lines.
-        place: Of its first character, for messages; None: line 1, column 1.
+        position: Of its first character, for messages; None: line 1, column 1.
 
     Raises:
         InvalidFuzzyFile: The text is no rule; the message says where, and what was expected.
     """
-    start = place or Place(1, 1)
+    start = position or Position(1, 1)
     if len(text) > MAX_LENGTH:
         raise malformed(start, f"a rule has at most {MAX_LENGTH} characters, got {len(text)}")
     return _Parser(text, start).rule()
@@ -127,7 +127,7 @@ class _Token(NamedTuple):
 class _Parser:
     """Recursive descent; parentheses bound its depth."""
 
-    def __init__(self, text: str, start: Place) -> None:
+    def __init__(self, text: str, start: Position) -> None:
         self._text = text
         self._start = start
         self._tokens = list(self._split())
@@ -213,7 +213,7 @@ class _Parser:
                 self._refuse("'and', 'with' or the end of the rule")
             return 1.0
         token = self._expect("", "a weight")
-        weight = number(token.text, self._place(token))
+        weight = parse_number(token.text, self._position(token))
         if not 0.0 <= weight <= 1.0:
             self._fail(token, f"the weight of a rule must lie in [0, 1], got {weight:g}")
         if opened:
@@ -239,9 +239,9 @@ class _Parser:
         self._fail(token, f"expected {expected}, got {token}{hint}")
 
     def _fail(self, token: _Token, what: str) -> NoReturn:
-        raise malformed(self._place(token), what)
+        raise malformed(self._position(token), what)
 
-    def _place(self, token: _Token) -> Place:
+    def _position(self, token: _Token) -> Position:
         return self._start.after(self._text[: token.offset])
 
     def _split(self) -> Iterator[_Token]:

@@ -9,35 +9,35 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
-from omnidrive.fuzzy.files.source import Place, malformed
+from omnidrive.fuzzy.files.source import Position, malformed
 from omnidrive.fuzzy.rules import And, Condition, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import InputVariable, LinearFunction, OutputVariable
 
 
-class PlacedRule(NamedTuple):
+class LocatedRule(NamedTuple):
     """A rule, and where it stands."""
 
     rule: Rule
-    place: Place
+    position: Position
 
 
 @contextmanager
-def placed(place: Place | None) -> Iterator[None]:
+def locate_errors(position: Position | None) -> Iterator[None]:
     """Say where the file says what a class of the system refuses."""
     try:
         yield
     except InvalidFuzzyFile:
         raise
     except InvalidInput as error:
-        raise malformed(place, str(error)) from None
+        raise malformed(position, str(error)) from None
 
 
 def assembled(  # noqa: PLR0917
     name: str,
     inputs: Sequence[InputVariable],
     outputs: Sequence[OutputVariable],
-    rules: Sequence[PlacedRule],
+    rules: Sequence[LocatedRule],
     conjunction: str = "min",
     disjunction: str = "max",
     implication: str = "min",
@@ -59,8 +59,8 @@ def assembled(  # noqa: PLR0917
         )
     except InvalidInput as error:
         culprit = re.match(r"rule (\d+)\b", str(error))
-        place = rules[int(culprit[1]) - 1].place if culprit else None
-        raise malformed(place, str(error)) from None
+        position = rules[int(culprit[1]) - 1].position if culprit else None
+        raise malformed(position, str(error)) from None
 
 
 def joins(condition: Condition) -> frozenset[type[And | Or]]:
@@ -71,15 +71,15 @@ def joins(condition: Condition) -> frozenset[type[And | Or]]:
     return below | {type(condition)} if len(condition.parts) > 1 else below
 
 
-def all_joins(rules: Sequence[PlacedRule] | Sequence[Rule]) -> frozenset[type[And | Or]]:
+def all_joins(rules: Sequence[LocatedRule] | Sequence[Rule]) -> frozenset[type[And | Or]]:
     """Which of "and" and "or" any of several rules needs."""
     found: set[type[And | Or]] = set()
     for each in rules:
-        found |= joins((each.rule if isinstance(each, PlacedRule) else each).condition)
+        found |= joins((each.rule if isinstance(each, LocatedRule) else each).condition)
     return frozenset(found)
 
 
-def shared_conclusion(output: str, rules: Sequence[PlacedRule]) -> PlacedRule | None:
+def shared_conclusion(output: str, rules: Sequence[LocatedRule]) -> LocatedRule | None:
     """The second rule that concludes the same about an output; None: no two do.
 
     A weighted average adds the strengths of all rules. Where a file joins those of one conclusion

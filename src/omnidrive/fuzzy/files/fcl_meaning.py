@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files.assembly import (
-    PlacedRule,
+    LocatedRule,
     all_joins,
     assembled,
-    placed,
+    locate_errors,
     shared_conclusion,
     stays_in_range,
 )
@@ -55,7 +55,7 @@ class _Meaning:
         aggregations = self._aggregations()
         inputs = []
         for variable in self._inputs.values():
-            with placed(variable.place):
+            with locate_errors(variable.position):
                 fuzzy = variable.fuzzy_sets()
                 inputs.append(InputVariable(variable.name, *variable.limits(), fuzzy))
         outputs = [
@@ -74,7 +74,7 @@ class _Meaning:
             shared = sorted(outputs & concluded)
             if shared and not self._is_fuzzylite:
                 raise malformed(
-                    block.place,
+                    block.position,
                     f"a second RULEBLOCK concludes about {shared[0]!r}: expected one for all its "
                     "rules",
                 )
@@ -82,19 +82,19 @@ class _Meaning:
             accu = block.operators.get("ACCU")
             for output in outputs if accu is not None else ():
                 if accu is not None and found.setdefault(output, accu).name != accu.name:
-                    raise malformed(accu.place, f"a second ACCU for output {output!r}")
+                    raise malformed(accu.position, f"a second ACCU for output {output!r}")
         given = [each.operators["ACCU"] for each in self._blocks if "ACCU" in each.operators]
         for output in self._outputs if given else ():
             found.setdefault(output, given[0])
         return found
 
     def _output(
-        self, variable: DeclaredVariable, aggregation: Chosen | None, rules: list[PlacedRule]
+        self, variable: DeclaredVariable, aggregation: Chosen | None, rules: list[LocatedRule]
     ) -> OutputVariable:
         if variable.method is None:
-            raise malformed(variable.place, f"{variable.name[:40]!r}: expected a METHOD")
+            raise malformed(variable.position, f"{variable.name[:40]!r}: expected a METHOD")
         method: Defuzzifier = next(d for d in _METHODS if d == variable.method.name)
-        with placed(variable.place):
+        with locate_errors(variable.position):
             functions = tuple(each for each in variable.sets if isinstance(each, LinearFunction))
             fuzzy = variable.fuzzy_sets()
             if fuzzy and aggregation is None:
@@ -119,8 +119,8 @@ class _Meaning:
             shared = shared_conclusion(output.name, rules)
             if shared is not None:
                 raise malformed(
-                    aggregation.place,
-                    f"this ACCU joins rules with one singleton (line {shared.place.line}) as no "
+                    aggregation.position,
+                    f"this ACCU joins rules with one singleton (line {shared.position.line}) as no "
                     "system here does: expected SUM",
                 )
         return output
@@ -151,7 +151,7 @@ class _Meaning:
         if chosen.setdefault(key, name) != name:
             where = block.operators.get(key)
             raise malformed(
-                where.place if where else block.place,
+                where.position if where else block.position,
                 f"RULEBLOCKs with different {key} cannot be expressed",
             )
 
@@ -176,7 +176,7 @@ class _Meaning:
         first = given[0]
         if (And if first == "AND" else Or) in all_joins(block.rules):
             raise malformed(
-                block.operators[first].place,
+                block.operators[first].position,
                 f"{first} is no partner of the other operator, which jFuzzyLogic lets replace it: "
                 "expected pairs, such as MIN and MAX, or PROD and ASUM",
             )

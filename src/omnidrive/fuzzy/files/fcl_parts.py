@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from omnidrive.fuzzy.files.assembly import (
-    PlacedRule,
+    LocatedRule,
 )
 from omnidrive.fuzzy.files.fcl_terms import support
 from omnidrive.fuzzy.files.fcl_text import Token
 from omnidrive.fuzzy.files.polyline import simplest
-from omnidrive.fuzzy.files.source import Place, malformed
+from omnidrive.fuzzy.files.source import Position, malformed
 from omnidrive.fuzzy.variables import FuzzySet, LinearFunction
 
 
@@ -18,21 +18,21 @@ class Chosen(NamedTuple):
     """Our name of an operator, and where the file names it."""
 
     name: str
-    place: Place
+    position: Position
 
 
 class DeclaredVariable:
     """What the file says of a variable."""
 
-    def __init__(self, name: str, place: Place) -> None:
+    def __init__(self, name: str, position: Position) -> None:
         self.name = name
-        self.place = place
+        self.position = position
         self.range: tuple[float, float] | None = None
         self.sets: list[FuzzySet | LinearFunction] = []
         self.method: Chosen | None = None
         self.aggregation: Chosen | None = None
         self.default: float | None = None
-        self.clips: Place | None = None
+        self.clips: Position | None = None
         self.drawn: set[str] = set()
         """Names of the sets that are given by points in brackets."""
         self.seen: set[str] = set()
@@ -40,7 +40,7 @@ class DeclaredVariable:
     def once(self, token: Token) -> None:
         """Refuse a statement that was there before."""
         if token.key in self.seen:
-            raise malformed(token.place, f"{token.key} is there twice")
+            raise malformed(token.position, f"{token.key} is there twice")
         self.seen.add(token.key)
 
     def fuzzy_sets(self) -> tuple[FuzzySet, ...]:
@@ -58,7 +58,7 @@ class DeclaredVariable:
         ends = [support(each) for each in self.sets]
         known = [end for end in ends if end is not None]
         if not known or len(known) < len(ends):
-            raise malformed(self.place, f"{self.name[:40]!r}: expected RANGE := (MIN .. MAX)")
+            raise malformed(self.position, f"{self.name[:40]!r}: expected RANGE := (MIN .. MAX)")
         low, high = min(low for low, _ in known), max(high for _, high in known)
         return (low, high) if low < high else (low - 0.5, high + 0.5)
 
@@ -66,10 +66,10 @@ class DeclaredVariable:
 class RuleBlock:
     """What the file says in a RULEBLOCK."""
 
-    def __init__(self, place: Place) -> None:
-        self.place = place
+    def __init__(self, position: Position) -> None:
+        self.position = position
         self.operators: dict[str, Chosen] = {}
-        self.rules: list[PlacedRule] = []
+        self.rules: list[LocatedRule] = []
 
     def outputs(self) -> set[str]:
         """Names of the outputs that its rules conclude about."""

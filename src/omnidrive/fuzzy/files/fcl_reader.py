@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files.assembly import (
-    placed,
+    locate_errors,
 )
 from omnidrive.fuzzy.files.fcl_meaning import system_of
 from omnidrive.fuzzy.files.fcl_parts import Chosen, DeclaredVariable, RuleBlock
@@ -44,7 +44,7 @@ class FclReader:
         """The system that it describes."""
         text = self._text
         start = text.expect("FUNCTION_BLOCK")
-        name = text.rest_of_line(start.place.line, *SECTIONS)
+        name = text.rest_of_line(start.position.line, *SECTIONS)
         sections = {
             "VAR_INPUT": lambda: self._variables(self._inputs),
             "VAR_OUTPUT": lambda: self._variables(self._outputs),
@@ -56,7 +56,7 @@ class FclReader:
             sections[section]()
         text.accept(";")
         if text.next.key == "FUNCTION_BLOCK":
-            raise malformed(text.next.place, "a second FUNCTION_BLOCK: expected one in a file")
+            raise malformed(text.next.position, "a second FUNCTION_BLOCK: expected one in a file")
         if text.next.kind != "end":
             text.fail("the end")
         return system_of(name, self._inputs, self._outputs, self._blocks, self._is_fuzzylite)
@@ -68,7 +68,7 @@ class FclReader:
             token = text.name("a variable, or END_VAR")
             if token.key == "RANGE" and text.next.key == ":=":
                 if last is None:
-                    raise malformed(token.place, "RANGE: expected a variable before it")
+                    raise malformed(token.position, "RANGE: expected a variable before it")
                 last.once(token)
                 last.range = self._range()
                 continue
@@ -76,10 +76,10 @@ class FclReader:
             text.expect("REAL", "LREAL")
             text.accept(";")
             if token.text in self._inputs or token.text in self._outputs:
-                raise malformed(token.place, f"variable {token.text[:40]!r} is there twice")
+                raise malformed(token.position, f"variable {token.text[:40]!r} is there twice")
             if len(variables) >= MAX_VARIABLES:
-                raise malformed(token.place, f"more than {MAX_VARIABLES} variables")
-            last = variables[token.text] = DeclaredVariable(token.text, token.place)
+                raise malformed(token.position, f"more than {MAX_VARIABLES} variables")
+            last = variables[token.text] = DeclaredVariable(token.text, token.position)
 
     def _range(self) -> tuple[float, float]:
         text = self._text
@@ -98,10 +98,10 @@ class FclReader:
         if variable is None:
             known = ", ".join(list(variables)[:12]) or "none"
             raise malformed(
-                token.place, f"{section} of {token.text[:40]!r}: expected a variable of: {known}"
+                token.position, f"{section} of {token.text[:40]!r}: expected a variable of: {known}"
             )
         if section in variable.seen:
-            raise malformed(token.place, f"a second {section} of {token.text[:40]!r}")
+            raise malformed(token.position, f"a second {section} of {token.text[:40]!r}")
         variable.seen.add(section)
         return variable
 
@@ -155,7 +155,7 @@ class FclReader:
             variable.default = text.number()
         if text.next.key in {"NC", "|"}:
             raise malformed(
-                text.next.place,
+                text.next.position,
                 "an output that keeps its previous value (NC) cannot be expressed; give it a "
                 "default",
             )
@@ -169,16 +169,16 @@ class FclReader:
         what = text.expect("RANGE", "PREVIOUS")
         if what.key == "PREVIOUS" or text.next.key == "|":
             raise malformed(
-                what.place, "an output that keeps its previous value cannot be expressed"
+                what.position, "an output that keeps its previous value cannot be expressed"
             )
-        variable.clips = what.place
+        variable.clips = what.position
         text.accept(";")
 
     def _enabled(self, token: Token) -> None:
         self._is_fuzzylite = True
         self._text.expect(":")
         if self._text.expect("TRUE", "FALSE").key == "FALSE":
-            raise malformed(token.place, "what is not enabled cannot be expressed; remove it")
+            raise malformed(token.position, "what is not enabled cannot be expressed; remove it")
         self._text.accept(";")
 
     def _accept_none(self) -> bool:
@@ -193,15 +193,15 @@ class FclReader:
             text.fail(f"one of {', '.join(known)}")
         token = text.take()
         text.accept(";")
-        return Chosen(known[token.key], token.place)
+        return Chosen(known[token.key], token.position)
 
     def _term(self, variable: DeclaredVariable) -> None:
         text = self._text
         name = text.name("a set")
         if len(variable.sets) >= MAX_SETS:
-            raise malformed(name.place, f"more than {MAX_SETS} sets")
+            raise malformed(name.position, f"more than {MAX_SETS} sets")
         text.expect(":=")
-        with placed(name.place):
+        with locate_errors(name.position):
             if text.next.key == "(":
                 variable.drawn.add(name.text)
             each = self._shape(name)
@@ -225,7 +225,7 @@ class FclReader:
         if kind.text not in FLL_TERMS:
             known = ", ".join((*TERMS, *FLL_TERMS))
             raise malformed(
-                kind.place, f"a term {kind.text[:40]!r} cannot be read, only points, {known}"
+                kind.position, f"a term {kind.text[:40]!r} cannot be read, only points, {known}"
             )
         self._is_fuzzylite = True
         words = []
@@ -234,13 +234,13 @@ class FclReader:
             if sign is not None and text.next.key != "INF":
                 text.fail("a number")
             token = text.take()
-            words.append(Word((sign.text if sign else "") + token.text, token.place))
-        return read_term(name.text, Word(kind.text, kind.place), words, len(self._inputs))
+            words.append(Word((sign.text if sign else "") + token.text, token.position))
+        return read_term(name.text, Word(kind.text, kind.position), words, len(self._inputs))
 
     def _rule_block(self) -> None:
         text = self._text
         start = text.next
-        block = RuleBlock(start.place)
+        block = RuleBlock(start.position)
         while text.next.key not in BLOCK_WORDS and text.next.kind != "end":
             text.take()
         sets_of = {
@@ -257,7 +257,7 @@ class FclReader:
         while (token := text.expect(*BLOCK_WORDS)).key != "END_RULEBLOCK":
             if token.key == "RULE":
                 if len(block.rules) >= MAX_RULES:
-                    raise malformed(token.place, f"more than {MAX_RULES} rules")
+                    raise malformed(token.position, f"more than {MAX_RULES} rules")
                 text.take()
                 text.expect(":")
                 block.rules.append(rules.rule())
@@ -265,7 +265,7 @@ class FclReader:
                 self._enabled(token)
             else:
                 if token.key in block.operators:
-                    raise malformed(token.place, f"{token.key} is there twice")
+                    raise malformed(token.position, f"{token.key} is there twice")
                 if not self._accept_none():
                     block.operators[token.key] = self._choice(operators[token.key])
         text.accept(";")

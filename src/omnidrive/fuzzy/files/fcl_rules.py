@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.assembly import PlacedRule, placed
+from omnidrive.fuzzy.files.assembly import LocatedRule, locate_errors
 from omnidrive.fuzzy.files.fcl_text import FclText, Token
 from omnidrive.fuzzy.files.source import malformed
 from omnidrive.fuzzy.rule_text import normalised
@@ -34,28 +34,28 @@ class RuleReader:
         self._sets_of = sets_of
         self._binds_tighter = binds_tighter
 
-    def rule(self) -> PlacedRule:
+    def rule(self) -> LocatedRule:
         """The rule that begins here.
 
         Raises:
             InvalidFuzzyFile: There is none.
         """
         text = self._text
-        place = text.expect("IF").place
+        position = text.expect("IF").position
         condition = self._any_of(0)
         text.expect("THEN")
         conclusions = [self._term()]
         while text.accept(",", "AND"):
             conclusions.append(self._term())
-        weight_place = text.next.place
+        weight_position = text.next.position
         weight = text.number() if text.accept("WITH") else 1.0
         text.accept(";")
         if not 0.0 <= weight <= 1.0:
-            raise malformed(weight_place, f"a weight must lie in [0, 1], got {weight:g}")
-        with placed(place):
+            raise malformed(weight_position, f"a weight must lie in [0, 1], got {weight:g}")
+        with locate_errors(position):
             if any(term.hedges for term in conclusions):
                 raise InvalidInput("NOT or a hedge in a conclusion cannot be expressed")
-            return PlacedRule(Rule(normalised(condition), tuple(conclusions), weight), place)
+            return LocatedRule(Rule(normalised(condition), tuple(conclusions), weight), position)
 
     def _any_of(self, depth: int) -> Condition:
         groups = [[self._part(depth)]]
@@ -66,7 +66,7 @@ class RuleReader:
                 continue
             if len(groups) > 1 and not self._binds_tighter():
                 raise malformed(
-                    join.place,
+                    join.position,
                     "AND after OR: IEC 61131-7 joins it first, jFuzzyLogic from the left; write "
                     "parentheses",
                 )
@@ -86,7 +86,7 @@ class RuleReader:
             term = self._term()
             return Is(term.variable, term.set, negations + term.hedges)
         if depth >= MAX_DEPTH:
-            raise malformed(opening.place, f"parentheses are nested more than {MAX_DEPTH} deep")
+            raise malformed(opening.position, f"parentheses are nested more than {MAX_DEPTH} deep")
         inner = self._any_of(depth + 1)
         text.expect(")")
         if not negations:
@@ -94,7 +94,7 @@ class RuleReader:
         inner = normalised(inner)
         if not isinstance(inner, Is):
             raise malformed(
-                opening.place, "NOT before a group cannot be expressed; write it before each set"
+                opening.position, "NOT before a group cannot be expressed; write it before each set"
             )
         return Is(inner.variable, inner.set, negations + inner.hedges)
 
@@ -106,14 +106,14 @@ class RuleReader:
         while (hedge := self._hedge(variable.text)) is not None:
             if len(hedges) >= MAX_HEDGES:
                 text.fail(f"at most {MAX_HEDGES} hedges")
-            place = text.take().place
+            position = text.take().position
             hedges.append(hedge)
             if hedge == "any":
                 break
-        with placed(variable.place):
+        with locate_errors(variable.position):
             if "any" in hedges:
                 if text.next.key not in _AFTER:
-                    raise malformed(place, f"expected no set after 'any', got {text.next}")
+                    raise malformed(position, f"expected no set after 'any', got {text.next}")
                 return Is(variable.text, "", tuple(hedges))
             return Is(variable.text, self._set(variable).text, tuple(hedges))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.assembly import placed
+from omnidrive.fuzzy.files.assembly import locate_errors
 from omnidrive.fuzzy.files.fcl_text import FclText, Token
 from omnidrive.fuzzy.files.polyline import CORNERS
 from omnidrive.fuzzy.files.source import malformed
@@ -32,7 +32,7 @@ def read_points(text: FclText) -> Membership:
         InvalidFuzzyFile: There are none, or they are malformed.
     """
     points: list[float] = []
-    start = text.next.place
+    start = text.next.position
     while text.accept("("):
         points.append(text.number())
         text.expect(",")
@@ -40,7 +40,7 @@ def read_points(text: FclText) -> Membership:
         text.expect(")")
         if len(points) > 2 * MAX_POINTS:
             raise malformed(start, f"more than {MAX_POINTS} points")
-    with placed(start):
+    with locate_errors(start):
         return Membership("pointsmf", tuple(points))
 
 
@@ -52,14 +52,16 @@ def read_named(kind: Token, values: list[float]) -> Membership:
     """
     shape, order = TERMS[kind.key]
     if len(values) != len(order):
-        raise malformed(kind.place, f"{kind.key}: expected {len(order)} numbers, got {len(values)}")
+        raise malformed(
+            kind.position, f"{kind.key}: expected {len(order)} numbers, got {len(values)}"
+        )
     if kind.key == "DSIGM" and not _never_negative(*values):
         raise malformed(
-            kind.place,
+            kind.position,
             "DSIGM: its difference becomes negative, which jFuzzyLogic cuts off; that cannot be "
             "expressed, only equal gains with the first sigmoid to the left",
         )
-    with placed(kind.place):
+    with locate_errors(kind.position):
         return Membership(shape, tuple(values[k] for k in order))
 
 

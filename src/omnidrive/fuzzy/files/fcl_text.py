@@ -6,7 +6,7 @@ import re
 from math import isfinite
 from typing import NamedTuple, NoReturn
 
-from omnidrive.fuzzy.files.source import Place, malformed, number
+from omnidrive.fuzzy.files.source import Position, malformed, parse_number
 
 _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?(?![\w])"
 _TOKEN = re.compile(rf"(?P<number>{_NUMBER})|(?P<word>[^\W\d]\w*)|(?P<mark>:=|\.\.|.)", re.DOTALL)
@@ -28,7 +28,7 @@ class Token(NamedTuple):
     key: str
     """Of a word or mark: in upper case, as keywords are compared."""
     offset: int
-    place: Place
+    position: Position
 
     def __str__(self) -> str:
         return "the end" if self.kind == "end" else repr(self.text[:40])
@@ -84,9 +84,9 @@ class FclText:
         if self.next.kind != "number":
             self.fail("a number")
         token = self.take()
-        value = number(token.text, token.place)
+        value = parse_number(token.text, token.position)
         if not isfinite(value):
-            raise malformed(token.place, f"expected a finite number, got {token.text[:40]}")
+            raise malformed(token.position, f"expected a finite number, got {token.text[:40]}")
         return value
 
     def numbers(self) -> list[float]:
@@ -101,7 +101,9 @@ class FclText:
         start = self.next.offset
         end = start
         while (
-            self.next.place.line == line and self.next.kind != "end" and self.next.key not in stops
+            self.next.position.line == line
+            and self.next.kind != "end"
+            and self.next.key not in stops
         ):
             self.take()
             end = self._end
@@ -115,18 +117,18 @@ class FclText:
         Raises:
             InvalidFuzzyFile: Always.
         """
-        raise malformed(self.next.place, f"expected {expected}, got {self.next}")
+        raise malformed(self.next.position, f"expected {expected}, got {self.next}")
 
     def _read(self) -> Token:
         self._skip()
-        place = Place(self._line, self._at - self._line_start + 1)
+        position = Position(self._line, self._at - self._line_start + 1)
         match = _TOKEN.match(self._text, self._at)
         if match is None:
-            return Token("end", "", "", self._at, place)
+            return Token("end", "", "", self._at, position)
         self._at = match.end()
         kind = match.lastgroup or ""
         key = "" if kind == "number" else match[0].upper()
-        return Token(kind, match[0], key, match.start(), place)
+        return Token(kind, match[0], key, match.start(), position)
 
     def _skip(self) -> None:
         text = self._text
@@ -137,8 +139,8 @@ class FclText:
             elif text.startswith(("(*", "/*"), at):
                 end = text.find("*)" if text[at] == "(" else "*/", at + 2)
                 if end < 0:
-                    place = Place(self._line, at - self._line_start + 1)
-                    raise malformed(place, "a comment that does not end")
+                    position = Position(self._line, at - self._line_start + 1)
+                    raise malformed(position, "a comment that does not end")
                 self._pass(end + 2)
             elif text.startswith(("//", "#"), at) or (text.startswith("%", at) and self._is_first):
                 end_of_line = _LINE_END.match(text, at)

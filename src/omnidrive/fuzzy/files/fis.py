@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple, cast
 
 from omnidrive.errors import closest
-from omnidrive.fuzzy.files.assembly import placed
+from omnidrive.fuzzy.files.assembly import locate_errors
 from omnidrive.fuzzy.files.fis_lines import Cursor, Section, sections
 from omnidrive.fuzzy.files.fis_words import (
     AGGREGATION,
@@ -20,7 +20,7 @@ from omnidrive.fuzzy.files.fis_words import (
 )
 from omnidrive.fuzzy.files.fis_writer import write_fis
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.place import Place, malformed
+from omnidrive.fuzzy.position import Position, malformed
 from omnidrive.fuzzy.rules import And, Hedge, Is, Or, Rule
 from omnidrive.fuzzy.system import Algorithm, FuzzySystem
 from omnidrive.fuzzy.variables import (
@@ -80,7 +80,7 @@ class _Set(NamedTuple):
     """A line ``MFk=...`` of a file."""
 
     name: str
-    place: Place
+    position: Position
     shape: str
     parameters: tuple[float, ...]
     footprint: tuple[tuple[float, ...], ...]
@@ -90,10 +90,10 @@ class _Reader:
     def __init__(self, text: str) -> None:
         self._sections = sections(text)
         if ("system", 0) not in self._sections:
-            raise malformed(Place(1, 1), "expected [System], which the file has not")
+            raise malformed(Position(1, 1), "expected [System], which the file has not")
         self._head = self._sections["system", 0]
-        for key, place, _ in self._head.entries.values():
-            _check_key(self._head, key, place, _SYSTEM_KEYS)
+        for key, position, _ in self._head.entries.values():
+            _check_key(self._head, key, position, _SYSTEM_KEYS)
 
     def system(self) -> FuzzySystem:
         """The system that the sections describe."""
@@ -115,7 +115,7 @@ class _Reader:
         for section, sets in ins:
             name, low, high = _named_range(section, seen)
             own = tuple(_fuzzy_set(each, is_type2) for each in sets)
-            with placed(section.place):
+            with locate_errors(section.position):
                 inputs.append(InputVariable(name, low, high, own))
         outputs = []
         for section, sets in outs:
@@ -125,11 +125,11 @@ class _Reader:
                 if sugeno
                 else tuple(_fuzzy_set(each, is_type2) for each in sets)
             )
-            with placed(section.place):
+            with locate_errors(section.position):
                 outputs.append(OutputVariable(name, low, high, made, aggregation, defuzzifier))
         rules = self._rules(inputs, outputs)
         title = _text(head, "Name") if "name" in head.entries else ""
-        with placed(head.place):
+        with locate_errors(head.position):
             return FuzzySystem(
                 title,
                 tuple(inputs),
@@ -150,11 +150,11 @@ class _Reader:
         for wanted, (index, section) in enumerate(found, 1):
             if index != wanted:
                 raise malformed(
-                    section.place, f"expected [{title}{wanted}] first, got [{section.title}]"
+                    section.position, f"expected [{title}{wanted}] first, got [{section.title}]"
                 )
         _check_count(self._head, f"Num{title}s", len(found), f"[{title}] sections")
         if not found:
-            raise malformed(self._head.place, f"expected a section [{title}1]")
+            raise malformed(self._head.position, f"expected a section [{title}1]")
         return [(section, _sets(section, sugeno)) for _, section in found]
 
     def _rules(
@@ -162,41 +162,41 @@ class _Reader:
     ) -> tuple[Rule, ...]:
         section = self._sections.get(("rules", 0))
         if section is None:
-            raise malformed(self._head.place, "expected a section [Rules]")
+            raise malformed(self._head.position, "expected a section [Rules]")
         _check_count(self._head, "NumRules", len(section.lines), "lines in [Rules]")
         if not section.lines:
-            raise malformed(section.place, "expected a rule in [Rules], got none")
+            raise malformed(section.position, "expected a rule in [Rules], got none")
         named = [_Numbered(each) for each in inputs], [_Numbered(each) for each in outputs]
         return tuple(_rule(line, *named) for line in section.lines)
 
 
 def _sets(section: Section, sugeno: bool) -> list[_Set]:
     found: dict[int, _Set] = {}
-    for key, place, value in section.entries.values():
+    for key, position, value in section.entries.values():
         match = re.fullmatch(r"(?i:mf)(\d{1,9})", key)
         if match is None:
-            _check_key(section, key, place, ("Name", "Range", "NumMFs", "MF1, MF2, ..."))
+            _check_key(section, key, position, ("Name", "Range", "NumMFs", "MF1, MF2, ..."))
             continue
         if int(match[1]) in found:
-            raise malformed(place, f"MF{int(match[1])} is there twice in [{section.title}]")
-        found[int(match[1])] = _set(key, place, value, sugeno)
+            raise malformed(position, f"MF{int(match[1])} is there twice in [{section.title}]")
+        found[int(match[1])] = _set(key, position, value, sugeno)
     for wanted, index in enumerate(sorted(found), 1):
         if index != wanted:
-            raise malformed(found[index].place, f"expected MF{wanted} first, got MF{index}")
+            raise malformed(found[index].position, f"expected MF{wanted} first, got MF{index}")
     _check_count(section, "NumMFs", len(found), "sets")
     sets = [found[index] for index in sorted(found)]
     names: set[str] = set()
     for each in sets:
         if each.name in names:
-            raise malformed(each.place, f"the name {each.name[:40]!r} is there twice")
+            raise malformed(each.position, f"the name {each.name[:40]!r} is there twice")
         names.add(each.name)
     return sets
 
 
-def _set(key: str, place: Place, value: Cursor, sugeno: bool) -> _Set:
+def _set(key: str, position: Position, value: Cursor, sugeno: bool) -> _Set:
     name = value.quoted(f"the name of {key}")
     value.expect(":", "after the name")
-    at = value.place
+    at = value.position
     shape = value.quoted("a membership function")
     known = ("constant", "linear") if sugeno else SHAPE_NAMES
     if shape not in known:
@@ -210,20 +210,20 @@ def _set(key: str, place: Place, value: Cursor, sugeno: bool) -> _Set:
     parameters = value.numbers("parameters")
     footprint: list[tuple[float, ...]] = []
     while len(footprint) < 2 and not sugeno and value.mark(","):
-        at = value.place
+        at = value.position
         footprint.append(value.numbers(("LowerScale", "LowerLag")[len(footprint)]))
         if len(footprint[-1]) not in {1, len(footprint)}:
             wanted = ("LowerScale: one number", "LowerLag: one number or two")[len(footprint) - 1]
             raise malformed(at, f"expected {wanted}, got {len(footprint[-1])}")
     value.end()
-    return _Set(name, place, shape, parameters, tuple(footprint))
+    return _Set(name, position, shape, parameters, tuple(footprint))
 
 
 def _fuzzy_set(each: _Set, is_type2: bool) -> FuzzySet:
     parameters = each.parameters
     if each.shape == "gbellmf" and len(parameters) == 4 and parameters[3] == 0.0:
         parameters = parameters[:3]
-    with placed(each.place):
+    with locate_errors(each.position):
         lower = None
         if is_type2:
             scale = each.footprint[0][0] if each.footprint else 1.0
@@ -237,40 +237,40 @@ def _linear(each: _Set, inputs: int) -> LinearFunction:
     if len(each.parameters) != wanted:
         rule = "a number" if wanted == 1 else f"{inputs} coefficients and a constant"
         raise malformed(
-            each.place, f"'{each.shape}' needs {rule}, got {len(each.parameters)} numbers"
+            each.position, f"'{each.shape}' needs {rule}, got {len(each.parameters)} numbers"
         )
     *coefficients, constant = each.parameters
-    with placed(each.place):
+    with locate_errors(each.position):
         return LinearFunction(each.name, constant, tuple(coefficients))
 
 
 def _named_range(section: Section, seen: set[str]) -> tuple[str, float, float]:
-    place = _entry(section, "Name")[0]
+    position = _entry(section, "Name")[0]
     name = _text(section, "Name")
     if name in seen:
-        raise malformed(place, f"there are two variables {name[:40]!r}; rename one")
+        raise malformed(position, f"there are two variables {name[:40]!r}; rename one")
     seen.add(name)
-    place, value = _entry(section, "Range")
+    position, value = _entry(section, "Range")
     low_high = value.numbers("the range [low high]")
     value.end()
     if len(low_high) != 2 or not low_high[0] < low_high[1]:
         shown = " ".join(f"{each:g}" for each in low_high[:4])
-        raise malformed(place, f"expected Range=[low high] with low < high, got [{shown}]")
+        raise malformed(position, f"expected Range=[low high] with low < high, got [{shown}]")
     return name, *low_high
 
 
 def _rule(line: Cursor, inputs: list[_Numbered], outputs: list[_Numbered]) -> Rule:
-    start = line.place
+    start = line.position
     parts = tuple(term for each in inputs if (term := each.term(line)) is not None)
     line.expect(",", f"after the numbers of {len(inputs)} sets, one per input")
-    at = line.place
+    at = line.position
     conclusions = tuple(term for each in outputs if (term := each.term(line)) is not None)
     line.expect("(", f"before the weight, after the numbers of {len(outputs)} sets, one per output")
-    weight_at = line.place
+    weight_at = line.position
     weight = line.number("a weight")
     line.expect(")", "after the weight")
     line.expect(":", "after the weight")
-    connective_at = line.place
+    connective_at = line.position
     connective = line.number("1 (and) or 2 (or)")
     line.end()
     if connective not in {1.0, 2.0}:
@@ -283,7 +283,7 @@ def _rule(line: Cursor, inputs: list[_Numbered], outputs: list[_Numbered]) -> Ru
         if term.hedges and (outputs[0].is_sugeno or term.hedges != ("not",)):
             raise malformed(at, f"a conclusion cannot be {' '.join(term.hedges)!r}")
     joined = And if connective == 1.0 else Or
-    with placed(weight_at):
+    with locate_errors(weight_at):
         return Rule(parts[0] if len(parts) == 1 else joined(parts), conclusions, weight)
 
 
@@ -298,26 +298,28 @@ class _Numbered:
 
     def term(self, line: Cursor) -> Is | None:
         """What the next number says: a minus negates, 0 leaves the variable out."""
-        place = line.place
+        position = line.position
         word = line.word(f"the number of a set of {self._name!r}")
         if word not in self._known:
-            self._known[word] = self._read(word, place)
+            self._known[word] = self._read(word, position)
         return self._known[word]
 
-    def _read(self, word: str, place: Place) -> Is | None:
+    def _read(self, word: str, position: Position) -> Is | None:
         match = re.fullmatch(r"([+-]?)(\d{1,9})(?:\.(\d{0,20}))?", word)
         if match is None:
             raise malformed(
-                place, f"expected the number of a set of {self._name!r}, got {word[:40]!r}"
+                position, f"expected the number of a set of {self._name!r}, got {word[:40]!r}"
             )
         sign, index, decimals = match[1], int(match[2]), (match[3] or "").rstrip("0")
         if index > len(self._sets) or (index == 0 and decimals):
-            raise malformed(place, f"{self._name!r} has sets 1 to {len(self._sets)}, got {word!r}")
+            raise malformed(
+                position, f"{self._name!r} has sets 1 to {len(self._sets)}, got {word!r}"
+            )
         if decimals not in _HEDGES:
             known = "; ".join(f".{d} {' '.join(h)}" for d, h in _HEDGES.items() if d)
             what = "Octave's 'extremely', a cube" if decimals == "3" else "a hedge"
             raise malformed(
-                place, f".{decimals} is {what} that is not known here; known are {known}"
+                position, f".{decimals} is {what} that is not known here; known are {known}"
             )
         if index == 0:
             return None
@@ -325,11 +327,11 @@ class _Numbered:
         return Is(self._name, self._sets[index - 1], negation + _HEDGES[decimals])
 
 
-def _entry(section: Section, key: str) -> tuple[Place, Cursor]:
+def _entry(section: Section, key: str) -> tuple[Position, Cursor]:
     if key.lower() not in section.entries:
-        raise malformed(section.place, f"expected {key}=... in [{section.title}]")
+        raise malformed(section.position, f"expected {key}=... in [{section.title}]")
     value = section.entries[key.lower()][2]
-    return value.place, value
+    return value.position, value
 
 
 def _text(section: Section, key: str) -> str:
@@ -344,28 +346,28 @@ def _choice(
 ) -> str:
     if default is not None and key.lower() not in section.entries:
         return default
-    place = _entry(section, key)[0]
+    position = _entry(section, key)[0]
     name = _text(section, key)
     if name.lower() not in known:
         close = closest(name, known)
         hint = f"did you mean {close!r}? " if close else ""
         raise malformed(
-            place, f"there is no {key} {name[:40]!r}; {hint}There are {', '.join(known)}"
+            position, f"there is no {key} {name[:40]!r}; {hint}There are {', '.join(known)}"
         )
     return known[name.lower()]
 
 
-def _check_key(section: Section, key: str, place: Place, known: tuple[str, ...]) -> None:
+def _check_key(section: Section, key: str, position: Position, known: tuple[str, ...]) -> None:
     if key.lower() not in {each.lower() for each in known}:
         raise malformed(
-            place, f"[{section.title}] has no key {key[:40]!r}; there are {', '.join(known)}"
+            position, f"[{section.title}] has no key {key[:40]!r}; there are {', '.join(known)}"
         )
 
 
 def _check_count(section: Section, key: str, count: int, what: str) -> None:
     if key.lower() in section.entries:
-        place, value = _entry(section, key)
+        position, value = _entry(section, key)
         said = value.number("a number")
         value.end()
         if said != count:
-            raise malformed(place, f"{key} says {said:.10g}, but there are {count} {what}")
+            raise malformed(position, f"{key} says {said:.10g}, but there are {count} {what}")

@@ -6,7 +6,7 @@ import re
 from math import isfinite
 from typing import NamedTuple, NoReturn
 
-from omnidrive.fuzzy.place import Place, malformed, number
+from omnidrive.fuzzy.position import Position, malformed, parse_number
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES
 from omnidrive.fuzzy.variables import MAX_SETS
 
@@ -30,15 +30,15 @@ class Cursor:
         self._skip()
 
     @property
-    def place(self) -> Place:
+    def position(self) -> Position:
         """Where what comes next stands."""
-        return Place(self._row, self._at + 1)
+        return Position(self._row, self._at + 1)
 
     def fail(self, expected: str) -> NoReturn:
         """Refuse what comes next."""
         rest = self._line[self._at :]
         found = repr(rest[:30] + "..." * (len(rest) > 30)) if rest else "the end of the line"
-        raise malformed(self.place, f"expected {expected}, got {found}")
+        raise malformed(self.position, f"expected {expected}, got {found}")
 
     def mark(self, mark: str) -> bool:
         """Take a mark, if it comes next."""
@@ -79,8 +79,8 @@ class Cursor:
 
     def number(self, what: str) -> float:
         """A finite number."""
-        before = self._at, self.place
-        value = number(self.word(what), before[1])
+        before = self._at, self.position
+        value = parse_number(self.word(what), before[1])
         if not isfinite(value):
             self._at = before[0]
             self.fail(f"{what}, which must be finite")
@@ -110,8 +110,8 @@ class Section(NamedTuple):
 
     title: str
     """As ``Input1``."""
-    place: Place
-    entries: dict[str, tuple[str, Place, Cursor]]
+    position: Position
+    entries: dict[str, tuple[str, Position, Cursor]]
     """By the key in lower case: the key as written, its place, and the value."""
     lines: list[Cursor]
     """Instead of entries, for the rules."""
@@ -137,15 +137,15 @@ def sections(text: str) -> dict[tuple[str, int], Section]:
         if heading is not None:
             kind, index = _heading(heading, Cursor(line, row))
             if (kind, index) in found:
-                raise malformed(Cursor(line, row).place, f"{line.strip()} is there twice")
+                raise malformed(Cursor(line, row).position, f"{line.strip()} is there twice")
             title = heading[1] + (heading[2] or "")
-            section = found[kind, index] = Section(title, Cursor(line, row).place, {}, [])
+            section = found[kind, index] = Section(title, Cursor(line, row).position, {}, [])
             continue
         if section is None:
             Cursor(line, row).fail("[System]")
         if len(section.entries) + len(section.lines) >= _MOST_LINES[kind]:
             raise malformed(
-                Place(row, 1), f"[{section.title}] has more than {_MOST_LINES[kind]} lines"
+                Position(row, 1), f"[{section.title}] has more than {_MOST_LINES[kind]} lines"
             )
         if kind == "rules":
             section.lines.append(Cursor(line, row))
@@ -171,8 +171,8 @@ def _add_entry(section: Section, line: str, row: int) -> None:
         start.fail("'Key=value' or a [Section]")
     key = entry[1]
     if key.lower() in section.entries:
-        raise malformed(start.place, f"{key[:40]} is there twice in [{section.title}]")
-    section.entries[key.lower()] = key, start.place, Cursor(line, row, entry.end())
+        raise malformed(start.position, f"{key[:40]} is there twice in [{section.title}]")
+    section.entries[key.lower()] = key, start.position, Cursor(line, row, entry.end())
 
 
 def _code(line: str) -> str:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files.assembly import (
-    PlacedRule,
+    LocatedRule,
     all_joins,
     assembled,
     hedged_conclusion,
-    placed,
+    locate_errors,
     shared_conclusion,
     stays_in_range,
 )
@@ -25,7 +25,7 @@ from omnidrive.fuzzy.files.fll_words import (
     IMPLICATIONS,
     KEYS,
 )
-from omnidrive.fuzzy.files.source import Place, malformed, number
+from omnidrive.fuzzy.files.source import Position, malformed, parse_number
 from omnidrive.fuzzy.rule_text import parse_rule
 from omnidrive.fuzzy.rules import And, Or
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES, FuzzySystem
@@ -44,10 +44,10 @@ def system_of(text: str) -> FuzzySystem:
     components = list(_components(text))
     by_kind = {kind: [c for c in components if c.kind == kind] for kind in KEYS}
     if len(by_kind["Engine"]) > 1:
-        raise malformed(by_kind["Engine"][1].place, "a second Engine: expected one in a file")
+        raise malformed(by_kind["Engine"][1].position, "a second Engine: expected one in a file")
     for kind in ("InputVariable", "OutputVariable"):
         if len(by_kind[kind]) > MAX_VARIABLES:
-            raise malformed(by_kind[kind][MAX_VARIABLES].place, f"more than {MAX_VARIABLES}")
+            raise malformed(by_kind[kind][MAX_VARIABLES].position, f"more than {MAX_VARIABLES}")
     width = len(by_kind["InputVariable"])
     inputs = [_input(each) for each in by_kind["InputVariable"]]
     outputs = [_output(each, width) for each in by_kind["OutputVariable"]]
@@ -60,14 +60,14 @@ def system_of(text: str) -> FuzzySystem:
 
 class _Line(NamedTuple):
     key: str
-    place: Place
+    position: Position
     value: str
-    value_place: Place
+    value_position: Position
 
     def words(self) -> list[Word]:
         """The value split at blanks, each word with its place."""
         return [
-            Word(match[0], self.value_place.after(self.value[: match.start()]))
+            Word(match[0], self.value_position.after(self.value[: match.start()]))
             for match in re.finditer(r"\S+", self.value)
         ]
 
@@ -77,7 +77,7 @@ class _Component:
 
     def __init__(self, heading: _Line) -> None:
         self.kind = heading.key
-        self.place = heading.place
+        self.position = heading.position
         self.name = heading.value
         self.listed: list[_Line] = []
         self._fields: dict[str, _Line] = {}
@@ -87,12 +87,12 @@ class _Component:
         if line.key not in KEYS[self.kind]:
             known = ", ".join(sorted(KEYS[self.kind]))
             raise malformed(
-                line.place, f"{self.kind} has no {line.key[:40]!r}: expected one of {known}"
+                line.position, f"{self.kind} has no {line.key[:40]!r}: expected one of {known}"
             )
         if line.key in {"term", "rule"}:
             self.listed.append(line)
         elif line.key in self._fields:
-            raise malformed(line.place, f"{line.key!r} is there twice")
+            raise malformed(line.position, f"{line.key!r} is there twice")
         else:
             self._fields[line.key] = line
 
@@ -110,7 +110,7 @@ class _Component:
         if line is None:
             return default
         if line.value not in {"true", "false"}:
-            raise malformed(line.value_place, f"expected true or false, got {line.value[:40]!r}")
+            raise malformed(line.value_position, f"expected true or false, got {line.value[:40]!r}")
         return line.value == "true"
 
     def choice(self, known: dict[str, str], *keys: str) -> str | None:
@@ -123,7 +123,7 @@ class _Component:
         if not self.is_true("enabled", default=True):
             line = self.get("enabled")
             raise malformed(
-                line.place if line else None,
+                line.position if line else None,
                 f"a {self.kind} that is not enabled cannot be expressed; remove it",
             )
 
@@ -133,7 +133,7 @@ def _choice(line: _Line, found: str, known: dict[str, str]) -> str:
         if theirs == found:
             return ours
     raise malformed(
-        line.value_place,
+        line.value_position,
         f"{line.key}: expected one of {', '.join(known.values())}, got {found[:40]!r}",
     )
 
@@ -145,21 +145,21 @@ def _components(text: str) -> Iterator[_Component]:
         if not bare.strip():
             continue
         key, colon, rest = bare.partition(":")
-        place = Place(count, len(key) - len(key.lstrip()) + 1)
+        position = Position(count, len(key) - len(key.lstrip()) + 1)
         if not colon:
-            raise malformed(place, f"expected 'key: value', got {bare.strip()[:40]!r}")
+            raise malformed(position, f"expected 'key: value', got {bare.strip()[:40]!r}")
         column = len(key) + 2 + len(rest) - len(rest.lstrip())
-        line = _Line(key.strip(), place, rest.strip(), Place(count, column))
+        line = _Line(key.strip(), position, rest.strip(), Position(count, column))
         if line.key in KEYS:
             if component:
                 yield component
             component = _Component(line)
         elif component is None:
-            raise malformed(place, f"expected {', '.join(KEYS)}, got {line.key[:40]!r}")
+            raise malformed(position, f"expected {', '.join(KEYS)}, got {line.key[:40]!r}")
         else:
             component.add(line)
     if component is None:
-        raise malformed(Place(1, 1), f"there is nothing in it: expected {', '.join(KEYS)}")
+        raise malformed(Position(1, 1), f"there is nothing in it: expected {', '.join(KEYS)}")
     yield component
 
 
@@ -168,7 +168,7 @@ def _input(component: _Component) -> InputVariable:
     component.is_true("lock-range")
     low, high = _range(component)
     sets = _terms(component, 0)
-    with placed(component.place):
+    with locate_errors(component.position):
         for each in sets:
             if not isinstance(each, FuzzySet):
                 raise InvalidInput(f"{each.name!r}: an input is made of fuzzy sets")
@@ -185,16 +185,16 @@ def _output(component: _Component, inputs: int) -> OutputVariable:
     previous = component.get("lock-previous", "lock-valid")
     if component.is_true("lock-previous", "lock-valid"):
         raise malformed(
-            previous.place if previous else None,
+            previous.position if previous else None,
             "an output that keeps its previous value cannot be expressed; give it a default",
         )
     default = component.get("default")
     value = None
     if default is not None and default.value.lower() != "nan":
-        value = number(default.value, default.value_place)
+        value = parse_number(default.value, default.value_position)
     functions = tuple(each for each in sets if isinstance(each, LinearFunction))
     fuzzy = tuple(each for each in sets if isinstance(each, FuzzySet))
-    with placed(component.place):
+    with locate_errors(component.position):
         if fuzzy and functions:
             raise InvalidInput(f"output {component.name!r} mixes fuzzy sets and functions")
         if fuzzy and defuzzifier in {"wtaver", "wtsum"}:
@@ -213,12 +213,12 @@ def _output(component: _Component, inputs: int) -> OutputVariable:
 
 def _terms(component: _Component, inputs: int) -> list[FuzzySet | LinearFunction]:
     if len(component.listed) > MAX_SETS:
-        raise malformed(component.listed[MAX_SETS].place, f"more than {MAX_SETS} terms")
+        raise malformed(component.listed[MAX_SETS].position, f"more than {MAX_SETS} terms")
     sets = []
     for line in component.listed:
         words = line.words()
         if len(words) < 2:
-            raise malformed(line.value_place, "expected a name, a class and its parameters")
+            raise malformed(line.value_position, "expected a name, a class and its parameters")
         sets.append(read_term(words[0].text, words[1], words[2:], inputs))
     return sets
 
@@ -226,34 +226,34 @@ def _terms(component: _Component, inputs: int) -> list[FuzzySet | LinearFunction
 def _range(component: _Component) -> tuple[float, float]:
     line = component.get("range")
     if line is None:
-        raise malformed(component.place, f"{component.name[:40]!r}: expected a range: MIN MAX")
+        raise malformed(component.position, f"{component.name[:40]!r}: expected a range: MIN MAX")
     words = line.words()
     if len(words) != 2:
-        raise malformed(line.value_place, f"expected two numbers, got {line.value[:40]!r}")
-    return number(*words[0]), number(*words[1])
+        raise malformed(line.value_position, f"expected two numbers, got {line.value[:40]!r}")
+    return parse_number(*words[0]), parse_number(*words[1])
 
 
 def _defuzzifier(component: _Component) -> Defuzzifier:
     line = component.get("defuzzifier")
     if line is None:
-        raise malformed(component.place, f"{component.name[:40]!r}: expected a defuzzifier")
+        raise malformed(component.position, f"{component.name[:40]!r}: expected a defuzzifier")
     kind, *rest = line.words()
     _choice(line, kind.text, {str(k): v for k, v in DEFUZZIFIERS.items()})
     ours = next(k for k, v in DEFUZZIFIERS.items() if v == kind.text)
     if ours in {"wtaver", "wtsum"}:
         if [each.text for each in rest] not in ([], ["Automatic"], ["TakagiSugeno"]):
             raise malformed(
-                rest[0].place, f"expected TakagiSugeno or Automatic, got {rest[0].text[:40]!r}"
+                rest[0].position, f"expected TakagiSugeno or Automatic, got {rest[0].text[:40]!r}"
             )
-    elif len(rest) > 1 or (rest and number(*rest[0]) < 1):
-        raise malformed(rest[0].place, "expected a resolution, a number from 1")
+    elif len(rest) > 1 or (rest and parse_number(*rest[0]) < 1):
+        raise malformed(rest[0].position, "expected a resolution, a number from 1")
     return ours
 
 
 def _rules(
     blocks: list[_Component], is_sugeno: bool
-) -> tuple[list[PlacedRule], tuple[str, str, str]]:
-    rules: list[PlacedRule] = []
+) -> tuple[list[LocatedRule], tuple[str, str, str]]:
+    rules: list[LocatedRule] = []
     chosen: dict[str, str] = {}
     articles = {"conjunction": "a", "disjunction": "a", "implication": "an"}
     tables = {
@@ -277,12 +277,13 @@ def _rules(
             ours = found[key]
             if ours is None and needed:
                 raise malformed(
-                    block.place, f"its rules need {articles[key]} {key}: expected it in this block"
+                    block.position,
+                    f"its rules need {articles[key]} {key}: expected it in this block",
                 )
             if ours is not None and chosen.setdefault(key, ours) != ours:
                 line = block.get(*keys[key])
                 raise malformed(
-                    line.place if line else None,
+                    line.position if line else None,
                     f"rule blocks with different {key}s cannot be expressed",
                 )
         rules += here
@@ -301,33 +302,34 @@ def _activates(block: _Component) -> bool:
     if line.value in CONJUNCTIONS.values() and block.get("implication") is None:
         return False
     raise malformed(
-        line.value_place,
+        line.value_position,
         f"activation: expected General, got {line.value[:40]!r}, which cannot be expressed",
     )
 
 
-def _block_rules(block: _Component, most: int) -> list[PlacedRule]:
+def _block_rules(block: _Component, most: int) -> list[LocatedRule]:
     if len(block.listed) > most:
-        raise malformed(block.listed[most].place, f"more than {MAX_RULES} rules")
+        raise malformed(block.listed[most].position, f"more than {MAX_RULES} rules")
     rules = []
     for line in block.listed:
-        rule = parse_rule(line.value, line.value_place)
+        rule = parse_rule(line.value, line.value_position)
         if hedged := hedged_conclusion(rule):
             raise malformed(
-                line.value_place,
+                line.value_position,
                 f"{hedged!r}: in a conclusion fuzzylite applies a hedge to the strength of the "
                 "rule, which cannot be expressed",
             )
-        rules.append(PlacedRule(rule, line.value_place))
+        rules.append(LocatedRule(rule, line.value_position))
     return rules
 
 
-def _check_output(component: _Component, output: OutputVariable, rules: list[PlacedRule]) -> None:
+def _check_output(component: _Component, output: OutputVariable, rules: list[LocatedRule]) -> None:
     """Refuse what fuzzylite would do and a system of ours does not."""
     line = component.get("lock-range")
     if line is not None and component.is_true("lock-range") and not stays_in_range(output):
         raise malformed(
-            line.place, f"output {output.name!r} may leave its range: clipping cannot be expressed"
+            line.position,
+            f"output {output.name!r} may leave its range: clipping cannot be expressed",
         )
     line = component.get("aggregation")
     if output.is_sugeno and component.choice(AGGREGATIONS, "aggregation") not in {None, "sum"}:
@@ -335,7 +337,7 @@ def _check_output(component: _Component, output: OutputVariable, rules: list[Pla
         shared = shared_conclusion(output.name, rules)
         if shared is not None:
             raise malformed(
-                line.place,
-                f"{line.value} joins rules with one conclusion (line {shared.place.line}) as no "
+                line.position,
+                f"{line.value} joins rules with one conclusion (line {shared.position.line}) as no "
                 "system here does: expected none or UnboundedSum",
             )

@@ -7,8 +7,8 @@ from math import inf
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.assembly import placed
-from omnidrive.fuzzy.files.source import Place, malformed, number
+from omnidrive.fuzzy.files.assembly import locate_errors
+from omnidrive.fuzzy.files.source import Position, malformed, parse_number
 from omnidrive.fuzzy.files.writable import real
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.variables import FuzzySet, LinearFunction
@@ -18,7 +18,7 @@ class Word(NamedTuple):
     """A word of a file, and where it stands."""
 
     text: str
-    place: Place
+    position: Position
 
 
 class _Term(NamedTuple):
@@ -74,10 +74,10 @@ def read_term(
     """
     if kind.text not in READ:
         raise malformed(
-            kind.place, f"a term {kind.text[:40]!r} cannot be read, only {', '.join(READ)}"
+            kind.position, f"a term {kind.text[:40]!r} cannot be read, only {', '.join(READ)}"
         )
-    values = [number(each.text, each.place) for each in parameters]
-    with placed(kind.place):
+    values = [parse_number(each.text, each.position) for each in parameters]
+    with locate_errors(kind.position):
         if kind.text in {"Constant", "Linear"}:
             return _function(name, kind, values, inputs)
         return FuzzySet(name, _membership(kind, _without_height(kind, values)))
@@ -86,11 +86,11 @@ def read_term(
 def _function(name: str, kind: Word, values: list[float], inputs: int) -> LinearFunction:
     if kind.text == "Constant":
         if len(values) != 1:
-            raise malformed(kind.place, f"Constant: expected one number, got {len(values)}")
+            raise malformed(kind.position, f"Constant: expected one number, got {len(values)}")
         return LinearFunction(name, values[0])
     if len(values) not in {inputs, inputs + 1}:
         raise malformed(
-            kind.place,
+            kind.position,
             f"Linear: expected {inputs} coefficients, one per input, and a constant, "
             f"got {len(values)} numbers",
         )
@@ -104,10 +104,12 @@ def _without_height(kind: Word, values: list[float]) -> list[float]:
     else:
         wanted = len(TERMS[kind.text].order) if kind.text in TERMS else 2
     if len(values) not in {wanted, wanted + 1}:
-        raise malformed(kind.place, f"{kind.text}: expected {wanted} parameters, got {len(values)}")
+        raise malformed(
+            kind.position, f"{kind.text}: expected {wanted} parameters, got {len(values)}"
+        )
     if len(values) > wanted and values[wanted] != 1.0:
         raise malformed(
-            kind.place,
+            kind.position,
             f"{kind.text}: a height of {values[wanted]:g} cannot be expressed, only 1",
         )
     return values[:wanted]
@@ -131,7 +133,7 @@ def _membership(kind: Word, p: list[float]) -> Membership:
 
 def _edge(kind: Word, start: float, end: float) -> Membership:
     if start == end:
-        raise malformed(kind.place, f"{kind.text}: has no direction: its numbers are equal")
+        raise malformed(kind.position, f"{kind.text}: has no direction: its numbers are equal")
     low, high = (start, start) if kind.text == "Binary" else sorted((start, end))
     return Membership("linsmf" if end > start else "linzmf", (low, high))
 

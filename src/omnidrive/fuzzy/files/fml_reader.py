@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.assembly import PlacedRule, assembled, placed
+from omnidrive.fuzzy.files.assembly import LocatedRule, assembled, locate_errors
 from omnidrive.fuzzy.files.fml_shapes import read_shape
 from omnidrive.fuzzy.files.fml_words import (
     RANGE,
@@ -17,7 +17,7 @@ from omnidrive.fuzzy.files.fml_words import (
     READ_DISJUNCTIONS,
     READ_MODIFIERS,
 )
-from omnidrive.fuzzy.files.source import malformed, number
+from omnidrive.fuzzy.files.source import malformed, parse_number
 from omnidrive.fuzzy.files.xml_tree import Element
 from omnidrive.fuzzy.rules import And, Condition, Hedge, Is, Or, Rule
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES, FuzzySystem
@@ -44,13 +44,13 @@ class FmlReader:
         self._outputs: list[OutputVariable] = []
         self._complements: set[tuple[str, str]] = set()
         self._operators: dict[str, str] = {}
-        self._rules: list[PlacedRule] = []
+        self._rules: list[LocatedRule] = []
 
     def system(self) -> FuzzySystem:
         """The system that it describes."""
         root = self._root
         if root.tag != "fuzzySystem":
-            raise malformed(root.place, f"expected fuzzySystem, got {root.tag[:40]!r}")
+            raise malformed(root.position, f"expected fuzzySystem, got {root.tag[:40]!r}")
         self._variables(root.one("knowledgeBase"))
         bases = [self._rule_base(each) for each in root.children if each.tag != "knowledgeBase"]
         unused = {name: value for base in reversed(bases) for name, value in base.items()}
@@ -66,11 +66,11 @@ class FmlReader:
 
     def _variables(self, base: Element) -> None:
         if len(base.children) > 2 * MAX_VARIABLES:
-            raise malformed(base.children[2 * MAX_VARIABLES].place, "too many variables")
+            raise malformed(base.children[2 * MAX_VARIABLES].position, "too many variables")
         for each in base.children:
             if each.tag not in VARIABLES:
                 raise malformed(
-                    each.place,
+                    each.position,
                     f"{each.tag[:40]!r} cannot be expressed, only {' and '.join(VARIABLES)}",
                 )
             if each.tag == "fuzzyVariable":
@@ -84,11 +84,11 @@ class FmlReader:
         name = element.get("name")
         kind = element.attributes.get("type", "input").lower()
         if kind not in {"input", "output"}:
-            raise malformed(element.place, f"type: expected input or output, got {kind[:40]!r}")
-        low = number(element.get("domainleft"), element.place)
-        high = number(element.get("domainright"), element.place)
+            raise malformed(element.position, f"type: expected input or output, got {kind[:40]!r}")
+        low = parse_number(element.get("domainleft"), element.position)
+        high = parse_number(element.get("domainright"), element.position)
         sets = tuple(self._set(name, term) for term in _bounded(element, "fuzzyTerm"))
-        with placed(element.place):
+        with locate_errors(element.position):
             if kind == "input":
                 self._inputs.append(InputVariable(name, low, high, sets))
                 return
@@ -106,34 +106,37 @@ class FmlReader:
         name = term.get("name")
         complement = term.attributes.get("complement", "false").lower()
         if complement not in {"true", "false"}:
-            raise malformed(term.place, f"complement: expected true or false, got {complement!r}")
+            raise malformed(
+                term.position, f"complement: expected true or false, got {complement!r}"
+            )
         if complement == "true":
             self._complements.add((variable, name))
-        with placed(term.place):
+        with locate_errors(term.position):
             return FuzzySet(name, read_shape(term))
 
     def _tsk_variable(self, element: Element) -> OutputVariable:
         _choice(element, "combination", {"WA": "wtaver"}, "WA")
         if element.attributes.get("type", "output").lower() != "output":
-            raise malformed(element.place, "a tskVariable is an output")
+            raise malformed(element.position, "a tskVariable is an output")
         functions = tuple(self._function(term) for term in _bounded(element, "tskTerm"))
-        with placed(element.place):
+        with locate_errors(element.position):
             low, high = _noted_range(element) or self._reach(functions)
             output = OutputVariable(element.get("name"), low, high, functions)
             return _with_default(element, output)
 
     def _function(self, term: Element) -> LinearFunction:
         """The constant comes first, in contrast to other languages."""
-        values = [number(v.text.strip(), v.place) for v in term.all("tskValue")]
+        values = [parse_number(v.text.strip(), v.position) for v in term.all("tskValue")]
         order = term.attributes.get("order", "0").strip()
         wanted = {"0": 1, "1": 1 + len(self._inputs)}.get(order)
         if wanted is None:
-            raise malformed(term.place, f"order: expected 0 or 1, got {order[:40]!r}")
+            raise malformed(term.position, f"order: expected 0 or 1, got {order[:40]!r}")
         if len(values) != wanted:
             raise malformed(
-                term.place, f"tskTerm of order {order}: expected {wanted} values, got {len(values)}"
+                term.position,
+                f"tskTerm of order {order}: expected {wanted} values, got {len(values)}",
             )
-        with placed(term.place):
+        with locate_errors(term.position):
             return LinearFunction(term.get("name"), values[0], tuple(values[1:]))
 
     def _reach(self, functions: tuple[LinearFunction, ...]) -> tuple[float, float]:
@@ -153,7 +156,8 @@ class FmlReader:
     def _rule_base(self, base: Element) -> dict[str, str]:
         if base.tag not in RULE_BASES:
             raise malformed(
-                base.place, f"{base.tag[:40]!r} cannot be expressed, only {', '.join(RULE_BASES)}"
+                base.position,
+                f"{base.tag[:40]!r} cannot be expressed, only {', '.join(RULE_BASES)}",
             )
         methods = {
             "andMethod": _choice(base, "andMethod", READ_CONJUNCTIONS, "MIN"),
@@ -162,17 +166,17 @@ class FmlReader:
         }
         for rule in base.children:
             if rule.tag not in {"rule", "tskRule"}:
-                raise malformed(rule.place, f"expected a rule or tskRule, got {rule.tag[:40]!r}")
+                raise malformed(rule.position, f"expected a rule or tskRule, got {rule.tag[:40]!r}")
             if len(self._rules) >= MAX_RULES:
-                raise malformed(rule.place, f"more than {MAX_RULES} rules")
-            self._rules.append(PlacedRule(self._rule(rule, methods), rule.place))
+                raise malformed(rule.position, f"more than {MAX_RULES} rules")
+            self._rules.append(LocatedRule(self._rule(rule, methods), rule.position))
             self._agree(rule, "activationMethod", methods["activationMethod"])
         return methods
 
     def _agree(self, element: Element, method: str, name: str) -> None:
         if self._operators.setdefault(method, name) != name:
             raise malformed(
-                element.place,
+                element.position,
                 f"{method} {name!r}: rules before it have another, {self._operators[method]!r}, "
                 "and only one can be expressed",
             )
@@ -182,11 +186,13 @@ class FmlReader:
         parts = tuple(self._clause(each, False) for each in clauses)
         consequent = element.one("consequent", "tskConsequent")
         for otherwise in consequent.all("else", "tskElse"):
-            raise malformed(otherwise.place, "an else cannot be expressed; write a rule of its own")
+            raise malformed(
+                otherwise.position, "an else cannot be expressed; write a rule of its own"
+            )
         then = consequent.one("then", "tskThen")
         conclusions = tuple(self._clause(each, True) for each in then.children)
-        weight = number(element.attributes.get("weight", "1"), element.place)
-        with placed(element.place):
+        weight = parse_number(element.attributes.get("weight", "1"), element.position)
+        with locate_errors(element.position):
             if not parts:
                 raise InvalidInput("a rule needs a clause in its antecedent")
             return Rule(self._joined(element, parts, methods), conclusions, weight)
@@ -196,7 +202,9 @@ class FmlReader:
     ) -> Condition:
         connector = element.attributes.get("connector", "and").lower()
         if connector not in {"and", "or"}:
-            raise malformed(element.place, f"connector: expected and or or, got {connector[:40]!r}")
+            raise malformed(
+                element.position, f"connector: expected and or or, got {connector[:40]!r}"
+            )
         if len(parts) == 1:
             return parts[0]
         method = f"{connector}Method"
@@ -209,7 +217,7 @@ class FmlReader:
 
     def _clause(self, element: Element, concludes: bool) -> Is:
         if element.tag not in {"clause", "tskClause"}:
-            raise malformed(element.place, f"expected a clause, got {element.tag[:40]!r}")
+            raise malformed(element.position, f"expected a clause, got {element.tag[:40]!r}")
         variable = element.one("variable").text.strip()
         term = element.one("term").text.strip()
         hedges: tuple[Hedge, ...] = ()
@@ -219,16 +227,16 @@ class FmlReader:
             return Is(variable, "", hedges)
         if (variable, term) in self._complements:
             hedges = () if concludes and hedges == ("not",) else (*hedges, "not")
-        with placed(element.place):
+        with locate_errors(element.position):
             return Is(variable, term, hedges)
 
 
 def _bounded(element: Element, tag: str) -> list[Element]:
     for each in element.children:
         if each.tag != tag:
-            raise malformed(each.place, f"{element.tag}: expected {tag}, got {each.tag[:40]!r}")
+            raise malformed(each.position, f"{element.tag}: expected {tag}, got {each.tag[:40]!r}")
     if len(element.children) > MAX_SETS:
-        raise malformed(element.children[MAX_SETS].place, f"more than {MAX_SETS} terms")
+        raise malformed(element.children[MAX_SETS].position, f"more than {MAX_SETS} terms")
     return element.children
 
 
@@ -237,7 +245,7 @@ def _choice(element: Element, name: str, known: Mapping[str, Choice], default: s
     if found in known:
         return known[found]
     raise malformed(
-        element.place, f"{name}: expected one of {', '.join(known)}, got {found[:40]!r}"
+        element.position, f"{name}: expected one of {', '.join(known)}, got {found[:40]!r}"
     )
 
 
@@ -249,14 +257,14 @@ def _noted_range(element: Element) -> tuple[float, float] | None:
     )
     if found is None:
         raise malformed(
-            element.place, f'<?{RANGE}?>: expected domainleft="MIN" domainright="MAX" in it'
+            element.position, f'<?{RANGE}?>: expected domainleft="MIN" domainright="MAX" in it'
         )
-    return number(found[1], element.place), number(found[2], element.place)
+    return parse_number(found[1], element.position), parse_number(found[2], element.position)
 
 
 def _with_default(element: Element, output: OutputVariable) -> OutputVariable:
     """The output with the default that is written; 0 where there is none, as the standard says."""
-    value = number(element.attributes.get("defaultValue", "0"), element.place)
+    value = parse_number(element.attributes.get("defaultValue", "0"), element.position)
     if value == output.fallback:
         return output
     return OutputVariable(

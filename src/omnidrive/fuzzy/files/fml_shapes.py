@@ -6,8 +6,8 @@ import sys
 from collections.abc import Iterator
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.assembly import placed
-from omnidrive.fuzzy.files.source import malformed, number
+from omnidrive.fuzzy.files.assembly import locate_errors
+from omnidrive.fuzzy.files.source import malformed, parse_number
 from omnidrive.fuzzy.files.writable import real
 from omnidrive.fuzzy.files.xml_tree import Element
 from omnidrive.fuzzy.membership import MAX_POINTS, Membership
@@ -41,11 +41,13 @@ def read_shape(term: Element) -> Membership:
         InvalidFuzzyFile: There is none, or none that can be expressed.
     """
     if len(term.children) != 1:
-        raise malformed(term.place, f"fuzzyTerm: expected one shape, got {len(term.children)}")
+        raise malformed(term.position, f"fuzzyTerm: expected one shape, got {len(term.children)}")
     shape = term.children[0]
     if shape.tag not in READ:
-        raise malformed(shape.place, f"{shape.tag[:40]!r} cannot be read, only {', '.join(READ)}")
-    with placed(shape.place):
+        raise malformed(
+            shape.position, f"{shape.tag[:40]!r} cannot be read, only {', '.join(READ)}"
+        )
+    with locate_errors(shape.position):
         if shape.tag == "pointSetShape":
             return _points(shape)
         if shape.tag in SHAPES:
@@ -70,22 +72,24 @@ def _parameters(shape: Element, count: int) -> list[float]:
     if set(shape.attributes) - set(wanted):
         extra = min(set(shape.attributes) - set(wanted))
         raise malformed(
-            shape.place, f"{shape.tag}: expected {', '.join(wanted)}, got {extra[:40]!r} too"
+            shape.position, f"{shape.tag}: expected {', '.join(wanted)}, got {extra[:40]!r} too"
         )
-    return [number(shape.get(name), shape.place) for name in wanted]
+    return [parse_number(shape.get(name), shape.position) for name in wanted]
 
 
 def _points(shape: Element) -> Membership:
     method = shape.attributes.get("interpolationMethod", "linear")
     if method != "linear":
         raise malformed(
-            shape.place,
+            shape.position,
             f"pointSetShape: {method[:40]!r} interpolation cannot be expressed, only linear",
         )
     points = list(shape.all("point"))
     if len(points) > MAX_POINTS:
-        raise malformed(points[MAX_POINTS].place, f"more than {MAX_POINTS} points")
-    each = [(number(p.get("x"), p.place), number(p.get("y"), p.place)) for p in points]
+        raise malformed(points[MAX_POINTS].position, f"more than {MAX_POINTS} points")
+    each = [
+        (parse_number(p.get("x"), p.position), parse_number(p.get("y"), p.position)) for p in points
+    ]
     return Membership("pointsmf", tuple(v for pair in each for v in pair))
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from omnidrive.errors import InvalidFuzzyFile
 from omnidrive.files.bounded_file import one_line
-from omnidrive.fuzzy.place import Place, malformed, number
+from omnidrive.fuzzy.position import Position, malformed, parse_number
 
-__all__ = ["MAX_BYTES", "Place", "malformed", "number", "read_text"]
+__all__ = ["MAX_BYTES", "Position", "malformed", "parse_number", "read_text"]
 
 MAX_BYTES = 8_000_000
 """Largest file read; a system of 100,000 rules has about 3 MB."""

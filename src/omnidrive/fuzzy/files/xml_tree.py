@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.parsers import expat
 
-from omnidrive.fuzzy.files.source import Place, malformed
+from omnidrive.fuzzy.files.source import Position, malformed
 
 MAX_DEPTH = 32
 """Deepest nesting of elements."""
@@ -29,15 +29,15 @@ class Element:
         place: Where it begins.
     """
 
-    __slots__ = ("attributes", "children", "notes", "place", "tag", "text")
+    __slots__ = ("attributes", "children", "notes", "position", "tag", "text")
 
-    def __init__(self, tag: str, attributes: dict[str, str], place: Place) -> None:
+    def __init__(self, tag: str, attributes: dict[str, str], position: Position) -> None:
         self.tag = tag
         self.attributes = attributes
         self.children: list[Element] = []
         self.text = ""
         self.notes: dict[str, str] = {}
-        self.place = place
+        self.position = position
 
     def all(self, *tags: str) -> Iterator[Element]:
         """Children of some names."""
@@ -51,9 +51,9 @@ class Element:
         """
         found = list(self.all(*tags))
         if len(found) != 1:
-            place = found[1].place if found else self.place
+            position = found[1].position if found else self.position
             raise malformed(
-                place, f"{self.tag}: expected one {' or '.join(tags)}, got {len(found)}"
+                position, f"{self.tag}: expected one {' or '.join(tags)}, got {len(found)}"
             )
         return found[0]
 
@@ -64,7 +64,7 @@ class Element:
             InvalidFuzzyFile: It is missing.
         """
         if name not in self.attributes:
-            raise malformed(self.place, f"{self.tag}: expected the attribute {name}")
+            raise malformed(self.position, f"{self.tag}: expected the attribute {name}")
         return self.attributes[name]
 
 
@@ -96,24 +96,24 @@ class _Builder:
         try:
             self._parser.Parse(text.encode("utf-8", "surrogatepass"), True)
         except expat.ExpatError as error:
-            place = Place(error.lineno, error.offset + 1)
-            raise malformed(place, f"no XML: {expat.ErrorString(error.code)}") from None
+            position = Position(error.lineno, error.offset + 1)
+            raise malformed(position, f"no XML: {expat.ErrorString(error.code)}") from None
         if self._root is None:
-            raise malformed(Place(1, 1), "no XML: there is no element")
+            raise malformed(Position(1, 1), "no XML: there is no element")
         return self._root
 
     @property
-    def _place(self) -> Place:
-        return Place(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
+    def _position(self) -> Position:
+        return Position(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         self._count += 1
         if len(self._open) >= MAX_DEPTH:
-            raise malformed(self._place, f"elements are nested more than {MAX_DEPTH} deep")
+            raise malformed(self._position, f"elements are nested more than {MAX_DEPTH} deep")
         if self._count > MAX_ELEMENTS:
-            raise malformed(self._place, f"more than {MAX_ELEMENTS} elements")
+            raise malformed(self._position, f"more than {MAX_ELEMENTS} elements")
         local = {name.rpartition(":")[2]: value for name, value in attributes.items()}
-        element = Element(tag.rpartition(":")[2], local, self._place)
+        element = Element(tag.rpartition(":")[2], local, self._position)
         if self._open:
             self._open[-1].children.append(element)
         else:
@@ -128,11 +128,13 @@ class _Builder:
         if element.text or not data.isspace():
             element.text += data
         if len(element.text) > MAX_TEXT:
-            raise malformed(element.place, f"{element.tag[:40]}: more than {MAX_TEXT} characters")
+            raise malformed(
+                element.position, f"{element.tag[:40]}: more than {MAX_TEXT} characters"
+            )
 
     def _note(self, target: str, data: str) -> None:
         if self._open:
             self._open[-1].notes[target] = data
 
     def _doctype(self, *_: object) -> None:
-        raise malformed(self._place, "a DOCTYPE is not read; remove it")
+        raise malformed(self._position, "a DOCTYPE is not read; remove it")

@@ -1,0 +1,49 @@
+"""Positions in a text, and errors that name them."""
+
+from __future__ import annotations
+
+from math import isnan, nan
+from typing import NamedTuple
+
+from omnidrive.errors import InvalidFuzzyFile
+
+
+class Position(NamedTuple):
+    """Position of a character in a text."""
+
+    line: int
+    """From 1."""
+    column: int
+    """From 1."""
+
+    def after(self, text: str) -> Position:
+        """Return the position of the character that follows ``text``, which starts here."""
+        lines = text.count("\n")
+        if not lines:
+            return Position(self.line, self.column + len(text))
+        return Position(self.line + lines, len(text) - text.rindex("\n"))
+
+
+def malformed(position: Position | None, what: str) -> InvalidFuzzyFile:
+    """Return an error that names a position; None: ``what`` alone.
+
+    ``what`` says what was expected and what was found. :func:`omnidrive.fuzzy.load` prepends the
+    name of the file.
+    """
+    where = f"line {position.line}, column {position.column}: " if position else ""
+    return InvalidFuzzyFile(f"{where}{what}")
+
+
+def parse_number(text: str, position: Position | None) -> float:
+    """Return the finite or infinite number that ``text`` denotes; never NaN.
+
+    Raises:
+        InvalidFuzzyFile: ``text`` is not a number.
+    """
+    try:
+        value = float(text) if "_" not in text and len(text) <= 400 else nan
+    except ValueError:
+        value = nan
+    if isnan(value):
+        raise malformed(position, f"expected a number, got {text[:40]!r}")
+    return value
