@@ -4,7 +4,7 @@ import omnidrive as od
 
 robot = od.named_robot("paper")
 plan = od.plan(
-    od.paper_map(), od.Place(1, 1, 0), od.Place(8, 6), inflation=0.0, options=od.PathOptions()
+    od.paper_map(), od.Waypoint(1, 1, 0), od.Waypoint(8, 6), inflation=0.0, options=od.PathOptions()
 )
 reference = od.time_uniformly(plan.spline, 20.0, robot.chassis)
 run = od.simulate(

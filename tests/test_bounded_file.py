@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from omnidrive.files.bounded_file import one_line, open_file, read_bounded, read_head, shown
+from omnidrive.files.bounded_file import one_line, open_file, read_bounded, read_head, short_repr
 
 
 class Refused(ValueError):
@@ -58,4 +58,4 @@ def test_errors_of_reading_are_refused_and_others_are_left_alone(tmp_path):
 def test_text_is_shown_on_one_line():
     assert one_line("a\nb\x1b") == "a\\nb\\x1b"
     assert one_line("x" * 400, 10) == "xxxxxxx..."
-    assert shown(["a\n"]) == "['a\\n']"
+    assert short_repr(["a\n"]) == "['a\\n']"

@@ -19,7 +19,7 @@ from .errors import OmnidriveError
 from .evaluation import Metrics, StepResponse, measure, step_response
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
 from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
-from .planning import Path, PathOptions, Place, Plan, SplinePath, plan, search, smooth
+from .planning import Path, PathOptions, Plan, SplinePath, Waypoint, plan, search, smooth
 from .reference import (
     Hold,
     MotionLimits,
@@ -78,7 +78,6 @@ __all__ = [
     "PaperNoise",
     "Path",
     "PathOptions",
-    "Place",
     "Plan",
     "PlanarPlant",
     "Plant",
@@ -99,6 +98,7 @@ __all__ = [
     "TrackingPidController",
     "UniformReference",
     "Viewer",
+    "Waypoint",
     "WorldTwist",
     "classical_pid",
     "film",

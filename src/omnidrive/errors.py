@@ -5,7 +5,7 @@ OmnidriveError
 │   ├── InvalidFuzzyFile          a fuzzy system's file that is missing, malformed or too large
 │   ├── InvalidGeometry           a chassis whose wheels cannot produce every twist
 │   ├── InvalidMap                a map file that is missing, malformed or too large
-│   ├── InvalidPlace              a start or goal outside the map or inside an obstacle
+│   ├── InvalidWaypoint           a start or goal outside the map or inside an obstacle
 │   ├── InvalidReference          times not increasing, shapes that disagree, too fast for the
 │   │                             robot, a waypoint file that is missing, malformed or too large
 │   ├── InvalidScenario           a scenario with an unknown key, a wrong unit, sign or range
@@ -57,7 +57,7 @@ class InvalidMap(InvalidInput):
     """A map that cannot be read."""
 
 
-class InvalidPlace(InvalidInput):
+class InvalidWaypoint(InvalidInput):
     """A start or goal where the robot cannot stand."""
 
 

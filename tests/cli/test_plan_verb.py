@@ -141,7 +141,7 @@ def test_lengths_that_differ_are_named(capsys, tmp_path):
 
 def test_the_papers_plan_is_as_it_was(capsys):
     assert "shortest duration   16.400 s" in plan(capsys)
-    assert prepare(paper_scenario()).plan.found.cells.shape == (42, 2)
+    assert prepare(paper_scenario()).plan.search_result.cells.shape == (42, 2)
 
 
 @pytest.mark.parametrize(

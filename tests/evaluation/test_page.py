@@ -60,7 +60,7 @@ def test_map_is_told_cell_by_cell(study):
     told = data_of(page_text(study, ()))["map"]
     kinds = np.repeat(told["kinds"][::2], told["kinds"][1::2]).reshape(told["rows"], told["cols"])
     np.testing.assert_array_equal(kinds == 2, study.obstacles.occupied)
-    np.testing.assert_array_equal(kinds > 0, study.free.occupied)
+    np.testing.assert_array_equal(kinds > 0, study.free_space.occupied)
     assert told["origin"] == [*study.obstacles.origin, 0.0]
     assert told["extent"] == list(study.obstacles.extent)
 
@@ -196,7 +196,7 @@ def test_a_turned_map_is_drawn_where_it_lies(study, visit):
     """The colour around the middle of each cell on the screen."""
     occupied = np.random.default_rng(2).random((6, 5)) < 0.5
     grid = OccupancyGrid(occupied, 2.0, (4.0, -3.0), yaw=0.5)
-    page = visit(replace(study, obstacles=grid, free=grid))
+    page = visit(replace(study, obstacles=grid, free_space=grid))
     for name in ("trails", "cells"):
         page.locator(f"#layer-{name}").uncheck()
     shown = Image.open(BytesIO(picture(page))).convert("L")

@@ -122,7 +122,7 @@ def test_a_cusp_has_infinite_curvature():
     loop = spline([(0, 0), (3, 2), (-1, 2), (2, 0)])  # Bezier curves, both
     assert np.isfinite(loop.max_curvature[1])
     cusp = spline([(0, 0), (1, 1), (0, 1), (1, 0)])
-    assert cusp.slopes(0.5)[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert cusp.first_derivatives(0.5)[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
     assert cusp.max_curvature == (np.inf, np.inf)
     assert cusp.curvature(0.5) == np.inf
 

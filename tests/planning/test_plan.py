@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from omnidrive.errors import InvalidInput, InvalidPlace, NoPathFound
+from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning import PathOptions, Place, SplinePath, plan
+from omnidrive.planning import PathOptions, SplinePath, Waypoint, plan
 
 ROOM = OccupancyGrid(np.zeros((40, 60), bool), 0.1)
 
@@ -24,7 +24,7 @@ def room(*walls):
 
 def go(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, **options):
     return plan(
-        grid, Place(*start), Place(*goal), inflation=inflation, options=PathOptions(**options)
+        grid, Waypoint(*start), Waypoint(*goal), inflation=inflation, options=PathOptions(**options)
     )
 
 
@@ -38,7 +38,7 @@ def test_a_smooth_path_stays_in_free_cells(occupied, inflation):
     grid = OccupancyGrid(np.kron(occupied, np.ones((2, 2))).astype(bool), 0.1)
     try:
         spline = go(grid, (0.3, 0.3), (2.5, 2.1), inflation).spline
-    except (NoPathFound, InvalidPlace):
+    except (NoPathFound, InvalidWaypoint):
         return
     free = grid.inflated(inflation)
     x, y, _ = spline.poses(np.linspace(0.0, 1.0, 1500)).T
@@ -49,7 +49,7 @@ def test_ends_are_exactly_where_asked():
     plan = go(ROOM, (1.03, 1.07), (5.02, 3.01, 1.0))
     assert plan.spline.poses(0.0)[:2] == pytest.approx((1.03, 1.07))
     assert plan.spline.poses(1.0) == pytest.approx((5.02, 3.01, 1.0))
-    assert plan.way.poses[0, :2] == pytest.approx((1.03, 1.07))
+    assert plan.grid_path.poses[0, :2] == pytest.approx((1.03, 1.07))
 
 
 @given(start=st.floats(-6.2, 6.2), goal=st.floats(-6.2, 6.2), x=st.sampled_from([1, 1.2, 2, 5]))
@@ -82,14 +82,14 @@ def test_start_and_goal_may_be_the_same_place():
 @pytest.mark.parametrize("end", ["start", "goal"])
 def test_a_place_where_the_robot_cannot_stand(end, place, message):
     grid = room((slice(0, 30), slice(30, 32)))
-    with pytest.raises(InvalidPlace, match=message) as refused:
+    with pytest.raises(InvalidWaypoint, match=message) as refused:
         go(grid, **{end: place})
     assert end in str(refused.value)
 
 
 def test_the_place_that_a_message_proposes_is_one_to_stand():
     grid = room((slice(0, 30), slice(30, 32)))
-    with pytest.raises(InvalidPlace) as refused:
+    with pytest.raises(InvalidWaypoint) as refused:
         go(grid, start=(3.05, 1.0))
     x, y = map(float, str(refused.value).rsplit("(", 1)[1].split(")")[0].split(","))
     assert f"{np.hypot(x - 3.05, y - 1.0):.2g} m away" in str(refused.value)
@@ -102,7 +102,7 @@ def test_a_wall_across_leaves_no_path():
 
 
 def test_a_map_without_room_says_so():
-    with pytest.raises(InvalidPlace, match="choose a smaller robot or margin"):
+    with pytest.raises(InvalidWaypoint, match="choose a smaller robot or margin"):
         go(ROOM, inflation=3.0)
 
 
@@ -119,16 +119,19 @@ def test_spline_length_of_a_straight_line():
 
 
 @pytest.mark.parametrize(
-    "place", [Place("a", 1.0), Place(1.0, None), Place(1.0, 1.0, "east"), Place([1.0], 1.0)]
+    "place",
+    [Waypoint("a", 1.0), Waypoint(1.0, None), Waypoint(1.0, 1.0, "east"), Waypoint([1.0], 1.0)],
 )
 def test_a_place_that_is_no_numbers_is_refused(place):
-    with pytest.raises(InvalidPlace, match=r"the goal must be two or three numbers, x and y in m"):
+    with pytest.raises(
+        InvalidWaypoint, match=r"the goal must be two or three numbers, x and y in m"
+    ):
         go(room(), goal=place)
 
 
 def test_a_place_may_hold_numbers_of_any_kind():
     found = go(room(), start=(np.float32(1.0), np.int64(1)), goal=(5, 3))
-    assert (found.way.poses == go(room()).way.poses).all()
+    assert (found.grid_path.poses == go(room()).grid_path.poses).all()
 
 
 @pytest.mark.parametrize("inflation", [-0.1, np.nan, np.inf])
@@ -139,12 +142,12 @@ def test_an_inflation_that_is_none_is_refused(inflation):
 
 @pytest.mark.parametrize("inflation", [0.3, 9.0])
 def test_a_message_says_what_the_inflation_is_made_of(inflation):
-    with pytest.raises(InvalidPlace, match=r"keep (0\.3|9) m \(this and that\)"):
+    with pytest.raises(InvalidWaypoint, match=r"keep (0\.3|9) m \(this and that\)"):
         plan(
             room((slice(0, 30), slice(30, 32))),
-            Place(2.8, 1.0),
-            Place(5.0, 3.0),
+            Waypoint(2.8, 1.0),
+            Waypoint(5.0, 3.0),
             inflation=inflation,
             options=PathOptions(),
-            made_of="this and that",
+            inflation_note="this and that",
         )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from omnidrive.errors import InvalidInput, InvalidPlace, NoPathFound
+from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, paper_map
 from omnidrive.planning import GridSearch, search
 from tests.shared_data import shared_table
@@ -272,14 +272,14 @@ def test_places_that_cannot_be(cell, message):
     occupied = np.zeros((20, 30), bool)
     occupied[10] = True
     grid = OccupancyGrid(occupied, 0.1)
-    with pytest.raises(InvalidPlace, match="the start " + message):
+    with pytest.raises(InvalidWaypoint, match="the start " + message):
         search(grid, cell, (3, 3))
-    with pytest.raises(InvalidPlace, match="the goal " + message):
+    with pytest.raises(InvalidWaypoint, match="the goal " + message):
         search(grid, (3, 3), cell)
 
 
 def test_a_map_without_a_free_cell_says_so():
-    with pytest.raises(InvalidPlace, match="no cell is free"):
+    with pytest.raises(InvalidWaypoint, match="no cell is free"):
         search(OccupancyGrid(np.ones((3, 4), bool), 0.1), (1, 1), (2, 2))
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from omnidrive.errors import InvalidInput, InvalidReference, MissingExtra, NoPathFound
 from omnidrive.maps import OccupancyGrid, paper_map, rooms_map
-from omnidrive.planning import PathOptions, Place, SplinePath, plan
+from omnidrive.planning import PathOptions, SplinePath, Waypoint, plan
 from omnidrive.reference import (
     Corridor,
     MotionLimits,
@@ -39,7 +39,7 @@ PAPER_LIMITS = MotionLimits(wheel_acceleration=1.0 / 0.05)
 @pytest.fixture(scope="module")
 def papers_path():
     return plan(
-        paper_map(), Place(1.0, 1.0), Place(8.0, 6.0), inflation=0.0,
+        paper_map(), Waypoint(1.0, 1.0), Waypoint(8.0, 6.0), inflation=0.0,
         options=PathOptions(smooth="spline", turn_within=0.0),
     ).spline  # fmt: skip
 
@@ -98,7 +98,7 @@ def test_never_slower_than_the_start_path():
     occupied = np.ones((40, 40), dtype=bool)
     occupied[20, 2:38] = occupied[20:38, 37] = False
     grid = OccupancyGrid(occupied, 0.1)
-    ends = Place(0.25, 2.05), Place(3.75, 3.75)
+    ends = Waypoint(0.25, 2.05), Waypoint(3.75, 3.75)
     path = plan(grid, *ends, inflation=0.0, options=PathOptions(smooth="spline")).spline
     found = minimum_time(path, FOUR, LIMITS, grid)
     start = time_within_limits(path, FOUR, LIMITS)
@@ -255,11 +255,11 @@ def test_boxes_of_a_corridor_are_free_and_overlap(yaw):
     rng = np.random.default_rng(4)
     grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1, (-1.0, 2.0), yaw=yaw)
     grid.occupied[[1, 58], [1, 58]] = False
-    way = plan(
-        grid, Place(*grid.centre(1, 1)), Place(*grid.centre(58, 58)), inflation=0.0,
+    grid_path = plan(
+        grid, Waypoint(*grid.centre(1, 1)), Waypoint(*grid.centre(58, 58)), inflation=0.0,
         options=PathOptions(),
-    ).way  # fmt: skip
-    corridor = Corridor.along(way.poses[:, :2], grid)
+    ).grid_path  # fmt: skip
+    corridor = Corridor.along(grid_path.poses[:, :2], grid)
     for left, right, bottom, top in corridor.boxes.tolist():
         x, y = np.meshgrid(np.linspace(left, right, 60), np.linspace(bottom, top, 60))
         inside = np.column_stack([x.ravel(), y.ravel(), 0.0 * x.ravel()])
@@ -339,15 +339,15 @@ def test_through_doors_it_is_faster_than_the_start_path():
     robot = named_robot("small")
     grid = rooms_map(96, 96, 31, np.random.default_rng(0), door=6, resolution=0.25)
     room = robot.body_radius + grid.resolution * 0.5**0.5
-    ends = Place(1.0, 1.0), Place(22.0, 22.0)
+    ends = Waypoint(1.0, 1.0), Waypoint(22.0, 22.0)
     found = plan(grid, *ends, inflation=room, options=PathOptions())
     limits = MotionLimits.of_robot(robot)
-    best = minimum_time(found.spline, robot.chassis, limits, found.free)
+    best = minimum_time(found.spline, robot.chassis, limits, found.free_space)
     start = time_within_limits(found.spline, robot.chassis, limits)
     assert best.status == "converged"
     assert best.reference.duration < 0.97 * start.duration
     assert max(best.reference.limit_usage.values()) <= 1.0 + 1e-9
-    assert best.path.clearance(found.free)[0] >= 0.0
+    assert best.path.clearance(found.free_space)[0] >= 0.0
 
 
 def test_of_many_control_points_one_guess_is_optimised(monkeypatch):
@@ -390,7 +390,7 @@ def test_no_minimum_enters_an_obstacle(seed, yaw):
     rng = np.random.default_rng(seed)
     grid = OccupancyGrid(rng.random((50, 50)) < 0.12, 0.2, yaw=yaw)
     grid.occupied[[2, 46], [3, 45]] = False
-    ends = [Place(*grid.centre(2, 3)), Place(*grid.centre(46, 45))]
+    ends = [Waypoint(*grid.centre(2, 3)), Waypoint(*grid.centre(46, 45))]
     path = plan(grid, *ends, inflation=0.0, options=PathOptions(smooth="spline")).spline
     found = minimum_time(path, FOUR, LIMITS, grid)
     assert found.status != "fallback"

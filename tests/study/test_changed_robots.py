@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from omnidrive.errors import InvalidInput, InvalidScenario, NoPathFound
-from omnidrive.planning import Place
+from omnidrive.planning import Waypoint
 from omnidrive.robot import named_robot
 from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.prepared import lay_out
@@ -158,7 +158,7 @@ def test_walls_around_the_start_end_the_run(tmp_path):
     (tmp_path / "closed.map").write_text(text, encoding="utf-8")
     closed = scenario(
         map=MapSection(source=str(tmp_path / "closed.map"), resolution=0.2),
-        start=Place(2.0, 6.0), goal=Place(6.0, 2.0),
+        start=Waypoint(2.0, 6.0), goal=Waypoint(6.0, 2.0),
     )  # fmt: skip
     with pytest.raises(NoPathFound):
         lay_out(closed)

@@ -8,7 +8,7 @@ import pytest
 from omnidrive.evaluation import measure
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.geometry import move
-from omnidrive.planning import Place
+from omnidrive.planning import Waypoint
 from omnidrive.simulation import MujocoPlant, Outcome, simulate
 from omnidrive.study import (
     Job,
@@ -57,7 +57,7 @@ def test_every_run_of_the_study_finishes_on_every_plant_with_forces(plant, prese
 def test_the_study_on_real_maps(name, tmp_path):
     start, goal, robot = PLACES[name]
     source = str(shared(f"maps/nav2/{name}.yaml"))
-    scenario = map_scenario(source, Place(*start), Place(*goal), robot=robot, name=name)
+    scenario = map_scenario(source, Waypoint(*start), Waypoint(*goal), robot=robot, name=name)
     run_study(retime(scenario), tmp_path / name, processes=2)
     runs = json.loads((tmp_path / name / "results.json").read_text())["runs"]
     assert all(run["finished"] for run in runs)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidScenario
-from omnidrive.planning import Place
+from omnidrive.planning import Waypoint
 from omnidrive.study import load_scenario, map_scenario, paper_scenario, retime, save_scenario
 from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.tasks import DurationsTask, Tasks
@@ -23,7 +23,9 @@ def test_a_saved_scenario_is_read_again(tmp_path, preset):
 
 
 def test_a_map_is_looked_up_beside_its_scenario(tmp_path):
-    scenario = map_scenario("map.yaml", Place(1, 1), Place(2, 2, 0.5), robot="small", name="x")
+    scenario = map_scenario(
+        "map.yaml", Waypoint(1, 1), Waypoint(2, 2, 0.5), robot="small", name="x"
+    )
     save_scenario(scenario, tmp_path / "s.yaml")
     again = load_scenario(tmp_path / "s.yaml")
     assert again.map.source == str(tmp_path / "map.yaml")
@@ -32,7 +34,7 @@ def test_a_map_is_looked_up_beside_its_scenario(tmp_path):
 
 def test_a_map_gets_the_controllers_of_its_preset():
     def controllers(preset):
-        place = Place(1, 1)
+        place = Waypoint(1, 1)
         return map_scenario(
             "m.yaml", place, place, robot="small", name="x", preset=preset
         ).controllers
@@ -233,7 +235,9 @@ def test_a_missing_scenario_is_named(tmp_path):
 
 def test_times_that_suit_a_map():
     source = str(shared("maps/nav2/depot.yaml"))
-    scenario = map_scenario(source, Place(2.0, 2.0), Place(27.0, 13.0), robot="small", name="d")
+    scenario = map_scenario(
+        source, Waypoint(2.0, 2.0), Waypoint(27.0, 13.0), robot="small", name="d"
+    )
     usual, faster = retime(scenario), retime(scenario, speed=0.8)
     assert usual.tasks.track.durations[1] == pytest.approx(1.5 * usual.tasks.track.durations[0])
     ratio = usual.tasks.horizon.duration / faster.tasks.horizon.duration

@@ -15,7 +15,7 @@ import typer
 from omnidrive.cli.options import HOW, WHERE, choice, choose_one, flag, option, two_or_three
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown
-from omnidrive.planning import MethodName, Place, SmoothingName
+from omnidrive.planning import MethodName, SmoothingName, Waypoint
 from omnidrive.reference import Heading
 from omnidrive.robot import ROBOTS
 from omnidrive.study import (
@@ -163,9 +163,9 @@ class Demand:
         changes: dict[str, object] = {}
         on_map = self.map_file is not None
         if self.start is not None and not on_map:
-            changes["start"] = parse_place("start", self.start)
+            changes["start"] = parse_waypoint("start", self.start)
         if self.goal is not None and not on_map:
-            changes["goal"] = parse_place("goal", self.goal)
+            changes["goal"] = parse_waypoint("goal", self.goal)
         if self.plant is not None:
             changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
         if self.robot is not None and not on_map:
@@ -202,8 +202,8 @@ class Demand:
                 raise InvalidInput("a map needs --start X,Y and --goal X,Y (metres in the map)")
             return map_scenario(
                 str(file),
-                parse_place("start", self.start),
-                parse_place("goal", self.goal),
+                parse_waypoint("start", self.start),
+                parse_waypoint("goal", self.goal),
                 robot=choose_one("robot", self.robot or "paper", ROBOTS),
                 name=_plain_name(file.stem),
                 preset=preset or "paper",
@@ -268,7 +268,7 @@ def _plain_name(text: str) -> str:
     return plain.lstrip("_.-")[:60] or "map"
 
 
-def parse_place(name: str, text: str) -> Place:
+def parse_waypoint(name: str, text: str) -> Waypoint:
     """Read ``X,Y`` or ``X,Y,HEADING``."""
     numbers = two_or_three(text)
     if not numbers:
@@ -280,4 +280,4 @@ def parse_place(name: str, text: str) -> Place:
         raise InvalidInput(
             f"--{name}: the heading is {numbers[2]:g} rad, need -6.3 to 6.3 rad (degrees?)"
         )
-    return Place(*numbers)
+    return Waypoint(*numbers)

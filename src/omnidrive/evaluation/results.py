@@ -112,8 +112,8 @@ class StudyResults:
         plant: Which plant: rollers, ball, planar or kinematic.
         dt: Sample time of the controllers, in s.
         obstacles: What the robot's body must not touch.
-        free: Where its centre may be.
-        way: Cells found by the search, as poses.
+        free_space: The inflated map, whose free cells the robot's centre may enter.
+        grid_path: Cells found by the search, as poses.
         spline: The smooth path.
         tracks: Every tracking run.
         steps: Every step response.
@@ -125,8 +125,8 @@ class StudyResults:
     plant: str
     dt: float
     obstacles: OccupancyGrid
-    free: OccupancyGrid
-    way: Path
+    free_space: OccupancyGrid
+    grid_path: Path
     spline: SplinePath
     tracks: tuple[TrackResult, ...]
     steps: tuple[StepResult, ...]

@@ -60,7 +60,7 @@ def read_bounded(
     return content
 
 
-def shown(value: Any) -> str:
+def short_repr(value: Any) -> str:
     """A value as messages show it: one line of at most 60 characters."""
     return one_line(repr(value), 60)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from omnidrive.files.bounded_file import one_line, read_bounded, shown
+from omnidrive.files.bounded_file import one_line, read_bounded, short_repr
 
 _MAX_BYTES = 100_000
 _MAX_DEPTH = 30
@@ -107,7 +107,7 @@ def _mapping(start: yaml.Event, items: list[Any]) -> dict[Any, Any]:
         seen: set[Any] = set()
         for key in keys:
             if key in seen:
-                raise _refused(start, f"a mapping has the key {shown(key)} twice")
+                raise _refused(start, f"a mapping has the key {short_repr(key)} twice")
             seen.add(key)
     return mapping
 
@@ -150,7 +150,7 @@ class _Loader(yaml.SafeLoader):
             if isinstance(key, yaml.ScalarNode):
                 if key.value in seen:
                     raise yaml.constructor.ConstructorError(
-                        None, None, f"found the key {shown(key.value)} twice", key.start_mark
+                        None, None, f"found the key {short_repr(key.value)} twice", key.start_mark
                     )
                 seen.add(key.value)
         return super().construct_mapping(node, deep)

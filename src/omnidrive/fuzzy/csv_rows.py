@@ -18,7 +18,7 @@ from pyarrow import csv as arrow
 
 from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidInput, suggestion
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.fuzzy.inference import Inference
 
 MAX_LINE = 1_000_000
@@ -189,7 +189,7 @@ def _numbers(number: int, line: str, columns: _Columns) -> list[float]:
         if not text.strip():
             raise InvalidInput(f"{where}: expected a number, got nothing")
         if not _NUMBER.fullmatch(text) or not np.isfinite(float(text)):
-            raise InvalidInput(f"{where}: expected a finite number, got {shown(text)}")
+            raise InvalidInput(f"{where}: expected a finite number, got {short_repr(text)}")
         found.append(float(text))
     return found
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.files.bounded_file import shown
+from omnidrive.files.bounded_file import short_repr
 
 Unknown = Literal["occupied", "free"]
 """What cells count as of which a file does not say whether they are free."""
@@ -23,6 +23,6 @@ def occupied(kinds: UInt8[Array, "rows cols"], unknown: Unknown) -> Bool[Array, 
         InvalidInput: ``unknown`` is neither.
     """
     if unknown not in get_args(Unknown):
-        raise InvalidInput(f"unknown cells can be 'occupied' or 'free', got {shown(unknown)}")
+        raise InvalidInput(f"unknown cells can be 'occupied' or 'free', got {short_repr(unknown)}")
     taken: Bool[Array, "rows cols"] = (kinds != FREE) if unknown == "occupied" else (kinds == TAKEN)
     return taken

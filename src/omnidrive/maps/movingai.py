@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, occupied
 from omnidrive.maps.source import MAX_TEXT, read_content, refuse_resolution, refuse_size
@@ -58,7 +58,7 @@ def _size(header: list[list[str]], name: str) -> tuple[int, int]:
     for key in ("height", "width"):
         words = lines.get(key, [])
         if len(words) != 1 or not (words[0].isascii() and words[0].isdigit()) or len(words[0]) > 9:
-            said = shown(" ".join(words))
+            said = short_repr(" ".join(words))
             raise InvalidMap(f"{name}: {key} must be a whole number, got {said}")
         sizes.append(int(words[0]))
     return sizes[0], sizes[1]

@@ -13,7 +13,7 @@ from PIL import Image
 
 from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidMap, closest
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
@@ -52,7 +52,7 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
         if key not in _KEYS:
             near = closest(str(key), _KEYS, cutoff=0.75)
             if near:  # other keys are those of other programs
-                raise InvalidMap(f"{path}: unknown key {shown(key)}; did you mean '{near}'?")
+                raise InvalidMap(f"{path}: unknown key {short_repr(key)}; did you mean '{near}'?")
     resolution = _number(path, meta, "resolution")
     refuse_resolution(resolution, one_line(str(path)))
     table = _kinds_of_greys(path, meta)
@@ -77,7 +77,9 @@ def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
         )
     mode = meta.get("mode", "trinary")
     if mode not in get_args(Mode):  # a tuple: a list has no hash
-        raise InvalidMap(f"{path}: mode {shown(mode)} is not one of {', '.join(get_args(Mode))}")
+        raise InvalidMap(
+            f"{path}: mode {short_repr(mode)} is not one of {', '.join(get_args(Mode))}"
+        )
     negate = _number(path, meta, "negate", default=0.0) != 0.0
     return kinds_of_greys(mode, negate=negate, free_thresh=free, occupied_thresh=taken)
 
@@ -138,7 +140,7 @@ def _number(path: Path, meta: dict[Any, Any], key: str, default: float | None = 
         raise InvalidMap(f"{path} does not set '{key}'")
     number = _as_float(value)
     if not isfinite(number):
-        raise InvalidMap(f"{path}: {key} must be a number, got {shown(value)}")
+        raise InvalidMap(f"{path}: {key} must be a number, got {short_repr(value)}")
     return number
 
 
@@ -154,6 +156,8 @@ def _origin(path: Path, meta: dict[Any, Any]) -> tuple[float, float, float]:
     origin: Any = meta.get("origin")
     numbers = [_as_float(v) for v in origin] if isinstance(origin, list) else []
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
-        raise InvalidMap(f"{path}: origin must be [x, y, yaw] in m, m, rad, got {shown(origin)}")
+        raise InvalidMap(
+            f"{path}: origin must be [x, y, yaw] in m, m, rad, got {short_repr(origin)}"
+        )
     x, y, yaw = numbers
     return x, y, yaw

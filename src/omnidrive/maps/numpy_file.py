@@ -13,7 +13,7 @@ from numpy.lib import format as npy
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import one_line, open_file, shown
+from omnidrive.files.bounded_file import one_line, open_file, short_repr
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
 from omnidrive.maps.source import refuse_resolution, refuse_size
@@ -60,9 +60,9 @@ def _header(file: BinaryIO, name: str) -> tuple[tuple[int, int], bool, np.dtype]
     if version != _VERSION:
         raise InvalidMap(f"{name} is of version {version} of NumPy's format, only (1, 0) is read")
     if len(shape) != 2:
-        raise InvalidMap(f"{name} must hold rows and columns, got the shape {shown(shape)}")
+        raise InvalidMap(f"{name} must hold rows and columns, got the shape {short_repr(shape)}")
     if dtype.kind not in "biuf":
-        raise InvalidMap(f"{name} must hold booleans or numbers, got {shown(str(dtype))}")
+        raise InvalidMap(f"{name} must hold booleans or numbers, got {short_repr(str(dtype))}")
     refuse_size(*shape, name)
     return shape, columns_first, dtype
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.source import read_content
 
@@ -47,7 +47,7 @@ def load_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
     if lines[0].split() not in (["version", "1"], ["version", "1.0"]):
         raise InvalidMap(
             f"{name} is not a MovingAI scenario: its first line must be 'version 1', "
-            f"got {shown(lines[0].strip())}"
+            f"got {short_repr(lines[0].strip())}"
         )
     return [
         _query(line, f"{name}, line {number}", *grid.occupied.shape)
@@ -74,7 +74,7 @@ def _query(line: str, where: str, rows: int, cols: int) -> Query:
 
 def _whole(word: str, where: str) -> int:
     if not (word.isascii() and word.isdigit() and len(word) <= 9):
-        raise InvalidMap(f"{where}: {shown(word)} is not a whole number")
+        raise InvalidMap(f"{where}: {short_repr(word)} is not a whole number")
     return int(word)
 
 
@@ -90,5 +90,5 @@ def _length(word: str, where: str) -> float:
     except ValueError:
         length = -1.0
     if not isfinite(length) or length < 0.0:
-        raise InvalidMap(f"{where}: {shown(word)} is not the length of a path")
+        raise InvalidMap(f"{where}: {short_repr(word)} is not the length of a path")
     return length

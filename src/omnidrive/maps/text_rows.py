@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import shown
+from omnidrive.files.bounded_file import short_repr
 from omnidrive.maps.source import refuse_size
 
 _NEW_LINE = ord("\n")
@@ -46,7 +46,7 @@ def read_rows(
         row, col = np.argwhere(cells == _NO_CELL)[0].tolist()
         found = chr(codes[row * (width + 1) + col])
         raise InvalidMap(
-            f"{name}, line {first_line + row}, column {col + 1}: {shown(found)} is no cell; "
+            f"{name}, line {first_line + row}, column {col + 1}: {short_repr(found)} is no cell; "
             f"there are {' '.join(map(repr, kinds))}"
         )
     return np.ascontiguousarray(cells[::-1])

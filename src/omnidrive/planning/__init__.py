@@ -1,7 +1,7 @@
 """From a map to a path: geometry only, no time."""
 
 from omnidrive.planning.path import Path, SplinePath
-from omnidrive.planning.plan import PathOptions, Place, Plan, plan
+from omnidrive.planning.plan import PathOptions, Plan, Waypoint, plan
 from omnidrive.planning.search import GridSearch, HeuristicName, MethodName, SearchResult, search
 from omnidrive.planning.smoothing import Smoothed, SmoothingName, smooth
 
@@ -11,12 +11,12 @@ __all__ = [
     "MethodName",
     "Path",
     "PathOptions",
-    "Place",
     "Plan",
     "SearchResult",
     "Smoothed",
     "SmoothingName",
     "SplinePath",
+    "Waypoint",
     "plan",
     "search",
     "smooth",

@@ -76,7 +76,7 @@ class SplinePath:
         poses: Float[Array, "*n 3"] = self._derivatives[0](u)
         return poses
 
-    def slopes(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n 3"]:
+    def first_derivatives(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n 3"]:
         """Derivatives of :meth:`poses` by ``u``, in m and rad."""
         slopes: Float[Array, "*n 3"] = self._derivatives[1](u)
         return slopes
@@ -125,7 +125,9 @@ class SplinePath:
         By Simpson's rule on every knot interval.
         """
         parts = 16 * (len(self.control_points) - 3)
-        speed = np.linalg.norm(self.slopes(np.linspace(0.0, 1.0, 2 * parts + 1))[:, :2], axis=1)
+        speed = np.linalg.norm(
+            self.first_derivatives(np.linspace(0.0, 1.0, 2 * parts + 1))[:, :2], axis=1
+        )
         length = float((speed[:-1:2] + 4.0 * speed[1::2] + speed[2::2]).sum() / (6.0 * parts))
         shortest, longest = self.length_bounds
         return min(max(length, shortest), longest)

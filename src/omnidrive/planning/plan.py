@@ -9,8 +9,8 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from omnidrive.errors import InvalidInput, InvalidPlace
-from omnidrive.files.bounded_file import shown
+from omnidrive.errors import InvalidInput, InvalidWaypoint
+from omnidrive.files.bounded_file import short_repr
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import Bounds
 from omnidrive.planning.headings import with_headings
@@ -23,7 +23,7 @@ _ROOM = 0.2
 less smooth than none, and no path grazes."""
 
 
-class Place(NamedTuple):
+class Waypoint(NamedTuple):
     """Where to start or end: x, y in m, yaw in rad; without yaw, along the path."""
 
     x: float
@@ -63,29 +63,30 @@ class Plan:
     """A path and how it came about.
 
     Attributes:
-        found: What the search found.
-        way: Its cells as poses, from the start to the goal.
-        spline: The smooth path along it.
-        free: Where the robot's centre may be: the map, inflated.
-        clearance: Distance in m from the obstacles of ``free`` that all of ``spline`` is proved
-            to keep; negative if it may enter one, by that much.
+        search_result: Result of the grid search.
+        grid_path: Cells found by the search, as poses from the start to the goal.
+        spline: The smoothed path.
+        free_space: The inflated map, whose free cells the robot's centre may enter.
+        clearance: Distance in m from the occupied cells of ``free_space`` that all of
+            ``spline`` is proved to keep; negative, by the greatest possible depth, if the spline
+            may enter one.
     """
 
-    found: SearchResult
-    way: Path
+    search_result: SearchResult
+    grid_path: Path
     spline: SplinePath
-    free: OccupancyGrid
+    free_space: OccupancyGrid
     clearance: float
 
 
 def plan(
     grid: OccupancyGrid,
-    start: Place,
-    goal: Place,
+    start: Waypoint,
+    goal: Waypoint,
     *,
     inflation: float,
     options: PathOptions,
-    made_of: str = "",
+    inflation_note: str = "",
 ) -> Plan:
     """Search a way over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
 
@@ -98,17 +99,17 @@ def plan(
         goal: Where it is last.
         inflation: Distance in m, 0 or more.
         options: How to search and smooth.
-        made_of: What the inflation is made of, for messages.
+        inflation_note: Terms of which the inflation is the sum, for messages.
 
     Raises:
         InvalidInput: The inflation is negative or not finite.
-        InvalidPlace: Start or goal is not made of numbers, or the robot cannot stand there.
+        InvalidWaypoint: Start or goal is not made of numbers, or the robot cannot stand there.
         NoPathFound: There is no way between them.
     """
     start, goal = _numbers("start", start), _numbers("goal", goal)
     free = grid.inflated(inflation)
     for name, place in (("start", start), ("goal", goal)):
-        needed = f"{inflation:g} m" + (f" ({made_of})" if made_of else "")
+        needed = f"{inflation:g} m" + (f" ({inflation_note})" if inflation_note else "")
         _check_place(grid, free, name, place, needed)
     found = search(
         free,
@@ -133,28 +134,28 @@ def plan(
     return Plan(found, way, smoothed.path, free, smoothed.clearance)
 
 
-def _numbers(name: str, place: Place) -> Place:
+def _numbers(name: str, place: Waypoint) -> Waypoint:
     """A place that is made of numbers."""
     values: tuple[Any, ...] = tuple(place) if isinstance(place, Iterable) else (place,)
     numbers = values[:2] + tuple(value for value in values[2:] if value is not None)
     if len(values) not in {2, 3} or not all(isinstance(value, Real) for value in numbers):
-        raise InvalidPlace(
+        raise InvalidWaypoint(
             f"the {name} must be two or three numbers, x and y in m and perhaps a heading in rad, "
-            f"such as Place(1.5, 2.0); got {shown(values)}"
+            f"such as Place(1.5, 2.0); got {short_repr(values)}"
         )
-    return Place(*map(float, numbers))
+    return Waypoint(*map(float, numbers))
 
 
 def _check_place(
-    grid: OccupancyGrid, free: OccupancyGrid, name: str, place: Place, needed: str
+    grid: OccupancyGrid, free: OccupancyGrid, name: str, place: Waypoint, needed: str
 ) -> None:
     """Refuse a place outside the map, in an obstacle or nearer to one than ``needed``."""
     where = f"the {name} ({place.x:g}, {place.y:g}) m"
     if not np.isfinite(place[:2]).all() or not (place.yaw is None or np.isfinite(place.yaw)):
-        raise InvalidPlace(f"{where} must be finite numbers: x and y in m, heading in rad")
+        raise InvalidWaypoint(f"{where} must be finite numbers: x and y in m, heading in rad")
     if not grid.contains(*grid.cell(place.x, place.y)):
         left, right, bottom, top = grid.extent
-        raise InvalidPlace(
+        raise InvalidWaypoint(
             f"{where} lies outside the map, which spans x {left:g} to {right:g} m "
             f"and y {bottom:g} to {top:g} m"
         )
@@ -162,7 +163,7 @@ def _check_place(
         return
     nearest = free.nearest_free(place.x, place.y)
     if nearest is None:
-        raise InvalidPlace(
+        raise InvalidWaypoint(
             f"nowhere on the map can the robot's centre keep {needed} from every obstacle; "
             "choose a smaller robot or margin, or a finer map"
         )
@@ -176,7 +177,7 @@ def _check_place(
             f"is {gap:.2f} m from an obstacle; the robot's centre must keep {needed}, also "
             f"from the middle of the map's cell of {grid.resolution:g} m that it is in"
         )
-    raise InvalidPlace(
+    raise InvalidWaypoint(
         f"{where} {fact}; the nearest place to stand is ({near[0]:g}, {near[1]:g}) m, "
         f"{distance:.2g} m away"
     )

@@ -205,7 +205,7 @@ def check_moves(path: SplinePath, columns: int) -> None:
 def _cubics(path: SplinePath, count: int) -> Float[Array, "pieces 4 3"]:
     """The path on ``count`` equal pieces: a cubic is given by its ends (Hermite)."""
     u = np.arange(count + 1) / count
-    q, slopes = path.poses(u), path.slopes(u) / count
+    q, slopes = path.poses(u), path.first_derivatives(u) / count
     step, first, last = np.diff(q, axis=0), slopes[:-1], slopes[1:]
     return np.stack(
         [q[:-1], first, 3.0 * step - 2.0 * first - last, first + last - 2.0 * step], axis=1

@@ -43,7 +43,7 @@ class UniformReference:
         u = (t + dt * np.arange(n)) / self.duration
         inside = (u >= 0.0) & (u <= 1.0 + 1e-12)  # k * dt / duration may round past 1
         u = np.clip(u, 0.0, 1.0)
-        twists = self.path.slopes(u) / self.duration * inside[:, None]
+        twists = self.path.first_derivatives(u) / self.duration * inside[:, None]
         return np.hstack([self.path.poses(u), twists])
 
 
@@ -53,7 +53,7 @@ def wheel_speed_used(path: SplinePath, duration: float, chassis: Chassis) -> flo
     Wheel speeds are proportional to 1 / duration, so one sweep along the path finds their peak.
     """
     u = np.linspace(0.0, 1.0, 20 * len(path.control_points) + 1)
-    slopes = turned_into_body(path.slopes(u), path.poses(u)[:, 2])
+    slopes = turned_into_body(path.first_derivatives(u), path.poses(u)[:, 2])
     peak = float(np.abs(slopes @ chassis.jacobian.T).max())
     return peak / (duration * chassis.max_wheel_speed)
 

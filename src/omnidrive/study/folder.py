@@ -84,7 +84,7 @@ class RunFolder:
                 **{name: version(name) for name in _VERSIONS},
             },
             "scenario": scenario_data(_portable(prepared.scenario)),
-            "path": {"length": results.spline.length, "cells": len(results.way.poses)},
+            "path": {"length": results.spline.length, "cells": len(results.grid_path.poses)},
             "runs": [track_record(result) for result in results.tracks],
             "step_response": [row for step in results.steps for row in step_records(step)],
             "repeated": [mean_record(group) for group in repeated_runs(results)],

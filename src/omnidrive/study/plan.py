@@ -43,14 +43,14 @@ def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
         prepared: The plan.
         reference: It in time, see :meth:`~omnidrive.study.Prepared.reference`.
     """
-    found, path = prepared.plan.found, prepared.path
+    found, path = prepared.plan.search_result, prepared.path
     attained, proved = path.max_curvature
     facts = {
         "search": Fact(prepared.scenario.path.search),
         "expansions": Fact(found.expansions, digits=0),
         "search time": Fact(1e3 * found.seconds, "ms"),
         "cells on the way": Fact(len(found.cells), digits=0),
-        "length of the way": Fact(prepared.plan.way.length, "m"),
+        "length of the way": Fact(prepared.plan.grid_path.length, "m"),
         "smoothing": Fact(prepared.scenario.path.smooth),
         "length": Fact(path.length, "m"),
         "clearance": Fact(prepared.clearance_bounds[0], "m"),
@@ -87,7 +87,11 @@ def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
     check_picture_name(path)
     times = np.linspace(0.0, reference.duration, _SAMPLES)
     figure = plan_figure(
-        prepared.obstacles, prepared.plan.free, prepared.plan.way, times, _window(reference)
+        prepared.obstacles,
+        prepared.plan.free_space,
+        prepared.plan.grid_path,
+        times,
+        _window(reference),
     )
     try:
         save(figure, path)

@@ -88,14 +88,14 @@ def lay_out(scenario: Scenario) -> Prepared:
 
     Raises:
         InvalidMap: The map cannot be read.
-        InvalidPlace: The robot cannot stand at start or goal.
+        InvalidWaypoint: The robot cannot stand at start or goal.
         NoPathFound: There is no way between them.
         InvalidInput: There is no such robot, or it cannot stand or move as it is changed.
         InvalidReference: The timing is for other paths.
         MissingExtra: The timing needs an extra that is not installed.
     """
     robot = robot_of(scenario.robot)
-    source, made_of = scenario.map, ""
+    source, inflation_note = scenario.map, ""
     if source.source == "paper":
         obstacles, grid, inflation = paper_wall(), paper_map(), source.margin
     else:
@@ -106,7 +106,7 @@ def lay_out(scenario: Scenario) -> Prepared:
         half = grid.resolution * 0.5**0.5
         inflation = robot.body_radius + max(source.margin, half)
         if half > source.margin:
-            made_of = (
+            inflation_note = (
                 f"the body's radius of {robot.body_radius:g} m and half a cell's diagonal, "
                 f"{half:.3g} m, which is more than the margin of {source.margin:g} m"
             )
@@ -116,7 +116,7 @@ def lay_out(scenario: Scenario) -> Prepared:
         scenario.goal,
         inflation=inflation,
         options=scenario.path,
-        made_of=made_of,
+        inflation_note=inflation_note,
     )
     path, fastest, note = _timed(scenario, robot, found)
     return Prepared(scenario, robot, obstacles, found, path, fastest, note)
@@ -138,7 +138,7 @@ def _timed(
             found.spline,
             chassis,
             limits,
-            found.free,
+            found.free_space,
             start_yaw=scenario.start.yaw,
             goal_yaw=scenario.goal.yaw,
         )

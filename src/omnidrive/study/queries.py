@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from omnidrive.errors import InvalidPlace, NoPathFound
+from omnidrive.errors import InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, Query
 from omnidrive.planning import GridSearch, HeuristicName, MethodName
 
@@ -32,7 +32,7 @@ def solve_queries(
         length, why = None, ""
         try:
             found = search.search(query.start, query.goal, method=method, heuristic=heuristic)
-        except (NoPathFound, InvalidPlace) as error:
+        except (NoPathFound, InvalidWaypoint) as error:
             why = str(error)
         else:
             length, solved = found.cost, solved + 1

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from omnidrive.control import FeedforwardGains, HolonomicParameters
 from omnidrive.maps import Unknown
 from omnidrive.parameter import Bounds
-from omnidrive.planning import PathOptions, Place
+from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation import (
@@ -247,8 +247,8 @@ class Scenario(Section):
     """For the plant of that name."""
     sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
     map: MapSection
-    start: Place
-    goal: Place
+    start: Waypoint
+    goal: Waypoint
     path: PathOptions = PathOptions()
     timing: TimingSection = TimingSection()
     controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1), Different]
@@ -348,8 +348,8 @@ def paper_scenario(preset: PresetName = "paper") -> Scenario:
         name="paper",
         robot=robot_section("paper", preset),
         map=MapSection(source="paper", margin=0.0),
-        start=Place(1.0, 1.0, 0.0),
-        goal=Place(8.0, 6.0),
+        start=Waypoint(1.0, 1.0, 0.0),
+        goal=Waypoint(8.0, 6.0),
         path=PathOptions("greedy", cut_corners=True, smooth="spline", turn_within=0.0),
         controllers=DEFAULT_CONTROLLERS[preset],
         preset=preset,
@@ -359,8 +359,8 @@ def paper_scenario(preset: PresetName = "paper") -> Scenario:
 
 def map_scenario(
     source: str,
-    start: Place,
-    goal: Place,
+    start: Waypoint,
+    goal: Waypoint,
     *,
     robot: str,
     name: str,

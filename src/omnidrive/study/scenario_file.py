@@ -11,7 +11,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from omnidrive.errors import InvalidScenario, suggestion
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.simulation.faults import FAULTS
 from omnidrive.study.scenario import Scenario
@@ -42,7 +42,7 @@ def load_scenario(path: Path) -> Scenario:
         return scenario
     if not scenario.map.source or "\0" in scenario.map.source:
         raise InvalidScenario(
-            f"{path}: map.source must name a file, got {shown(scenario.map.source)}"
+            f"{path}: map.source must name a file, got {short_repr(scenario.map.source)}"
         )
     source = str(path.parent / scenario.map.source)
     return scenario.model_copy(update={"map": scenario.map.model_copy(update={"source": source})})
@@ -64,7 +64,7 @@ def _plain(value: Any) -> Any:
         return {name: _plain(getattr(value, name)) for name in type(value).model_fields}
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
-    if isinstance(value, tuple) and type(value).__name__ == "Place":
+    if isinstance(value, tuple) and type(value).__name__ == "Waypoint":
         return [v for v in value if v is not None]
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return value._asdict()
@@ -92,16 +92,16 @@ def _explain(problem: Any) -> str:
         *outer, name = problem["loc"]  # name: as in the file, so perhaps no identifier
         spot = _fields(outer)
         if kind == "invalid_key":  # not text; pydantic takes true for 1
-            return f"unknown key {shown(value)}" + _within(spot) + _suggestion("", spot)
+            return f"unknown key {short_repr(value)}" + _within(spot) + _suggestion("", spot)
         key = ".".join([*map(str, spot), one_line(str(name), 60)])
         return f"unknown key '{key}'" + _suggestion(str(name), spot)
     key = ".".join(map(str, _fields(problem["loc"])))
     if kind in _SAYINGS:
-        return _SAYINGS[kind].format(key=key, value=shown(value))
+        return _SAYINGS[kind].format(key=key, value=short_repr(value))
     message = problem["msg"].removeprefix("Value error, ")
     if kind == "value_error":
         return f"{key} {message}".lstrip()
-    return f"{key or 'a key'}: {message[0].lower()}{message[1:]}, got {shown(value)}"
+    return f"{key or 'a key'}: {message[0].lower()}{message[1:]}, got {short_repr(value)}"
 
 
 def _fields(loc: Iterable[Any]) -> list[Any]:

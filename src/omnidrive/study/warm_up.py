@@ -10,7 +10,7 @@ from omnidrive.control.nmpc.holonomic import HolonomicSolver, keep_outs, speed_l
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
-from omnidrive.planning import MethodName, PathOptions, Place, plan, search
+from omnidrive.planning import MethodName, PathOptions, Waypoint, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
 from omnidrive.simulation import Fix, PoseEstimator, Readings
@@ -55,10 +55,10 @@ def _plans() -> None:
     free = np.argwhere(~grid.occupied)
     for method in get_args(MethodName):
         search(grid, tuple(free[0].tolist()), tuple(free[-1].tolist()), method=method)
-    start, goal = (Place(*grid.centre(*free[i].tolist())) for i in (0, -1))
+    start, goal = (Waypoint(*grid.centre(*free[i].tolist())) for i in (0, -1))
     found = plan(grid, start, goal, inflation=0.05, options=PathOptions())
     time_within_limits(found.spline, robot.chassis, MotionLimits.of_robot(robot))
-    Corridor.along(found.way.poses[:, :2], found.free)
+    Corridor.along(found.grid_path.poses[:, :2], found.free_space)
 
 
 def _estimate() -> None:

@@ -33,7 +33,7 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     figure = canvas(8.6, 4.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0), height_ratios=(1.15, 1.0))
     whole, close, error = (figure.add_subplot(grid[place]) for place in _PLACES)
-    draw_map(whole, results.obstacles, results.free, results.way, _view(results))
+    draw_map(whole, results.obstacles, results.free_space, results.grid_path, _view(results))
     for axes in (whole, close):
         _paths(axes, lines)
     if task == "noise":
@@ -89,7 +89,7 @@ def _fullest(lines: list[Curve]) -> Curve:
 
 def _view(results: StudyResults) -> Box:
     """The whole map, or the path's surroundings where it takes up little of the map."""
-    low, high = (f(results.way.poses[:, :2], axis=0) for f in (np.min, np.max))
+    low, high = (f(results.grid_path.poses[:, :2], axis=0) for f in (np.min, np.max))
     left, right, bottom, top = results.obstacles.extent
     if np.max((high - low) / (right - left, top - bottom)) >= _MOST_OF_THE_MAP:
         return left, right, bottom, top

@@ -26,8 +26,8 @@ def facts_markup(results: StudyResults) -> str:
         "Plant": results.plant,
         "Sample time": f"{results.dt:g} s",
         "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
-        f"planned on cells of {results.free.resolution:g} m",
-        "Path": f"{results.way.length:.2f} m, {len(results.way.poses)} cells",
+        f"planned on cells of {results.free_space.resolution:g} m",
+        "Path": f"{results.grid_path.length:.2f} m, {len(results.grid_path.poses)} cells",
     }
     return "\n".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()

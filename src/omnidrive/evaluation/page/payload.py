@@ -45,8 +45,8 @@ def payload(results: StudyResults) -> str:
             "wheelRadius": results.robot.wheel.radius,
             "wheels": [mount._asdict() for mount in results.robot.mounts],
         },
-        "map": _map(results.obstacles, results.free),
-        "cells": [_column(results.way.poses[:, i]) for i in (0, 1)],
+        "map": _map(results.obstacles, results.free_space),
+        "cells": [_column(results.grid_path.poses[:, i]) for i in (0, 1)],
         "spline": [_column(spline[:, i]) for i in (0, 1)],
         "groups": _groups(results),
     }

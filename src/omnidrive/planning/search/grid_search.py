@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Int32, UInt8
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput, InvalidPlace, NoPathFound
+from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.search.astar import astar
 from omnidrive.planning.search.board import BitBoard, Cell
@@ -77,7 +77,7 @@ def search(
 
     Raises:
         InvalidInput: There is no such method or heuristic, or the method cannot do what is asked.
-        InvalidPlace: Start or goal is occupied or outside the grid.
+        InvalidWaypoint: Start or goal is occupied or outside the grid.
         NoPathFound: There is no way.
     """
     return GridSearch(grid, neighbours=neighbours, cut_corners=cut_corners).search(
@@ -152,11 +152,13 @@ class GridSearch:
         rows, cols = self.grid.occupied.shape
         row, col = index(cell[0]), index(cell[1])
         if not self.grid.contains(row, col):
-            raise InvalidPlace(
+            raise InvalidWaypoint(
                 f"the {name} ({row}, {col}) lies outside the grid of {rows} rows and {cols} columns"
             )
         if self.grid.occupied[row, col]:
-            raise InvalidPlace(f"the {name} ({row}, {col}) is occupied; {self._nearest(row, col)}")
+            raise InvalidWaypoint(
+                f"the {name} ({row}, {col}) is occupied; {self._nearest(row, col)}"
+            )
         return self._board.number((row, col))
 
     def _nearest(self, row: int, col: int) -> str:

@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference, suggestion
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.planning import Path
 from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
 from omnidrive.reference.waypoints.text_file import read_text, write_text
@@ -126,7 +126,7 @@ def _columns(where: str, titles: list[str]) -> dict[str, float]:
         found = _column(title)
         if found is None:
             hint = suggestion(title, [*_UNITS, *_OTHER_NAMES])
-            raise InvalidReference(f"{where}: unknown column {shown(title)}{hint}")
+            raise InvalidReference(f"{where}: unknown column {short_repr(title)}{hint}")
         quantity, unit = found
         if quantity in columns:
             raise InvalidReference(f"{where}: two columns hold {quantity}; remove one")
@@ -152,7 +152,7 @@ def _factors(name: str, columns: dict[str, float], units: list[str]) -> Float[Ar
         if units and said is None:
             known = ", ".join(_UNITS[quantity])
             raise InvalidReference(
-                f"{name}: unknown unit {shown(units[i])} of {quantity}; there are {known}"
+                f"{name}: unknown unit {short_repr(units[i])} of {quantity}; there are {known}"
             )
         factors.append(factor or _UNITS[quantity].get(said[1] if said else "", 1.0))
     return np.array(factors)
@@ -166,7 +166,7 @@ def _numbers(where: str, cells: list[str], count: int) -> list[float]:
         try:
             numbers.append(float(cell))
         except ValueError:
-            raise InvalidReference(f"{where}: {shown(cell)} is not a number") from None
+            raise InvalidReference(f"{where}: {short_repr(cell)} is not a number") from None
     return numbers
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from omnidrive.errors import InvalidReference, suggestion
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
 from omnidrive.reference.waypoints.text_file import read_text
 
@@ -46,7 +46,9 @@ class Field:
         """This mapping, refused if it has other keys than these."""
         for key in self.value if isinstance(self.value, dict) else ():
             if key not in keys:
-                raise self.refusal(f"has the unknown key {shown(key)}{suggestion(str(key), keys)}")
+                raise self.refusal(
+                    f"has the unknown key {short_repr(key)}{suggestion(str(key), keys)}"
+                )
         return self
 
     def items(self) -> list[Field]:
@@ -73,7 +75,7 @@ class Field:
         """The value in a few words, for messages."""
         if isinstance(self.value, dict):
             return "a mapping"
-        return "a list" if isinstance(self.value, list) else shown(self.value)
+        return "a list" if isinstance(self.value, list) else short_repr(self.value)
 
     def refusal(self, fact: str) -> InvalidReference:
         """An error that says where, and what is wrong there."""
@@ -106,7 +108,7 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         seen: set[str] = set()
         for key, _ in pairs:
             if key in seen:
-                raise ValueError(f"the key {shown(key)} stands twice in one object")
+                raise ValueError(f"the key {short_repr(key)} stands twice in one object")
             seen.add(key)
     return mapping
 

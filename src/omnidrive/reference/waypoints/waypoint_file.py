@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnidrive.errors import InvalidReference
-from omnidrive.files.bounded_file import one_line, shown
+from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.planning import Path
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.sampled import MOST_SAMPLES, SampledReference
@@ -137,7 +137,7 @@ def _format(file: pathlib.Path) -> _Format:
     found = _FORMATS.get(file.suffix.lower())
     if found is None:
         raise InvalidReference(
-            f"{one_line(str(file))}: the ending {shown(file.suffix)} names no format of waypoints; "
-            "use .csv, .path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path)"
+            f"{one_line(str(file))}: the ending {short_repr(file.suffix)} names no format of "
+            "waypoints; use .csv, .path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path)"
         )
     return found
