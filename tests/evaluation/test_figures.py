@@ -10,8 +10,8 @@ from PIL import Image
 
 from omnidrive.evaluation.figures import draw_figures, write_figures
 from omnidrive.evaluation.figures.kinematics import kinematics
-from omnidrive.evaluation.figures.route import draw_map
-from omnidrive.evaluation.palette import controller_ink, controller_label, horizon_inks
+from omnidrive.evaluation.figures.plan import draw_map
+from omnidrive.evaluation.palette import controller_colour, controller_label, horizon_colours
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
 from omnidrive.robot import ROBOTS
@@ -79,7 +79,7 @@ def test_gains_are_drawn_where_they_are_logged(tuning):
     assert [axes.get_title(loc="left") for axes in panels[:2]] == ["x of the robot", "Heading"]
     labels = [axes.get_ylabel() for axes in panels[::2]]
     assert labels[:4] == ["kp in 1/s", "ki in 1/s²", "kd, no unit", "scaled error, no unit"]
-    colours = [controller_ink(name).light for name in ("fuzzy_t1", "pid")]
+    colours = [controller_colour(name).light for name in ("fuzzy_t1", "pid")]
     assert [line.get_color() for line in panels[0].lines] == colours
 
 
@@ -126,14 +126,14 @@ def test_a_short_and_perfect_run_can_be_drawn(part):
 def test_controllers_keep_their_colours_and_differ():
     names = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended")
     for ground in ("light", "dark"):
-        assert len({getattr(controller_ink(name), ground) for name in names}) == len(names)
+        assert len({getattr(controller_colour(name), ground) for name in names}) == len(names)
     assert controller_label("mine") == "mine"
-    assert controller_ink("mine") == controller_ink("mine")
+    assert controller_colour("mine") == controller_colour("mine")
 
 
 @pytest.mark.parametrize("count", [1, 2, 6, 9])
 def test_horizons_have_distinct_colours(count):
-    inks = horizon_inks(count)
+    inks = horizon_colours(count)
     assert len(set(inks)) == count
     assert all(len(colour) == 7 and colour[0] == "#" for ink in inks for colour in ink)
 

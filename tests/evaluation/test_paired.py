@@ -46,7 +46,7 @@ def test_differences_are_scipys_though_the_seeds_vary_more(repeated):
     d = found(repeated, "fuzzy_t2", "fuzzy_t1")
     theirs = stats.ttest_rel(ME["fuzzy_t2"], ME["fuzzy_t1"])
     assert d.difference[1:3] == pytest.approx(tuple(theirs.confidence_interval()), rel=1e-9)
-    assert d.difference.number == SEEDS
+    assert d.difference.sample_size == SEEDS
     assert d.verdict == "worse"
     assert stats.ttest_ind(ME["fuzzy_t2"], ME["fuzzy_t1"]).pvalue > 0.5
 
@@ -83,9 +83,9 @@ def test_a_seed_under_which_one_stopped_counts_for_neither(repeated):
     )
     keep = np.arange(SEEDS) != 5
     d = found(broken, "fuzzy_t2", "fuzzy_t1")
-    assert d.difference.number == SEEDS - 1
+    assert d.difference.sample_size == SEEDS - 1
     assert d.difference.mean == pytest.approx((ME["fuzzy_t2"] - ME["fuzzy_t1"])[keep].mean())
-    assert found(broken, "recommended", "fuzzy_t2").difference.number == SEEDS
+    assert found(broken, "recommended", "fuzzy_t2").difference.sample_size == SEEDS
     noise = table(broken, "Tracking error with the paper's noise")
     assert noise.rows[0][1] == "fuzzy_t1 (1 of 12 stopped)"
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from omnidrive.evaluation.uncertainty import estimate, holm, p_value
+from omnidrive.evaluation.uncertainty import estimate_mean, holm, p_value
 
 
 @settings(max_examples=50, deadline=None)
@@ -18,7 +18,7 @@ def test_the_interval_and_p_of_differences_are_those_of_the_paired_test(seed, co
     a += shift
     theirs = stats.ttest_rel(a, b)
     low, high = theirs.confidence_interval(0.95)
-    ours = estimate(a - b)
+    ours = estimate_mean(a - b)
     assert (ours.low, ours.high) == pytest.approx((low, high), rel=1e-9)
     assert ours.mean == pytest.approx(np.mean(a - b))
     assert p_value(a - b) == pytest.approx(theirs.pvalue, rel=1e-9)
@@ -26,20 +26,20 @@ def test_the_interval_and_p_of_differences_are_those_of_the_paired_test(seed, co
 
 def test_the_interval_holds_the_true_mean_as_often_as_it_says():
     draws = np.random.default_rng(1).normal(3.0, 2.0, size=(2000, 8))
-    held = [e.low <= 3.0 <= e.high for e in map(estimate, draws)]
+    held = [e.low <= 3.0 <= e.high for e in map(estimate_mean, draws)]
     assert np.mean(held) == pytest.approx(0.95, abs=0.02)
 
 
 def test_too_few_values_have_no_interval():
-    assert isnan(estimate(np.array([])).mean)
-    one = estimate(np.array([2.0]))
-    assert (one.mean, one.number) == (2.0, 1)
+    assert isnan(estimate_mean(np.array([])).mean)
+    one = estimate_mean(np.array([2.0]))
+    assert (one.mean, one.sample_size) == (2.0, 1)
     assert isnan(one.low)
     assert isnan(p_value(np.array([2.0])))
 
 
 def test_values_without_spread():
-    assert estimate(np.full(5, 0.5))[:3] == (0.5, 0.5, 0.5)
+    assert estimate_mean(np.full(5, 0.5))[:3] == (0.5, 0.5, 0.5)
     assert p_value(np.full(5, 0.5)) == 0.0
     assert p_value(np.zeros(5)) == 1.0
 
@@ -61,4 +61,4 @@ def test_holm_by_hand():
     ],
 )  # fmt: skip
 def test_printed_with_two_digits_of_the_margin(values, texts):
-    assert estimate(np.array(values)).text() == texts
+    assert estimate_mean(np.array(values)).text() == texts

@@ -34,7 +34,7 @@ def test_nobody_diverges_silently(preset, plant):
             )
             late = usual.run.t >= result.fault.at
             error = (usual.run.pose - usual.run.target)[late, :2]
-            assert found.worst <= (error**2).sum(axis=1).max() ** 0.5 + extra, result.name
+            assert found.max_error <= (error**2).sum(axis=1).max() ** 0.5 + extra, result.name
 
 
 @pytest.mark.parametrize("plant", PLANTS)

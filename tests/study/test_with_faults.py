@@ -84,8 +84,8 @@ def test_a_run_that_the_watchdog_stopped_has_not_recovered():
     study = run_study(small_scenario(tasks=tasks, controllers=("feedforward",)))
     (_, silent), (_, blind) = study.results.recoveries
     assert (silent.recovered, silent.stopped) == (False, True)
-    assert np.isnan(silent.time)
-    assert blind == (True, 0.0, blind.worst, False)
+    assert np.isnan(silent.time_to_recover)
+    assert blind == (True, 0.0, blind.max_error, False)
     table = next(t for t in study.tables if t.title == "Disturbances and faults")
     assert table.rows[0][2].startswith("stopped at 6")
     assert table.rows[0][-1].startswith("5.80 s: the watchdog stops the robot: its pose is lost")

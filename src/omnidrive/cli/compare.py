@@ -10,15 +10,15 @@ import typer
 from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
-    HOW,
+    RUN_PANEL,
     FolderOption,
     JsonOption,
+    available_cores,
     choose_many,
-    cores,
-    new_folder,
+    default_folder,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_touching
+from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
     PREDICTIVE,
@@ -34,7 +34,7 @@ from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 def _only(what: str, names: object) -> Any:
     """An option that keeps some of the names of a literal type, separated by commas."""
-    return option("A,B,...", f"Only these {what}: {', '.join(get_args(names))}.", HOW)
+    return option("A,B,...", f"Only these {what}: {', '.join(get_args(names))}.", RUN_PANEL)
 
 
 @with_demand()
@@ -47,13 +47,16 @@ def compare(
         option(
             "N",
             "Repeat the task noise with N seeds: means with intervals, paired differences.",
-            HOW,
+            RUN_PANEL,
         ),
     ] = None,
     jobs: Annotated[
         int | None,
         option(
-            "N", "Runs at the same time; changes no number [default: every core].", HOW, least=1
+            "N",
+            "Runs at the same time; changes no number [default: every core].",
+            RUN_PANEL,
+            least=1,
         ),
     ] = None,
     fault: FaultOption = None,
@@ -78,9 +81,9 @@ def compare(
         check_new_folder(out)
     resolved = _restrict(demand.resolve(), controllers, tasks, noise_seeds)
     resolved = with_faults(resolved, fault)
-    folder = out or new_folder(resolved.name)
+    folder = out or default_folder(resolved.name)
     with LiveProgress() as progress:
-        study = run_study(resolved, folder, processes=jobs or cores(), watcher=progress)
+        study = run_study(resolved, folder, processes=jobs or available_cores(), watcher=progress)
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
@@ -89,7 +92,7 @@ def compare(
         parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
         typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
-    warn_of_touching(study)
+    warn_of_collisions(study)
     study.raise_if_failed()
 
 

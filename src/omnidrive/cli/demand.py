@@ -12,7 +12,15 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from omnidrive.cli.options import HOW, WHERE, choice, choose_one, flag, option, two_or_three
+from omnidrive.cli.options import (
+    PATH_PANEL,
+    RUN_PANEL,
+    choice,
+    choose_one,
+    flag,
+    option,
+    parse_coordinates,
+)
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown
 from omnidrive.planning import MethodName, SmoothingName, Waypoint
@@ -53,29 +61,29 @@ class Demand:
             "file: of Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
         ),
     ] = "paper"
-    map: Annotated[Path | None, option("FILE", "The same for a map's file.", WHERE)] = None
-    start: Annotated[str | None, option("X,Y[,HEADING]", "Start in m, m, rad.", WHERE)] = None
-    goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal in m, m, rad.", WHERE)] = None
-    duration: Annotated[float | None, option("S", "Time for the path, in s.", WHERE)] = None
-    speed: Annotated[float | None, option("M/S", "Mean speed instead, in m/s.", WHERE)] = None
+    map: Annotated[Path | None, option("FILE", "The same for a map's file.", PATH_PANEL)] = None
+    start: Annotated[str | None, option("X,Y[,HEADING]", "Start in m, m, rad.", PATH_PANEL)] = None
+    goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal in m, m, rad.", PATH_PANEL)] = None
+    duration: Annotated[float | None, option("S", "Time for the path, in s.", PATH_PANEL)] = None
+    speed: Annotated[float | None, option("M/S", "Mean speed instead, in m/s.", PATH_PANEL)] = None
     margin: Annotated[
-        float | None, option("M", "Room between robot and obstacles, in m.", WHERE)
+        float | None, option("M", "Room between robot and obstacles, in m.", PATH_PANEL)
     ] = None
     unknown: Annotated[
-        str | None, choice(get_args(Unknown), "What unknown cells count as.", WHERE)
+        str | None, choice(get_args(Unknown), "What unknown cells count as.", PATH_PANEL)
     ] = None
     resolution: Annotated[
         float | None,
-        option("M", "Side of a cell in m, where the map does not say it [default: 1].", WHERE),
+        option("M", "Side of a cell in m, where the map does not say it [default: 1].", PATH_PANEL),
     ] = None
-    robot: Annotated[str | None, choice(ROBOTS, "Which robot drives.", HOW)] = None
+    robot: Annotated[str | None, choice(ROBOTS, "Which robot drives.", RUN_PANEL)] = None
     plant: Annotated[
         str | None,
         choice(
             get_args(PlantName),
             "What simulates it: MuJoCo with rollers or with balls, a rigid body on the plane with "
             "friction at its wheels, kinematics alone, or a running CoppeliaSim.",
-            HOW,
+            RUN_PANEL,
         ),
     ] = None
     preset: Annotated[
@@ -84,7 +92,7 @@ class Demand:
             get_args(PresetName),
             "Take the paper's controllers from its text, from its published code with its slip in "
             "the wheel matrix, or as we would build them.",
-            HOW,
+            RUN_PANEL,
         ),
     ] = None
     search: Annotated[
@@ -93,14 +101,14 @@ class Demand:
             get_args(MethodName),
             "How a way over the cells is searched: the shortest way (astar, and sooner on open or "
             "narrow maps jump-point), to any angle (lazy-theta), or greedy as in the paper.",
-            HOW,
+            RUN_PANEL,
         ),
     ] = None
     cut_corners: Annotated[
         bool | None,
         flag(
             "Whether diagonal moves may pass obstacles' corners, as in the paper.",
-            HOW,
+            RUN_PANEL,
             "--cut-corners/--no-cut-corners",
         ),
     ] = None
@@ -109,7 +117,7 @@ class Demand:
         choice(
             get_args(SmoothingName),
             "Smooth the way with a proof that nothing is hit, or plainly as in the paper.",
-            HOW,
+            RUN_PANEL,
         ),
     ] = None
     timing: Annotated[
@@ -118,23 +126,23 @@ class Demand:
             get_args(TimingName),
             "Travel evenly as in the paper; from rest to rest within the wheels' limits; or also "
             "move the path and turn freely to save time.",
-            HOW,
+            RUN_PANEL,
         ),
     ] = None
     heading: Annotated[
         str | None,
-        choice(get_args(Heading), "Where the robot looks, with the timing `limits`.", HOW),
+        choice(get_args(Heading), "Where the robot looks, with the timing `limits`.", RUN_PANEL),
     ] = None
     estimator: Annotated[
         bool | None,
         flag(
             "Whether the controllers see what an estimator makes of wheel encoders, a gyro and a "
             "measured pose, or as in the paper the pose as it is measured.",
-            HOW,
+            RUN_PANEL,
             "--estimator/--no-estimator",
         ),
     ] = None
-    seed: Annotated[int | None, option("N", "Seed of the noise.", HOW)] = None
+    seed: Annotated[int | None, option("N", "Seed of the noise.", RUN_PANEL)] = None
 
     @property
     def map_file(self) -> Path | None:
@@ -270,7 +278,7 @@ def _plain_name(text: str) -> str:
 
 def parse_waypoint(name: str, text: str) -> Waypoint:
     """Read ``X,Y`` or ``X,Y,HEADING``."""
-    numbers = two_or_three(text)
+    numbers = parse_coordinates(text)
     if not numbers:
         raise InvalidInput(
             f"--{name} must be X,Y or X,Y,HEADING in m, m, rad, such as 1.5,2 or 1.5,2,-0.78; "

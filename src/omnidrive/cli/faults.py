@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from omnidrive.cli.options import HOW, option
+from omnidrive.cli.options import RUN_PANEL, option
 from omnidrive.simulation.faults import FAULTS, parse_fault
 from omnidrive.study import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
@@ -16,7 +16,7 @@ FaultOption = Annotated[
         "KIND[:NAME=VALUE,...]",
         "Let something go wrong, such as wheel-dead:wheel=2,at=5; may be given again. "
         f"Kinds: {', '.join(FAULTS)}.",
-        HOW,
+        RUN_PANEL,
         "--fault",
     ),
 ]

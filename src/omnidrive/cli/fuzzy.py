@@ -21,7 +21,7 @@ from omnidrive.cli.fuzzy_text import (
     rules_table,
     variable_lines,
 )
-from omnidrive.cli.options import choose_one, cores, two_or_three
+from omnidrive.cli.options import available_cores, choose_one, parse_coordinates
 from omnidrive.cli.progress import print_tables
 from omnidrive.compiled import kernels_are_kept
 from omnidrive.errors import CannotWrite, InvalidInput, suggestion
@@ -227,7 +227,7 @@ def evaluate(
         raise InvalidInput("--samples is for --centroid matlab, and this centroid is exact")
     _free(target, force)
     _say_compiling()
-    done = evaluate_csv(inference, source, target, threads=threads or cores())
+    done = evaluate_csv(inference, source, target, threads=threads or available_cores())
     if done.unused:
         shown = ", ".join(done.unused[:6]) + (", ..." if len(done.unused) > 6 else "")
         _warn(f"columns that name no input, not used: {shown}")
@@ -256,7 +256,7 @@ def _load(file: Path, type2: str | None) -> FuzzySystem:
 
 
 def _parse_footprint(text: str) -> Footprint:
-    numbers = two_or_three(text)
+    numbers = parse_coordinates(text)
     if not numbers:
         raise InvalidInput(
             f"--type2 must be SCALE,LAG or SCALE,LAG,LAG, such as 0.8,0.2; got "

@@ -12,7 +12,7 @@ import typer
 
 from omnidrive.errors import InvalidInput, closest
 
-WHERE, HOW, RESULTS = "Where to drive", "How to drive", "Results"
+PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Where to drive", "How to drive", "Results"
 """Panels of the help."""
 
 
@@ -41,12 +41,14 @@ def flag(text: str, panel: str, *names: str) -> Any:
 
 FolderOption = Annotated[
     Path | None,
-    option("FOLDER", "New folder for the results [default: runs/NAME-TIME].", RESULTS, "--out"),
+    option(
+        "FOLDER", "New folder for the results [default: runs/NAME-TIME].", RESULTS_PANEL, "--out"
+    ),
 ]
-JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESULTS, "--json")]
+JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESULTS_PANEL, "--json")]
 
 
-def two_or_three(text: str) -> list[float]:
+def parse_coordinates(text: str) -> list[float]:
     """Two or three numbers with commas between; none if that is not what ``text`` is."""
     try:
         numbers = [float(part) for part in text.split(",")]
@@ -70,7 +72,7 @@ def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
     raise InvalidInput(f"there is no {name} '{value}'; there are {', '.join(options)}{hint}")
 
 
-def new_folder(name: str) -> Path:
+def default_folder(name: str) -> Path:
     """A folder under runs/ that does not exist yet."""
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     base = Path("runs") / f"{name}-{stamp}"
@@ -81,7 +83,7 @@ def new_folder(name: str) -> Path:
     return path
 
 
-def cores() -> int:
+def available_cores() -> int:
     """Cores that this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1

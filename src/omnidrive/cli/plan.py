@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 from omnidrive.cli.demand import Demand, with_demand
-from omnidrive.cli.options import RESULTS, WHERE, choose_one, flag, option
+from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
 from omnidrive.compiled import kernels_are_kept
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown, load_map, load_queries
@@ -43,7 +43,7 @@ def plan(
             "FILE.scen",
             "Search every query of a MovingAI scenario file on its map instead, and report the "
             "lengths that differ from the file's.",
-            WHERE,
+            PATH_PANEL,
         ),
     ] = None,
     out: Annotated[
@@ -53,13 +53,13 @@ def plan(
             "Waypoint file for the reference: .csv, .path (PathPlanner), .traj (Choreo), .yaml "
             "(ROS nav_msgs/Path); or else a new folder for scenario.yaml, reference.csv and "
             "path.png.",
-            RESULTS,
+            RESULTS_PANEL,
         ),
     ] = None,
     png: Annotated[
-        Path | None, option("FILE.png", "Draw map, path and speeds; .svg too.", RESULTS)
+        Path | None, option("FILE.png", "Draw map, path and speeds; .svg too.", RESULTS_PANEL)
     ] = None,
-    json: Annotated[bool, flag("Print JSON, for machines.", RESULTS, "--json")] = False,
+    json: Annotated[bool, flag("Print JSON, for machines.", RESULTS_PANEL, "--json")] = False,
 ) -> None:
     """Search a path, smooth it, time it; say what it asks of the robot.
 

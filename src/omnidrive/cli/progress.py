@@ -93,7 +93,7 @@ def print_events(study: Study) -> None:
             console.print(f"{result.name}:\n{facts}", markup=False, highlight=False)
 
 
-def warn_of_touching(study: Study) -> None:
+def warn_of_collisions(study: Study) -> None:
     """Say on standard error which robots ran into an obstacle, or would have."""
     if study.collisions:
         times = (f"{name} ({count} times)" for name, count in study.collisions.items())

@@ -12,17 +12,17 @@ import typer
 from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
-    HOW,
-    RESULTS,
+    RESULTS_PANEL,
+    RUN_PANEL,
     FolderOption,
     JsonOption,
     choice,
     choose_one,
+    default_folder,
     flag,
-    new_folder,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_touching
+from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
 from omnidrive.errors import InvalidInput
 from omnidrive.simulation.show import Recorder, Viewer, check_film, film
 from omnidrive.study import (
@@ -41,19 +41,21 @@ from omnidrive.study import (
 def run(
     demand: Demand,
     controller: Annotated[
-        str, choice(get_args(ControllerName), "Which controller.", HOW)
+        str, choice(get_args(ControllerName), "Which controller.", RUN_PANEL)
     ] = "recommended",
-    task: Annotated[str, option("track|noise|step|faults", "What it has to do.", HOW)] = "track",
+    task: Annotated[
+        str, option("track|noise|step|faults", "What it has to do.", RUN_PANEL)
+    ] = "track",
     horizon: Annotated[
-        int | None, option("N", "Prediction horizon of the NMPC, in steps.", HOW)
+        int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
     ] = None,
     fault: FaultOption = None,
     view: Annotated[
-        bool, flag("Watch it in MuJoCo's viewer, at real time.", HOW, "--view")
+        bool, flag("Watch it in MuJoCo's viewer, at real time.", RUN_PANEL, "--view")
     ] = False,
     out: FolderOption = None,
     video: Annotated[
-        Path | None, option("FILE", "Film of it: .mp4, or .gif; at real time.", RESULTS)
+        Path | None, option("FILE", "Film of it: .mp4, or .gif; at real time.", RESULTS_PANEL)
     ] = None,
     json: JsonOption = False,
 ) -> None:
@@ -74,7 +76,7 @@ def run(
     if video is not None:
         check_film(video)
     resolved = with_faults(_narrow(demand.resolve(), controller, task, horizon), fault)
-    folder = out or new_folder(f"{resolved.name}-{controller}-{task}")
+    folder = out or default_folder(f"{resolved.name}-{controller}-{task}")
     with ExitStack() as stack:
         viewers = [stack.enter_context(Viewer())] if view else []
         recorders = [Recorder()] if video is not None else []
@@ -89,7 +91,7 @@ def run(
         for each in films:
             typer.echo(f"film: {each}")
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
-    warn_of_touching(study)
+    warn_of_collisions(study)
     study.raise_if_failed()
 
 

@@ -6,7 +6,7 @@ from omnidrive.evaluation.page import write_page
 from omnidrive.evaluation.paired import (
     MEASURES,
     PairedDifference,
-    Repeated,
+    RepeatedRuns,
     paired_differences,
     repeated_runs,
 )
@@ -29,7 +29,7 @@ __all__ = [
     "Metrics",
     "PairedDifference",
     "Recovery",
-    "Repeated",
+    "RepeatedRuns",
     "StepResponse",
     "StepResult",
     "StudyResults",

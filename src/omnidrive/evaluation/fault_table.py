@@ -14,8 +14,9 @@ from omnidrive.simulation.faults import FAULTS
 def fault_table(results: StudyResults) -> Table:
     """Every fault and controller: whether, how far and how soon the robot came back."""
     rows = [
-        (f"{r.number} {_what(r)}", r.controller, _verdict(r, found), f"{found.worst:.3f}",
-         f"{found.time:.1f}" if isfinite(found.time) else "–", f"{r.metrics.me:.4f}", _found(r))
+        (f"{r.number} {_what(r)}", r.controller, _verdict(r, found), f"{found.max_error:.3f}",
+         f"{found.time_to_recover:.1f}" if isfinite(found.time_to_recover) else "–",
+         f"{r.metrics.me:.4f}", _found(r))
         for r, found in results.recoveries
     ]  # fmt: skip
     return Table(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnidrive.evaluation.results import StudyResults, TrackResult
-from omnidrive.evaluation.uncertainty import CONFIDENCE, Estimate, estimate, holm, p_value
+from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, estimate_mean, holm, p_value
 from omnidrive.simulation import Outcome
 
 MEASURES = {"me_measured": "m", "mae_measured": "rad", "me": "m", "mae": "rad"}
@@ -23,7 +23,7 @@ MEASURE_LABELS = {
 """What to print for them."""
 
 
-class Repeated(NamedTuple):
+class RepeatedRuns(NamedTuple):
     """One controller's runs with noise over one duration."""
 
     controller: str
@@ -39,10 +39,10 @@ class Repeated(NamedTuple):
             k: result for k, result in self.runs.items() if result.run.outcome is Outcome.FINISHED
         }
 
-    def estimate(self, measure: str) -> Estimate:
+    def estimate_mean(self, measure: str) -> MeanEstimate:
         """Mean of one of :data:`MEASURES` over the finished runs, with its interval."""
         values = [getattr(result.metrics, measure) for result in self.finished.values()]
-        return estimate(np.array(values, dtype=float))
+        return estimate_mean(np.array(values, dtype=float))
 
 
 class PairedDifference(NamedTuple):
@@ -54,7 +54,7 @@ class PairedDifference(NamedTuple):
     second: str
     measure: str
     """One of :data:`MEASURES`."""
-    difference: Estimate
+    difference: MeanEstimate
     """Mean over the seeds of the error of ``first`` minus that of ``second``; m or rad."""
     p: float
     """Of a true mean difference of 0, after Holm over all pairs of this measure and duration."""
@@ -67,14 +67,14 @@ class PairedDifference(NamedTuple):
         return "better" if self.difference.mean < 0.0 else "worse"
 
 
-def repeated_runs(results: StudyResults) -> list[Repeated]:
+def repeated_runs(results: StudyResults) -> list[RepeatedRuns]:
     """Runs with noise, gathered by duration and controller; none if there was one seed only."""
     every = results.select("noise", repeat=None)
     if not any(r.repeat for r in every):
         return []
     keys = dict.fromkeys((r.duration, r.controller) for r in every)
     return [
-        Repeated(name, seconds,
+        RepeatedRuns(name, seconds,
                  {r.repeat: r for r in every if (r.duration, r.controller) == (seconds, name)})
         for seconds, name in keys
     ]  # fmt: skip
@@ -94,7 +94,7 @@ def paired_differences(results: StudyResults) -> list[PairedDifference]:
     return found
 
 
-def _family(pairs: list[tuple[Repeated, Repeated]], measure: str) -> list[PairedDifference]:
+def _family(pairs: list[tuple[RepeatedRuns, RepeatedRuns]], measure: str) -> list[PairedDifference]:
     """All pairs by one measure, their p-values adjusted for their number."""
     tested = []
     for earlier, later in pairs:
@@ -105,7 +105,7 @@ def _family(pairs: list[tuple[Repeated, Repeated]], measure: str) -> list[Paired
     adjusted = holm([p_value(differences) for _, _, differences in tested])
     return [
         PairedDifference(later.duration, later.controller, earlier.controller, measure,
-                         estimate(differences), p)
+                         estimate_mean(differences), p)
         for (earlier, later, differences), p in zip(tested, adjusted, strict=True)
     ]  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from zlib import crc32
 
 
-class Ink(NamedTuple):
+class ThemeColour(NamedTuple):
     """One colour, as ``#rrggbb``, legible on either ground."""
 
     light: str
@@ -18,18 +18,22 @@ class Ink(NamedTuple):
 # Okabe & Ito, "Color universal design", 2008: told apart by the colour-blind, too. On black the
 # type-3's is redder than theirs, away from the type-1's; the baseline goes without hue.
 _CONTROLLERS = {
-    "pid": ("PID", "PID", Ink("#595959", "#d9d9d9")),
-    "fuzzy_t1": ("Type-1 fuzzy PID", "T1", Ink("#e69f00", "#e69f00")),
-    "fuzzy_t2": ("Interval type-2 fuzzy PID", "IT2", Ink("#0072b2", "#56b4e9")),
-    "fuzzy_t3": ("Interval type-3 fuzzy PID", "IT3", Ink("#d55e00", "#e0503c")),
-    "nmpc": ("NMPC", "NMPC", Ink("#cc79a7", "#e39ac3")),
-    "feedforward": ("Feedforward", "FF", Ink("#882255", "#c46ba0")),
-    "recommended": ("Recommended", "Rec.", Ink("#009e73", "#1fc998")),
+    "pid": ("PID", "PID", ThemeColour("#595959", "#d9d9d9")),
+    "fuzzy_t1": ("Type-1 fuzzy PID", "T1", ThemeColour("#e69f00", "#e69f00")),
+    "fuzzy_t2": ("Interval type-2 fuzzy PID", "IT2", ThemeColour("#0072b2", "#56b4e9")),
+    "fuzzy_t3": ("Interval type-3 fuzzy PID", "IT3", ThemeColour("#d55e00", "#e0503c")),
+    "nmpc": ("NMPC", "NMPC", ThemeColour("#cc79a7", "#e39ac3")),
+    "feedforward": ("Feedforward", "FF", ThemeColour("#882255", "#c46ba0")),
+    "recommended": ("Recommended", "Rec.", ThemeColour("#009e73", "#1fc998")),
 }
-_SPARE = (Ink("#8c564b", "#c49c94"), Ink("#9c8f00", "#f0e442"), Ink("#56b4e9", "#9ad7fb"))
+_SPARE = (
+    ThemeColour("#8c564b", "#c49c94"),
+    ThemeColour("#9c8f00", "#f0e442"),
+    ThemeColour("#56b4e9", "#9ad7fb"),
+)
 
 # ends of viridis, cut where it would fade into the ground
-_RAMPS = Ink("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae #c4e65a")
+_RAMPS = ThemeColour("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae #c4e65a")
 
 
 def controller_label(controller: str) -> str:
@@ -42,18 +46,18 @@ def controller_short(controller: str) -> str:
     return _CONTROLLERS[controller][1] if controller in _CONTROLLERS else controller
 
 
-def controller_ink(controller: str) -> Ink:
+def controller_colour(controller: str) -> ThemeColour:
     """Colour of a controller, whatever others are in the study."""
     if controller in _CONTROLLERS:
         return _CONTROLLERS[controller][2]
     return _SPARE[crc32(controller.encode()) % len(_SPARE)]
 
 
-def horizon_inks(count: int) -> tuple[Ink, ...]:
+def horizon_colours(count: int) -> tuple[ThemeColour, ...]:
     """Colours of ``count`` horizons, from the shortest to the longest."""
     positions = [k / max(count - 1, 1) for k in range(count)]
     light, dark = ([_along(ramp.split(), p) for p in positions] for ramp in _RAMPS)
-    return tuple(Ink(*pair) for pair in zip(light, dark, strict=True))
+    return tuple(ThemeColour(*pair) for pair in zip(light, dark, strict=True))
 
 
 def _along(ramp: list[str], position: float) -> str:

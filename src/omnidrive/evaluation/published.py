@@ -7,7 +7,7 @@ from typing import NamedTuple
 from omnidrive.evaluation.step_response import StepResponse
 
 
-class Published(NamedTuple):
+class PublishedErrors(NamedTuple):
     """One row of the paper's tracking tables."""
 
     me: float
@@ -17,15 +17,15 @@ class Published(NamedTuple):
 
 
 PUBLISHED_ERRORS = {
-    ("track", 20.0, "fuzzy_t1"): Published(0.0874, 0.0888),
-    ("track", 20.0, "fuzzy_t2"): Published(0.0855, 0.0849),
-    ("track", 20.0, "nmpc"): Published(0.0722, 0.0625),
-    ("track", 30.0, "fuzzy_t1"): Published(0.0521, 0.05349),
-    ("track", 30.0, "fuzzy_t2"): Published(0.0501, 0.0535),
-    ("track", 30.0, "nmpc"): Published(0.0439, 0.0385),
-    ("noise", 30.0, "fuzzy_t1"): Published(0.0657, 0.0608),
-    ("noise", 30.0, "fuzzy_t2"): Published(0.0647, 0.0588),
-    ("noise", 30.0, "nmpc"): Published(0.0566, 0.0586),
+    ("track", 20.0, "fuzzy_t1"): PublishedErrors(0.0874, 0.0888),
+    ("track", 20.0, "fuzzy_t2"): PublishedErrors(0.0855, 0.0849),
+    ("track", 20.0, "nmpc"): PublishedErrors(0.0722, 0.0625),
+    ("track", 30.0, "fuzzy_t1"): PublishedErrors(0.0521, 0.05349),
+    ("track", 30.0, "fuzzy_t2"): PublishedErrors(0.0501, 0.0535),
+    ("track", 30.0, "nmpc"): PublishedErrors(0.0439, 0.0385),
+    ("noise", 30.0, "fuzzy_t1"): PublishedErrors(0.0657, 0.0608),
+    ("noise", 30.0, "fuzzy_t2"): PublishedErrors(0.0647, 0.0588),
+    ("noise", 30.0, "nmpc"): PublishedErrors(0.0566, 0.0586),
 }
 """Tables 2 and 3 of the paper, by task, duration in s and controller."""
 

@@ -15,7 +15,7 @@ from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
     MEASURES,
     PairedDifference,
-    Repeated,
+    RepeatedRuns,
     paired_differences,
     repeated_runs,
 )
@@ -156,18 +156,18 @@ _OF_MANY = (
 )
 
 
-def _name_of_many(group: Repeated) -> str:
+def _name_of_many(group: RepeatedRuns) -> str:
     """The controller, and how many of its runs stopped before the end and count for nothing."""
     stopped = len(group.runs) - len(group.finished)
     return group.controller + (f" ({stopped} of {len(group.runs)} stopped)" if stopped else "")
 
 
-def _mean(group: Repeated, measure: str) -> str:
-    found = group.estimate(measure)
+def _mean(group: RepeatedRuns, measure: str) -> str:
+    found = group.estimate_mean(measure)
     return f"{_number(found.mean, 5)} ± {_number(found.margin, 5)}"
 
 
-def _price_of_many(group: Repeated) -> tuple[str, ...]:
+def _price_of_many(group: RepeatedRuns) -> tuple[str, ...]:
     """Cells under ``_PRICE_COLUMNS``: the worst of distances, the mean of the others."""
     results = group.finished.values()
 
@@ -218,7 +218,7 @@ def _paired_row(d: PairedDifference) -> tuple[str, ...]:
         mean,
         f"{low} to {high}",
         f"{d.p:.3f}" if d.p >= 1e-3 else "< 0.001",
-        str(d.difference.number),
+        str(d.difference.sample_size),
         d.verdict,
     )
 

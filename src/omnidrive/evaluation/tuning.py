@@ -15,7 +15,7 @@ INPUTS = {"error_input": "scaled error", "change_input": "scaled change of error
 """What the fuzzy system sees, and what to call it."""
 
 
-class Tuned(NamedTuple):
+class TuningSignal(NamedTuple):
     """One gain or input of one channel over time, a :attr:`Run.details` column."""
 
     quantity: str
@@ -32,10 +32,10 @@ def unit_text(unit: str) -> str:
     return "" if unit == "1" else unit.replace("^2", "²")
 
 
-def tuning_of(run: Run) -> list[Tuned]:
+def tuning_signals(run: Run) -> list[TuningSignal]:
     """Every gain, and every input that a tuner sees: constant gains have none."""
     found = [
-        Tuned(quantity, name.removeprefix(f"{quantity}_"), run.detail_units[name], column)
+        TuningSignal(quantity, name.removeprefix(f"{quantity}_"), run.detail_units[name], column)
         for name, column in run.details.items()
         for quantity in (*GAINS, *INPUTS)
         if name.startswith(f"{quantity}_") and np.isfinite(column).any()

@@ -15,14 +15,14 @@ CONFIDENCE = 0.95
 """Share of intervals that hold the true mean."""
 
 
-class Estimate(NamedTuple):
+class MeanEstimate(NamedTuple):
     """A mean and its confidence interval, in the unit of the values."""
 
     mean: float
     low: float
     """Lower end of the interval; NaN with fewer than two values, as ``high``."""
     high: float
-    number: int
+    sample_size: int
     """How many values."""
 
     @property
@@ -45,7 +45,7 @@ class Estimate(NamedTuple):
         return mean, f"{margin:.{places}f}", low, high
 
 
-def estimate(values: Float[Array, " repeats"]) -> Estimate:
+def estimate_mean(values: Float[Array, " repeats"]) -> MeanEstimate:
     """Mean and 95 % interval of independent values: mean +- t s / sqrt(n).
 
     With Student's t of n - 1 degrees of freedom (Student, "The probable error of a mean",
@@ -55,13 +55,13 @@ def estimate(values: Float[Array, " repeats"]) -> Estimate:
     count = len(values)
     mean = float(values.mean()) if count else nan
     if count < 2:
-        return Estimate(mean, nan, nan, count)
+        return MeanEstimate(mean, nan, nan, count)
     margin = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE)) * _error_of_mean(values)
-    return Estimate(mean, mean - margin, mean + margin, count)
+    return MeanEstimate(mean, mean - margin, mean + margin, count)
 
 
 def p_value(values: Float[Array, " repeats"]) -> float:
-    """Two-sided p of Student's t test that the values' true mean is 0; as ``estimate``.
+    """Two-sided p of Student's t test that the values' true mean is 0; as ``estimate_mean``.
 
     Values without any spread have p = 1 if they are 0, else 0. NaN with fewer than two values.
     """

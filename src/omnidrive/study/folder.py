@@ -22,7 +22,7 @@ from omnidrive.evaluation import (
     FaultResult,
     PairedDifference,
     Recovery,
-    Repeated,
+    RepeatedRuns,
     StepResult,
     StudyResults,
     TrackResult,
@@ -208,8 +208,8 @@ def fault_record(result: FaultResult, found: Recovery) -> dict[str, Any]:
             "fault": fault.model_dump() if fault else None,
             "duration": result.duration,
             "recovered": found.recovered,
-            "time_to_recover": found.time,
-            "worst_error": found.worst,
+            "time_to_recover": found.time_to_recover,
+            "worst_error": found.max_error,
             "stopped": found.stopped,
             "finished": result.run.outcome is Outcome.FINISHED,
             "outcome": result.run.ending,
@@ -226,9 +226,9 @@ def event_records(run: Run) -> list[dict[str, Any]]:
     return [event._asdict() for event in run.events]
 
 
-def mean_record(group: Repeated) -> dict[str, Any]:
+def mean_record(group: RepeatedRuns) -> dict[str, Any]:
     """One entry of ``repeated`` in results.json: means over the runs that finished."""
-    estimates = {measure: group.estimate(measure)._asdict() for measure in MEASURES}
+    estimates = {measure: group.estimate_mean(measure)._asdict() for measure in MEASURES}
     return {
         "controller": group.controller,
         "duration": group.duration,

@@ -3,7 +3,7 @@
 from omnidrive.evaluation.figures.catalogue import draw_figures, write_figures
 from omnidrive.evaluation.figures.control_surface import control_surface
 from omnidrive.evaluation.figures.membership import membership_figure
-from omnidrive.evaluation.figures.route import plan_figure
+from omnidrive.evaluation.figures.plan import plan_figure
 from omnidrive.evaluation.figures.rule_viewer import rule_viewer
 from omnidrive.evaluation.figures.style import save
 

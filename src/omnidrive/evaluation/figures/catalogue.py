@@ -8,13 +8,13 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.comparison import heading_comparison, xy_comparison
-from omnidrive.evaluation.figures.differences import noise_differences
-from omnidrive.evaluation.figures.gains import gain_history, step_gain_history
+from omnidrive.evaluation.figures.gain_history import gain_history, step_gain_history
 from omnidrive.evaluation.figures.horizon import horizon_bars
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.membership import membership_functions
-from omnidrive.evaluation.figures.steps import step_response
-from omnidrive.evaluation.figures.style import save, styled
+from omnidrive.evaluation.figures.paired_differences import noise_differences
+from omnidrive.evaluation.figures.step_response import step_response
+from omnidrive.evaluation.figures.style import figure_style, save
 from omnidrive.evaluation.figures.tracking_error import tracking_error
 from omnidrive.evaluation.results import StudyResults
 
@@ -41,7 +41,7 @@ _FIGURES: dict[str, Draw] = {
 def draw_figures(results: StudyResults) -> Iterator[tuple[str, Figure]]:
     """Name and figure, one by one, of everything the study has runs for."""
     for name, draw in _FIGURES.items():
-        with styled():
+        with figure_style():
             figure = draw(results)
         if figure is not None:
             yield name, figure

@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.curves import Curve, curves
-from omnidrive.evaluation.figures.route import Box, draw_map
-from omnidrive.evaluation.figures.style import INK, canvas, legend_above
+from omnidrive.evaluation.figures.plan import Box, draw_map
+from omnidrive.evaluation.figures.style import DARK, legend_above, new_figure
 from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
 from omnidrive.evaluation.results import StudyResults
 
@@ -30,9 +30,9 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     lines = curves(results, task)
     if not lines:
         return None
-    figure = canvas(8.6, 4.6)
+    figure = new_figure(8.6, 4.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0), height_ratios=(1.15, 1.0))
-    whole, close, error = (figure.add_subplot(grid[place]) for place in _PLACES)
+    whole, close, error = (figure.add_subplot(grid[cell]) for cell in _CELLS)
     draw_map(whole, results.obstacles, results.free_space, results.grid_path, _view(results))
     for axes in (whole, close):
         _paths(axes, lines)
@@ -44,7 +44,9 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     close.set(xlabel="x in m", ylabel="y in m")
     close.set_title("Where they differ most")
     close.locator_params(nbins=5)
-    whole.add_patch(Rectangle((x - wide, y - half), 2 * wide, 2 * half, fill=False, lw=1.0, ec=INK))
+    whole.add_patch(
+        Rectangle((x - wide, y - half), 2 * wide, 2 * half, fill=False, lw=1.0, ec=DARK)
+    )
     whole.annotate("magnified", (x + wide, y), (6, 0), textcoords="offset points", va="center",
                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
     _distances(error, lines)
@@ -52,7 +54,7 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     return figure
 
 
-_PLACES = ((slice(None), 0), (0, 1), (1, 1))
+_CELLS = ((slice(None), 0), (0, 1), (1, 1))
 
 
 def heading_comparison(results: StudyResults, task: str) -> Figure | None:
@@ -60,14 +62,14 @@ def heading_comparison(results: StudyResults, task: str) -> Figure | None:
     lines = curves(results, task)
     if not lines:
         return None
-    figure = canvas(7.2, 4.6)
+    figure = new_figure(7.2, 4.6)
     heading, error = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     for k, (label, colour, result) in enumerate(lines):
         run = result.run
         heading.plot(run.t, run.pose[:, 2], color=colour, label=label, lw=_width(k, lines))
         error.plot(run.t, heading_error(run.pose, run.target) * 1e3, color=colour)
     run = _fullest(lines).result.run
-    heading.plot(run.t, run.target[:, 2], color=INK, ls=_DASHES, lw=1.0, label="Reference")
+    heading.plot(run.t, run.target[:, 2], color=DARK, ls=_DASHES, lw=1.0, label="Reference")
     heading.set(ylabel="heading in rad", xlim=(0.0, max(run.t[-1], 1e-3)))
     error.set_yscale("symlog", linthresh=1.0, linscale=0.6)
     error.yaxis.set_major_formatter(StrMethodFormatter(_PLAIN))
@@ -103,7 +105,7 @@ def _paths(axes: Axes, lines: list[Curve]) -> None:
         x, y = result.run.pose[:, 0], result.run.pose[:, 1]
         axes.plot(x, y, color=colour, label=label, lw=_width(k, lines), zorder=2 + k)
     x, y = _fullest(lines).result.run.target[:, :2].T
-    axes.plot(x, y, color=INK, ls=_DASHES, lw=1.0, label="Reference", zorder=40)
+    axes.plot(x, y, color=DARK, ls=_DASHES, lw=1.0, label="Reference", zorder=40)
 
 
 def _measured(axes: Axes, lines: list[Curve], seeds: int) -> None:

@@ -13,8 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.evaluation.figures.membership import PLAIN, shortened
-from omnidrive.evaluation.figures.style import INK, canvas, styled
+from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, truncate
+from omnidrive.evaluation.figures.style import DARK, figure_style, new_figure
 from omnidrive.fuzzy import Inference, InputVariable
 
 _COLOUR = "#0072b2"
@@ -57,18 +57,18 @@ def control_surface(
     drawn = [system.inputs[k] for k in free]
     rest = {v.name: point[v.name] for k, v in enumerate(system.inputs) if k not in free}
     o = names.index(name)
-    with styled(), mpl.rc_context(PLAIN):
+    with figure_style(), mpl.rc_context(NO_MATH_TEXT):
         if len(free) == 1:
             figure = _curve(inference, o, drawn[0], list(point.values()), free[0])
         else:
             figure = _surface(inference, o, (drawn[0], drawn[1]), list(point.values()), free)
         if rest:
-            figure.supxlabel(_held_text(rest), fontsize=8, color=INK)
+            figure.supxlabel(_held_text(rest), fontsize=8, color=DARK)
     return figure
 
 
 def _held_text(rest: Mapping[str, float]) -> str:
-    shown = [f"{shortened(name)} = {value:.4g}" for name, value in list(rest.items())[:6]]
+    shown = [f"{truncate(name)} = {value:.4g}" for name, value in list(rest.items())[:6]]
     more = f" and {len(rest) - 6} more inputs held" if len(rest) > 6 else ""
     return f"with {', '.join(shown)}{more}"
 
@@ -80,7 +80,7 @@ def _curve(
     rows = np.tile(point, (len(at), 1))
     rows[:, k] = at
     value, least, greatest = inference.batch(rows)[:, :, o]
-    figure = canvas(6.4, 3.4)
+    figure = new_figure(6.4, 3.4)
     axes = figure.add_subplot()
     if inference.system.type > 1:
         axes.fill_between(at, least, greatest, color=_COLOUR, alpha=0.2, lw=0.0,
@@ -89,8 +89,8 @@ def _curve(
         axes.legend(loc="best")
     else:
         axes.plot(at, value, color=_COLOUR)
-    output = shortened(inference.system.outputs[o].name, 40)
-    axes.set(title=output, xlabel=shortened(variable.name, 40), ylabel=output)
+    output = truncate(inference.system.outputs[o].name, 40)
+    axes.set(title=output, xlabel=truncate(variable.name, 40), ylabel=output)
     axes.set_xlim(variable.low, variable.high)
     return figure
 
@@ -108,18 +108,18 @@ def _surface(
     rows = np.tile(point, (across.size, 1))
     rows[:, free[0]], rows[:, free[1]] = across.ravel(), up.ravel()
     value = inference.batch(rows)[0, :, o].reshape(across.shape)
-    figure = canvas(8.6, 3.8)
+    figure = new_figure(8.6, 3.8)
     halves: Any = figure.subfigures(1, 2, width_ratios=(1.08, 1.0))
     left, right = halves
     flat = left.add_subplot()
     _draw_map(left, flat, x, y, value)
-    flat.set_title(shortened(inference.system.outputs[o].name, 40))
-    flat.set(xlabel=shortened(drawn[0].name, 40), ylabel=shortened(drawn[1].name, 40))
+    flat.set_title(truncate(inference.system.outputs[o].name, 40))
+    flat.set(xlabel=truncate(drawn[0].name, 40), ylabel=truncate(drawn[1].name, 40))
     flat.locator_params(nbins=5)
     relief = right.add_subplot(projection="3d")
     _draw_relief(relief, across, up, value)
-    relief.set_xlabel(shortened(drawn[0].name), labelpad=0)
-    relief.set_ylabel(shortened(drawn[1].name), labelpad=0)
+    relief.set_xlabel(truncate(drawn[0].name), labelpad=0)
+    relief.set_ylabel(truncate(drawn[1].name), labelpad=0)
     return figure
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from omnidrive.evaluation.palette import controller_ink, controller_label, horizon_inks
+from omnidrive.evaluation.palette import controller_colour, controller_label, horizon_colours
 from omnidrive.evaluation.results import StudyResults, TrackResult
 
 
@@ -26,11 +26,11 @@ def curves(results: StudyResults, task: str) -> list[Curve]:
     runs = tuple(r for r in runs if r.duration == longest)
     if task != "horizon":
         return [
-            Curve(controller_label(r.controller), controller_ink(r.controller).light, r)
+            Curve(controller_label(r.controller), controller_colour(r.controller).light, r)
             for r in runs
         ]
     runs = tuple(sorted(runs, key=lambda r: r.horizon or 0))
-    inks = horizon_inks(len(runs))
+    inks = horizon_colours(len(runs))
     alone = len({r.controller for r in runs}) == 1
     return [
         Curve(

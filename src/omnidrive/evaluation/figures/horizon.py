@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.curves import Curve, curves
-from omnidrive.evaluation.figures.style import canvas
+from omnidrive.evaluation.figures.style import new_figure
 from omnidrive.evaluation.results import StudyResults
 
 
@@ -15,7 +15,7 @@ def horizon_bars(results: StudyResults) -> Figure | None:
     lines = curves(results, "horizon")
     if not lines:
         return None
-    figure = canvas(7.2, 3.0)
+    figure = new_figure(7.2, 3.0)
     distance, turn = figure.subplots(1, 2)
     metrics = [line.result.metrics for line in lines]
     _bars(distance, lines, [m.me * 1e3 for m in metrics], "ME in mm")

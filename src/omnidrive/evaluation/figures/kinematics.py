@@ -8,16 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from omnidrive.evaluation.figures.sketch import (
+from omnidrive.evaluation.figures.primitives import (
     angle,
+    annotate,
     arrow,
     dimension,
     frame,
-    note,
-    place,
     robot_outline,
+    transform_points,
 )
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas, diagram
+from omnidrive.evaluation.figures.style import DARK, MUTED, hide_axes, new_figure
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 
@@ -27,7 +27,7 @@ _YAW = 0.35  # rad; heading of the drawn robot
 
 def kinematics(robot: Robot) -> Figure:
     """The robot from above, to scale, and the velocity of one of its wheels."""
-    figure = canvas(9.0, 4.3)
+    figure = new_figure(9.0, 4.3)
     above, wheel = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
     _above(above, robot)
     _wheel(wheel, robot)
@@ -37,22 +37,22 @@ def kinematics(robot: Robot) -> Figure:
 def _above(axes: Axes, robot: Robot) -> None:
     """Frames, wheels and dimensions."""
     pose, size = Pose(0.0, 0.0, _YAW), robot.body_radius
-    diagram(axes)
-    robot_outline(axes, robot, pose, INK, dashed=False)
+    hide_axes(axes)
+    robot_outline(axes, robot, pose, DARK, dashed=False)
     frame(axes, pose, 0.62 * size, ("$x_B$", "$y_B$"), _BLUE)
     world = Pose(-1.75 * size, -1.2 * size, 0.0)
-    frame(axes, world, 0.45 * size, ("$x_W$", "$y_W$"), FAINT)
-    axes.plot([0.0, 0.78 * size], [0.0, 0.0], color=FAINT, lw=0.8, ls=(0, (4, 2.5)), zorder=3)
-    angle(axes, (0.0, 0.0), 0.42 * size, 0.0, _YAW, colour=FAINT)
-    note(axes, (0.52 * size * cos(0.5 * _YAW), 0.52 * size * sin(0.5 * _YAW)), r"$\theta$")
+    frame(axes, world, 0.45 * size, ("$x_W$", "$y_W$"), MUTED)
+    axes.plot([0.0, 0.78 * size], [0.0, 0.0], color=MUTED, lw=0.8, ls=(0, (4, 2.5)), zorder=3)
+    angle(axes, (0.0, 0.0), 0.42 * size, 0.0, _YAW, colour=MUTED)
+    annotate(axes, (0.52 * size * cos(0.5 * _YAW), 0.52 * size * sin(0.5 * _YAW)), r"$\theta$")
     for k, mount in enumerate(robot.mounts):
         _drive(axes, robot, pose, k, mount)
-    first, last = (place(pose, [robot.mounts[k][:2]])[0].tolist() for k in (0, -1))
+    first, last = (transform_points(pose, [robot.mounts[k][:2]])[0].tolist() for k in (0, -1))
     bearing = atan2(first[1], first[0])
     angle(axes, (0.0, 0.0), 0.26 * size, _YAW, bearing, colour=_GREEN)
     middle = 0.5 * (_YAW + bearing)
     name = "$a_1$" if _is_ring(robot) else "$b_1$"
-    note(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), name, colour=_GREEN)
+    annotate(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), name, colour=_GREEN)
     length = hypot(last[0], last[1])
     text = f"{'R = ' if _is_ring(robot) else ''}{length:.4g} m"
     dimension(axes, (0.0, 0.0), (last[0], last[1]), text, offset=0.07 * size)
@@ -89,39 +89,43 @@ def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, mount: Mount) -> None:
     rim = 1.15 * robot.wheel.radius
     start = (mount.x + rim * cos(turn), mount.y + rim * sin(turn))
     end = (start[0] + 0.33 * size * cos(turn), start[1] + 0.33 * size * sin(turn))
-    tail, tip, name, speed = place(
+    tail, tip, name, speed = transform_points(
         pose,
         [start, end, (1.13 * size * c, 1.13 * size * s),
          (end[0] + 0.1 * size * cos(turn), end[1] + 0.1 * size * sin(turn))],
     ).tolist()  # fmt: skip
     arrow(axes, tuple(tail), tuple(tip), colour=_RED)
-    note(axes, tuple(name), str(k + 1), size=10)
-    note(axes, tuple(speed), rf"$v_{k + 1}$", colour=_RED)
+    annotate(axes, tuple(name), str(k + 1), size=10)
+    annotate(axes, tuple(speed), rf"$v_{k + 1}$", colour=_RED)
 
 
 def _wheel(axes: Axes, robot: Robot) -> None:
     """Velocity of the first wheel's hub, taken apart along the direction in which it pushes."""
-    diagram(axes)
+    hide_axes(axes)
     mount = robot.mounts[0]
     bearing, turn = mount.axle, mount.axle + 0.5 * pi
     hub = Pose(0.0, 0.0, turn)
-    corners = place(hub, [(0.34, 0.13), (-0.34, 0.13), (-0.34, -0.13), (0.34, -0.13)])
-    axes.add_patch(Polygon(corners, facecolor="#e9edf2", edgecolor=INK, lw=1.0, zorder=2))
+    corners = transform_points(hub, [(0.34, 0.13), (-0.34, 0.13), (-0.34, -0.13), (0.34, -0.13)])
+    axes.add_patch(Polygon(corners, facecolor="#e9edf2", edgecolor=DARK, lw=1.0, zorder=2))
     # those on the floor: omni wheels' are as long as drawn wide, mecanum wheels' lie aslant
     lean = 0.1 / tan(mount.roller) if mount.roller else 0.0
     rollers = [
-        place(hub, [(x - lean, 0.1), (x + lean, -0.1)]) for x in (-0.24, -0.12, 0.0, 0.12, 0.24)
+        transform_points(hub, [(x - lean, 0.1), (x + lean, -0.1)])
+        for x in (-0.24, -0.12, 0.0, 0.12, 0.24)
     ]
     for ends in rollers:
-        axes.plot(ends[:, 0], ends[:, 1], color=FAINT, lw=2.2, zorder=3)
+        axes.plot(ends[:, 0], ends[:, 1], color=MUTED, lw=2.2, zorder=3)
     push = Pose(0.0, 0.0, turn - mount.roller)
-    line, axle = place(push, [(-1.5, 0.0), (1.5, 0.0)]), place(push, [(0.0, -0.75), (0.0, 1.35)])
+    line, axle = (
+        transform_points(push, [(-1.5, 0.0), (1.5, 0.0)]),
+        transform_points(push, [(0.0, -0.75), (0.0, 1.35)]),
+    )
     axes.plot(line[:, 0], line[:, 1], color=_RED, lw=0.7, ls=(0, (2, 2)), zorder=1)
     axes.plot(axle[:, 0], axle[:, 1], color=_GREEN, lw=0.7, ls=(0, (2, 2)), zorder=1)
     label = "axle, to the centre;\nalong it the rollers give way"
     if not _is_ring(robot):
         label = "along this line\nthe rollers give way"
-    note(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
+    annotate(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
     _components(axes, bearing - mount.roller)
     axes.set_title("Velocity at wheel $i$")
     axes.set(xlim=(-1.5, 1.5), ylim=(-1.75, 1.45))
@@ -143,12 +147,12 @@ def _components(axes: Axes, bearing: float) -> None:
     )
     for (x, y), name, colour, (dx, dy) in parts:
         arrow(axes, (0.0, 0.0), (x, y), colour=colour)
-        note(axes, (x + dx, y + dy), name, colour=colour)
+        annotate(axes, (x + dx, y + dy), name, colour=colour)
         share = x * along[0] + y * along[1]
         foot = (share * along[0], share * along[1])
         axes.plot([x, foot[0]], [y, foot[1]], color=colour, lw=0.8, ls=(0, (2, 2)), zorder=4)
     end = (1.55 * along[0], 1.55 * along[1])
     arrow(axes, (0.0, 0.0), end, colour=_RED)
-    note(axes, (end[0] - 0.06, end[1] + 0.14), "$v_i$", colour=_RED)
-    corner = Rectangle((0.0, 0.0), 0.1, 0.1, angle=degrees(bearing), fill=False, lw=0.7, ec=FAINT)
+    annotate(axes, (end[0] - 0.06, end[1] + 0.14), "$v_i$", colour=_RED)
+    corner = Rectangle((0.0, 0.0), 0.1, 0.1, angle=degrees(bearing), fill=False, lw=0.7, ec=MUTED)
     axes.add_patch(corner)

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
 from omnidrive.control.pid import gain_inference
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas, styled
+from omnidrive.evaluation.figures.style import DARK, MUTED, figure_style, new_figure
 from omnidrive.fuzzy import FuzzySet, InputVariable, LinearFunction, OutputVariable
 from omnidrive.fuzzy.sets import Plane, bounds
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
 """Of the sets of a variable, in turn."""
 
-PLAIN: Any = {"text.parse_math": False}
+NO_MATH_TEXT: Any = {"text.parse_math": False}
 """Names from files are shown as they are, with every dollar."""
 
 _LABELLED = 60  # sets; more names would be a grey band
@@ -29,7 +29,7 @@ _INNER = (0.25, 0.5, 0.75)  # levels of the secondary functions that are drawn
 
 def membership_functions() -> Figure:
     """Sets of the paper's inputs and outputs, type-1 above, type-2 with its footprint below."""
-    figure = canvas(8.6, 4.4)
+    figure = new_figure(8.6, 4.4)
     panels = figure.subplots(2, 2, sharey=True)
     systems = (gain_inference("t1", "paper").system, gain_inference("t2", "paper").system)
     for (left, right), system in zip(panels, systems, strict=True):
@@ -49,11 +49,11 @@ def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "
         variable: Of a system of any type.
         unit: Of its values, for the axis.
     """
-    with styled(), mpl.rc_context(PLAIN):
-        figure = canvas(7.2, 2.9)
+    with figure_style(), mpl.rc_context(NO_MATH_TEXT):
+        figure = new_figure(7.2, 2.9)
         axes = figure.add_subplot()
-        axes.set_title(shortened(variable.name, 60))
-        axes.set_xlabel(shortened(variable.name, 60) + (f" in {unit}" if unit else ""))
+        axes.set_title(truncate(variable.name, 60))
+        axes.set_xlabel(truncate(variable.name, 60) + (f" in {unit}" if unit else ""))
         if isinstance(variable, OutputVariable) and variable.is_sugeno:
             _draw_functions(axes, variable)
         else:
@@ -62,7 +62,7 @@ def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "
     return figure
 
 
-def shortened(name: str, most: int = 16) -> str:
+def truncate(name: str, most: int = 16) -> str:
     """A name that fits where it is shown."""
     return name if len(name) <= most else name[: most - 1] + "…"
 
@@ -76,7 +76,7 @@ def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float
         width: Of the axes, in inches, about: so that names do not collide.
     """
     sets = [each for each in variable.sets if isinstance(each, FuzzySet)]
-    at = drawn_at(variable)
+    at = sample_points(variable)
     names = []
     for k, (each, low, high) in enumerate(zip(sets, *bounds(sets, at), strict=True)):
         colour = COLOURS[k % len(COLOURS)]
@@ -91,14 +91,14 @@ def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float
         top = float(high.max())
         if top > 0.0:
             peak = float(at[high >= top - 1e-9].mean())
-            names.append(_Name(shortened(each.name), colour, peak, top))
+            names.append(_Name(truncate(each.name), colour, peak, top))
     axes.set_xlim(variable.low, variable.high)
     rows = _draw_names(axes, names, width, variable.high - variable.low)
     axes.set_ylim(0.0, 1.03 + 0.11 * rows)
     axes.set_yticks([0.0, 0.5, 1.0])
 
 
-def drawn_at(variable: InputVariable | OutputVariable) -> Array:
+def sample_points(variable: InputVariable | OutputVariable) -> Array:
     """Points at which the sets of a variable are drawn: a grid, and every corner."""
     at = [np.linspace(variable.low, variable.high, 1001)]
     for each in variable.sets:
@@ -118,7 +118,7 @@ def _draw_names(axes: Axes, names: list[_Name], width: float, span: float) -> in
     """Names above their sets, in as few rows as keep them apart; returns how many rows."""
     if len(names) > _LABELLED:
         middle = 0.5 * sum(axes.get_xlim())
-        axes.text(middle, 1.02, f"{len(names)} sets", ha="center", va="bottom", color=INK)
+        axes.text(middle, 1.02, f"{len(names)} sets", ha="center", va="bottom", color=DARK)
         return 1
     size = 8.0 if len(names) <= 12 else 7.0
     letter = 0.66 * size / 72.0 / width * span  # width of a bold letter, in units of x
@@ -133,7 +133,7 @@ def _draw_names(axes: Axes, names: list[_Name], width: float, span: float) -> in
         taken[row] = name.at + half + letter
         y = 1.02 + 0.11 * row
         if row or name.top < 0.99:
-            axes.plot([name.at, name.at], [name.top, y], color=FAINT, lw=0.4, zorder=1)
+            axes.plot([name.at, name.at], [name.top, y], color=MUTED, lw=0.4, zorder=1)
         axes.annotate(name.text, (name.at, y), (0, 1), textcoords="offset points", ha="center",
                       va="bottom", color=name.colour, fontsize=size, fontweight="bold",
                       bbox=_GROUND)  # fmt: skip
@@ -152,7 +152,7 @@ def _draw_functions(axes: Axes, variable: OutputVariable) -> None:
     for k, each in enumerate(constants):
         colour = COLOURS[k % len(COLOURS)]
         axes.plot([each.constant] * 2, [0.0, 1.0], color=colour, lw=1.6)
-        names.append(_Name(shortened(each.name), colour, each.constant, 1.0))
+        names.append(_Name(truncate(each.name), colour, each.constant, 1.0))
     rows = _draw_names(axes, names, 6.2, high - low) if names else 1
     axes.set_xlim(low - margin, high + margin)
     axes.set_ylim(0.0, 1.03 + 0.11 * rows)
@@ -168,4 +168,4 @@ def _formula(each: LinearFunction) -> str:
     parts = [f"{each.constant:g}"] if each.constant else []
     parts += [f"{c:g} x{k}" for k, c in enumerate(each.coefficients, 1) if c]
     shown = " + ".join(parts[:8]).replace("+ -", "− ")
-    return f"{shortened(each.name)} = {shown}{' + ...' if len(parts) > 8 else ''}"
+    return f"{truncate(each.name)} = {shown}{' + ...' if len(parts) > 8 else ''}"

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.evaluation.figures.membership import PLAIN, drawn_at, shortened
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas, styled
+from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, sample_points, truncate
+from omnidrive.evaluation.figures.style import DARK, MUTED, figure_style, new_figure
 from omnidrive.fuzzy import (
     Fired,
     FuzzySet,
@@ -56,9 +56,9 @@ def rule_viewer(
         min(max(value, v.low), v.high) if inference.options.out_of_range == "clamp" else value
         for v, value in zip(system.inputs, x, strict=True)
     ]
-    with styled(), mpl.rc_context(PLAIN):
+    with figure_style(), mpl.rc_context(NO_MATH_TEXT):
         rows, columns = len(shown) + 1, len(ins) + len(outs)
-        figure = canvas(max(0.6 + 1.6 * columns, 4.6), 0.75 + 0.72 * len(shown) + 1.35)
+        figure = new_figure(max(0.6 + 1.6 * columns, 4.6), 0.75 + 0.72 * len(shown) + 1.35)
         panels = figure.subplots(
             rows, columns, squeeze=False, height_ratios=[1.0] * len(shown) + [1.6]
         )
@@ -69,7 +69,7 @@ def rule_viewer(
             panels[-1, k].axis("off")
         for o in range(len(outs)):
             column = panels[:, len(ins) + o]
-            column[0].set_title(shortened(outs[o].name), fontsize=8.5)
+            column[0].set_title(truncate(outs[o].name), fontsize=8.5)
             for row, each in enumerate(shown):
                 _draw_conclusion(column[row], inference, o, each, taken)
         _draw_results(panels[-1, len(ins) :].tolist(), inference, x, taken)
@@ -78,7 +78,7 @@ def rule_viewer(
         _finish(panels, len(ins))
         left_out = _left_out(inference, len(fired))
         note = panels[-1, 0]
-        note.text(0.0, 0.9, left_out, transform=note.transAxes, va="top", fontsize=7.5, color=INK)
+        note.text(0.0, 0.9, left_out, transform=note.transAxes, va="top", fontsize=7.5, color=DARK)
     return figure
 
 
@@ -101,7 +101,7 @@ def _ordered(
 
 
 def _with_value(name: str, value: float) -> str:
-    return f"{shortened(name)} = {value:.4g}"
+    return f"{truncate(name)} = {value:.4g}"
 
 
 def _left_out(inference: Inference, fired: int) -> str:
@@ -137,7 +137,7 @@ def _draw_condition(
 ) -> None:
     """The sets that a rule asks of one input, filled up to the degree of its value."""
     asked = [term for term in terms(fired.rule.condition) if term.variable == variable.name]
-    at = drawn_at(variable)
+    at = sample_points(variable)
     for term in asked:
         low, high = _degrees(inference, variable, term, at)
         (least,), (most,) = _degrees(inference, variable, term, np.array([value]))
@@ -169,7 +169,7 @@ def _degrees(
 
 
 def _term_text(term: Is) -> str:
-    return " ".join((*term.hedges, shortened(term.set, 12))).strip()
+    return " ".join((*term.hedges, truncate(term.set, 12))).strip()
 
 
 def _name(axes: Axes, text: str) -> None:
@@ -192,10 +192,10 @@ def _draw_conclusion(
         _draw_stem(axes, _value_of(named, taken), fired)
         axes.set_xlim(*_span(variable, inference, taken))
         return
-    at = drawn_at(variable)
+    at = sample_points(variable)
     assert isinstance(named, FuzzySet)
     (low,), (high,) = bounds([named], at, widest(inference))
-    axes.plot(at, 1.0 - low if term.hedges else high, color=FAINT, lw=0.7)
+    axes.plot(at, 1.0 - low if term.hedges else high, color=MUTED, lw=0.7)
     cut = shaped(inference, o, fired, at)
     if cut is not None:
         _draw_area(axes, (at, cut[0]), (at, cut[1]), uncertain=inference.system.type > 1)

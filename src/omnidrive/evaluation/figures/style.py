@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-INK = "#1a1a1a"
+DARK = "#1a1a1a"
 """Colour of references, axes and text."""
-FAINT = "#8a8a8a"
+MUTED = "#8a8a8a"
 """Colour of what only helps to read."""
 DPI = 160
 """Pixels per inch of pictures that are written."""
@@ -26,8 +26,8 @@ _STYLE: Any = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.labelsize": 8.5,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
+    "axes.edgecolor": DARK,
+    "axes.labelcolor": DARK,
     "axes.linewidth": 0.7,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -35,8 +35,8 @@ _STYLE: Any = {
     "axes.axisbelow": True,
     "grid.color": "#e4e4e4",
     "grid.linewidth": 0.6,
-    "xtick.color": INK,
-    "ytick.color": INK,
+    "xtick.color": DARK,
+    "ytick.color": DARK,
     "xtick.labelsize": 8,
     "ytick.labelsize": 8,
     "lines.linewidth": 1.3,
@@ -50,12 +50,12 @@ _STYLE: Any = {
 }
 
 
-def styled() -> AbstractContextManager[None]:
+def figure_style() -> AbstractContextManager[None]:
     """Context in which figures are made and saved."""
     return mpl.rc_context(_STYLE)
 
 
-def canvas(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """An empty figure, in inches, whose panels arrange themselves."""
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
     return Figure(figsize=(width, height), layout=layout)
@@ -71,7 +71,7 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
         legend.remove()
 
 
-def diagram(axes: Axes) -> None:
+def hide_axes(axes: Axes) -> None:
     """Turn axes into a drawing sheet: equal scales, no ticks, no frame."""
     axes.set_aspect("equal")
     axes.axis("off")
@@ -84,7 +84,7 @@ def save(figure: Figure, path: Path) -> None:
     part = path.with_name(path.name + ".part")  # so that the file is whole or absent
     try:
         # matplotlib also projects the padding of surfaces' faces, which it leaves uninitialised
-        with styled(), np.errstate(over="ignore", invalid="ignore"):
+        with figure_style(), np.errstate(over="ignore", invalid="ignore"):
             figure.savefig(part, format=kind, dpi=DPI, metadata=metadata[kind])
         part.replace(path)
     finally:

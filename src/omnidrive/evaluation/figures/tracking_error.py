@@ -7,8 +7,8 @@ from math import atan2, cos, hypot, pi, sin
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.evaluation.figures.sketch import angle, arrow, note, robot_outline
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas, diagram
+from omnidrive.evaluation.figures.primitives import angle, annotate, arrow, robot_outline
+from omnidrive.evaluation.figures.style import DARK, MUTED, hide_axes, new_figure
 from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 
@@ -18,21 +18,21 @@ _BLUE, _RED, _GREEN = "#0072b2", "#d55e00", "#007a59"
 def tracking_error(robot: Robot) -> Figure:
     """The robot, its target on the path, and the errors between them."""
     size = robot.body_radius
-    figure = canvas(5.2, 4.2)
+    figure = new_figure(5.2, 4.2)
     axes = figure.subplots()
-    diagram(axes)
+    hide_axes(axes)
     here = Pose(0.0, 0.0, 0.3)
     there = Pose(2.6 * size, 1.9 * size, 1.0)
     bend = [(0.1 * k - 2.6) for k in range(45)]
     way = [_arc(there, 3.4 * size, s * size) for s in bend]
-    axes.plot(*zip(*way, strict=True), color=FAINT, lw=1.2, ls=(0, (4, 2.5)), zorder=1)
+    axes.plot(*zip(*way, strict=True), color=MUTED, lw=1.2, ls=(0, (4, 2.5)), zorder=1)
     robot_outline(axes, robot, here, _BLUE, dashed=False)
-    robot_outline(axes, robot, there, INK, dashed=True)
-    for pose, colour, name in ((here, _BLUE, r"$\theta$"), (there, INK, r"$\theta_{ref}$")):
+    robot_outline(axes, robot, there, DARK, dashed=True)
+    for pose, colour, name in ((here, _BLUE, r"$\theta$"), (there, DARK, r"$\theta_{ref}$")):
         _heading(axes, pose, size, colour, name)
     _errors(axes, here, there, size)
-    note(axes, (here.x - 0.55 * size, here.y - 1.2 * size), "robot  $(x, y)$", colour=_BLUE)
-    note(axes, (there.x - 0.6 * size, there.y + 1.22 * size), "target  $(x_{ref}, y_{ref})$")
+    annotate(axes, (here.x - 0.55 * size, here.y - 1.2 * size), "robot  $(x, y)$", colour=_BLUE)
+    annotate(axes, (there.x - 0.6 * size, there.y + 1.22 * size), "target  $(x_{ref}, y_{ref})$")
     axes.set(xlim=(-1.4 * size, 4.4 * size), ylim=(-1.5 * size, 3.4 * size))
     return figure
 
@@ -48,11 +48,11 @@ def _arc(pose: Pose, radius: float, s: float) -> tuple[float, float]:
 
 def _heading(axes: Axes, pose: Pose, size: float, colour: str, name: str) -> None:
     tip = (pose.x + 1.15 * size * cos(pose.yaw), pose.y + 1.15 * size * sin(pose.yaw))
-    axes.plot([pose.x, pose.x + 1.2 * size], [pose.y, pose.y], color=FAINT, lw=0.7)
+    axes.plot([pose.x, pose.x + 1.2 * size], [pose.y, pose.y], color=MUTED, lw=0.7)
     arrow(axes, (pose.x, pose.y), tip, colour=colour, width=1.6)
     angle(axes, (pose.x, pose.y), 0.75 * size, 0.0, pose.yaw, colour=colour)
     middle = 0.5 * pose.yaw
-    note(axes, (pose.x + 0.6 * size * cos(middle), pose.y + 0.6 * size * sin(middle)), name,
+    annotate(axes, (pose.x + 0.6 * size * cos(middle), pose.y + 0.6 * size * sin(middle)), name,
          colour=colour)  # fmt: skip
 
 
@@ -63,14 +63,14 @@ def _errors(axes: Axes, here: Pose, there: Pose, size: float) -> None:
     corner = (there.x, here.y)
     axes.plot([here.x, *corner[:1]], [here.y, *corner[1:]], color=_RED, lw=0.9, ls=(0, (2, 2)))
     axes.plot([corner[0], there.x], [corner[1], there.y], color=_RED, lw=0.9, ls=(0, (2, 2)))
-    note(axes, (here.x + 0.62 * dx, here.y - 0.14 * size), "$e_x$", colour=_RED)
-    note(axes, (corner[0] + 0.18 * size, here.y + 0.3 * dy), "$e_y$", colour=_RED)
+    annotate(axes, (here.x + 0.62 * dx, here.y - 0.14 * size), "$e_x$", colour=_RED)
+    annotate(axes, (corner[0] + 0.18 * size, here.y + 0.3 * dy), "$e_y$", colour=_RED)
     arrow(axes, (here.x, here.y), (there.x, there.y), colour=_RED)
     side = bearing + 0.5 * pi
     x = here.x + 0.5 * dx + 0.17 * size * cos(side)
     y = here.y + 0.5 * dy + 0.17 * size * sin(side)
-    note(axes, (x, y), "$dr$", colour=_RED)
+    annotate(axes, (x, y), "$dr$", colour=_RED)
     angle(axes, (here.x, here.y), 0.42 * distance, here.yaw, bearing, colour=_GREEN)
     middle = 0.5 * (bearing + here.yaw)
-    note(axes, (here.x + 0.48 * distance * cos(middle), here.y + 0.48 * distance * sin(middle)),
+    annotate(axes, (here.x + 0.48 * distance * cos(middle), here.y + 0.48 * distance * sin(middle)),
          r"$d\alpha$", colour=_GREEN)  # fmt: skip

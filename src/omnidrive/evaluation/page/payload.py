@@ -10,11 +10,11 @@ from jaxtyping import Int, Num
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.palette import (
-    Ink,
-    controller_ink,
+    ThemeColour,
+    controller_colour,
     controller_label,
     controller_short,
-    horizon_inks,
+    horizon_colours,
 )
 from omnidrive.evaluation.results import (
     FaultResult,
@@ -22,7 +22,7 @@ from omnidrive.evaluation.results import (
     StudyResults,
     TrackResult,
 )
-from omnidrive.evaluation.tuning import INPUTS, tuning_of, unit_text
+from omnidrive.evaluation.tuning import INPUTS, tuning_signals, unit_text
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome, Run
 
@@ -84,7 +84,9 @@ def _groups(results: StudyResults) -> list[dict[str, Any]]:
         runs = results.select(task, duration=duration)
         if task == "horizon":
             runs = tuple(sorted(runs, key=lambda r: (r.horizon or 0, r.controller)))
-            drawn = [_horizon(r, ink) for r, ink in zip(runs, horizon_inks(len(runs)), strict=True)]
+            drawn = [
+                _horizon(r, ink) for r, ink in zip(runs, horizon_colours(len(runs)), strict=True)
+            ]
         else:
             drawn = [_controller(r) for r in runs]
         name = f"{_TASKS[task]} {duration:g} s"
@@ -120,7 +122,7 @@ def _group(name: str, label: str, runs: list[Run], drawn: list[dict[str, Any]]) 
 
 def _quantities(runs: list[Run]) -> list[dict[str, str]]:
     """What the runs' controllers tune, and from what, once each."""
-    every = [each for run in runs for each in tuning_of(run)]
+    every = [each for run in runs for each in tuning_signals(run)]
     return [
         {
             "quantity": quantity,
@@ -134,15 +136,15 @@ def _quantities(runs: list[Run]) -> list[dict[str, str]]:
 
 def _controller(result: TrackResult | StepResult | FaultResult) -> dict[str, Any]:
     name = result.controller
-    return _run(result.run, controller_label(name), controller_short(name), controller_ink(name))
+    return _run(result.run, controller_label(name), controller_short(name), controller_colour(name))
 
 
-def _horizon(result: TrackResult, ink: Ink) -> dict[str, Any]:
+def _horizon(result: TrackResult, ink: ThemeColour) -> dict[str, Any]:
     label = f"{controller_label(result.controller)}, N = {result.horizon}"
     return _run(result.run, label, f"N = {result.horizon}", ink)
 
 
-def _run(run: Run, label: str, short: str, ink: Ink) -> dict[str, Any]:
+def _run(run: Run, label: str, short: str, ink: ThemeColour) -> dict[str, Any]:
     noisy = not np.array_equal(run.measured, run.pose)
     speed = np.hypot(run.twist[:, 0], run.twist[:, 1])
     return {
@@ -154,7 +156,7 @@ def _run(run: Run, label: str, short: str, ink: Ink) -> dict[str, Any]:
         "speed": _column(speed),
         "yawRate": _column(run.twist[:, 2]),
         "tuning": {f"{each.quantity} {each.channel}": _column(each.values)
-                   for each in tuning_of(run)},
+                   for each in tuning_signals(run)},
         "ended": None if run.outcome is Outcome.FINISHED else run.ending,
     }  # fmt: skip
 

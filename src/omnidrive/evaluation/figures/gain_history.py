@@ -8,15 +8,15 @@ from typing import NamedTuple
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.evaluation.figures.style import FAINT, canvas, legend_above
-from omnidrive.evaluation.palette import controller_ink, controller_label
+from omnidrive.evaluation.figures.style import MUTED, legend_above, new_figure
+from omnidrive.evaluation.palette import controller_colour, controller_label
 from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
-from omnidrive.evaluation.tuning import GAINS, INPUTS, Tuned, tuning_of, unit_text
+from omnidrive.evaluation.tuning import GAINS, INPUTS, TuningSignal, tuning_signals, unit_text
 
 
 class _History(NamedTuple):
     result: TrackResult | StepResult
-    tuned: list[Tuned]
+    tuned: list[TuningSignal]
 
 
 def gain_history(results: StudyResults) -> Figure | None:
@@ -39,7 +39,7 @@ def _figure(histories: list[_History], repeats: int) -> Figure | None:
     every = [each for history in histories for each in history.tuned]
     quantities = [q for q in (*GAINS, *INPUTS) if any(each.quantity == q for each in every)]
     channels = list(dict.fromkeys(each.channel for each in every))
-    figure = canvas(1.2 + 3.2 * len(channels), 0.9 + 1.45 * len(quantities))
+    figure = new_figure(1.2 + 3.2 * len(channels), 0.9 + 1.45 * len(quantities))
     panels = figure.subplots(
         len(quantities), len(channels), sharex=True, sharey="row", squeeze=False
     )
@@ -56,13 +56,13 @@ def _figure(histories: list[_History], repeats: int) -> Figure | None:
     figure.align_ylabels(panels[:, 0])
     handles = [axes for axes in panels.flat if axes.lines]
     legend_above(figure, max(handles, key=lambda axes: len(axes.get_legend_handles_labels()[1])))
-    figure.supxlabel(_caption(histories, repeats), fontsize=7.5, color=FAINT)
+    figure.supxlabel(_caption(histories, repeats), fontsize=7.5, color=MUTED)
     return figure
 
 
 def _histories(runs: Sequence[TrackResult | StepResult]) -> list[_History]:
     """Runs that log gains, over their longest duration."""
-    logged = [h for h in (_History(r, tuning_of(r.run)) for r in runs) if h.tuned]
+    logged = [h for h in (_History(r, tuning_signals(r.run)) for r in runs) if h.tuned]
     longest = max((_seconds(history.result) for history in logged), default=0.0)
     return [history for history in logged if _seconds(history.result) == longest]
 
@@ -78,7 +78,7 @@ def _draw(axes: Axes, histories: list[_History], quantity: str, channel: str) ->
             if (each.quantity, each.channel) == (quantity, channel):
                 axes.step(
                     result.run.t, each.values, where="post",
-                    color=controller_ink(result.controller).light,
+                    color=controller_colour(result.controller).light,
                     label=controller_label(result.controller),
                     lw=2.4 - 1.4 * k / max(len(histories) - 1, 1),
                 )  # fmt: skip

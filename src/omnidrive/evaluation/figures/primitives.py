@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, Polygon
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.figures.style import INK
+from omnidrive.evaluation.figures.style import DARK
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 
 Point = tuple[float, float]
 
 
-def place(pose: Pose, points: list[Point]) -> Float[Array, "points 2"]:
+def transform_points(pose: Pose, points: list[Point]) -> Float[Array, "points 2"]:
     """Points given in the frame at ``pose``, in W; m."""
     c, s = cos(pose.yaw), sin(pose.yaw)
     return np.array([(pose.x + c * x - s * y, pose.y + s * x + c * y) for x, y in points])
@@ -28,7 +28,7 @@ def arrow(
     tail: Point,
     tip: Point,
     *,
-    colour: str = INK,
+    colour: str = DARK,
     width: float = 1.3,
     style: str = "-|>",
 ) -> None:
@@ -80,7 +80,7 @@ def dimension(axes: Axes, start: Point, end: Point, text: str, *, offset: float)
     axes.text(x, y, text, ha="center", va="center", rotation=upright, rotation_mode="anchor")
 
 
-def note(axes: Axes, at: Point, text: str, *, colour: str = INK, size: float = 9.5) -> None:
+def annotate(axes: Axes, at: Point, text: str, *, colour: str = DARK, size: float = 9.5) -> None:
     """Text centred at a point, on a white ground."""
     ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
     axes.text(*at, text, color=colour, ha="center", va="center", size=size, zorder=9, bbox=ground)
@@ -88,13 +88,13 @@ def note(axes: Axes, at: Point, text: str, *, colour: str = INK, size: float = 9
 
 def frame(axes: Axes, pose: Pose, length: float, names: tuple[str, str], colour: str) -> None:
     """The two axes of a frame."""
-    origin, x, y, x_name, y_name = place(
+    origin, x, y, x_name, y_name = transform_points(
         pose, [(0, 0), (length, 0), (0, length), (1.13 * length, 0), (0, 1.13 * length)]
     ).tolist()
     arrow(axes, tuple(origin), tuple(x), colour=colour)
     arrow(axes, tuple(origin), tuple(y), colour=colour)
-    note(axes, tuple(x_name), names[0], colour=colour)
-    note(axes, tuple(y_name), names[1], colour=colour)
+    annotate(axes, tuple(x_name), names[0], colour=colour)
+    annotate(axes, tuple(y_name), names[1], colour=colour)
 
 
 def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: bool) -> None:
@@ -118,14 +118,14 @@ def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: 
 
 def wheel_outline(axes: Axes, robot: Robot, pose: Pose, mount: Mount, colour: str) -> None:
     """One wheel seen from above."""
-    centre = place(pose, [(mount.x, mount.y)])[0]
+    centre = transform_points(pose, [(mount.x, mount.y)])[0]
     wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + mount.axle + 0.5 * pi)
     r, half = robot.wheel.radius, 0.5 * robot.wheel.row_gap + 0.4 * robot.wheel.radius
-    corners = place(wheel, [(r, half), (-r, half), (-r, -half), (r, -half)])
-    tyre = Polygon(corners, facecolor=colour, edgecolor=INK, lw=0.8, zorder=4)
+    corners = transform_points(wheel, [(r, half), (-r, half), (-r, -half), (r, -half)])
+    tyre = Polygon(corners, facecolor=colour, edgecolor=DARK, lw=0.8, zorder=4)
     axes.add_patch(tyre)
     if mount.roller != 0.0:
         slant = half * cos(mount.roller) / sin(mount.roller)
         for middle in (-r, -0.5 * r, 0.0, 0.5 * r, r):  # the topmost rollers
-            ends = place(wheel, [(middle + slant, half), (middle - slant, -half)])
+            ends = transform_points(wheel, [(middle + slant, half), (middle - slant, -half)])
             axes.plot(*ends.T, color="white", lw=0.9, zorder=4.5, clip_path=tyre)

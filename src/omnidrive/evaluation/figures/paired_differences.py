@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas
+from omnidrive.evaluation.figures.style import DARK, MUTED, new_figure
 from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
     MEASURES,
@@ -30,16 +30,16 @@ def noise_differences(results: StudyResults) -> Figure | None:
         return None
     names = list(dict.fromkeys(name for d in found for name in (d.second, d.first)))
     size = max(1.2 + 0.86 * (len(names) - 1), 2.6)
-    figure = canvas(2.0 * size, 0.5 + 1.2 * size)
+    figure = new_figure(2.0 * size, 0.5 + 1.2 * size)
     for axes, measure in zip(figure.subplots(2, 2).flat, MEASURES, strict=True):
         _matrix(axes, names, [d for d in found if d.measure == measure])
         axes.set_title(f"{MEASURE_LABELS[measure]} in m{MEASURES[measure]}")
-    counts = sorted({d.difference.number for d in found})
+    counts = sorted({d.difference.sample_size for d in found})
     count = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     figure.supxlabel(
         f"Row minus column: mean ± half of its 95 % interval; {longest:g} s, {count} seeds.\n"
         "Blue: the row is better; orange: worse; grey: no difference shown (5 %, after Holm).",
-        fontsize=7.5, color=FAINT,
+        fontsize=7.5, color=MUTED,
     )  # fmt: skip
     return figure
 
@@ -52,7 +52,12 @@ def _matrix(axes: Axes, names: list[str], found: list[PairedDifference]) -> None
         corner = (column - 0.48, row - 0.46)
         axes.add_patch(Rectangle(corner, 0.96, 0.92, color=_GROUND[d.verdict], lw=0.0))
         mean, margin, _, _ = d.difference.text(1e3)
-        style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0, "color": INK}
+        style: dict[str, Any] = {
+            "ha": "center",
+            "va": "center",
+            "fontsize": 7.0,
+            "color": DARK,
+        }
         axes.text(column, row - 0.14, mean, fontweight="bold", **style)
         axes.text(column, row + 0.18, f"± {margin}", **style)
     axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))

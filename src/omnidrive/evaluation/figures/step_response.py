@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.evaluation.figures.style import FAINT, INK, canvas, legend_above
-from omnidrive.evaluation.palette import controller_ink, controller_label
+from omnidrive.evaluation.figures.style import DARK, MUTED, legend_above, new_figure
+from omnidrive.evaluation.palette import controller_colour, controller_label
 from omnidrive.evaluation.results import StepResult, StudyResults
 
 _BEFORE = -0.06  # share of the time axis that shows the command before its step
@@ -19,13 +19,16 @@ def step_response(results: StudyResults) -> Figure | None:
     steps = results.steps
     if not steps:
         return None
-    figure = canvas(8.6, 3.1)
+    figure = new_figure(8.6, 3.1)
     panels = figure.subplots(1, 3)
     end = _end(steps)
     for axis, axes in enumerate(panels):
         _command(axes, steps[0], axis, end)
         for k, step in enumerate(steps):
-            colour, label = controller_ink(step.controller).light, controller_label(step.controller)
+            colour, label = (
+                controller_colour(step.controller).light,
+                controller_label(step.controller),
+            )
             width = 2.4 - 1.3 * k / max(len(steps) - 1, 1)
             axes.plot(step.run.t, step.run.pose[:, axis], color=colour, label=label, lw=width)
         axes.set(xlabel="time in s", ylabel=_LABELS[axis])
@@ -49,9 +52,9 @@ def _command(axes: Axes, step: StepResult, axis: int, end: float) -> None:
     """The command, dashed, and the band of +-10 % in which a response counts as settled."""
     start, goal = float(step.run.pose[0, axis]), float(step.run.target[-1, axis])
     band = 0.1 * abs(goal - start)
-    axes.fill_between([0.0, end], goal - band, goal + band, color=FAINT, alpha=0.16, lw=0.0)
-    axes.annotate("±10 %", (end, goal - band), (-2, -2), textcoords="offset points", color=FAINT,
+    axes.fill_between([0.0, end], goal - band, goal + band, color=MUTED, alpha=0.16, lw=0.0)
+    axes.annotate("±10 %", (end, goal - band), (-2, -2), textcoords="offset points", color=MUTED,
                   ha="right", va="top" if goal >= start else "bottom", fontsize=7.5)  # fmt: skip
     times = np.array([_BEFORE * end, 0.0, 0.0, end])
     values = np.array([start, start, goal, goal])
-    axes.plot(times, values, color=INK, ls=(0, (4, 2.5)), lw=1.0, label="Command", zorder=40)
+    axes.plot(times, values, color=DARK, ls=(0, (4, 2.5)), lw=1.0, label="Command", zorder=40)

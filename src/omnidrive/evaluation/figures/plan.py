@@ -11,7 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Affine2D
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.figures.style import DPI, FAINT, INK, canvas, legend_above, styled
+from omnidrive.evaluation.figures.style import (
+    DARK,
+    DPI,
+    MUTED,
+    figure_style,
+    legend_above,
+    new_figure,
+)
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
 
@@ -41,13 +48,13 @@ def plan_figure(
         times: In s.
         motion: Setpoints at these times, columns as in :class:`~omnidrive.reference.Reference`.
     """
-    with styled():
+    with figure_style():
         left, right, bottom, top = grid.extent
         tall = 5.4 * min(max((top - bottom) / (right - left), 0.3), 1.5)
-        figure = canvas(6.4, 2.6 + tall)
+        figure = new_figure(6.4, 2.6 + tall)
         above, below = figure.subplots(2, 1, height_ratios=[tall, 1.5])
         draw_map(above, grid, free, way)
-        above.plot(motion[:, 0], motion[:, 1], color=INK, lw=1.2, label="Smooth path")
+        above.plot(motion[:, 0], motion[:, 1], color=DARK, lw=1.2, label="Smooth path")
         x, y, yaw = motion[np.linspace(0, len(times) - 1, _ARROWS).astype(int), :3].T
         above.quiver(x, y, np.cos(yaw), np.sin(yaw), color=_BLUE, width=0.0035, scale=32,
                      zorder=4, label="Heading")  # fmt: skip
@@ -60,7 +67,7 @@ def _draw_speeds(
     axes: Axes, times: Float[Array, " times"], motion: Float[Array, "times 6"]
 ) -> None:
     """Speed and yaw rate over time, each with its axis."""
-    axes.plot(times, np.hypot(motion[:, 3], motion[:, 4]), color=INK)
+    axes.plot(times, np.hypot(motion[:, 3], motion[:, 4]), color=DARK)
     axes.set(xlabel="time in s", xlim=(times[0], times[-1]))
     axes.set_ylabel("speed in m/s")
     axes.set_ylim(bottom=0.0)
@@ -102,7 +109,7 @@ def draw_map(
         zorder=0,
     )
     x, y = way.poses[:, 0], way.poses[:, 1]
-    axes.plot(x, y, ".", color=FAINT, ms=2.5, label="Cells found", zorder=1)
+    axes.plot(x, y, ".", color=MUTED, ms=2.5, label="Cells found", zorder=1)
     axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
     axes.set(xlabel="x in m", ylabel="y in m")
     axes.grid(visible=False)
