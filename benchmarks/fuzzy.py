@@ -19,7 +19,7 @@ from peer_process import PeerProcess, PeersMissing
 from omnidrive.control.pid import gain_tuning_system
 from omnidrive.control.pid.rules import published_rules
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, LookupSurface, Secondary
-from omnidrive.fuzzy.rules import terms
+from omnidrive.fuzzy.rules import propositions
 
 ROUNDS = 9
 CALLS = 10_000  # of ours per round
@@ -95,7 +95,7 @@ def described(system: FuzzySystem) -> dict[str, object]:
         "inputs": [plain(v) for v in system.inputs],
         "outputs": [plain(v) for v in system.outputs],
         "rules": [
-            [[t.set for t in terms(rule.condition)], [t.set for t in rule.conclusions]]
+            [[t.set for t in propositions(rule.antecedent)], [t.set for t in rule.consequents]]
             for rule in system.rules
         ],
     }

@@ -11,8 +11,8 @@ import omnidrive
 PROGRAM = """
 import numpy as np
 from omnidrive.fuzzy import FuzzySet, Membership
-from omnidrive.fuzzy.sets import bounds
-print(bounds([FuzzySet("low", Membership("trimf", (0.0, 1.0, 2.0)))], np.array([0.4])))
+from omnidrive.fuzzy.sets import membership_bounds
+print(membership_bounds([FuzzySet("low", Membership("trimf", (0.0, 1.0, 2.0)))], np.array([0.4])))
 """
 
 

@@ -20,7 +20,7 @@ from omnidrive.fuzzy import (
     Secondary,
     parse_rule,
 )
-from omnidrive.fuzzy.joined import joined_conclusions, shaped
+from omnidrive.fuzzy.aggregated_output import aggregated_outputs, implied_consequent
 
 PAPER = gain_inference("t1", "paper").system
 FOOTPRINT = Footprint(0.8, 0.2, 0.1)
@@ -75,7 +75,7 @@ def test_the_joined_conclusion_has_the_centroid_of_the_inference(implication):
     inference = Inference(system(rules, 2, implication=implication))
     assert inference.options.centroid == "exact"
     for x in rng.uniform(0, 1, (20, 2)).tolist():
-        (joined,) = joined_conclusions(inference, *x)
+        (joined,) = aggregated_outputs(inference, *x)
         assert centroid(joined.upper) == pytest.approx(inference(*x)[0], abs=1e-12)
         assert (joined.lower == joined.upper).all()
 
@@ -85,7 +85,7 @@ def test_the_sampled_conclusion_has_the_centroid_of_the_inference(aggregation):
     rules = [f"if x is S{k} then u is S{k + 1}" for k in (1, 2, 3)]
     sampled = system(rules, 1, aggregation=aggregation)
     inference = Inference(sampled, centroid="matlab", samples=201)
-    (joined,) = joined_conclusions(inference, 0.3)
+    (joined,) = aggregated_outputs(inference, 0.3)
     at, degrees = joined.upper
     assert (at * degrees).sum() / degrees.sum() == pytest.approx(inference(0.3)[0], abs=1e-12)
 
@@ -93,8 +93,10 @@ def test_the_sampled_conclusion_has_the_centroid_of_the_inference(aggregation):
 def test_the_conclusions_of_rules_make_up_the_joined_one():
     inference = Inference(PAPER.with_footprint(FOOTPRINT))
     at = np.linspace(-0.1, 0.1, 501)
-    for o, joined in enumerate(joined_conclusions(inference, 0.3, -0.1)):
-        cuts = [shaped(inference, o, each, at) for each in inference.fired(0.3, -0.1)]
+    for o, joined in enumerate(aggregated_outputs(inference, 0.3, -0.1)):
+        cuts = [
+            implied_consequent(inference, o, each, at) for each in inference.fired_rules(0.3, -0.1)
+        ]
         for bound, curve in enumerate(joined):
             most = np.max([cut[bound] for cut in cuts], axis=0)
             assert np.interp(at, *curve) == pytest.approx(most, abs=1e-9)
@@ -106,7 +108,7 @@ def test_where_no_rule_fires_the_joined_conclusion_is_empty():
     rules = (parse_rule("if x is low then u is S1"),)
     output = OutputVariable("u", 0, 1, parts(3))
     inference = Inference(FuzzySystem("gap", (InputVariable("x", 0, 1, sets),), (output,), rules))
-    (joined,) = joined_conclusions(inference, 0.5)
+    (joined,) = aggregated_outputs(inference, 0.5)
     assert not joined.upper[1].any()
     assert rule_viewer(inference, [0.5]).axes
 
@@ -185,5 +187,5 @@ def test_what_is_not_there_cannot_be_drawn():
         control_surface(inference, "kp", {"error": 0.0, "derror": 0.0})
     with pytest.raises(InvalidInput, match="the input 'derror' is missing"):
         rule_viewer(inference, {"error": 0.0})
-    with pytest.raises(InvalidInput, match="Sugeno system has no joined conclusion"):
-        joined_conclusions(Inference(SUGENO), 0.5)
+    with pytest.raises(InvalidInput, match="Sugeno system has no aggregated output"):
+        aggregated_outputs(Inference(SUGENO), 0.5)

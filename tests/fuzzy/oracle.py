@@ -172,22 +172,22 @@ HEDGES = {
 }
 
 
-def strength(system, condition, x, plane=None):
-    """Least and greatest degree to which a condition holds; ``x`` by name."""
-    if isinstance(condition, Is):
-        variable = next(v for v in system.inputs if v.name == condition.variable)
+def strength(system, antecedent, x, plane=None):
+    """Least and greatest degree to which an antecedent holds; ``x`` by name."""
+    if isinstance(antecedent, Is):
+        variable = next(v for v in system.inputs if v.name == antecedent.variable)
         low = high = 0.0
-        if condition.set:
-            each = next(s for s in variable.sets if s.name == condition.set)
+        if antecedent.set:
+            each = next(s for s in variable.sets if s.name == antecedent.set)
             low, high = (float(b[0]) for b in bounds(each, x[variable.name], plane))
-        for hedge in reversed(condition.hedges):
+        for hedge in reversed(antecedent.hedges):
             if hedge == "not":
                 low, high = 1 - high, 1 - low
             else:
                 low, high = HEDGES[hedge](low), HEDGES[hedge](high)
         return low, high
-    join = NORMS[system.conjunction] if isinstance(condition, And) else CONORMS[system.disjunction]
-    pairs = [strength(system, part, x, plane) for part in condition.parts]
+    join = NORMS[system.conjunction] if isinstance(antecedent, And) else CONORMS[system.disjunction]
+    pairs = [strength(system, part, x, plane) for part in antecedent.parts]
     low, high = pairs[0]
     for a, b in pairs[1:]:
         low, high = join(low, a), join(high, b)
@@ -199,24 +199,24 @@ def clamped(system, inputs):
     return {v.name: min(max(float(u), v.low), v.high) for v, u in pairs}
 
 
-def conclusions(system, output, inputs, plane=None):
+def consequents(system, output, inputs, plane=None):
     """Of each rule that speaks of an output: its set, whether it is negated, its strengths."""
     x = clamped(system, inputs)
     for rule in system.rules:
-        low, high = strength(system, rule.condition, x, plane)
-        for term in rule.conclusions:
+        low, high = strength(system, rule.antecedent, x, plane)
+        for term in rule.consequents:
             if term.variable == output.name:
                 each = next(s for s in output.sets if s.name == term.set)
                 yield each, bool(term.hedges), rule.weight * low, rule.weight * high
 
 
 def aggregate(system, output, inputs, at, plane=None):
-    """Lower and upper joined conclusions about an output at some points."""
+    """Lower and upper joined consequents about an output at some points."""
     join = CONORMS[output.aggregation]
     join = np.maximum if join is max else np.frompyfunc(join, 2, 1)
     shape = np.minimum if system.implication == "min" else np.multiply
     joined = [np.zeros(len(at)), np.zeros(len(at))]
-    for each, negated, low, high in conclusions(system, output, inputs, plane):
+    for each, negated, low, high in consequents(system, output, inputs, plane):
         curves = bounds(each, at, plane)
         if negated:
             curves = (1 - curves[1], 1 - curves[0])
@@ -244,7 +244,7 @@ def weighted_interval(at, lower, upper):
 
 
 def centroid(system, inputs, samples=101, plane=None):
-    """Value, least, greatest of each output by samples of the joined conclusions."""
+    """Value, least, greatest of each output by samples of the joined consequents."""
     found = []
     for output in system.outputs:
         at = even(output, samples)
@@ -266,7 +266,7 @@ def sugeno(system, inputs):
     x = np.array(list(clamped(system, inputs).values()))
     for output in system.outputs:
         values, lower, upper = [], [], []
-        for each, _, low, high in conclusions(system, output, inputs):
+        for each, _, low, high in consequents(system, output, inputs):
             coefficients = np.array(each.coefficients or (0.0,) * len(x))
             values.append(each.constant + coefficients @ x)
             lower.append(low)
@@ -290,7 +290,7 @@ def centre_of_sets(system, inputs, samples=101):
     for output in system.outputs:
         at = even(output, samples)
         ends, lower, upper = [], [], []
-        for each, negated, low, high in conclusions(system, output, inputs):
+        for each, negated, low, high in consequents(system, output, inputs):
             curves = bounds(each, at)
             if negated:
                 curves = (1 - curves[1], 1 - curves[0])
@@ -321,11 +321,11 @@ def type3(system, inputs, slices, samples=101):
 
 
 def pieces(system, output, inputs):
-    """The upper joined conclusions as straight pieces (x0, x1, y0, y1): every crossing sought.
+    """The upper joined consequents as straight pieces (x0, x1, y0, y1): every crossing sought.
 
     For piecewise linear sets of type 1, joined by max.
     """
-    found = list(conclusions(system, output, inputs))
+    found = list(consequents(system, output, inputs))
     corners = {output.low, output.high}
     for each, *_ in found:
         corners |= {x for x, _ in each.upper.vertices if output.low < x < output.high}

@@ -142,8 +142,8 @@ def distinct(names, count):
 
 
 @composite
-def conditions(draw, variables, hedges=HEDGES, nesting=2):
-    """A normalised condition about ``variables``: pairs of a name and the names of its sets.
+def antecedents(draw, variables, hedges=HEDGES, nesting=2):
+    """A normalised antecedent about ``variables``: pairs of a name and the names of its sets.
 
     ``nesting=0``: terms about different variables in their order, joined by one "and" or "or", as
     in a .fis file.
@@ -171,17 +171,17 @@ def conditions(draw, variables, hedges=HEDGES, nesting=2):
 
 
 @composite
-def rules(draw, inputs, outputs, hedges=HEDGES, nesting=2, negated_conclusions=True, weights=True):
+def rules(draw, inputs, outputs, hedges=HEDGES, nesting=2, negated_consequents=True, weights=True):
     """A normalised rule about ``inputs`` and ``outputs``: pairs of a name and names of sets."""
-    condition = draw(conditions(inputs, hedges, nesting))
+    antecedent = draw(antecedents(inputs, hedges, nesting))
     used = draw(st.sets(st.integers(0, len(outputs) - 1), min_size=1))
-    negations = st.sampled_from([(), ("not",)]) if negated_conclusions else st.just(())
-    conclusions = tuple(
+    negations = st.sampled_from([(), ("not",)]) if negated_consequents else st.just(())
+    consequents = tuple(
         Is(outputs[k][0], draw(st.sampled_from(outputs[k][1])), draw(negations))
         for k in sorted(used)
     )
     light = st.just(0.0) | st.floats(1e-6, 1.0)  # the kernels take what is fainter for nothing
-    return Rule(condition, conclusions, draw(st.just(1.0) | light) if weights else 1.0)
+    return Rule(antecedent, consequents, draw(st.just(1.0) | light) if weights else 1.0)
 
 
 @composite
@@ -204,7 +204,7 @@ def systems(
     linear=True,
     hedges=HEDGES,
     nesting=2,
-    negated_conclusions=True,
+    negated_consequents=True,
     weights=True,
     names=IDENTIFIERS,
     max_inputs=3,
@@ -212,7 +212,7 @@ def systems(
     max_sets=3,
     max_rules=4,
 ):
-    """A valid, small fuzzy system, its conditions normalised.
+    """A valid, small fuzzy system, its antecedents normalised.
 
     Args:
         draw: Hypothesis'.
@@ -230,9 +230,9 @@ def systems(
         outputs_alike: Whether all outputs have one aggregation and one defuzzifier.
         defaults: Whether some outputs have a default.
         linear: Whether Sugeno's functions may have coefficients.
-        hedges: In conditions.
-        nesting: Most levels of and/or in a condition; 0: see :func:`conditions`.
-        negated_conclusions: Whether a Mamdani conclusion may be "not".
+        hedges: In antecedents.
+        nesting: Most levels of and/or in a antecedent; 0: see :func:`antecedents`.
+        negated_consequents: Whether a Mamdani consequent may be "not".
         weights: Whether some rules have a weight other than 1.
         names: Strategy of the names, that of the system too.
         max_inputs: Number; likewise ``max_outputs``, ``max_sets`` (of one variable), ``max_rules``.
@@ -285,7 +285,7 @@ def systems(
         )
 
     known = [[(v.name, [s.name for s in v.sets]) for v in vs] for vs in (inputs, outputs)]
-    one = rules(*known, hedges, nesting, negated_conclusions and not is_sugeno, weights)
+    one = rules(*known, hedges, nesting, negated_consequents and not is_sugeno, weights)
     return FuzzySystem(
         draw(names),
         tuple(inputs),

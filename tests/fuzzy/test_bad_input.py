@@ -62,8 +62,9 @@ def test_an_input_that_is_no_number_is_refused_by_name(kind, bad, place, policy)
     name = ("temp", "damp")[place]
     means = "not a number" if np.isnan(bad) else "infinite"
     rows = np.array([[15.0, 50.0]] * 3 + [x])
-    for call in (lambda: run(*x), lambda: run(np.array(x)), lambda: run.interval(*x),
-                 lambda: run.fired(*x), lambda: run({"temp": x[0], "damp": x[1]})):  # fmt: skip
+    for call in (lambda: run(*x), lambda: run(np.array(x)),
+                 lambda: run.interval(*x), lambda: run.fired_rules(*x),
+                 lambda: run({"temp": x[0], "damp": x[1]})):  # fmt: skip
         with pytest.raises(InvalidInput, match=f"{name!r} is .*{means}"):
             call()
     for threads in (1, 3):
@@ -92,7 +93,7 @@ def test_out_of_range_is_the_end_of_the_range_as_it_is_or_an_error(kind):
 def test_where_no_rule_fires_the_default_answers_or_an_error(kind):
     system = KINDS[kind]
     assert Inference(system)(21.0, 0.0)[0] == 2.5
-    assert Inference(system).fired(21.0, 0.0) == []
+    assert Inference(system).fired_rules(21.0, 0.0) == []
     seven = replace(system, outputs=(replace(system.outputs[0], default=7.0),))
     value, least, greatest = Inference(seven).batch(np.array([[21.0, 0.0]]))[:, 0, 0]
     assert value == pytest.approx(7.0, abs=1e-14)
@@ -125,7 +126,7 @@ def test_wrong_numbers_and_names_of_inputs_are_refused(kind):
         lambda: run(np.zeros((2, 3))),
         lambda: run(np.array(1.0)),
         lambda: run.interval(1.0),
-        lambda: run.fired(1.0, 2.0, 3.0),
+        lambda: run.fired_rules(1.0, 2.0, 3.0),
     ):
         with pytest.raises(InvalidInput, match=r"2 inputs \(temp, damp\), got"):
             call()

@@ -133,9 +133,9 @@ def test_the_dialect_of_the_standard_and_jfuzzylogic():
     )
     first, second = system.rules
     cold, dark = Is("room", "cold"), Is("sky", "dark", ("not",))
-    assert first.condition == Or((And((cold, dark)), Is("room", "hot")))
+    assert first.antecedent == Or((And((cold, dark)), Is("room", "hot")))
     inner = Or((Is("sky", "odd"), Is("room", "mild", ("not",))))
-    assert second.condition == And((Is("room", "warm", ("not",)), inner))
+    assert second.antecedent == And((Is("room", "warm", ("not",)), inner))
     assert second.weight == 0.5
     assert read_fcl(write_fcl(system)) == system
 
@@ -151,7 +151,7 @@ def test_the_dialect_of_fuzzylite():
     assert system.outputs[0].defuzzifier == "wtsum"
     assert (system.conjunction, system.disjunction) == ("einstein", "hamacher")
     tight = And((Is("room", "hot"), Is("room", "any", ("not", "very"))))
-    assert system.rules[0].condition == Or((Is("room", "cold"), tight))
+    assert system.rules[0].antecedent == Or((Is("room", "cold"), tight))
     renamed = read_fcl(FUZZYLITE.replace("any", "best"))
     assert read_fcl(write_fcl(renamed, "fuzzylite")) == renamed
 
@@ -230,7 +230,7 @@ PAIRS = [("min", "max"), ("prod", "probor"), ("lukasiewicz", "bsum"), ("hamacher
         outputs_alike=True,
         linear=False,
         hedges=("not",),
-        negated_conclusions=False,
+        negated_consequents=False,
     ),
     st.sampled_from(PAIRS),
 )
@@ -244,7 +244,7 @@ def test_what_is_written_is_read(system, pair):
     systems(
         types=(1,),
         names=NAMES,
-        negated_conclusions=False,
+        negated_consequents=False,
         defuzzifiers=("centroid", "bisector", "mom", "lm", "rm", "wtaver", "wtsum"),
     )
 )
@@ -291,7 +291,7 @@ def used(system):
         ("room IS cold", "room IS colder", "line 35, column 14", "'cold'"),
         ("room IS cold", "roam IS cold", "line 35, column 14", "'room'"),
         ("NOT (room IS mild)", "NOT (room IS mild OR sky IS odd)", "line 37, column 13", "group"),
-        ("power IS high", "power IS NOT high", "line 35, column 14", "conclusion"),
+        ("power IS high", "power IS NOT high", "line 35, column 14", "consequent"),
         ("WITH 0.5", "WITH 1.5", "line 37", "[0, 1]"),
         ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK FUNCTION_BLOCK b", "line 39", "second"),
         ("RULEBLOCK No1", "RULEBLOCK No1 ENABLED : FALSE;", "line 31", "not enabled"),

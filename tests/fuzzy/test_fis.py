@@ -221,8 +221,8 @@ def simple(**changes):
     return replace(made, **changes)
 
 
-def with_rule(condition):
-    return simple(rules=(Rule(condition, (Is("y", "high"),)),))
+def with_rule(antecedent):
+    return simple(rules=(Rule(antecedent, (Is("y", "high"),)),))
 
 
 def with_sets(*sets):
@@ -328,13 +328,13 @@ def test_groups_that_need_no_parentheses_are_written():
         ("1 1, 2 1 (1) : 1", "1 x, 2 1 (1) : 1", 43, 3, "number of a set of 'wall', got 'x'"),
         ("1 1, 2 1 (1) : 1", "1, 2 1 (1) : 1", 43, 2, "the number of a set of 'wall', got ', 2"),
         ("1 1, 2 1 (1) : 1", "1 1 1, 2 1 (1) : 1", 43, 5, "2 sets, one per input, got '1, 2"),
-        ("1 1, 2 1 (1) : 1", "1 1, 2.2 1 (1) : 1", 43, 6, "a conclusion cannot be 'very'"),
+        ("1 1, 2 1 (1) : 1", "1 1, 2.2 1 (1) : 1", 43, 6, "a consequent cannot be 'very'"),
         ("1 1, 2 1 (1) : 1", "1 1, 2 1 (2) : 1", 43, 11, "must lie in [0, 1], got 2"),
         ("1 1, 2 1 (1) : 1", "1 1, 2 1 (nan) : 1", 43, 11, "expected a number, got 'nan'"),
         ("1 1, 2 1 (1) : 1", "1 1, 2 1 (1) : 3", 43, 16, "expected 1 (and) or 2 (or), got 3"),
         ("1 1, 2 1 (1) : 1", "1 1, 2 1", 43, 9, "expected '(' before the weight, after the"),
-        ("1 1, 2 1 (1) : 1", "0 0, 2 1 (1) : 1", 43, 1, "the rule has no condition"),
-        ("1 1, 2 1 (1) : 1", "1 1, 0 -0 (1) : 1", 43, 6, "the rule has no conclusion"),
+        ("1 1, 2 1 (1) : 1", "0 0, 2 1 (1) : 1", 43, 1, "the rule has no antecedent"),
+        ("1 1, 2 1 (1) : 1", "1 1, 0 -0 (1) : 1", 43, 6, "the rule has no consequent"),
     ],
 )
 def test_errors_say_where_and_what(old, new, line, column, said):

@@ -119,10 +119,10 @@ def test_a_mamdani_system():
     ]
     assert (system.conjunction, system.disjunction, system.implication) == ("prod", "max", "min")
     first, second = system.rules
-    assert first.condition == And((Is("room", "cold"), Is("sky", "dark", ("not", "very"))))
-    assert first.conclusions == (Is("power", "high"),)
+    assert first.antecedent == And((Is("room", "cold"), Is("sky", "dark", ("not", "very"))))
+    assert first.consequents == (Is("power", "high"),)
     assert first.weight == 0.5
-    assert second.condition == Or((Is("room", "warm", ("seldom",)), Is("sky", "", ("any",))))
+    assert second.antecedent == Or((Is("room", "warm", ("seldom",)), Is("sky", "", ("any",))))
 
 
 def test_a_sugeno_system():
@@ -169,7 +169,7 @@ def used(system):
         types=(1,),
         names=IDENTIFIERS.filter(lambda name: name not in FUNCTIONS),
         defuzzifiers=("centroid", "bisector", "mom", "lm", "rm", "wtaver", "wtsum"),
-        negated_conclusions=False,
+        negated_consequents=False,
     )
 )
 def test_what_is_written_is_read(system):
@@ -229,7 +229,7 @@ def test_what_cannot_be_read(old, new, where, what):
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("aggregation: none", "aggregation: Maximum", "rules with one conclusion (line 21)"),
+        ("aggregation: none", "aggregation: Maximum", "rules with one consequent (line 21)"),
         ("range: 0 10", "range: 0 10\nlock-range: true", "may leave its range"),
         ("TakagiSugeno", "Tsukamoto", "expected TakagiSugeno"),
         ("Linear 1 2 3", "Linear 1", "2 coefficients"),
@@ -262,10 +262,10 @@ def test_what_cannot_be_written():
         ({"outputs": (replace(system.outputs[0], defuzzifier="som"),)}, "som"),
     ):
         if "inputs" in change:
-            change["rules"] = (replace(system.rules[1], condition=Is("sky", "dark")),)
+            change["rules"] = (replace(system.rules[1], antecedent=Is("sky", "dark")),)
         with pytest.raises(InvalidInput, match=what):
             write_fll(replace(system, **change))
-    rule = replace(system.rules[0], conclusions=(Is("power", "low", ("not",)),))
+    rule = replace(system.rules[0], consequents=(Is("power", "low", ("not",)),))
     with pytest.raises(InvalidInput, match="complement"):
         write_fll(replace(system, rules=(rule,)))
     with pytest.raises(InvalidInput, match="type 2"):

@@ -98,10 +98,10 @@ def test_a_mamdani_system():
     assert system.implication == "prod"
     first, second = system.rules
     complement = Is("room", "not hot", ("extremely", "not"))
-    assert first.condition == And((Is("room", "cold"), complement))
+    assert first.antecedent == And((Is("room", "cold"), complement))
     assert first.weight == 0.5
-    assert second.condition == Or((Is("room", "", ("any",)), Is("room", "fine", ("very",))))
-    assert second.conclusions == (Is("power", "weak", ("not",)),)
+    assert second.antecedent == Or((Is("room", "", ("any",)), Is("room", "fine", ("very",))))
+    assert second.consequents == (Is("power", "weak", ("not",)),)
 
 
 def test_gaussians_with_one_side():
@@ -156,7 +156,7 @@ def test_what_is_written_is_read(system):
 
 
 def flat(rule):
-    return (rule.condition,) if isinstance(rule.condition, Is) else rule.condition.parts
+    return (rule.antecedent,) if isinstance(rule.antecedent, Is) else rule.antecedent.parts
 
 
 @pytest.mark.parametrize(
@@ -227,8 +227,8 @@ def test_what_cannot_be_written():
     for changed, what in (
         (system.with_footprint(Footprint(0.5)), "type 2"),
         (replace(system, name="\x00"), "name"),
-        (replace(system, rules=(replace(system.rules[0], condition=both),)), "split it"),
-        (replace(system, rules=(replace(system.rules[0], condition=two),)), "one modifier"),
+        (replace(system, rules=(replace(system.rules[0], antecedent=both),)), "split it"),
+        (replace(system, rules=(replace(system.rules[0], antecedent=two),)), "one modifier"),
         (replace(system, outputs=(replace(power, aggregation="sum"),)), "'sum'"),
         (replace(system, outputs=(replace(power, defuzzifier="som"),)), "'som'"),
     ):

@@ -74,7 +74,7 @@ def test_exact_is_the_default_where_it_applies():
 @given(systems(types=(1,), sugeno=(False,), defuzzifiers=("centroid",), **CONTINUOUS), SEEDS)
 @settings(max_examples=80, deadline=None)
 def test_mamdani_on_samples_is_what_the_book_says(system, seed):
-    """All shapes, norms, hedges, nested conditions, weights, complemented conclusions."""
+    """All shapes, norms, hedges, nested antecedents, weights, complemented consequents."""
     run = Inference(system, centroid="matlab", samples=41)
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
         assume(well_posed(system, x))
@@ -96,8 +96,8 @@ def well_posed(system, x):
 def test_sugeno_is_what_the_book_says(system, seed):
     run = Inference(system)
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
-        strengths = [max(u for *_, u in oracle.conclusions(system, o, x)) for o in system.outputs
-                     if list(oracle.conclusions(system, o, x))]  # fmt: skip
+        strengths = [max(u for *_, u in oracle.consequents(system, o, x)) for o in system.outputs
+                     if list(oracle.consequents(system, o, x))]  # fmt: skip
         assume(all(s == 0 or s > 1e-6 for s in strengths))
         expected = oracle.sugeno(system, x)
         scale = 1e-10 * (1 + np.abs(expected).max() + 1e4)  # values up to 100 + 300 * 200
@@ -151,7 +151,7 @@ def matlab(defuzzifier, at, y):
     return [ways[defuzzifier](m) for m in (tops, strict)] + both
 
 
-# --- the exact conclusion --------------------
+# --- the exact consequent --------------------
 
 EXACT = {
     "types": (1,),
@@ -166,7 +166,7 @@ EXACT = {
 @given(systems(**EXACT), SEEDS)
 @settings(max_examples=80, deadline=None)
 def test_every_exact_defuzzifier_is_that_of_the_polyline(system, seed):
-    """The joined conclusions by brute force: every crossing of every two lines."""
+    """The joined consequents by brute force: every crossing of every two lines."""
     run = Inference(system, centroid="exact")
     for x in oracle.points_in(system, np.random.default_rng(seed), 2):
         for value, output in zip(run(*x), system.outputs, strict=True):
@@ -256,7 +256,7 @@ def test_the_exact_value_is_the_limit_of_ever_finer_samples(system, seed):
 
 
 def test_the_centroid_on_samples_converges_with_the_square_of_their_number():
-    """Where the joined conclusions end at zero, the sum rule is the trapezoid rule."""
+    """Where the joined consequents end at zero, the sum rule is the trapezoid rule."""
     sets = (
         FuzzySet("a", Membership("trimf", (0.1, 0.3, 0.6))),
         FuzzySet("b", Membership("trapmf", (0.35, 0.6, 0.7, 0.93))),
@@ -321,10 +321,10 @@ def mirrored_set(each, name):
     return replace(each, name=name, upper=reflected(each.upper), lower=lower)
 
 
-def renamed(condition):
-    if isinstance(condition, Is):
-        return replace(condition, set=condition.set and f"{condition.set}~")
-    return type(condition)(tuple(map(renamed, condition.parts)))
+def renamed(antecedent):
+    if isinstance(antecedent, Is):
+        return replace(antecedent, set=antecedent.set and f"{antecedent.set}~")
+    return type(antecedent)(tuple(map(renamed, antecedent.parts)))
 
 
 def odd(system):
@@ -337,7 +337,7 @@ def odd(system):
         return replace(wide, default=0.0) if isinstance(wide, OutputVariable) else wide
 
     image = tuple(
-        Rule(renamed(r.condition), tuple(map(renamed, r.conclusions)), r.weight)
+        Rule(renamed(r.antecedent), tuple(map(renamed, r.consequents)), r.weight)
         for r in system.rules
     )
     return replace(
@@ -363,7 +363,7 @@ def test_a_symmetric_rule_base_makes_an_odd_surface(system, seed, reduction):
     run = Inference(symmetric, reduction=reduction, slices=3, algorithm="eiasc")
     at = oracle.points_in(symmetric, np.random.default_rng(seed), 20)
     here, there = run.batch(at), run.batch(-at)
-    strong = np.array([max((f.upper for f in run.fired(*x)), default=0.0) > 1e-6 for x in at])
+    strong = np.array([max((f.upper for f in run.fired_rules(*x)), default=0.0) > 1e-6 for x in at])
     scale = np.maximum(oracle.spans(symmetric), np.abs(here).max(axis=(0, 1)))
     ok = here[:, strong] / scale, there[:, strong] / scale
     if system.type == 1 or symmetric.is_sugeno:
@@ -402,8 +402,8 @@ def test_a_monotone_sugeno_rule_base_makes_a_monotone_surface(first, second, dat
     functions, rules = [], []
     for (i, j), height in np.ndenumerate(heights):
         functions.append(LinearFunction(f"f{i}_{j}", height))
-        condition = And((Is("a", f"s{i}"), Is("b", f"s{j}")))
-        rules.append(Rule(condition, (Is("y", f"f{i}_{j}"),)))
+        antecedent = And((Is("a", f"s{i}"), Is("b", f"s{j}")))
+        rules.append(Rule(antecedent, (Is("y", f"f{i}_{j}"),)))
     output = OutputVariable("y", 0, 100, tuple(functions))
     run = Inference(FuzzySystem("m", inputs, (output,), tuple(rules), conjunction="prod"))
     axis = np.linspace(-1, 1, 31)
@@ -467,7 +467,7 @@ def test_the_order_of_rules_and_inputs_does_not_matter(system, seed, shuffle):
         outputs=tuple(map(moved, system.outputs)),
     )
     run = Inference(system, slices=2)
-    strong = np.array([max((f.upper for f in run.fired(*x)), default=0.0) > 1e-6 for x in at])
+    strong = np.array([max((f.upper for f in run.fired_rules(*x)), default=0.0) > 1e-6 for x in at])
     here, there = run.batch(at[strong]), Inference(other, slices=2).batch(at[strong][:, order])
     scale = np.maximum(oracle.spans(system), np.abs(here).max(axis=(0, 1), initial=0.0))
     np.testing.assert_allclose(here / scale, there / scale, atol=1e-8)
@@ -564,11 +564,11 @@ def test_the_rules_that_fire_are_reported_with_their_strengths(system, seed):
     system = reducible(system)
     run = Inference(system, samples=11)
     x = oracle.points_in(system, np.random.default_rng(seed), 1, beyond=0.2)[0]
-    fired = run.fired(*x)
+    fired = run.fired_rules(*x)
     assert [f.upper for f in fired] == sorted((f.upper for f in fired), reverse=True)
     found = {f.number: f for f in fired}
     for number, rule in enumerate(system.rules, 1):
-        pair = oracle.strength(system, rule.condition, oracle.clamped(system, x))
+        pair = oracle.strength(system, rule.antecedent, oracle.clamped(system, x))
         low, high = (rule.weight * s for s in pair)
         each = found.pop(number, None)
         if each is None:

@@ -14,11 +14,11 @@ from omnidrive.fuzzy.norms import (
     CONORMS,
     HEDGE_CODES,
     NORMS,
-    conjoin,
-    disjoin,
-    hedged,
+    apply_hedge,
+    t_conorm,
+    t_norm,
 )
-from omnidrive.fuzzy.sets import bounds
+from omnidrive.fuzzy.sets import membership_bounds
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, Secondary
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import fuzzy_sets, memberships
@@ -98,7 +98,7 @@ def test_the_footprint_of_a_triangle_is_a_lower_narrower_triangle(sides, scale, 
     middle, before, after = sides
     a, b, c = middle - before, middle, middle + after
     each = FuzzySet("t", Membership("trimf", (a, b, c)), Footprint(scale, left, right))
-    lower, upper = (row[0] for row in bounds([each], AT))
+    lower, upper = (row[0] for row in membership_bounds([each], AT))
     start, stop = a + left * (b - a), c - right * (c - b)
     expected = scale * np.interp(AT, [start, b, stop], [0.0, 1.0, 0.0])
     np.testing.assert_allclose(lower, expected, atol=1e-12)
@@ -112,12 +112,12 @@ def test_the_footprint_of_a_triangle_is_a_lower_narrower_triangle(sides, scale, 
 )
 @settings(max_examples=200, deadline=None)
 def test_bounds_and_their_planes_are_those_of_the_definition(each, level, of_lower):
-    from omnidrive.fuzzy.sets import Plane
+    from omnidrive.fuzzy.sets import ZSlice
 
     with np.errstate(over="ignore"):
-        for plane, own in ((None, Plane(0.0, of_lower=False)), ((level, of_lower), None)):
+        for plane, own in ((None, ZSlice(0.0, of_lower=False)), ((level, of_lower), None)):
             expected = oracle.bounds(each, AT, plane)
-            found = bounds([each], AT, own or Plane(level, of_lower))
+            found = membership_bounds([each], AT, own or ZSlice(level, of_lower))
             for mine, theirs in zip(found, expected, strict=True):
                 np.testing.assert_allclose(mine[0], theirs, atol=1e-11)
             assert (found[0] <= found[1] + 1e-15).all()
@@ -127,9 +127,9 @@ def test_bounds_and_their_planes_are_those_of_the_definition(each, level, of_low
 @given(UNIT, UNIT)
 @settings(max_examples=60, deadline=None)
 def test_norms_are_those_of_the_book(norm, a, b):
-    assert conjoin(NORMS[norm], a, b) == pytest.approx(oracle.NORMS[norm](a, b), abs=1e-15)
-    assert conjoin(NORMS[norm], a, b) == conjoin(NORMS[norm], b, a)
-    assert conjoin(NORMS[norm], a, 1.0) == pytest.approx(a, abs=1e-15)
+    assert t_norm(NORMS[norm], a, b) == pytest.approx(oracle.NORMS[norm](a, b), abs=1e-15)
+    assert t_norm(NORMS[norm], a, b) == t_norm(NORMS[norm], b, a)
+    assert t_norm(NORMS[norm], a, 1.0) == pytest.approx(a, abs=1e-15)
 
 
 @pytest.mark.parametrize("norm", AGGREGATIONS)
@@ -138,27 +138,27 @@ def test_norms_are_those_of_the_book(norm, a, b):
 @settings(max_examples=60, deadline=None)
 def test_conorms_are_those_of_the_book_and_keep_small_degrees(norm, a, b):
     """A centroid divides by the sum of the degrees: small ones must keep their figures."""
-    found = disjoin(AGGREGATIONS[norm], a, b)
+    found = t_conorm(AGGREGATIONS[norm], a, b)
     assert found <= 1.0 + 1e-15 or norm == "sum"
     assert found == pytest.approx(oracle.CONORMS[norm](a, b), rel=1e-12, abs=1e-300)
-    assert disjoin(AGGREGATIONS[norm], 0.0, b) == pytest.approx(b, rel=1e-12, abs=1e-300)
+    assert t_conorm(AGGREGATIONS[norm], 0.0, b) == pytest.approx(b, rel=1e-12, abs=1e-300)
 
 
 @pytest.mark.parametrize("hedge", [h for h in HEDGE_CODES if h != "not"])
 @given(UNIT, UNIT)
 @settings(max_examples=40, deadline=None)
 def test_hedges_are_monotone_and_those_of_fuzzylite(hedge, a, b):
-    found = [hedged(HEDGE_CODES[hedge], v) for v in sorted((a, b))]
+    found = [apply_hedge(HEDGE_CODES[hedge], v) for v in sorted((a, b))]
     assert found[0] <= found[1]
     assert found[1] == pytest.approx(oracle.HEDGES[hedge](max(a, b)), abs=1e-15)
 
 
 def test_a_secondary_without_a_width_is_the_middle():
     each = FuzzySet("s", Membership("trimf", (-1, 0, 1)), Footprint(0.5, 0.2), Secondary(1e-9))
-    from omnidrive.fuzzy.sets import Plane
+    from omnidrive.fuzzy.sets import ZSlice
 
-    lower, upper = bounds([each], AT, Plane(0.5, of_lower=False))
-    whole = bounds([replace(each, secondary=None)], AT)
+    lower, upper = membership_bounds([each], AT, ZSlice(0.5, of_lower=False))
+    whole = membership_bounds([replace(each, secondary=None)], AT)
     np.testing.assert_allclose(upper - lower, 0.0, atol=1e-8)
     np.testing.assert_allclose(upper, (whole[0] + whole[1]) / 2, atol=1e-8)
 

@@ -22,11 +22,11 @@ NAMES = st.from_regex(r"[a-z]{2,6}[0-9]", fullmatch=True)
 SHARED = {
     "sugeno": (False,),
     "defuzzifiers": ("centroid",),
-    "disjunctions": ("max",),  # of simpful; pyit2fls knows no "or" in conditions
+    "disjunctions": ("max",),  # of simpful; pyit2fls knows no "or" in antecedents
     "aggregations": ("max",),
     "defaults": False,
     "hedges": (),
-    "negated_conclusions": False,
+    "negated_consequents": False,
     "names": NAMES,
 }
 
@@ -64,11 +64,11 @@ def clearly_fires(system, x):
 # --- simpful --------------------
 
 
-def simpful_text(condition):
-    if isinstance(condition, Is):
-        return f"({condition.variable} IS {condition.set})"
-    word = " AND " if isinstance(condition, And) else " OR "
-    first, *others = map(simpful_text, condition.parts)
+def simpful_text(antecedent):
+    if isinstance(antecedent, Is):
+        return f"({antecedent.variable} IS {antecedent.set})"
+    word = " AND " if isinstance(antecedent, And) else " OR "
+    first, *others = map(simpful_text, antecedent.parts)
     for other in others:
         first = f"({first}{word}{other})"  # it joins two at a time
     return first
@@ -100,10 +100,10 @@ def simpful_system(system):
             v.name, simpful.LinguisticVariable(sets, universe_of_discourse=[v.low, v.high])
         )
     for rule in system.rules:
-        for term in rule.conclusions:
+        for term in rule.consequents:
             name = f"{term.variable}_{term.set}" if system.is_sugeno else term.set
             peer.add_rules(
-                [f"IF {simpful_text(rule.condition)} THEN ({term.variable} IS {name})"
+                [f"IF {simpful_text(rule.antecedent)} THEN ({term.variable} IS {name})"
                  + (f" WEIGHT {rule.weight!r}" if rule.weight != 1.0 else "")]
             )  # fmt: skip
     return peer
@@ -150,7 +150,7 @@ def test_simpful_agrees_on_sugeno(system, seed):
     system = blunted(system)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     for output in system.outputs:
-        fired = [u for *_, u in oracle.conclusions(system, output, x)]
+        fired = [u for *_, u in oracle.consequents(system, output, x)]
         assume(fired)
         assume(max(fired) > 1e-4)
     peer = simpful_system(system)
@@ -172,8 +172,8 @@ def flat(system):
     """With "and" for every "or", which pyit2fls has not."""
 
     def one(rule):
-        c = rule.condition
-        return replace(rule, condition=And(c.parts) if isinstance(c, Or) else c)
+        c = rule.antecedent
+        return replace(rule, antecedent=And(c.parts) if isinstance(c, Or) else c)
 
     return replace(system, rules=tuple(map(one, system.rules)))
 
@@ -222,11 +222,11 @@ def add_rules(system, peer, sets):
     for v in system.outputs:
         peer.add_output_variable(v.name)
     for rule in system.rules:
-        condition = rule.condition
-        parts = [condition] if isinstance(condition, Is) else condition.parts
+        antecedent = rule.antecedent
+        parts = [antecedent] if isinstance(antecedent, Is) else antecedent.parts
         peer.add_rule(
             [(t.variable, sets[t.variable, t.set]) for t in parts],
-            [(t.variable, sets[t.variable, t.set]) for t in rule.conclusions],
+            [(t.variable, sets[t.variable, t.set]) for t in rule.consequents],
         )
 
 
@@ -284,10 +284,10 @@ def test_pyit2fls_agrees_on_type_2(system, seed, method, algorithm):
     lower = oracle.aggregate(system, output, x, at)[0]
     # where nothing is sure, it takes the second and the last but one point for the ends
     assume(lower.max() > 1e-4)
-    for each, *_ in oracle.conclusions(system, output, x):
+    for each, *_ in oracle.consequents(system, output, x):
         assume(oracle.bounds(each, at)[0].max() > 1e-4)
     if method[1] == "cos":
-        assume(max(low for *_, low, _ in oracle.conclusions(system, output, x)) > 1e-4)
+        assume(max(low for *_, low, _ in oracle.consequents(system, output, x)) > 1e-4)
     norm = {"min": pyit2fls.min_t_norm, "prod": pyit2fls.product_t_norm}[system.conjunction]
     peer = pyit2fls.IT2Mamdani(norm, pyit2fls.max_s_norm, method=method[0], algorithm=algorithm)
     sets = {}

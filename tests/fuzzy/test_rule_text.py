@@ -76,7 +76,7 @@ def test_grammar(text, rule):
 )
 def test_written_with_parentheses_only_where_needed(rule, text):
     assert rule_text(rule) == text
-    assert parse_rule(text).condition == normalised(rule.condition)
+    assert parse_rule(text).antecedent == normalised(rule.antecedent)
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_a_secondary_of_one_everywhere_makes_it_type_2(system, seed, slices, red
 def test_without_a_footprint_it_is_type_1(system, seed):
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     run = Inference(system, samples=51)
-    at = at[[max((f.upper for f in run.fired(*x)), default=0) > 1e-6 for x in at]]
+    at = at[[max((f.upper for f in run.fired_rules(*x)), default=0) > 1e-6 for x in at]]
     thin = system.with_footprint(Footprint(), secondary=Secondary(0.7, 0.8, 0.1))
     scale = oracle.spans(system)
     found = Inference(thin, slices=3, samples=51).batch(at)

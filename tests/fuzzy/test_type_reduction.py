@@ -7,10 +7,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from omnidrive.fuzzy.exact import exact_interval
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.reduction import reduced
+from omnidrive.fuzzy.segment_centroid import exact_interval
 from omnidrive.fuzzy.system import ALGORITHMS
 from omnidrive.fuzzy.variables import Footprint
 from tests.fuzzy import oracle
@@ -37,7 +37,7 @@ def close(found, expected, system, digits):
 def spoken_of(system, x):
     """Whether every output is clearly concluded about, or clearly not."""
     tops = [
-        max((high for *_, high in oracle.conclusions(system, o, x)), default=0.0)
+        max((high for *_, high in oracle.consequents(system, o, x)), default=0.0)
         for o in system.outputs
     ]
     return all(top == 0.0 or top > 1e-6 for top in tops)
@@ -52,7 +52,7 @@ def steady(system, x, samples):
     for output in system.outputs:
         at = oracle.even(output, samples)
         weights += oracle.aggregate(system, output, x, at)
-        for each, negated, *strengths in oracle.conclusions(system, output, x):
+        for each, negated, *strengths in oracle.consequents(system, output, x):
             degrees = oracle.bounds(each, at)
             weights += [np.array(strengths), *((1 - d for d in degrees) if negated else degrees)]
     weights = np.concatenate(weights)
@@ -134,7 +134,7 @@ def test_centre_of_sets_is_what_the_book_says(system, seed):
     run = Inference(system, centroid="matlab", samples=31, reduction="cos", algorithm=algorithm)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     for output in system.outputs:
-        found = list(oracle.conclusions(system, output, x))
+        found = list(oracle.consequents(system, output, x))
         assume(all(u == 0 or u > 1e-6 for *_, u in found))
         assume(all(v == 0 or v > 1e-9 for *_, v, _ in found))
         at = oracle.even(output, 31)
@@ -145,7 +145,7 @@ def test_centre_of_sets_is_what_the_book_says(system, seed):
     close(run.batch(x[None])[:, 0], oracle.centre_of_sets(system, x, 31), system, 1e-6)
 
 
-STEADY = CONTINUOUS | {"hedges": (), "negated_conclusions": False}
+STEADY = CONTINUOUS | {"hedges": (), "negated_consequents": False}
 
 
 @given(systems(types=(2, 3), **STEADY), SEEDS, st.sampled_from(["centroid", "cos"]))
@@ -157,7 +157,7 @@ def test_the_interval_is_ordered_and_holds_the_values_of_type_1_and_nie_tan(
     options = {"reduction": reduction, "samples": 51, "slices": 2}
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     run = Inference(system, algorithm="km", **options)
-    at = at[[max((f.upper for f in run.fired(*x)), default=0) > 1e-6 for x in at]]
+    at = at[[max((f.upper for f in run.fired_rules(*x)), default=0) > 1e-6 for x in at]]
     value, least, greatest = run.batch(at)
     slack = 1e-9 * oracle.spans(system)
     assert (least <= value + slack).all()
@@ -193,7 +193,7 @@ def test_all_algorithms_agree_on_random_systems(system, seed, reduction):
 def test_without_a_footprint_type_2_is_type_1(system, seed, algorithm):
     at = oracle.points_in(system, np.random.default_rng(seed), 20)
     run = Inference(system)
-    at = at[[max((f.upper for f in run.fired(*x)), default=0) > 1e-6 for x in at]]
+    at = at[[max((f.upper for f in run.fired_rules(*x)), default=0) > 1e-6 for x in at]]
     uncertain = system.with_footprint(Footprint())
     for reduction in ("centroid", "cos"):
         plain = Inference(system, reduction=reduction).batch(at)

@@ -101,7 +101,7 @@ def rule_lines(system: FuzzySystem) -> list[str]:
 
 def fired_lines(inference: Inference, inputs: Sequence[float]) -> list[str]:
     """The rules that fire, the strongest first."""
-    fired = inference.fired(*inputs)
+    fired = inference.fired_rules(*inputs)
     if not fired:
         return ["No rule fires."]
     strengths = [
@@ -144,7 +144,7 @@ def shortened_rule(rule: Rule) -> str:
 
 def _pair(rule: Rule, down: str, across: str) -> tuple[str, str] | None:
     """Sets of two inputs that a rule joins by "and"; None if it does otherwise."""
-    parts = rule.condition.parts if isinstance(rule.condition, And) else ()
+    parts = rule.antecedent.parts if isinstance(rule.antecedent, And) else ()
     terms = {part.variable: part.set for part in parts if isinstance(part, Is) and not part.hedges}
     if len(parts) != 2 or set(terms) != {down, across}:
         return None
@@ -152,7 +152,7 @@ def _pair(rule: Rule, down: str, across: str) -> tuple[str, str] | None:
 
 
 def _concluded(rule: Rule, output: str) -> str:
-    term = next((each for each in rule.conclusions if each.variable == output), None)
+    term = next((each for each in rule.consequents if each.variable == output), None)
     return " ".join((*term.hedges, term.set)) if term else "-"
 
 

@@ -1,7 +1,7 @@
 """Fuzzy systems of type 1, interval type 2 and interval type 3: as data, in files, evaluated."""
 
 from omnidrive.fuzzy.files import GapWarning, load, save
-from omnidrive.fuzzy.inference import Fired, Inference
+from omnidrive.fuzzy.inference import FiredRule, Inference
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rule_text import parse_rule, rule_text
 from omnidrive.fuzzy.rules import And, Is, Or, Rule
@@ -18,7 +18,7 @@ from omnidrive.fuzzy.variables import (
 
 __all__ = [
     "And",
-    "Fired",
+    "FiredRule",
     "Footprint",
     "FuzzySet",
     "FuzzySystem",

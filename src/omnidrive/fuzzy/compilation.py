@@ -9,9 +9,9 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.centres import centres_of
-from omnidrive.fuzzy.conclusions import conclusions_of
-from omnidrive.fuzzy.conditions import conditions_of
+from omnidrive.fuzzy.antecedents import antecedents_of
+from omnidrive.fuzzy.centre_of_sets import centres_of
+from omnidrive.fuzzy.consequents import consequents_of
 from omnidrive.fuzzy.kernels import (
     AS_IS,
     CENTRE_OF_SETS,
@@ -21,14 +21,14 @@ from omnidrive.fuzzy.kernels import (
     SAMPLED,
     SUGENO,
 )
-from omnidrive.fuzzy.layout import Frame, parts
-from omnidrive.fuzzy.lines import lines_of, why_not_exact
-from omnidrive.fuzzy.packed import Packed, pack
+from omnidrive.fuzzy.packed_arrays import Packed, pack
 from omnidrive.fuzzy.sampled import samples_of
-from omnidrive.fuzzy.sets import WHOLE, Plane, sets_of
-from omnidrive.fuzzy.strips import strips_of
+from omnidrive.fuzzy.segments import lines_of, why_not_exact
+from omnidrive.fuzzy.sets import WHOLE, ZSlice, sets_of
 from omnidrive.fuzzy.sugeno import functions_of
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
+from omnidrive.fuzzy.system_arrays import Frame, parts
+from omnidrive.fuzzy.trapezoid_centroid import strips_of
 
 Centroid = Literal["exact", "matlab"]
 Reduction = Literal["centroid", "cos"]
@@ -87,7 +87,7 @@ def compile_system(system: FuzzySystem, options: Options) -> Compiled:
     )
 
 
-def slices(count: int) -> list[Plane]:
+def slices(count: int) -> list[ZSlice]:
     """Planes at ``count`` levels, through the upper and through the lower secondary functions.
 
     The levels are the middles of equal parts of [0, 1], so that the sum over them is the midpoint
@@ -95,11 +95,11 @@ def slices(count: int) -> list[Plane]:
     in their level.
     """
     levels = (np.arange(count) + 0.5) / count
-    return [Plane(level, of_lower) for level in levels.tolist() for of_lower in (False, True)]
+    return [ZSlice(level, of_lower) for level in levels.tolist() for of_lower in (False, True)]
 
 
-def _packed(system: FuzzySystem, options: Options, plane: Plane) -> Packed:
-    conclusions, shapes = conclusions_of(system)
+def _packed(system: FuzzySystem, options: Options, plane: ZSlice) -> Packed:
+    consequents, shapes = consequents_of(system)
     rest: tuple[tuple[Array, ...], ...]
     if system.is_sugeno:
         method, rest = SUGENO, (functions_of(system, shapes),)
@@ -132,4 +132,4 @@ def _packed(system: FuzzySystem, options: Options, plane: Plane) -> Packed:
         ),
     )
     sets = sets_of([variable.sets for variable in system.inputs], plane)
-    return pack(parts(frame, sets, conditions_of(system), conclusions, *rest))
+    return pack(parts(frame, sets, antecedents_of(system), consequents, *rest))

@@ -31,12 +31,12 @@ from omnidrive.fuzzy.kernels import (
     rule_strengths,
     value_of_one,
 )
-from omnidrive.fuzzy.lines import why_not_exact
 from omnidrive.fuzzy.rules import Rule
+from omnidrive.fuzzy.segments import why_not_exact
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
 
 
-class Fired(NamedTuple):
+class FiredRule(NamedTuple):
     """A rule that fires, and how strongly."""
 
     number: int
@@ -59,11 +59,11 @@ class Inference:
 
     Args:
         system: What to evaluate.
-        centroid: ``exact``: closed form on the joined conclusions, which must be polylines;
+        centroid: ``exact``: closed form on the joined consequents, which must be polylines;
             ``matlab``: on samples of the outputs' ranges, by Matlab's rules. None: exact where it
             applies.
         samples: Their number.
-        reduction: How a system of type 2 is reduced: ``centroid`` of the joined conclusions, as
+        reduction: How a system of type 2 is reduced: ``centroid`` of the joined consequents, as
             Matlab does, or ``cos``, centre of sets.
         algorithm: How the interval is found; None: as the system says.
         out_of_range: What becomes of an input beyond its range: ``clamp`` takes the end of the
@@ -177,7 +177,7 @@ class Inference:
                     done.result()
         return found.transpose(1, 0, 2)
 
-    def fired(self, *inputs: float) -> list[Fired]:
+    def fired_rules(self, *inputs: float) -> list[FiredRule]:
         """The rules that fire, the strongest first; for type 3, over the whole footprints.
 
         Raises:
@@ -185,11 +185,11 @@ class Inference:
         """
         self._all(inputs)  # refuses what has to be refused
         if self._many:
-            return Inference(self.system.without_secondary()).fired(*inputs)
+            return Inference(self.system.without_secondary()).fired_rules(*inputs)
         x = np.array(inputs, dtype=np.float64)
         lower, upper = rule_strengths(self._numbers, self._integers, x)
         found = [
-            Fired(k + 1, self.system.rules[k], float(lower[k]), float(upper[k]))
+            FiredRule(k + 1, self.system.rules[k], float(lower[k]), float(upper[k]))
             for k in np.flatnonzero(upper > 0.0).tolist()
         ]
         return sorted(found, key=lambda each: -each.upper)

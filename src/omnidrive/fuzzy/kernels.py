@@ -7,11 +7,23 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.centres import centre_of_sets
-from omnidrive.fuzzy.conclusions import strongest, summed
-from omnidrive.fuzzy.conditions import fire
-from omnidrive.fuzzy.exact import exact_interval, exact_value, polyline
-from omnidrive.fuzzy.layout import (
+from omnidrive.fuzzy.antecedents import fire
+from omnidrive.fuzzy.centre_of_sets import centre_of_sets
+from omnidrive.fuzzy.consequents import strongest, summed
+from omnidrive.fuzzy.packed_arrays import Packed, integers_of, numbers_of
+from omnidrive.fuzzy.reduction import reduced
+from omnidrive.fuzzy.sampled import (
+    MAX,
+    MIN,
+    WTSUM,
+    joined_by_max,
+    joined_by_rule,
+    sampled_value,
+)
+from omnidrive.fuzzy.segment_centroid import exact_interval, exact_value, polyline
+from omnidrive.fuzzy.sets import fuzzify
+from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
+from omnidrive.fuzzy.system_arrays import (
     ALGORITHM,
     BEYOND,
     FALLBACKS,
@@ -24,9 +36,9 @@ from omnidrive.fuzzy.layout import (
     SWITCHES,
     UNCERTAIN,
     Room,
+    antecedents_in,
     centres_in,
-    conclusions_in,
-    conditions_in,
+    consequents_in,
     ends_in,
     lines_in,
     room_in,
@@ -34,20 +46,8 @@ from omnidrive.fuzzy.layout import (
     samples_in,
     sets_in,
 )
-from omnidrive.fuzzy.packed import Packed, integers_of, numbers_of
-from omnidrive.fuzzy.reduction import reduced
-from omnidrive.fuzzy.sampled import (
-    MAX,
-    MIN,
-    WTSUM,
-    joined_by_max,
-    joined_by_rule,
-    sampled_value,
-)
-from omnidrive.fuzzy.sets import fuzzify
-from omnidrive.fuzzy.strips import strips_centroid
-from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
-from omnidrive.fuzzy.views import borrowed, part
+from omnidrive.fuzzy.trapezoid_centroid import strips_centroid
+from omnidrive.fuzzy.unsafe_views import borrowed, part
 
 SAMPLED, EXACT, CENTRE_OF_SETS, SUGENO = range(4)
 CLAMP, AS_IS, REFUSE = range(3)
@@ -78,7 +78,7 @@ def admitted(p: Packed, x: Float[Array, " inputs"]) -> int:
 def strengths_of(p: Packed, room: Room, x: Float[Array, " inputs"]) -> None:
     """Fill in the least and greatest strength of every rule."""
     fuzzify(sets_in(p), x, integers_of(p, SWITCHES)[UNCERTAIN] == 1, room.degrees)
-    fire(conditions_in(p), room.degrees, room.strengths)
+    fire(antecedents_in(p), room.degrees, room.strengths)
 
 
 @compiled
@@ -113,7 +113,7 @@ def infer(
 @compiled
 def _infer_sampled(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
     """Least and greatest of every output by way of samples; nan if no rule speaks of it."""
-    c, s, switches = conclusions_in(p), samples_in(p), integers_of(p, SWITCHES)
+    c, s, switches = consequents_in(p), samples_in(p), integers_of(p, SWITCHES)
     cuts, uncertain, count = c.implication[0] == MIN, switches[UNCERTAIN] == 1, switches[POINTS]
     shapes, heights, points = c.first_shape[-1], room.heights, room.points
     strongest(c, room.strengths, heights)
@@ -137,7 +137,7 @@ def _infer_sampled(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> N
 @compiled
 def _infer_exact(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
     """Least and greatest of every output by way of polylines; nan if no rule speaks of it."""
-    c, switches, heights = conclusions_in(p), integers_of(p, SWITCHES), room.heights
+    c, switches, heights = consequents_in(p), integers_of(p, SWITCHES), room.heights
     rows, corners = integers_of(p, REST + 10), numbers_of(p, REST + 11)
     cuts = c.implication[0] == MIN
     strongest(c, room.strengths, heights)
@@ -163,7 +163,7 @@ def _infer_weighted(
     p: Packed, room: Room, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]
 ) -> None:
     """Least and greatest of every output as means over rules; nan if no rule speaks of it."""
-    c, switches, weights = conclusions_in(p), integers_of(p, SWITCHES), room.heights
+    c, switches, weights = consequents_in(p), integers_of(p, SWITCHES), room.heights
     summed(c, room.strengths, weights)
     for o in range(found.shape[1]):
         first, last = c.first_shape[o], c.first_shape[o + 1]

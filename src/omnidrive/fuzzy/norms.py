@@ -36,7 +36,7 @@ IMPLICATIONS: dict[str, int] = {"min": 0, "prod": 1}
 
 
 @compiled
-def conjoin(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
+def t_norm(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
     """t-norm of two degrees (Klement, Mesiar & Pap, "Triangular Norms", 2000)."""
     if norm == 0:
         return min(a, b)
@@ -54,8 +54,8 @@ def conjoin(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
 
 
 @compiled
-def disjoin(conorm: int, a: float, b: float) -> float:  # noqa: PLR0911
-    """t-conorm of two degrees, or their sum: the dual of :func:`conjoin` of the same number."""
+def t_conorm(conorm: int, a: float, b: float) -> float:  # noqa: PLR0911
+    """t-conorm of two degrees, or their sum: the dual of :func:`t_norm` of the same number."""
     if conorm == 0:
         return max(a, b)
     if conorm == 1:
@@ -86,7 +86,7 @@ HEDGE_CODES: dict[str, int] = {
 
 
 @compiled
-def hedged(hedge: int, a: float) -> float:
+def apply_hedge(hedge: int, a: float) -> float:
     """Degree under a hedge."""
     if hedge == 0:
         return 1.0 - a

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, compiled_sums
-from omnidrive.fuzzy.views import part
+from omnidrive.fuzzy.unsafe_views import part
 
 KM, EKM, EIASC, IASC, NIE_TAN = range(5)  # the order of system.ALGORITHMS
 
@@ -34,7 +34,7 @@ def reduced(
     """Least and greatest ``sum(w x) / sum(w)`` over all weights lower <= w <= upper.
 
     Args:
-        algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`. All but Nie-Tan find the
+        algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`. All but Nie-Tan find the
             same two numbers, in different numbers of steps; Nie-Tan gives one number between them.
         at: The points x, in ascending order.
         lower: Least weight of each point, not negative.

@@ -8,7 +8,17 @@ from typing import NamedTuple, NoReturn
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.position import Position, malformed, parse_number
-from omnidrive.fuzzy.rules import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule, terms
+from omnidrive.fuzzy.rules import (
+    HEDGES,
+    MAX_DEPTH,
+    And,
+    Antecedent,
+    Hedge,
+    Is,
+    Or,
+    Rule,
+    propositions,
+)
 
 MAX_LENGTH = 10_000
 """Most characters of one rule."""
@@ -28,12 +38,12 @@ def parse_rule(text: str, position: Position | None = None) -> Rule:
 
     ``if CONDITION then CONCLUSIONS [with WEIGHT]``, where
 
-    - a condition joins ``VARIABLE is [HEDGES] SET`` by ``and``, ``or`` and parentheses; ``and``
+    - a antecedent joins ``VARIABLE is [HEDGES] SET`` by ``and``, ``or`` and parentheses; ``and``
       binds tighter;
     - hedges are not, very, somewhat, extremely, seldom, and apply from the right; ``any`` stands
       for them and the set: ``x is any`` always holds, and is ``Is("x", "", ("any",))``;
     - ``not`` may also stand before the variable, though not before a group of several;
-    - conclusions, ``VARIABLE is [not] SET``, are joined by ``and`` or a comma;
+    - consequents, ``VARIABLE is [not] SET``, are joined by ``and`` or a comma;
     - the weight may also be written as Matlab does, ``(0.5)``.
 
     Keywords are read in any case. A name is made of any characters but spaces, commas,
@@ -61,8 +71,8 @@ def rule_text(rule: Rule) -> str:
     Raises:
         InvalidInput: It is longer than :data:`MAX_LENGTH`, or nested too deeply.
     """
-    conclusions = " and ".join(map(_is_text, rule.conclusions))
-    text = f"if {_text(normalised(rule.condition))} then {conclusions}"
+    consequents = " and ".join(map(_is_text, rule.consequents))
+    text = f"if {_text(normalised(rule.antecedent))} then {consequents}"
     if rule.weight != 1.0:
         text += f" with {float(rule.weight)!r}"
     if len(text) > MAX_LENGTH:
@@ -73,33 +83,35 @@ def rule_text(rule: Rule) -> str:
     return text
 
 
-def normalised(condition: Condition) -> Condition:
-    """The same condition with what is nested in its own kind joined, and no group of one.
+def normalised(antecedent: Antecedent) -> Antecedent:
+    """The same antecedent with what is nested in its own kind joined, and no group of one.
 
     Raises:
         InvalidInput: It is nested more than ``MAX_DEPTH`` deep, or a group is empty.
     """
-    for _ in terms(condition):
+    for _ in propositions(antecedent):
         pass
-    return _flat(condition)
+    return _flat(antecedent)
 
 
-def _flat(condition: Condition) -> Condition:
-    if isinstance(condition, Is):
-        return condition
-    kind = type(condition)
-    parts: list[Condition] = []
-    for part in map(_flat, condition.parts):
+def _flat(antecedent: Antecedent) -> Antecedent:
+    if isinstance(antecedent, Is):
+        return antecedent
+    kind = type(antecedent)
+    parts: list[Antecedent] = []
+    for part in map(_flat, antecedent.parts):
         parts += part.parts if isinstance(part, kind) else (part,)
     return parts[0] if len(parts) == 1 else kind(tuple(parts))
 
 
-def _text(condition: Condition) -> str:
-    if isinstance(condition, Is):
-        return _is_text(condition)
-    if isinstance(condition, Or):
-        return " or ".join(map(_text, condition.parts))
-    return " and ".join(f"({_text(p)})" if isinstance(p, Or) else _text(p) for p in condition.parts)
+def _text(antecedent: Antecedent) -> str:
+    if isinstance(antecedent, Is):
+        return _is_text(antecedent)
+    if isinstance(antecedent, Or):
+        return " or ".join(map(_text, antecedent.parts))
+    return " and ".join(
+        f"({_text(p)})" if isinstance(p, Or) else _text(p) for p in antecedent.parts
+    )
 
 
 def _is_text(term: Is) -> str:
@@ -136,32 +148,32 @@ class _Parser:
     def rule(self) -> Rule:
         """The rule that the text is, to its end."""
         self._expect("if", "'if'")
-        condition = self._any_of(0)
+        antecedent = self._any_of(0)
         if not self._accept("then"):
             self._refuse("'and', 'or' or 'then'")
-        conclusions = [self._term("an output")]
+        consequents = [self._term("an output")]
         while self._accept("and", ","):
-            conclusions.append(self._term("an output"))
+            consequents.append(self._term("an output"))
         weight = self._weight()
         self._expect("end", "the end of the rule")
         try:
-            return Rule(normalised(condition), tuple(conclusions), weight)
+            return Rule(normalised(antecedent), tuple(consequents), weight)
         except InvalidInput as error:
             raise malformed(self._start, str(error)) from None
 
-    def _any_of(self, depth: int) -> Condition:
+    def _any_of(self, depth: int) -> Antecedent:
         parts = [self._all_of(depth)]
         while self._accept("or"):
             parts.append(self._all_of(depth))
         return parts[0] if len(parts) == 1 else Or(tuple(parts))
 
-    def _all_of(self, depth: int) -> Condition:
+    def _all_of(self, depth: int) -> Antecedent:
         parts = [self._part(depth)]
         while self._accept("and"):
             parts.append(self._part(depth))
         return parts[0] if len(parts) == 1 else And(tuple(parts))
 
-    def _part(self, depth: int) -> Condition:
+    def _part(self, depth: int) -> Antecedent:
         negation: tuple[Hedge, ...] = ()
         while self._accept("not"):
             negation += ("not",)

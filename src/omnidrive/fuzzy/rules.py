@@ -45,48 +45,48 @@ class Is:
 class And:
     """All of several conditions, joined by the system's t-norm."""
 
-    parts: tuple[Condition, ...]
+    parts: tuple[Antecedent, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Or:
     """Any of several conditions, joined by the system's t-conorm."""
 
-    parts: tuple[Condition, ...]
+    parts: tuple[Antecedent, ...]
 
 
-Condition = Is | And | Or
+Antecedent = Is | And | Or
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """``if condition then conclusions``.
+    """``if antecedent then consequents``.
 
     Attributes:
-        condition: When it fires.
-        conclusions: One :class:`Is` for each output that it speaks of; the only hedge is "not".
+        antecedent: When it fires.
+        consequents: One :class:`Is` for each output that it speaks of; the only hedge is "not".
         weight: Factor of its strength, 0 to 1.
     """
 
-    condition: Condition
-    conclusions: tuple[Is, ...]
+    antecedent: Antecedent
+    consequents: tuple[Is, ...]
     weight: float = 1.0
 
     def __post_init__(self) -> None:
         as_floats(self, "weight")
         if not 0.0 <= self.weight <= 1.0:
             raise InvalidInput(f"the weight of a rule must lie in [0, 1], got {self.weight:g}")
-        if not self.conclusions:
+        if not self.consequents:
             raise InvalidInput("a rule needs a conclusion")
 
 
-def terms(condition: Condition) -> Iterator[Is]:
+def propositions(antecedent: Antecedent) -> Iterator[Is]:
     """Every ``variable is set`` in a condition, left to right.
 
     Raises:
         InvalidInput: The condition is nested too deeply, or a part of it is empty.
     """
-    pending: list[tuple[Condition, int]] = [(condition, 0)]
+    pending: list[tuple[Antecedent, int]] = [(antecedent, 0)]
     while pending:
         each, depth = pending.pop()
         if isinstance(each, Is):

@@ -9,12 +9,12 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.conclusions import Conclusions, Shape
-from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, disjoin
+from omnidrive.fuzzy.consequents import Consequents, Shape
+from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, t_conorm
 from omnidrive.fuzzy.reduction import moments
-from omnidrive.fuzzy.sets import WHOLE, Plane
+from omnidrive.fuzzy.sets import WHOLE, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.views import part
+from omnidrive.fuzzy.unsafe_views import part
 
 MIN, MAX = IMPLICATIONS["min"], AGGREGATIONS["max"]
 CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(9)  # the order of system.DEFUZZIFIERS
@@ -30,11 +30,15 @@ class Samples(NamedTuple):
 
 
 def samples_of(
-    system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], count: int, plane: Plane = WHOLE
+    system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], count: int, plane: ZSlice = WHOLE
 ) -> Samples:
     """``count`` samples of each output of a system."""
     at = [_even(output.low, output.high, count) for output in system.outputs]
-    pairs = [shape.bounds(at[o], plane) for o in range(len(system.outputs)) for shape in shapes[o]]
+    pairs = [
+        shape.membership_bounds(at[o], plane)
+        for o in range(len(system.outputs))
+        for shape in shapes[o]
+    ]
     return Samples(np.concatenate(at), np.array(pairs).transpose(1, 0, 2).ravel())
 
 
@@ -71,7 +75,7 @@ def joined_by_max(
 
 @compiled
 def joined_by_rule(
-    c: Conclusions,
+    c: Consequents,
     output: int,
     strengths: Float[Array, " rules"],
     degrees: Float[Array, " shapes_of_samples"],
@@ -90,7 +94,7 @@ def joined_by_rule(
             shape = part(degrees, k * len(joined), (k + 1) * len(joined))
             for i in range(len(joined)):
                 each = min(strength, shape[i]) if cuts else strength * shape[i]
-                joined[i] = disjoin(aggregation, joined[i], each)
+                joined[i] = t_conorm(aggregation, joined[i], each)
 
 
 @compiled

@@ -30,7 +30,7 @@ class Sets(NamedTuple):
     """How it follows: scale, left lag, right lag, middle; then the width of the plane, 0 to 1."""
 
 
-class Plane(NamedTuple):
+class ZSlice(NamedTuple):
     """One horizontal slice of the secondary functions of a type-3 system."""
 
     level: float
@@ -39,11 +39,11 @@ class Plane(NamedTuple):
     """Whether it cuts the lower secondary functions, not the upper ones."""
 
 
-WHOLE = Plane(0.0, of_lower=False)
+WHOLE = ZSlice(0.0, of_lower=False)
 """The whole footprint: all that a type-2 system knows."""
 
 
-def width(each: FuzzySet, plane: Plane) -> float:
+def width(each: FuzzySet, plane: ZSlice) -> float:
     """Width of the plane of a set over the width of its footprint, 0 to 1.
 
     The half width of a Gaussian with standard deviation s at level a is s sqrt(-2 ln a). Where the
@@ -61,7 +61,7 @@ def width(each: FuzzySet, plane: Plane) -> float:
     return min(1.0, half / sqrt(3.0))
 
 
-def sets_of(variables: Sequence[Sequence[FuzzySet]], plane: Plane = WHOLE) -> Sets:
+def sets_of(variables: Sequence[Sequence[FuzzySet]], plane: ZSlice = WHOLE) -> Sets:
     """Sets of each of some variables; one plane of them, if they are of type 3."""
     sets = [each for variable in variables for each in variable]
     functions = [each.upper for each in sets]
@@ -83,8 +83,8 @@ def sets_of(variables: Sequence[Sequence[FuzzySet]], plane: Plane = WHOLE) -> Se
     )
 
 
-def bounds(
-    sets: Sequence[FuzzySet], at: Float[Array, " points"], plane: Plane = WHOLE
+def membership_bounds(
+    sets: Sequence[FuzzySet], at: Float[Array, " points"], plane: ZSlice = WHOLE
 ) -> tuple[Float[Array, "sets points"], Float[Array, "sets points"]]:
     """Lower and upper degree of every point in every set; equal for sets of type 1."""
     return _bounds(sets_of([sets], plane), at)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.conclusions import Shape
+from omnidrive.fuzzy.consequents import Shape
 from omnidrive.fuzzy.reduction import reduced
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import LinearFunction
@@ -52,7 +52,7 @@ def sugeno_interval(  # noqa: PLR0917
         s: The functions.
         first: First function of the output.
         summed: Whether the output is a sum, not a mean.
-        algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
+        algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
         x: The inputs.
         lower: Sum of the least strengths of the rules that conclude each function of the output.
         upper: Sum of their greatest strengths; where all are zero, the output is nan.

@@ -9,7 +9,7 @@ from typing import Literal
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.fuzzy.checks import check_choice, check_different
 from omnidrive.fuzzy.norms import CONORMS, IMPLICATIONS, NORMS
-from omnidrive.fuzzy.rules import Is, Rule, terms
+from omnidrive.fuzzy.rules import Is, Rule, propositions
 from omnidrive.fuzzy.variables import (
     Footprint,
     FuzzySet,
@@ -81,15 +81,15 @@ class FuzzySystem:
         inputs = tuple(v.name for v in self.inputs)
         outputs = tuple(v.name for v in self.outputs)
         for number, rule in enumerate(self.rules, 1):
-            for term in terms(rule.condition):
+            for term in propositions(rule.antecedent):
                 _check_term(number, "input", term, inputs, sets_of)
-            for term in rule.conclusions:
+            for term in rule.consequents:
                 _check_term(number, "output", term, outputs, sets_of)
                 if term.hedges not in {(), ("not",)} or (term.hedges and self.is_sugeno):
                     raise InvalidInput(
                         f"rule {number}: a conclusion cannot be {' '.join(term.hedges)!r}"
                     )
-            if len({term.variable for term in rule.conclusions}) < len(rule.conclusions):
+            if len({term.variable for term in rule.consequents}) < len(rule.consequents):
                 raise InvalidInput(f"rule {number} concludes twice about one output")
 
     @property

@@ -13,7 +13,7 @@ from omnidrive.arrays import Array
 from omnidrive.control.pid import gain_inference
 from omnidrive.evaluation.figures.style import DARK, MUTED, figure_style, new_figure
 from omnidrive.fuzzy import FuzzySet, InputVariable, LinearFunction, OutputVariable
-from omnidrive.fuzzy.sets import Plane, bounds
+from omnidrive.fuzzy.sets import ZSlice, membership_bounds
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
 """Of the sets of a variable, in turn."""
@@ -78,7 +78,7 @@ def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float
     sets = [each for each in variable.sets if isinstance(each, FuzzySet)]
     at = sample_points(variable)
     names = []
-    for k, (each, low, high) in enumerate(zip(sets, *bounds(sets, at), strict=True)):
+    for k, (each, low, high) in enumerate(zip(sets, *membership_bounds(sets, at), strict=True)):
         colour = COLOURS[k % len(COLOURS)]
         axes.plot(at, high, color=colour, lw=1.4)
         if each.lower is not None:
@@ -86,7 +86,7 @@ def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float
             axes.plot(at, low, color=colour, lw=0.9, ls=(0, (3, 1.5)))
         if each.secondary is not None:
             for level in _INNER:
-                (inner,), (outer,) = bounds([each], at, Plane(level, of_lower=False))
+                (inner,), (outer,) = membership_bounds([each], at, ZSlice(level, of_lower=False))
                 axes.fill_between(at, inner, outer, color=colour, alpha=0.15, lw=0.0)
         top = float(high.max())
         if top > 0.0:

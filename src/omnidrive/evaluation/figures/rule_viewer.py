@@ -1,4 +1,4 @@
-"""How a fuzzy system comes from inputs to outputs: rules that fire, conclusions, values."""
+"""How a fuzzy system comes from inputs to outputs: rules that fire, consequents, values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, sample_points, truncate
 from omnidrive.evaluation.figures.style import DARK, MUTED, figure_style, new_figure
 from omnidrive.fuzzy import (
-    Fired,
+    FiredRule,
     FuzzySet,
     Inference,
     InputVariable,
@@ -22,10 +22,10 @@ from omnidrive.fuzzy import (
     LinearFunction,
     OutputVariable,
 )
-from omnidrive.fuzzy.joined import joined_conclusions, shaped, widest
-from omnidrive.fuzzy.norms import HEDGE_CODES, hedged
-from omnidrive.fuzzy.rules import terms
-from omnidrive.fuzzy.sets import bounds
+from omnidrive.fuzzy.aggregated_output import aggregated_outputs, implied_consequent, widest_slice
+from omnidrive.fuzzy.norms import HEDGE_CODES, apply_hedge
+from omnidrive.fuzzy.rules import propositions
+from omnidrive.fuzzy.sets import membership_bounds
 
 _INPUT, _OUTPUT, _VALUE = "#0072b2", "#e69f00", "#d55e00"
 _GROUND = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75}
@@ -37,8 +37,8 @@ def rule_viewer(
 ) -> Figure:
     """The rules that fire for some inputs, the strongest first, and what comes of them.
 
-    One row per rule: the sets of its condition with the degree of the input, and its conclusions
-    cut (or scaled) by its strength. Last row: the joined conclusion about each output, its value
+    One row per rule: the sets of its antecedent with the degree of the input, and its consequents
+    cut (or scaled) by its strength. Last row: the joined consequent about each output, its value
     and, of a type-2 system, the interval. Of a type-3 system the widest slice is drawn.
 
     Args:
@@ -50,7 +50,7 @@ def rule_viewer(
     """
     x = _ordered(inference, inputs)
     system = inference.system
-    fired = inference.fired(*x)
+    fired = inference.fired_rules(*x)
     shown, ins, outs = fired[:_RULES], system.inputs[:_INPUTS], system.outputs[:_OUTPUTS]
     taken = [
         min(max(value, v.low), v.high) if inference.options.out_of_range == "clamp" else value
@@ -119,11 +119,11 @@ def _left_out(inference: Inference, fired: int) -> str:
     if not system.is_sugeno and inference.options.reduction == "cos":
         lines.append("values: centre of sets,\nnot of these areas")
     if system.type == 3:
-        lines.append(f"slice at level {widest(inference).level:g}")
+        lines.append(f"slice at level {widest_slice(inference).level:g}")
     return "\n".join(lines)
 
 
-def _label_rule(axes: Axes, each: Fired) -> None:
+def _label_rule(axes: Axes, each: FiredRule) -> None:
     strength = f"{each.upper:.3g}"
     if each.lower != each.upper:
         strength = f"{each.lower:.3g} to {strength}"
@@ -133,10 +133,10 @@ def _label_rule(axes: Axes, each: Fired) -> None:
 
 
 def _draw_condition(
-    axes: Axes, inference: Inference, variable: InputVariable, fired: Fired, value: float
+    axes: Axes, inference: Inference, variable: InputVariable, fired: FiredRule, value: float
 ) -> None:
     """The sets that a rule asks of one input, filled up to the degree of its value."""
-    asked = [term for term in terms(fired.rule.condition) if term.variable == variable.name]
+    asked = [term for term in propositions(fired.rule.antecedent) if term.variable == variable.name]
     at = sample_points(variable)
     for term in asked:
         low, high = _degrees(inference, variable, term, at)
@@ -158,10 +158,11 @@ def _degrees(
     named = [each for each in variable.sets if each.name == term.set]
     if not named:  # "any"
         return np.ones_like(at), np.ones_like(at)
-    (low,), (high,) = bounds(named, at, widest(inference))
+    (low,), (high,) = membership_bounds(named, at, widest_slice(inference))
     for hedge in reversed(term.hedges):
         low, high = (
-            np.array([hedged(HEDGE_CODES[hedge], v) for v in each.tolist()]) for each in (low, high)
+            np.array([apply_hedge(HEDGE_CODES[hedge], v) for v in each.tolist()])
+            for each in (low, high)
         )
         if hedge == "not":
             low, high = high, low
@@ -178,11 +179,11 @@ def _name(axes: Axes, text: str) -> None:
 
 
 def _draw_conclusion(
-    axes: Axes, inference: Inference, o: int, fired: Fired, taken: Sequence[float]
+    axes: Axes, inference: Inference, o: int, fired: FiredRule, taken: Sequence[float]
 ) -> None:
     """What one rule concludes about one output."""
     variable = inference.system.outputs[o]
-    term = next((t for t in fired.rule.conclusions if t.variable == variable.name), None)
+    term = next((t for t in fired.rule.consequents if t.variable == variable.name), None)
     if term is None:
         _name(axes, "—")
         return
@@ -194,9 +195,9 @@ def _draw_conclusion(
         return
     at = sample_points(variable)
     assert isinstance(named, FuzzySet)
-    (low,), (high,) = bounds([named], at, widest(inference))
+    (low,), (high,) = membership_bounds([named], at, widest_slice(inference))
     axes.plot(at, 1.0 - low if term.hedges else high, color=MUTED, lw=0.7)
-    cut = shaped(inference, o, fired, at)
+    cut = implied_consequent(inference, o, fired, at)
     if cut is not None:
         _draw_area(axes, (at, cut[0]), (at, cut[1]), uncertain=inference.system.type > 1)
     axes.set_xlim(variable.low, variable.high)
@@ -212,7 +213,7 @@ def _draw_area(
         axes.plot(*lower, color=_OUTPUT, lw=0.7, ls=(0, (3, 1.5)))
 
 
-def _draw_stem(axes: Axes, value: float, fired: Fired) -> None:
+def _draw_stem(axes: Axes, value: float, fired: FiredRule) -> None:
     axes.plot([value, value], [0.0, fired.upper], color=_OUTPUT, lw=1.4)
     axes.plot([value, value], [fired.lower, fired.upper], "o", color=_OUTPUT, ms=3.0)
 
@@ -236,16 +237,16 @@ def _span(
 def _draw_results(
     panels: Sequence[Axes], inference: Inference, x: Sequence[float], taken: Sequence[float]
 ) -> None:
-    """The joined conclusion about each output, and the value made of it."""
+    """The joined consequent about each output, and the value made of it."""
     system = inference.system
     value, least, greatest = inference.batch(np.array([x]))[:, 0]
-    joined = () if system.is_sugeno else joined_conclusions(inference, *x)
-    fired = inference.fired(*x)
+    joined = () if system.is_sugeno else aggregated_outputs(inference, *x)
+    fired = inference.fired_rules(*x)
     for o, axes in enumerate(panels):
         variable = system.outputs[o]
         if system.is_sugeno:
             for each in fired:
-                for term in each.rule.conclusions:
+                for term in each.rule.consequents:
                     function = next((s for s in variable.sets if s.name == term.set), None)
                     if term.variable == variable.name and isinstance(function, LinearFunction):
                         _draw_stem(axes, _value_of(function, taken), each)

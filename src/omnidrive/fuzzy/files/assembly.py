@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files.source import Position, malformed
-from omnidrive.fuzzy.rules import And, Condition, Is, Or, Rule
+from omnidrive.fuzzy.rules import And, Antecedent, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import InputVariable, LinearFunction, OutputVariable
 
@@ -63,31 +63,31 @@ def assembled(  # noqa: PLR0917
         raise malformed(position, str(error)) from None
 
 
-def joins(condition: Condition) -> frozenset[type[And | Or]]:
-    """Which of "and" and "or" a condition needs."""
-    if isinstance(condition, Is):
+def joins(antecedent: Antecedent) -> frozenset[type[And | Or]]:
+    """Which of "and" and "or" an antecedent needs."""
+    if isinstance(antecedent, Is):
         return frozenset()
-    below = frozenset[type[And | Or]]().union(*map(joins, condition.parts))
-    return below | {type(condition)} if len(condition.parts) > 1 else below
+    below = frozenset[type[And | Or]]().union(*map(joins, antecedent.parts))
+    return below | {type(antecedent)} if len(antecedent.parts) > 1 else below
 
 
 def all_joins(rules: Sequence[LocatedRule] | Sequence[Rule]) -> frozenset[type[And | Or]]:
     """Which of "and" and "or" any of several rules needs."""
     found: set[type[And | Or]] = set()
     for each in rules:
-        found |= joins((each.rule if isinstance(each, LocatedRule) else each).condition)
+        found |= joins((each.rule if isinstance(each, LocatedRule) else each).antecedent)
     return frozenset(found)
 
 
 def shared_conclusion(output: str, rules: Sequence[LocatedRule]) -> LocatedRule | None:
     """The second rule that concludes the same about an output; None: no two do.
 
-    A weighted average adds the strengths of all rules. Where a file joins those of one conclusion
-    by something else, it means the same only if no conclusion is shared.
+    A weighted average adds the strengths of all rules. Where a file joins those of one consequent
+    by something else, it means the same only if no consequent is shared.
     """
     seen: Counter[str] = Counter()
     for each in rules:
-        for term in each.rule.conclusions:
+        for term in each.rule.consequents:
             if term.variable == output:
                 seen[term.set] += 1
                 if seen[term.set] > 1:
@@ -95,13 +95,13 @@ def shared_conclusion(output: str, rules: Sequence[LocatedRule]) -> LocatedRule 
     return None
 
 
-def hedged_conclusion(rule: Rule) -> str | None:
-    """A conclusion with a hedge, as text; None: there is none.
+def hedged_consequent(rule: Rule) -> str | None:
+    """A consequent with a hedge, as text; None: there is none.
 
     Here and in Matlab "y is not A" concludes the complement of A. To fuzzylite a hedge changes the
     strength of the rule instead, and IEC 61131-7 has none.
     """
-    for term in rule.conclusions:
+    for term in rule.consequents:
         if term.hedges:
             return f"{term.variable} is {' '.join((*term.hedges, term.set))}".rstrip()
     return None

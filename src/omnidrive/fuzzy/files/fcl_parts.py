@@ -73,4 +73,4 @@ class RuleBlock:
 
     def outputs(self) -> set[str]:
         """Names of the outputs that its rules conclude about."""
-        return {term.variable for each in self.rules for term in each.rule.conclusions}
+        return {term.variable for each in self.rules for term in each.rule.consequents}

@@ -9,7 +9,7 @@ from omnidrive.fuzzy.files.assembly import LocatedRule, locate_errors
 from omnidrive.fuzzy.files.fcl_text import FclText, Token
 from omnidrive.fuzzy.files.source import malformed
 from omnidrive.fuzzy.rule_text import normalised
-from omnidrive.fuzzy.rules import HEDGES, MAX_DEPTH, And, Condition, Hedge, Is, Or, Rule
+from omnidrive.fuzzy.rules import HEDGES, MAX_DEPTH, And, Antecedent, Hedge, Is, Or, Rule
 
 MAX_HEDGES = 10
 """Most hedges before a set."""
@@ -42,22 +42,22 @@ class RuleReader:
         """
         text = self._text
         position = text.expect("IF").position
-        condition = self._any_of(0)
+        antecedent = self._any_of(0)
         text.expect("THEN")
-        conclusions = [self._term()]
+        consequents = [self._term()]
         while text.accept(",", "AND"):
-            conclusions.append(self._term())
+            consequents.append(self._term())
         weight_position = text.next.position
         weight = text.number() if text.accept("WITH") else 1.0
         text.accept(";")
         if not 0.0 <= weight <= 1.0:
             raise malformed(weight_position, f"a weight must lie in [0, 1], got {weight:g}")
         with locate_errors(position):
-            if any(term.hedges for term in conclusions):
-                raise InvalidInput("NOT or a hedge in a conclusion cannot be expressed")
-            return LocatedRule(Rule(normalised(condition), tuple(conclusions), weight), position)
+            if any(term.hedges for term in consequents):
+                raise InvalidInput("NOT or a hedge in a consequent cannot be expressed")
+            return LocatedRule(Rule(normalised(antecedent), tuple(consequents), weight), position)
 
-    def _any_of(self, depth: int) -> Condition:
+    def _any_of(self, depth: int) -> Antecedent:
         groups = [[self._part(depth)]]
         while self._text.next.key in {"AND", "OR"}:
             join = self._text.take()
@@ -73,7 +73,7 @@ class RuleReader:
             groups[-1].append(self._part(depth))
         return Or(tuple(And(tuple(each)) for each in groups))
 
-    def _part(self, depth: int) -> Condition:
+    def _part(self, depth: int) -> Antecedent:
         text = self._text
         negations: tuple[Hedge, ...] = ()
         while text.next.key == "NOT":
@@ -133,21 +133,23 @@ def iec_rule(rule: Rule) -> str:
     Raises:
         InvalidInput: It has hedges other than "not".
     """
-    conclusions = ", ".join(f"{term.variable} IS {term.set}" for term in rule.conclusions)
+    consequents = ", ".join(f"{term.variable} IS {term.set}" for term in rule.consequents)
     weight = "" if rule.weight == 1.0 else f" WITH {_real(rule.weight)}"
-    return f"IF {_text(normalised(rule.condition), top=True)} THEN {conclusions}{weight};"
+    return f"IF {_text(normalised(rule.antecedent), top=True)} THEN {consequents}{weight};"
 
 
-def _text(condition: Condition, top: bool = False) -> str:
-    if isinstance(condition, Is):
-        if condition.hedges not in {(), ("not",)}:
+def _text(antecedent: Antecedent, top: bool = False) -> str:
+    if isinstance(antecedent, Is):
+        if antecedent.hedges not in {(), ("not",)}:
             raise InvalidInput(
-                f"IEC 61131-7 has no hedges but NOT ({condition.variable} is "
-                f"{' '.join(condition.hedges)} {condition.set}); fuzzylite's dialect has: "
+                f"IEC 61131-7 has no hedges but NOT ({antecedent.variable} is "
+                f"{' '.join(antecedent.hedges)} {antecedent.set}); fuzzylite's dialect has: "
                 "write_fcl(system, 'fuzzylite')"
             )
-        return f"{condition.variable} IS {'NOT ' if condition.hedges else ''}{condition.set}"
-    joined = f" {'AND' if isinstance(condition, And) else 'OR'} ".join(map(_text, condition.parts))
+        return f"{antecedent.variable} IS {'NOT ' if antecedent.hedges else ''}{antecedent.set}"
+    joined = f" {'AND' if isinstance(antecedent, And) else 'OR'} ".join(
+        map(_text, antecedent.parts)
+    )
     return joined if top else f"({joined})"
 
 

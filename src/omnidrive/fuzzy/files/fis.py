@@ -67,7 +67,7 @@ def read_fis(text: str) -> FuzzySystem:
     that such lower functions differ a little from Matlab's.
 
     Counts (NumInputs, NumMFs, ...), the name and the version may be missing; counts must be right.
-    An old gbellmf may have a fourth parameter, 0. A rule without any condition is refused.
+    An old gbellmf may have a fourth parameter, 0. A rule without any antecedent is refused.
 
     Raises:
         InvalidFuzzyFile: The text describes no such system; the message says where, and what was
@@ -264,7 +264,7 @@ def _rule(line: Cursor, inputs: list[_Numbered], outputs: list[_Numbered]) -> Ru
     parts = tuple(term for each in inputs if (term := each.term(line)) is not None)
     line.expect(",", f"after the numbers of {len(inputs)} sets, one per input")
     at = line.position
-    conclusions = tuple(term for each in outputs if (term := each.term(line)) is not None)
+    consequents = tuple(term for each in outputs if (term := each.term(line)) is not None)
     line.expect("(", f"before the weight, after the numbers of {len(outputs)} sets, one per output")
     weight_at = line.position
     weight = line.number("a weight")
@@ -276,15 +276,15 @@ def _rule(line: Cursor, inputs: list[_Numbered], outputs: list[_Numbered]) -> Ru
     if connective not in {1.0, 2.0}:
         raise malformed(connective_at, f"expected 1 (and) or 2 (or), got {connective:g}")
     if not parts:
-        raise malformed(start, "the rule has no condition: every input's set is 0")
-    if not conclusions:
-        raise malformed(at, "the rule has no conclusion: every output's set is 0")
-    for term in conclusions:
+        raise malformed(start, "the rule has no antecedent: every input's set is 0")
+    if not consequents:
+        raise malformed(at, "the rule has no consequent: every output's set is 0")
+    for term in consequents:
         if term.hedges and (outputs[0].is_sugeno or term.hedges != ("not",)):
-            raise malformed(at, f"a conclusion cannot be {' '.join(term.hedges)!r}")
+            raise malformed(at, f"a consequent cannot be {' '.join(term.hedges)!r}")
     joined = And if connective == 1.0 else Or
     with locate_errors(weight_at):
-        return Rule(parts[0] if len(parts) == 1 else joined(parts), conclusions, weight)
+        return Rule(parts[0] if len(parts) == 1 else joined(parts), consequents, weight)
 
 
 class _Numbered:

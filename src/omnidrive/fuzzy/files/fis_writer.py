@@ -12,7 +12,7 @@ from omnidrive.fuzzy.files.fis_words import (
 )
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rule_text import normalised, rule_text
-from omnidrive.fuzzy.rules import Condition, Is, Or, Rule
+from omnidrive.fuzzy.rules import Antecedent, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction, Variable
 
@@ -20,7 +20,7 @@ from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction, Varia
 def write_fis(system: FuzzySystem) -> str:
     """Text of a ``.fis`` file, from which :func:`read_fis` makes an equal system.
 
-    Equal but for this: a condition's terms come in the order of the inputs; in a type-2 system a
+    Equal but for this: an antecedent's terms come in the order of the inputs; in a type-2 system a
     set without a footprint gets one of scale 1 and lag 0, which is the same; the algorithm of a
     type-1 system, which has no use, is left out.
 
@@ -120,8 +120,10 @@ def _set_text(each: FuzzySet, variable: str, is_type2: bool) -> str:
 
 
 def _rule_line(system: FuzzySystem, rule: Rule) -> str:
-    condition = normalised(rule.condition)
-    parts: tuple[Condition, ...] = (condition,) if isinstance(condition, Is) else condition.parts
+    antecedent = normalised(rule.antecedent)
+    parts: tuple[Antecedent, ...] = (
+        (antecedent,) if isinstance(antecedent, Is) else antecedent.parts
+    )
     terms = [part for part in parts if isinstance(part, Is)]
     missing = None
     if len(terms) < len(parts):
@@ -136,12 +138,12 @@ def _rule_line(system: FuzzySystem, rule: Rule) -> str:
             f'a .fis file cannot hold the rule "{shown[:120]}{"..." * (len(shown) > 120)}": '
             f"Matlab has no {missing}"
         )
-    antecedent, consequent = (
+    inputs, outputs = (
         " ".join(_indices(variables, each))
-        for variables, each in ((system.inputs, terms), (system.outputs, rule.conclusions))
+        for variables, each in ((system.inputs, terms), (system.outputs, rule.consequents))
     )
-    connective = 2 if isinstance(condition, Or) else 1
-    return f"{antecedent}, {consequent} ({_number(rule.weight)}) : {connective}"
+    connective = 2 if isinstance(antecedent, Or) else 1
+    return f"{inputs}, {outputs} ({_number(rule.weight)}) : {connective}"
 
 
 def _indices(variables: tuple[Variable, ...], terms: list[Is] | tuple[Is, ...]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from omnidrive.fuzzy.files.assembly import (
     LocatedRule,
     all_joins,
     assembled,
-    hedged_conclusion,
+    hedged_consequent,
     locate_errors,
     shared_conclusion,
     stays_in_range,
@@ -313,10 +313,10 @@ def _block_rules(block: _Component, most: int) -> list[LocatedRule]:
     rules = []
     for line in block.listed:
         rule = parse_rule(line.value, line.value_position)
-        if hedged := hedged_conclusion(rule):
+        if hedged := hedged_consequent(rule):
             raise malformed(
                 line.value_position,
-                f"{hedged!r}: in a conclusion fuzzylite applies a hedge to the strength of the "
+                f"{hedged!r}: in a consequent fuzzylite applies a hedge to the strength of the "
                 "rule, which cannot be expressed",
             )
         rules.append(LocatedRule(rule, line.value_position))
@@ -338,6 +338,6 @@ def _check_output(component: _Component, output: OutputVariable, rules: list[Loc
         if shared is not None:
             raise malformed(
                 line.position,
-                f"{line.value} joins rules with one conclusion (line {shared.position.line}) as no "
+                f"{line.value} joins rules with one consequent (line {shared.position.line}) as no "
                 "system here does: expected none or UnboundedSum",
             )

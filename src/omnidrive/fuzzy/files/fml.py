@@ -124,9 +124,9 @@ def _rule(number: int, rule: Rule, prefix: str, first: dict[str, str]) -> Iterat
         """A tag's name as rules of this kind have it."""
         return prefix + word[0].upper() + word[1:] if prefix else word
 
-    condition = normalised(rule.condition)
-    parts = (condition,) if isinstance(condition, Is) else condition.parts
-    connector = "or" if isinstance(condition, Or) else "and"
+    antecedent = normalised(rule.antecedent)
+    parts = (antecedent,) if isinstance(antecedent, Is) else antecedent.parts
+    connector = "or" if isinstance(antecedent, Or) else "and"
     tag = named("rule")
     yield (f'<{tag} name="rule{number}" connector="{connector}" weight="{real(rule.weight)}">')
     yield "  <antecedent>"
@@ -139,7 +139,7 @@ def _rule(number: int, rule: Rule, prefix: str, first: dict[str, str]) -> Iterat
     yield "  </antecedent>"
     yield f"  <{named('consequent')}>"
     yield f"    <{named('then')}>"
-    for term in rule.conclusions:
+    for term in rule.consequents:
         yield f"      {_clause(number, named('clause'), term, {})}"
     yield f"    </{named('then')}>"
     yield f"  </{named('consequent')}>"

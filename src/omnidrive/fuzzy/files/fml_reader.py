@@ -19,7 +19,7 @@ from omnidrive.fuzzy.files.fml_words import (
 )
 from omnidrive.fuzzy.files.source import malformed, parse_number
 from omnidrive.fuzzy.files.xml_tree import Element
-from omnidrive.fuzzy.rules import And, Condition, Hedge, Is, Or, Rule
+from omnidrive.fuzzy.rules import And, Antecedent, Hedge, Is, Or, Rule
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES, FuzzySystem
 from omnidrive.fuzzy.variables import (
     MAX_SETS,
@@ -190,16 +190,16 @@ class FmlReader:
                 otherwise.position, "an else cannot be expressed; write a rule of its own"
             )
         then = consequent.one("then", "tskThen")
-        conclusions = tuple(self._clause(each, True) for each in then.children)
+        consequents = tuple(self._clause(each, True) for each in then.children)
         weight = parse_number(element.attributes.get("weight", "1"), element.position)
         with locate_errors(element.position):
             if not parts:
                 raise InvalidInput("a rule needs a clause in its antecedent")
-            return Rule(self._joined(element, parts, methods), conclusions, weight)
+            return Rule(self._joined(element, parts, methods), consequents, weight)
 
     def _joined(
         self, element: Element, parts: tuple[Is, ...], methods: dict[str, str]
-    ) -> Condition:
+    ) -> Antecedent:
         connector = element.attributes.get("connector", "and").lower()
         if connector not in {"and", "or"}:
             raise malformed(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Mapping
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.assembly import hedged_conclusion
+from omnidrive.fuzzy.files.assembly import hedged_consequent
 from omnidrive.fuzzy.system import FuzzySystem
 
 
@@ -78,13 +78,13 @@ def word(what: str, name: str, words: Mapping[str, str], language: str) -> str:
 
 
 def check_conclusions(system: FuzzySystem, language: str) -> None:
-    """Refuse conclusions with "not", which conclude the complement of a set.
+    """Refuse consequents with "not", which conclude the complement of a set.
 
     Raises:
         InvalidInput: There is one.
     """
     for number, rule in enumerate(system.rules, 1):
-        if hedged := hedged_conclusion(rule):
+        if hedged := hedged_consequent(rule):
             raise InvalidInput(
                 f"rule {number}: {language} cannot conclude {hedged!r}, the complement of a set"
             )

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.conclusions import Shape
+from omnidrive.fuzzy.consequents import Shape
 from omnidrive.fuzzy.membership import SHAPES, TRAPEZOID
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import FuzzySet, OutputVariable
@@ -64,7 +64,7 @@ def strips_centroid(
 ) -> float:
     """Centroid of ``max_k min(heights_k, trapezoid_k)``, in closed form.
 
-    At every height y the conclusion is the union of the intervals [l_k(y), r_k(y)] of the shapes
+    At every height y the consequent is the union of the intervals [l_k(y), r_k(y)] of the shapes
     with heights_k >= y. Where the corners ascend with k, so do both ends, and the union's length is
     the sum of the lengths less the overlaps of neighbours (inclusion and exclusion: what i < k
     share, all between share too). Shapes i and k are neighbours between the greatest height of a

@@ -9,14 +9,14 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.conclusions import Shape
-from omnidrive.fuzzy.exact import exact_interval, polyline
-from omnidrive.fuzzy.lines import lines_of
+from omnidrive.fuzzy.consequents import Shape
 from omnidrive.fuzzy.reduction import KM, greatest_from, least_from, middle, reduced
 from omnidrive.fuzzy.sampled import samples_of
-from omnidrive.fuzzy.sets import WHOLE, Plane
+from omnidrive.fuzzy.segment_centroid import exact_interval, polyline
+from omnidrive.fuzzy.segments import lines_of
+from omnidrive.fuzzy.sets import WHOLE, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.views import part
+from omnidrive.fuzzy.unsafe_views import part
 
 
 class Centres(NamedTuple):
@@ -33,7 +33,7 @@ def centres_of(
     system: FuzzySystem,
     shapes: tuple[tuple[Shape, ...], ...],
     samples: int | None,
-    plane: Plane = WHOLE,
+    plane: ZSlice = WHOLE,
 ) -> Centres:
     """Centroid interval of every shape; exact, or on ``samples`` samples of the range."""
     pairs = (
@@ -53,7 +53,7 @@ def centres_of(
 _Pairs = list[list[tuple[float, float]]]
 
 
-def _exact(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], plane: Plane) -> _Pairs:
+def _exact(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], plane: ZSlice) -> _Pairs:
     upper = lines_of(system, shapes, plane)
     lower = lines_of(system, shapes, plane, of_lower=True)
     pairs: _Pairs = []
@@ -68,7 +68,7 @@ def _exact(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], plane: Pl
 
 
 def _sampled(
-    system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], count: int, plane: Plane
+    system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], count: int, plane: ZSlice
 ) -> _Pairs:
     s = samples_of(system, shapes, count, plane)
     at = s.at.reshape(-1, count)
@@ -99,7 +99,7 @@ def centre_of_sets(  # noqa: PLR0917
         s: Centroids of the shapes.
         first: First shape of the output.
         last: The one after its last.
-        algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
+        algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
         weights: Sums of the least and the greatest strengths of the rules that conclude each
             shape; where the latter are all zero, the mean is nan.
         points: Room for the weights in the order of the centroids.

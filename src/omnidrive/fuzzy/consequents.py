@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS
-from omnidrive.fuzzy.sets import WHOLE, Plane, bounds
+from omnidrive.fuzzy.sets import WHOLE, ZSlice, membership_bounds
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import DEFUZZIFIERS, FuzzySet, LinearFunction
 
@@ -21,16 +21,16 @@ class Shape(NamedTuple):
     of: FuzzySet | LinearFunction
     complemented: bool
 
-    def bounds(
-        self, at: Float[Array, " points"], plane: Plane = WHOLE
+    def membership_bounds(
+        self, at: Float[Array, " points"], plane: ZSlice = WHOLE
     ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
         """Lower and upper degree at each point, of a fuzzy set."""
         assert isinstance(self.of, FuzzySet)
-        (lower,), (upper,) = bounds([self.of], at, plane)
+        (lower,), (upper,) = membership_bounds([self.of], at, plane)
         return (1.0 - upper, 1.0 - lower) if self.complemented else (lower, upper)
 
 
-class Conclusions(NamedTuple):
+class Consequents(NamedTuple):
     """The conclusions of all rules, flat. The shapes of all outputs are numbered in turn."""
 
     shapes: Int[Array, " rules_by_outputs"]
@@ -42,7 +42,7 @@ class Conclusions(NamedTuple):
     defuzzifiers: Int[Array, " outputs"]
 
 
-def conclusions_of(system: FuzzySystem) -> tuple[Conclusions, tuple[tuple[Shape, ...], ...]]:
+def consequents_of(system: FuzzySystem) -> tuple[Consequents, tuple[tuple[Shape, ...], ...]]:
     """Conclusions of a system's rules, and the shapes of each output that any rule concludes."""
     shapes = tuple(_shapes(system, output) for output in range(len(system.outputs)))
     first = np.cumsum([0, *map(len, shapes)])
@@ -54,12 +54,12 @@ def conclusions_of(system: FuzzySystem) -> tuple[Conclusions, tuple[tuple[Shape,
     table = np.full((len(system.rules), len(system.outputs)), -1)
     column = {output.name: o for o, output in enumerate(system.outputs)}
     for r, rule in enumerate(system.rules):
-        for term in rule.conclusions:
+        for term in rule.consequents:
             named = number[term.variable, term.set, bool(term.hedges)]
             table[r, column[term.variable]] = named
     names = list(DEFUZZIFIERS)
     return (
-        Conclusions(
+        Consequents(
             table.ravel(),
             first,
             np.array([IMPLICATIONS[system.implication]]),
@@ -75,7 +75,7 @@ def _shapes(system: FuzzySystem, output: int) -> tuple[Shape, ...]:
     concluded = {
         (term.set, bool(term.hedges))
         for rule in system.rules
-        for term in rule.conclusions
+        for term in rule.consequents
         if term.variable == variable.name
     }
     return tuple(
@@ -88,7 +88,7 @@ def _shapes(system: FuzzySystem, output: int) -> tuple[Shape, ...]:
 
 @compiled
 def strongest(
-    c: Conclusions, strengths: Float[Array, "2 rules"], heights: Float[Array, "2 shapes"]
+    c: Consequents, strengths: Float[Array, "2 rules"], heights: Float[Array, "2 shapes"]
 ) -> None:
     """Fill in the least and greatest strength of the strongest rule that concludes each shape."""
     shapes, outputs = c.shapes, len(c.aggregations)
@@ -105,7 +105,7 @@ def strongest(
 
 @compiled
 def summed(
-    c: Conclusions, strengths: Float[Array, "2 rules"], weights: Float[Array, "2 shapes"]
+    c: Consequents, strengths: Float[Array, "2 rules"], weights: Float[Array, "2 shapes"]
 ) -> None:
     """Fill in, for each shape, the sums of the least and greatest strengths of its rules.
 

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.views import part
+from omnidrive.fuzzy.unsafe_views import part
 
 
 class Packed(NamedTuple):

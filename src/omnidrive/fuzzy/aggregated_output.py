@@ -10,16 +10,16 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.compilation import slices
-from omnidrive.fuzzy.conclusions import Conclusions, Shape, conclusions_of, strongest
-from omnidrive.fuzzy.exact import polyline
-from omnidrive.fuzzy.inference import Fired, Inference
-from omnidrive.fuzzy.lines import lines_of
+from omnidrive.fuzzy.consequents import Consequents, Shape, consequents_of, strongest
+from omnidrive.fuzzy.inference import FiredRule, Inference
 from omnidrive.fuzzy.norms import AGGREGATIONS
 from omnidrive.fuzzy.sampled import MAX, joined_by_max, joined_by_rule, samples_of
-from omnidrive.fuzzy.sets import WHOLE, Plane
+from omnidrive.fuzzy.segment_centroid import polyline
+from omnidrive.fuzzy.segments import lines_of
+from omnidrive.fuzzy.sets import WHOLE, ZSlice
 
 
-class Joined(NamedTuple):
+class AggregatedOutput(NamedTuple):
     """What all rules together conclude about one output, before it is made one number."""
 
     lower: Float[Array, "2 points"]
@@ -28,24 +28,24 @@ class Joined(NamedTuple):
     """Corners of the upper function; degree 0 everywhere where no rule fires."""
 
 
-def widest(inference: Inference) -> Plane:
+def widest_slice(inference: Inference) -> ZSlice:
     """Slice of a type-3 system of which rules and conclusions are shown; all of a type-2 system."""
     return slices(inference.options.slices)[0] if inference.system.type == 3 else WHOLE
 
 
-def joined_conclusions(inference: Inference, *inputs: float) -> tuple[Joined, ...]:
+def aggregated_outputs(inference: Inference, *inputs: float) -> tuple[AggregatedOutput, ...]:
     """Joined conclusions about each output, made by the kernels that the inference itself uses.
 
     Exact polylines where the inference is exact, straight lines between its samples where not; of
-    a type-3 system the :func:`widest` slice.
+    a type-3 system the :func:`widest_slice` slice.
 
     Raises:
         InvalidInput: The system is Sugeno's, or the inputs are refused as by a call.
     """
-    system, options, plane = inference.system, inference.options, widest(inference)
+    system, options, plane = inference.system, inference.options, widest_slice(inference)
     if system.is_sugeno:
-        raise InvalidInput("a Sugeno system has no joined conclusion")
-    c, shapes = conclusions_of(system)
+        raise InvalidInput("a Sugeno system has no aggregated output")
+    c, shapes = consequents_of(system)
     strengths = _strengths(inference, inputs)
     heights = np.empty((2, sum(map(len, shapes))))
     strongest(c, strengths, heights)
@@ -58,11 +58,11 @@ def joined_conclusions(inference: Inference, *inputs: float) -> tuple[Joined, ..
         curves = [
             _sampled(inference, c, shapes, strengths, heights, plane=plane, bound=b) for b in (0, 1)
         ]
-    return tuple(map(Joined, *curves))
+    return tuple(map(AggregatedOutput, *curves))
 
 
-def shaped(
-    inference: Inference, output: int, fired: Fired, at: Float[Array, " points"]
+def implied_consequent(
+    inference: Inference, output: int, fired: FiredRule, at: Float[Array, " points"]
 ) -> tuple[Float[Array, " points"], Float[Array, " points"]] | None:
     """Lower and upper degree of the conclusion of one rule, cut or scaled by its strength.
 
@@ -70,11 +70,13 @@ def shaped(
     """
     system = inference.system
     variable = system.outputs[output]
-    term = next((t for t in fired.rule.conclusions if t.variable == variable.name), None)
+    term = next((t for t in fired.rule.consequents if t.variable == variable.name), None)
     if term is None:
         return None
     named = next(each for each in variable.sets if each.name == term.set)
-    degrees = np.array(Shape(named, bool(term.hedges)).bounds(at, widest(inference)))
+    degrees = np.array(
+        Shape(named, bool(term.hedges)).membership_bounds(at, widest_slice(inference))
+    )
     found = np.empty_like(degrees)
     for bound, strength in enumerate((fired.lower, fired.upper)):
         joined_by_max(np.array([strength]), degrees[bound], _cuts(inference), found[bound])
@@ -83,7 +85,7 @@ def shaped(
 
 def _strengths(inference: Inference, inputs: tuple[float, ...]) -> Float[Array, "2 rules"]:
     found = np.zeros((2, len(inference.system.rules)))
-    for each in inference.fired(*inputs):
+    for each in inference.fired_rules(*inputs):
         found[:, each.number - 1] = each.lower, each.upper
     return found
 
@@ -94,10 +96,10 @@ def _cuts(inference: Inference) -> bool:
 
 def _pieces(
     inference: Inference,
-    c: Conclusions,
+    c: Consequents,
     shapes: tuple[tuple[Shape, ...], ...],
     heights: Float[Array, " shapes"],
-    plane: Plane,
+    plane: ZSlice,
     *,
     of_lower: bool,
 ) -> list[Float[Array, "2 points"]]:
@@ -122,12 +124,12 @@ def _pieces(
 
 def _sampled(
     inference: Inference,
-    c: Conclusions,
+    c: Consequents,
     shapes: tuple[tuple[Shape, ...], ...],
     strengths: Float[Array, "2 rules"],
     heights: Float[Array, "2 shapes"],
     *,
-    plane: Plane,
+    plane: ZSlice,
     bound: int,
 ) -> list[Float[Array, "2 points"]]:
     """Each output on samples."""

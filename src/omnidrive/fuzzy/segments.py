@@ -11,9 +11,9 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.conclusions import Shape
+from omnidrive.fuzzy.consequents import Shape
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.sets import WHOLE, Plane
+from omnidrive.fuzzy.sets import WHOLE, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, OutputVariable
 
@@ -55,7 +55,7 @@ def why_not_exact(system: FuzzySystem) -> str | None:
 def lines_of(
     system: FuzzySystem,
     shapes: tuple[tuple[Shape, ...], ...],
-    plane: Plane = WHOLE,
+    plane: ZSlice = WHOLE,
     *,
     of_lower: bool = False,
 ) -> Lines:
@@ -94,13 +94,13 @@ _Piece = tuple[tuple[float, float], list[tuple[int, float, float]]]
 
 
 def _pieces(
-    output: OutputVariable, shapes: tuple[Shape, ...], plane: Plane, of_lower: bool
+    output: OutputVariable, shapes: tuple[Shape, ...], plane: ZSlice, of_lower: bool
 ) -> list[_Piece]:
     """Pieces of one output's range, with the lines over each: shape, left and right degree."""
 
     def drawn(at: Float[Array, " points"]) -> Float[Array, "shapes points"]:
         """The lower, or the upper, function of every shape at these places."""
-        pairs = [shape.bounds(at, plane) for shape in shapes]
+        pairs = [shape.membership_bounds(at, plane) for shape in shapes]
         return np.array([pair[0 if of_lower else 1] for pair in pairs]).reshape(-1, len(at))
 
     corners = _divided(output, shapes)

@@ -8,14 +8,14 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.centres import Centres
-from omnidrive.fuzzy.conclusions import Conclusions
-from omnidrive.fuzzy.conditions import Conditions
-from omnidrive.fuzzy.lines import Lines
-from omnidrive.fuzzy.packed import Packed, integers_of, numbers_of
+from omnidrive.fuzzy.antecedents import Antecedents
+from omnidrive.fuzzy.centre_of_sets import Centres
+from omnidrive.fuzzy.consequents import Consequents
+from omnidrive.fuzzy.packed_arrays import Packed, integers_of, numbers_of
 from omnidrive.fuzzy.sampled import Samples
+from omnidrive.fuzzy.segments import Lines
 from omnidrive.fuzzy.sets import Sets
-from omnidrive.fuzzy.views import part, table
+from omnidrive.fuzzy.unsafe_views import part, table
 
 
 class Frame(NamedTuple):
@@ -55,12 +55,12 @@ HOW, UNCERTAIN, ALGORITHM, BEYOND, SILENT, POINTS = range(6)
 def parts(
     frame: Frame,
     sets: Sets,
-    conditions: Conditions,
-    conclusions: Conclusions,
+    antecedents: Antecedents,
+    consequents: Consequents,
     *rest: tuple[Array, ...],
 ) -> list[Array]:
     """The arrays of a system in the order in which the kernels unpack them."""
-    return [*frame, *sets, *conditions, *conclusions, *(a for each in rest for a in each)]
+    return [*frame, *sets, *antecedents, *consequents, *(a for each in rest for a in each)]
 
 
 @compiled
@@ -77,9 +77,9 @@ def sets_in(p: Packed) -> Sets:
 
 
 @compiled
-def conditions_in(p: Packed) -> Conditions:
+def antecedents_in(p: Packed) -> Antecedents:
     """The conditions of its rules."""
-    return Conditions(
+    return Antecedents(
         integers_of(p, _CONDITIONS),
         integers_of(p, _CONDITIONS + 1),
         integers_of(p, _CONDITIONS + 2),
@@ -90,9 +90,9 @@ def conditions_in(p: Packed) -> Conditions:
 
 
 @compiled
-def conclusions_in(p: Packed) -> Conclusions:
+def consequents_in(p: Packed) -> Consequents:
     """Their conclusions."""
-    return Conclusions(
+    return Consequents(
         integers_of(p, _CONCLUSIONS),
         integers_of(p, _CONCLUSIONS + 1),
         integers_of(p, _CONCLUSIONS + 2),

@@ -9,10 +9,10 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.norms import CONORMS, HEDGE_CODES, NORMS, conjoin, disjoin, hedged
-from omnidrive.fuzzy.rules import And, Condition, Is
+from omnidrive.fuzzy.norms import CONORMS, HEDGE_CODES, NORMS, apply_hedge, t_conorm, t_norm
+from omnidrive.fuzzy.rules import And, Antecedent, Is
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.views import part
+from omnidrive.fuzzy.unsafe_views import part
 
 FAINTEST = 1e-200
 """Strength up to which a rule does not fire: areas of such heights would be denormal numbers."""
@@ -21,7 +21,7 @@ _MIN = NORMS["min"]
 _AND, _OR, _PLAIN, _NOT = 0, 1, -1, HEDGE_CODES["not"]
 
 
-class Conditions(NamedTuple):
+class Antecedents(NamedTuple):
     """The conditions of all rules, flat.
 
     A degree is that of a set or of a node. A node joins the degrees of sets and of nodes before
@@ -43,11 +43,11 @@ class Conditions(NamedTuple):
     on; a condition with fewer has, instead, the number of all sets. Otherwise empty."""
 
 
-def conditions_of(system: FuzzySystem) -> Conditions:
+def antecedents_of(system: FuzzySystem) -> Antecedents:
     """Conditions of a system's rules."""
     sets = [(variable.name, each.name) for variable in system.inputs for each in variable.sets]
     heads, terms = _nodes(system, {name: k for k, name in enumerate(sets)})
-    return Conditions(
+    return Antecedents(
         np.array([NORMS[system.conjunction], CONORMS[system.disjunction]]),
         heads,
         terms,
@@ -63,26 +63,26 @@ def _nodes(
     """Heads and terms of all nodes, given the number of each set: those within conditions first."""
     inner: list[tuple[int, list[int]]] = []
 
-    def node(condition: Condition) -> tuple[int, list[int]]:
+    def node(antecedent: Antecedent) -> tuple[int, list[int]]:
         """How a condition joins its operands, and their numbers."""
-        if isinstance(condition, Is):
-            return _AND, operand(condition)
-        operands = [each for part in condition.parts for each in operand(part)]
-        return _AND if isinstance(condition, And) else _OR, operands
+        if isinstance(antecedent, Is):
+            return _AND, operand(antecedent)
+        operands = [each for part in antecedent.parts for each in operand(part)]
+        return _AND if isinstance(antecedent, And) else _OR, operands
 
-    def operand(condition: Condition) -> list[int]:
+    def operand(antecedent: Antecedent) -> list[int]:
         """Number of a degree, and the hedge under which it is taken."""
-        if isinstance(condition, Is):
-            index = number.get((condition.variable, condition.set), 0)  # "any" names no set
-            first, *others = condition.hedges or (None,)
+        if isinstance(antecedent, Is):
+            index = number.get((antecedent.variable, antecedent.set), 0)  # "any" names no set
+            first, *others = antecedent.hedges or (None,)
             for hedge in reversed(others):  # the one next to the set applies first
                 inner.append((_AND, [index, HEDGE_CODES[str(hedge)]]))
                 index = len(number) + len(inner) - 1
             return [index, _PLAIN if first is None else HEDGE_CODES[first]]
-        inner.append(node(condition))
+        inner.append(node(antecedent))
         return [len(number) + len(inner) - 1, _PLAIN]
 
-    rules = [node(rule.condition) for rule in system.rules]
+    rules = [node(rule.antecedent) for rule in system.rules]
     heads: list[int] = []
     terms: list[int] = []
     for kind, operands in (*inner, *rules):
@@ -94,7 +94,7 @@ def _nodes(
 def _skips(
     heads: Int[Array, " heads"], terms: Int[Array, " operands"], rules: int
 ) -> Int[Array, " nodes"]:
-    """:attr:`Conditions.skips`; a node within a condition must be found, and skips nothing."""
+    """:attr:`Antecedents.skips`; a node within a condition must be found, and skips nothing."""
     count = len(heads) // 2 - 1
     skips = np.arange(1, count + 1)
     first = [terms[2 * heads[2 * k + 1]] if heads[2 * k] == _AND else -1 - k for k in range(count)]
@@ -108,7 +108,7 @@ def _skips(
 def _plain(
     heads: Int[Array, " heads"], terms: Int[Array, " operands"], sets: int, rules: int
 ) -> Int[Array, " terms_by_rules"]:
-    """:attr:`Conditions.plain`."""
+    """:attr:`Antecedents.plain`."""
     joins_sets = len(heads) == 2 * (rules + 1) and not heads[::2].any()
     if not joins_sets or (terms[1::2] != _PLAIN).any():
         return np.empty(0, dtype=np.int64)
@@ -121,7 +121,7 @@ def _plain(
 
 @compiled
 def fire(
-    c: Conditions, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
+    c: Antecedents, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
 ) -> None:
     """Fill in the least and greatest strength of every rule.
 
@@ -138,7 +138,7 @@ def fire(
 
 @compiled
 def _fire_plain(
-    c: Conditions, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
+    c: Antecedents, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
 ) -> None:
     plain, weights, conjunction = c.plain, c.weights, c.norms[_AND]
     rules, sets = len(weights), degrees.shape[1] - len(c.skips)
@@ -155,8 +155,8 @@ def _fire_plain(
                 low[r] = least if least < low[r] else low[r]
                 high[r] = most if most < high[r] else high[r]
             else:
-                low[r] = conjoin(conjunction, low[r], least)
-                high[r] = conjoin(conjunction, high[r], most)
+                low[r] = t_norm(conjunction, low[r], least)
+                high[r] = t_norm(conjunction, high[r], most)
     for r in range(rules):
         weight = weights[r]
         low[r] = low[r] * weight if low[r] * weight > FAINTEST else 0.0
@@ -165,7 +165,7 @@ def _fire_plain(
 
 @compiled
 def _fire_any(
-    c: Conditions, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
+    c: Antecedents, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
 ) -> None:
     nodes, terms, weights, skips = c.nodes, c.terms, c.weights, c.skips  # look-ups cost in loops
     conjunction, disjunction = c.norms[_AND], c.norms[_OR]
@@ -189,13 +189,13 @@ def _fire_any(
             if hedge == _NOT:
                 least, most = 1.0 - most, 1.0 - least
             elif hedge != _PLAIN:
-                least, most = hedged(hedge, least), hedged(hedge, most)
+                least, most = apply_hedge(hedge, least), apply_hedge(hedge, most)
             if kind == _AND:
-                low, high = conjoin(conjunction, low, least), conjoin(conjunction, high, most)
+                low, high = t_norm(conjunction, low, least), t_norm(conjunction, high, most)
                 if high <= 0.0:
                     break
             else:
-                low, high = disjoin(disjunction, low, least), disjoin(disjunction, high, most)
+                low, high = t_conorm(disjunction, low, least), t_conorm(disjunction, high, most)
         degrees[0, sets + k], degrees[1, sets + k] = low, high
         if k >= first_rule:
             weight = weights[k - first_rule]

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.lines import Lines
 from omnidrive.fuzzy.reduction import NIE_TAN
 from omnidrive.fuzzy.sampled import BISECTOR, CENTROID, MOM, of_maxima
+from omnidrive.fuzzy.segments import Lines
 
 
 @compiled
@@ -245,7 +245,7 @@ def exact_interval(
     find it on samples, but not in what they find. Nie-Tan is the centroid of the mean function.
 
     Args:
-        algorithm: Place in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
+        algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
         lower: Lower polyline, perhaps of no piece.
         upper: Upper polyline, with an area.
     """
