@@ -37,9 +37,9 @@ def test_no_robot_accelerates_by_more_than_its_traction(robot):
     for _ in range(100):
         asked = tuple((rng.normal(size=3) * [2.0, 2.0, 4.0]).tolist())
         _, after = driven(grip, (0.0, 0.0, 0.0), asked, 1e-3)
-        assert np.abs(robot.traction @ after).max() <= 1e-3 * (1 + 1e-9)
+        assert np.abs(robot.acceleration_faces @ after).max() <= 1e-3 * (1 + 1e-9)
     _, after = driven(grip, (0.0, 0.0, 0.0), (0.0, 0.0, 50.0), 1e-3)
-    assert np.abs(robot.traction @ after).max() == pytest.approx(0.95e-3, rel=1e-6)
+    assert np.abs(robot.acceleration_faces @ after).max() == pytest.approx(0.95e-3, rel=1e-6)
 
 
 @given(SEEDS)
@@ -49,7 +49,7 @@ def test_what_is_asked_for_leads_where_it_should_if_the_wheels_can(seed):
     robot = ROBOTS[seed % 2]
     before = rng.normal(size=3) * [0.2, 0.2, 0.5]
     change = rng.normal(size=3) * [0.1, 0.1, 0.2]
-    change *= min(1.0, 0.4 * DT / np.abs(robot.traction @ change).max())
+    change *= min(1.0, 0.4 * DT / np.abs(robot.acceleration_faces @ change).max())
     wanted = BodyTwist(*(before + change).tolist())
     asked, after = Grip.of(robot).ask(wanted, BodyTwist(*before.tolist()), DT)
     done, ended = driven(Grip.of(robot), tuple(before.tolist()), tuple(asked), DT)
@@ -73,7 +73,7 @@ def test_wheels_that_must_not_spin_are_asked_for_what_they_reach(robot):
     held = Grip.of(robot, may_spin=False)
     for grip, spins in ((Grip.of(robot), True), (held, False)):
         asked, after = grip.ask(wanted, rest, DT)
-        pushes = grip.rims @ (grip.stiffness * np.subtract(asked, after))
+        pushes = grip.rim_jacobian @ (grip.stiffness * np.subtract(asked, after))
         assert bool(np.abs(pushes).max() > 1.1 * grip.most) is spins
     gentle, before = BodyTwist(0.51, 0.0, 0.2), BodyTwist(0.5, 0.0, 0.2)
     assert held.ask(gentle, before, DT) == Grip.of(robot).ask(gentle, before, DT)
@@ -88,7 +88,7 @@ def test_wheels_that_must_not_spin_do_not_in_the_end(seed):
     before = BodyTwist(*(rng.normal(size=3) * [0.3, 0.3, 0.5]).tolist())
     wanted = BodyTwist(*(rng.normal(size=3) * [0.8, 0.8, 1.5]).tolist())
     asked, after = grip.ask(wanted, before, DT)
-    pushes = grip.rims @ (grip.stiffness * np.subtract(asked, after))
+    pushes = grip.rim_jacobian @ (grip.stiffness * np.subtract(asked, after))
     assert np.abs(pushes).max() < grip.most * (1 + 1e-9)
 
 
@@ -140,7 +140,7 @@ def test_it_foretells_rollers_better_than_a_lag(robot):
     parts = DT / (np.array([robot.lag[0], *robot.lag]) + DT)
     for _ in range(60):
         change = rng.normal(size=3) * [1.0, 1.0, 2.0]
-        change *= rng.uniform(0.3, 0.9) * DT / np.abs(robot.traction @ change).max()
+        change *= rng.uniform(0.3, 0.9) * DT / np.abs(robot.acceleration_faces @ change).max()
         command = 0.9 * command + change
         start, pose = pose, plant.step(BodyTwist(*command.tolist()), DT).pose
         truth = np.array(twist_between(start, pose, DT))

@@ -41,7 +41,7 @@ from omnidrive.robot import Chassis
 
 CHASSIS = Chassis.omni(
     angles=(0.25 * pi, 0.75 * pi, 1.25 * pi, 1.75 * pi),
-    arm=0.25,
+    ring_radius=0.25,
     wheel_radius=0.05,
     max_wheel_speed=20.0,
 )

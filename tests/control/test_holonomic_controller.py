@@ -57,14 +57,14 @@ def test_with_other_wheels_it_goes_on_where_it_was():
         controller.step(DT * k, Circle().at(DT * k).pose, Circle())
     left = Remaining.of(robot, {2})
     same = controller.driving(CHASSIS, usual)
-    fewer = controller.driving(left.chassis, Actuation(left.traction, robot.lag))
+    fewer = controller.driving(left.chassis, Actuation(left.acceleration_faces, robot.lag))
     at = 0.5, Circle().at(0.5).pose, Circle()
     command = controller.step(*at)
     assert same.step(*at) == command
     far = Hold(Pose(9.0, 0.0, 0.0), 9.0)
     before = np.array(fewer._twists[-1])
     hurried = fewer.step(0.6, Circle().at(0.6).pose, far).twist
-    change = np.abs(left.traction @ (np.array(fewer._twists[-1]) - before)).max()
+    change = np.abs(left.acceleration_faces @ (np.array(fewer._twists[-1]) - before)).max()
     assert 0.99 * DT <= change <= DT * (1.0 + 1e-6)  # as hard as the three can push
     assert np.isfinite(hurried).all()
 
@@ -134,14 +134,16 @@ def test_what_is_asked_for_leads_a_robot_with_lag_and_delay_along_the_reference(
 
 def test_acceleration_is_limited_to_what_the_wheels_can_push():
     robot = named_robot("small")
-    controller = holonomic_nmpc(robot.chassis, DT, actuation=Actuation(acceleration=robot.traction))
+    controller = holonomic_nmpc(
+        robot.chassis, DT, actuation=Actuation(acceleration=robot.acceleration_faces)
+    )
     controller.reset(Pose(0.0, 0.0, 0.0))
     pose, twists = Pose(0.0, 0.0, 0.0), [np.zeros(3)]
     for k in range(20):
         command = controller.step(k * DT, pose, Hold(Pose(1.0, 0.5, 1.0), 9.0))
         twists.append(np.array(command.twist))
         pose = move(pose, command.twist, DT)
-    used = np.abs(np.diff(twists, axis=0) / DT @ robot.traction.T)
+    used = np.abs(np.diff(twists, axis=0) / DT @ robot.acceleration_faces.T)
     assert used[0].max() == pytest.approx(1.0, abs=1e-3)
     assert used.max() < 1.0 + 1e-6
     assert np.allclose(pose, (1.0, 0.5, 1.0), atol=1e-3)

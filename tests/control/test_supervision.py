@@ -158,9 +158,14 @@ def test_three_wheels_carry_on():
     left = Remaining.of(ROBOT, {1})
     assert left.wheels == (0, 2, 3)
     assert left.chassis.twist(left.chassis.wheel_speeds(TWIST)) == pytest.approx(TWIST)
-    assert left.pushes == pytest.approx(ROBOT.pushes[[0, 2, 3]])  # it still carries its load
+    assert left.force_limits == pytest.approx(
+        ROBOT.force_limits[[0, 2, 3]]
+    )  # it still carries its load
     for axis in np.eye(3):  # less than four, but something in every direction
-        assert np.abs(left.traction @ axis).max() > 1.05 * np.abs(ROBOT.traction @ axis).max()
+        assert (
+            np.abs(left.acceleration_faces @ axis).max()
+            > 1.05 * np.abs(ROBOT.acceleration_faces @ axis).max()
+        )
 
 
 def test_two_wheels_do_not():
@@ -178,8 +183,8 @@ twists = st.builds(BodyTwist, *[st.floats(-2.0, 2.0)] * 3)
 @few
 @given(twists, twists)
 def test_an_eased_twist_is_on_the_way_and_within_traction(before, wanted):
-    got = eased(ROBOT.traction, before, wanted, DT)
-    assert np.abs(ROBOT.traction @ np.subtract(got, before)).max() <= DT * (1.0 + 1e-9)
+    got = eased(ROBOT.acceleration_faces, before, wanted, DT)
+    assert np.abs(ROBOT.acceleration_faces @ np.subtract(got, before)).max() <= DT * (1.0 + 1e-9)
     along, whole = np.subtract(got, before), np.subtract(wanted, before)
     assert np.linalg.norm(np.cross(along, whole)) == pytest.approx(0.0, abs=1e-9)
     assert np.dot(along, whole) >= 0.0
@@ -215,7 +220,7 @@ def test_a_locked_wheel_costs_the_heading_and_not_the_position(wheel, pose, twis
     assert shown == target  # no error of heading to correct
     for _ in range(20):  # until it is as fast as it shall be
         got = guard.allow(Command(twist), DT).twist
-        assert ROBOT.rims[wheel] @ np.array(got) == pytest.approx(0.0, abs=1e-12)
+        assert ROBOT.rim_jacobian[wheel] @ np.array(got) == pytest.approx(0.0, abs=1e-12)
     there, asked = move(pose, got, DT), move(shown, twist, DT)
     assert there[:2] == pytest.approx(asked[:2], abs=1e-9)
 
@@ -239,7 +244,7 @@ def test_who_is_stopped_brakes_within_what_the_wheels_can_push():
         asked.append(guard.allow(Command(BodyTwist(5.0, 5.0, 5.0)), DT).twist)
         assert len(asked) < 30
     assert len(asked) > 3
-    assert np.abs(np.diff(asked, axis=0) @ ROBOT.traction.T).max() <= DT
+    assert np.abs(np.diff(asked, axis=0) @ ROBOT.acceleration_faces.T).max() <= DT
     assert [event.what.split(":")[0] for event in guard.events] == ["the watchdog stops the robot"]
 
 

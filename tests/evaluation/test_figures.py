@@ -215,5 +215,5 @@ def test_the_kinematic_diagram_shows_every_wheel_of_any_robot(name):
     names = [text.get_text() for text in above.texts]
     assert all(str(k + 1) in names for k in range(len(robot.mounts)))
     assert len([p for p in above.patches if isinstance(p, Polygon)]) == len(robot.mounts)
-    mecanum = any(mount.roller for mount in robot.mounts)
+    mecanum = any(mount.roller_angle for mount in robot.mounts)
     assert any("rho" in text.get_text() for text in wheel.texts) == mecanum

@@ -63,7 +63,7 @@ def test_effort_is_the_mean_change_of_wheel_speed():
     robot = named_robot("paper")
     command = [(0, 0, 1), (0, 0, 0), (0, 0, 1), (0, 0, 1)]
     m = metrics(np.zeros((4, 3)), np.zeros((4, 3)), command=command)
-    change = robot.arm / robot.wheel.radius
+    change = robot.effective_radius / robot.wheel.radius
     assert m.wheel_acceleration == pytest.approx(3 * change / 1.5)
 
 

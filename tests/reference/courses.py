@@ -9,12 +9,12 @@ from omnidrive.robot import Chassis
 
 CROSS = [0.25 * pi, 0.75 * pi, 1.25 * pi, 1.75 * pi]
 
-FOUR = Chassis.omni(angles=CROSS, arm=0.3, wheel_radius=0.05, max_wheel_speed=30.0)
+FOUR = Chassis.omni(angles=CROSS, ring_radius=0.3, wheel_radius=0.05, max_wheel_speed=30.0)
 THREE = Chassis.omni(
-    angles=[0.0, 2 * pi / 3, 4 * pi / 3], arm=0.2, wheel_radius=0.04, max_wheel_speed=40.0
+    angles=[0.0, 2 * pi / 3, 4 * pi / 3], ring_radius=0.2, wheel_radius=0.04, max_wheel_speed=40.0
 )
 FIVE = Chassis.omni(
-    angles=[0.1, 1.2, 2.9, 3.8, 5.2], arm=0.4, wheel_radius=0.06, max_wheel_speed=25.0
+    angles=[0.1, 1.2, 2.9, 3.8, 5.2], ring_radius=0.4, wheel_radius=0.06, max_wheel_speed=25.0
 )
 
 

@@ -32,7 +32,7 @@ ALPHA = 25.0
 LIMITS = MotionLimits(wheel_acceleration=ALPHA)
 
 # the paper's map, wheels at 0.15 m, 1.06 m/s and 1 m/s^2 at the rim
-PAPER = Chassis.omni(angles=CROSS, arm=0.15, wheel_radius=0.05, max_wheel_speed=1.06 / 0.05)
+PAPER = Chassis.omni(angles=CROSS, ring_radius=0.15, wheel_radius=0.05, max_wheel_speed=1.06 / 0.05)
 PAPER_LIMITS = MotionLimits(wheel_acceleration=1.0 / 0.05)
 
 

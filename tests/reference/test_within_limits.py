@@ -44,7 +44,7 @@ def trapezoid(length, speed, acceleration):
     alpha=st.floats(1.0, 200.0),
 )
 def test_a_straight_line_takes_a_trapezoid(length, angle, top, alpha):
-    chassis = Chassis.omni(angles=CROSS, arm=0.3, wheel_radius=0.05, max_wheel_speed=top)
+    chassis = Chassis.omni(angles=CROSS, ring_radius=0.3, wheel_radius=0.05, max_wheel_speed=top)
     reference = time_within_limits(
         straight(length, angle), chassis, MotionLimits(wheel_acceleration=alpha)
     )
@@ -94,7 +94,7 @@ def test_twist_limits_cap_the_cruise(limit, name):
     ("limits", "acceleration"),
     [
         (MotionLimits(wheel_acceleration=1e6, acceleration=0.5), 0.5),
-        (MotionLimits(traction=np.diag([1 / 0.5, 1 / 0.7, 1.0])), 0.5),
+        (MotionLimits(acceleration_faces=np.diag([1 / 0.5, 1 / 0.7, 1.0])), 0.5),
     ],
 )
 def test_acceleration_limits(limits, acceleration):
@@ -297,7 +297,7 @@ def test_limits_of_a_robot(name):
     body = np.stack(
         [c * mean[:, 0] + s * mean[:, 1], c * mean[:, 1] - s * mean[:, 0], mean[:, 2]], axis=1
     )
-    assert np.abs(body @ robot.traction.T).max() <= 0.85 * 1.01
+    assert np.abs(body @ robot.acceleration_faces.T).max() <= 0.85 * 1.01
     assert max(worst_shares(reference, robot.chassis, inf)) <= 1.01
 
 
@@ -331,8 +331,8 @@ def test_something_has_to_limit_acceleration():
 
 @pytest.mark.parametrize("rows", [np.full((3, 3), nan), np.eye(3)[:2]])
 def test_traction_has_to_limit_everything(rows):
-    with pytest.raises(InvalidInput, match="traction"):
-        MotionLimits(traction=rows)
+    with pytest.raises(InvalidInput, match="acceleration_faces"):
+        MotionLimits(acceleration_faces=rows)
 
 
 @pytest.mark.parametrize("heading", HEADINGS)

@@ -18,7 +18,7 @@ SMALL = named_robot("small")
         ({"mass": -1.0}, "the robot's mass must be positive, got -1 kg"),
         ({"mass": nan}, "the robot's mass must be positive, got nan kg"),
         ({"mass": 2.0}, r"mass is 2 kg and its wheels alone weigh 2.264 kg: raise the mass"),
-        ({"com": (0.3, 0.0)}, r"at \(0.3, 0\) m wheel 2 would lift off .* put com between"),
+        ({"com": (0.3, 0.0)}, r"at \(0.3, 0\) m wheel 2 would lift off .* move com between"),
         ({"com": (nan, 0.0)}, "com must be finite"),
         ({"body_inertia": 0.0}, "body_inertia must be positive"),
         ({"friction": -0.1}, "friction must not be negative, got -0.1$"),
@@ -29,7 +29,7 @@ SMALL = named_robot("small")
         ({"assumed_arm": 0.0}, "assumed_arm must be positive"),
         ({"mounts": omni_ring([0.1 * k for k in range(20)], 0.2)}, "20 wheels, need at most 16"),
         ({"mounts": (Mount(nan, 0.0, 0.0), *SMALL.mounts)}, "wheel 0 is mounted at .* finite"),
-        ({"mounts": (Mount(0.2, 0.2, 0.0, 0.5 * pi), *SMALL.mounts)}, "it could not push"),
+        ({"mounts": (Mount(0.2, 0.2, 0.0, 0.5 * pi), *SMALL.mounts)}, "cannot drive the robot"),
     ],
 )
 def test_an_impossible_robot_is_refused(changes, message):
@@ -65,13 +65,17 @@ def test_a_chassis_needs_finite_positive_numbers(radius, speed):
     with pytest.raises(InvalidInput, match="must be positive"):
         Chassis.of_mounts(SMALL.mounts, wheel_radius=radius, max_wheel_speed=speed)
     with pytest.raises(InvalidInput, match="must be positive"):
-        Chassis.omni(angles=(0.0, 2.0, 4.0), arm=0.2, wheel_radius=radius, max_wheel_speed=speed)
+        Chassis.omni(
+            angles=(0.0, 2.0, 4.0), ring_radius=0.2, wheel_radius=radius, max_wheel_speed=speed
+        )
 
 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 def test_loads_balance_the_weight(robot):
     """By the equations of statics: forces and both moments."""
-    shifted = replace(robot, com=(0.1 * robot.reach, -0.2 * robot.reach))
+    shifted = replace(
+        robot, com=(0.1 * robot.mean_wheel_distance, -0.2 * robot.mean_wheel_distance)
+    )
     weight = 9.81 * robot.mass
     assert shifted.loads.sum() == pytest.approx(weight)
     for axis in (0, 1):
@@ -82,8 +86,8 @@ def test_loads_balance_the_weight(robot):
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 def test_pushes_shift_loads_backwards(robot):
     """By the moments of a push at the floor about the centre of mass; the weight stays."""
-    rolling = np.array([np.cos(mount.roller) for mount in robot.mounts])
-    loads = robot.grip_shifts / (robot.friction * rolling[:, None])
+    rolling = np.array([np.cos(mount.roller_angle) for mount in robot.mounts])
+    loads = robot.load_transfer / (robot.friction * rolling[:, None])
     places = np.array([(mount.x, mount.y) for mount in robot.mounts])
     assert loads.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
     assert places.T @ loads == pytest.approx(-robot.com_height * np.eye(2), abs=1e-12)

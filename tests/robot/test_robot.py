@@ -43,33 +43,38 @@ def test_the_papers_wheel_equation():
 
 def test_two_wheels_are_not_omnidirectional():
     with pytest.raises(InvalidGeometry, match="rank 2, need 3"):
-        Chassis.omni(angles=(0.0, np.pi), arm=0.2, wheel_radius=0.05, max_wheel_speed=10.0)
+        Chassis.omni(angles=(0.0, np.pi), ring_radius=0.2, wheel_radius=0.05, max_wheel_speed=10.0)
 
 
 @every_robot
 @given(part=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), way=st.integers(0, 2**32 - 1))
 def test_traction_is_what_the_wheels_can_push_together(robot, part, way):
     """Whatever they push is within, and in every direction they can push up to the limit."""
-    count, roller = len(robot.mounts), abs(robot.mounts[0].roller)  # weight lies evenly on them
+    count, roller = (
+        len(robot.mounts),
+        abs(robot.mounts[0].roller_angle),
+    )  # weight lies evenly on them
     grip = robot.friction * robot.mass * GRAVITY / count * np.cos(roller)
     most = min(grip, robot.max_torque / robot.wheel.radius)
     pushes = robot.wheel.radius * robot.chassis.jacobian
     inertia = np.array([robot.mass, robot.mass, robot.yaw_inertia])
     reached = most * np.array(part[:count]) @ pushes / inertia
-    assert np.abs(robot.traction @ reached).max() <= 1.0 + 1e-9
-    normal = robot.traction[way % len(robot.traction)]
+    assert np.abs(robot.acceleration_faces @ reached).max() <= 1.0 + 1e-9
+    normal = robot.acceleration_faces[way % len(robot.acceleration_faces)]
     furthest = most * np.sign(pushes @ (normal / inertia)) @ pushes / inertia
-    assert np.abs(robot.traction @ furthest).max() == pytest.approx(1.0)
+    assert np.abs(robot.acceleration_faces @ furthest).max() == pytest.approx(1.0)
 
 
 def test_traction_of_the_papers_robot_by_hand():
     """Along a wheel's direction two of four wheels push: half of g; straight on, all of them."""
-    rows = named_robot("paper").traction
+    rows = named_robot("paper").acceleration_faces
     diagonal = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0])
     assert 1.0 / np.abs(rows @ diagonal).max() == pytest.approx(0.5 * GRAVITY)
     assert 1.0 / np.abs(rows @ [1.0, 0.0, 0.0]).max() == pytest.approx(np.sqrt(0.5) * GRAVITY)
 
 
 def test_an_unknown_robot_is_named_with_those_that_exist():
-    with pytest.raises(InvalidInput, match="no robot 'papr'; there are paper, small"):
+    with pytest.raises(InvalidInput, match="no robot 'papr'; did you mean 'paper'"):
         named_robot("papr")
+    with pytest.raises(InvalidInput, match="no robot 'x'; there are paper, small, kiwi, mecanum"):
+        named_robot("x")

@@ -95,7 +95,7 @@ class Drive:
     def go(self, seconds, twist=swaying):
         for _ in range(round(seconds / DT)):
             now = twist(self.t)
-            ways = self.robot.rims @ np.array(now) * DT
+            ways = self.robot.rim_jacobian @ np.array(now) * DT
             ways += self.creep * np.sqrt(np.abs(ways)) * self.rng.standard_normal(len(ways))
             self.pose = move(self.pose, now, DT)
             self.angles = self.angles + ways / self.robot.wheel.radius
@@ -446,13 +446,17 @@ def test_slip_is_that_of_the_differential_equation():
 
     def law(_, state):
         body = state[:3]
-        gaps = speeds - model.rims @ body
+        gaps = speeds - model.rim_jacobian @ body
         push = np.zeros(4)
         for _ in range(30):  # loads shift by what the wheels push
-            most = np.clip(model.grips + model.shifts @ (model.rims.T @ push)[:2], 0, model.motor)
+            most = np.clip(
+                model.friction_limits + model.load_transfer @ (model.rim_jacobian.T @ push)[:2],
+                0,
+                model.motor,
+            )
             push = np.clip(model.stiffness * gaps, -most, most)
         x, y, turn = body
-        ax, ay, turning = model.rims.T @ push / model.inertia
+        ax, ay, turning = model.rim_jacobian.T @ push / model.inertia
         return [ax + turn * y, ay - turn * x, turning, *body, *gaps]
 
     exact = solve_ivp(law, (0.0, DT), np.zeros(10), rtol=1e-8, atol=1e-10).y[:, -1]

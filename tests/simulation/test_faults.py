@@ -69,7 +69,7 @@ def test_what_holds_at_one_time_adds_up():
     found = plan.conditions(BEFORE, 0.0, PLACE)
     assert found.slope == pytest.approx((0.0, 0.0), abs=1e-15)
     assert found.payload.mass == pytest.approx(0.4 * ROBOT.mass)
-    assert found.payload.x == pytest.approx(-0.5 * ROBOT.reach)
+    assert found.payload.x == pytest.approx(-0.5 * ROBOT.mean_wheel_distance)
     assert found.motors == (Motor.HEALTHY, Motor.LOCKED, Motor.HEALTHY, Motor.HEALTHY)
     assert found.patch[:3] == (1.0, 2.0, 0.4)  # where the robot shall be
 

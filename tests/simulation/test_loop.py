@@ -185,7 +185,7 @@ def test_no_controller_runs_away(plant):
     assert 2.5 < log.t[-1] < 5.0
     assert np.abs(log.twist[-1]).max() < 0.01  # it stands
     braking = np.diff(log.command[log.t > 3.2], axis=0)
-    assert np.abs(braking @ ROBOT.traction.T).max() <= DT
+    assert np.abs(braking @ ROBOT.acceleration_faces.T).max() <= DT
     with pytest.raises(RunFailed, match="the watchdog stopped the robot: at"):
         log.raise_if_failed()
 

@@ -31,7 +31,9 @@ def settled(plant):
 def test_every_wheel_carries_its_load(name, wheels, share):
     """Contact forces, as MuJoCo solves them, against statics."""
     robot = ROBOTS[name]
-    robot = replace(robot, com=(share[0] * robot.reach, share[1] * robot.reach))
+    robot = replace(
+        robot, com=(share[0] * robot.mean_wheel_distance, share[1] * robot.mean_wheel_distance)
+    )
     plant = settled(MujocoPlant(robot, wheels))
     model, data, carried = plant.model, plant.data, np.zeros(len(robot.mounts))
     roots = {model.body(f"wheel{i}").id: i for i in range(len(robot.mounts))}
@@ -112,8 +114,8 @@ def test_torques_are_what_accelerates_the_robot(name, wheels):
     for k in range(60):
         state = plant.step(BodyTwist(rate * 0.02 * k, 0.0, 0.0), 0.02)
         torques.append(state.wheel_torques)
-    push = robot.rims[:, 0] @ np.mean(torques[20:], axis=0) / robot.wheel.radius
-    speeds = robot.rims[:, 0] / robot.wheel.radius  # of the wheels, per m/s
+    push = robot.rim_jacobian[:, 0] @ np.mean(torques[20:], axis=0) / robot.wheel.radius
+    speeds = robot.rim_jacobian[:, 0] / robot.wheel.radius  # of the wheels, per m/s
     weighs = robot.mass + robot.wheel.rotor_inertia * float(speeds @ speeds)
     assert weighs * rate < push < 1.15 * weighs * rate  # hubs and rollers are turned too
 

@@ -29,8 +29,8 @@ class MotionLimits:
         yaw_rate: In rad/s, both ways.
         acceleration: Of the origin of B in any direction, in m/s^2.
         yaw_acceleration: In rad/s^2, both ways.
-        traction: Rows with ``|traction @ (ax, ay, yaw acceleration)| <= 1``, as
-            :attr:`omnidrive.robot.Robot.traction`; in s^2/m, s^2/m and s^2/rad.
+        acceleration_faces: Rows with ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1``, as
+            :attr:`omnidrive.robot.Robot.acceleration_faces`; in s^2/m, s^2/m and s^2/rad.
 
     Raises:
         InvalidInput: A limit is zero, negative or not a number, or nothing limits acceleration.
@@ -44,7 +44,7 @@ class MotionLimits:
     yaw_rate: float = inf
     acceleration: float = inf
     yaw_acceleration: float = inf
-    traction: Float[Array, "faces 3"] | None = None
+    acceleration_faces: Float[Array, "faces 3"] | None = None
 
     def __post_init__(self) -> None:
         for name, unit in _UNITS.items():
@@ -54,14 +54,15 @@ class MotionLimits:
                     f"the limit of the {name.replace('_', ' ')} must be positive, "
                     f"got {value:g} {unit}"
                 )
-        if self.traction is not None and not (
-            np.isfinite(self.traction).all() and np.linalg.matrix_rank(self.traction) == 3
+        if self.acceleration_faces is not None and not (
+            np.isfinite(self.acceleration_faces).all()
+            and np.linalg.matrix_rank(self.acceleration_faces) == 3
         ):
-            raise InvalidInput("the rows of traction must be finite and limit every acceleration")
-        if not (isfinite(self.wheel_acceleration) or self.traction is not None):
+            raise InvalidInput("acceleration_faces must be finite and limit every acceleration")
+        if not (isfinite(self.wheel_acceleration) or self.acceleration_faces is not None):
             raise InvalidInput(
                 "nothing limits the wheels' acceleration, so that the motion could jump into its "
-                "top speed; give wheel_acceleration in rad/s^2, or traction"
+                "top speed; give wheel_acceleration in rad/s^2, or acceleration_faces"
             )
 
     @classmethod
@@ -69,7 +70,9 @@ class MotionLimits:
         """What the motors reach and the wheels can push, the latter up to ``share`` of it."""
         if not (isfinite(share) and share > 0.0):
             raise InvalidInput(f"the share of traction must be positive, got {share:g}")
-        return cls(wheel_speed=robot.max_wheel_speed, traction=robot.traction / share)
+        return cls(
+            wheel_speed=robot.max_wheel_speed, acceleration_faces=robot.acceleration_faces / share
+        )
 
 
 _UNITS = {
@@ -118,8 +121,8 @@ def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
         ),
         (LimitRows("yaw acceleration", "acceleration", yaw), limits.yaw_acceleration),
     ]
-    if limits.traction is not None:
-        groups.append((LimitRows("traction", "acceleration", limits.traction), 1.0))
+    if limits.acceleration_faces is not None:
+        groups.append((LimitRows("wheel force", "acceleration", limits.acceleration_faces), 1.0))
     return tuple(
         group._replace(rows=group.rows / limit) for group, limit in groups if isfinite(limit)
     )

@@ -1,9 +1,11 @@
-"""What the robot is: wheel geometry, mass and limits."""
+"""Robot model: wheel geometry, mass properties, motor and friction limits."""
 
+from omnidrive.robot.acceleration_polytope import acceleration_polytope
 from omnidrive.robot.chassis import Chassis
 from omnidrive.robot.mount import Mount, mecanum_rectangle, omni_ring
-from omnidrive.robot.robot import GRAVITY, ROBOTS, OmniWheel, Robot, named_robot
-from omnidrive.robot.traction import traction_faces
+from omnidrive.robot.presets import ROBOTS, named_robot
+from omnidrive.robot.robot import GRAVITY, Robot
+from omnidrive.robot.wheel import OmniWheel
 
 __all__ = [
     "GRAVITY",
@@ -12,8 +14,8 @@ __all__ = [
     "Mount",
     "OmniWheel",
     "Robot",
+    "acceleration_polytope",
     "mecanum_rectangle",
     "named_robot",
     "omni_ring",
-    "traction_faces",
 ]

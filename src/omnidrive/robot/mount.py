@@ -1,4 +1,4 @@
-"""Where wheels stand, and which way they push."""
+"""Positions and drive directions of wheels."""
 
 from __future__ import annotations
 
@@ -8,47 +8,48 @@ from typing import NamedTuple
 
 
 class Mount(NamedTuple):
-    """Place and direction of one wheel, seen from above, in B."""
+    """Position and orientation of one wheel, seen from above, in B."""
 
     x: float
-    """Of the middle of the wheel, in m."""
+    """x of the wheel's centre, in m."""
     y: float
-    """Of the middle of the wheel, in m."""
-    axle: float
-    """Bearing of the axle, in rad: turning positively, the wheel rolls along
-    (-sin axle, cos axle)."""
-    roller: float = 0.0
-    """Angle from the direction of rolling to the axis of the roller that touches the floor, in rad,
+    """y of the wheel's centre, in m."""
+    axle_angle: float
+    """Bearing of the axle, in rad. A wheel that turns in the positive sense rolls along
+    (-sin axle_angle, cos axle_angle)."""
+    roller_angle: float = 0.0
+    """Angle from the rolling direction to the axis of the roller that touches the floor, in rad,
     positive towards the axle: 0 for omni wheels, pi / 4 or -pi / 4 for mecanum wheels."""
 
     @property
-    def push(self) -> tuple[float, float]:
-        """Unit vector along which the wheel can push: the axis of the roller on the floor."""
-        turned = self.axle + 0.5 * pi - self.roller
-        return cos(turned), sin(turned)
+    def drive_direction(self) -> tuple[float, float]:
+        """Unit vector along which the wheel exerts force: the axis of the roller on the floor."""
+        bearing = self.axle_angle + 0.5 * pi - self.roller_angle
+        return cos(bearing), sin(bearing)
 
 
-def omni_ring(angles: Sequence[float], arm: float) -> tuple[Mount, ...]:
-    """Omni wheels with radial axles.
+def omni_ring(angles: Sequence[float], ring_radius: float) -> tuple[Mount, ...]:
+    """Return the mounts of omni wheels with radial axles on a circle.
 
     Args:
         angles: Bearing of each wheel in B, in rad.
-        arm: Distance from the centre to each wheel's plane, in m.
+        ring_radius: Distance from the centre to each wheel's plane, in m.
     """
-    return tuple(Mount(arm * cos(a), arm * sin(a), a) for a in angles)
+    return tuple(Mount(ring_radius * cos(a), ring_radius * sin(a), a) for a in angles)
 
 
 def mecanum_rectangle(half_length: float, half_width: float) -> tuple[Mount, ...]:
-    """Four mecanum wheels that all roll forward when they turn positively.
+    """Return the mounts of four mecanum wheels that all roll forward at positive speed.
 
-    In the order front left, front right, rear left, rear right:
-    ``r w = vx -+ vy -+ (half_length + half_width) yaw_rate`` with the signs - -, + +, + -, - +
+    The order is front left, front right, rear left, rear right, with
+    ``r w = vx -+ vy -+ (half_length + half_width) yaw_rate`` and the signs - -, + +, + -, - +
     (Taheri, Qiao & Ghaeminezhad, "Kinematic model of a four mecanum wheeled mobile robot", 2015).
-    Seen from above the axes of the topmost rollers form an X, of those on the floor a diamond.
+    Seen from above, the axes of the topmost rollers form an X, those of the rollers on the floor a
+    diamond.
 
     Args:
-        half_length: From the centre to the front axles, in m.
-        half_width: From the centre to the middle of the left wheels, in m.
+        half_length: Distance from the centre to the front axles, in m.
+        half_width: Distance from the centre to the middle of the left wheels, in m.
     """
     ahead, left, quarter = half_length, half_width, 0.25 * pi
     return (

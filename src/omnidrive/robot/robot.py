@@ -1,98 +1,60 @@
-"""A robot: its wheels, its mass and its motors."""
+"""Robot model: mounts, wheels, mass properties, motor and friction limits."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import cos, hypot, pi
+from dataclasses import dataclass
+from math import cos, hypot, isfinite
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
+from omnidrive.robot.acceleration_polytope import acceleration_polytope
 from omnidrive.robot.chassis import Chassis
-from omnidrive.robot.checks import check_robot, check_wheel
-from omnidrive.robot.mount import Mount, mecanum_rectangle, omni_ring
-from omnidrive.robot.traction import traction_faces
+from omnidrive.robot.checks import check_not_negative, check_positive
+from omnidrive.robot.mount import Mount
+from omnidrive.robot.wheel import OmniWheel
 
 GRAVITY = 9.81
-"""In m/s^2."""
+"""Gravitational acceleration, in m/s^2."""
 
+MAX_WHEELS = 16
+"""Largest number of wheels of a robot."""
 
-@dataclass(frozen=True, slots=True)
-class OmniWheel:
-    """A wheel with passive rollers: omni or mecanum, as its mount says.
-
-    Attributes:
-        radius: From axle to ground, in m.
-        mass: Hub and rim without rollers, in kg.
-        rotor_inertia: Motor inertia reflected to the axle, in kg m^2.
-        rollers_per_row: Rollers in each row.
-        roller_radius: Largest radius of a roller, in m.
-        roller_mass: Of one roller, in kg.
-        row_gap: Distance between the centres of the rows, in m; of one row, its width.
-        rows: Rows of rollers, staggered: two of omni wheels, one of mecanum wheels.
-
-    Raises:
-        InvalidInput: It cannot be built: see :func:`omnidrive.robot.checks.check_wheel`.
-    """
-
-    radius: float
-    mass: float
-    rotor_inertia: float
-    rollers_per_row: int = 9
-    roller_radius: float = 0.0125
-    roller_mass: float = 0.012
-    row_gap: float = 0.022
-    rows: int = 2
-
-    def __post_init__(self) -> None:
-        check_wheel(self)
-
-    @property
-    def total_mass(self) -> float:
-        """Hub, rim and rollers, in kg."""
-        return self.mass + self.rollers * self.roller_mass
-
-    @property
-    def rollers(self) -> int:
-        """How many there are in all rows."""
-        return self.rows * self.rollers_per_row
-
-    @property
-    def hub_inertia(self) -> float:
-        """Of hub and rim about the axle, in kg m^2: most of their mass lies within 0.7 radii."""
-        return 0.5 * self.mass * (0.7 * self.radius) ** 2
+_MIN_ROLLER_COSINE = 0.1  # cosine of the roller angle: angles up to 84 degrees
 
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Everything about the robot that a plant or a planner needs.
+    """Geometry, mass properties, motors and friction of a robot.
 
     Attributes:
-        name: What scenarios call it.
-        mounts: Where each wheel stands in B, and which way it pushes.
-        wheel: The wheels, all alike.
-        mass: In total, in kg.
+        name: Name of the robot in scenario files.
+        mounts: Position and orientation of each wheel in B.
+        wheel: Properties of the wheels; all wheels are equal.
+        mass: Total mass, in kg.
         com_height: Height of the centre of mass above the floor, in m.
         body_radius: Radius of the smallest circle around the robot, in m.
-        max_wheel_speed: Speed that a motor reaches, in rad/s.
-        max_torque: Torque that a motor gives at its wheel, in N m.
-        servo_gain: Torque per unit of wheel-speed error, in N m s/rad.
+        max_wheel_speed: Largest speed of a motor, in rad/s at the wheel.
+        max_torque: Largest torque of a motor, in N m at the wheel.
+        servo_gain: Motor torque per unit of wheel-speed error, in N m s/rad.
         friction: Coulomb friction coefficient between roller and floor.
-        lag: Time constants with which translation and rotation follow commands, in s, as
-            :func:`omnidrive.simulation.identify_lag` finds them on physics with rollers.
-        assumed_arm: The :attr:`arm` that the wheel controller believes in, in m; where it is not
-            the true one, yaw comes out at ``assumed_arm / arm`` of the command. None: the true one.
-        com: Where the centre of mass is in B, in m.
-        body_inertia: Yaw inertia of all but the wheels about its centre of mass, in kg m^2; None:
-            that of a disc of 0.8 times the wheels' distance from the centre.
+        lag: Time constants of translation and rotation in response to commands, in s;
+            :func:`omnidrive.simulation.identify_lag` identifies them on a simulated plant.
+        assumed_arm: Value of :attr:`effective_radius` that the wheel controller uses, in m. A value
+            that differs from the true one scales the yaw rate by
+            ``assumed_arm / effective_radius``. None: the true value.
+        com: Centre of mass in B, in m.
+        body_inertia: Yaw inertia of the frame (the robot without its wheels) about the frame's
+            centre of mass, in kg m^2. None: that of a disc whose radius is 0.8 times
+            :attr:`mean_wheel_distance`.
         motor_lag: Time constant with which the servos' set points follow the command, in s.
 
     Raises:
-        InvalidGeometry: Its wheels cannot push in every direction.
-        InvalidInput: It could not stand or move: see
-            :func:`omnidrive.robot.checks.check_robot`.
+        InvalidGeometry: The wheels cannot produce every twist.
+        InvalidInput: A number is outside its domain, the wheels weigh more than the robot, or a
+            wheel carries no load.
     """
 
     name: str
@@ -112,58 +74,61 @@ class Robot:
     motor_lag: float = 0.0
 
     def __post_init__(self) -> None:
-        check_robot(self)
+        _check_numbers(self)
+        _check_mounts(self)
+        _check_loads(self)
 
     @property
     def chassis(self) -> Chassis:
-        """The true wheel matrix."""
+        """True kinematics of the wheels."""
         return Chassis.of_mounts(
             self.mounts, wheel_radius=self.wheel.radius, max_wheel_speed=self.max_wheel_speed
         )
 
     @property
     def drive(self) -> Chassis:
-        """The wheel matrix by which commands become wheel speeds."""
+        """Kinematics by which the wheel controller converts twist commands to wheel speeds."""
         true = self.chassis
         if self.assumed_arm is None:
             return true
-        believed = true.jacobian * [1.0, 1.0, self.assumed_arm / self.arm]
-        return Chassis(believed, self.max_wheel_speed)
+        assumed = true.jacobian * [1.0, 1.0, self.assumed_arm / self.effective_radius]
+        return Chassis(assumed, self.max_wheel_speed)
 
     @property
-    def arm(self) -> float:
-        """Mean speed of the rims per unit of yaw rate, in m/rad.
+    def effective_radius(self) -> float:
+        """Mean rim speed per unit of yaw rate, in m/rad.
 
-        Of a ring of omni wheels its radius, of mecanum wheels half their length and half width.
+        For omni wheels on a ring the ring's radius, for a mecanum rectangle half its length plus
+        half its width.
         """
-        return float(np.abs(self.rims[:, 2]).mean())
+        return float(np.abs(self.rim_jacobian[:, 2]).mean())
 
     @property
-    def reach(self) -> float:
+    def mean_wheel_distance(self) -> float:
         """Mean distance of the wheels from the centre, in m."""
         return float(np.mean([hypot(mount.x, mount.y) for mount in self.mounts]))
 
     @property
     def frame_mass(self) -> float:
-        """Of all but the wheels, in kg."""
+        """Mass without the wheels, in kg."""
         return self.mass - len(self.mounts) * self.wheel.total_mass
 
     @property
     def frame_inertia(self) -> float:
-        """Of all but the wheels, about its own centre of mass, in kg m^2."""
+        """Yaw inertia without the wheels, about :attr:`frame_com`, in kg m^2."""
         if self.body_inertia is not None:
             return self.body_inertia
-        return 0.5 * self.frame_mass * (0.8 * self.reach) ** 2
+        return 0.5 * self.frame_mass * (0.8 * self.mean_wheel_distance) ** 2
 
     @property
     def yaw_inertia(self) -> float:
-        """About the centre, in kg m^2, the wheels as points."""
+        """Yaw inertia about the centre of B, in kg m^2, with the wheels as point masses."""
         wheels = sum(mount.x**2 + mount.y**2 for mount in self.mounts) * self.wheel.total_mass
         return self.frame_inertia + self.frame_mass * hypot(*self.frame_com) ** 2 + wheels
 
     @property
     def frame_com(self) -> tuple[float, float]:
-        """Centre of mass of all but the wheels, in B, in m."""
+        """Centre of mass of the frame (the robot without its wheels), in B, in m."""
         wheels = self.wheel.total_mass
         return (
             (self.mass * self.com[0] - wheels * sum(m.x for m in self.mounts)) / self.frame_mass,
@@ -172,144 +137,128 @@ class Robot:
 
     @property
     def inertia(self) -> Float[Array, " 3"]:
-        """Mass in kg, twice, and yaw inertia in kg m^2."""
+        """Mass, mass and yaw inertia, in kg, kg and kg m^2."""
         return np.array([self.mass, self.mass, self.yaw_inertia])
 
     @property
-    def rims(self) -> Float[Array, "wheels 3"]:
-        """Speed of every rim per unit of body twist, in 1, 1 and m/rad."""
+    def rim_jacobian(self) -> Float[Array, "wheels 3"]:
+        """Rim speed of each wheel per unit of body twist, in 1, 1 and m/rad."""
         rows: Float[Array, "wheels 3"] = self.wheel.radius * self.chassis.jacobian
         return rows
 
     @property
     def loads(self) -> Float[Array, " wheels"]:
-        """Weight that each wheel carries at rest, in N, on axles that are all as soft.
+        """Static normal force of each wheel, in N.
 
-        Least squares: forces that balance the weight and vary linearly over the floor, as those
-        of equal springs under a stiff frame do.
+        The least-squares solution of the static equilibrium: the forces vary linearly over the
+        floor, as those of equal springs under a rigid frame.
         """
         weight = self.mass * GRAVITY * np.array([1.0, *self.com])
-        loads: Float[Array, " wheels"] = self._sharing @ weight
+        loads: Float[Array, " wheels"] = self._load_distribution @ weight
         return loads
 
     @property
-    def _sharing(self) -> Float[Array, "wheels 3"]:
-        """Loads per weight and per its moments about y and x, in 1, 1/m and 1/m."""
+    def _load_distribution(self) -> Float[Array, "wheels 3"]:
+        """Loads per unit of weight and of its moments about y and x, in 1, 1/m and 1/m."""
         shares: Float[Array, "wheels 3"] = np.linalg.pinv(
             np.array([[1.0, m.x, m.y] for m in self.mounts]).T
         )
         return shares
 
     @property
-    def grips(self) -> Float[Array, " wheels"]:
-        """What friction carries of each wheel's push at rest; at the rim, in N."""
-        grips: Float[Array, " wheels"] = self._friction_along_push * self.loads
-        return grips
+    def friction_limits(self) -> Float[Array, " wheels"]:
+        """Largest rim force of each wheel that friction transmits at the static loads, in N."""
+        limits: Float[Array, " wheels"] = self._drive_friction * self.loads
+        return limits
 
     @property
-    def grip_shifts(self) -> Float[Array, "wheels 2"]:
-        """How much more :attr:`grips` are per push of the floor on the robot along x and y of B.
+    def load_transfer(self) -> Float[Array, "wheels 2"]:
+        """Change of :attr:`friction_limits` per horizontal floor force on the robot, in N/N.
 
-        In N/N. The floor pushes below the centre of mass, so that loads shift backwards.
+        The columns are for a force along x and along y of B. The floor acts below the centre of
+        mass, so that loads shift against the direction of the force.
         """
-        leaning = -self.com_height * self._sharing[:, 1:]
-        shifts: Float[Array, "wheels 2"] = self._friction_along_push[:, None] * leaning
-        return shifts
+        moments = -self.com_height * self._load_distribution[:, 1:]
+        transfer: Float[Array, "wheels 2"] = self._drive_friction[:, None] * moments
+        return transfer
 
     @property
-    def _friction_along_push(self) -> Float[Array, " wheels"]:
-        return self.friction * np.array([cos(m.roller) for m in self.mounts])
+    def _drive_friction(self) -> Float[Array, " wheels"]:
+        """Rim force per normal force of each wheel."""
+        return self.friction * np.array([cos(m.roller_angle) for m in self.mounts])
 
     @property
-    def pushes(self) -> Float[Array, " wheels"]:
-        """What friction carries of each wheel's push, or its motor gives; at the rim, in N."""
-        most: Float[Array, " wheels"] = np.minimum(self.grips, self.max_torque / self.wheel.radius)
-        return most
+    def force_limits(self) -> Float[Array, " wheels"]:
+        """Largest rim force of each wheel, in N: the lower of friction limit and motor limit."""
+        limits: Float[Array, " wheels"] = np.minimum(
+            self.friction_limits, self.max_torque / self.wheel.radius
+        )
+        return limits
 
     @property
-    def max_push(self) -> float:
-        """The least of :attr:`pushes`, in N: what every wheel can do."""
-        return float(self.pushes.min())
+    def max_force(self) -> float:
+        """Rim force that every wheel can exert, in N: the least of :attr:`force_limits`."""
+        return float(self.force_limits.min())
 
     @property
-    def traction(self) -> Float[Array, "faces 3"]:
-        """``|traction @ (ax, ay, yaw acceleration)| <= 1``: what the wheels can push, in B.
+    def acceleration_faces(self) -> Float[Array, "faces 3"]:
+        """Faces of the polytope of accelerations that the wheels can produce, in B.
 
-        Beyond, a wheel spins or falls behind; see :func:`traction_faces`.
+        ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1``, in s^2/m, s^2/m and s^2/rad.
+        Beyond it a wheel slips or its motor saturates; see :func:`acceleration_polytope`.
         """
-        return traction_faces(self.rims, self.pushes, self.inertia)
+        return acceleration_polytope(self.rim_jacobian, self.force_limits, self.inertia)
 
 
-_CROSS = (0.25 * pi, 0.75 * pi, 1.25 * pi, 1.75 * pi)
-
-# The robot of the paper's simulator scene: 75.7 kg, wheel centres at (+-0.5, +-0.5) m, 50 N m.
-# The scene sets no top speed; 120 rad/s (6 m/s at the rim) is ours.
-_PAPER = Robot(
-    name="paper",
-    mounts=omni_ring(_CROSS, 0.5 * 2**0.5),
-    wheel=OmniWheel(radius=0.05, mass=2.0, rotor_inertia=5e-3),
-    mass=75.7,
-    com_height=0.0975,
-    body_radius=0.75,
-    max_wheel_speed=120.0,
-    max_torque=50.0,
-    servo_gain=20.0,
-    friction=1.0,
-    lag=(0.0065, 0.0013),
-)
-_SMALL = Robot(
-    name="small",
-    mounts=omni_ring(_CROSS, 0.25),
-    wheel=OmniWheel(radius=0.05, mass=0.35, rotor_inertia=1e-3),
-    mass=10.0,
-    com_height=0.06,
-    body_radius=0.28,
-    max_wheel_speed=50.0,
-    max_torque=2.0,
-    servo_gain=1.0,
-    friction=0.8,
-    lag=(0.018, 0.006),
-)
-# Three wheels on a light plate, of the size of a room's robots.
-_KIWI = Robot(
-    name="kiwi",
-    mounts=omni_ring((pi / 3.0, pi, -pi / 3.0), 0.17),
-    wheel=OmniWheel(radius=0.04, mass=0.2, rotor_inertia=4e-4, roller_radius=0.01,
-                    roller_mass=0.007, row_gap=0.018),
-    mass=6.0,
-    com_height=0.06,
-    body_radius=0.21,
-    max_wheel_speed=40.0,
-    max_torque=1.5,
-    servo_gain=1.2,
-    friction=0.8,
-    lag=(0.0088, 0.0038),
-)  # fmt: skip
-# Four wheels of 6 inches under a plate of about 0.5 m by 0.4 m: the size of usual research bases.
-_MECANUM = Robot(
-    name="mecanum",
-    mounts=mecanum_rectangle(0.2, 0.22),
-    wheel=OmniWheel(radius=0.0762, mass=0.9, rotor_inertia=4e-3, rollers_per_row=12,
-                    roller_radius=0.011, roller_mass=0.03, row_gap=0.05, rows=1),
-    mass=20.0,
-    com_height=0.1,
-    body_radius=0.36,
-    max_wheel_speed=25.0,
-    max_torque=6.0,
-    servo_gain=4.0,
-    friction=0.8,
-    lag=(0.0126, 0.0042),
-)  # fmt: skip
-ROBOTS = {robot.name: robot for robot in (_PAPER, _SMALL, _KIWI, _MECANUM)}
+def _check_numbers(robot: Robot) -> None:
+    """Check the sign and finiteness of the scalar fields."""
+    for name, value, unit in (
+        ("mass", robot.mass, "kg"),
+        ("body_radius", robot.body_radius, "m"),
+        ("max_wheel_speed", robot.max_wheel_speed, "rad/s"),
+        ("max_torque", robot.max_torque, "N m"),
+        ("servo_gain", robot.servo_gain, "N m s/rad"),
+        ("com_height", robot.com_height, "m"),
+    ):
+        check_positive(f"the robot's {name}", value, unit)
+    check_not_negative("the robot's friction", robot.friction, "")
+    for seconds in (robot.motor_lag, *robot.lag):
+        check_not_negative("a lag of the robot", seconds, "s")
+    if robot.body_inertia is not None:
+        check_positive("the robot's body_inertia", robot.body_inertia, "kg m^2")
+    if robot.assumed_arm is not None:
+        check_positive("the robot's assumed_arm", robot.assumed_arm, "m")
 
 
-def named_robot(name: str, *, assumed_arm: float | None = None) -> Robot:
-    """One of :data:`ROBOTS`, perhaps miscalibrated.
+def _check_mounts(robot: Robot) -> None:
+    """Check the number, positions and roller angles of the wheels, and the rank of the chassis."""
+    if not len(robot.mounts) <= MAX_WHEELS:
+        raise InvalidInput(f"the robot has {len(robot.mounts)} wheels, need at most {MAX_WHEELS}")
+    for i, mount in enumerate(robot.mounts):
+        if not all(map(isfinite, mount)):
+            raise InvalidInput(f"wheel {i} is mounted at {tuple(mount)}: need finite numbers")
+        if not cos(mount.roller_angle) >= _MIN_ROLLER_COSINE:
+            raise InvalidInput(
+                f"wheel {i} has a roller angle of {mount.roller_angle:g} rad, (almost) along its "
+                "axle, and cannot drive the robot; mecanum wheels have 0.785 or -0.785 rad, omni "
+                "wheels 0"
+            )
+    _ = robot.chassis  # raises InvalidGeometry
 
-    Raises:
-        InvalidInput: There is no robot of that name.
-    """
-    if name not in ROBOTS:
-        raise InvalidInput(f"there is no robot '{name}'; there are {', '.join(ROBOTS)}")
-    robot = ROBOTS[name]
-    return robot if assumed_arm is None else replace(robot, assumed_arm=assumed_arm)
+
+def _check_loads(robot: Robot) -> None:
+    """Check that the frame has a positive mass and that every wheel carries a load."""
+    if not robot.frame_mass > 0.0:
+        wheels = robot.mass - robot.frame_mass
+        raise InvalidInput(
+            f"the robot's mass is {robot.mass:g} kg and its wheels alone weigh {wheels:g} kg: "
+            "raise the mass or make the wheels lighter"
+        )
+    if not all(map(isfinite, robot.com)):
+        raise InvalidInput(f"the robot's com must be finite, got {tuple(robot.com)} m")
+    least = int(robot.loads.argmin())
+    if not robot.loads[least] > 0.0:
+        raise InvalidInput(
+            f"with the centre of mass at ({robot.com[0]:g}, {robot.com[1]:g}) m wheel {least} "
+            f"would lift off (load {robot.loads[least]:.3g} N): move com between the wheels"
+        )

@@ -61,7 +61,8 @@ def add_looks(base: ET.Element, robot: Robot) -> None:
     top = max(1.15 * robot.wheel.radius, 2.0 * robot.com_height - robot.wheel.radius)
     radius = robot.body_radius
     add(
-        base, "geom", name="plate", type="cylinder", size=numbers(0.75 * robot.reach, 0.1 * top),
+        base, "geom", name="plate", type="cylinder",
+        size=numbers(0.75 * robot.mean_wheel_distance, 0.1 * top),
         pos=numbers(0, 0, 0.6 * top), rgba=".17 .33 .58 1", **_SEEN,
     )  # fmt: skip
     add(

@@ -53,8 +53,8 @@ def add_ball_wheel(
     as much greater there, and inertia about the axle weighs the square of that:
     ``r w cos(roller) = push . v``, without loss.
     """
-    wheel, gear = robot.wheel, cos(_TILT) / cos(mount.roller)
-    body = _sprung(base, robot, i, mount, mount.axle - mount.roller)
+    wheel, gear = robot.wheel, cos(_TILT) / cos(mount.roller_angle)
+    body = _sprung(base, robot, i, mount, mount.axle_angle - mount.roller_angle)
     axis = (-cos(_TILT), 0.0, sin(_TILT))
     add(
         body, "joint", name=f"wheel{i}", type="hinge", axis=numbers(*axis),
@@ -99,7 +99,7 @@ def add_roller_wheel(
 ) -> None:
     """A wheel with rows of rollers, staggered where there are several."""
     wheel = robot.wheel
-    body = _sprung(base, robot, i, mount, mount.axle)
+    body = _sprung(base, robot, i, mount, mount.axle_angle)
     add(body, "joint", name=f"wheel{i}", type="hinge", axis="-1 0 0", armature=wheel.rotor_inertia)
     about_axle = wheel.hub_inertia
     across = 0.5 * about_axle + wheel.mass * wheel.row_gap**2 / 12.0
@@ -165,7 +165,7 @@ def _add_roller(
     wheel = robot.wheel
     b = wheel.roller_radius
     reach = wheel.radius - b
-    tilt, half_length = roller_shape(wheel, mount.roller)
+    tilt, half_length = roller_shape(wheel, mount.roller_angle)
     body = add(
         wheel_body, "body", pos=numbers(offset, reach * cos(phase), reach * sin(phase)),
         zaxis=numbers(sin(tilt), -sin(phase) * cos(tilt), cos(phase) * cos(tilt)),

@@ -146,7 +146,7 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     """Of the robot on the scenario's plant: without masses it neither lags nor slips."""
     section = scenario.recommended
     if scenario.plant == "kinematic":
-        return Actuation(robot.traction / section.traction)
+        return Actuation(robot.acceleration_faces / section.traction)
     return Actuation.of(robot, section.traction, may_spin=scenario.wheels_may_spin)
 
 

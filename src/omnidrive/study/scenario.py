@@ -338,7 +338,7 @@ def robot_section(name: str, preset: PresetName) -> RobotSection:
     Raises:
         InvalidInput: There is no such robot.
     """
-    slip = named_robot(name).arm / 2**0.5 if preset == "published-code" else None
+    slip = named_robot(name).effective_radius / 2**0.5 if preset == "published-code" else None
     return RobotSection(name=name, assumed_arm=slip)
 
 

@@ -45,9 +45,13 @@ def _adapt(scenario: Scenario, robot: Robot, controller: Controller) -> Adapt | 
     def adapt(left: Remaining) -> Controller:
         """The same plans within what the wheels that are left can do."""
         grip = Grip.of(robot, may_spin=scenario.wheels_may_spin)
-        weakest = float(left.pushes.min() / robot.max_push)
-        grip = grip._replace(rims=np.ascontiguousarray(left.rims), most=weakest * grip.most)
-        actuation = Actuation(left.traction / section.traction, robot.lag, grip, usual.delay)
+        weakest = float(left.force_limits.min() / robot.max_force)
+        grip = grip._replace(
+            rim_jacobian=np.ascontiguousarray(left.rim_jacobian), most=weakest * grip.most
+        )
+        actuation = Actuation(
+            left.acceleration_faces / section.traction, robot.lag, grip, usual.delay
+        )
         return controller.driving(left.chassis, actuation)
 
     return adapt

@@ -55,7 +55,7 @@ def test_motors_get_what_the_author_sent_them(server, twist):
         plant.step(twist, 0.1)
         name, packed = server.called("setBufferSignal")[-1]
         assert name == "omni_reqVelocities0"
-        wanted = authors_matrix(PAPER.arm) @ np.array(twist)
+        wanted = authors_matrix(PAPER.effective_radius) @ np.array(twist)
         assert np.frombuffer(packed, "<f4") == pytest.approx(wanted, rel=1e-4, abs=1e-4)
 
 

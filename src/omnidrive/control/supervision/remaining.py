@@ -11,7 +11,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidGeometry
 from omnidrive.geometry import BodyTwist
-from omnidrive.robot import Chassis, Robot, traction_faces
+from omnidrive.robot import Chassis, Robot, acceleration_polytope
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -21,16 +21,17 @@ class Remaining:
     Attributes:
         wheels: Those that drive, counted from 0.
         chassis: Their rows of the wheel matrix: the allocation of a twist to them.
-        rims: Speed of their rims per unit of body twist, in 1, 1 and m/rad.
-        pushes: What each can push, in N; a dead wheel goes on carrying its load.
-        traction: ``|traction @ (ax, ay, yaw acceleration)| <= 1`` in B; s^2/m, s^2/m, s^2/rad.
+        rim_jacobian: Speed of their rims per unit of body twist, in 1, 1 and m/rad.
+        force_limits: What each can push, in N; a dead wheel goes on carrying its load.
+        acceleration_faces: ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1`` in B;
+            s^2/m, s^2/m, s^2/rad.
     """
 
     wheels: tuple[int, ...]
     chassis: Chassis
-    rims: Float[Array, "wheels 3"]
-    pushes: Float[Array, " wheels"]
-    traction: Float[Array, "faces 3"]
+    rim_jacobian: Float[Array, "wheels 3"]
+    force_limits: Float[Array, " wheels"]
+    acceleration_faces: Float[Array, "faces 3"]
 
     @classmethod
     def of(cls, robot: Robot, lost: Collection[int]) -> Remaining:
@@ -43,24 +44,24 @@ class Remaining:
         if len(kept) < 3:
             raise InvalidGeometry(len(kept))
         chassis = Chassis(robot.drive.jacobian[kept], robot.max_wheel_speed)
-        rims, pushes = robot.rims[kept], robot.pushes[kept]
-        traction = traction_faces(rims, pushes, robot.inertia)
-        return cls(tuple(kept), chassis, rims, pushes, traction)
+        rim_jacobian, force_limits = robot.rim_jacobian[kept], robot.force_limits[kept]
+        acceleration_faces = acceleration_polytope(rim_jacobian, force_limits, robot.inertia)
+        return cls(tuple(kept), chassis, rim_jacobian, force_limits, acceleration_faces)
 
 
 def eased(
-    traction: Float[Array, "faces 3"], before: BodyTwist, wanted: BodyTwist, dt: float
+    acceleration_faces: Float[Array, "faces 3"], before: BodyTwist, wanted: BodyTwist, dt: float
 ) -> BodyTwist:
     """The twist nearest to the one wanted, on the way there from the one before, that wheels push.
 
     Args:
-        traction: ``|traction @ acceleration| <= 1``; s^2/m, s^2/m, s^2/rad.
+        acceleration_faces: ``|acceleration_faces @ acceleration| <= 1``; s^2/m, s^2/m, s^2/rad.
         before: What is asked of the robot until now.
         wanted: What shall be asked next.
         dt: For how long, in s.
     """
     change = np.subtract(wanted, before)
-    used = float(np.abs(traction @ change).max()) / dt
+    used = float(np.abs(acceleration_faces @ change).max()) / dt
     if used <= 1.0:
         return wanted
     return BodyTwist(*(np.asarray(before) + change / used).tolist())

@@ -117,7 +117,7 @@ class Supervisor:
         elif self._remaining is not None:
             twist = self._remaining.chassis.saturate(twist)
             if self.controller is None:
-                twist = eased(self._remaining.traction / _SHARE, self._asked, twist, dt)
+                twist = eased(self._remaining.acceleration_faces / _SHARE, self._asked, twist, dt)
         self._asked = twist
         return command if twist is command.twist else command._replace(twist=twist)
 
@@ -148,7 +148,10 @@ class Supervisor:
         self.events.append(Event(t, f"{name}; the other {len(left.wheels)} make up for it, {done}"))
 
     def _go_without_heading(self, t: float, wheel: int, name: str) -> None:
-        if self._locked is not None or abs(self._rim(wheel)[2]) < 1e-6 * self.robot.arm:
+        if (
+            self._locked is not None
+            or abs(self._rim(wheel)[2]) < 1e-6 * self.robot.effective_radius
+        ):
             self._stop(t, f"{name}, and the others cannot make up for it")
             return
         self._locked = wheel
@@ -162,8 +165,10 @@ class Supervisor:
     def _braked(self, dt: float) -> BodyTwist:
         """On the straight way to rest, as hard as the wheels can push."""
         left = self._remaining
-        traction = self.robot.traction if left is None else left.traction
-        return eased(traction / _SHARE, self._asked, _STOP, dt)
+        acceleration_faces = (
+            self.robot.acceleration_faces if left is None else left.acceleration_faces
+        )
+        return eased(acceleration_faces / _SHARE, self._asked, _STOP, dt)
 
     def _in_null_space(self, twist: BodyTwist, dt: float) -> BodyTwist:
         """The twist that moves B as ``twist`` would, while the locked wheel does not turn.
@@ -183,5 +188,5 @@ class Supervisor:
             vx, vy, _ = twist_between(here, there, dt)
             turn = -(a * vx + b * vy) / c
         wanted = self.robot.drive.saturate(BodyTwist(vx, vy, turn))
-        vx, vy, _ = eased(self.robot.traction / _SHARE, self._asked, wanted, dt)
+        vx, vy, _ = eased(self.robot.acceleration_faces / _SHARE, self._asked, wanted, dt)
         return BodyTwist(vx, vy, -(a * vx + b * vy) / c)

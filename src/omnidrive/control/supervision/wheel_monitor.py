@@ -66,7 +66,7 @@ class WheelMonitor:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._drive = robot.drive
-        self._grip = _MARGIN * robot.pushes * robot.wheel.radius / robot.max_torque
+        self._grip = _MARGIN * robot.force_limits * robot.wheel.radius / robot.max_torque
         self.reset()
 
     def reset(self) -> None:

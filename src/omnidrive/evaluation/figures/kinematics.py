@@ -64,26 +64,26 @@ def _above(axes: Axes, robot: Robot) -> None:
 
 def _facts(robot: Robot) -> str:
     first = f"wheel radius r = {robot.wheel.radius:.4g} m,  body radius {robot.body_radius:.4g} m"
-    bearings = ", ".join(f"{degrees(mount.axle):g}" for mount in robot.mounts)
+    bearings = ", ".join(f"{degrees(mount.axle_angle):g}" for mount in robot.mounts)
     if _is_ring(robot):
         return f"{first}\nbearings $a_i$ = {bearings} degrees,  {robot.mass:g} kg"
-    rollers = ", ".join(f"{degrees(mount.roller):g}" for mount in robot.mounts)
+    rollers = ", ".join(f"{degrees(mount.roller_angle):g}" for mount in robot.mounts)
     return f"{first},  {robot.mass:g} kg\naxles at {bearings}, rollers at {rollers} degrees"
 
 
 def _is_ring(robot: Robot) -> bool:
     """Whether all wheels are omni wheels at one distance, with axles to the centre."""
     return all(
-        mount.roller == 0.0
-        and isclose(mount.x, robot.reach * cos(mount.axle), abs_tol=1e-9)
-        and isclose(mount.y, robot.reach * sin(mount.axle), abs_tol=1e-9)
+        mount.roller_angle == 0.0
+        and isclose(mount.x, robot.mean_wheel_distance * cos(mount.axle_angle), abs_tol=1e-9)
+        and isclose(mount.y, robot.mean_wheel_distance * sin(mount.axle_angle), abs_tol=1e-9)
         for mount in robot.mounts
     )
 
 
 def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, mount: Mount) -> None:
     """Number of a wheel, and the direction in which it rolls when it turns forward."""
-    size, turn = robot.body_radius, mount.axle + 0.5 * pi
+    size, turn = robot.body_radius, mount.axle_angle + 0.5 * pi
     bearing = atan2(mount.y, mount.x)
     c, s = cos(bearing), sin(bearing)
     rim = 1.15 * robot.wheel.radius
@@ -103,19 +103,19 @@ def _wheel(axes: Axes, robot: Robot) -> None:
     """Velocity of the first wheel's hub, taken apart along the direction in which it pushes."""
     hide_axes(axes)
     mount = robot.mounts[0]
-    bearing, turn = mount.axle, mount.axle + 0.5 * pi
+    bearing, turn = mount.axle_angle, mount.axle_angle + 0.5 * pi
     hub = Pose(0.0, 0.0, turn)
     corners = transform_points(hub, [(0.34, 0.13), (-0.34, 0.13), (-0.34, -0.13), (0.34, -0.13)])
     axes.add_patch(Polygon(corners, facecolor="#e9edf2", edgecolor=DARK, lw=1.0, zorder=2))
     # those on the floor: omni wheels' are as long as drawn wide, mecanum wheels' lie aslant
-    lean = 0.1 / tan(mount.roller) if mount.roller else 0.0
+    lean = 0.1 / tan(mount.roller_angle) if mount.roller_angle else 0.0
     rollers = [
         transform_points(hub, [(x - lean, 0.1), (x + lean, -0.1)])
         for x in (-0.24, -0.12, 0.0, 0.12, 0.24)
     ]
     for ends in rollers:
         axes.plot(ends[:, 0], ends[:, 1], color=MUTED, lw=2.2, zorder=3)
-    push = Pose(0.0, 0.0, turn - mount.roller)
+    push = Pose(0.0, 0.0, turn - mount.roller_angle)
     line, axle = (
         transform_points(push, [(-1.5, 0.0), (1.5, 0.0)]),
         transform_points(push, [(0.0, -0.75), (0.0, 1.35)]),
@@ -126,7 +126,7 @@ def _wheel(axes: Axes, robot: Robot) -> None:
     if not _is_ring(robot):
         label = "along this line\nthe rollers give way"
     annotate(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
-    _components(axes, bearing - mount.roller)
+    _components(axes, bearing - mount.roller_angle)
     axes.set_title("Velocity at wheel $i$")
     axes.set(xlim=(-1.5, 1.5), ylim=(-1.75, 1.45))
     law = r"$v_i = r\,\omega_i = -\sin(a_i)\,\dot{x} + \cos(a_i)\,\dot{y} + R\,\dot{\theta}$"

@@ -119,13 +119,13 @@ def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: 
 def wheel_outline(axes: Axes, robot: Robot, pose: Pose, mount: Mount, colour: str) -> None:
     """One wheel seen from above."""
     centre = transform_points(pose, [(mount.x, mount.y)])[0]
-    wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + mount.axle + 0.5 * pi)
+    wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + mount.axle_angle + 0.5 * pi)
     r, half = robot.wheel.radius, 0.5 * robot.wheel.row_gap + 0.4 * robot.wheel.radius
     corners = transform_points(wheel, [(r, half), (-r, half), (-r, -half), (r, -half)])
     tyre = Polygon(corners, facecolor=colour, edgecolor=DARK, lw=0.8, zorder=4)
     axes.add_patch(tyre)
-    if mount.roller != 0.0:
-        slant = half * cos(mount.roller) / sin(mount.roller)
+    if mount.roller_angle != 0.0:
+        slant = half * cos(mount.roller_angle) / sin(mount.roller_angle)
         for middle in (-r, -0.5 * r, 0.0, 0.5 * r, r):  # the topmost rollers
             ends = transform_points(wheel, [(middle + slant, half), (middle - slant, -half)])
             axes.plot(*ends.T, color="white", lw=0.9, zorder=4.5, clip_path=tyre)

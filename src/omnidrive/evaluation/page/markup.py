@@ -21,7 +21,7 @@ def facts_markup(results: StudyResults) -> str:
     robot, grid = results.robot, results.obstacles
     rows, cols = grid.occupied.shape
     facts = {
-        "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.arm:.4g} m, "
+        "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.effective_radius:.4g} m, "
         f"r = {robot.wheel.radius:.4g} m, {_wheels(robot)}",
         "Plant": results.plant,
         "Sample time": f"{results.dt:g} s",
@@ -37,7 +37,7 @@ def facts_markup(results: StudyResults) -> str:
 def _wheels(robot: Robot) -> str:
     """How many of which kind, and in which direction from the centre."""
     bearings = ", ".join(f"{degrees(atan2(mount.y, mount.x)):.4g}" for mount in robot.mounts)
-    kind = "mecanum wheels" if any(mount.roller for mount in robot.mounts) else "omni wheels"
+    kind = "mecanum wheels" if any(mount.roller_angle for mount in robot.mounts) else "omni wheels"
     return f"{len(robot.mounts)} {kind} at {bearings}°"
 
 

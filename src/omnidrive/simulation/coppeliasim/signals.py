@@ -59,7 +59,7 @@ class Signals:
             PlantLost: The simulator does not tell.
         """
         for signal, ours in (
-            ("omni_bodyDiameter0", robot.reach * 2.0**0.5),
+            ("omni_bodyDiameter0", robot.mean_wheel_distance * 2.0**0.5),
             ("omni_wheelDiameter0", 2.0 * robot.wheel.radius),
         ):
             (theirs,) = self._link.as_numbers(1, self._told("getFloatSignal", signal), signal)

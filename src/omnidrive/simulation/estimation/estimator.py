@@ -103,7 +103,7 @@ class PoseEstimator:
         self.rejected, self.surprise = 0, nan
         self.relocations: list[float] = []
         self._intervals: list[_Interval] = []
-        self._angles = np.full(len(self._model.rims), nan)
+        self._angles = np.full(len(self._model.rim_jacobian), nan)
         self._believed = 0.0  # s, when the last fix was taken that was believed
 
     @property
@@ -228,16 +228,16 @@ def _model(
     robot: Robot, sensors: SensorSettings, settings: EstimatorSettings, slips: bool
 ) -> MotionModel:
     gyro, fixes = sensors.gyro, sensors.fixes
-    rims, grips = np.ascontiguousarray(robot.rims), robot.grips
+    rim_jacobian, friction_limits = np.ascontiguousarray(robot.rim_jacobian), robot.friction_limits
     time, damping = fixes.wandering if fixes else (1.0, 0.9)
     return MotionModel(
-        rims=rims,
-        grips=grips if slips else np.full_like(grips, np.inf),
-        shifts=np.ascontiguousarray(robot.grip_shifts),
+        rim_jacobian=rim_jacobian,
+        friction_limits=friction_limits if slips else np.full_like(friction_limits, np.inf),
+        load_transfer=np.ascontiguousarray(robot.load_transfer),
         motor=robot.max_torque / robot.wheel.radius,
         inertia=np.array(robot.inertia),
-        stiffness=robot.mass / (_HOLDING_TIME * float((rims[:, 0] ** 2).sum())),
-        agility=1.0 / np.abs(robot.traction).max(axis=0),
+        stiffness=robot.mass / (_HOLDING_TIME * float((rim_jacobian[:, 0] ** 2).sum())),
+        agility=1.0 / np.abs(robot.acceleration_faces).max(axis=0),
         quantum=robot.wheel.radius * sensors.encoders.step,
         creep=float(settings.creep),
         slip_error=float(settings.slip_error),

@@ -12,12 +12,12 @@ from omnidrive.arrays import Array
 class MotionModel(NamedTuple):
     """The robot's wheels and gyro, and how far they are to be trusted."""
 
-    rims: Float[Array, "wheels 3"]
+    rim_jacobian: Float[Array, "wheels 3"]
     """Speed of every rim per unit of body twist, in 1, 1 and m/rad."""
-    grips: Float[Array, " wheels"]
+    friction_limits: Float[Array, " wheels"]
     """What friction carries of each wheel's push at rest, in N; not finite: wheels never slip, as
     without masses."""
-    shifts: Float[Array, "wheels 2"]
+    load_transfer: Float[Array, "wheels 2"]
     """How much more of it there is when the floor pushes the robot along x or y of B, in N/N."""
     motor: float
     """Push that a motor gives at most, in N."""

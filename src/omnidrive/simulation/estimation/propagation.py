@@ -43,7 +43,7 @@ def propagate(belief: Belief, odometry: Odometry, model: MotionModel) -> Belief:
     joint[10:, 10:] = spread
     if isfinite(rate):
         joint = _with_gyro(mean, joint, motion, odometry, model)
-    if isfinite(model.grips[0]):
+    if isfinite(model.friction_limits[0]):
         velocity += motion / dt - mean_twist
     else:
         velocity = motion / dt
@@ -70,11 +70,11 @@ def _unexpected(
     known, nominal = 0, 0.0
     for i in range(len(ways)):
         if isfinite(ways[i]):
-            way = ways[i] - lost[i] - (model.rims[i, 2] * rate * dt if turning else 0.0)
+            way = ways[i] - lost[i] - (model.rim_jacobian[i, 2] * rate * dt if turning else 0.0)
             for a in range(unknown):
-                right[a] += model.rims[i, a] * way
+                right[a] += model.rim_jacobian[i, a] * way
                 for b in range(unknown):
-                    normal[a, b] += model.rims[i, a] * model.rims[i, b]
+                    normal[a, b] += model.rim_jacobian[i, a] * model.rim_jacobian[i, b]
             known += 1
             nominal += _variance(odometry, model, i, lost)
     if known <= unknown:
@@ -108,7 +108,7 @@ def _squares(
         if isfinite(odometry.ways[i]):
             left = odometry.ways[i] - lost[i]
             for a in range(3):
-                left -= model.rims[i, a] * motion[a]
+                left -= model.rim_jacobian[i, a] * motion[a]
             squares += left * left
     return squares
 
@@ -155,17 +155,17 @@ def _motion(
             variance = _variance(odometry, model, i, lost) + (slip * dt) ** 2
             surprise, total, gain = odometry.ways[i] - lost[i], variance, np.zeros(3)
             for a in range(3):
-                surprise -= model.rims[i, a] * motion[a]
+                surprise -= model.rim_jacobian[i, a] * motion[a]
                 for b in range(3):
-                    gain[a] += spread[a, b] * model.rims[i, b]
-                    told[a, b] += model.rims[i, a] * model.rims[i, b]
-                total += model.rims[i, a] * gain[a]
+                    gain[a] += spread[a, b] * model.rim_jacobian[i, b]
+                    told[a, b] += model.rim_jacobian[i, a] * model.rim_jacobian[i, b]
+                total += model.rim_jacobian[i, a] * gain[a]
             left = np.eye(3)
             for a in range(3):
                 gain[a] /= total
                 motion[a] += gain[a] * surprise
                 for b in range(3):
-                    left[a, b] -= gain[a] * model.rims[i, b]
+                    left[a, b] -= gain[a] * model.rim_jacobian[i, b]
             spread = sandwich(left, spread)
             for a in range(3):
                 for b in range(3):

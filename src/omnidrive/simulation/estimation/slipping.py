@@ -39,7 +39,7 @@ def slipped(
     """
     wheels = len(odometry.ways)
     lost, mean, now = np.zeros(wheels), np.zeros(3), velocity.copy()
-    if not isfinite(model.grips[0]):
+    if not isfinite(model.friction_limits[0]):
         return lost, mean, now
     steps = ceil(odometry.duration / _STEP)
     h = odometry.duration / steps
@@ -51,13 +51,17 @@ def slipped(
             if isfinite(odometry.ways[i]):
                 gap = odometry.ways[i] / odometry.duration
                 for a in range(3):
-                    gap -= model.rims[i, a] * now[a]
+                    gap -= model.rim_jacobian[i, a] * now[a]
                 lost[i] += gap * h
-                grip = model.grips[i] + model.shifts[i, 0] * fx + model.shifts[i, 1] * fy
+                grip = (
+                    model.friction_limits[i]
+                    + model.load_transfer[i, 0] * fx
+                    + model.load_transfer[i, 1] * fy
+                )
                 most = min(max(grip, 0.0), model.motor)
                 push = min(max(model.stiffness * gap, -most), most)
                 for a in range(3):
-                    pull[a] += push * model.rims[i, a]
+                    pull[a] += push * model.rim_jacobian[i, a]
         x, y, turn = now[0], now[1], now[2]
         now[0] = x + h * (pull[0] / model.inertia[0] + turn * y)
         now[1] = y + h * (pull[1] / model.inertia[1] - turn * x)

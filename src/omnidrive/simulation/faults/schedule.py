@@ -144,7 +144,7 @@ class Schedule:
         )
 
     def _payload(self, fault: PayloadShift) -> Payload:
-        reach = self.robot.reach
+        reach = self.robot.mean_wheel_distance
         return Payload(fault.share * self.robot.mass, fault.x * reach, fault.y * reach)
 
     def sensors(self, t: float) -> SensorConditions:

@@ -115,10 +115,10 @@ def _fill_frame(frame: Array, robot: Robot, conditions: Conditions, rise: float)
 
 
 def _fill_mounts(wheels: Array, robot: Robot) -> None:
-    rolling = np.array([cos(mount.roller) for mount in robot.mounts])
+    rolling = np.array([cos(mount.roller_angle) for mount in robot.mounts])
     names = ("x", "y", "turn")
     for k, name in enumerate(names):
-        wheels[f"push_{name}"] = robot.rims[:, k] * rolling
+        wheels[f"push_{name}"] = robot.rim_jacobian[:, k] * rolling
         wheels[f"drive_{name}"] = robot.drive.jacobian[:, k]
     wheels["radius"] = robot.wheel.radius * rolling
     wheels["x"], wheels["y"] = np.array([(m.x, m.y) for m in robot.mounts]).T
@@ -129,9 +129,9 @@ def _fill_mounts(wheels: Array, robot: Robot) -> None:
 
 def _fill_rollers(wheels: Array, robot: Robot) -> None:
     wheel, mounts = robot.wheel, robot.mounts
-    pitch, tilts = 2.0 * pi / wheel.rollers, np.array([mount.roller for mount in mounts])
+    pitch, tilts = 2.0 * pi / wheel.rollers, np.array([mount.roller_angle for mount in mounts])
     wheels["pitch"] = pitch
-    axles = np.array([mount.axle for mount in mounts])
+    axles = np.array([mount.axle_angle for mount in mounts])
     wheels["axle_x"], wheels["axle_y"] = np.cos(axles), np.sin(axles)
     wheels["lever"] = np.cos(tilts)
     wheels["row"] = 0.5 * wheel.row_gap if wheel.rows == 2 else 0.0
@@ -193,7 +193,7 @@ def handing_over_radius(wheel: OmniWheel, mount: Mount) -> float:
     """
     turned, b = pi / wheel.rollers, wheel.roller_radius
     support = wheel.radius - (wheel.radius - b) * cos(turned)
-    return b * b * sqrt(1.0 - (sin(turned) * cos(mount.roller)) ** 2) / support
+    return b * b * sqrt(1.0 - (sin(turned) * cos(mount.roller_angle)) ** 2) / support
 
 
 def _rollers(wheel: OmniWheel) -> float:
@@ -206,4 +206,4 @@ def _own(wheel: OmniWheel, mount: Mount) -> float:
 
     About its own axis it is half of ``b^2``, across that ``b^2``.
     """
-    return wheel.roller_radius**2 * (1.0 - 0.5 * sin(mount.roller) ** 2)
+    return wheel.roller_radius**2 * (1.0 - 0.5 * sin(mount.roller_angle) ** 2)

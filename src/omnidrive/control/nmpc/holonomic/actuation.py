@@ -21,8 +21,9 @@ class Actuation:
 
     Attributes:
         acceleration: ``|acceleration @ (ax, ay, yaw acceleration)| <= 1`` in B; s^2/m, s^2/m and
-            s^2/rad. What the wheels can push is :attr:`omnidrive.robot.Robot.traction`; the unit
-            matrix over limits is a limit of the body twist's acceleration, and the wheel matrix
+            s^2/rad. What the wheels can push is
+            :attr:`omnidrive.robot.Robot.acceleration_faces`; the unit matrix over
+            limits is a limit of the body twist's acceleration, and the wheel matrix
             over a limit in rad/s^2 is one of the wheels'. None: no limit.
         lag: Time constants in s with which translation and rotation follow what is asked for; see
             :func:`omnidrive.simulation.identify_lag`.
@@ -62,7 +63,7 @@ class Actuation:
         if not 0.0 < traction < inf:
             raise InvalidInput(f"the traction must be positive, got {traction:g}")
         grip = Grip.of(robot, may_spin=may_spin)
-        return cls(robot.traction / traction, robot.lag, grip, delay)
+        return cls(robot.acceleration_faces / traction, robot.lag, grip, delay)
 
     def limits(self, chassis: Chassis, dt: float) -> Limits:
         """Limits of the wheels' speeds and, where there is one, of acceleration."""

@@ -41,15 +41,16 @@ class Grip(NamedTuple):
         inertia (db/dt + w x b) = rims^T f
 
     with the body twist b, of yaw rate w. While no wheel is at the end of its grip these are lags of
-    ``inertia / (stiffness sum(rims^2))``, for wheels whose columns of ``rims`` are orthogonal, as
-    those of every symmetric robot; beyond, robots fall behind by far more. Creep of rollers,
-    the motors' servos and their inertia are all in the stiffness (Pacejka, "Tire and Vehicle
+    ``inertia / (stiffness sum(rim_jacobian^2))``, for wheels whose columns of ``rim_jacobian`` are
+    orthogonal, as those of every symmetric robot; beyond, robots fall behind by far
+    more. Creep of rollers, the motors' servos and their inertia are all in the stiffness
+    (Pacejka, "Tire and Vehicle
     Dynamics", 3rd ed. 2012, section 1.2: force in proportion to slip, up to friction).
 
     Nothing measured corrects it: it is as good as the robot's mass, friction and lags.
     """
 
-    rims: Float[Array, "wheels 3"]
+    rim_jacobian: Float[Array, "wheels 3"]
     """Speed of every rim per unit of body twist, in 1, 1 and m/rad."""
     inertia: Float[Array, " 3"]
     """Mass in kg, twice, and yaw inertia in kg m^2."""
@@ -70,18 +71,18 @@ class Grip(NamedTuple):
         Raises:
             InvalidInput: Mass or friction is not positive and finite, or a lag below 0.1 ms.
         """
-        rims, inertia = np.ascontiguousarray(robot.rims), robot.inertia
+        rim_jacobian, inertia = np.ascontiguousarray(robot.rim_jacobian), robot.inertia
         lags = np.array([robot.lag[0], *robot.lag])
-        for name, values in (("mass", inertia), ("push", robot.max_push)):
+        for name, values in (("mass", inertia), ("push", robot.max_force)):
             if not (np.isfinite(values).all() and np.min(values) > 0.0):
                 raise InvalidInput(f"a grip needs a positive {name}, got {np.min(values):g}")
         if not (np.isfinite(lags).all() and lags.min() >= _LEAST_LAG):
             raise InvalidInput(f"a grip needs lags of at least 0.1 ms, got {lags.min():g} s")
         return cls(
-            rims,
+            rim_jacobian,
             inertia,
-            inertia / (lags * (rims**2).sum(axis=0)),
-            _SHARE * robot.max_push,
+            inertia / (lags * (rim_jacobian**2).sum(axis=0)),
+            _SHARE * robot.max_force,
             robot.wheel.radius * robot.max_wheel_speed,
             may_spin,
         )
@@ -109,7 +110,7 @@ def _vector(twist: BodyTwist) -> Vector:
 def _ask(grip: Grip, wanted: Vector, before: Vector, dt: float) -> tuple[Vector, Vector]:
     """:meth:`Grip.ask`: as much more, time and again, as the robot would still fall behind."""
     asked, after = wanted, before
-    lags = grip.inertia / (grip.stiffness * (grip.rims**2).sum(axis=0))
+    lags = grip.inertia / (grip.stiffness * (grip.rim_jacobian**2).sum(axis=0))
     if dt < _SHORT * lags.max():
         x, y, yaw = lags / dt
         asked = (
@@ -168,31 +169,33 @@ def _pull(stiffness: Float[Array, " 3"], asked: Vector, moving: Vector) -> Vecto
 
 
 @inlined
-def _at_rim(rims: Float[Array, "wheels 3"], wheel: int, vector: Vector) -> float:
+def _at_rim(rim_jacobian: Float[Array, "wheels 3"], wheel: int, vector: Vector) -> float:
     """What a twist, or a pull, comes to along the rim of a wheel."""
     x, y, yaw = vector
-    return float(rims[wheel, 0] * x + rims[wheel, 1] * y + rims[wheel, 2] * yaw)
+    return float(
+        rim_jacobian[wheel, 0] * x + rim_jacobian[wheel, 1] * y + rim_jacobian[wheel, 2] * yaw
+    )
 
 
 @inlined
-def _peak(rims: Float[Array, "wheels 3"], vector: Vector) -> float:
+def _peak(rim_jacobian: Float[Array, "wheels 3"], vector: Vector) -> float:
     """The largest of a twist, or a pull, along any rim, whichever way."""
     peak = 0.0
-    for i in range(len(rims)):
-        peak = max(peak, abs(_at_rim(rims, i, vector)))
+    for i in range(len(rim_jacobian)):
+        peak = max(peak, abs(_at_rim(rim_jacobian, i, vector)))
     return peak
 
 
 @inlined
 def _spins(grip: Grip, asked: Vector, after: Vector) -> bool:
     """Whether any wheel is at the end of its grip."""
-    return _peak(grip.rims, _pull(grip.stiffness, asked, after)) >= grip.most
+    return _peak(grip.rim_jacobian, _pull(grip.stiffness, asked, after)) >= grip.most
 
 
 @inlined
 def _within(grip: Grip, asked: Vector) -> Vector:
     """The largest multiple of a twist, at most 1, that no rim is too slow for."""
-    part = grip.max_rim_speed / max(grip.max_rim_speed, _peak(grip.rims, asked))
+    part = grip.max_rim_speed / max(grip.max_rim_speed, _peak(grip.rim_jacobian, asked))
     return part * asked[0], part * asked[1], part * asked[2]
 
 
@@ -205,10 +208,10 @@ def driven(grip: Grip, before: Vector, asked: Vector, dt: float) -> tuple[Vector
     Returns:
         The twist that, held, leads to the same place; the twist in the end.
     """
-    rims, inertia, stiffness = grip.rims, grip.inertia, grip.stiffness
+    rim_jacobian, inertia, stiffness = grip.rim_jacobian, grip.inertia, grip.stiffness
     fastest = 0.0
     for a in range(3):
-        fastest = max(fastest, stiffness[a] * (rims[:, a] ** 2).sum() / inertia[a])
+        fastest = max(fastest, stiffness[a] * (rim_jacobian[:, a] ** 2).sum() / inertia[a])
     steps = ceil(dt * fastest / _STEP)
     h = dt / steps
     vx, vy, w = before
@@ -216,10 +219,10 @@ def driven(grip: Grip, before: Vector, asked: Vector, dt: float) -> tuple[Vector
     for _ in range(steps):
         fx, fy, torque = 0.0, 0.0, 0.0
         pull = _pull(stiffness, asked, (vx, vy, w))
-        for i in range(len(rims)):
-            push = min(max(_at_rim(rims, i, pull), -grip.most), grip.most)
-            fx, fy = fx + rims[i, 0] * push, fy + rims[i, 1] * push
-            torque += rims[i, 2] * push
+        for i in range(len(rim_jacobian)):
+            push = min(max(_at_rim(rim_jacobian, i, pull), -grip.most), grip.most)
+            fx, fy = fx + rim_jacobian[i, 0] * push, fy + rim_jacobian[i, 1] * push
+            torque += rim_jacobian[i, 2] * push
         turn = h * w
         c, s = cos(yaw + 0.5 * turn), sin(yaw + 0.5 * turn)
         x, y, yaw = x + h * (c * vx - s * vy), y + h * (s * vx + c * vy), yaw + turn
