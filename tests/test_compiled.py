@@ -1,45 +1,236 @@
-"""Compiled kernels: kept on disk, and renewed when any source changes."""
+"""Compiled kernels: kept on disk, and compiled again when code that they reach changes."""
 
-import os
-import shutil
-import subprocess
+import importlib
+import logging
 import sys
 from pathlib import Path
 
-import omnidrive
+import pytest
 
-PROGRAM = """
+from omnidrive import kernel_cache
+from omnidrive.compiled import _kernels, kernels_are_kept
+
+CALLER = '''
+"""Module docstring."""
+from typing import NamedTuple
+
 import numpy as np
-from omnidrive.fuzzy import FuzzySet, Membership
-from omnidrive.fuzzy.sets import membership_bounds
-print(membership_bounds([FuzzySet("low", Membership("trimf", (0.0, 1.0, 2.0)))], np.array([0.4])))
-"""
+
+from {package}.callee import FACTOR, Mode, callee, plain
+from {package} import callee as callees
+from omnidrive.compiled import compiled
+
+TABLE = np.array([1.0, 2.0])
 
 
-def test_an_edited_callee_is_compiled_anew(tmp_path):
-    """The kernel that calls it stands in another file, which does not change."""
-    shutil.copytree(
-        Path(omnidrive.__file__).parent,
-        tmp_path / "omnidrive",
-        ignore=shutil.ignore_patterns("__pycache__"),
-    )
+class Pair(NamedTuple):
+    first: float
+    second: float
 
-    def run():
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stdout
 
-    before = run()
-    assert run() == before
-    callee = tmp_path / "omnidrive" / "fuzzy" / "membership.py"
-    text = callee.read_text()
-    edited = text.replace("return (x - p) / (q - p)", "return 0.5 * (x - p) / (q - p)")
-    assert edited != text
-    callee.write_text(edited)
-    assert run() != before
+@compiled
+def caller(x):
+    """Docstring."""
+    pair = Pair(x, FACTOR)
+    if x < -1e9:
+        return caller(x + 1.0)
+    return callee(pair.second) + TABLE[1] * pair.first + callees.SHIFT + (Mode.ON == 1)
+
+
+@compiled
+def of_pair(pair):
+    return pair.first
+
+
+@compiled
+def later(x):
+    return x + LATER
+
+
+LATER = 3.0
+'''
+CALLEE = '''
+from enum import IntEnum
+
+from omnidrive.compiled import compiled, inlined
+
+FACTOR = 2.0
+SHIFT = 5.0
+UNUSED = 0.0
+
+
+class Mode(IntEnum):
+    ON = 1
+
+
+def plain():
+    pass
+
+
+@inlined
+def callee(x, scale=1.0):
+    """Docstring."""
+    return x * scale
+'''
+
+
+@pytest.fixture
+def build(tmp_path, monkeypatch):
+    """Import a package of two modules, after some replacements in their texts."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr(kernel_cache._config, "CACHE_DIR", str(tmp_path / "cache"))
+    package = "kernels_of_a_test"
+    folder = tmp_path / package
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+
+    def make(*replacements):
+        texts = {"caller": CALLER.format(package=package), "callee": CALLEE}
+        for old, new in replacements:
+            assert any(old in text for text in texts.values())
+            texts = {name: text.replace(old, new) for name, text in texts.items()}
+        for name, text in texts.items():
+            (folder / f"{name}.py").write_text(text)
+        for name in [name for name in sys.modules if name.startswith(package)]:
+            del sys.modules[name]
+        importlib.invalidate_caches()
+        return importlib.import_module(f"{package}.caller")
+
+    yield make
+    for name in [name for name in sys.modules if name.startswith(package)]:
+        del sys.modules[name]
+    for name in ("caller", "callee", "of_pair", "later"):
+        _kernels.pop(name, None)
+
+
+def key(module):
+    return kernel_cache.kernel_key(module.caller)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"""Docstring."""', '"""Another docstring."""'),
+        ("@compiled\ndef caller", "# a comment\n\n@compiled\ndef caller"),
+        ("UNUSED = 0.0", "UNUSED = 1.0\n\ndef other(): return 2"),
+        ("def of_pair(pair):\n    return pair.first", "def of_pair(pair):\n    return pair.second"),
+        ("def plain():\n    pass", "def plain():\n    return 1"),
+        ("LATER = 3.0", "LATER = 4.0"),
+    ],
+)
+def test_edit_of_what_a_kernel_does_not_reach_keeps_its_key(build, old, new):
+    assert key(build()) == key(build((old, new)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("return x * scale", "return x * scale + 1.0"),
+        ("return x * scale", "return x * scale + 0.0"),
+        ("scale=1.0", "scale=2.0"),
+        ("@inlined\n", "@compiled\n"),
+        ("FACTOR = 2.0", "FACTOR = 3.0"),
+        ("FACTOR = 2.0", "FACTOR = 2"),
+        ("SHIFT = 5.0", "SHIFT = -5.0"),
+        ("ON = 1\n", "ON = 2\n"),
+        ("[1.0, 2.0]", "[1.0, 3.0]"),
+        ("[1.0, 2.0]", "[1, 2]"),
+        ("    second: float", "    second: float\n    third: float = 0.0"),
+        ("x < -1e9", "x < -2e9"),
+        ("caller(x + 1.0)", "caller(1.0 + x)"),
+    ],
+)
+def test_edit_of_what_a_kernel_reaches_changes_its_key(build, old, new):
+    assert key(build()) != key(build((old, new)))
+
+
+def test_global_defined_below_the_kernel_is_part_of_the_key(build):
+    before = kernel_cache.kernel_key(build().later)
+    assert kernel_cache.kernel_key(build(("LATER = 3.0", "LATER = 4.0")).later) != before
+
+
+def test_entry_is_loaded_after_a_harmless_edit_and_compiled_after_another(build):
+    module = build()
+    assert module.caller(1.0) == 2.0 + 2.0 + 5.0 + 1.0
+    assert module.caller.stats.cache_misses
+    moved = build(('"""Docstring."""', '"""Another\n\n    docstring."""'))
+    assert moved.caller(1.0) == 10.0
+    assert not moved.caller.stats.cache_misses
+    edited = build(("return x * scale", "return -x * scale"))
+    assert edited.caller(1.0) == 6.0
+    assert edited.caller.stats.cache_misses
+
+
+def test_fields_of_a_named_tuple_argument_are_part_of_the_entry(build):
+    module = build()
+    assert module.of_pair(module.Pair(1.0, 2.0)) == 1.0
+    swapped = build(("    first: float\n    second: float", "    second: float\n    first: float"))
+    assert swapped.of_pair(swapped.Pair(1.0, 2.0)) == 2.0
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda content: content[:-1], lambda _: b"", lambda _: b"x" * 99]
+)
+def test_damaged_entry_is_replaced_and_reported_once(build, caplog, monkeypatch, damage):
+    monkeypatch.setattr(kernel_cache, "_warned", set())
+    build().caller(1.0)
+    paths = sorted(kernel_cache.cache_folder().iterdir())
+    sound = {path: path.read_bytes() for path in paths}
+    for path in paths:
+        path.write_bytes(damage(sound[path]))
+    with caplog.at_level(logging.WARNING, logger="omnidrive"):
+        assert build().caller(1.0) == 10.0
+    assert [record.message.split(" is ")[1][:7] for record in caplog.records] == ["damaged"]
+    assert sorted(kernel_cache.cache_folder().iterdir()) == paths
+    again = build()
+    assert again.caller(1.0) == 10.0
+    assert not again.caller.stats.cache_misses
+
+
+def test_folder_that_cannot_be_written_is_reported_once(build, caplog, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(kernel_cache._config, "CACHE_DIR", str(tmp_path / "file"))
+    monkeypatch.setattr(kernel_cache, "_warned", set())
+    assert build().caller(1.0) == 10.0
+    assert len(caplog.records) == 1
+    assert "cannot be" in caplog.records[0].message
+
+
+def test_unused_entries_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "_MOST_ENTRIES", 2)
+    for number, days in enumerate((1, 2, 3, 61)):
+        path = tmp_path / f"{number}.nbc"
+        path.write_text("")
+        then = kernel_cache.time.time() - days * kernel_cache._DAY
+        kernel_cache.os.utime(path, (then, then))
+    kernel_cache._remove_unused(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0.nbc", "1.nbc"]
+
+
+def test_kept_kernels_are_known_by_name(build):
+    module = build()
+    assert not kernels_are_kept("caller")
+    assert not kernels_are_kept()
+    module.caller(1.0)
+    assert kernels_are_kept("caller")
+    assert kernels_are_kept()
+    build(("FACTOR = 2.0", "FACTOR = 3.0"))
+    _kernels["caller"] = _kernels["caller"][-1:]
+    assert not kernels_are_kept("caller")
+
+
+def test_unknown_kind_of_global_is_refused(build):
+    module = build(("LATER = 3.0", "class Own: pass\n\nLATER = Own()"))
+    with pytest.raises(TypeError, match=r"cannot refer to .*Own"):
+        kernel_cache.kernel_key(module.later)
+
+
+def test_every_kernel_of_the_package_has_a_key():
+    for path in Path(kernel_cache.__file__).parent.rglob("*.py"):
+        if "@compiled" in path.read_text() or "@inlined" in path.read_text():
+            parts = path.relative_to(Path(kernel_cache.__file__).parents[1]).with_suffix("").parts
+            importlib.import_module(".".join(parts))
+    kernels = [kernel for group in _kernels.values() for kernel in group]
+    assert len(kernels) > 200
+    assert len({kernel_cache.kernel_key(kernel) for kernel in kernels}) == len(kernels)

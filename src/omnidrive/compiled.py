@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import logging
-import os
+from collections import defaultdict
 from collections.abc import Callable
-from functools import cache
-from hashlib import sha256
 from inspect import unwrap
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import njit, typeof
-from numba.core import config as numba_config
+
+from omnidrive.kernel_cache import attach_cache, cache_folder, entries
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _log = logging.getLogger("omnidrive")
-_config: Any = numba_config  # its attributes are made at run time
+_kernels: defaultdict[str, list[Any]] = defaultdict(list)
 
 
 def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     """Compile ``kernel`` to machine code on its first call, and keep the result on disk.
 
-    Numba renews a kept result when the kernel's own file changes, but not when a kernel that it
-    calls does. So each state of the package's sources keeps its results apart.
+    A kept result is used as long as no code changes that the kernel can reach:
+    :mod:`omnidrive.kernel_cache`.
 
     A kernel runs without the interpreter's lock, so that threads can share the work.
 
@@ -52,15 +50,9 @@ def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
-    plain = unwrap(kernel)
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = str(_cache_folder(before))
-    try:
-        machine = njit(cache=True, error_model="numpy", nogil=True, **options)(plain)
-    except RuntimeError:  # nowhere to write: compile in every process
-        machine = njit(error_model="numpy", nogil=True, **options)(plain)
-    finally:
-        _config.CACHE_DIR = before
+    machine = njit(error_model="numpy", nogil=True, **options)(unwrap(kernel))
+    if attach_cache(machine):
+        _kernels[machine.__name__].append(machine)
     return cast("Callable[P, R]", machine)
 
 
@@ -76,9 +68,14 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
     return cast("Callable[P, R]", machine.overloads[types].entry_point)
 
 
-def kernels_are_kept(name: str = "*") -> bool:
-    """Whether a kernel, or any, was compiled before, so that nobody has to wait for it again."""
-    return any(_cache_folder(_config.CACHE_DIR).rglob(f"*.{name}-*.nbc"))
+def kernels_are_kept(name: str = "") -> bool:
+    """Whether a kernel of this name, or any kernel, is compiled and kept on disk.
+
+    A kernel counts only as its code is now; its module must be imported.
+    """
+    if not name:
+        return any(cache_folder().glob("*.nbc"))
+    return any(any(entries(kernel)) for kernel in _kernels[name])
 
 
 def announce_compiling(name: str) -> None:
@@ -88,16 +85,3 @@ def announce_compiling(name: str) -> None:
             "compiling numerical kernels, the first time only: up to a minute; "
             "`omnidrive warmup` does it beforehand"
         )
-
-
-@cache
-def _cache_folder(users: str) -> Path:
-    """Folder for this state of the sources, in the user's choice of cache or beside the package."""
-    package = Path(__file__).parent
-    digest = sha256()
-    for source in sorted(package.rglob("*.py")):
-        digest.update(source.read_bytes())
-    beside = package / "__pycache__"
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "omnidrive"
-    root = Path(users) if users else beside if os.access(package, os.W_OK) else home
-    return root / f"kernels-{digest.hexdigest()[:16]}"
