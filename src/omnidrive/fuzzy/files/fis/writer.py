@@ -1,14 +1,15 @@
-"""Writes Matlab's ``.fis`` files."""
+"""Text of Matlab's ``.fis`` files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.fis_words import (
-    DEFUZZIFIER,
-    REDUCTION,
+from omnidrive.fuzzy.files.fis.semantics import (
+    MAMDANI_DEFUZZIFIERS,
     SHAPE_NAMES,
+    SUGENO_DEFUZZIFIERS,
+    TYPE_REDUCTIONS,
 )
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rule_text import normalised, rule_text
@@ -18,37 +19,20 @@ from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction, Varia
 
 
 def write_fis(system: FuzzySystem) -> str:
-    """Text of a ``.fis`` file, from which :func:`read_fis` makes an equal system.
+    """Return the text of a ``.fis`` file, which :func:`read_fis` reads as an equal system.
 
-    Equal but for this: an antecedent's terms come in the order of the inputs; in a type-2 system a
-    set without a footprint gets one of scale 1 and lag 0, which is the same; the algorithm of a
-    type-1 system, which has no use, is left out.
+    The systems are equal except that the terms of an antecedent are in the order of the inputs;
+    that in a type-2 system a set without a footprint gets one of scale 1 and lag 0, which is
+    equivalent; and that the algorithm of a type-1 system, which has no effect, is not written.
 
     Raises:
-        InvalidInput: Matlab has no word for a part of the system; the message names the part.
+        InvalidInput: Matlab does not support a part of the system; the message names the part.
     """
     _check_operators(system)
-    outputs = system.outputs
-    lines = [
-        "[System]",
-        f"Name={_quoted(system.name)}",
-        f"Type='{'sugeno' if system.is_sugeno else 'mamdani'}'",
-        f"Version={'3.0' if system.type == 2 else '2.0'}",
-        f"NumInputs={len(system.inputs)}",
-        f"NumOutputs={len(outputs)}",
-        f"NumRules={len(system.rules)}",
-        f"AndMethod='{system.conjunction}'",
-        f"OrMethod='{system.disjunction}'",
-        f"ImpMethod='{system.implication}'",
-        f"AggMethod='{outputs[0].aggregation}'",
-        f"DefuzzMethod='{outputs[0].defuzzifier}'",
-    ]
-    if system.type == 2:
-        names = {ours: theirs for theirs, ours in REDUCTION.items()}
-        lines.append(f"TypeReductionMethod='{names[system.algorithm]}'")
+    lines = _system_lines(system)
     both: tuple[tuple[str, Sequence[Variable]], ...] = (
         ("Input", system.inputs),
-        ("Output", outputs),
+        ("Output", system.outputs),
     )
     for kind, variables in both:
         for index, variable in enumerate(variables, 1):
@@ -57,9 +41,34 @@ def write_fis(system: FuzzySystem) -> str:
     return "\n".join(lines)
 
 
+def _system_lines(system: FuzzySystem) -> list[str]:
+    output = system.outputs[0]
+    lines = [
+        "[System]",
+        f"Name={_quoted(system.name)}",
+        f"Type='{'sugeno' if system.is_sugeno else 'mamdani'}'",
+        f"Version={'3.0' if system.type == 2 else '2.0'}",
+        f"NumInputs={len(system.inputs)}",
+        f"NumOutputs={len(system.outputs)}",
+        f"NumRules={len(system.rules)}",
+        f"AndMethod='{system.conjunction}'",
+        f"OrMethod='{system.disjunction}'",
+        f"ImpMethod='{system.implication}'",
+        f"AggMethod='{output.aggregation}'",
+        f"DefuzzMethod='{output.defuzzifier}'",
+    ]
+    if system.type == 2:
+        keywords = {name: keyword for keyword, name in TYPE_REDUCTIONS.items()}
+        lines.append(f"TypeReductionMethod='{keywords[system.algorithm]}'")
+    return lines
+
+
 def _check_operators(system: FuzzySystem) -> None:
     if system.type == 3:
-        raise InvalidInput("a .fis file cannot hold a type-3 system; save it as type 2")
+        raise InvalidInput(
+            "a .fis file cannot hold a type-3 system; save its "
+            "without_secondary(), which is of type 2"
+        )
     first = system.outputs[0]
     for output in system.outputs[1:]:
         if (output.aggregation, output.defuzzifier) != (first.aggregation, first.defuzzifier):
@@ -72,17 +81,17 @@ def _check_operators(system: FuzzySystem) -> None:
         if output.default is not None:
             raise InvalidInput(
                 f"a .fis file cannot hold the default {output.default:g} of {output.name!r}; "
-                "without one, it is the middle of the range"
+                "Matlab's default is always the middle of the range"
             )
     algorithm = system.algorithm if system.type == 2 else "km"
-    defuzzifiers = tuple(DEFUZZIFIER[system.is_sugeno])
+    defuzzifiers = SUGENO_DEFUZZIFIERS if system.is_sugeno else MAMDANI_DEFUZZIFIERS
     for what, name, known in (
         ("conjunction", system.conjunction, ("min", "prod")),
         ("disjunction", system.disjunction, ("max", "probor")),
         ("implication", system.implication, ("min", "prod")),
         ("aggregation", first.aggregation, ("max", "sum", "probor")),
-        ("defuzzifier", first.defuzzifier, defuzzifiers),
-        ("type reduction", algorithm, tuple(REDUCTION.values())),
+        ("defuzzifier", first.defuzzifier, tuple(defuzzifiers)),
+        ("type reduction", algorithm, tuple(TYPE_REDUCTIONS.values())),
     ):
         if name not in known:
             raise InvalidInput(
@@ -109,7 +118,7 @@ def _set_text(each: FuzzySet, variable: str, is_type2: bool) -> str:
     if each.upper.shape not in SHAPE_NAMES or isinstance(footprint, Membership):
         what = "pointsmf"
         if isinstance(footprint, Membership):
-            what = "lower function but one that follows from the upper one"
+            what = "lower function but a footprint of the upper one"
         raise InvalidInput(
             f"a .fis file cannot hold set {each.name!r} of {variable!r}: Matlab has no {what}"
         )
@@ -127,9 +136,9 @@ def _rule_line(system: FuzzySystem, rule: Rule) -> str:
     terms = [part for part in parts if isinstance(part, Is)]
     missing = None
     if len(terms) < len(parts):
-        missing = "both 'and' and 'or' in one rule; split it in several rules"
+        missing = "rules with both 'and' and 'or'; split it into several rules"
     elif len({term.variable for term in terms}) < len(terms):
-        missing = "two terms about one input"
+        missing = "rules with two terms of one input"
     elif any(term.hedges not in {(), ("not",)} for term in terms):
         missing = "hedge but 'not'"
     if missing:
@@ -138,10 +147,8 @@ def _rule_line(system: FuzzySystem, rule: Rule) -> str:
             f'a .fis file cannot hold the rule "{shown[:120]}{"..." * (len(shown) > 120)}": '
             f"Matlab has no {missing}"
         )
-    inputs, outputs = (
-        " ".join(_indices(variables, each))
-        for variables, each in ((system.inputs, terms), (system.outputs, rule.consequents))
-    )
+    inputs = " ".join(_indices(system.inputs, terms))
+    outputs = " ".join(_indices(system.outputs, rule.consequents))
     connective = 2 if isinstance(antecedent, Or) else 1
     return f"{inputs}, {outputs} ({_number(rule.weight)}) : {connective}"
 
@@ -168,5 +175,5 @@ def _vector(*values: float) -> str:
 
 
 def _number(value: float) -> str:
-    """The shortest text that reads as the number."""
+    """Return the shortest text that reads as the same number."""
     return repr(float(value)).removesuffix(".0")
