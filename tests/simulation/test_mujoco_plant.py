@@ -164,7 +164,7 @@ def test_wheels_that_spin_push_with_all_their_grip(name, wheels):
     plant.reset(ORIGIN)
     before = plant.step(BodyTwist(1.0, 0.0, 0.0), 0.2).twist.vx
     after = plant.step(BodyTwist(1.0, 0.0, 0.0), 0.6).twist.vx
-    push = 0.1 * 9.81 * float(np.mean([abs(mount.push[0]) for mount in robot.mounts]))
+    push = 0.1 * 9.81 * float(np.mean([abs(mount.drive_direction[0]) for mount in robot.mounts]))
     assert (after - before) / 0.6 == pytest.approx(
         push, rel={"ball": 0.04, "rollers": 0.08}[wheels]
     )
@@ -181,7 +181,7 @@ def test_balls_grip_along_their_pushes_only(name):
     assert data.ncon == len(robot.mounts)
     for k in range(data.ncon):
         mount = robot.mounts[int(plant.model.geom(max(data.contact[k].geom)).name[4:])]
-        push = [*to_world(BodyTwist(*mount.push, 0.0), yaw)[:2], 0.0]
+        push = [*to_world(BodyTwist(*mount.drive_direction, 0.0), yaw)[:2], 0.0]
         _, across, along = data.contact[k].frame.reshape(3, 3)
         assert abs(along @ push) == pytest.approx(1.0, abs=1e-3)
         assert abs(across @ push) < 5e-3

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.robot.slip import slip_velocity
 from omnidrive.simulation.estimation.motion_model import MotionModel, Odometry
 
 _STEP = 1e-3
@@ -19,18 +20,16 @@ _STEP = 1e-3
 def slipped(
     velocity: Float[Array, " 3"], odometry: Odometry, model: MotionModel
 ) -> tuple[Float[Array, " wheels"], Float[Array, " 3"], Float[Array, " 3"]]:
-    """Ways in m by which the rims slip; the robot's mean and last twist.
+    """Return each rim's slip in m, and the robot's mean and last body twist.
 
-    Servos turn wheels at once as they are told, and the robot follows by friction: each wheel
-    pushes in proportion to the speed of its rim over the floor, and no more than it grips
-    (Pacejka, "Tire and Vehicle Dynamics", 3rd ed. 2012, section 1.2)::
+    The wheels follow their servos without delay, and friction accelerates the robot as in
+    :func:`~omnidrive.robot.slip.slip_velocity`, with::
 
-        f_i = clip(stiffness (rim_i - rims_i b), -push_i, push_i)
-        push_i = min(grip_i + shift_i rims^T f, motor)
-        inertia (db/dt + w x b) = rims^T f
+        forces_i = stiffness (rim speed_i - rim_jacobian_i b)
+        limits_i = min(friction limit_i + load transfer_i rim_jacobian^T f, motor limit)
 
-    with the body twist b, of yaw rate w; what acceleration shifts of the loads, axles hand on at
-    once. A wheel whose speed is not known does not push.
+    where b is the body twist and f the wheel forces of the step before: acceleration transfers
+    loads between the wheels. A wheel of unknown speed exerts no force.
 
     Args:
         velocity: Twist at first, in B.
@@ -41,6 +40,31 @@ def slipped(
     lost, mean, now = np.zeros(wheels), np.zeros(3), velocity.copy()
     if not isfinite(model.friction_limits[0]):
         return lost, mean, now
+    steps = ceil(odometry.duration / _STEP)
+    h = odometry.duration / steps
+    forces, limits = np.zeros(wheels), np.zeros(wheels)
+    twist, (fx, fy, _) = (now[0], now[1], now[2]), (0.0, 0.0, 0.0)
+    for _ in range(steps):
+        for i in range(wheels):
+            if isfinite(odometry.ways[i]):
+                gap = odometry.ways[i] / odometry.duration
+                for a in range(3):
+                    gap -= model.rim_jacobian[i, a] * twist[a]
+                lost[i] += gap * h
+                friction = (
+                    model.friction_limits[i]
+                    + model.load_transfer[i, 0] * fx
+                    + model.load_transfer[i, 1] * fy
+                )
+                forces[i] = model.stiffness * gap
+                limits[i] = min(max(friction, 0.0), model.motor)
+        twist, (fx, fy, _) = slip_velocity(
+            twist, forces, limits, model.rim_jacobian, model.inertia, h
+        )
+        for a in range(3):
+            mean[a] += twist[a] / steps
+    now[0], now[1], now[2] = twist
+    return lost, mean, now
     steps = ceil(odometry.duration / _STEP)
     h = odometry.duration / steps
     pull = np.zeros(3)

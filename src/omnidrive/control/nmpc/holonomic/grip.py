@@ -14,8 +14,7 @@ from omnidrive.control.nmpc.holonomic.motion import twist
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Robot
-
-Vector = tuple[float, float, float]
+from omnidrive.robot.slip import Vector, slip_velocity
 
 _SHARE = 0.95
 """Part of its grip that a wheel is counted on for: load shifts from wheel to wheel."""
@@ -214,19 +213,17 @@ def driven(grip: Grip, before: Vector, asked: Vector, dt: float) -> tuple[Vector
         fastest = max(fastest, stiffness[a] * (rim_jacobian[:, a] ** 2).sum() / inertia[a])
     steps = ceil(dt * fastest / _STEP)
     h = dt / steps
-    vx, vy, w = before
+    forces, limits = np.empty(len(rim_jacobian)), np.full(len(rim_jacobian), grip.most)
+    velocity = before
     x, y, yaw = 0.0, 0.0, 0.0
     for _ in range(steps):
-        fx, fy, torque = 0.0, 0.0, 0.0
-        pull = _pull(stiffness, asked, (vx, vy, w))
+        pull = _pull(stiffness, asked, velocity)
         for i in range(len(rim_jacobian)):
-            push = min(max(_at_rim(rim_jacobian, i, pull), -grip.most), grip.most)
-            fx, fy = fx + rim_jacobian[i, 0] * push, fy + rim_jacobian[i, 1] * push
-            torque += rim_jacobian[i, 2] * push
+            forces[i] = _at_rim(rim_jacobian, i, pull)
+        vx, vy, w = velocity
         turn = h * w
         c, s = cos(yaw + 0.5 * turn), sin(yaw + 0.5 * turn)
         x, y, yaw = x + h * (c * vx - s * vy), y + h * (s * vx + c * vy), yaw + turn
-        ax, ay = fx / inertia[0] + w * vy, fy / inertia[1] - w * vx
-        vx, vy, w = vx + h * ax, vy + h * ay, w + h * torque / inertia[2]
+        velocity, _ = slip_velocity(velocity, forces, limits, rim_jacobian, inertia, h)
     ahead, left = twist(dt, 0.0, x / dt, y / dt, yaw / dt)
-    return (ahead, left, yaw / dt), (vx, vy, w)
+    return (ahead, left, yaw / dt), velocity
