@@ -30,7 +30,7 @@ def test_nothing_is_cut(width, monkeypatch, capsys):
 
 FOUND = Table(
     "Faults",
-    ("fault", "controller", "ME, m", "what was found"),
+    ("fault", "controller", "ME, m", "first detection"),
     (
         ("1 wheel-locked at 5 s, wheel 0", "recommended", "0.0054", "one two three " * 6),
         ("2 push at 5 s", "recommended", "0.0055", ""),

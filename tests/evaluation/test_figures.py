@@ -101,7 +101,7 @@ def test_differences_are_drawn_where_there_are_several_seeds(study):
     panels = figures["noise_differences"].axes
     assert [len(axes.patches) for axes in panels] == [3] * 4
     assert "first of 4 seeds" in {
-        text.get_text()[19:] for text in figures["noise_xy"].axes[1].texts
+        text.get_text()[16:] for text in figures["noise_xy"].axes[1].texts
     }
     assert len(figures["noise_xy"].axes[2].lines) == 3  # of each controller, the first run
 

@@ -113,7 +113,7 @@ def test_tables_show_means_and_differences_with_intervals(repeated):
     row = dict(zip(paired.columns, paired.rows[2], strict=True))
     assert row["error"] == "ME true, mm"
     assert row["mean difference"].startswith("+0.98")
-    assert (row["p"], row["seeds"], row["the first is"]) == ("< 0.001", "12", "worse")
+    assert (row["p"], row["seeds"], row["first is"]) == ("< 0.001", "12", "worse")
 
 
 def test_one_seed_has_no_differences(study):

@@ -1,4 +1,4 @@
-"""Numbers, tables, pictures and pages about runs."""
+"""Metrics, tables, figures and the HTML report of simulated runs."""
 
 from omnidrive.evaluation.figures import write_figures
 from omnidrive.evaluation.metrics import Metrics, heading_error, measure, position_error

@@ -1,4 +1,4 @@
-"""The table of what controllers make of faults."""
+"""Table of the recovery of every controller from every fault."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from omnidrive.simulation.faults import FAULTS
 
 
 def fault_table(results: StudyResults) -> Table:
-    """Every fault and controller: whether, how far and how soon the robot came back."""
+    """Return a table of recovery, maximum error and recovery time by fault and controller."""
     rows = [
-        (f"{r.number} {_what(r)}", r.controller, _verdict(r, found), f"{found.max_error:.3f}",
+        (f"{r.number} {_fault_text(r)}", r.controller, _verdict(r, found), f"{found.max_error:.3f}",
          f"{found.time_to_recover:.1f}" if isfinite(found.time_to_recover) else "–",
-         f"{r.metrics.me:.4f}", _found(r))
+         f"{r.metrics.me:.4f}", _first_detection(r))
         for r, found in results.recoveries
     ]  # fmt: skip
     return Table(
         "Disturbances and faults",
-        ("fault", "controller", "recovered", "worst error, m", "time to recover, s", "ME, m",
-         "what was found, and when"),
+        ("fault", "controller", "recovered", "maximum error, m", "time to recover, s", "ME, m",
+         "first detection"),
         tuple(rows),
-        "Recovered: from some time to the end the robot errs at most 0.05 m more than the same "
-        "controller does at that time without the fault. Time to recover: from the beginning of "
-        "the fault; 0: it was never further away. Stopped: by the watchdog.",
+        "Recovered: from some time until the end, the position error exceeds that of the same "
+        "controller without the fault by at most 0.05 m. Time to recover: from the start of the "
+        "fault; 0: this limit was never exceeded. Stopped: by the watchdog. First detection: the "
+        "first event that the watchdog or the wheel monitor reported.",
         keys=2,
         prose=True,
     )  # fmt: skip
 
 
-def _what(result: FaultResult) -> str:
-    """The fault, when, and which wheel."""
+def _fault_text(result: FaultResult) -> str:
+    """Return the kind of the fault, its start and its wheel, if any."""
     fault = result.fault
     assert fault is not None
     wheel = getattr(fault, "wheel", None)
@@ -45,12 +46,12 @@ def _verdict(result: FaultResult, found: Recovery) -> str:
         return "yes"
     if result.run.outcome is Outcome.FINISHED:
         return "no"
-    word = "stopped" if found.stopped else "failed"
-    return f"{word} at {result.run.t[-1]:g} s"
+    verdict = "stopped" if found.stopped else "failed"
+    return f"{verdict} at {result.run.t[-1]:g} s"
 
 
-def _found(result: FaultResult) -> str:
-    """The first thing that the robot itself found out."""
+def _first_detection(result: FaultResult) -> str:
+    """Return the first event that the supervision reported, with its time."""
     known = {f"{kind} {does}" for kind in FAULTS for does in ("begins", "ends")}
     found = [event for event in result.run.events if event.what not in known]
     return f"{found[0].t:.2f} s: {found[0].what}" if found else ""

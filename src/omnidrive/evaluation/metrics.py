@@ -1,4 +1,4 @@
-"""Numbers about one run."""
+"""Error, effort and timing metrics of one run."""
 
 from __future__ import annotations
 
@@ -15,51 +15,51 @@ from omnidrive.simulation import Run
 
 
 class Metrics(NamedTuple):
-    """How well one run tracked its reference, and at what price."""
+    """Tracking errors, control effort and computing time of one run."""
 
     me: float
-    """Mean distance between true and reference position over all samples, in m (the paper's ME)."""
+    """Mean distance between true and reference position over all samples (the paper's ME), m."""
     mae: float
-    """Mean |heading error| over all samples, wrapped, in rad (the paper's MAE)."""
+    """Mean absolute heading error, wrapped, over all samples (the paper's MAE), rad."""
     max_error: float
-    """Largest distance between true and reference position, in m."""
+    """Maximum distance between true and reference position, m."""
     me_measured: float
-    """As ``me``, of the measured (noisy) position, as the paper's author computed it; in m."""
+    """As ``me``, but with the measured (noisy) position, as the paper's author computed it, m."""
     mae_measured: float
-    """As ``mae``, of the measured (noisy) heading; in rad."""
+    """As ``mae``, but with the measured (noisy) heading, rad."""
     me_after_start: float
-    """As ``me``, without the first 2 s, in which the robot leaves rest; in m."""
+    """As ``me``, without the first 2 s, in which the robot accelerates from rest, m."""
     mae_after_start: float
-    """As ``mae``, without the first 2 s; in rad."""
+    """As ``mae``, without the first 2 s, rad."""
     work: float
-    """Mechanical work of the motors, in J; NaN for a plant without forces."""
+    """Mechanical work of the motors, J; NaN if the plant does not simulate forces."""
     wheel_acceleration: float
-    """Control effort: mean |change of commanded wheel speed| per second and wheel, in rad/s^2."""
+    """Control effort: mean absolute rate of change of the commanded wheel speeds, rad/s^2."""
     step_time_median: float
-    """Median computing time of one controller step, in us."""
+    """Median computing time of a controller step, us."""
     step_time_p99: float
-    """99th percentile of the computing time of one controller step, in us."""
+    """99th percentile of the computing time of a controller step, us."""
     fallbacks: int
-    """Steps at which the controller had no converged solution."""
+    """Number of steps without a converged solution of the controller."""
 
 
 START_PHASE = 2.0
-"""Length of the start that ``*_after_start`` leaves out, in s."""
+"""Duration of the initial phase that the ``*_after_start`` metrics exclude, s."""
 
 
 def heading_error(pose: Float[Array, "rows 3"], target: Float[Array, "rows 3"]) -> Array:
-    """Heading of ``pose`` minus that of ``target``, wrapped to [-pi, pi), in rad."""
+    """Return the heading of ``pose`` minus that of ``target``, wrapped to [-pi, pi), rad."""
     return wrap(pose[:, 2] - target[:, 2])
 
 
 def position_error(pose: Float[Array, "rows 3"], target: Float[Array, "rows 3"]) -> Array:
-    """Distance between ``pose`` and ``target``, in m."""
+    """Return the distance between the positions of ``pose`` and ``target``, m."""
     error: Float[Array, " rows"] = np.hypot(pose[:, 0] - target[:, 0], pose[:, 1] - target[:, 1])
     return error
 
 
 def measure(run: Run, chassis: Chassis) -> Metrics:
-    """Reduce a log to its metrics; ``chassis`` turns commands into wheel speeds."""
+    """Compute the metrics of a run; ``chassis`` converts body twists to wheel speeds."""
     distance = position_error(run.pose, run.target)
     turn = np.abs(heading_error(run.pose, run.target))
     late = run.t >= START_PHASE

@@ -1,4 +1,4 @@
-"""Controllers compared under the same noise, seed by seed."""
+"""Paired comparison of controllers over several seeds of the noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, estimate_
 from omnidrive.simulation import Outcome
 
 MEASURES = {"me_measured": "m", "mae_measured": "rad", "me": "m", "mae": "rad"}
-"""Errors that are compared, as they are called in :class:`~omnidrive.evaluation.Metrics`."""
+"""Compared fields of :class:`~omnidrive.evaluation.Metrics`, with their units."""
 
 MEASURE_LABELS = {
     "me_measured": "ME measured",
@@ -20,55 +20,55 @@ MEASURE_LABELS = {
     "me": "ME true",
     "mae": "MAE true",
 }
-"""What to print for them."""
+"""Display name of each of :data:`MEASURES`."""
 
 
 class RepeatedRuns(NamedTuple):
-    """One controller's runs with noise over one duration."""
+    """Runs of one controller with noise, for one duration and several seeds."""
 
     controller: str
     duration: float
-    """Of the reference, in s."""
+    """Duration of the reference, s."""
     runs: dict[int, TrackResult]
-    """By repeat; the same repeat has the same random numbers for every controller."""
+    """Run by repeat; one repeat uses the same random numbers for every controller."""
 
     @property
     def finished(self) -> dict[int, TrackResult]:
-        """Those that reached the end of the reference: an error of half a run is none."""
+        """Runs that reached the end of the reference, by repeat; only they have valid errors."""
         return {
             k: result for k, result in self.runs.items() if result.run.outcome is Outcome.FINISHED
         }
 
     def estimate_mean(self, measure: str) -> MeanEstimate:
-        """Mean of one of :data:`MEASURES` over the finished runs, with its interval."""
+        """Return mean and confidence interval of one of :data:`MEASURES` over the finished runs."""
         values = [getattr(result.metrics, measure) for result in self.finished.values()]
         return estimate_mean(np.array(values, dtype=float))
 
 
 class PairedDifference(NamedTuple):
-    """How much more or less one controller errs than another under the same noise."""
+    """Mean difference of an error between two controllers under the same noise."""
 
     duration: float
-    """Of the reference, in s."""
+    """Duration of the reference, s."""
     first: str
     second: str
     measure: str
     """One of :data:`MEASURES`."""
     difference: MeanEstimate
-    """Mean over the seeds of the error of ``first`` minus that of ``second``; m or rad."""
+    """Mean over the seeds of the error of ``first`` minus the error of ``second``, m or rad."""
     p: float
-    """Of a true mean difference of 0, after Holm over all pairs of this measure and duration."""
+    """p-value of zero mean difference, Holm-adjusted over all pairs of the measure and duration."""
 
     @property
     def verdict(self) -> str:
-        """What that says of ``first``."""
+        """Result of the test for ``first``: better, worse or no difference shown."""
         if not self.p < 1.0 - CONFIDENCE:
             return "no difference shown"
         return "better" if self.difference.mean < 0.0 else "worse"
 
 
 def repeated_runs(results: StudyResults) -> list[RepeatedRuns]:
-    """Runs with noise, gathered by duration and controller; none if there was one seed only."""
+    """Group the runs with noise by duration and controller; empty if there is only one seed."""
     every = results.select("noise", repeat=None)
     if not any(r.repeat for r in every):
         return []
@@ -81,9 +81,9 @@ def repeated_runs(results: StudyResults) -> list[RepeatedRuns]:
 
 
 def paired_differences(results: StudyResults) -> list[PairedDifference]:
-    """Every two controllers against each other, the later one minus the earlier.
+    """Compare every pair of controllers: the later one of the scenario minus the earlier one.
 
-    Only seeds under which both finished count; pairs with fewer than two are left out.
+    Only seeds for which both runs finished count; pairs with fewer than two such seeds are omitted.
     """
     groups = repeated_runs(results)
     found: list[PairedDifference] = []
@@ -95,7 +95,7 @@ def paired_differences(results: StudyResults) -> list[PairedDifference]:
 
 
 def _family(pairs: list[tuple[RepeatedRuns, RepeatedRuns]], measure: str) -> list[PairedDifference]:
-    """All pairs by one measure, their p-values adjusted for their number."""
+    """Compare all pairs by one measure, with p-values adjusted for the number of pairs."""
     tested = []
     for earlier, later in pairs:
         ours, theirs = later.finished, earlier.finished

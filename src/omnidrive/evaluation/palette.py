@@ -1,4 +1,4 @@
-"""Names and colours of controllers, the same in every figure and on the page."""
+"""Display names and colours of the controllers in figures, tables and the report."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from zlib import crc32
 
 
 class ThemeColour(NamedTuple):
-    """One colour, as ``#rrggbb``, legible on either ground."""
+    """A colour as ``#rrggbb``, one variant per background."""
 
     light: str
-    """On a white ground."""
+    """Variant for a white background."""
     dark: str
-    """On a black ground."""
+    """Variant for a black background."""
 
 
-# Okabe & Ito, "Color universal design", 2008: told apart by the colour-blind, too. On black the
-# type-3's is redder than theirs, away from the type-1's; the baseline goes without hue.
+# Okabe & Ito, "Color universal design", 2008: distinguishable with colour blindness. On black,
+# type 3 is redder than in their palette, to differ from type 1; the PID baseline is grey.
 _CONTROLLERS = {
     "pid": ("PID", "PID", ThemeColour("#595959", "#d9d9d9")),
     "fuzzy_t1": ("Type-1 fuzzy PID", "T1", ThemeColour("#e69f00", "#e69f00")),
@@ -32,36 +32,36 @@ _SPARE = (
     ThemeColour("#56b4e9", "#9ad7fb"),
 )
 
-# ends of viridis, cut where it would fade into the ground
+# sections of viridis, without its ends that are too close to the background
 _RAMPS = ThemeColour("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae #c4e65a")
 
 
 def controller_label(controller: str) -> str:
-    """Name to print; a controller that is not the study's own keeps its name."""
+    """Return the display name of a controller; an unknown controller keeps its name."""
     return _CONTROLLERS[controller][0] if controller in _CONTROLLERS else controller
 
 
 def controller_short(controller: str) -> str:
-    """The same for narrow places."""
+    """Return the abbreviated display name of a controller."""
     return _CONTROLLERS[controller][1] if controller in _CONTROLLERS else controller
 
 
 def controller_colour(controller: str) -> ThemeColour:
-    """Colour of a controller, whatever others are in the study."""
+    """Return the colour of a controller; it does not depend on the other controllers."""
     if controller in _CONTROLLERS:
         return _CONTROLLERS[controller][2]
     return _SPARE[crc32(controller.encode()) % len(_SPARE)]
 
 
 def horizon_colours(count: int) -> tuple[ThemeColour, ...]:
-    """Colours of ``count`` horizons, from the shortest to the longest."""
+    """Return the colours of ``count`` horizons, from the shortest to the longest."""
     positions = [k / max(count - 1, 1) for k in range(count)]
-    light, dark = ([_along(ramp.split(), p) for p in positions] for ramp in _RAMPS)
+    light, dark = ([_interpolate(ramp.split(), p) for p in positions] for ramp in _RAMPS)
     return tuple(ThemeColour(*pair) for pair in zip(light, dark, strict=True))
 
 
-def _along(ramp: list[str], position: float) -> str:
-    """Colour at ``position`` in [0, 1] of a ramp, by straight lines in sRGB."""
+def _interpolate(ramp: list[str], position: float) -> str:
+    """Return the colour at ``position`` in [0, 1] of a ramp, interpolated linearly in sRGB."""
     k = min(int(position * (len(ramp) - 1)), len(ramp) - 2)
     share = position * (len(ramp) - 1) - k
     low, high = ([int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in (ramp[k], ramp[k + 1]))

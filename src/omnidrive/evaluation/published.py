@@ -1,4 +1,4 @@
-"""The numbers that the paper printed, to stand beside ours."""
+"""Results published in the paper, for comparison."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from omnidrive.evaluation.step_response import StepResponse
 
 
 class PublishedErrors(NamedTuple):
-    """One row of the paper's tracking tables."""
+    """Tracking errors of one row of the paper's tables."""
 
     me: float
-    """Mean error in m."""
+    """Mean error, m."""
     mae: float
-    """Mean absolute heading error in rad."""
+    """Mean absolute heading error, rad."""
 
 
 PUBLISHED_ERRORS = {
@@ -27,7 +27,7 @@ PUBLISHED_ERRORS = {
     ("noise", 30.0, "fuzzy_t2"): PublishedErrors(0.0647, 0.0588),
     ("noise", 30.0, "nmpc"): PublishedErrors(0.0566, 0.0586),
 }
-"""Tables 2 and 3 of the paper, by task, duration in s and controller."""
+"""Tables 2 and 3 of the paper, by task, duration (s) and controller."""
 
 PUBLISHED_STEPS = {
     "fuzzy_t1": (
@@ -46,4 +46,4 @@ PUBLISHED_STEPS = {
         StepResponse(95.766, 0.175, 1.514),
     ),
 }
-"""Table 4 of the paper: x, y and heading, by controller."""
+"""Table 4 of the paper: responses in x, y and heading, by controller."""

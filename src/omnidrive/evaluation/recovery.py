@@ -1,4 +1,4 @@
-"""How a run goes on after something went wrong in it."""
+"""Recovery of a run after a fault or disturbance."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from omnidrive.evaluation.metrics import position_error
 from omnidrive.simulation import Outcome, Run
 
 TOLERANCE = 0.05
-"""Distance in m by which a run may err more than without the fault, once it has recovered."""
+"""Position error, in m, by which a recovered run may exceed the run without the fault."""
 
 
 class Recovery(NamedTuple):
-    """How a run went on."""
+    """Recovery of one run from a fault."""
 
     recovered: bool
-    """Whether the robot came back: from some time to the end of the reference it errs at most 0.05
-    m more than the same controller does at that time without the fault."""
+    """Whether the robot recovered: from some time until the end of the reference, its position
+    error exceeds that of the same controller without the fault by at most 0.05 m."""
     time_to_recover: float
-    """From the fault's beginning until it was back for good, in s; 0 if it never was away, NaN if
-    it did not come back."""
+    """Time from the start of the fault to recovery, s; 0 if the limit was never exceeded, NaN if
+    the robot did not recover."""
     max_error: float
-    """Largest distance to the reference from the fault on, in m."""
+    """Maximum distance to the reference after the start of the fault, m."""
     stopped: bool
     """Whether the watchdog stopped the robot."""
 
 
 def recovery(run: Run, undisturbed: Run, at: float) -> Recovery:
-    """Compare a run with the same controller's without the fault.
+    """Compare a run with the run of the same controller without the fault.
 
     Args:
-        run: With the fault.
-        undisturbed: Without.
-        at: When the fault began, in s.
+        run: Run with the fault.
+        undisturbed: Run without the fault.
+        at: Start of the fault, s.
     """
     error = position_error(run.pose, run.target)
-    usual = np.interp(run.t, undisturbed.t, position_error(undisturbed.pose, undisturbed.target))
+    nominal = np.interp(run.t, undisturbed.t, position_error(undisturbed.pose, undisturbed.target))
     later = run.t >= at
-    away = np.flatnonzero(later & ~(error - usual <= TOLERANCE))
+    away = np.flatnonzero(later & ~(error - nominal <= TOLERANCE))
     max_error = float(error[later].max()) if later.any() else nan
     stopped = run.outcome is Outcome.STOPPED
     if run.outcome is not Outcome.FINISHED or (len(away) and away[-1] == len(error) - 1):

@@ -1,4 +1,4 @@
-"""What a study found: the input of tables, figures and pages."""
+"""Results of a study: the input of tables, figures and the report."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ class TrackResult:
     """One tracking run.
 
     Attributes:
-        controller: Which controller, by its name in scenarios, such as fuzzy_t1.
-        task: Which part of the study: track, noise or horizon.
-        duration: Of the reference, in s.
-        noise: Whether the controller saw noisy poses.
-        horizon: Prediction horizon in steps; None for a controller that has none.
-        run: The log.
-        metrics: Its numbers.
-        min_clearance: Least distance between the robot's body and an obstacle, in m; negative
-            where they would overlap.
-        repeat: Which of several runs with other random numbers, counted from 0.
+        controller: Name of the controller in scenarios, such as fuzzy_t1.
+        task: Task of the study: track, noise or horizon.
+        duration: Duration of the reference, s.
+        noise: Whether the controller received noisy poses.
+        horizon: Prediction horizon in steps; None for a controller without a horizon.
+        run: Log of the run.
+        metrics: Metrics of the run.
+        min_clearance: Minimum distance between the robot's body and an obstacle, m; negative if
+            they overlap.
+        repeat: Index of the noise seed, counted from 0.
     """
 
     controller: str
@@ -44,12 +44,12 @@ class TrackResult:
 
     @property
     def collisions(self) -> int:
-        """How often the body ran into an obstacle, on a plant that has them."""
+        """Number of collisions of the body with obstacles; 0 if the plant has no obstacles."""
         return int(self.run.collisions[-1])
 
     @property
     def name(self) -> str:
-        """Unique in its study: also the stem of its time-series file."""
+        """Name, unique in the study; also the stem of the time-series file."""
         horizon = f"-N{self.horizon}" if self.task == "horizon" else ""
         repeat = f"-r{self.repeat}" if self.repeat else ""
         return f"{self.task}-{self.controller}-{self.duration:g}s{horizon}{repeat}"
@@ -60,9 +60,9 @@ class StepResult:
     """One step response: the reference jumps in x, y and heading at once.
 
     Attributes:
-        controller: Which controller.
-        run: The log; its target is constant.
-        responses: One per axis of :data:`STEP_AXES`.
+        controller: Name of the controller.
+        run: Log of the run; the target is constant.
+        responses: Step-response figures, one per axis of :data:`STEP_AXES`.
     """
 
     controller: str
@@ -71,21 +71,21 @@ class StepResult:
 
     @property
     def name(self) -> str:
-        """Unique in its study: also the stem of its time-series file."""
+        """Name, unique in the study; also the stem of the time-series file."""
         return f"step-{self.controller}"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FaultResult:
-    """One run of the task `faults`.
+    """One run of the task ``faults``.
 
     Attributes:
-        controller: Which controller.
-        number: Which fault of the task, counted from 1; 0: none.
-        fault: What went wrong; None: nothing did.
-        duration: Of the reference, in s.
-        run: The log.
-        metrics: Its numbers.
+        controller: Name of the controller.
+        number: Number of the fault in the task, counted from 1; 0: run without a fault.
+        fault: The injected fault; None: run without a fault.
+        duration: Duration of the reference, s.
+        run: Log of the run.
+        metrics: Metrics of the run.
     """
 
     controller: str
@@ -97,27 +97,27 @@ class FaultResult:
 
     @property
     def name(self) -> str:
-        """Unique in its study: also the stem of its time-series file."""
+        """Name, unique in the study; also the stem of the time-series file."""
         fault = f"{self.number:02d}-{self.fault.kind}" if self.fault else "00-none"
         return f"faults-{self.controller}-{fault}"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StudyResults:
-    """Everything that a finished study knows.
+    """All results of a study.
 
     Attributes:
-        title: One line that names the study.
-        robot: The robot that drove.
-        plant: Which plant: rollers, ball, planar or kinematic.
-        dt: Sample time of the controllers, in s.
-        obstacles: What the robot's body must not touch.
+        title: Title, one line.
+        robot: The simulated robot.
+        plant: Name of the plant: rollers, ball, planar, kinematic or coppeliasim.
+        dt: Sample time of the controllers, s.
+        obstacles: Occupancy grid of the obstacles.
         free_space: The inflated map, whose free cells the robot's centre may enter.
-        grid_path: Cells found by the search, as poses.
-        spline: The smooth path.
-        tracks: Every tracking run.
-        steps: Every step response.
-        faults: Every run of the task `faults`.
+        grid_path: Cells of the searched path, as poses.
+        spline: The smoothed path.
+        tracks: Tracking runs.
+        steps: Step responses.
+        faults: Runs of the task ``faults``.
     """
 
     title: str
@@ -134,15 +134,15 @@ class StudyResults:
 
     @property
     def runs(self) -> tuple[TrackResult | StepResult, ...]:
-        """Tracking runs, then step responses."""
+        """All tracking runs, then all step responses."""
         return (*self.tracks, *self.steps)
 
     def select(
         self, task: str, *, duration: float | None = None, repeat: int | None = 0
     ) -> tuple[TrackResult, ...]:
-        """Tracking runs of one task, perhaps of one duration (s), in order.
+        """Return the tracking runs of one task, optionally of one duration (s), in order.
 
-        Of runs that were repeated, the first; ``repeat=None`` gives all.
+        Only runs with the given repeat are returned; ``repeat=None`` returns all.
         """
         return tuple(
             r
@@ -152,14 +152,14 @@ class StudyResults:
 
     @property
     def repeats(self) -> int:
-        """With how many seeds of the noise every controller drove."""
+        """Number of noise seeds per controller."""
         return max((r.repeat for r in self.tracks), default=0) + 1
 
     @property
     def recoveries(self) -> tuple[tuple[FaultResult, Recovery], ...]:
-        """Every run with a fault, and how it went on, in the order of the faults.
+        """Every run with a fault and its recovery, in the order of the faults.
 
-        Those whose controller has not yet driven without a fault are left out.
+        Runs of a controller without a fault-free run are omitted.
         """
         undisturbed = {r.controller: r.run for r in self.faults if r.fault is None}
         return tuple(

@@ -1,4 +1,4 @@
-"""Figures of a step response, by the conventions of python-control's ``step_info``."""
+"""Step-response figures, by the conventions of python-control's ``step_info``."""
 
 from __future__ import annotations
 
@@ -10,33 +10,34 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 
-_FINE = 1e-3  # s; rows are a sample apart, so figures are read off straight lines between them
+_FINE = 1e-3  # s; step of the linear interpolation between samples
 
 
 class StepResponse(NamedTuple):
-    """How one coordinate answered a step."""
+    """Step-response figures of one coordinate."""
 
     overshoot: float
-    """Largest excess over the commanded value, in % of the step."""
+    """Maximum overshoot of the commanded value, in % of the step."""
     rise_time: float
-    """From 10 % to 90 % of the step, in s; NaN if 90 % is never reached."""
+    """Time from 10 % to 90 % of the step, s; NaN if 90 % is never reached."""
     settling_time: float
-    """When the response enters +-10 % of the step for good, in s; NaN if it never does."""
+    """Time after which the response stays within +-10 % of the step, s; NaN if it never does."""
 
 
 def step_response(
     t: Float[Array, " rows"], response: Float[Array, " rows"], start: float, goal: float
 ) -> StepResponse:
-    """Overshoot, rise time and settling time of one coordinate.
+    """Compute overshoot, rise time and settling time of one coordinate.
 
-    As ``control.step_info(y, T=t, yfinal=goal, SettlingTimeThreshold=0.1,
-    RiseTimeLimits=(0.1, 0.9))`` of python-control, after linear interpolation to 1 ms.
+    The definitions are those of ``control.step_info(y, T=t, yfinal=goal, SettlingTimeThreshold=0.1,
+    RiseTimeLimits=(0.1, 0.9))`` of python-control, after linear
+    interpolation to 1 ms.
 
     Args:
-        t: Times in s, from the step on.
-        response: The coordinate, in any unit; headings unwrapped.
-        start: Its value before the step.
-        goal: Its commanded value; if that is ``start``, there is no step and every figure is NaN.
+        t: Times since the step, s.
+        response: Values of the coordinate, in any unit; a heading is unwrapped.
+        start: Value before the step.
+        goal: Commanded value after the step; if equal to ``start``, every figure is NaN.
     """
     if goal == start:
         return StepResponse(nan, nan, nan)

@@ -1,4 +1,4 @@
-"""A table as data."""
+"""A table of text cells, independent of its output format."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of text, ready to draw.
+    """A table of formatted text cells.
 
     Attributes:
-        title: What it shows.
+        title: Title.
         columns: Heading of each column, with its unit.
-        rows: Cells, row by row.
-        note: One sentence under the table; may be empty.
-        keys: Leading columns that together name a row.
-        prose: Whether the last column holds sentences.
+        rows: Cells of each row.
+        note: Text below the table; may be empty.
+        keys: Number of leading columns that identify a row.
+        prose: Whether the last column contains sentences, which may be wrapped.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""How a self-tuning controller's gains moved, found in a run's log."""
+"""Gains and fuzzy inputs of a self-tuning controller, read from the log of a run."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from omnidrive.simulation import Run
 
 GAINS = ("kp", "ki", "kd")
 INPUTS = {"error_input": "scaled error", "change_input": "scaled change of error"}
-"""What the fuzzy system sees, and what to call it."""
+"""Inputs of the fuzzy system, with their display names."""
 
 
 class TuningSignal(NamedTuple):
-    """One gain or input of one channel over time, a :attr:`Run.details` column."""
+    """Time series of one gain or fuzzy input of one channel, a column of :attr:`Run.details`."""
 
     quantity: str
     """One of :data:`GAINS` or :data:`INPUTS`."""
     channel: str
-    """Which error it belongs to: position, x, y or heading."""
+    """Controlled error: position, x, y or heading."""
     unit: str
     values: Float[Array, " rows"]
-    """At each sample; NaN in the last row, which has no command."""
+    """Value at each sample; NaN in the last row, which has no command."""
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it is printed; empty for a number without one."""
+    """Format a unit for display; empty for a dimensionless quantity."""
     return "" if unit == "1" else unit.replace("^2", "²")
 
 
 def tuning_signals(run: Run) -> list[TuningSignal]:
-    """Every gain, and every input that a tuner sees: constant gains have none."""
+    """Return every logged gain, and the fuzzy inputs of every channel whose gains vary."""
     found = [
         TuningSignal(quantity, name.removeprefix(f"{quantity}_"), run.detail_units[name], column)
         for name, column in run.details.items()
         for quantity in (*GAINS, *INPUTS)
         if name.startswith(f"{quantity}_") and np.isfinite(column).any()
     ]
-    moving = {each.channel for each in found if each.quantity in GAINS and _moves(each.values)}
-    return [each for each in found if each.quantity in GAINS or each.channel in moving]
+    varying = {each.channel for each in found if each.quantity in GAINS and _varies(each.values)}
+    return [each for each in found if each.quantity in GAINS or each.channel in varying]
 
 
-def _moves(values: Float[Array, " rows"]) -> bool:
+def _varies(values: Float[Array, " rows"]) -> bool:
     return bool(np.nanmax(values) > np.nanmin(values))

@@ -1,4 +1,4 @@
-"""How well a few repetitions tell a mean."""
+"""Confidence intervals and significance tests of means."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from scipy.special import stdtr, stdtrit
 from omnidrive.arrays import Array
 
 CONFIDENCE = 0.95
-"""Share of intervals that hold the true mean."""
+"""Confidence level of the intervals."""
 
 
 class MeanEstimate(NamedTuple):
-    """A mean and its confidence interval, in the unit of the values."""
+    """A mean with its confidence interval, in the unit of the values."""
 
     mean: float
     low: float
-    """Lower end of the interval; NaN with fewer than two values, as ``high``."""
+    """Lower bound of the interval; NaN for fewer than two values, as is ``high``."""
     high: float
     sample_size: int
-    """How many values."""
+    """Number of values."""
 
     @property
     def margin(self) -> float:
-        """Half the interval's width."""
+        """Half the width of the interval."""
         return 0.5 * (self.high - self.low)
 
     def text(self, factor: float = 1.0) -> tuple[str, str, str, str]:
-        """Mean with its sign, margin, low and high with theirs, times ``factor``, to be printed.
+        """Format mean, margin, low and high times ``factor``; all but the margin have a sign.
 
-        Rounded to two digits of the margin, within reason; the minus sign is the printers'.
+        Values are rounded to two digits of the margin (1 to 6 decimals), with U+2212 as minus sign.
         """
         margin = factor * self.margin
-        usual = 1 - floor(log10(margin)) if margin > 0.0 else 4
-        places = min(max(usual, 1), 6)
+        wanted = 1 - floor(log10(margin)) if margin > 0.0 else 4
+        places = min(max(wanted, 1), 6)
         mean, low, high = (
             f"{factor * value:+.{places}f}".replace("-", "\u2212")
             for value in (self.mean, self.low, self.high)
@@ -46,38 +46,40 @@ class MeanEstimate(NamedTuple):
 
 
 def estimate_mean(values: Float[Array, " repeats"]) -> MeanEstimate:
-    """Mean and 95 % interval of independent values: mean +- t s / sqrt(n).
+    """Compute mean and 95 % confidence interval of independent values: mean +- t s / sqrt(n).
 
-    With Student's t of n - 1 degrees of freedom (Student, "The probable error of a mean",
-    Biometrika 6, 1908): exact for normal values, close for the mean of some dozens of others.
-    On paired differences this is the interval of ``scipy.stats.ttest_rel``.
+    t is the quantile of Student's distribution with n - 1 degrees of freedom (Student, "The
+    probable error of a mean", Biometrika 6, 1908). The interval is exact for normally distributed
+    values and approximate for others. For paired differences it equals that of
+    ``scipy.stats.ttest_rel``.
     """
     count = len(values)
     mean = float(values.mean()) if count else nan
     if count < 2:
         return MeanEstimate(mean, nan, nan, count)
-    margin = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE)) * _error_of_mean(values)
+    margin = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE)) * _standard_error(values)
     return MeanEstimate(mean, mean - margin, mean + margin, count)
 
 
 def p_value(values: Float[Array, " repeats"]) -> float:
-    """Two-sided p of Student's t test that the values' true mean is 0; as ``estimate_mean``.
+    """Return the two-sided p-value of Student's t-test that the true mean is 0.
 
-    Values without any spread have p = 1 if they are 0, else 0. NaN with fewer than two values.
+    If all values are equal, p is 1 if they are 0, else 0. NaN for fewer than two values.
     """
     if len(values) < 2:
         return nan
-    mean, error = float(values.mean()), _error_of_mean(values)
+    mean, error = float(values.mean()), _standard_error(values)
     if error == 0.0:
         return 1.0 if mean == 0.0 else 0.0
     return 2.0 * float(stdtr(len(values) - 1, -abs(mean) / error))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p-values of one family of tests, adjusted so that one false find among all is unlikely.
+    """Adjust the p-values of a family of tests, to control the family-wise error rate.
 
     Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Statist. 6, 1979:
-    the k-th smallest of m, counted from 0, times m - k; at least those before it, at most 1.
+    the k-th smallest of m values, counted from 0, is multiplied by m - k, then raised to the
+    largest adjusted value before it and limited to 1.
     """
     adjusted, largest, count = [0.0] * len(p_values), 0.0, len(p_values)
     for rank, i in enumerate(sorted(range(count), key=lambda i: p_values[i])):
@@ -86,5 +88,5 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def _error_of_mean(values: Float[Array, " repeats"]) -> float:
+def _standard_error(values: Float[Array, " repeats"]) -> float:
     return float(values.std(ddof=1)) / sqrt(len(values))

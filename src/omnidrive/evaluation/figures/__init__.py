@@ -1,4 +1,4 @@
-"""The paper's figures, drawn from a study, and pictures of fuzzy systems."""
+"""Figures of a study, including those of the paper, and figures of fuzzy systems."""
 
 from omnidrive.evaluation.figures.catalogue import draw_figures, write_figures
 from omnidrive.evaluation.figures.control_surface import control_surface

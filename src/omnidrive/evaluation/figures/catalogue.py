@@ -1,4 +1,4 @@
-"""Every figure of a study, and the files they become."""
+"""All figures of a study, and their files."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from omnidrive.evaluation.figures.comparison import heading_comparison, xy_comparison
+from omnidrive.evaluation.figures.comparison import heading_comparison, horizon_bars, xy_comparison
 from omnidrive.evaluation.figures.gain_history import gain_history, step_gain_history
-from omnidrive.evaluation.figures.horizon import horizon_bars
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.membership import membership_functions
 from omnidrive.evaluation.figures.paired_differences import noise_differences
@@ -39,7 +38,7 @@ _FIGURES: dict[str, Draw] = {
 
 
 def draw_figures(results: StudyResults) -> Iterator[tuple[str, Figure]]:
-    """Name and figure, one by one, of everything the study has runs for."""
+    """Yield name and figure of every figure for which the study has runs."""
     for name, draw in _FIGURES.items():
         with figure_style():
             figure = draw(results)
@@ -48,14 +47,14 @@ def draw_figures(results: StudyResults) -> Iterator[tuple[str, Figure]]:
 
 
 def write_figures(results: StudyResults, folder: Path) -> Iterator[Path]:
-    """Write every figure as PNG and SVG; the same results give the same bytes.
+    """Write every figure as PNG and SVG; equal results give identical files.
 
     Args:
-        results: What to draw; a figure whose runs are absent is left out.
-        folder: Where the files go; made if need be.
+        results: Results of the study; figures without runs are omitted.
+        folder: Output folder; created if it does not exist.
 
     Yields:
-        Each file, as soon as it is written.
+        Path of each file after it is written.
 
     Raises:
         OSError: A file cannot be written.

@@ -1,6 +1,8 @@
-"""Runs side by side: where they went, and how far from the reference."""
+"""Figures that compare runs: paths, headings and errors."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -11,23 +13,34 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from scipy.spatial import cKDTree
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.figures.curves import Curve, curves
 from omnidrive.evaluation.figures.plan import Box, draw_map
 from omnidrive.evaluation.figures.style import DARK, legend_above, new_figure
 from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
-from omnidrive.evaluation.results import StudyResults
+from omnidrive.evaluation.palette import controller_colour, controller_label, horizon_colours
+from omnidrive.evaluation.results import StudyResults, TrackResult
 
 _DASHES = (0, (4, 2.5))
-_WINDOW = 0.04  # m; least half side of the magnified square
-_MOST_OF_THE_MAP = 0.6
-_SHARE = 0.12  # of the path's extent that it shows at most
-_PLAIN = "{x:g}"  # 0.1, 1, 10 rather than powers of ten
-_LEAST = 1e-2  # mm; smaller errors are not worth a decade of the axis
+_MIN_HALF_SIDE = 0.04  # m; of the magnified square
+_WHOLE_MAP_RATIO = 0.6  # size of path to map from which the whole map is shown
+_MAX_RATIO = 0.12  # half side of the magnified square to extent of the path, at most
+_TICK_FORMAT = "{x:g}"  # 0.1, 1, 10 instead of powers of ten
+_MIN_ERROR = 1e-2  # mm; smaller errors are drawn at this value
+
+
+class Curve(NamedTuple):
+    """One run in a figure, with its label and colour."""
+
+    label: str
+    """Text of the legend."""
+    colour: str
+    """Colour as ``#rrggbb``."""
+    result: TrackResult
+    """The run."""
 
 
 def xy_comparison(results: StudyResults, task: str) -> Figure | None:
-    """Paths on the map, magnified where they differ most, and their error over time."""
-    lines = curves(results, task)
+    """Draw the paths on the map, magnified at the largest error, and the errors over time."""
+    lines = _curves(results, task)
     if not lines:
         return None
     figure = new_figure(8.6, 4.6)
@@ -38,11 +51,11 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
         _paths(axes, lines)
     if task == "noise":
         _measured(close, lines, results.repeats)
-    x, y, half = _interesting(lines)
+    x, y, half = _largest_deviation(lines)
     wide = 2.2 * half
     close.set(xlim=(x - wide, x + wide), ylim=(y - half, y + half), aspect="equal")
     close.set(xlabel="x in m", ylabel="y in m")
-    close.set_title("Where they differ most")
+    close.set_title("Section with the largest error")
     close.locator_params(nbins=5)
     whole.add_patch(
         Rectangle((x - wide, y - half), 2 * wide, 2 * half, fill=False, lw=1.0, ec=DARK)
@@ -58,8 +71,8 @@ _CELLS = ((slice(None), 0), (0, 1), (1, 1))
 
 
 def heading_comparison(results: StudyResults, task: str) -> Figure | None:
-    """Headings over time, and their wrapped error."""
-    lines = curves(results, task)
+    """Draw the headings and the wrapped heading errors over time."""
+    lines = _curves(results, task)
     if not lines:
         return None
     figure = new_figure(7.2, 4.6)
@@ -68,32 +81,83 @@ def heading_comparison(results: StudyResults, task: str) -> Figure | None:
         run = result.run
         heading.plot(run.t, run.pose[:, 2], color=colour, label=label, lw=_width(k, lines))
         error.plot(run.t, heading_error(run.pose, run.target) * 1e3, color=colour)
-    run = _fullest(lines).result.run
+    run = _longest(lines).result.run
     heading.plot(run.t, run.target[:, 2], color=DARK, ls=_DASHES, lw=1.0, label="Reference")
     heading.set(ylabel="heading in rad", xlim=(0.0, max(run.t[-1], 1e-3)))
     error.set_yscale("symlog", linthresh=1.0, linscale=0.6)
-    error.yaxis.set_major_formatter(StrMethodFormatter(_PLAIN))
+    error.yaxis.set_major_formatter(StrMethodFormatter(_TICK_FORMAT))
     error.set(ylabel="heading error in mrad", xlabel="time in s")
-    error.set_title("Heading minus reference; linear within 1 mrad, logarithmic beyond")
+    error.set_title("Heading minus reference; linear up to 1 mrad, logarithmic above")
     legend_above(figure, heading)
     return figure
 
 
+def horizon_bars(results: StudyResults) -> Figure | None:
+    """Draw ME and MAE of each prediction horizon as bars."""
+    lines = _curves(results, "horizon")
+    if not lines:
+        return None
+    figure = new_figure(7.2, 3.0)
+    distance, turn = figure.subplots(1, 2)
+    metrics = [line.result.metrics for line in lines]
+    _bars(distance, lines, [m.me * 1e3 for m in metrics], "ME in mm")
+    _bars(turn, lines, [m.mae * 1e3 for m in metrics], "MAE in mrad")
+    distance.set_title("Mean position error")
+    turn.set_title("Mean absolute heading error")
+    return figure
+
+
+def _curves(results: StudyResults, task: str) -> list[Curve]:
+    """Return the runs of ``task`` with its longest duration; horizons from short to long."""
+    runs = results.select(task)
+    longest = max((r.duration for r in runs), default=0.0)
+    runs = tuple(r for r in runs if r.duration == longest)
+    if task != "horizon":
+        return [
+            Curve(controller_label(r.controller), controller_colour(r.controller).light, r)
+            for r in runs
+        ]
+    runs = tuple(sorted(runs, key=lambda r: r.horizon or 0))
+    colours = horizon_colours(len(runs))
+    one_controller = len({r.controller for r in runs}) == 1
+    return [
+        Curve(
+            f"N = {r.horizon}"
+            if one_controller
+            else f"{controller_label(r.controller)}, N = {r.horizon}",
+            colour.light,
+            r,
+        )
+        for r, colour in zip(runs, colours, strict=True)
+    ]
+
+
+def _bars(axes: Axes, lines: list[Curve], heights: list[float], label: str) -> None:
+    positions = range(len(lines))
+    bars = axes.bar(positions, heights, width=0.68, color=[line.colour for line in lines])
+    axes.bar_label(bars, fmt="%.2f", padding=2, fontsize=7.5)
+    names = [line.label.removeprefix("N = ") for line in lines]
+    axes.set_xticks(positions, names, rotation=0 if max(map(len, names)) < 4 else 45)
+    axes.set(xlabel="prediction horizon N in steps", ylabel=label)
+    axes.margins(y=0.12)
+    axes.grid(visible=False, axis="x")
+
+
 def _width(k: int, lines: list[Curve]) -> float:
-    """Curves get thinner in the order in which they hide each other."""
+    """Line width of curve ``k``: later curves are thinner, so that earlier ones stay visible."""
     return 2.8 - 1.5 * k / max(len(lines) - 1, 1)
 
 
-def _fullest(lines: list[Curve]) -> Curve:
-    """The curve with most rows: its target is the whole reference."""
+def _longest(lines: list[Curve]) -> Curve:
+    """Return the curve with the most rows; its target is the whole reference."""
     return max(lines, key=lambda line: len(line.result.run.t))
 
 
 def _view(results: StudyResults) -> Box:
-    """The whole map, or the path's surroundings where it takes up little of the map."""
+    """Return the visible box: the whole map, or the surroundings of a path that is small on it."""
     low, high = (f(results.grid_path.poses[:, :2], axis=0) for f in (np.min, np.max))
     left, right, bottom, top = results.obstacles.extent
-    if np.max((high - low) / (right - left, top - bottom)) >= _MOST_OF_THE_MAP:
+    if np.max((high - low) / (right - left, top - bottom)) >= _WHOLE_MAP_RATIO:
         return left, right, bottom, top
     x, y = (0.5 * (low + high)).tolist()
     half = 0.5 * float((high - low).max()) + 3.0 * results.robot.body_radius
@@ -104,7 +168,7 @@ def _paths(axes: Axes, lines: list[Curve]) -> None:
     for k, (label, colour, result) in enumerate(lines):
         x, y = result.run.pose[:, 0], result.run.pose[:, 1]
         axes.plot(x, y, color=colour, label=label, lw=_width(k, lines), zorder=2 + k)
-    x, y = _fullest(lines).result.run.target[:, :2].T
+    x, y = _longest(lines).result.run.target[:, :2].T
     axes.plot(x, y, color=DARK, ls=_DASHES, lw=1.0, label="Reference", zorder=40)
 
 
@@ -112,45 +176,49 @@ def _measured(axes: Axes, lines: list[Curve], seeds: int) -> None:
     for _, colour, result in lines:
         x, y = result.run.measured[:, 0], result.run.measured[:, 1]
         axes.plot(x, y, ".", color=colour, ms=3.5, alpha=0.45, mew=0.0, zorder=1)
-    text = "dots: as measured" + (f"; first of {seeds} seeds" if seeds > 1 else "")
+    text = "dots: measured" + (f"; first of {seeds} seeds" if seeds > 1 else "")
     axes.text(0.985, 0.04, text, transform=axes.transAxes, ha="right", fontsize=7.5)
 
 
 def _distances(axes: Axes, lines: list[Curve]) -> None:
-    """Distance to the reference over time, on a logarithmic axis."""
-    usual = []
+    """Draw the distance to the reference over time, on a logarithmic axis."""
+    low_quantiles = []
     for _, colour, result in lines:
-        distance = np.maximum(position_error(result.run.pose, result.run.target) * 1e3, _LEAST)
-        usual.append(float(np.quantile(distance, 0.03)))
+        distance = np.maximum(position_error(result.run.pose, result.run.target) * 1e3, _MIN_ERROR)
+        low_quantiles.append(float(np.quantile(distance, 0.03)))
         axes.plot(result.run.t, distance, color=colour)
     axes.set_yscale("log")
-    axes.set_ylim(bottom=0.7 * min(usual))  # the first samples start at zero
+    axes.set_ylim(bottom=0.7 * min(low_quantiles))  # the first samples are 0
     low, high = axes.get_ylim()
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 200.0 * low else (1.0,)))
-    axes.yaxis.set_major_formatter(StrMethodFormatter(_PLAIN))
+    axes.yaxis.set_major_formatter(StrMethodFormatter(_TICK_FORMAT))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="time in s", ylabel="position error in mm")
-    axes.set(xlim=(0.0, max(_fullest(lines).result.run.t[-1], 1e-3)))
+    axes.set(xlim=(0.0, max(_longest(lines).result.run.t[-1], 1e-3)))
     axes.set_title("Distance to the reference")
 
 
-def _interesting(lines: list[Curve]) -> tuple[float, float, float]:
-    """Centre and half side (m) of the square in which a run strays farthest from the path."""
-    target = _fullest(lines).result.run.target[:, :2]
-    way = cKDTree(_dense(target))
+def _largest_deviation(lines: list[Curve]) -> tuple[float, float, float]:
+    """Return centre and half side (m) of a square around the largest deviation from the path."""
+    target = _longest(lines).result.run.target[:, :2]
+    path = cKDTree(_dense(target))
     best = (-1.0, 0.0, 0.0)
     for _, _, result in lines:
         late = result.run.t >= min(START_PHASE, 0.5 * result.run.t[-1])
         points = result.run.pose[late, :2]
-        stray, _ = way.query(points)
-        k = int(np.argmax(stray))
-        best = max(best, (float(stray[k]), *points[k].tolist()))
-    stray_most, x, y = best
-    return x, y, max(min(6.0 * stray_most, _SHARE * float(np.ptp(target, axis=0).max())), _WINDOW)
+        deviation, _ = path.query(points)
+        k = int(np.argmax(deviation))
+        best = max(best, (float(deviation[k]), *points[k].tolist()))
+    largest, x, y = best
+    return (
+        x,
+        y,
+        max(min(6.0 * largest, _MAX_RATIO * float(np.ptp(target, axis=0).max())), _MIN_HALF_SIDE),
+    )
 
 
 def _dense(points: Float[Array, "rows 2"]) -> Float[Array, "dense 2"]:
-    """Twenty points along each straight piece, so that the nearest one is near enough."""
+    """Interpolate linearly, with 20 points per segment, for the search of the nearest point."""
     rows = np.arange(len(points))
     fine = np.linspace(0.0, len(points) - 1.0, 20 * len(points))
     return np.column_stack([np.interp(fine, rows, points[:, i]) for i in (0, 1)])

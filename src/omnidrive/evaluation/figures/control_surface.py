@@ -1,4 +1,4 @@
-"""What a fuzzy system answers over its inputs."""
+"""Control surface of a fuzzy system."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from omnidrive.fuzzy import Inference, InputVariable
 _COLOUR = "#0072b2"
 _SHADES = "viridis"
 _NODES = 101  # along each of two inputs
-_FEWER = 31  # with many rules
+_NODES_MANY_RULES = 31
 _MANY_RULES = 2000
 
 
 def control_surface(
     inference: Inference, output: str | None = None, held: Mapping[str, float] | None = None
 ) -> Figure:
-    """One output over the inputs: a curve over one, a map and a relief over two.
+    """Draw one output over its inputs: a curve for one input, a map and a 3-D surface for two.
 
-    Of more inputs the first two that are not held are drawn; the others are held at the middle of
-    their range, and the figure says so.
+    With more inputs, the first two that are not held are drawn. The others are held at the middle
+    of their range; the figure shows their values.
 
     Args:
-        inference: The system, and how it is evaluated.
-        output: Name of the output; None: the first.
-        held: Inputs to hold, and at which value.
+        inference: Fuzzy system with its inference options.
+        output: Name of the output; None: the first output.
+        held: Values of the inputs to hold, by name.
 
     Raises:
-        InvalidInput: There is no such output or input, no input is left to draw, or the inference
-            refuses a value.
+        InvalidInput: The output or an input does not exist, every input is held, or the inference
+            rejects a value.
     """
     system = inference.system
     names = [each.name for each in system.outputs]
@@ -53,7 +53,7 @@ def control_surface(
         point[each] = value
     free = [k for k, v in enumerate(system.inputs) if v.name not in (held or {})][:2]
     if not free:
-        raise InvalidInput("every input is held: none is left to draw")
+        raise InvalidInput("every input is held; leave at least one input free")
     drawn = [system.inputs[k] for k in free]
     rest = {v.name: point[v.name] for k, v in enumerate(system.inputs) if k not in free}
     o = names.index(name)
@@ -85,7 +85,7 @@ def _curve(
     if inference.system.type > 1:
         axes.fill_between(at, least, greatest, color=_COLOUR, alpha=0.2, lw=0.0,
                           label="type-reduced interval")  # fmt: skip
-        axes.plot(at, value, color=_COLOUR, label="middle of it")
+        axes.plot(at, value, color=_COLOUR, label="midpoint")
         axes.legend(loc="best")
     else:
         axes.plot(at, value, color=_COLOUR)
@@ -102,7 +102,7 @@ def _surface(
     point: list[float],
     free: list[int],
 ) -> Figure:
-    count = _NODES if len(inference.system.rules) < _MANY_RULES else _FEWER
+    count = _NODES if len(inference.system.rules) < _MANY_RULES else _NODES_MANY_RULES
     x, y = (np.linspace(v.low, v.high, count) for v in drawn)
     across, up = np.meshgrid(x, y)
     rows = np.tile(point, (across.size, 1))
@@ -116,10 +116,10 @@ def _surface(
     flat.set_title(truncate(inference.system.outputs[o].name, 40))
     flat.set(xlabel=truncate(drawn[0].name, 40), ylabel=truncate(drawn[1].name, 40))
     flat.locator_params(nbins=5)
-    relief = right.add_subplot(projection="3d")
-    _draw_relief(relief, across, up, value)
-    relief.set_xlabel(truncate(drawn[0].name), labelpad=0)
-    relief.set_ylabel(truncate(drawn[1].name), labelpad=0)
+    surface = right.add_subplot(projection="3d")
+    _draw_surface(surface, across, up, value)
+    surface.set_xlabel(truncate(drawn[0].name), labelpad=0)
+    surface.set_ylabel(truncate(drawn[1].name), labelpad=0)
     return figure
 
 
@@ -134,7 +134,7 @@ def _draw_map(figure: SubFigure, axes: Axes, x: Array, y: Array, value: Array) -
     bar.outline.set_linewidth(0.5)
 
 
-def _draw_relief(axes: Any, across: Array, up: Array, value: Array) -> None:
+def _draw_surface(axes: Any, across: Array, up: Array, value: Array) -> None:
     axes.plot_surface(across, up, value, cmap=_SHADES, rcount=50, ccount=50, lw=0.15,
                       edgecolor=(0.1, 0.1, 0.1, 0.35), antialiased=True)  # fmt: skip
     axes.view_init(elev=28.0, azim=_view(value))
@@ -146,7 +146,7 @@ def _draw_relief(axes: Any, across: Array, up: Array, value: Array) -> None:
 
 
 def _view(value: Array) -> float:
-    """Azimuth from above the lowest corner, in degrees: from there the relief shows its face."""
+    """Return the azimuth of the view, in degrees: from the lowest corner of the surface."""
     corners = {
         -128.0: value[0, 0],
         -52.0: value[0, -1],

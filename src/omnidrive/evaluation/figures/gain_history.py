@@ -1,4 +1,4 @@
-"""How the fuzzy systems tune their gains."""
+"""Gains and inputs of self-tuning PID controllers over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class _History(NamedTuple):
 
 
 def gain_history(results: StudyResults) -> Figure | None:
-    """Gains over the path in its longest time, without noise if there are such runs."""
+    """Draw the gains of the longest tracking runs, without noise if there are such runs."""
     return _figure(
         _histories(results.select("track")) or _histories(results.select("noise")),
         results.repeats,
@@ -28,12 +28,12 @@ def gain_history(results: StudyResults) -> Figure | None:
 
 
 def step_gain_history(results: StudyResults) -> Figure | None:
-    """Gains over a step response: errors are large there, and so are the changes."""
+    """Draw the gains during a step response, where errors and gain changes are large."""
     return _figure(_histories(results.steps), results.repeats)
 
 
 def _figure(histories: list[_History], repeats: int) -> Figure | None:
-    """A row for each gain, above the inputs from which they follow; a column per channel."""
+    """Draw one row per gain and per fuzzy input, and one column per channel."""
     if not histories:
         return None
     every = [each for history in histories for each in history.tuned]
@@ -61,7 +61,7 @@ def _figure(histories: list[_History], repeats: int) -> Figure | None:
 
 
 def _histories(runs: Sequence[TrackResult | StepResult]) -> list[_History]:
-    """Runs that log gains, over their longest duration."""
+    """Return the runs with logged gains that have the longest duration."""
     logged = [h for h in (_History(r, tuning_signals(r.run)) for r in runs) if h.tuned]
     longest = max((_seconds(history.result) for history in logged), default=0.0)
     return [history for history in logged if _seconds(history.result) == longest]
@@ -72,7 +72,7 @@ def _seconds(result: TrackResult | StepResult) -> float:
 
 
 def _draw(axes: Axes, histories: list[_History], quantity: str, channel: str) -> None:
-    """One quantity of one channel; later curves are thinner, so that they hide none."""
+    """Draw one quantity of one channel; later curves are thinner, so that all stay visible."""
     for k, (result, tuned) in enumerate(histories):
         for each in tuned:
             if (each.quantity, each.channel) == (quantity, channel):
@@ -85,7 +85,7 @@ def _draw(axes: Axes, histories: list[_History], quantity: str, channel: str) ->
     axes.margins(x=0.0)
     axes.ticklabel_format(axis="y", useOffset=False)
     low, high = axes.get_ylim()
-    if high - low < 1e-6 * max(abs(low), abs(high), 1e-9):  # nothing moves
+    if high - low < 1e-6 * max(abs(low), abs(high), 1e-9):  # constant
         axes.set_ylim(low - 0.5, high + 0.5)
 
 
@@ -94,7 +94,7 @@ def _title(channel: str) -> str:
 
 
 def _caption(histories: list[_History], repeats: int) -> str:
-    """Which runs these are, and how to read them."""
+    """Return a description of the runs and the quantities."""
     result = histories[0].result
     if isinstance(result, StepResult):
         what = "Step response"
@@ -104,4 +104,4 @@ def _caption(histories: list[_History], repeats: int) -> str:
         )
     else:
         what = f"{result.duration:g} s without noise"
-    return f"{what}. Gains in use, and the inputs by which the fuzzy system chose them."
+    return f"{what}. Gains, and the fuzzy-system inputs from which they result."

@@ -26,7 +26,7 @@ _YAW = 0.35  # rad; heading of the drawn robot
 
 
 def kinematics(robot: Robot) -> Figure:
-    """The robot from above, to scale, and the velocity of one of its wheels."""
+    """Draw the robot from above, to scale, and the velocity of one wheel."""
     figure = new_figure(9.0, 4.3)
     above, wheel = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
     _above(above, robot)
@@ -35,7 +35,7 @@ def kinematics(robot: Robot) -> Figure:
 
 
 def _above(axes: Axes, robot: Robot) -> None:
-    """Frames, wheels and dimensions."""
+    """Draw frames, wheels and dimensions."""
     pose, size = Pose(0.0, 0.0, _YAW), robot.body_radius
     hide_axes(axes)
     robot_outline(axes, robot, pose, DARK, dashed=False)
@@ -72,7 +72,7 @@ def _facts(robot: Robot) -> str:
 
 
 def _is_ring(robot: Robot) -> bool:
-    """Whether all wheels are omni wheels at one distance, with axles to the centre."""
+    """Return whether all wheels are omni wheels at one distance, with axles through the centre."""
     return all(
         mount.roller_angle == 0.0
         and isclose(mount.x, robot.mean_wheel_distance * cos(mount.axle_angle), abs_tol=1e-9)
@@ -82,7 +82,7 @@ def _is_ring(robot: Robot) -> bool:
 
 
 def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, mount: Mount) -> None:
-    """Number of a wheel, and the direction in which it rolls when it turns forward."""
+    """Draw the number of a wheel and its direction of forward rolling."""
     size, turn = robot.body_radius, mount.axle_angle + 0.5 * pi
     bearing = atan2(mount.y, mount.x)
     c, s = cos(bearing), sin(bearing)
@@ -100,14 +100,14 @@ def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, mount: Mount) -> None:
 
 
 def _wheel(axes: Axes, robot: Robot) -> None:
-    """Velocity of the first wheel's hub, taken apart along the direction in which it pushes."""
+    """Draw the hub velocity of the first wheel and its component along the driving direction."""
     hide_axes(axes)
     mount = robot.mounts[0]
     bearing, turn = mount.axle_angle, mount.axle_angle + 0.5 * pi
     hub = Pose(0.0, 0.0, turn)
     corners = transform_points(hub, [(0.34, 0.13), (-0.34, 0.13), (-0.34, -0.13), (0.34, -0.13)])
     axes.add_patch(Polygon(corners, facecolor="#e9edf2", edgecolor=DARK, lw=1.0, zorder=2))
-    # those on the floor: omni wheels' are as long as drawn wide, mecanum wheels' lie aslant
+    # rollers at the floor: across an omni wheel, inclined on a mecanum wheel
     lean = 0.1 / tan(mount.roller_angle) if mount.roller_angle else 0.0
     rollers = [
         transform_points(hub, [(x - lean, 0.1), (x + lean, -0.1)])
@@ -122,9 +122,9 @@ def _wheel(axes: Axes, robot: Robot) -> None:
     )
     axes.plot(line[:, 0], line[:, 1], color=_RED, lw=0.7, ls=(0, (2, 2)), zorder=1)
     axes.plot(axle[:, 0], axle[:, 1], color=_GREEN, lw=0.7, ls=(0, (2, 2)), zorder=1)
-    label = "axle, to the centre;\nalong it the rollers give way"
+    label = "axle, through the centre:\nfree rolling of the rollers"
     if not _is_ring(robot):
-        label = "along this line\nthe rollers give way"
+        label = "free rolling\nof the rollers"
     annotate(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
     _components(axes, bearing - mount.roller_angle)
     axes.set_title("Velocity at wheel $i$")
@@ -139,7 +139,7 @@ def _wheel(axes: Axes, robot: Robot) -> None:
 
 
 def _components(axes: Axes, bearing: float) -> None:
-    """Body velocity at the hub, its feet on the rolling direction, and the part of the turn."""
+    """Draw the body velocity, its projections on the driving direction, and the wheel velocity."""
     along = (-sin(bearing), cos(bearing))
     parts = (
         ((0.95, 0.0), r"$\dot{x}$", _BLUE, (0.12, 0.0)),

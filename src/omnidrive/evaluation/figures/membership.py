@@ -16,19 +16,19 @@ from omnidrive.fuzzy import FuzzySet, InputVariable, LinearFunction, OutputVaria
 from omnidrive.fuzzy.sets import ZSlice, membership_bounds
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
-"""Of the sets of a variable, in turn."""
+"""Colours of the sets of a variable, repeated in this order."""
 
 NO_MATH_TEXT: Any = {"text.parse_math": False}
-"""Names from files are shown as they are, with every dollar."""
+"""Style without math text: names from files are drawn literally, dollar signs included."""
 
-_LABELLED = 60  # sets; more names would be a grey band
-_ROWS = 4  # of names above the functions, at most
+_MAX_LABELS = 60  # with more sets, only their number is shown
+_MAX_ROWS = 4  # of names above the functions
 _GROUND = {"boxstyle": "square,pad=0.05", "fc": "white", "ec": "none"}
-_INNER = (0.25, 0.5, 0.75)  # levels of the secondary functions that are drawn
+_LEVELS = (0.25, 0.5, 0.75)  # drawn levels of the secondary functions
 
 
 def membership_functions() -> Figure:
-    """Sets of the paper's inputs and outputs, type-1 above, type-2 with its footprint below."""
+    """Draw the paper's input and output sets: type 1 above, interval type 2 below."""
     figure = new_figure(8.6, 4.4)
     panels = figure.subplots(2, 2, sharey=True)
     systems = (gain_inference("t1", "paper").system, gain_inference("t2", "paper").system)
@@ -43,11 +43,11 @@ def membership_functions() -> Figure:
 
 
 def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "") -> Figure:
-    """Sets of one variable with their footprints; of a Sugeno output, its functions.
+    """Draw the sets of a variable with their footprints, or the functions of a Sugeno output.
 
     Args:
-        variable: Of a system of any type.
-        unit: Of its values, for the axis.
+        variable: Variable of a fuzzy system of any type.
+        unit: Unit of its values, for the axis label.
     """
     with figure_style(), mpl.rc_context(NO_MATH_TEXT):
         figure = new_figure(7.2, 2.9)
@@ -63,17 +63,17 @@ def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "
 
 
 def truncate(name: str, most: int = 16) -> str:
-    """A name that fits where it is shown."""
+    """Truncate a name to at most ``most`` characters."""
     return name if len(name) <= most else name[: most - 1] + "…"
 
 
 def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float) -> None:
-    """One variable: upper functions, lower functions and what lies between.
+    """Draw upper and lower membership functions of a variable and the footprints between them.
 
     Args:
-        axes: Where to draw.
-        variable: With fuzzy sets.
-        width: Of the axes, in inches, about: so that names do not collide.
+        axes: Target axes.
+        variable: Variable with fuzzy sets.
+        width: Approximate width of the axes, inches; used to keep the names apart.
     """
     sets = [each for each in variable.sets if isinstance(each, FuzzySet)]
     at = sample_points(variable)
@@ -85,7 +85,7 @@ def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float
             axes.fill_between(at, low, high, color=colour, alpha=0.25, lw=0.0)
             axes.plot(at, low, color=colour, lw=0.9, ls=(0, (3, 1.5)))
         if each.secondary is not None:
-            for level in _INNER:
+            for level in _LEVELS:
                 (inner,), (outer,) = membership_bounds([each], at, ZSlice(level, of_lower=False))
                 axes.fill_between(at, inner, outer, color=colour, alpha=0.15, lw=0.0)
         top = float(high.max())
@@ -99,7 +99,7 @@ def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float
 
 
 def sample_points(variable: InputVariable | OutputVariable) -> Array:
-    """Points at which the sets of a variable are drawn: a grid, and every corner."""
+    """Return the sample points of a variable: a grid, and every vertex of its sets."""
     at = [np.linspace(variable.low, variable.high, 1001)]
     for each in variable.sets:
         if isinstance(each, FuzzySet) and each.upper.is_piecewise_linear:
@@ -115,22 +115,22 @@ class _Name(NamedTuple):
 
 
 def _draw_names(axes: Axes, names: list[_Name], width: float, span: float) -> int:
-    """Names above their sets, in as few rows as keep them apart; returns how many rows."""
-    if len(names) > _LABELLED:
+    """Draw the names above their sets, without overlap; return the number of rows."""
+    if len(names) > _MAX_LABELS:
         middle = 0.5 * sum(axes.get_xlim())
         axes.text(middle, 1.02, f"{len(names)} sets", ha="center", va="bottom", color=DARK)
         return 1
     size = 8.0 if len(names) <= 12 else 7.0
-    letter = 0.66 * size / 72.0 / width * span  # width of a bold letter, in units of x
-    taken: list[float] = []  # where each row ends
+    char_width = 0.66 * size / 72.0 / width * span  # width of a bold character, in units of x
+    taken: list[float] = []  # right end of each row
     for name in sorted(names, key=lambda each: each.at):
-        half = 0.5 * letter * len(name.text)
+        half = 0.5 * char_width * len(name.text)
         row = next((r for r, end in enumerate(taken) if name.at - half > end), len(taken))
         if row == len(taken):
-            if row == _ROWS:  # no room left: legible in part is better than not at all
+            if row == _MAX_ROWS:  # no row left: omit the name
                 continue
             taken.append(0.0)
-        taken[row] = name.at + half + letter
+        taken[row] = name.at + half + char_width
         y = 1.02 + 0.11 * row
         if row or name.top < 0.99:
             axes.plot([name.at, name.at], [name.top, y], color=MUTED, lw=0.4, zorder=1)
@@ -141,12 +141,12 @@ def _draw_names(axes: Axes, names: list[_Name], width: float, span: float) -> in
 
 
 def _draw_functions(axes: Axes, variable: OutputVariable) -> None:
-    """Functions of a Sugeno output: constants as lines where they lie, the others as text."""
+    """Draw the functions of a Sugeno output: constants as lines, linear functions as text."""
     functions = [each for each in variable.sets if isinstance(each, LinearFunction)]
     constants = [each for each in functions if not any(each.coefficients)]
     linear = [each for each in functions if any(each.coefficients)]
     values = [each.constant for each in constants]
-    low, high = min(variable.low, *values, variable.low), max(variable.high, *values, variable.high)
+    low, high = min([variable.low, *values]), max([variable.high, *values])
     margin = 0.04 * (high - low)
     names = []
     for k, each in enumerate(constants):

@@ -1,4 +1,4 @@
-"""Every two controllers under the same noise."""
+"""Paired differences of all controllers under the same noise."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from omnidrive.evaluation.paired import (
 from omnidrive.evaluation.palette import controller_short
 from omnidrive.evaluation.results import StudyResults
 
-_GROUND = {"better": "#bfdff2", "worse": "#f8d9b0", "no difference shown": "#ececec"}
+_FILL = {"better": "#bfdff2", "worse": "#f8d9b0", "no difference shown": "#ececec"}
 
 
 def noise_differences(results: StudyResults) -> Figure | None:
-    """A matrix per error: mean of row minus column over the seeds, with its 95 % interval."""
+    """Draw a matrix per error: mean of row minus column over the seeds, with its 95 % interval."""
     found = paired_differences(results)
     longest = max((d.duration for d in found), default=0.0)
     found = [d for d in found if d.duration == longest]
@@ -37,20 +37,20 @@ def noise_differences(results: StudyResults) -> Figure | None:
     counts = sorted({d.difference.sample_size for d in found})
     count = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     figure.supxlabel(
-        f"Row minus column: mean ± half of its 95 % interval; {longest:g} s, {count} seeds.\n"
-        "Blue: the row is better; orange: worse; grey: no difference shown (5 %, after Holm).",
+        f"Row minus column: mean ± half its 95 % interval; {longest:g} s, {count} seeds.\n"
+        "Blue: row better; orange: row worse; grey: no difference shown (5 %, Holm-corrected).",
         fontsize=7.5, color=MUTED,
     )  # fmt: skip
     return figure
 
 
 def _matrix(axes: Axes, names: list[str], found: list[PairedDifference]) -> None:
-    """Lower triangle: the upper one would say the same with the other sign."""
+    """Draw the lower triangle; the upper one has the same values with opposite sign."""
     rows, columns = names[1:], names[:-1]
     for d in found:
         row, column = rows.index(d.first), columns.index(d.second)
         corner = (column - 0.48, row - 0.46)
-        axes.add_patch(Rectangle(corner, 0.96, 0.92, color=_GROUND[d.verdict], lw=0.0))
+        axes.add_patch(Rectangle(corner, 0.96, 0.92, color=_FILL[d.verdict], lw=0.0))
         mean, margin, _, _ = d.difference.text(1e3)
         style: dict[str, Any] = {
             "ha": "center",

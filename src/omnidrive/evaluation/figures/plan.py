@@ -1,4 +1,4 @@
-"""A path on its map, and how fast it is travelled."""
+"""Map, path and speed profile of a plan."""
 
 from __future__ import annotations
 
@@ -22,38 +22,38 @@ from omnidrive.evaluation.figures.style import (
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
 
-_ARROWS = 24  # headings drawn along the path, at equal times
+_ARROWS = 24  # headings along the path, at equal time intervals
 _BLUE = "#0072b2"
 _OUTSIDE = "#f4f5f7"
-_TAKEN = np.uint8(2)
+_OCCUPIED = np.uint8(2)
 _SHADES = np.array([(255, 255, 255), (228, 231, 235), (96, 104, 114)], np.uint8)
-"""Of what is free, too near to an obstacle, taken."""
+"""Colours of free, inflated and occupied cells."""
 
 Box = tuple[float, float, float, float]
 
 
 def plan_figure(
     grid: OccupancyGrid,
-    free: OccupancyGrid,
-    way: Path,
+    free_space: OccupancyGrid,
+    grid_path: Path,
     times: Float[Array, " times"],
     motion: Float[Array, "times 6"],
 ) -> Figure:
-    """What a planner found: map, way, path and headings, and below them the speeds over time.
+    """Draw map, grid path, smooth path and headings, and below them the speeds over time.
 
     Args:
-        grid: The obstacles.
-        free: Where the robot's centre may be.
-        way: Cells found by the search.
-        times: In s.
-        motion: Setpoints at these times, columns as in :class:`~omnidrive.reference.Reference`.
+        grid: Occupancy grid of the obstacles.
+        free_space: Inflated grid: its free cells may contain the robot's centre.
+        grid_path: Cells of the searched path.
+        times: Times, s.
+        motion: Setpoints at these times; columns as in :class:`~omnidrive.reference.Reference`.
     """
     with figure_style():
         left, right, bottom, top = grid.extent
         tall = 5.4 * min(max((top - bottom) / (right - left), 0.3), 1.5)
         figure = new_figure(6.4, 2.6 + tall)
         above, below = figure.subplots(2, 1, height_ratios=[tall, 1.5])
-        draw_map(above, grid, free, way)
+        draw_map(above, grid, free_space, grid_path)
         above.plot(motion[:, 0], motion[:, 1], color=DARK, lw=1.2, label="Smooth path")
         x, y, yaw = motion[np.linspace(0, len(times) - 1, _ARROWS).astype(int), :3].T
         above.quiver(x, y, np.cos(yaw), np.sin(yaw), color=_BLUE, width=0.0035, scale=32,
@@ -66,40 +66,47 @@ def plan_figure(
 def _draw_speeds(
     axes: Axes, times: Float[Array, " times"], motion: Float[Array, "times 6"]
 ) -> None:
-    """Speed and yaw rate over time, each with its axis."""
+    """Draw speed and yaw rate over time, each with its own axis."""
     axes.plot(times, np.hypot(motion[:, 3], motion[:, 4]), color=DARK)
     axes.set(xlabel="time in s", xlim=(times[0], times[-1]))
     axes.set_ylabel("speed in m/s")
     axes.set_ylim(bottom=0.0)
-    turning = axes.twinx()
-    turning.plot(times, motion[:, 5], color=_BLUE, lw=0.9)
-    turning.set_ylabel("yaw rate in rad/s", color=_BLUE)
-    turning.grid(visible=False)
-    turning.spines["right"].set_visible(True)
+    yaw_rate = axes.twinx()
+    yaw_rate.plot(times, motion[:, 5], color=_BLUE, lw=0.9)
+    yaw_rate.set_ylabel("yaw rate in rad/s", color=_BLUE)
+    yaw_rate.grid(visible=False)
+    yaw_rate.spines["right"].set_visible(True)
 
 
 def draw_map(
-    axes: Axes, grid: OccupancyGrid, free: OccupancyGrid, way: Path, view: Box | None = None
+    axes: Axes,
+    grid: OccupancyGrid,
+    free_space: OccupancyGrid,
+    grid_path: Path,
+    view: Box | None = None,
 ) -> None:
-    """Obstacles, where the robot's centre may be, and the cells that the search found.
+    """Draw obstacles, inflated cells and the grid path.
 
-    Where a pixel shows several cells it has the darkest shade among them, so that thin walls stay.
+    A pixel that covers several cells gets the darkest of their colours, so that thin walls remain
+    visible.
 
     Args:
-        axes: Where to draw.
-        grid: The obstacles.
-        free: Where the robot's centre may be.
-        way: Cells found by the search.
-        view: (left, right, bottom, top) of what is shown, in m; by default all of the map.
+        axes: Target axes.
+        grid: Occupancy grid of the obstacles.
+        free_space: Inflated grid: its free cells may contain the robot's centre.
+        grid_path: Cells of the searched path.
+        view: Visible box (left, right, bottom, top), m; by default the whole map.
     """
     view = grid.extent if view is None else view
-    rows, cols = _seen(grid, view)
-    kinds = np.where(grid.occupied, _TAKEN, free.occupied_on(grid).view(np.uint8))[rows, cols]
+    rows, cols = _visible_cells(grid, view)
+    kinds = np.where(grid.occupied, _OCCUPIED, free_space.occupied_on(grid).view(np.uint8))[
+        rows, cols
+    ]
     k = _cells_per_pixel(axes, grid, view)
-    kinds = _darkest(kinds, k)
+    kinds = _max_pool(kinds, k)
     first = np.array([cols.start, rows.start]) * grid.resolution
     last = first + np.array(kinds.shape[::-1]) * k * grid.resolution
-    axes.set_facecolor(_OUTSIDE)  # seen around a turned map
+    axes.set_facecolor(_OUTSIDE)  # visible around a rotated map
     axes.imshow(
         _SHADES[kinds],
         extent=(first[0], last[0], first[1], last[1]),
@@ -108,15 +115,15 @@ def draw_map(
         interpolation="nearest",
         zorder=0,
     )
-    x, y = way.poses[:, 0], way.poses[:, 1]
-    axes.plot(x, y, ".", color=MUTED, ms=2.5, label="Cells found", zorder=1)
+    x, y = grid_path.poses[:, 0], grid_path.poses[:, 1]
+    axes.plot(x, y, ".", color=MUTED, ms=2.5, label="Grid path", zorder=1)
     axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
     axes.set(xlabel="x in m", ylabel="y in m")
     axes.grid(visible=False)
 
 
-def _seen(grid: OccupancyGrid, view: Box) -> tuple[slice, slice]:
-    """Rows and columns of the grid that the view may show; at least one of each."""
+def _visible_cells(grid: OccupancyGrid, view: Box) -> tuple[slice, slice]:
+    """Return the rows and columns of the grid inside the view; at least one of each."""
     left, right, bottom, top = view
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     cells = grid.cells_of(corners).clip(0, np.array(grid.occupied.shape) - 1)
@@ -125,9 +132,9 @@ def _seen(grid: OccupancyGrid, view: Box) -> tuple[slice, slice]:
 
 
 def _cells_per_pixel(axes: Axes, grid: OccupancyGrid, view: Box) -> int:
-    """How many of the grid's cells are next to each other on a pixel of the picture, at most.
+    """Return the number of cells per side that one pixel covers, at least 1.
 
-    Panels become a little larger when the figure arranges them.
+    The layout engine may enlarge the panel slightly afterwards.
     """
     left, right, bottom, top = view
     inches = np.array(axes.get_window_extent().size) / axes.figure.dpi
@@ -135,8 +142,8 @@ def _cells_per_pixel(axes: Axes, grid: OccupancyGrid, view: Box) -> int:
     return max(1, ceil(metres_per_inch / DPI / grid.resolution))
 
 
-def _darkest(kinds: UInt8[Array, "rows cols"], k: int) -> UInt8[Array, "fewer_rows fewer_cols"]:
-    """The greatest number in every square of ``k`` cells' side; the last ones may be cut."""
+def _max_pool(kinds: UInt8[Array, "rows cols"], k: int) -> UInt8[Array, "fewer_rows fewer_cols"]:
+    """Return the maximum of every block of ``k`` x ``k`` cells; the last blocks may be smaller."""
     if k == 1:
         return kinds
     rows, cols = (np.arange(0, count, k) for count in kinds.shape)

@@ -1,4 +1,4 @@
-"""Arrows, angles and robots: the vocabulary of the diagrams."""
+"""Drawing primitives of the diagrams: arrows, angles, frames and robots."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Point = tuple[float, float]
 
 
 def transform_points(pose: Pose, points: list[Point]) -> Float[Array, "points 2"]:
-    """Points given in the frame at ``pose``, in W; m."""
+    """Transform points from the frame at ``pose`` to W; m."""
     c, s = cos(pose.yaw), sin(pose.yaw)
     return np.array([(pose.x + c * x - s * y, pose.y + s * x + c * y) for x, y in points])
 
@@ -32,7 +32,7 @@ def arrow(
     width: float = 1.3,
     style: str = "-|>",
 ) -> None:
-    """A straight arrow in data coordinates."""
+    """Draw a straight arrow in data coordinates."""
     axes.add_patch(
         FancyArrowPatch(
             tail,
@@ -49,7 +49,7 @@ def arrow(
 
 
 def angle(axes: Axes, at: Point, radius: float, start: float, end: float, *, colour: str) -> None:
-    """An arc from bearing ``start`` to ``end`` (rad, counter-clockwise) with an arrow head."""
+    """Draw an arc from angle ``start`` to ``end`` (rad, counter-clockwise) with an arrow head."""
     axes.add_patch(
         Arc(
             at,
@@ -69,7 +69,7 @@ def angle(axes: Axes, at: Point, radius: float, start: float, end: float, *, col
 
 
 def dimension(axes: Axes, start: Point, end: Point, text: str, *, offset: float) -> None:
-    """A line with two heads and its text beside it, ``offset`` to the left of its direction."""
+    """Draw a dimension line with its text at ``offset`` to the left of its direction."""
     arrow(axes, start, end, width=0.9, style="<|-|>")
     dx, dy = end[0] - start[0], end[1] - start[1]
     length = hypot(dx, dy)
@@ -81,13 +81,13 @@ def dimension(axes: Axes, start: Point, end: Point, text: str, *, offset: float)
 
 
 def annotate(axes: Axes, at: Point, text: str, *, colour: str = DARK, size: float = 9.5) -> None:
-    """Text centred at a point, on a white ground."""
-    ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
-    axes.text(*at, text, color=colour, ha="center", va="center", size=size, zorder=9, bbox=ground)
+    """Draw text centred at a point, on a white background."""
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
+    axes.text(*at, text, color=colour, ha="center", va="center", size=size, zorder=9, bbox=box)
 
 
 def frame(axes: Axes, pose: Pose, length: float, names: tuple[str, str], colour: str) -> None:
-    """The two axes of a frame."""
+    """Draw the two axes of a frame."""
     origin, x, y, x_name, y_name = transform_points(
         pose, [(0, 0), (length, 0), (0, length), (1.13 * length, 0), (0, 1.13 * length)]
     ).tolist()
@@ -98,7 +98,7 @@ def frame(axes: Axes, pose: Pose, length: float, names: tuple[str, str], colour:
 
 
 def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: bool) -> None:
-    """Body circle and wheels, to scale."""
+    """Draw body circle and wheels, to scale."""
     style = (0, (4, 2.5)) if dashed else "-"
     axes.add_patch(
         Circle(
@@ -117,7 +117,7 @@ def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: 
 
 
 def wheel_outline(axes: Axes, robot: Robot, pose: Pose, mount: Mount, colour: str) -> None:
-    """One wheel seen from above."""
+    """Draw one wheel from above."""
     centre = transform_points(pose, [(mount.x, mount.y)])[0]
     wheel = Pose(float(centre[0]), float(centre[1]), pose.yaw + mount.axle_angle + 0.5 * pi)
     r, half = robot.wheel.radius, 0.5 * robot.wheel.row_gap + 0.4 * robot.wheel.radius
@@ -126,6 +126,6 @@ def wheel_outline(axes: Axes, robot: Robot, pose: Pose, mount: Mount, colour: st
     axes.add_patch(tyre)
     if mount.roller_angle != 0.0:
         slant = half * cos(mount.roller_angle) / sin(mount.roller_angle)
-        for middle in (-r, -0.5 * r, 0.0, 0.5 * r, r):  # the topmost rollers
+        for middle in (-r, -0.5 * r, 0.0, 0.5 * r, r):  # uppermost rollers
             ends = transform_points(wheel, [(middle + slant, half), (middle - slant, -half)])
             axes.plot(*ends.T, color="white", lw=0.9, zorder=4.5, clip_path=tyre)

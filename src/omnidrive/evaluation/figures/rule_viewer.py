@@ -1,4 +1,4 @@
-"""How a fuzzy system comes from inputs to outputs: rules that fire, consequents, values."""
+"""Rule viewer: the fired rules of a fuzzy system, their consequents and the output values."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ from omnidrive.fuzzy.sets import membership_bounds
 
 _INPUT, _OUTPUT, _VALUE = "#0072b2", "#e69f00", "#d55e00"
 _GROUND = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75}
-_RULES, _INPUTS, _OUTPUTS = 8, 4, 4  # most that one figure shows
+_RULES, _INPUTS, _OUTPUTS = 8, 4, 4  # maximum numbers in one figure
 
 
 def rule_viewer(
     inference: Inference, inputs: Mapping[str, float] | Sequence[float] | None = None
 ) -> Figure:
-    """The rules that fire for some inputs, the strongest first, and what comes of them.
+    """Draw the rules that fire for given inputs, strongest first, and the resulting outputs.
 
-    One row per rule: the sets of its antecedent with the degree of the input, and its consequents
-    cut (or scaled) by its strength. Last row: the joined consequent about each output, its value
-    and, of a type-2 system, the interval. Of a type-3 system the widest slice is drawn.
+    Each row is a rule: the sets of its antecedent with the membership degree of the input, and its
+    consequents, clipped or scaled by the firing strength. The last row is the aggregated output
+    with its value and, for type 2, the type-reduced interval. For type 3 the widest slice is drawn.
 
     Args:
-        inference: The system, and how it is evaluated.
-        inputs: One value per input, by name or in order; None: the middles of the ranges.
+        inference: Fuzzy system with its inference options.
+        inputs: One value per input, by name or in order; None: the middle of each range.
 
     Raises:
-        InvalidInput: An input is missing or unknown, or refused by the inference.
+        InvalidInput: An input is missing, unknown or rejected by the inference.
     """
     x = _ordered(inference, inputs)
     system = inference.system
     fired = inference.fired_rules(*x)
     shown, ins, outs = fired[:_RULES], system.inputs[:_INPUTS], system.outputs[:_OUTPUTS]
-    taken = [
+    values = [
         min(max(value, v.low), v.high) if inference.options.out_of_range == "clamp" else value
         for v, value in zip(system.inputs, x, strict=True)
     ]
@@ -63,22 +63,22 @@ def rule_viewer(
             rows, columns, squeeze=False, height_ratios=[1.0] * len(shown) + [1.6]
         )
         for k, variable in enumerate(ins):
-            panels[0, k].set_title(_with_value(variable.name, taken[k]), fontsize=8.5)
+            panels[0, k].set_title(_with_value(variable.name, values[k]), fontsize=8.5)
             for row, each in enumerate(shown):
-                _draw_condition(panels[row, k], inference, variable, each, taken[k])
+                _draw_antecedent(panels[row, k], inference, variable, each, values[k])
             panels[-1, k].axis("off")
         for o in range(len(outs)):
             column = panels[:, len(ins) + o]
             column[0].set_title(truncate(outs[o].name), fontsize=8.5)
             for row, each in enumerate(shown):
-                _draw_conclusion(column[row], inference, o, each, taken)
-        _draw_results(panels[-1, len(ins) :].tolist(), inference, x, taken)
+                _draw_consequent(column[row], inference, o, each, values)
+        _draw_results(panels[-1, len(ins) :].tolist(), inference, x, values)
         for row, each in enumerate(shown):
             _label_rule(panels[row, 0], each)
-        _finish(panels, len(ins))
-        left_out = _left_out(inference, len(fired))
+        _set_axes(panels, len(ins))
+        omissions = _omission_note(inference, len(fired))
         note = panels[-1, 0]
-        note.text(0.0, 0.9, left_out, transform=note.transAxes, va="top", fontsize=7.5, color=DARK)
+        note.text(0.0, 0.9, omissions, transform=note.transAxes, va="top", fontsize=7.5, color=DARK)
     return figure
 
 
@@ -104,8 +104,8 @@ def _with_value(name: str, value: float) -> str:
     return f"{truncate(name)} = {value:.4g}"
 
 
-def _left_out(inference: Inference, fired: int) -> str:
-    """What the figure does not show, in words."""
+def _omission_note(inference: Inference, fired: int) -> str:
+    """Return a description of what the figure omits."""
     system = inference.system
     lines = []
     if fired == 0:
@@ -117,7 +117,7 @@ def _left_out(inference: Inference, fired: int) -> str:
     if len(system.outputs) > _OUTPUTS:
         lines.append(f"and {len(system.outputs) - _OUTPUTS} more outputs")
     if not system.is_sugeno and inference.options.reduction == "cos":
-        lines.append("values: centre of sets,\nnot of these areas")
+        lines.append("values: centre of sets,\nnot centroid of these areas")
     if system.type == 3:
         lines.append(f"slice at level {widest_slice(inference).level:g}")
     return "\n".join(lines)
@@ -132,13 +132,13 @@ def _label_rule(axes: Axes, each: FiredRule) -> None:
     )
 
 
-def _draw_condition(
+def _draw_antecedent(
     axes: Axes, inference: Inference, variable: InputVariable, fired: FiredRule, value: float
 ) -> None:
-    """The sets that a rule asks of one input, filled up to the degree of its value."""
-    asked = [term for term in propositions(fired.rule.antecedent) if term.variable == variable.name]
+    """Draw the sets of one input in an antecedent, filled up to the degree of its value."""
+    used = [term for term in propositions(fired.rule.antecedent) if term.variable == variable.name]
     at = sample_points(variable)
-    for term in asked:
+    for term in used:
         low, high = _degrees(inference, variable, term, at)
         (least,), (most,) = _degrees(inference, variable, term, np.array([value]))
         axes.plot(at, high, color=_INPUT, lw=1.0)
@@ -147,14 +147,14 @@ def _draw_condition(
             axes.plot(at, low, color=_INPUT, lw=0.7, ls=(0, (3, 1.5)))
             axes.fill_between(at, np.minimum(low, least), color=_INPUT, alpha=0.3, lw=0.0)
     axes.axvline(value, color=_VALUE, lw=1.0)
-    _name(axes, " / ".join(_term_text(term) for term in asked[:2]) or "—")
+    _name(axes, " / ".join(_term_text(term) for term in used[:2]) or "—")
     axes.set_xlim(variable.low, variable.high)
 
 
 def _degrees(
     inference: Inference, variable: InputVariable, term: Is, at: Array
 ) -> tuple[Array, Array]:
-    """Lower and upper degree of each point under the hedges of a term."""
+    """Return the lower and upper degree of each point, with the hedges of the term applied."""
     named = [each for each in variable.sets if each.name == term.set]
     if not named:  # "any"
         return np.ones_like(at), np.ones_like(at)
@@ -178,10 +178,10 @@ def _name(axes: Axes, text: str) -> None:
               bbox=_GROUND)  # fmt: skip
 
 
-def _draw_conclusion(
-    axes: Axes, inference: Inference, o: int, fired: FiredRule, taken: Sequence[float]
+def _draw_consequent(
+    axes: Axes, inference: Inference, o: int, fired: FiredRule, values: Sequence[float]
 ) -> None:
-    """What one rule concludes about one output."""
+    """Draw the consequent of one rule for one output."""
     variable = inference.system.outputs[o]
     term = next((t for t in fired.rule.consequents if t.variable == variable.name), None)
     if term is None:
@@ -190,8 +190,8 @@ def _draw_conclusion(
     _name(axes, _term_text(term))
     named = next(each for each in variable.sets if each.name == term.set)
     if isinstance(named, LinearFunction):
-        _draw_stem(axes, _value_of(named, taken), fired)
-        axes.set_xlim(*_span(variable, inference, taken))
+        _draw_stem(axes, _value_of(named, values), fired)
+        axes.set_xlim(*_span(variable, inference, values))
         return
     at = sample_points(variable)
     assert isinstance(named, FuzzySet)
@@ -218,26 +218,26 @@ def _draw_stem(axes: Axes, value: float, fired: FiredRule) -> None:
     axes.plot([value, value], [fired.lower, fired.upper], "o", color=_OUTPUT, ms=3.0)
 
 
-def _value_of(function: LinearFunction, taken: Sequence[float]) -> float:
+def _value_of(function: LinearFunction, values: Sequence[float]) -> float:
     return function.constant + sum(
-        c * x for c, x in zip(function.coefficients, taken, strict=False)
+        c * x for c, x in zip(function.coefficients, values, strict=False)
     )
 
 
 def _span(
-    variable: OutputVariable, inference: Inference, taken: Sequence[float]
+    variable: OutputVariable, inference: Inference, values: Sequence[float]
 ) -> tuple[float, float]:
-    """Range of a Sugeno output, widened to what its functions conclude."""
+    """Return the range of a Sugeno output, extended to the values of its functions."""
     functions = [each for each in variable.sets if isinstance(each, LinearFunction)]
-    values = [_value_of(each, taken) for each in functions]
-    low, high = min(variable.low, *values, variable.low), max(variable.high, *values, variable.high)
+    results = [_value_of(each, values) for each in functions]
+    low, high = min([variable.low, *results]), max([variable.high, *results])
     return low - 0.04 * (high - low), high + 0.04 * (high - low)
 
 
 def _draw_results(
-    panels: Sequence[Axes], inference: Inference, x: Sequence[float], taken: Sequence[float]
+    panels: Sequence[Axes], inference: Inference, x: Sequence[float], values: Sequence[float]
 ) -> None:
-    """The joined consequent about each output, and the value made of it."""
+    """Draw the aggregated output of each output variable, and its value."""
     system = inference.system
     value, least, greatest = inference.batch(np.array([x]))[:, 0]
     joined = () if system.is_sugeno else aggregated_outputs(inference, *x)
@@ -249,8 +249,8 @@ def _draw_results(
                 for term in each.rule.consequents:
                     function = next((s for s in variable.sets if s.name == term.set), None)
                     if term.variable == variable.name and isinstance(function, LinearFunction):
-                        _draw_stem(axes, _value_of(function, taken), each)
-            axes.set_xlim(*_span(variable, inference, taken))
+                        _draw_stem(axes, _value_of(function, values), each)
+            axes.set_xlim(*_span(variable, inference, values))
         else:
             lower, upper = joined[o]
             _draw_area(axes, (lower[0], lower[1]), (upper[0], upper[1]), uncertain=system.type > 1)
@@ -264,8 +264,8 @@ def _draw_results(
         axes.set_xlabel(text, color=_VALUE, fontsize=7.5, fontweight="bold")
 
 
-def _finish(panels: Array, inputs: int) -> None:
-    """Ticks and limits, the same in every panel."""
+def _set_axes(panels: Array, inputs: int) -> None:
+    """Set the ticks and limits of all panels."""
     rows = len(panels)
     for row in range(rows):
         for k, axes in enumerate(panels[row]):

@@ -1,4 +1,4 @@
-"""Step responses."""
+"""Figure of the step responses."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from omnidrive.evaluation.figures.style import DARK, MUTED, legend_above, new_fi
 from omnidrive.evaluation.palette import controller_colour, controller_label
 from omnidrive.evaluation.results import StepResult, StudyResults
 
-_BEFORE = -0.06  # share of the time axis that shows the command before its step
+_BEFORE = -0.06  # start of the time axis relative to its end, before the step
 _LABELS = ("x in m", "y in m", "heading in rad")
 
 
 def step_response(results: StudyResults) -> Figure | None:
-    """Answers in x, y and heading to a jump of all three."""
+    """Draw the responses in x, y and heading to a simultaneous step of all three."""
     steps = results.steps
     if not steps:
         return None
@@ -38,7 +38,7 @@ def step_response(results: StudyResults) -> Figure | None:
 
 
 def _end(steps: tuple[StepResult, ...]) -> float:
-    """Time in s after which every response lies within 2 % of its step, and half as long again."""
+    """Return the end of the time axis, s: 1.5 times the longest settling time to within 2 %."""
     last = 0.0
     for step in steps:
         run = step.run
@@ -49,7 +49,7 @@ def _end(steps: tuple[StepResult, ...]) -> float:
 
 
 def _command(axes: Axes, step: StepResult, axis: int, end: float) -> None:
-    """The command, dashed, and the band of +-10 % in which a response counts as settled."""
+    """Draw the command, dashed, and the +-10 % band of the settling time."""
     start, goal = float(step.run.pose[0, axis]), float(step.run.target[-1, axis])
     band = 0.1 * abs(goal - start)
     axes.fill_between([0.0, end], goal - band, goal + band, color=MUTED, alpha=0.16, lw=0.0)

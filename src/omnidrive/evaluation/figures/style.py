@@ -1,4 +1,4 @@
-"""How every figure looks, and how it is written."""
+"""Style and output of all figures."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 DARK = "#1a1a1a"
 """Colour of references, axes and text."""
 MUTED = "#8a8a8a"
-"""Colour of what only helps to read."""
+"""Colour of auxiliary lines and captions."""
 DPI = 160
-"""Pixels per inch of pictures that are written."""
+"""Resolution of written images, pixels per inch."""
 
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -51,18 +51,18 @@ _STYLE: Any = {
 
 
 def figure_style() -> AbstractContextManager[None]:
-    """Context in which figures are made and saved."""
+    """Return the context in which figures are created and saved."""
     return mpl.rc_context(_STYLE)
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, in inches, whose panels arrange themselves."""
+    """Return an empty figure with constrained layout; width and height in inches."""
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
     return Figure(figsize=(width, height), layout=layout)
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
-    """Legend of ``axes`` above all panels, where it covers nothing, in as few rows as fit."""
+    """Place the legend of ``axes`` above all panels, with as few rows as possible."""
     handles, labels = axes.get_legend_handles_labels()
     for count in range(min(len(labels), columns), 0, -1):
         legend = figure.legend(handles, labels, loc="outside upper center", ncols=count)
@@ -72,18 +72,18 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
 
 
 def hide_axes(axes: Axes) -> None:
-    """Turn axes into a drawing sheet: equal scales, no ticks, no frame."""
+    """Remove ticks and frame, and set equal scales, for a diagram."""
     axes.set_aspect("equal")
     axes.axis("off")
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write ``figure`` in the format of the suffix of ``path``: png or svg, without a date."""
+    """Write ``figure`` as PNG or SVG, by the suffix of ``path``, without a date."""
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
     kind = path.suffix.removeprefix(".")
-    part = path.with_name(path.name + ".part")  # so that the file is whole or absent
+    part = path.with_name(path.name + ".part")  # written atomically
     try:
-        # matplotlib also projects the padding of surfaces' faces, which it leaves uninitialised
+        # matplotlib also projects the uninitialised padding of surface faces
         with figure_style(), np.errstate(over="ignore", invalid="ignore"):
             figure.savefig(part, format=kind, dpi=DPI, metadata=metadata[kind])
         part.replace(path)

@@ -1,4 +1,4 @@
-"""What the controllers call error."""
+"""Diagram of the tracking error."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _BLUE, _RED, _GREEN = "#0072b2", "#d55e00", "#007a59"
 
 
 def tracking_error(robot: Robot) -> Figure:
-    """The robot, its target on the path, and the errors between them."""
+    """Draw the robot, its target on the path, and the errors between them."""
     size = robot.body_radius
     figure = new_figure(5.2, 4.2)
     axes = figure.subplots()
     hide_axes(axes)
     here = Pose(0.0, 0.0, 0.3)
     there = Pose(2.6 * size, 1.9 * size, 1.0)
-    bend = [(0.1 * k - 2.6) for k in range(45)]
-    way = [_arc(there, 3.4 * size, s * size) for s in bend]
-    axes.plot(*zip(*way, strict=True), color=MUTED, lw=1.2, ls=(0, (4, 2.5)), zorder=1)
+    arc = [(0.1 * k - 2.6) for k in range(45)]
+    path = [_arc(there, 3.4 * size, s * size) for s in arc]
+    axes.plot(*zip(*path, strict=True), color=MUTED, lw=1.2, ls=(0, (4, 2.5)), zorder=1)
     robot_outline(axes, robot, here, _BLUE, dashed=False)
     robot_outline(axes, robot, there, DARK, dashed=True)
     for pose, colour, name in ((here, _BLUE, r"$\theta$"), (there, DARK, r"$\theta_{ref}$")):
@@ -38,7 +38,7 @@ def tracking_error(robot: Robot) -> Figure:
 
 
 def _arc(pose: Pose, radius: float, s: float) -> tuple[float, float]:
-    """Point ``s`` metres along a left-hand circle that touches ``pose``."""
+    """Return the point at arc length ``s`` (m) on a left-hand circle tangent to ``pose``."""
     turn = s / radius
     return (
         pose.x + radius * (sin(pose.yaw + turn) - sin(pose.yaw)),
@@ -57,7 +57,7 @@ def _heading(axes: Axes, pose: Pose, size: float, colour: str, name: str) -> Non
 
 
 def _errors(axes: Axes, here: Pose, there: Pose, size: float) -> None:
-    """Distance and direction to the target, and their parts along x and y."""
+    """Draw distance and direction to the target, and their components along x and y."""
     dx, dy = there.x - here.x, there.y - here.y
     bearing, distance = atan2(dy, dx), hypot(dx, dy)
     corner = (there.x, here.y)

@@ -43,7 +43,10 @@ def payload(results: StudyResults) -> str:
         "robot": {
             "bodyRadius": results.robot.body_radius,
             "wheelRadius": results.robot.wheel.radius,
-            "wheels": [mount._asdict() for mount in results.robot.mounts],
+            "wheels": [
+                {"x": m.x, "y": m.y, "axle": m.axle_angle, "roller": m.roller_angle}
+                for m in results.robot.mounts
+            ],
         },
         "map": _map(results.obstacles, results.free_space),
         "cells": [_column(results.grid_path.poses[:, i]) for i in (0, 1)],
