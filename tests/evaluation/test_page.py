@@ -170,25 +170,25 @@ def settle(page):
 
 def picture(page):
     settle(page)
-    return page.locator("#floor").screenshot()
+    return page.locator("#map").screenshot()
 
 
 @pytest.mark.browser
 def test_it_plays_pauses_and_ends(study, visit):
     page = visit(study)
-    assert page.evaluate("Race.time()") == 0.0
+    assert page.evaluate("Playback.time()") == 0.0
     before = picture(page)
     page.select_option("#speed", "8")
     page.click("#play")
-    wait_until(page, "Race.time() > 2")
+    wait_until(page, "Playback.time() > 2")
     page.click("#play")
-    time = page.evaluate("Race.time()")
-    assert not page.evaluate("Race.playing()")
+    time = page.evaluate("Playback.time()")
+    assert not page.evaluate("Playback.playing()")
     assert picture(page) != before
-    assert page.evaluate("Race.time()") == time
+    assert page.evaluate("Playback.time()") == time
     page.locator("#scrub").fill("19.5")
     page.click("#play")
-    wait_until(page, "Race.time() === 20 && !Race.playing()")
+    wait_until(page, "Playback.time() === 20 && !Playback.playing()")
 
 
 @pytest.mark.browser
@@ -201,7 +201,9 @@ def test_a_turned_map_is_drawn_where_it_lies(study, visit):
         page.locator(f"#layer-{name}").uncheck()
     shown = Image.open(BytesIO(picture(page))).convert("L")
     for row, col in np.ndindex(occupied.shape):
-        x, y = page.evaluate("([x, y]) => Race.camera.toScreen(x, y)", list(grid.centre(row, col)))
+        x, y = page.evaluate(
+            "([x, y]) => Playback.camera.toScreen(x, y)", list(grid.centre(row, col))
+        )
         around = np.asarray(shown.crop((int(x) - 8, int(y) - 8, int(x) + 9, int(y) + 9)))
         assert 8 < x < shown.width - 8
         assert (np.median(around) < 160) == occupied[row, col]
@@ -215,7 +217,7 @@ def test_it_scrubs_and_steps_by_samples(study, visit):
     assert page.inner_text("#clock") == "7.50"
     page.click("#forward")
     page.keyboard.press("Escape")
-    page.locator("#floor").focus()
+    page.locator("#map").focus()
     page.keyboard.press("ArrowRight")
     settle(page)
     assert page.inner_text("#clock") == "7.70"
@@ -224,17 +226,17 @@ def test_it_scrubs_and_steps_by_samples(study, visit):
     settle(page)
     assert page.inner_text("#clock") == "0.00"
     page.keyboard.press("Space")
-    wait_until(page, "Race.time() > 0")
+    wait_until(page, "Playback.time() > 0")
 
 
 @pytest.mark.browser
 def test_it_zooms_pans_fits_and_follows(study, visit):
     page = visit(study)
-    scale = "Race.camera.scale"
+    scale = "Playback.camera.scale"
     fitted = page.evaluate(scale)
-    box = page.locator("#floor").bounding_box()
+    box = page.locator("#map").bounding_box()
     x, y = box["x"] + 0.4 * box["width"], box["y"] + 0.4 * box["height"]
-    under = "([x, y]) => Race.camera.toFloor(x, y)"
+    under = "([x, y]) => Playback.camera.toWorld(x, y)"
     at = [0.4 * box["width"], 0.4 * box["height"]]
     before = page.evaluate(under, at)
     page.mouse.move(x, y)
@@ -248,7 +250,7 @@ def test_it_zooms_pans_fits_and_follows(study, visit):
     page.select_option("#follow", label="NMPC")
     page.locator("#scrub").fill("10")
     settle(page)
-    centre = page.evaluate("[Race.camera.x, Race.camera.y]")
+    centre = page.evaluate("[Playback.camera.x, Playback.camera.y]")
     nmpc = next(r for r in study.select("track", duration=20.0) if r.controller == "nmpc")
     np.testing.assert_allclose(centre, nmpc.run.pose[100, :2], atol=1e-4)
     page.click("#fit")
@@ -262,7 +264,7 @@ def test_hover_tells_the_nearest_robot(study, visit):
     page.locator("#scrub").fill("10")
     for k in range(3):
         page.locator("#runs input").nth(k).uncheck()
-    page.locator("#floor").hover()
+    page.locator("#map").hover()
     page.wait_for_selector("#tip:not([hidden])")
     told = page.inner_text("#tip")
     run = study.select("track", duration=20.0)[3].run
@@ -288,7 +290,7 @@ def test_charts_share_cursor_zoom_and_clock(study, visit):
     assert clocks == ["t = 10.00 s"] * 4
     page.mouse.click(box["x"] + 0.25 * box["width"], middle)
     settle(page)
-    assert page.evaluate("Race.time()") == pytest.approx(5.0, abs=0.1)
+    assert page.evaluate("Playback.time()") == pytest.approx(5.0, abs=0.1)
     page.mouse.move(box["x"] + 0.25 * box["width"], middle)
     page.mouse.down()
     page.mouse.move(box["x"] + 0.75 * box["width"], middle, steps=5)
@@ -325,7 +327,7 @@ def test_gains_have_charts_of_one_channel_at_a_time(tuning, visit):
     box = over.bounding_box()
     page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     settle(page)
-    assert page.evaluate("Race.time()") == pytest.approx(7.5, abs=0.1)
+    assert page.evaluate("Playback.time()") == pytest.approx(7.5, abs=0.1)
     page.locator("#runs input").nth(1).uncheck()
     assert charts.nth(0).locator(".value:visible").count() == 1
 
@@ -381,7 +383,7 @@ def test_hostile_text_stays_text(study, visit):
         steps=(replace(study.steps[0], controller=HOSTILE),),
     )  # fmt: skip
     page = visit(hostile, (Table(HOSTILE, (HOSTILE, HOSTILE), ((HOSTILE, HOSTILE),), HOSTILE),))
-    page.locator("#floor").hover()
+    page.locator("#map").hover()
     page.wait_for_selector("#tip:not([hidden])")
     assert page.evaluate("window.hacked") is None
     assert page.title() == HOSTILE
@@ -406,5 +408,5 @@ def test_a_run_that_stopped_early_says_so(part, visit):
 @pytest.mark.browser
 def test_study_without_runs_still_shows_its_tables(part, visit):
     page = visit(replace(part, tracks=()))
-    assert not page.locator("#floor").is_visible()
+    assert not page.locator("#map").is_visible()
     assert page.get_by_role("table", name="Steps").is_visible()

@@ -122,9 +122,9 @@ def _wheel(axes: Axes, robot: Robot) -> None:
     )
     axes.plot(line[:, 0], line[:, 1], color=_RED, lw=0.7, ls=(0, (2, 2)), zorder=1)
     axes.plot(axle[:, 0], axle[:, 1], color=_GREEN, lw=0.7, ls=(0, (2, 2)), zorder=1)
-    label = "axle, through the centre:\nfree rolling of the rollers"
+    label = "axle, through the centre;\nthe rollers roll freely along it"
     if not _is_ring(robot):
-        label = "free rolling\nof the rollers"
+        label = "the rollers roll freely\nalong this line"
     annotate(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
     _components(axes, bearing - mount.roller_angle)
     axes.set_title("Velocity at wheel $i$")

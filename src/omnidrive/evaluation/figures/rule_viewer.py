@@ -117,7 +117,7 @@ def _omission_note(inference: Inference, fired: int) -> str:
     if len(system.outputs) > _OUTPUTS:
         lines.append(f"and {len(system.outputs) - _OUTPUTS} more outputs")
     if not system.is_sugeno and inference.options.reduction == "cos":
-        lines.append("values: centre of sets,\nnot centroid of these areas")
+        lines.append("outputs: centre of sets,\nnot area centroid")
     if system.type == 3:
         lines.append(f"slice at level {widest_slice(inference).level:g}")
     return "\n".join(lines)
@@ -240,7 +240,7 @@ def _draw_results(
     """Draw the aggregated output of each output variable, and its value."""
     system = inference.system
     value, least, greatest = inference.batch(np.array([x]))[:, 0]
-    joined = () if system.is_sugeno else aggregated_outputs(inference, *x)
+    aggregated = () if system.is_sugeno else aggregated_outputs(inference, *x)
     fired = inference.fired_rules(*x)
     for o, axes in enumerate(panels):
         variable = system.outputs[o]
@@ -252,7 +252,7 @@ def _draw_results(
                         _draw_stem(axes, _value_of(function, values), each)
             axes.set_xlim(*_span(variable, inference, values))
         else:
-            lower, upper = joined[o]
+            lower, upper = aggregated[o]
             _draw_area(axes, (lower[0], lower[1]), (upper[0], upper[1]), uncertain=system.type > 1)
             axes.set_xlim(variable.low, variable.high)
         if system.type > 1:

@@ -1,4 +1,4 @@
-"""The report: one file that plays the runs and shows every table."""
+"""HTML report of a study: one self-contained file with playback, charts and tables."""
 
 from omnidrive.evaluation.page.writer import page_text, write_page
 

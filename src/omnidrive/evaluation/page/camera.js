@@ -1,23 +1,23 @@
 "use strict";
-/* The camera over the floor: x to the right, y up, and the gestures that move it. */
+/* Camera of the map view (x right, y up) and its mouse and touch gestures. */
 class Camera {
   constructor(canvas) {
     this.canvas = canvas;
     this.x = 0;
     this.y = 0;
     this.scale = 50; // px per m
-    this.width = 1; // px, of the style
+    this.width = 1; // CSS px
     this.height = 1;
     this.onMove = () => {};
     this.onDrag = () => {};
-    this.locked = false; // zooming keeps the centre while a robot is followed
-    this.fingers = new Map();
+    this.locked = false; // while a robot is followed, zooming keeps the centre
+    this.pointers = new Map();
     this.dragged = false;
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.down(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
     for (const name of ["pointerup", "pointercancel"]) {
-      canvas.addEventListener(name, (event) => this.fingers.delete(event.pointerId));
+      canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
     }
   }
 
@@ -25,12 +25,12 @@ class Camera {
     return [0.5 * this.width + (x - this.x) * this.scale, 0.5 * this.height - (y - this.y) * this.scale];
   }
 
-  toFloor(px, py) {
+  toWorld(px, py) {
     return [this.x + (px - 0.5 * this.width) / this.scale, this.y - (py - 0.5 * this.height) / this.scale];
   }
 
-  /* Where an event happened, in px from the canvas's corner. */
-  place(event) {
+  /* Position of an event, px from the corner of the canvas. */
+  position(event) {
     const box = this.canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   }
@@ -44,14 +44,14 @@ class Camera {
     this.onMove();
   }
 
-  /* Magnify by a factor about a point of the screen. */
+  /* Zoom by a factor about a point of the screen. */
   zoom(factor, px = 0.5 * this.width, py = 0.5 * this.height) {
-    const [x, y] = this.toFloor(px, py);
+    const [x, y] = this.toWorld(px, py);
     const scale = Math.min(Math.max(this.scale * factor, 2), 40000);
-    const share = this.scale / scale;
+    const ratio = this.scale / scale;
     if (!this.locked) {
-      this.x = x + (this.x - x) * share;
-      this.y = y + (this.y - y) * share;
+      this.x = x + (this.x - x) * ratio;
+      this.y = y + (this.y - y) * ratio;
     }
     this.scale = scale;
     this.onMove();
@@ -66,21 +66,21 @@ class Camera {
   wheel(event) {
     event.preventDefault();
     const unit = event.deltaMode === 1 ? 30 : 1; // lines or px
-    this.zoom(Math.exp(-0.0016 * unit * event.deltaY), ...this.place(event));
+    this.zoom(Math.exp(-0.0016 * unit * event.deltaY), ...this.position(event));
   }
 
   down(event) {
     this.canvas.setPointerCapture(event.pointerId);
-    this.fingers.set(event.pointerId, this.place(event));
+    this.pointers.set(event.pointerId, this.position(event));
     this.dragged = false;
   }
 
   move(event) {
-    const before = this.fingers.get(event.pointerId);
+    const before = this.pointers.get(event.pointerId);
     if (before === undefined) return;
-    const now = this.place(event);
-    const others = [...this.fingers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
-    this.fingers.set(event.pointerId, now);
+    const now = this.position(event);
+    const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
+    this.pointers.set(event.pointerId, now);
     this.dragged = true;
     if (others.length === 0) {
       this.onDrag();

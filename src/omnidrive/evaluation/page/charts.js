@@ -1,13 +1,13 @@
 "use strict";
-/* Time series under the map: one clock, one zoom and one cursor for all. What tunes its gains has charts of its own,
-   of one channel at a time. */
+/* Time-series charts with a common time axis, cursor and playback time. Gains of self-tuning controllers have separate
+   charts, for one channel at a time. */
 const Charts = (() => {
   const MM = 1e3;
   const KINDS = [
-    { column: "distance", title: "Position error", unit: "mm", factor: MM, digits: 2, floor: true },
-    { column: "turn", title: "Heading error", unit: "mrad", factor: 1e3, digits: 2, floor: false },
-    { column: "speed", title: "Speed", unit: "m/s", factor: 1, digits: 3, floor: true },
-    { column: "yawRate", title: "Yaw rate", unit: "rad/s", factor: 1, digits: 3, floor: false },
+    { column: "distance", title: "Position error", unit: "mm", factor: MM, digits: 2, fromZero: true },
+    { column: "turn", title: "Heading error", unit: "mrad", factor: 1e3, digits: 2, fromZero: false },
+    { column: "speed", title: "Speed", unit: "m/s", factor: 1, digits: 3, fromZero: true },
+    { column: "yawRate", title: "Yaw rate", unit: "rad/s", factor: 1, digits: 3, fromZero: false },
   ];
   const DIGITS = 3; // of gains and their inputs
   const FONT = "11px system-ui, sans-serif";
@@ -16,7 +16,7 @@ const Charts = (() => {
   const tuningHost = document.getElementById("tuning-charts");
   const channel = document.getElementById("tuning-channel");
   const rangeText = document.getElementById("chart-range");
-  const HELD = uPlot.paths.stepped({ align: 1 }); // a gain holds until the next sample
+  const HELD = uPlot.paths.stepped({ align: 1 }); // a gain is constant until the next sample
   const panels = [];
   let group = null;
   let time = 0;
@@ -53,26 +53,26 @@ const Charts = (() => {
     const { kind } = panel;
     const range = (_, low, high) => {
       if (low === null || high === null) return [0, 1];
-      if (kind.floor) return [0, high > 0 ? 1.08 * high : 1];
+      if (kind.fromZero) return [0, high > 0 ? 1.08 * high : 1];
       const pad = 0.08 * (high - low) || 0.5;
       return [low - pad, high + pad];
     };
     return {
       width, height: 190, legend: { show: false },
-      cursor: { sync: { key: "race" }, drag: { x: true, y: false, dist: 4 }, points: { size: 7 } },
+      cursor: { sync: { key: "playback" }, drag: { x: true, y: false, dist: 4 }, points: { size: 7 } },
       scales: { x: { time: false }, y: { range } },
       axes: [axis(30, (_, ticks) => ticks.map((t) => `${+t.toPrecision(6)} s`)), axis(52)],
       series: [{}, ...group.runs.map((run) => ({ label: run.label, show: run.visible, stroke: run.colour(), width: 1.6, spanGaps: false, paths: kind.held ? HELD : undefined }))],
       hooks: {
         ready: [(chart) => attach(panel, chart)],
         setCursor: [(chart) => show(panel, chart.cursor.idx)],
-        setScale: [(chart, key) => key === "x" && share(chart)],
-        draw: [() => place(panel)],
+        setScale: [(chart, key) => key === "x" && shareRange(chart)],
+        draw: [() => placeMark(panel)],
       },
     };
   }
 
-  /* The line that marks the race's time, and a click that sets it. */
+  /* Marker of the playback time, which a click sets. */
   function attach(panel, chart) {
     panel.mark = element("div", "time-mark", chart.over);
     let pressed = 0;
@@ -85,7 +85,7 @@ const Charts = (() => {
     chart.over.addEventListener("mouseleave", () => panels.forEach((other) => show(other, null)));
   }
 
-  function place(panel) {
+  function placeMark(panel) {
     if (!panel.chart || !panel.mark) return;
     const x = panel.chart.valToPos(time, "x");
     const inside = x >= -1 && x <= panel.chart.over.clientWidth + 1;
@@ -93,7 +93,7 @@ const Charts = (() => {
     panel.mark.style.transform = `translateX(${x}px)`;
   }
 
-  /* Values at a row: the pointer's, or else the race's. */
+  /* Show the values at the cursor, or else at the playback time. */
   function show(panel, row) {
     const { kind } = panel;
     const hovering = row !== null && row !== undefined;
@@ -107,8 +107,8 @@ const Charts = (() => {
     });
   }
 
-  /* Give every chart the time axis of one. */
-  function share(chart) {
+  /* Copy the time range of one chart to all others. */
+  function shareRange(chart) {
     if (zooming) return;
     const { min, max } = chart.scales.x;
     if (!Number.isFinite(min) || !Number.isFinite(max)) return;
@@ -119,11 +119,11 @@ const Charts = (() => {
     rangeText.textContent = `${min.toFixed(2)} s to ${max.toFixed(2)} s`;
   }
 
-  function build(kind, where) {
-    const root = element("figure", "chart", where);
+  function build(kind, container) {
+    const root = element("figure", "chart", container);
     const head = element("figcaption", "chart-head", root);
     element("strong", "", head).textContent = kind.unit ? `${kind.title} in ${kind.unit}` : `${kind.title}, no unit`;
-    const panel = { kind, root, where, items: [], values: [], clock: element("span", "clock", head), chart: null };
+    const panel = { kind, root, container, items: [], values: [], clock: element("span", "clock", head), chart: null };
     const list = element("div", "chart-values", root);
     for (const run of group.runs) {
       const item = element("span", "value", list);
@@ -147,21 +147,21 @@ const Charts = (() => {
     zoomTo(0, group.duration);
   }
 
-  /* Take away the charts in one place. */
-  function clear(where) {
-    const gone = panels.filter((panel) => panel.where === where);
-    panels.splice(0, panels.length, ...panels.filter((panel) => panel.where !== where));
-    for (const panel of gone) {
+  /* Remove the charts of one container. */
+  function clear(container) {
+    const removed = panels.filter((panel) => panel.container === container);
+    panels.splice(0, panels.length, ...panels.filter((panel) => panel.container !== container));
+    for (const panel of removed) {
       panel.chart.destroy();
       panel.root.remove();
     }
   }
 
-  /* The channels of this group; the one that was chosen stays, if there is one. */
+  /* List the channels of the group; keep the selected one if it exists. */
   function listChannels() {
     const names = [...new Set(group.tuning.map((each) => each.channel))];
-    const chosen = names.includes(channel.value) ? channel.value : names[0];
-    channel.replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
+    const selected = names.includes(channel.value) ? channel.value : names[0];
+    channel.replaceChildren(...names.map((name) => new Option(name, name, false, name === selected)));
     tuningPart.hidden = names.length === 0;
   }
 
@@ -169,7 +169,7 @@ const Charts = (() => {
     clear(tuningHost);
     for (const each of group.tuning.filter((one) => one.channel === channel.value)) {
       const column = `${each.quantity} ${each.channel}`;
-      build({ column, title: each.title, unit: each.unit, factor: 1, digits: DIGITS, floor: false, held: true }, tuningHost);
+      build({ column, title: each.title, unit: each.unit, factor: 1, digits: DIGITS, fromZero: false, held: true }, tuningHost);
     }
   }
 
@@ -177,7 +177,7 @@ const Charts = (() => {
     const [min, max] = span;
     buildTuning();
     zooming = true;
-    for (const { chart, where } of panels) if (where === tuningHost) chart.setScale("x", { min, max });
+    for (const { chart, container } of panels) if (container === tuningHost) chart.setScale("x", { min, max });
     zooming = false;
   });
 
@@ -185,7 +185,7 @@ const Charts = (() => {
     if (panels.length) panels[0].chart.setScale("x", { min: Math.max(min, 0), max: Math.min(max, group.duration) });
   }
 
-  /* Magnify the time axis about the race's time. */
+  /* Zoom the time axis about the playback time. */
   function zoom(factor) {
     const length = Math.min(Math.max((span[1] - span[0]) * factor, 4 * Study.dt), group.duration);
     const middle = Math.min(Math.max(time, 0.5 * length), group.duration - 0.5 * length);
@@ -197,7 +197,7 @@ const Charts = (() => {
       if (root.clientWidth && root.clientWidth !== chart.width) chart.setSize({ width: root.clientWidth, height: 190 });
     }
   });
-  for (const where of [host, tuningHost]) resized.observe(where);
+  for (const container of [host, tuningHost]) resized.observe(container);
 
   return {
     load,
@@ -209,7 +209,7 @@ const Charts = (() => {
     tick(t) {
       time = t;
       for (const panel of panels) {
-        place(panel);
+        placeMark(panel);
         if (!Number.isInteger(panel.chart.cursor.idx)) show(panel, null);
       }
     },

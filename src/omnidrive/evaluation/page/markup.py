@@ -1,4 +1,4 @@
-"""Parts of the page that are plain HTML."""
+"""Static HTML parts of the report."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from omnidrive.robot import Robot
 
 
 def tables_markup(tables: Sequence[Table]) -> str:
-    """Every table, one section each."""
+    """Return the HTML of all tables, one section each."""
     return "\n".join(_table(k, table) for k, table in enumerate(tables))
 
 
 def facts_markup(results: StudyResults) -> str:
-    """What was driven where, as the items of a description list."""
+    """Return robot, plant, map and path as the items of a description list."""
     robot, grid = results.robot, results.obstacles
     rows, cols = grid.occupied.shape
     facts = {
@@ -26,7 +26,7 @@ def facts_markup(results: StudyResults) -> str:
         "Plant": results.plant,
         "Sample time": f"{results.dt:g} s",
         "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
-        f"planned on cells of {results.free_space.resolution:g} m",
+        f"planning grid {results.free_space.resolution:g} m",
         "Path": f"{results.grid_path.length:.2f} m, {len(results.grid_path.poses)} cells",
     }
     return "\n".join(
@@ -35,7 +35,7 @@ def facts_markup(results: StudyResults) -> str:
 
 
 def _wheels(robot: Robot) -> str:
-    """How many of which kind, and in which direction from the centre."""
+    """Return number and kind of the wheels, and their directions from the centre."""
     bearings = ", ".join(f"{degrees(atan2(mount.y, mount.x)):.4g}" for mount in robot.mounts)
     kind = "mecanum wheels" if any(mount.roller_angle for mount in robot.mounts) else "omni wheels"
     return f"{len(robot.mounts)} {kind} at {bearings}°"
@@ -59,7 +59,7 @@ def _table(k: int, table: Table) -> str:
 
 
 def _classes(table: Table) -> list[str]:
-    """Of each column: words stand to the left, and only sentences are broken."""
+    """Return the CSS class of each column: text is left-aligned, sentences are wrapped."""
     classes = [' class="words"'] * table.keys + [""] * (len(table.columns) - table.keys)
     if table.prose:
         classes[-1] = ' class="prose"'

@@ -1,8 +1,8 @@
 "use strict";
-/* The race: its clock, its controls and what they show. */
-const Race = (() => {
+/* Playback of the runs: time, controls and displayed values. */
+const Playback = (() => {
   const find = (id) => document.getElementById(id);
-  const canvas = find("floor");
+  const canvas = find("map");
   const tip = find("tip");
   const camera = new Camera(canvas);
   const scene = new Scene(canvas, camera);
@@ -12,11 +12,11 @@ const Race = (() => {
   let group = null;
   let time = 0;
   let playing = false;
-  let before = null; // time stamp of the last frame while playing
+  let lastStamp = null; // time stamp of the last frame while playing, ms
   let queued = false;
   let followed = null;
-  let pointer = null; // px, where the reader points
-  let fitted = true; // whether the camera shows everything, and keeps doing so when resized
+  let pointer = null; // px, position of the pointer
+  let fitted = true; // whether the camera fits everything, also after a resize
   let readouts = [];
 
   const row = () => time / Study.dt;
@@ -36,8 +36,8 @@ const Race = (() => {
   function frame(stamp) {
     queued = false;
     if (playing) {
-      if (before !== null) time += ((stamp - before) / 1000) * Number(find("speed").value);
-      before = stamp;
+      if (lastStamp !== null) time += ((stamp - lastStamp) / 1000) * Number(find("speed").value);
+      lastStamp = stamp;
       if (time >= group.duration) {
         time = group.duration;
         pause();
@@ -56,7 +56,7 @@ const Race = (() => {
     scene.draw(group, row(), hovered && hovered.run);
     if (hovered) scene.drawLeader(pointer, hovered.state);
     lens.draw(group, row());
-    label(hovered);
+    showTip(hovered);
     find("scrub").value = time;
     find("scrub").setAttribute("aria-valuetext", `${time.toFixed(2)} seconds`);
     find("clock").textContent = time.toFixed(2);
@@ -73,20 +73,20 @@ const Race = (() => {
     });
   }
 
-  /* The visible robot whose centre is closest to the pointer. */
+  /* Visible robot whose centre is closest to the pointer. */
   function nearest() {
     let best = null;
     for (const run of group.runs) {
       if (!run.visible) continue;
       const state = run.at(row());
       const [px, py] = camera.toScreen(state.x, state.y);
-      const apart = Math.hypot(px - pointer[0], py - pointer[1]);
-      if (Number.isFinite(apart) && (best === null || apart < best.apart)) best = { run, state, apart };
+      const distance = Math.hypot(px - pointer[0], py - pointer[1]);
+      if (Number.isFinite(distance) && (best === null || distance < best.distance)) best = { run, state, distance };
     }
     return best;
   }
 
-  function label(hovered) {
+  function showTip(hovered) {
     tip.hidden = !hovered;
     if (!hovered) return;
     const { run, state } = hovered;
@@ -120,7 +120,7 @@ const Race = (() => {
     refresh();
   }
 
-  /* Move by whole samples, from the nearest one. */
+  /* Step by whole samples from the nearest one. */
   function step(samples) {
     pause();
     seek((Math.round(row()) + samples) * Study.dt);
@@ -129,7 +129,7 @@ const Race = (() => {
   function play() {
     if (time >= group.duration) time = 0;
     playing = true;
-    before = null;
+    lastStamp = null;
     describePlay();
     refresh();
   }
@@ -161,20 +161,20 @@ const Race = (() => {
   function fit() {
     follow(-1);
     fitted = true;
-    const race = reach();
-    if (group.onMap && fills(race)) camera.fit(Study.map, 0.02);
-    else camera.fit(race, group.onMap ? 0.2 : 0.08);
+    const box = extent();
+    if (group.onMap && fillsMap(box)) camera.fit(Study.map, 0.02);
+    else camera.fit(box, group.onMap ? 0.2 : 0.08);
   }
 
-  /* The box around everything that the robots cover. */
-  /* Whether the race takes up most of the map, so that the whole map is worth showing. */
-  function fills(race) {
+  /* Whether a box covers most of the map, so that the whole map is shown. */
+  function fillsMap(box) {
     const { left, right, bottom, top } = Study.map;
-    const share = Math.max((race.right - race.left) / (right - left), (race.top - race.bottom) / (top - bottom));
-    return share > 0.6;
+    const ratio = Math.max((box.right - box.left) / (right - left), (box.top - box.bottom) / (top - bottom));
+    return ratio > 0.6;
   }
 
-  function reach() {
+  /* Bounding box of all robots during the runs. */
+  function extent() {
     const size = Study.robot.bodyRadius;
     const ends = (name) => {
       const all = [group.target, ...group.runs].flatMap((run) => Array.from(run[name]).filter(Number.isFinite));
@@ -205,11 +205,11 @@ const Race = (() => {
     refresh();
   }
 
-  /* The table of controllers, and the choice of whom to follow. */
+  /* Fill the table of controllers and the list of robots to follow. */
   function listRuns() {
     const body = find("runs");
     body.replaceChildren();
-    find("follow").replaceChildren(new Option("nobody", "-1"));
+    find("follow").replaceChildren(new Option("none", "-1"));
     readouts = group.runs.map((run, k) => {
       find("follow").append(new Option(run.label, String(k)));
       const line = element("tr", "", body);
@@ -272,13 +272,13 @@ const Race = (() => {
 
   function wirePointer() {
     const point = (event) => {
-      pointer = camera.place(event);
+      pointer = camera.position(event);
       refresh();
     };
     canvas.addEventListener("pointermove", point);
     canvas.addEventListener("pointerdown", point);
     canvas.addEventListener("pointerleave", (event) => {
-      if (event.pointerType !== "mouse") return; // a tap's values stay
+      if (event.pointerType !== "mouse") return; // after a tap, the values stay
       pointer = null;
       refresh();
     });
@@ -349,7 +349,7 @@ const Race = (() => {
 
   if (Study.groups.length) begin();
   else {
-    for (const part of document.querySelectorAll(".race")) part.hidden = true;
+    for (const part of document.querySelectorAll(".playback")) part.hidden = true;
     find("theme").addEventListener("click", () => Theme.toggle());
   }
   return { time: () => time, playing: () => playing, camera };

@@ -1,4 +1,4 @@
-"""A study as the JSON that the page's scripts read."""
+"""JSON data of a study for the scripts of the report."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _SPLINE_POINTS = 600
 
 
 def payload(results: StudyResults) -> str:
-    """JSON that is safe inside a script element: no ``<`` is left in it.
+    """Return the JSON data, safe inside a script element: every ``<`` is escaped.
 
-    Lengths in m, angles in rad, times in s; columns rounded to 1e-5; null where a number is not
-    finite.
+    Lengths in m, angles in rad, times in s; columns are rounded to 1e-5; a number that is not
+    finite becomes null.
     """
     spline = results.spline.poses(np.linspace(0.0, 1.0, _SPLINE_POINTS))
     data = {
@@ -58,7 +58,7 @@ def payload(results: StudyResults) -> str:
 
 
 def _map(grid: OccupancyGrid, free: OccupancyGrid) -> dict[str, Any]:
-    """Cells as runs of equal kind, row by row from the bottom: 0 free, 1 keep out, 2 taken."""
+    """Return the cells, run-length encoded, bottom row first: 0 free, 1 inflated, 2 occupied."""
     kinds = np.where(grid.occupied, 2, free.occupied_on(grid))
     rows, cols = kinds.shape
     return {
@@ -72,7 +72,7 @@ def _map(grid: OccupancyGrid, free: OccupancyGrid) -> dict[str, Any]:
 
 
 def _run_lengths(kinds: Int[Array, " cells"]) -> list[int]:
-    """Kind, length, kind, length, ..."""
+    """Encode as kind, length, kind, length, ..."""
     starts = np.concatenate([[0], np.flatnonzero(np.diff(kinds)) + 1])
     lengths = np.diff(np.append(starts, len(kinds)))
     flat: list[int] = np.column_stack([kinds[starts], lengths]).ravel().tolist()
@@ -80,37 +80,38 @@ def _run_lengths(kinds: Int[Array, " cells"]) -> list[int]:
 
 
 def _groups(results: StudyResults) -> list[dict[str, Any]]:
-    """Runs that race together, by task and duration; then the step responses and faults."""
+    """Return the groups of runs: by task and duration, then the step responses and faults."""
     keys = dict.fromkeys((r.task, r.duration) for r in results.tracks)
     groups = []
     for task, duration in sorted(keys, key=lambda key: (list(_TASKS).index(key[0]), key[1])):
         runs = results.select(task, duration=duration)
         if task == "horizon":
             runs = tuple(sorted(runs, key=lambda r: (r.horizon or 0, r.controller)))
-            drawn = [
-                _horizon(r, ink) for r, ink in zip(runs, horizon_colours(len(runs)), strict=True)
+            encoded = [
+                _horizon(r, colour)
+                for r, colour in zip(runs, horizon_colours(len(runs)), strict=True)
             ]
         else:
-            drawn = [_controller(r) for r in runs]
+            encoded = [_controller(r) for r in runs]
         name = f"{_TASKS[task]} {duration:g} s"
         seeds = len({r.repeat for r in results.select(task, duration=duration, repeat=None)})
         name += f", first of {seeds}" if seeds > 1 else ""
-        groups.append(_group(f"{task}-{duration:g}", name, [r.run for r in runs], drawn))
+        groups.append(_group(f"{task}-{duration:g}", name, [r.run for r in runs], encoded))
     if results.steps:
-        runs_of_steps = [r.run for r in results.steps]
-        drawn = [_controller(r) for r in results.steps]
-        groups.append(_group("step", "Step response", runs_of_steps, drawn))
+        step_runs = [r.run for r in results.steps]
+        encoded = [_controller(r) for r in results.steps]
+        groups.append(_group("step", "Step response", step_runs, encoded))
     for number in dict.fromkeys(sorted(r.number for r in results.faults)):
-        together = [r for r in results.faults if r.number == number]
-        fault = together[0].fault
+        of_fault = [r for r in results.faults if r.number == number]
+        fault = of_fault[0].fault
         name = f"{fault.kind} at {fault.at:g} s" if fault else "no fault"
-        drawn = [_controller(r) for r in together]
-        groups.append(_group(f"fault-{number}", name, [r.run for r in together], drawn))
+        encoded = [_controller(r) for r in of_fault]
+        groups.append(_group(f"fault-{number}", name, [r.run for r in of_fault], encoded))
     return groups
 
 
-def _group(name: str, label: str, runs: list[Run], drawn: list[dict[str, Any]]) -> dict[str, Any]:
-    """One race; its clock and its target are those of the longest run."""
+def _group(name: str, label: str, runs: list[Run], encoded: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return one group of runs; times and target are those of the longest run."""
     longest = max(runs, key=lambda run: len(run.t))
     return {
         "id": name,
@@ -119,12 +120,12 @@ def _group(name: str, label: str, runs: list[Run], drawn: list[dict[str, Any]]) 
         "t": _column(longest.t),
         "target": [_column(longest.target[:, i]) for i in range(3)],
         "tuning": _quantities(runs),
-        "runs": drawn,
+        "runs": encoded,
     }
 
 
 def _quantities(runs: list[Run]) -> list[dict[str, str]]:
-    """What the runs' controllers tune, and from what, once each."""
+    """Return the gains and fuzzy inputs in the logs of the runs, once each."""
     every = [each for run in runs for each in tuning_signals(run)]
     return [
         {
@@ -142,18 +143,18 @@ def _controller(result: TrackResult | StepResult | FaultResult) -> dict[str, Any
     return _run(result.run, controller_label(name), controller_short(name), controller_colour(name))
 
 
-def _horizon(result: TrackResult, ink: ThemeColour) -> dict[str, Any]:
+def _horizon(result: TrackResult, colour: ThemeColour) -> dict[str, Any]:
     label = f"{controller_label(result.controller)}, N = {result.horizon}"
-    return _run(result.run, label, f"N = {result.horizon}", ink)
+    return _run(result.run, label, f"N = {result.horizon}", colour)
 
 
-def _run(run: Run, label: str, short: str, ink: ThemeColour) -> dict[str, Any]:
+def _run(run: Run, label: str, short: str, colour: ThemeColour) -> dict[str, Any]:
     noisy = not np.array_equal(run.measured, run.pose)
     speed = np.hypot(run.twist[:, 0], run.twist[:, 1])
     return {
         "label": label,
         "short": short,
-        "ink": list(ink),
+        "ink": list(colour),
         "pose": [_column(run.pose[:, i]) for i in range(3)],
         "measured": [_column(run.measured[:, i]) for i in (0, 1)] if noisy else None,
         "speed": _column(speed),

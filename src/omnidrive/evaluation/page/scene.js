@@ -1,15 +1,15 @@
 "use strict";
-/* Draws the floor and the robots on it. */
+/* Drawing of the map and the robots. */
 class Scene {
   constructor(canvas, camera) {
     this.canvas = canvas;
     this.camera = camera;
-    this.pen = canvas.getContext("2d");
+    this.ctx = canvas.getContext("2d");
     this.layers = { cells: true, inflated: true, trails: true, measured: true };
     this.recolour();
   }
 
-  /* Match the canvas to its box on the page, in real pixels. */
+  /* Match the canvas to its box on the page, in device pixels. */
   resize() {
     this.ratio = devicePixelRatio || 1;
     this.camera.width = this.canvas.clientWidth;
@@ -19,39 +19,39 @@ class Scene {
   }
 
   recolour() {
-    const names = ["floor", "inflated", "obstacle", "outside", "grid", "ink", "muted", "panel"];
+    const names = ["ground", "inflated", "obstacle", "outside", "grid", "ink", "muted", "panel"];
     this.colours = Object.fromEntries(names.map((name) => [name, Theme.colour(name)]));
-    this.picture = null; // painted when first needed
+    this.picture = null; // rendered on the next draw
   }
 
-  /* The map as a picture with one pixel per cell, its top row first. */
+  /* Render the map with one pixel per cell, top row first. */
   paintMap() {
     const { rows, cols, kinds } = Study.map;
     const picture = new OffscreenCanvas(cols, rows);
-    const pen = picture.getContext("2d");
-    const { floor, inflated, obstacle } = this.colours;
-    const inks = [floor, this.layers.inflated ? inflated : floor, obstacle].map((c) => Scene.rgb(c));
-    const image = pen.createImageData(cols, rows);
+    const ctx = picture.getContext("2d");
+    const { ground, inflated, obstacle } = this.colours;
+    const pixelColours = [ground, this.layers.inflated ? inflated : ground, obstacle].map((c) => Scene.rgb(c));
+    const image = ctx.createImageData(cols, rows);
     const pixels = new Uint32Array(image.data.buffer);
     for (let row = 0; row < rows; row++) {
       const start = (rows - 1 - row) * cols;
-      for (let col = 0; col < cols; col++) pixels[start + col] = inks[kinds[row * cols + col]];
+      for (let col = 0; col < cols; col++) pixels[start + col] = pixelColours[kinds[row * cols + col]];
     }
-    pen.putImageData(image, 0, 0);
+    ctx.putImageData(image, 0, 0);
     return picture;
   }
 
-  /* "#rrggbb" as the little-endian pixel of an opaque canvas. */
+  /* Convert "#rrggbb" to a little-endian RGBA pixel. */
   static rgb(colour) {
     const [r, g, b] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
     return ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
   }
 
   draw(group, row, hovered) {
-    const { pen, camera } = this;
-    pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    pen.fillStyle = group.onMap ? this.colours.outside : this.colours.floor;
-    pen.fillRect(0, 0, camera.width, camera.height);
+    const { ctx, camera } = this;
+    ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    ctx.fillStyle = group.onMap ? this.colours.outside : this.colours.ground;
+    ctx.fillRect(0, 0, camera.width, camera.height);
     if (group.onMap) this.drawMap();
     this.drawGrid();
     if (group.onMap) this.drawPath();
@@ -66,51 +66,51 @@ class Scene {
   }
 
   drawMap() {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     this.picture ??= this.paintMap();
     const { rows, cols, resolution, x, y, yaw } = Study.map;
     const side = resolution * camera.scale;
     const box = [0, -rows * side, cols * side, rows * side];
-    pen.save();
-    pen.translate(...camera.toScreen(x, y));
-    pen.rotate(-yaw); // the screen's y axis points down
-    pen.imageSmoothingEnabled = false;
-    pen.drawImage(this.picture, ...box);
-    pen.strokeStyle = this.colours.obstacle;
-    pen.lineWidth = 1;
-    pen.strokeRect(...box);
-    pen.restore();
+    ctx.save();
+    ctx.translate(...camera.toScreen(x, y));
+    ctx.rotate(-yaw); // the screen's y axis points down
+    ctx.imageSmoothingEnabled = false;
+    ctx.drawImage(this.picture, ...box);
+    ctx.strokeStyle = this.colours.obstacle;
+    ctx.lineWidth = 1;
+    ctx.strokeRect(...box);
+    ctx.restore();
   }
 
-  /* Lines at round coordinates, at least 70 px apart. */
+  /* Grid lines at round coordinates, at least 70 px apart. */
   drawGrid() {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     const step = Scene.round(70 / camera.scale);
-    const [left, top] = camera.toFloor(0, 0);
-    const [right, bottom] = camera.toFloor(camera.width, camera.height);
+    const [left, top] = camera.toWorld(0, 0);
+    const [right, bottom] = camera.toWorld(camera.width, camera.height);
     const multiples = (low, high) =>
       Array.from({ length: Math.floor(high / step) - Math.ceil(low / step) + 1 }, (_, k) => (Math.ceil(low / step) + k) * step);
     const columns = multiples(left, right).map((x) => [x, Math.round(camera.toScreen(x, 0)[0]) + 0.5]);
     const rows = multiples(bottom, top).map((y) => [y, Math.round(camera.toScreen(0, y)[1]) + 0.5]);
-    pen.lineWidth = 1;
-    pen.strokeStyle = this.colours.grid;
-    pen.beginPath();
+    ctx.lineWidth = 1;
+    ctx.strokeStyle = this.colours.grid;
+    ctx.beginPath();
     for (const [, px] of columns) {
-      pen.moveTo(px, 0);
-      pen.lineTo(px, camera.height);
+      ctx.moveTo(px, 0);
+      ctx.lineTo(px, camera.height);
     }
     for (const [, py] of rows) {
-      pen.moveTo(0, py);
-      pen.lineTo(camera.width, py);
+      ctx.moveTo(0, py);
+      ctx.lineTo(camera.width, py);
     }
-    pen.stroke();
+    ctx.stroke();
     this.drawCoordinates(columns, rows, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
   }
 
   drawCoordinates(columns, rows, digits) {
-    const { pen, camera } = this;
-    pen.fillStyle = this.colours.muted;
-    pen.font = "11px system-ui, sans-serif";
+    const { ctx, camera } = this;
+    ctx.fillStyle = this.colours.muted;
+    ctx.font = "11px system-ui, sans-serif";
     for (const [x, px] of columns) {
       if (px > 40 && px < camera.width - 110) this.write(x.toFixed(digits), px, camera.height - 7, "center");
     }
@@ -119,197 +119,197 @@ class Scene {
     }
   }
 
-  /* From the pointer to the robot that its values belong to. */
+  /* Line from the pointer to the robot whose values are shown. */
   drawLeader(pointer, state) {
-    const { pen } = this;
-    pen.strokeStyle = this.colours.muted;
-    pen.lineWidth = 1;
-    pen.setLineDash([2, 3]);
-    pen.beginPath();
-    pen.moveTo(...pointer);
-    pen.lineTo(...this.camera.toScreen(state.x, state.y));
-    pen.stroke();
-    pen.setLineDash([]);
+    const { ctx } = this;
+    ctx.strokeStyle = this.colours.muted;
+    ctx.lineWidth = 1;
+    ctx.setLineDash([2, 3]);
+    ctx.beginPath();
+    ctx.moveTo(...pointer);
+    ctx.lineTo(...this.camera.toScreen(state.x, state.y));
+    ctx.stroke();
+    ctx.setLineDash([]);
   }
 
-  /* Text with a halo, so that it reads on any ground. */
+  /* Text with an outline in the background colour. */
   write(text, x, y, align) {
-    const { pen } = this;
-    pen.save();
-    pen.textAlign = align;
-    pen.lineWidth = 3;
-    pen.lineJoin = "round";
-    pen.strokeStyle = this.colours.floor;
-    pen.strokeText(text, x, y);
-    pen.fillText(text, x, y);
-    pen.restore();
+    const { ctx } = this;
+    ctx.save();
+    ctx.textAlign = align;
+    ctx.lineWidth = 3;
+    ctx.lineJoin = "round";
+    ctx.strokeStyle = this.colours.ground;
+    ctx.strokeText(text, x, y);
+    ctx.fillText(text, x, y);
+    ctx.restore();
   }
 
-  /* 1, 2 or 5 times a power of ten, not below a value. */
+  /* The smallest of 1, 2, 5 times a power of ten that is not below the value. */
   static round(value) {
     const power = 10 ** Math.floor(Math.log10(value));
     return power * [1, 2, 5, 10].find((digit) => digit * power >= value * (1 - 1e-9));
   }
 
   drawPath() {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     if (this.layers.cells) {
-      pen.fillStyle = this.colours.muted;
+      ctx.fillStyle = this.colours.muted;
       const [xs, ys] = Study.cells;
       xs.forEach((x, k) => {
         const [px, py] = camera.toScreen(x, ys[k]);
-        pen.fillRect(px - 2, py - 2, 4, 4);
+        ctx.fillRect(px - 2, py - 2, 4, 4);
       });
     }
-    pen.strokeStyle = this.colours.ink;
-    pen.lineWidth = 1.5;
-    pen.setLineDash([6, 4]);
+    ctx.strokeStyle = this.colours.ink;
+    ctx.lineWidth = 1.5;
+    ctx.setLineDash([6, 4]);
     this.line(Study.spline[0], Study.spline[1], Infinity);
-    pen.setLineDash([]);
+    ctx.setLineDash([]);
   }
 
-  /* A line through the first rows of two columns, the last row perhaps a fraction. */
+  /* Polyline through the first rows of two columns; the last row may be fractional. */
   line(xs, ys, row) {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     const last = Math.min(Math.floor(row), xs.length - 1);
-    pen.beginPath();
-    for (let k = 0; k <= last; k++) pen.lineTo(...camera.toScreen(xs[k], ys[k]));
+    ctx.beginPath();
+    for (let k = 0; k <= last; k++) ctx.lineTo(...camera.toScreen(xs[k], ys[k]));
     if (last < xs.length - 1) {
       const share = row - last;
       const x = xs[last] + share * (xs[last + 1] - xs[last]);
       const y = ys[last] + share * (ys[last + 1] - ys[last]);
-      pen.lineTo(...camera.toScreen(x, y));
+      ctx.lineTo(...camera.toScreen(x, y));
     }
-    pen.stroke();
+    ctx.stroke();
   }
 
   drawTrail(run, row) {
-    const { pen } = this;
-    pen.strokeStyle = run.colour();
-    pen.lineWidth = 2.2;
-    pen.lineJoin = "round";
+    const { ctx } = this;
+    ctx.strokeStyle = run.colour();
+    ctx.lineWidth = 2.2;
+    ctx.lineJoin = "round";
     this.line(run.x, run.y, row);
   }
 
   drawMeasured(run, row) {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     const [xs, ys] = run.measured;
-    pen.fillStyle = run.colour();
-    pen.globalAlpha = 0.55;
+    ctx.fillStyle = run.colour();
+    ctx.globalAlpha = 0.55;
     for (let k = 0; k <= Math.min(row, xs.length - 1); k++) {
       const [x, y] = camera.toScreen(xs[k], ys[k]);
-      pen.fillRect(x - 1.2, y - 1.2, 2.4, 2.4);
+      ctx.fillRect(x - 1.2, y - 1.2, 2.4, 2.4);
     }
-    pen.globalAlpha = 1;
+    ctx.globalAlpha = 1;
   }
 
-  /* The reference: a dashed body and a cross at its centre. */
+  /* Reference pose: a dashed body circle with a cross at its centre. */
   drawTarget(target) {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     const [x, y] = camera.toScreen(target.x, target.y);
     const size = Study.robot.bodyRadius * camera.scale;
-    pen.strokeStyle = this.colours.ink;
-    pen.lineWidth = 1.2;
-    pen.setLineDash([5, 4]);
-    pen.beginPath();
-    pen.arc(x, y, size, 0, 2 * Math.PI);
-    pen.moveTo(x, y);
-    pen.lineTo(x + size * Math.cos(target.yaw), y - size * Math.sin(target.yaw));
-    pen.stroke();
-    pen.setLineDash([]);
-    pen.beginPath();
-    pen.moveTo(x - 7, y);
-    pen.lineTo(x + 7, y);
-    pen.moveTo(x, y - 7);
-    pen.lineTo(x, y + 7);
-    pen.stroke();
+    ctx.strokeStyle = this.colours.ink;
+    ctx.lineWidth = 1.2;
+    ctx.setLineDash([5, 4]);
+    ctx.beginPath();
+    ctx.arc(x, y, size, 0, 2 * Math.PI);
+    ctx.moveTo(x, y);
+    ctx.lineTo(x + size * Math.cos(target.yaw), y - size * Math.sin(target.yaw));
+    ctx.stroke();
+    ctx.setLineDash([]);
+    ctx.beginPath();
+    ctx.moveTo(x - 7, y);
+    ctx.lineTo(x + 7, y);
+    ctx.moveTo(x, y - 7);
+    ctx.lineTo(x, y + 7);
+    ctx.stroke();
   }
 
-  /* Body circle, wheels and an arrow along the heading; to scale. */
+  /* Body circle, wheels and heading arrow, to scale. */
   drawRobot(run, state, hovered) {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     const { bodyRadius, wheelRadius, wheels } = Study.robot;
     const size = bodyRadius * camera.scale;
     const colour = run.colour();
-    pen.save();
-    pen.translate(...camera.toScreen(state.x, state.y));
-    pen.rotate(-state.yaw);
-    pen.fillStyle = pen.strokeStyle = colour;
-    pen.lineWidth = hovered ? 3.5 : 2;
-    pen.beginPath();
-    pen.arc(0, 0, size, 0, 2 * Math.PI);
-    pen.globalAlpha = 0.08;
-    pen.fill();
-    pen.globalAlpha = 1;
-    pen.stroke();
+    ctx.save();
+    ctx.translate(...camera.toScreen(state.x, state.y));
+    ctx.rotate(-state.yaw);
+    ctx.fillStyle = ctx.strokeStyle = colour;
+    ctx.lineWidth = hovered ? 3.5 : 2;
+    ctx.beginPath();
+    ctx.arc(0, 0, size, 0, 2 * Math.PI);
+    ctx.globalAlpha = 0.08;
+    ctx.fill();
+    ctx.globalAlpha = 1;
+    ctx.stroke();
     const half = Math.max(wheelRadius * camera.scale, 3);
     for (const { x, y, axle, roller } of wheels) {
-      pen.save();
-      pen.translate(x * camera.scale, -y * camera.scale);
-      pen.rotate(-axle);
-      pen.fillRect(-0.45 * half, -half, 0.9 * half, 2 * half);
+      ctx.save();
+      ctx.translate(x * camera.scale, -y * camera.scale);
+      ctx.rotate(-axle);
+      ctx.fillRect(-0.45 * half, -half, 0.9 * half, 2 * half);
       if (roller !== 0) this.drawRollers(half, roller);
-      pen.restore();
+      ctx.restore();
     }
     this.drawArrow(0.78 * size);
-    pen.restore();
+    ctx.restore();
   }
 
-  /* The topmost rollers of a mecanum wheel, whose rolling is up on the screen. */
+  /* Uppermost rollers of a mecanum wheel that rolls upwards on the screen. */
   drawRollers(half, roller) {
-    const { pen } = this;
+    const { ctx } = this;
     const slope = Math.cos(roller) / Math.sin(roller);
-    pen.save();
-    pen.strokeStyle = this.colours.panel;
-    pen.lineWidth = Math.max(0.12 * half, 1);
-    pen.beginPath();
-    pen.rect(-0.45 * half, -half, 0.9 * half, 2 * half);
-    pen.clip();
-    pen.beginPath();
+    ctx.save();
+    ctx.strokeStyle = this.colours.panel;
+    ctx.lineWidth = Math.max(0.12 * half, 1);
+    ctx.beginPath();
+    ctx.rect(-0.45 * half, -half, 0.9 * half, 2 * half);
+    ctx.clip();
+    ctx.beginPath();
     for (const middle of [-1, -0.5, 0, 0.5, 1]) {
-      pen.moveTo(-0.5 * half, (middle - 0.5 * slope) * half);
-      pen.lineTo(0.5 * half, (middle + 0.5 * slope) * half);
+      ctx.moveTo(-0.5 * half, (middle - 0.5 * slope) * half);
+      ctx.lineTo(0.5 * half, (middle + 0.5 * slope) * half);
     }
-    pen.stroke();
-    pen.restore();
+    ctx.stroke();
+    ctx.restore();
   }
 
   drawArrow(length) {
-    const { pen } = this;
+    const { ctx } = this;
     const head = Math.min(0.35 * length, 11);
-    pen.lineWidth = 2.5;
-    pen.beginPath();
-    pen.moveTo(0, 0);
-    pen.lineTo(length - 0.8 * head, 0);
-    pen.stroke();
-    pen.beginPath();
-    pen.moveTo(length, 0);
-    pen.lineTo(length - head, 0.55 * head);
-    pen.lineTo(length - head, -0.55 * head);
-    pen.fill();
-    pen.beginPath();
-    pen.arc(0, 0, 3, 0, 2 * Math.PI);
-    pen.fill();
+    ctx.lineWidth = 2.5;
+    ctx.beginPath();
+    ctx.moveTo(0, 0);
+    ctx.lineTo(length - 0.8 * head, 0);
+    ctx.stroke();
+    ctx.beginPath();
+    ctx.moveTo(length, 0);
+    ctx.lineTo(length - head, 0.55 * head);
+    ctx.lineTo(length - head, -0.55 * head);
+    ctx.fill();
+    ctx.beginPath();
+    ctx.arc(0, 0, 3, 0, 2 * Math.PI);
+    ctx.fill();
   }
 
-  /* A bar of round length in the lower right corner. */
+  /* Scale bar of round length in the lower right corner. */
   drawScale() {
-    const { pen, camera } = this;
+    const { ctx, camera } = this;
     const length = Scene.round(36 / camera.scale);
     const right = camera.width - 14;
     const left = right - length * camera.scale;
     const y = camera.height - 14;
     const text = length >= 1 ? `${length} m` : length >= 0.01 ? `${+(length * 100).toPrecision(2)} cm` : `${+(length * 1000).toPrecision(2)} mm`;
-    pen.strokeStyle = this.colours.ink;
-    pen.fillStyle = this.colours.ink;
-    pen.lineWidth = 2;
-    pen.beginPath();
-    pen.moveTo(left, y - 5);
-    pen.lineTo(left, y);
-    pen.lineTo(right, y);
-    pen.lineTo(right, y - 5);
-    pen.stroke();
-    pen.font = "11px system-ui, sans-serif";
+    ctx.strokeStyle = this.colours.ink;
+    ctx.fillStyle = this.colours.ink;
+    ctx.lineWidth = 2;
+    ctx.beginPath();
+    ctx.moveTo(left, y - 5);
+    ctx.lineTo(left, y);
+    ctx.lineTo(right, y);
+    ctx.lineTo(right, y - 5);
+    ctx.stroke();
+    ctx.font = "11px system-ui, sans-serif";
     this.write(text, 0.5 * (left + right), y - 7, "center");
   }
 }

@@ -1,11 +1,11 @@
 "use strict";
-/* The study: its data, decoded, and its values at any time. Lengths in m, angles in rad, times in s. */
+/* Decoded data of the study, with interpolation in time. Lengths in m, angles in rad, times in s. */
 const Study = (() => {
   const raw = JSON.parse(document.getElementById("study").textContent);
   const numbers = (column) => Float64Array.from(column, (v) => (v === null ? NaN : v));
   const wrap = (angle) => angle - 2 * Math.PI * Math.floor((angle + Math.PI) / (2 * Math.PI));
 
-  /* A column's value at a fractional row; after its last row it holds. */
+  /* Value of a column at a fractional row, interpolated linearly; constant after the last row. */
   function sample(column, row) {
     const last = column.length - 1;
     if (row >= last) return column[last];
@@ -28,9 +28,9 @@ const Study = (() => {
       x, y, yaw, distance, turn, speed: numbers(run.speed), yawRate: numbers(run.yawRate),
       measured: run.measured && run.measured.map(numbers),
       tuning,
-      /* A column by name; undefined if the run has none. */
+      /* Column by name; undefined if it does not exist. */
       column(name) { return this[name] ?? tuning[name]; },
-      /* Its value at a fractional row; what the controller chose holds until the next row. */
+      /* Value at a fractional row; gains and their inputs hold until the next row. */
       value(name, row) {
         if (this[name]) return sample(this[name], row);
         return tuning[name]?.[Math.floor(row + 1e-6)] ?? NaN;

@@ -1,11 +1,11 @@
 "use strict";
-/* Light or dark: as the system says until the reader says otherwise. Runs before the first paint. */
+/* Light or dark theme: the system setting until the user switches. Runs before the first paint. */
 const Theme = (() => {
   const system = matchMedia("(prefers-color-scheme: dark)");
   const listeners = [];
-  let chosen = null;
+  let selected = null;
 
-  const dark = () => (chosen === null ? system.matches : chosen);
+  const dark = () => (selected === null ? system.matches : selected);
 
   function apply() {
     document.documentElement.dataset.theme = dark() ? "dark" : "light";
@@ -16,7 +16,7 @@ const Theme = (() => {
   apply();
   return {
     dark,
-    toggle() { chosen = !dark(); apply(); },
+    toggle() { selected = !dark(); apply(); },
     onChange(listener) { listeners.push(listener); },
     colour: (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim(),
   };

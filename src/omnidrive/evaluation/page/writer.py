@@ -1,4 +1,4 @@
-"""Puts markup, style, scripts and data into one file."""
+"""Assembly of the report: markup, styles, scripts and data in one file."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def write_page(results: StudyResults, tables: Sequence[Table], path: Path) -> No
     """Write the report of a study: one HTML file that needs no network.
 
     Args:
-        results: What to play; tasks without runs are left out.
-        tables: What to print below, in this order.
-        path: The file; its folder exists.
+        results: Results of the study; tasks without runs are omitted.
+        tables: Tables below the playback, in this order.
+        path: Output file in an existing folder.
 
     Raises:
         OSError: The file cannot be written.
@@ -43,7 +43,7 @@ def write_page(results: StudyResults, tables: Sequence[Table], path: Path) -> No
 
 
 def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
-    """The report of a study; its security policy admits its own scripts and nothing else."""
+    """Return the HTML of the report; its content security policy permits only its own scripts."""
     styles, early, late = (_read(names) for names in (_STYLES, _EARLY, _SCRIPTS))
     parts = {
         "policy": _policy(early + late, styles),
@@ -56,7 +56,7 @@ def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
         "scripts": "".join(f"<script>{text}</script>\n" for text in late),
         "licence": escape(_read(("vendor/uPlot.LICENSE",))[0]),
     }
-    # one pass, so that nothing inside a part is taken for a place to fill
+    # one pass, so that placeholders inside the parts are not replaced
     return re.sub(r"\{\{(\w+)\}\}", lambda hit: parts[hit[1]], _read(("page.html",))[0])
 
 
@@ -66,7 +66,7 @@ def _read(names: Sequence[str]) -> list[str]:
 
 
 def _policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
-    """Content security policy: scripts and styles by their hash, no connection to anywhere."""
+    """Return the content security policy: scripts and styles by hash, no connections."""
     return (
         f"default-src 'none'; script-src {_hashes(scripts)}; style-src {_hashes(styles)}; "
         "img-src data:; base-uri 'none'; form-action 'none'"
