@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
-from omnidrive.fuzzy.files.fcl_words import RESERVED
-from omnidrive.fuzzy.files.fll_terms import FUNCTIONS
-from omnidrive.fuzzy.files.polyline import simplest
+from omnidrive.fuzzy.files.fcl.lexer import RESERVED
+from omnidrive.fuzzy.files.fcl.semantics import simplest_shape
+from omnidrive.fuzzy.files.fll.writer import FUNCTIONS
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction
@@ -17,7 +17,7 @@ from tests.fuzzy.systems import IDENTIFIERS, systems
 
 IEC = """\
 (* a heater,
-   as jFuzzyLogic would have it *)
+   in jFuzzyLogic's dialect *)
 FUNCTION_BLOCK heater // comments
 VAR_INPUT
     room : REAL; /* in degrees */
@@ -109,7 +109,7 @@ END_FUNCTION_BLOCK
 """
 
 
-def test_the_dialect_of_the_standard_and_jfuzzylogic():
+def test_read_iec_dialect():
     system = read_fcl(IEC)
     room, sky = system.inputs
     assert system.name == "heater"
@@ -140,7 +140,7 @@ def test_the_dialect_of_the_standard_and_jfuzzylogic():
     assert read_fcl(write_fcl(system)) == system
 
 
-def test_the_dialect_of_fuzzylite():
+def test_read_fuzzylite_dialect():
     system = read_fcl(FUZZYLITE)
     assert system.name == "heater, the small one"
     assert [each.upper.shape for each in system.inputs[0].sets] == ["zmf", "gbellmf", "linsmf"]
@@ -156,7 +156,7 @@ def test_the_dialect_of_fuzzylite():
     assert read_fcl(write_fcl(renamed, "fuzzylite")) == renamed
 
 
-def test_singletons_and_a_range_from_the_sets():
+def test_singletons_and_default_range():
     system = read_fcl(SINGLETONS)
     assert (system.inputs[0].low, system.inputs[0].high) == (0.0, 1.0)
     assert (system.outputs[0].low, system.outputs[0].high) == (-5.0, 5.0)
@@ -164,7 +164,7 @@ def test_singletons_and_a_range_from_the_sets():
     assert read_fcl(write_fcl(system)) == system
 
 
-def test_one_operator_brings_its_partner():
+def test_single_operator_selects_its_partner():
     for given_, wanted in (
         ("OR : BSUM", ("lukasiewicz", "bsum")),
         ("AND : DMIN", ("drastic",) * 2),
@@ -173,38 +173,40 @@ def test_one_operator_brings_its_partner():
         assert (system.conjunction, system.disjunction) == wanted
 
 
-def test_operators_that_are_no_pair_are_read_where_only_the_last_counts():
+def test_unpaired_operators():
     text = SINGLETONS.replace("IF a IS on THEN", "IF a IS on AND a IS off THEN")
     system = read_fcl(text.replace("AND : MIN;", "OR : ASUM; AND : MIN;"))
     assert (system.conjunction, system.disjunction) == ("min", "probor")
     assert read_fcl(write_fcl(system)) == system
-    with pytest.raises(InvalidFuzzyFile, match="AND is no partner"):
+    with pytest.raises(InvalidFuzzyFile, match="replaces this AND by the partner"):
         read_fcl(text.replace("AND : MIN;", "AND : MIN; OR : ASUM;"))
 
 
-def test_points_that_only_continue_are_left_out():
-    assert simplest(Membership("pointsmf", (0, 1, 2, 1, 3, 0, 4, 0))) == Membership(
+def test_simplest_shape_ignores_redundant_points():
+    assert simplest_shape(Membership("pointsmf", (0, 1, 2, 1, 3, 0, 4, 0))) == Membership(
         "linzmf", (2, 3)
     )
     points = FUZZYLITE.replace("ZShape 5.000 18.000", "Discrete 0 0 1 1 2 0")
     assert read_fcl(points).inputs[0].sets[0].upper.shape == "pointsmf"
     flat = Membership("pointsmf", (0, 1, 2, 1))
-    assert simplest(flat) is flat
+    assert simplest_shape(flat) is flat
 
 
-def written(system):
-    """As it is read: without what has no effect, and with points as the shape they draw."""
+def as_iec_reads(system):
+    """Return the system as it is read: points as shapes, ineffective aggregations as max."""
 
-    def named(each):
-        return replace(each, upper=simplest(each.upper)) if isinstance(each, FuzzySet) else each
+    def simplified(each):
+        return (
+            replace(each, upper=simplest_shape(each.upper)) if isinstance(each, FuzzySet) else each
+        )
 
     return replace(
         system,
-        inputs=tuple(replace(v, sets=tuple(map(named, v.sets))) for v in system.inputs),
+        inputs=tuple(replace(v, sets=tuple(map(simplified, v.sets))) for v in system.inputs),
         outputs=tuple(
             replace(
                 v,
-                sets=tuple(map(named, v.sets)),
+                sets=tuple(map(simplified, v.sets)),
                 aggregation="max" if v.is_sugeno and v.aggregation != "sum" else v.aggregation,
             )
             for v in system.outputs
@@ -212,7 +214,7 @@ def written(system):
     )
 
 
-SAYABLE = tuple(
+IEC_SHAPES = tuple(
     "trimf trapmf linsmf linzmf gaussmf gauss2mf gbellmf sigmf pointsmf".split()  # noqa: SIM905
 )
 NAMES = IDENTIFIERS.filter(lambda name: name.lower() not in RESERVED | FUNCTIONS)
@@ -224,7 +226,7 @@ PAIRS = [("min", "max"), ("prod", "probor"), ("lukasiewicz", "bsum"), ("hamacher
     systems(
         types=(1,),
         names=NAMES,
-        shapes=SAYABLE,
+        shapes=IEC_SHAPES,
         aggregations=("max", "bsum", "probor", "sum"),
         defuzzifiers=("centroid", "bisector", "mom", "lm", "rm", "wtaver"),
         outputs_alike=True,
@@ -234,9 +236,9 @@ PAIRS = [("min", "max"), ("prod", "probor"), ("lukasiewicz", "bsum"), ("hamacher
     ),
     st.sampled_from(PAIRS),
 )
-def test_what_is_written_is_read(system, pair):
+def test_iec_round_trip(system, pair):
     system = replace(system, conjunction=pair[0], disjunction=pair[1])
-    assert read_fcl(write_fcl(system)) == written(system)
+    assert read_fcl(write_fcl(system)) == as_iec_reads(system)
 
 
 @settings(max_examples=40, deadline=None)
@@ -248,21 +250,21 @@ def test_what_is_written_is_read(system, pair):
         defuzzifiers=("centroid", "bisector", "mom", "lm", "rm", "wtaver", "wtsum"),
     )
 )
-def test_what_is_written_for_fuzzylite_is_read(system):
-    assert read_fcl(write_fcl(system, "fuzzylite")) == used(system)
+def test_fuzzylite_round_trip(system):
+    assert read_fcl(write_fcl(system, "fuzzylite")) == as_fuzzylite_reads(system)
 
 
-def used(system):
-    return replace(system, outputs=written(system).outputs) if system.is_sugeno else system
+def as_fuzzylite_reads(system):
+    return replace(system, outputs=as_iec_reads(system).outputs) if system.is_sugeno else system
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "where", "what"),
+    ("old", "new", "position", "message"),
     [
-        ("power IS low WITH 0.5;\nEND_RULEBLOCK", "(* x", "line 37, column 34", "not end"),
+        ("power IS low WITH 0.5;\nEND_RULEBLOCK", "(* x", "line 37, column 34", "not closed"),
         ("FUNCTION_BLOCK heater", "BLOCK heater", "line 3, column 1", "FUNCTION_BLOCK"),
         ("room : REAL;", "room : BOOL;", "line 5, column 12", "REAL"),
-        ("sky : real;", "room : real;", "line 7, column 5", "'room' is there twice"),
+        ("sky : real;", "room : real;", "line 7, column 5", "'room' appears twice"),
         ("(-10 .. 40)", "(40 .. 40)", "line 5", "must have a width"),
         ("(-10 .. 40)", "(-10, 40)", "line 6, column 18", "expected .."),
         ("(-10 .. 40)", "(-10 .. 1e999)", "line 6, column 22", "finite"),
@@ -274,7 +276,7 @@ def used(system):
         ("(5, 1) (18, 0)", "COSINE 1 2", "line 13, column 18", "COSINE"),
         ("(5, 1) (18, 0)", "FUNCTION x^2", "line 13, column 18", "FUNCTION"),
         ("(5, 1) (18, 0)", "DSIGM 3 1 2 1", "line 13, column 18", "becomes negative"),
-        ("(5, 1) (18, 0)", "5", "line 13, column 10", "made of fuzzy sets"),
+        ("(5, 1) (18, 0)", "5", "line 13, column 10", "must be fuzzy sets"),
         ("TERM warm", "TERM cold", "line 5", "'cold' is there twice"),
         ("GBELL 2 3 21", "GBELL 2 3", "line 17, column 18", "expected 3 numbers"),
         ("METHOD : MM", "METHOD : COGF", "line 28, column 14", "COGF"),
@@ -282,10 +284,15 @@ def used(system):
         ("    METHOD : MM;\n", "", "line 10", "METHOD"),
         ("DEFAULT := 7", "DEFAULT := NC", "line 29, column 16", "NC"),
         ("DEFAULT := 7", "DEFAULT := 7 | NC", "line 29, column 18", "NC"),
-        ("    ACCU : MAX;\n", "", "line 10", "jFuzzyLogic SUM"),
+        ("    ACCU : MAX;\n", "", "line 10", "SUM in jFuzzyLogic"),
         ("ACCU : MAX", "ACCU : NSUM", "line 32, column 12", "NSUM"),
         ("AND : PROD", "AND : PROD; AND : MIN", "line 33, column 17", "twice"),
-        ("AND : PROD", "OR : MAX; AND : PROD", "line 33, column 10", "no partner"),
+        (
+            "AND : PROD",
+            "OR : MAX; AND : PROD",
+            "line 33, column 10",
+            "replaces this OR by the partner",
+        ),
         ("AND sky IS NOT dark OR", "OR sky IS NOT dark AND", "line 35, column 49", "parentheses"),
         ("room IS cold", "room IS very cold", "", ""),
         ("room IS cold", "room IS colder", "line 35, column 14", "'cold'"),
@@ -297,19 +304,19 @@ def used(system):
         ("RULEBLOCK No1", "RULEBLOCK No1 ENABLED : FALSE;", "line 31", "not enabled"),
     ],
 )
-def test_what_cannot_be_read(old, new, where, what):
+def test_read_errors(old, new, position, message):
     assert old in IEC
     text = IEC.replace(old, new, 1)
-    if not what:
+    if not message:
         assert read_fcl(text)
         return
     with pytest.raises(InvalidFuzzyFile) as error:
         read_fcl(text)
-    assert where in str(error.value)
-    assert what in str(error.value)
+    assert position in str(error.value)
+    assert message in str(error.value)
 
 
-def test_singletons_that_rules_share():
+def test_repeated_singletons():
     text = SINGLETONS.replace("y IS down;", "y IS up;")
     assert read_fcl(text.replace("AND : MIN;", "ACCU : SUM;")).outputs[0].aggregation == "sum"
     with pytest.raises(InvalidFuzzyFile, match=r"line 7, column 8: .*\(line 9\).*expected SUM"):
@@ -319,7 +326,7 @@ def test_singletons_that_rules_share():
 def test_several_rule_blocks():
     block = SINGLETONS[SINGLETONS.index("RULEBLOCK") : SINGLETONS.index("END_FUNCTION")]
     first, second = block.replace("RULE 2 ", "x").split("x")[0] + "END_RULEBLOCK\n", block
-    with pytest.raises(InvalidFuzzyFile, match="second RULEBLOCK concludes about 'y'"):
+    with pytest.raises(InvalidFuzzyFile, match="second RULEBLOCK has rules for 'y'"):
         read_fcl(SINGLETONS.replace(block, first + second))
     fuzzylite = SINGLETONS.replace("METHOD", "LOCK : RANGE; METHOD").replace(block, first + second)
     assert len(read_fcl(fuzzylite).rules) == 3
@@ -327,7 +334,7 @@ def test_several_rule_blocks():
         read_fcl(fuzzylite.replace("AND : MIN", "AND : PROD", 1))
 
 
-def test_what_cannot_be_written():
+def test_write_errors():
     system = read_fcl(FUZZYLITE.replace("any", "best"))
     with pytest.raises(InvalidInput, match=r"'heater, the small one'"):
         write_fcl(system)
@@ -355,7 +362,7 @@ PIECES = [
 
 @settings(max_examples=120, deadline=None)
 @given(mutated([IEC, FUZZYLITE, SINGLETONS], PIECES) | st.text())
-def test_hostile_text(text):
+def test_mutated_text_is_read_or_refused(text):
     try:
         system = read_fcl(text)
     except InvalidInput:
@@ -365,7 +372,9 @@ def test_hostile_text(text):
             again = write_fcl(system, dialect)
         except InvalidInput:
             continue
-        assert read_fcl(again) == (written(system) if dialect == "iec" else used(system))
+        assert read_fcl(again) == (
+            as_iec_reads(system) if dialect == "iec" else as_fuzzylite_reads(system)
+        )
 
 
 def test_deep_parentheses():
@@ -375,6 +384,6 @@ def test_deep_parentheses():
             read_fcl(SINGLETONS.replace("IF a IS on", f"IF {deep}"))
 
 
-def test_comments_that_do_not_end():
-    with pytest.raises(InvalidFuzzyFile, match="does not end"):
+def test_unclosed_comments():
+    with pytest.raises(InvalidFuzzyFile, match="is not closed"):
         read_fcl("FUNCTION_BLOCK a\n" + "(*" * 500_000)

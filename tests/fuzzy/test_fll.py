@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files.fll import read_fll, write_fll
-from omnidrive.fuzzy.files.fll_terms import FUNCTIONS
+from omnidrive.fuzzy.files.fll.writer import FUNCTIONS
 from omnidrive.fuzzy.membership import SHAPES, Membership
 from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint, LinearFunction
@@ -97,7 +97,7 @@ RuleBlock:
 """
 
 
-def test_a_mamdani_system():
+def test_read_mamdani():
     system = read_fll(HEATER)
     room, sky = system.inputs
     assert system.name == "heater: the small one"
@@ -125,7 +125,7 @@ def test_a_mamdani_system():
     assert second.antecedent == Or((Is("room", "warm", ("seldom",)), Is("sky", "", ("any",))))
 
 
-def test_a_sugeno_system():
+def test_read_sugeno():
     system = read_fll(MIXER)
     (output,) = system.outputs
     assert output.sets == (
@@ -139,7 +139,7 @@ def test_a_sugeno_system():
     assert [off.upper(x) for x in (0.4, 0.5, 0.6)] == [1.0, 1.0, 0.0]
 
 
-def test_the_words_of_fuzzylite_5():
+def test_read_fuzzylite_5():
     system = read_fll(OLD)
     assert system.implication == "prod"
     assert system.outputs[0].aggregation == "max"
@@ -147,13 +147,13 @@ def test_the_words_of_fuzzylite_5():
 
 
 @pytest.mark.parametrize("text", [HEATER, MIXER, OLD])
-def test_what_is_read_is_written(text):
+def test_read_write_read(text):
     system = read_fll(text)
     assert read_fll(write_fll(system)) == system
 
 
-def used(system):
-    """Without what has no effect, and so is not written."""
+def as_read(system):
+    """Return the system as it is read: ineffective aggregations as max."""
     return replace(
         system,
         outputs=tuple(
@@ -172,12 +172,12 @@ def used(system):
         negated_consequents=False,
     )
 )
-def test_what_is_written_is_read(system):
-    assert read_fll(write_fll(system)) == used(system)
+def test_round_trip(system):
+    assert read_fll(write_fll(system)) == as_read(system)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "where", "what"),
+    ("old", "new", "position", "message"),
     [
         ("cold ZShape 5 18", "cold Cosine 5 18", "line 7, column 14", "Cosine"),
         ("cold ZShape 5 18", "cold ZShape 5 18 0.5", "line 7, column 14", "height of 0.5"),
@@ -185,7 +185,7 @@ def test_what_is_written_is_read(system):
         ("cold ZShape 5 18", "cold ZShape 5 x", "line 7, column 23", "number"),
         ("cold ZShape 5 18", "cold ZShape 5 nan", "line 7, column 23", "number"),
         ("cold ZShape 5 18", "cold ZShape 5 inf", "line 7, column 14", "finite"),
-        ("cold ZShape 5 18", "cold Constant 5", "line 3", "made of fuzzy sets"),
+        ("cold ZShape 5 18", "cold Constant 5", "line 3", "must be fuzzy sets"),
         ("cold ZShape 5 18", "cold Function x", "line 7, column 14", "Function"),
         ("cold ZShape 5 18", "warm ZShape 5 18", "line 3", "'warm' is there twice"),
         ("hot Ramp 24 30", "hot Ramp 24 24", "line 9, column 13", "no direction"),
@@ -218,16 +218,16 @@ def test_what_is_written_is_read(system):
         ("with 0.5", "with 1.5", "line 31", "weight"),
     ],
 )
-def test_what_cannot_be_read(old, new, where, what):
+def test_read_errors(old, new, position, message):
     assert old in HEATER
     with pytest.raises(InvalidFuzzyFile) as error:
         read_fll(HEATER.replace(old, new, 1))
-    assert where in str(error.value)
-    assert what in str(error.value)
+    assert position in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "what"),
+    ("old", "new", "message"),
     [
         ("aggregation: none", "aggregation: Maximum", "rules with one consequent (line 21)"),
         ("range: 0 10", "range: 0 10\nlock-range: true", "may leave its range"),
@@ -237,33 +237,33 @@ def test_what_cannot_be_read(old, new, where, what):
         ("Constant 7", "Triangle 0 1 2", "mixes"),
     ],
 )
-def test_what_cannot_be_read_of_sugeno(old, new, what):
+def test_sugeno_read_errors(old, new, message):
     with pytest.raises(InvalidFuzzyFile) as error:
         read_fll(MIXER.replace(old, new, 1))
-    assert what in str(error.value)
+    assert message in str(error.value)
 
 
-def test_aggregation_of_conclusions_that_are_not_shared():
+def test_aggregation_without_repeated_consequents():
     text = MIXER.replace("aggregation: none", "aggregation: Maximum")
     assert read_fll(text.replace("rule: if b is on then y is flat\n", "")).outputs[0].is_sugeno
 
 
 @pytest.mark.parametrize("text", ["", "\n#\n", "x", ":", "Engine:", "RuleBlock:", "\0"])
-def test_what_is_no_fll(text):
+def test_texts_without_components(text):
     with pytest.raises(InvalidFuzzyFile):
         read_fll(text)
 
 
-def test_what_cannot_be_written():
+def test_write_errors():
     system = read_fll(HEATER)
-    for change, what in (
+    for change, message in (
         ({"name": "a # b"}, "a # b"),
         ({"inputs": (replace(system.inputs[0], name="two words"), system.inputs[1])}, "two words"),
         ({"outputs": (replace(system.outputs[0], defuzzifier="som"),)}, "som"),
     ):
         if "inputs" in change:
             change["rules"] = (replace(system.rules[1], antecedent=Is("sky", "dark")),)
-        with pytest.raises(InvalidInput, match=what):
+        with pytest.raises(InvalidInput, match=message):
             write_fll(replace(system, **change))
     rule = replace(system.rules[0], consequents=(Is("power", "low", ("not",)),))
     with pytest.raises(InvalidInput, match="complement"):
@@ -272,7 +272,7 @@ def test_what_cannot_be_written():
         write_fll(system.with_footprint(Footprint(0.5)))
 
 
-def test_edges_are_written_so_that_they_stay():
+def test_vertical_edges_round_trip():
     system = read_fll(HEATER)
     shapes = ("linsmf", "linzmf", "smf", "zmf")
     steps = tuple(
@@ -285,7 +285,7 @@ def test_edges_are_written_so_that_they_stay():
     assert read_fll(text) == system
 
 
-def test_every_shape_can_be_written():
+def test_all_shapes_round_trip():
     for shape, kind in SHAPES.items():
         system = read_fll(OLD)
         parameters = tuple(range(1, 1 + len(kind.parameters))) or (1, 0, 2, 1)
@@ -303,13 +303,13 @@ PIECES = [
 
 @settings(max_examples=120, deadline=None)
 @given(mutated([HEATER, MIXER, OLD], PIECES) | st.text())
-def test_hostile_text(text):
+def test_mutated_text_is_read_or_refused(text):
     try:
         system = read_fll(text)
         again = write_fll(system)
     except InvalidInput:
         return
-    assert read_fll(again) == used(system)
+    assert read_fll(again) == as_read(system)
 
 
 def test_deep_parentheses():
@@ -318,11 +318,11 @@ def test_deep_parentheses():
         read_fll(OLD.replace("if a is on", f"if {deep}"))
 
 
-def test_too_many(monkeypatch):
+def test_limits(monkeypatch):
     with pytest.raises(InvalidFuzzyFile, match="more than 1000 terms"):
         read_fll(OLD.replace("  term: on", "  term: on Triangle 0 1 2\n" * 1000 + "  term: on"))
     with pytest.raises(InvalidFuzzyFile, match="more than 64"):
         read_fll("InputVariable: a\n" * 65 + OLD)
-    monkeypatch.setattr("omnidrive.fuzzy.files.fll_reader.MAX_RULES", 10)
+    monkeypatch.setattr("omnidrive.fuzzy.files.fll.semantics.MAX_RULES", 10)
     with pytest.raises(InvalidFuzzyFile, match="more than 10 rules"):
         read_fll(OLD + "  rule: if a is on then y is up\n" * 10)

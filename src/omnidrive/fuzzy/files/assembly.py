@@ -1,4 +1,4 @@
-"""From the parts that a file gives to a fuzzy system, with errors that say where."""
+"""Fuzzy systems from the parts that a file declares, with errors that name positions."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
-from omnidrive.fuzzy.files.source import Position, malformed
+from omnidrive.fuzzy.position import Position, malformed
 from omnidrive.fuzzy.rules import And, Antecedent, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import InputVariable, LinearFunction, OutputVariable
 
 
 class LocatedRule(NamedTuple):
-    """A rule, and where it stands."""
+    """A rule and its position in the file."""
 
     rule: Rule
     position: Position
@@ -24,7 +24,7 @@ class LocatedRule(NamedTuple):
 
 @contextmanager
 def locate_errors(position: Position | None) -> Iterator[None]:
-    """Say where the file says what a class of the system refuses."""
+    """Prepend a position to the message of an :class:`~omnidrive.errors.InvalidInput`."""
     try:
         yield
     except InvalidFuzzyFile:
@@ -33,7 +33,7 @@ def locate_errors(position: Position | None) -> Iterator[None]:
         raise malformed(position, str(error)) from None
 
 
-def assembled(  # noqa: PLR0917
+def assemble_system(  # noqa: PLR0917
     name: str,
     inputs: Sequence[InputVariable],
     outputs: Sequence[OutputVariable],
@@ -42,10 +42,11 @@ def assembled(  # noqa: PLR0917
     disjunction: str = "max",
     implication: str = "min",
 ) -> FuzzySystem:
-    """The system of these parts.
+    """Return the system of these parts.
 
     Raises:
-        InvalidFuzzyFile: They do not fit; where a rule is at fault, its place is named.
+        InvalidFuzzyFile: The parts are inconsistent; the message names the position of the rule
+            that causes the error, if a rule does.
     """
     try:
         return FuzzySystem(
@@ -63,52 +64,52 @@ def assembled(  # noqa: PLR0917
         raise malformed(position, str(error)) from None
 
 
-def joins(antecedent: Antecedent) -> frozenset[type[And | Or]]:
-    """Which of "and" and "or" an antecedent needs."""
-    if isinstance(antecedent, Is):
-        return frozenset()
-    below = frozenset[type[And | Or]]().union(*map(joins, antecedent.parts))
-    return below | {type(antecedent)} if len(antecedent.parts) > 1 else below
-
-
-def all_joins(rules: Sequence[LocatedRule] | Sequence[Rule]) -> frozenset[type[And | Or]]:
-    """Which of "and" and "or" any of several rules needs."""
+def connectives_in(rules: Sequence[LocatedRule] | Sequence[Rule]) -> frozenset[type[And | Or]]:
+    """Return which of And and Or the antecedents of the rules contain."""
     found: set[type[And | Or]] = set()
     for each in rules:
-        found |= joins((each.rule if isinstance(each, LocatedRule) else each).antecedent)
+        found |= _connectives((each.rule if isinstance(each, LocatedRule) else each).antecedent)
     return frozenset(found)
 
 
-def shared_conclusion(output: str, rules: Sequence[LocatedRule]) -> LocatedRule | None:
-    """The second rule that concludes the same about an output; None: no two do.
+def _connectives(antecedent: Antecedent) -> frozenset[type[And | Or]]:
+    if isinstance(antecedent, Is):
+        return frozenset()
+    nested = frozenset[type[And | Or]]().union(*map(_connectives, antecedent.parts))
+    return nested | {type(antecedent)} if len(antecedent.parts) > 1 else nested
 
-    A weighted average adds the strengths of all rules. Where a file joins those of one consequent
-    by something else, it means the same only if no consequent is shared.
+
+def repeated_consequent(output: str, rules: Sequence[LocatedRule]) -> LocatedRule | None:
+    """Return the first rule with the same consequent for an output as a rule before it, or None.
+
+    A weighted average adds the strengths of all rules. If a file aggregates the strengths of the
+    rules with one consequent otherwise, the result is the same only if no consequent is repeated.
     """
     seen: Counter[str] = Counter()
     for each in rules:
-        for term in each.rule.consequents:
-            if term.variable == output:
-                seen[term.set] += 1
-                if seen[term.set] > 1:
+        for proposition in each.rule.consequents:
+            if proposition.variable == output:
+                seen[proposition.set] += 1
+                if seen[proposition.set] > 1:
                     return each
     return None
 
 
 def hedged_consequent(rule: Rule) -> str | None:
-    """A consequent with a hedge, as text; None: there is none.
+    """Return the text of the first consequent with a hedge, or None.
 
-    Here and in Matlab "y is not A" concludes the complement of A. To fuzzylite a hedge changes the
-    strength of the rule instead, and IEC 61131-7 has none.
+    In this package and in Matlab, the consequent "y is not A" is the complement of A. In fuzzylite,
+    a hedge changes the strength of the rule instead, and IEC 61131-7 has no hedges there.
     """
-    for term in rule.consequents:
-        if term.hedges:
-            return f"{term.variable} is {' '.join((*term.hedges, term.set))}".rstrip()
+    for proposition in rule.consequents:
+        if proposition.hedges:
+            hedged = " ".join((*proposition.hedges, proposition.set)).rstrip()
+            return f"{proposition.variable} is {hedged}"
     return None
 
 
 def stays_in_range(output: OutputVariable) -> bool:
-    """Whether an output cannot leave its range, so that clipping it changes nothing."""
+    """Return whether an output cannot leave its range, so that clipping has no effect."""
     if output.default is not None and not output.low <= output.default <= output.high:
         return False
     if not output.is_sugeno:

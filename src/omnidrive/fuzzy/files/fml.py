@@ -19,7 +19,7 @@ from omnidrive.fuzzy.files.fml_words import (
     NAMESPACE,
     RANGE,
 )
-from omnidrive.fuzzy.files.writable import check_type_1, real, word
+from omnidrive.fuzzy.files.writer_checks import check_type_1, keyword, number_text
 from omnidrive.fuzzy.files.xml_tree import read_xml
 from omnidrive.fuzzy.rule_text import normalised
 from omnidrive.fuzzy.rules import Is, Or, Rule
@@ -67,7 +67,7 @@ def write_fml(system: FuzzySystem) -> str:
 
 def _variable(variable: Variable) -> Iterator[str]:
     name = quoteattr(variable.name)
-    ends = f'domainleft="{real(variable.low)}" domainright="{real(variable.high)}"'
+    ends = f'domainleft="{number_text(variable.low)}" domainright="{number_text(variable.high)}"'
     if isinstance(variable, OutputVariable) and variable.is_sugeno:
         _word("defuzzifier", str(variable.defuzzifier), {"wtaver": "WA"})
         yield f'<tskVariable name={name} type="output" combination="WA" {_default(variable)}>'
@@ -93,14 +93,14 @@ def _variable(variable: Variable) -> Iterator[str]:
 
 
 def _default(output: OutputVariable) -> str:
-    return f'defaultValue="{real(output.fallback)}"'
+    return f'defaultValue="{number_text(output.fallback)}"'
 
 
 def _function(function: LinearFunction) -> Iterator[str]:
     order = 1 if function.coefficients else 0
     yield f'<tskTerm name={quoteattr(function.name)} order="{order}">'
     for value in (function.constant, *function.coefficients):
-        yield f"  <tskValue>{real(value)}</tskValue>"
+        yield f"  <tskValue>{number_text(value)}</tskValue>"
     yield "</tskTerm>"
 
 
@@ -128,7 +128,9 @@ def _rule(number: int, rule: Rule, prefix: str, first: dict[str, str]) -> Iterat
     parts = (antecedent,) if isinstance(antecedent, Is) else antecedent.parts
     connector = "or" if isinstance(antecedent, Or) else "and"
     tag = named("rule")
-    yield (f'<{tag} name="rule{number}" connector="{connector}" weight="{real(rule.weight)}">')
+    yield (
+        f'<{tag} name="rule{number}" connector="{connector}" weight="{number_text(rule.weight)}">'
+    )
     yield "  <antecedent>"
     for part in parts:
         if not isinstance(part, Is):
@@ -160,4 +162,4 @@ def _clause(number: int, tag: str, term: Is, first: dict[str, str]) -> str:
 
 
 def _word(what: str, name: str, words: dict[str, str]) -> str:
-    return word(what, name, words, "FML")
+    return keyword(what, name, words, "FML")

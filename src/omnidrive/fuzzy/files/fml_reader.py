@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.files.assembly import LocatedRule, assembled, locate_errors
+from omnidrive.fuzzy.files.assembly import LocatedRule, assemble_system, locate_errors
 from omnidrive.fuzzy.files.fml_shapes import read_shape
 from omnidrive.fuzzy.files.fml_words import (
     RANGE,
@@ -17,8 +17,8 @@ from omnidrive.fuzzy.files.fml_words import (
     READ_DISJUNCTIONS,
     READ_MODIFIERS,
 )
-from omnidrive.fuzzy.files.source import malformed, parse_number
 from omnidrive.fuzzy.files.xml_tree import Element
+from omnidrive.fuzzy.position import malformed, parse_number
 from omnidrive.fuzzy.rules import And, Antecedent, Hedge, Is, Or, Rule
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES, FuzzySystem
 from omnidrive.fuzzy.variables import (
@@ -54,7 +54,7 @@ class FmlReader:
         self._variables(root.one("knowledgeBase"))
         bases = [self._rule_base(each) for each in root.children if each.tag != "knowledgeBase"]
         unused = {name: value for base in reversed(bases) for name, value in base.items()}
-        return assembled(
+        return assemble_system(
             root.attributes.get("name", ""),
             self._inputs,
             self._outputs,

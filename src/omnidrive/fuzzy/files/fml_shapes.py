@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files.assembly import locate_errors
-from omnidrive.fuzzy.files.source import malformed, parse_number
-from omnidrive.fuzzy.files.writable import real
+from omnidrive.fuzzy.files.writer_checks import number_text
 from omnidrive.fuzzy.files.xml_tree import Element
 from omnidrive.fuzzy.membership import MAX_POINTS, Membership
+from omnidrive.fuzzy.position import malformed, parse_number
 
 FAR = sys.float_info.max
 """Where the centre lies of a side that a number never reaches."""
@@ -103,7 +103,7 @@ def shape_lines(name: str, function: Membership) -> Iterator[str]:
     if function.shape == "pointsmf":
         yield '<pointSetShape interpolationMethod="linear">'
         for x, y in zip(p[::2], p[1::2], strict=True):
-            yield f'  <point x="{real(x)}" y="{real(y)}"/>'
+            yield f'  <point x="{number_text(x)}" y="{number_text(y)}"/>'
         yield "</pointSetShape>"
         return
     for tag, (shape, order) in SHAPES.items():
@@ -125,5 +125,5 @@ def _special(name: str, function: Membership) -> str:
 
 
 def _element(tag: str, parameters: tuple[float, ...]) -> str:
-    each = " ".join(f'param{k}="{real(p)}"' for k, p in enumerate(parameters, 1))
+    each = " ".join(f'param{k}="{number_text(p)}"' for k, p in enumerate(parameters, 1))
     return f"<{tag} {each}/>"

@@ -1,4 +1,4 @@
-"""Formats of fuzzy systems' files, by suffix."""
+"""File formats of fuzzy systems, selected by suffix."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
 from omnidrive.fuzzy.files.fll import read_fll, write_fll
 from omnidrive.fuzzy.files.fml import read_fml, write_fml
-from omnidrive.fuzzy.files.source import read_text
 from omnidrive.fuzzy.system import FuzzySystem
 
 
 class GapWarning(UserWarning):
-    """The sets of an input leave a part of its range to no set."""
+    """Part of the range of an input belongs to no fuzzy set."""
 
 
 class Format(NamedTuple):
-    """One format."""
+    """Reader and writer of a file format."""
 
     read: Callable[[str], FuzzySystem]
-    """System that a text describes."""
+    """Returns the system that a text describes."""
     write: Callable[[FuzzySystem], str]
-    """Text that describes a system; refuses what the format cannot say."""
+    """Returns the text of a system; raises InvalidInput if the format does not support it."""
 
 
 _FML = Format(read_fml, write_fml)
@@ -40,23 +39,26 @@ FORMATS = {
     ".fml": _FML,
     ".xml": _FML,
 }
-"""Every format by its suffix, in lower case."""
+"""Formats by suffix, in lower case."""
+
+MAX_BYTES = 8_000_000
+"""Size of the largest file that is read; a system of 100,000 rules has about 3 MB."""
 
 
 def load(path: Path | str) -> FuzzySystem:
-    """System in a file: ``.fis``, ``.fll``, ``.fcl``, ``.fml`` or (also FML) ``.xml``.
+    """Read a fuzzy system from a file: ``.fis``, ``.fll``, ``.fcl``, ``.fml`` or ``.xml`` (FML).
 
     Warns:
-        GapWarning: The sets of an input leave a gap in its range.
+        GapWarning: Part of the range of an input belongs to no fuzzy set.
 
     Raises:
-        InvalidFuzzyFile: The file cannot be read, is too large, or does not hold a system; the
-            message names the file, the line and what was expected.
+        InvalidFuzzyFile: The file cannot be read, is too large, or does not contain a system; the
+            message names the file, the position and what was expected.
     """
     path = Path(path)
     name = one_line(str(path))
     read = _format_of(path, InvalidFuzzyFile).read
-    text = read_text(path)
+    text = _read_text(path)
     try:
         system = read(text)
     except InvalidInput as error:
@@ -66,7 +68,7 @@ def load(path: Path | str) -> FuzzySystem:
         if gaps:
             shown = ", ".join(gaps[:4]) + (", ..." if len(gaps) > 4 else "")
             warnings.warn(
-                f"{name}: no set of {variable.name!r} covers {shown}; there, rules may not fire",
+                f"{name}: no set of {variable.name!r} covers {shown}; rules may not fire there",
                 GapWarning,
                 stacklevel=2,
             )
@@ -76,11 +78,11 @@ def load(path: Path | str) -> FuzzySystem:
 def save(system: FuzzySystem, path: Path | str) -> None:
     """Write a system to a file in the format of its suffix, as :func:`load` reads it.
 
-    What was there before stays whole until the new text is.
+    An existing file is replaced only when the new one is complete.
 
     Raises:
-        InvalidInput: The format cannot say what the system is; the message names the part.
-        CannotWrite: There is no room, or no permission.
+        InvalidInput: The format does not support a part of the system; the message names the part.
+        CannotWrite: The file cannot be written.
     """
     path = Path(path)
     name = one_line(str(path))
@@ -89,7 +91,7 @@ def save(system: FuzzySystem, path: Path | str) -> None:
         data = write(system).encode()
     except UnicodeEncodeError as error:
         raise InvalidInput(
-            f"{name}: cannot hold the character {error.object[error.start]!r}"
+            f"{name}: the character {error.object[error.start]!r} cannot be encoded"
         ) from None
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
@@ -100,9 +102,28 @@ def save(system: FuzzySystem, path: Path | str) -> None:
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = getattr(error, "strerror", None) or error
         raise CannotWrite(f"cannot write {name}: {reason}") from None
+
+
+def _read_text(path: Path) -> str:
+    """Return the text of a file of at most :data:`MAX_BYTES`, in UTF-8 or else Latin-1."""
+    name = one_line(str(path))
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = getattr(error, "strerror", None) or error
+        raise InvalidFuzzyFile(f"{name}: cannot be read: {reason}") from None
+    if len(data) > MAX_BYTES:
+        raise InvalidFuzzyFile(f"{name}: is larger than the limit of {MAX_BYTES // 1_000_000} MB")
+    if b"\0" in data:
+        raise InvalidFuzzyFile(f"{name}: is not text")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def _interval_text(low: float, high: float) -> str:
@@ -113,7 +134,7 @@ def _format_of(path: Path, refusal: type[InvalidInput]) -> Format:
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise refusal(
-            f"{one_line(str(path))}: is not the name of a fuzzy system's file; its suffix must be "
-            f"one of {', '.join(FORMATS)}"
+            f"{one_line(str(path))}: is not a fuzzy system's file; its suffix must be one of "
+            f"{', '.join(FORMATS)}"
         )
     return FORMATS[suffix]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.parsers import expat
 
-from omnidrive.fuzzy.files.source import Position, malformed
+from omnidrive.fuzzy.position import Position, malformed
 
 MAX_DEPTH = 32
 """Deepest nesting of elements."""
