@@ -123,7 +123,7 @@ def test_outlines_of_any_size(scale):
 @pytest.mark.parametrize(
     ("corners", "message"),
     [
-        ([[0, 0], [1, 1]], r"three corners or more, each \(x, y\), got shape \(2, 2\)"),
+        ([[0, 0], [1, 1]], r"at least three corners \(x, y\), got shape \(2, 2\)"),
         ([[0, 0], [1, 1], [2, 2]], "on one line"),
         ([[0, 0], [0, 0], [0, 0]], "on one line"),
         ([[0, 0], [1, 0], [0, np.nan]], "must be finite"),

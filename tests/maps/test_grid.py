@@ -204,7 +204,7 @@ def test_a_resolution_that_is_not_positive_is_refused(resolution):
 
 
 def test_a_grid_needs_cells():
-    with pytest.raises(InvalidMap, match="needs an array of booleans with one row"):
+    with pytest.raises(InvalidMap, match="needs a two-dimensional array of booleans"):
         OccupancyGrid(np.zeros((0, 3), bool), 0.1)
 
 

@@ -75,7 +75,7 @@ def test_what_a_query_says(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is not a MovingAI map: it must begin with the lines 'type octile'"),
+        (b"", "is not a MovingAI map: its first lines must be 'type octile'"),
         (b"type octile\nheight 2\n", "is not a MovingAI map"),
         (MAP.replace(b"octile", b"tile"), "is not a MovingAI map"),
         (MAP.replace(b"\nmap", b"\nmop"), "is not a MovingAI map"),
@@ -84,11 +84,11 @@ def test_what_a_query_says(tmp_path):
         (MAP.replace(b"width 3", b"depth 3"), "width must be a whole number, got ''"),
         (MAP.replace(b"height 2", b"height 20000").replace(b"3", b"20000"), "more than 50,000,000"),
         (MAP.replace(b"height 2", b"height 0"), "has no cells: 0 rows of 3"),
-        (MAP.replace(b"height 2", b"height 3"), "3 rows of 3 cells, but has 2 of 3"),
-        (MAP.replace(b"width 3", b"width 7"), "2 rows of 7 cells, but has 2 of 3"),
+        (MAP.replace(b"height 2", b"height 3"), "3 rows of 3 cells, but contains 2 rows of 3"),
+        (MAP.replace(b"width 3", b"width 7"), "2 rows of 7 cells, but contains 2 rows of 3"),
         (MAP.replace(b"S", b""), "line 6 has 2 cells, line 5 has 3"),
         (MAP[:-2], "line 6 has 2 cells, line 5 has 3"),
-        (MAP.replace(b"T", b"\x1b"), r"line 6, column 2: '\\x1b' is no cell; there are '.' 'G'"),
+        (MAP.replace(b"T", b"\x1b"), r"line 6, column 2: '\\x1b' is not a cell; use '.' 'G'"),
         (MAP.replace(b".@G\nSTO\n", b""), "has no cells"),
         (b"type octile\n" + b"x " * 500_000, "is not a MovingAI map"),
     ],
@@ -102,7 +102,10 @@ def test_a_bad_map_says_what_is_wrong(tmp_path, content, message):
     [
         (b"", "its first line must be 'version 1', got ''"),
         (SCEN.replace(b"version 1", b"version 2"), "must be 'version 1', got 'version 2'"),
-        (SCEN.replace(b"\t3\t2", b"\t2\t3"), "line 2 is of a map of 3 rows of 2 cells, this one"),
+        (
+            SCEN.replace(b"\t3\t2", b"\t2\t3"),
+            "line 2 is for a map of 3 rows of 2 cells, but this map",
+        ),
         (SCEN.replace(b"\t2.0", b""), "line 2 has 8 fields, need 9"),
         (SCEN.replace(b"\t2\t0\t2.", b"\t3\t0\t2."), "line 2: the cell (3, 0) lies outside"),
         (SCEN.replace(b"\t0\t0", b"\t-1\t0"), "line 2: '-1' is not a whole number"),

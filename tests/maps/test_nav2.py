@@ -17,7 +17,7 @@ from PIL import Image
 
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, load_nav2_map, save_nav2_map
-from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
 from omnidrive.maps.nav2 import kinds_of_greys
 from tests.shared_data import shared
 
@@ -102,12 +102,12 @@ def test_greys_against_exact_fractions(negate, low, high, mode):
         occupancy = Fraction(grey if negate else 255 - grey, 255)
         if min(abs(occupancy - Fraction(low)), abs(occupancy - Fraction(high))) < 1e-6:
             continue
-        expected = FREE if occupancy <= low else TAKEN if occupancy >= high else UNKNOWN
+        expected = FREE if occupancy <= low else OCCUPIED if occupancy >= high else UNKNOWN
         assert kinds[grey] == expected
 
 
 def test_unknown_cells_are_one_or_the_other():
-    with pytest.raises(InvalidInput, match="can be 'occupied' or 'free', got 'grey'"):
+    with pytest.raises(InvalidInput, match="can count as 'occupied' or 'free', got 'grey'"):
         unwrap(occupied)(np.zeros((1, 1), np.uint8), "grey")
 
 
@@ -173,15 +173,15 @@ def test_real_maps(name, shape, free, taken):
         ({"origin": [0, 0, "east"]}, r"origin must be \[x, y, yaw\]"),
         ({"free_thresh": 0.7}, "free_thresh .0.7. must be below"),
         ({"mode": "rgb"}, "mode 'rgb' is not one of trinary, scale, raw"),
-        ({"image": "no.pgm"}, "cannot read the map's picture .*no.pgm: No such file"),
+        ({"image": "no.pgm"}, "cannot read the map's image .*no.pgm: No such file"),
         ({"image": None}, "does not set 'image'"),
-        ({"image": "map.yaml"}, "is not a picture"),
+        ({"image": "map.yaml"}, "is not an image"),
         ({"image": "a\0b"}, r"a\\x00b: embedded null byte"),
         ({"image": "a\nb"}, r"a\\nb: No such file"),
         ({"image": "b" * 5000}, r"bbb\.\.\.: File name too long"),
-        ({"image": "."}, "cannot read the map's picture .* is not a file"),
-        ({"image": "loop.pgm"}, "cannot read the map's picture .*: Too many levels"),
-        ({"image": "pipe.pgm"}, "cannot read the map's picture .* is not a file"),
+        ({"image": "."}, "cannot read the map's image .* is not a file"),
+        ({"image": "loop.pgm"}, "cannot read the map's image .*: Too many levels"),
+        ({"image": "pipe.pgm"}, "cannot read the map's image .* is not a file"),
         ({"mode": ["raw"]}, r"mode \['raw'\] is not one of"),
         ({"resolution": "nan"}, "resolution must be a number, got 'nan'"),
         ({"resolution": int("9" * 400)}, "is not a YAML map: found an integer beyond"),
@@ -337,11 +337,11 @@ def test_opacity_means_nothing_to_raw(tmp_path):
         (b"P5 20000 20000 255\n", "has more than 50,000,000 cells"),  # Pillow refuses
         (b"P5 10000 10000 255\n", "has more than 50,000,000 cells"),  # Pillow warns
         (b"P5 8000 8000 255\n", "has more than 50,000,000 cells"),
-        (b"P5 0 1 255\n", "is not a picture .* or an empty one"),
-        (b"P5 1 0 255\n", "is not a picture .* or an empty one"),
-        (b"", "is not a picture"),
-        (b"Pf 1 1 -1.0\n\0\0\0\0", "pixels of the kind F; save it as grey, RGB or RGBA"),
-        (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n", "is not a picture"),
+        (b"P5 0 1 255\n", "is not an image .* or it is empty"),
+        (b"P5 1 0 255\n", "is not an image .* or it is empty"),
+        (b"", "is not an image"),
+        (b"Pf 1 1 -1.0\n\0\0\0\0", "the pixel mode F; save it as greyscale, RGB or RGBA"),
+        (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n", "is not an image"),
     ],
 )
 def test_a_bad_picture_says_what_is_wrong(tmp_path, content, message):

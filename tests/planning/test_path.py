@@ -12,7 +12,7 @@ from scipy.interpolate import BSpline
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
-from omnidrive.planning.clearance import Floor, piece_clearances
+from omnidrive.planning.clearance import Obstacles, piece_clearances
 from omnidrive.planning.pieces import pieces
 
 MOVES = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
@@ -211,10 +211,10 @@ def ways_of_three_moves(cut_corners):
         yield cells, free
 
 
-def distances(places, free):
+def distances(positions, free):
     """From every place to the nearest square that is not in ``free``."""
     squares = np.array([c for c in product(range(-5, 6), repeat=2) if c not in free])
-    gaps = np.maximum(np.abs(places[..., None, :] - squares) - 0.5, 0.0)
+    gaps = np.maximum(np.abs(positions[..., None, :] - squares) - 0.5, 0.0)
     return np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=-1)
 
 
@@ -243,9 +243,9 @@ def test_between_the_samples_a_spline_keeps_0409_of_a_cell():
             window = np.arange(n).clip(j, j + 3) - j
             curve = pieces(cells[window] + 5.5)
             bounds = piece_clearances(
-                Floor.of(OccupancyGrid(occupied, 1.0, walled=False)),
-                curve.places,
-                curve.bends,
+                Obstacles.of(OccupancyGrid(occupied, 1.0, walled=False)),
+                curve.positions,
+                curve.second_derivatives,
                 1e-6,
                 1.0,
             )

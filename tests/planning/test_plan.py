@@ -73,7 +73,7 @@ def test_start_and_goal_may_be_the_same_place():
     ("place", "message"),
     [
         ((7.0, 1.0), "outside the map, which spans x 0 to 6 m and y 0 to 4 m"),
-        ((3.05, 1.0), r"inside an obstacle, .*nearest place to stand is \(2\.\d+, 0?\.?\d*"),
+        ((3.05, 1.0), r"inside an obstacle, .*nearest valid position is \(2\.\d+, 0?\.?\d*"),
         ((2.8, 1.0), r"is 0\.20 m from an obstacle; the robot's centre must keep 0\.3 m, also"),
         ((np.nan, 1.0), "must be finite"),
         ((1.0, 1.0, np.inf), "must be finite"),
@@ -97,7 +97,7 @@ def test_the_place_that_a_message_proposes_is_one_to_stand():
 
 
 def test_a_wall_across_leaves_no_path():
-    with pytest.raises(NoPathFound, match="no way from start to goal"):
+    with pytest.raises(NoPathFound, match="no path from start to goal"):
         go(room((slice(0, 40), slice(30, 32))))
 
 
@@ -107,9 +107,9 @@ def test_a_map_without_room_says_so():
 
 
 def test_a_spline_needs_four_finite_points():
-    with pytest.raises(InvalidInput, match="needs 4 control points, got 3"):
+    with pytest.raises(InvalidInput, match="needs at least 4 control points, got 3"):
         SplinePath(np.zeros((3, 3)))
-    with pytest.raises(InvalidInput, match="not finite"):
+    with pytest.raises(InvalidInput, match="must be finite"):
         SplinePath(np.full((4, 3), np.nan))
 
 
@@ -142,7 +142,7 @@ def test_an_inflation_that_is_none_is_refused(inflation):
 
 @pytest.mark.parametrize("inflation", [0.3, 9.0])
 def test_a_message_says_what_the_inflation_is_made_of(inflation):
-    with pytest.raises(InvalidWaypoint, match=r"keep (0\.3|9) m \(this and that\)"):
+    with pytest.raises(InvalidWaypoint, match=r"keeps? (0\.3|9) m \(this and that\)"):
         plan(
             room((slice(0, 30), slice(30, 32))),
             Waypoint(2.8, 1.0),

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from omnidrive.planning.search import astar as astar_module
 from omnidrive.planning.search.astar import astar
-from omnidrive.planning.search.board import BitBoard
-from omnidrive.planning.search.jump_board import JumpBoard, jumps
-from omnidrive.planning.search.lazy_theta import sees
-from omnidrive.planning.search.lengths import DIAGONAL, HEURISTICS, STRAIGHT
-from omnidrive.planning.search.moves import MOVES, needed_moves, surroundings
-from omnidrive.planning.search.tiles import empty_tiles, place
+from omnidrive.planning.search.bit_tiles import empty_tiles, tile_index
+from omnidrive.planning.search.bitgrid import BitGrid
+from omnidrive.planning.search.heuristics import DIAGONAL, HEURISTICS, STRAIGHT
+from omnidrive.planning.search.jump_grid import JumpGrid, jumps
+from omnidrive.planning.search.lazy_theta import has_line_of_sight
+from omnidrive.planning.search.moves import MOVES, neighbourhood, pruned_moves
 from tests.planning.test_search import line_is_clear
 
 
@@ -27,12 +27,12 @@ SHAPES = st.tuples(st.integers(1, 140), st.integers(1, 140))
 @given(shape=SHAPES, seed=st.integers(0, 99))
 def test_a_board_holds_its_grid(shape, seed):
     occupied = random_map(shape, seed)
-    board = BitBoard.of(occupied)
-    bits = np.unpackbits(board.bits, bitorder="little")
+    bitgrid = BitGrid.of(occupied)
+    bits = np.unpackbits(bitgrid.bits, bitorder="little")
     cells = np.random.default_rng(seed).permutation(list(np.ndindex(shape)))[:200]
-    numbers = np.array([board.number(tuple(cell)) for cell in cells.tolist()])
-    assert (bits[numbers] == occupied[tuple(cells.T)]).all()
-    assert (board.cells(numbers) == cells).all()
+    indices = np.array([bitgrid.index_of(tuple(cell)) for cell in cells.tolist()])
+    assert (bits[indices] == occupied[tuple(cells.T)]).all()
+    assert (bitgrid.cells(indices) == cells).all()
     assert np.count_nonzero(bits == 0) == np.count_nonzero(~occupied)  # the border is occupied
 
 
@@ -51,10 +51,10 @@ def first_end(occupied, row, col, move):
                 return run
 
 
-def jumps_of(occupied, board, cells, move):
+def jumps_of(occupied, bitgrid, cells, move):
     """What a move leads to from each cell: cells, lengths and last moves; and so cell by cell."""
-    jump_board, found = JumpBoard.of(board), np.zeros((4 * sum(occupied.shape), 3), int)
-    steps, nowhere = [np.array(m[:: -1 if board.turned else 1]) for m in MOVES], 0
+    jump_grid, found = JumpGrid.of(bitgrid), np.zeros((4 * sum(occupied.shape), 3), int)
+    steps, nowhere = [np.array(m[:: -1 if bitgrid.transposed else 1]) for m in MOVES], 0
     padded = np.pad(occupied, 1, constant_values=True)
     for cell in cells:
         at, diagonal, expected = np.array(cell), 0, set()
@@ -67,13 +67,13 @@ def jumps_of(occupied, board, cells, move):
                 at, diagonal = at + steps[move], diagonal + DIAGONAL
             for m in beside:
                 run = first_end(occupied, *at, tuple(steps[m]))
-                there = board.number(tuple((at + run * steps[m]).tolist()))
+                there = bitgrid.index_of(tuple((at + run * steps[m]).tolist()))
                 expected |= {(there, diagonal + run * STRAIGHT, m)} if run else set()
             if move < 4:
                 break
         if move < 4 or diagonal > 0:  # others are not allowed
-            number = board.number(tuple(cell))
-            count = jumps(jump_board, board.stride, number, nowhere, 1 << move, found)
+            index_of = bitgrid.index_of(tuple(cell))
+            count = jumps(jump_grid, bitgrid.stride, index_of, nowhere, 1 << move, found)
             yield sorted(map(tuple, found[:count].tolist())), sorted(expected)
 
 
@@ -86,7 +86,7 @@ def test_moves_end_where_a_turn_may_be_needed(shape, seed, density, move):
     occupied = random_map(shape, seed, density)
     occupied[0, 0] = False
     cells = np.random.default_rng(seed).permutation(np.argwhere(~occupied))[:10].tolist()
-    for found, expected in jumps_of(occupied, BitBoard.of(occupied), cells, move):
+    for found, expected in jumps_of(occupied, BitGrid.of(occupied), cells, move):
         assert found == expected
 
 
@@ -98,7 +98,7 @@ def test_runs_of_every_length_are_seen(move):
     cells = [(9, col) for col in range(260)]
     if move in {1, 3}:
         occupied, cells = occupied.T, [cell[::-1] for cell in cells]
-    compared = list(jumps_of(occupied, BitBoard.of(occupied), cells, move))
+    compared = list(jumps_of(occupied, BitGrid.of(occupied), cells, move))
     assert sum(len(expected) for _, expected in compared) >= 129
     assert all(found == expected for found, expected in compared)
 
@@ -106,17 +106,17 @@ def test_runs_of_every_length_are_seen(move):
 @pytest.mark.parametrize("shape", [(1, 1), (64, 65), (600, 1100), (1100, 600)])
 def test_columns_are_the_rows_of_the_turned_map(shape):
     occupied = random_map(shape, 1)
-    columns = JumpBoard.of(BitBoard.of(occupied)).columns
-    assert (columns[::8] == BitBoard.of(occupied.T).words).all()
+    columns = JumpGrid.of(BitGrid.of(occupied)).columns
+    assert (columns[::8] == BitGrid.of(occupied.T).words).all()
 
 
 @given(seed=st.integers(0, 99), row=st.integers(0, 8), col=st.integers(0, 129))
 def test_surroundings(seed, row, col):
     occupied = random_map((9, 130), seed)
-    board = BitBoard.of(occupied)
+    bitgrid = BitGrid.of(occupied)
     around = np.pad(occupied, 1, constant_values=True)[row : row + 3, col : col + 3]
-    number = surroundings(board.bits, board.stride, board.number((row, col)))
-    assert number == around.ravel() @ (1 << np.arange(9))
+    index_of = neighbourhood(bitgrid.bits, bitgrid.stride, bitgrid.index_of((row, col)))
+    assert index_of == around.ravel() @ (1 << np.arange(9))
 
 
 COUNTS = st.integers(0, 400_000)
@@ -148,35 +148,37 @@ def test_lines_of_sight(shape, seed, ends, density):
     one, other = (int(ends[0] * shape[0]), int(ends[1] * shape[1])), (
         int(ends[2] * shape[0]), int(ends[3] * shape[1]))  # fmt: skip
     occupied[one] = occupied[other] = False
-    board = BitBoard.of(occupied)
-    seen = sees(board.bits, board.stride, board.number(one), board.number(other))
+    bitgrid = BitGrid.of(occupied)
+    seen = has_line_of_sight(
+        bitgrid.bits, bitgrid.stride, bitgrid.index_of(one), bitgrid.index_of(other)
+    )
     assert seen == line_is_clear(occupied, one, other)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 64), (64, 1), (65, 65), (200, 3)])
 def test_boards_are_not_much_larger_than_their_grids(shape):
-    board = BitBoard.of(np.zeros(shape, bool))
-    assert board.size <= 3 * (shape[0] + 63) * (shape[1] + 128)
+    bitgrid = BitGrid.of(np.zeros(shape, bool))
+    assert bitgrid.size <= 3 * (shape[0] + 63) * (shape[1] + 128)
 
 
 @pytest.mark.parametrize("wide", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1), (3, 70), (140, 9), (61, 130)])
 def test_every_cell_has_a_word_of_its_own(shape, wide):
-    board = BitBoard.of(np.zeros(shape, bool))
-    words = empty_tiles(board, wide)
+    bitgrid = BitGrid.of(np.zeros(shape, bool))
+    words = empty_tiles(bitgrid, wide)
     assert not words.any()
-    cells = np.argwhere(np.ones((board.size // board.stride, board.stride)))
-    places = {place(board.stride, row, col) for row, col in cells.tolist()}
-    assert len(places) == board.size
+    cells = np.argwhere(np.ones((bitgrid.size // bitgrid.stride, bitgrid.stride)))
+    places = {tile_index(bitgrid.stride, row, col) for row, col in cells.tolist()}
+    assert len(places) == bitgrid.size
     assert min(places) >= 0
     assert max(places) < len(words)
 
 
 @pytest.mark.parametrize("shape", [(4096, 4096), (1, 5_000_000), (2_500_000, 2)])
 def test_words_take_bounded_memory(shape):
-    board = BitBoard.of(np.zeros(shape, bool))
-    assert empty_tiles(board, wide=False).nbytes < 200e6
-    assert empty_tiles(board, wide=True).nbytes < 400e6
+    bitgrid = BitGrid.of(np.zeros(shape, bool))
+    assert empty_tiles(bitgrid, wide=False).nbytes < 200e6
+    assert empty_tiles(bitgrid, wide=True).nbytes < 400e6
 
 
 def serpentine():
@@ -193,14 +195,16 @@ def serpentine():
 def test_low_bits_of_lengths_are_enough(monkeypatch, heuristic, cut_corners, neighbours):
     """With a consistent heuristic, the search does the same as with whole lengths."""
     maps = [serpentine(), *(random_map((700, 600), seed, seed / 10) for seed in (1, 2, 3))]
-    needed = needed_moves(neighbours, cut_corners)
+    move_table = pruned_moves(neighbours, cut_corners)
     for occupied in maps:
-        board = BitBoard.of(occupied)
+        bitgrid = BitGrid.of(occupied)
         free = np.argwhere(~occupied)
-        ends = [board.number(tuple(free[i].tolist())) for i in (0, len(free) - 1)]
-        way, expansions = astar(board, *ends, needed, HEURISTICS[heuristic])
+        ends = [bitgrid.index_of(tuple(free[i].tolist())) for i in (0, len(free) - 1)]
+        path, expansions = astar(bitgrid, *ends, move_table, HEURISTICS[heuristic])
         with monkeypatch.context() as patch:
-            patch.setattr(astar_module, "empty_tiles", lambda board, wide: empty_tiles(board, True))
-            whole, as_many = astar(board, *ends, needed, HEURISTICS[heuristic])
+            patch.setattr(
+                astar_module, "empty_tiles", lambda bitgrid, wide: empty_tiles(bitgrid, True)
+            )
+            whole, as_many = astar(bitgrid, *ends, move_table, HEURISTICS[heuristic])
         assert expansions == as_many
-        assert (way == whole).all()
+        assert (path == whole).all()

@@ -76,7 +76,7 @@ def changed(*path, value):
         (changed("feedforward", "position", value=-1), "feedforward.position is -1 1/s, need 0"),
         (changed("path", "turn_within", value=-1), "path.turn_within is -1 m, need 0 to 10 m"),
         (changed("path", "search", value="a*"), "path.search: input should be 'astar', 'jump-po"),
-        (changed("path", "smooth", value="certified"), "path cannot be certified where the way"),
+        (changed("path", "smooth", value="certified"), "path cannot be certified if it cuts"),
         (changed("timing", "law", value="fast"), "timing.law: input should be 'uniform', 'lim"),
         (changed("map", "unknown", value="maybe"), "map.unknown: input should be 'occupied' or"),
         (changed("map", "margin", value=-0.5), "map.margin is -0.5 m, need 0 to 10 m"),

@@ -1,1 +1,1 @@
-"""Bounded reading of files that may be malformed or hostile."""
+"""Bounded reading of untrusted files."""

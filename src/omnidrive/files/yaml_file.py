@@ -1,4 +1,4 @@
-"""YAML files from strangers: read within bounds, refused in one line."""
+"""Untrusted YAML files: reading with limits and one-line error messages."""
 
 from __future__ import annotations
 
@@ -12,45 +12,46 @@ from omnidrive.files.bounded_file import one_line, read_bounded, short_repr
 
 _MAX_BYTES = 100_000
 _MAX_DEPTH = 30
-_LONGEST_NUMBER = 40  # characters
+_MAX_NUMBER_LENGTH = 40  # characters
 _NOTHING = {"", "~", "null", "Null", "NULL"}
 
 
-def read_yaml(path: Path, what: str, refusal: type[Exception]) -> Any:
-    """The plain YAML value in ``path``: no more than 100 kB, without aliases.
+def read_yaml(path: Path, kind: str, error_type: type[Exception]) -> Any:
+    """Return the plain value in a YAML file of at most 100 kB without aliases.
 
     Args:
         path: The file, in UTF-8.
-        what: What it should hold, for messages: "map", "scenario".
-        refusal: Raised with one short line if the file cannot be read or is not such YAML.
+        kind: Kind of the file for messages, such as "map" or "scenario".
+        error_type: Type of the error raised, with a message of one line, if the file cannot be
+            read or is not such YAML.
     """
-    content = _content(path, what, refusal, _MAX_BYTES)
+    content = _content(path, kind, error_type, _MAX_BYTES)
     name = one_line(str(path))
     try:
         return yaml.load(content.decode("utf-8"), _Loader)
     except RecursionError:
-        raise refusal(f"{name} is not a YAML {what}: it is nested too deeply") from None
-    except Exception as error:  # PyYAML's constructors let errors of many kinds through
+        raise error_type(f"{name} is not a YAML {kind}: it is nested too deeply") from None
+    except Exception as error:  # PyYAML's constructors raise errors of many types
         reason = one_line(" ".join(str(error).split()), 200)
-        raise refusal(f"{name} is not a YAML {what}: {reason}") from None
+        raise error_type(f"{name} is not a YAML {kind}: {reason}") from None
 
 
 def read_yaml_documents(
-    path: Path, what: str, refusal: type[Exception], *, max_bytes: int
+    path: Path, kind: str, error_type: type[Exception], *, max_bytes: int
 ) -> list[Any]:
-    """Every document in a long YAML file: mappings, lists, numbers (all float), text and None.
+    """Return all documents of a long YAML file: mappings, lists, floats, text and None.
 
-    It follows the parser's events, without PyYAML's tree of nodes: about ten times as fast, and
-    nothing is constructed but these five. Aliases, tags, keys that stand twice and more than 30
-    levels are refused.
+    Values are built from the events of the parser without PyYAML's node tree, about ten times as
+    fast, and no other types are constructed. Aliases, tags, duplicate keys and more than 30 levels
+    of nesting are errors.
 
     Args:
-        path: As for :func:`read_yaml`.
-        what: As for :func:`read_yaml`.
-        refusal: As for :func:`read_yaml`.
-        max_bytes: Size of the largest file that is read.
+        path: The file, in UTF-8.
+        kind: Kind of the file for messages, see :func:`read_yaml`.
+        error_type: Type of the errors, see :func:`read_yaml`.
+        max_bytes: Size limit in bytes.
     """
-    content = _content(path, what, refusal, max_bytes)
+    content = _content(path, kind, error_type, max_bytes)
     try:
         return _documents(yaml.parse(content.decode("utf-8"), Loader=_PARSER))
     except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8
@@ -58,16 +59,16 @@ def read_yaml_documents(
         if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
             fact = f"line {error.problem_mark.line + 1}: {error.problem}"
         reason = one_line(" ".join(fact.split()), 200)
-        raise refusal(f"{one_line(str(path))} is not a YAML {what}: {reason}") from None
+        raise error_type(f"{one_line(str(path))} is not a YAML {kind}: {reason}") from None
 
 
-def _content(path: Path, what: str, refusal: type[Exception], max_bytes: int) -> bytes:
-    excess = f"is too large for a YAML {what}"
-    return read_bounded(path, max_bytes, what, refusal, excess=excess)
+def _content(path: Path, kind: str, error_type: type[Exception], max_bytes: int) -> bytes:
+    excess = f"is too large for a YAML {kind}"
+    return read_bounded(path, max_bytes, kind, error_type, excess=excess)
 
 
 def _documents(events: Iterable[yaml.Event]) -> list[Any]:
-    """Values from events; the stack holds each open document, list or mapping and what is in it."""
+    """Build values from events; the stack holds the open collections and their items."""
     documents: list[Any] = []
     stack: list[tuple[yaml.Event, list[Any]]] = []
     for event in events:
@@ -101,7 +102,7 @@ def _check_tag(event: yaml.CollectionStartEvent | yaml.ScalarEvent) -> None:
 def _mapping(start: yaml.Event, items: list[Any]) -> dict[Any, Any]:
     keys = items[::2]
     if any(isinstance(key, (list, dict)) for key in keys):
-        raise _refused(start, "a mapping has a list or a mapping for a key")
+        raise _refused(start, "a mapping has a list or a mapping as a key")
     mapping = dict(zip(keys, items[1::2], strict=True))
     if len(mapping) < len(keys):
         seen: set[Any] = set()
@@ -115,12 +116,12 @@ def _mapping(start: yaml.Event, items: list[Any]) -> dict[Any, Any]:
 def _scalar(event: yaml.ScalarEvent) -> str | float | None:
     text: str = event.value
     _check_tag(event)
-    if not event.implicit[0]:  # it stands in quotes
+    if not event.implicit[0]:  # a quoted scalar
         return text
     if text in _NOTHING:
         return None
     try:
-        return float(text) if len(text) <= _LONGEST_NUMBER else text
+        return float(text) if len(text) <= _MAX_NUMBER_LENGTH else text
     except ValueError:
         return text
 
@@ -130,21 +131,21 @@ def _refused(event: yaml.Event, fact: str) -> yaml.YAMLError:
     return yaml.MarkedYAMLError(problem=fact, problem_mark=mark)
 
 
-# the parser in C, if PyYAML was built with it, as its wheels are
+# the C parser, if PyYAML was built with it, as the wheels are
 _PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without aliases, which can make a short file enormous, and with finite numbers."""
+    """Loader without aliases, which can expand a short file enormously, and with finite numbers."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Refuse an alias."""
+        """Raise YAMLError for an alias."""
         if self.check_event(yaml.AliasEvent):
             raise yaml.YAMLError("aliases (*name) are not allowed")
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Refuse a key that stands twice: PyYAML would silently keep the last."""
+        """Raise ConstructorError for a duplicate key; PyYAML would silently keep the last."""
         seen: set[str] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
@@ -156,7 +157,7 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
     def construct_number(self, node: Any) -> int:
-        """Refuse an integer that no float can hold."""
+        """Raise ConstructorError for an integer beyond the range of floats."""
         value: int = self.construct_yaml_int(node)
         try:
             float(value)

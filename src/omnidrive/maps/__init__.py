@@ -1,4 +1,4 @@
-"""Where the robot may be: occupancy grids, the files they come from, and worlds made by chance."""
+"""Occupancy grids, their file formats, and randomly generated maps."""
 
 from omnidrive.maps.ascii import load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
@@ -10,7 +10,7 @@ from omnidrive.maps.nav2 import load_nav2_map, save_nav2_map
 from omnidrive.maps.numpy_file import load_numpy_map
 from omnidrive.maps.paper import paper_map, paper_wall
 from omnidrive.maps.queries import Query, load_queries
-from omnidrive.maps.worlds import random_map, rooms_map, warehouse_map
+from omnidrive.maps.random_maps import random_map, rooms_map, warehouse_map
 
 __all__ = [
     "OccupancyGrid",

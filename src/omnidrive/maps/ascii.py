@@ -1,4 +1,4 @@
-"""Maps drawn as plain text."""
+"""Plain-text maps with one character per cell."""
 
 from __future__ import annotations
 
@@ -6,30 +6,38 @@ from pathlib import Path
 
 from omnidrive.files.bounded_file import one_line
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
-from omnidrive.maps.source import MAX_TEXT, read_content, refuse_resolution
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, Unknown, occupied
+from omnidrive.maps.map_file import MAX_TEXT_BYTES, check_resolution, read_content
 from omnidrive.maps.text_rows import read_rows
 
-ASCII_CELLS = {".": FREE, " ": FREE, "0": FREE, "#": TAKEN, "@": TAKEN, "1": TAKEN, "?": UNKNOWN}
+ASCII_CELLS = {
+    ".": FREE,
+    " ": FREE,
+    "0": FREE,
+    "#": OCCUPIED,
+    "@": OCCUPIED,
+    "1": OCCUPIED,
+    "?": UNKNOWN,
+}
 
 
 def load_ascii_map(
     path: Path, *, resolution: float = 1.0, unknown: Unknown = "occupied"
 ) -> OccupancyGrid:
-    """Read a text file with one character per cell, the top of the map first.
+    """Read a text file with one character per cell, the topmost row first.
 
-    Free cells are ``.``, a blank or ``0``, obstacles ``#``, ``@`` or ``1``, unknown cells ``?``.
-    All lines have the same length. The lower left corner is the origin.
+    Free cells are ``.``, a space or ``0``, obstacles ``#``, ``@`` or ``1``, unknown cells ``?``.
+    All lines have the same length. The lower left corner of the map is the origin of W.
 
     Args:
         path: The file.
         resolution: Side of a cell, in m.
-        unknown: What unknown cells count as.
+        unknown: Whether unknown cells count as occupied or free.
 
     Raises:
         InvalidMap: The file is missing, malformed or too large.
     """
     name = one_line(str(path))
-    refuse_resolution(resolution, name)
-    content = read_content(path, MAX_TEXT)
+    check_resolution(resolution, name)
+    content = read_content(path, MAX_TEXT_BYTES)
     return OccupancyGrid(occupied(read_rows(content, ASCII_CELLS, name), unknown), resolution)

@@ -1,4 +1,4 @@
-"""The cells of a grid that a robot's footprint covers, and grids inflated by it."""
+"""Cells of a grid covered by a robot's footprint, and inflation by the footprint."""
 
 from __future__ import annotations
 
@@ -9,39 +9,40 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 
-_TOUCH = 1e-9  # cells; a side that reaches no deeper into a square only touches it
+_TOUCH = 1e-9  # cells; an edge that penetrates a square by less than this only touches it
 
 
 def check_footprint(polygon: Float[Array, "corners 2"]) -> None:
-    """Refuse what is no polygon.
+    """Check that a footprint is a polygon.
 
     Raises:
-        InvalidInput: Fewer than three corners, one that is not finite, or no area.
+        InvalidInput: It has fewer than three corners, a corner that is not finite, or no area.
     """
     if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
         raise InvalidInput(
-            f"a footprint needs three corners or more, each (x, y), got shape {polygon.shape}"
+            f"a footprint needs at least three corners (x, y), got shape {polygon.shape}"
         )
     if not np.isfinite(polygon).all():
-        raise InvalidInput("a footprint's corners must be finite, in m")
+        raise InvalidInput("the corners of a footprint must be finite, in m")
     if np.linalg.matrix_rank(polygon[1:] - polygon[0]) < 2:
-        raise InvalidInput("a footprint needs an area: all its corners lie on one line")
+        raise InvalidInput("a footprint needs an area, but all its corners lie on one line")
 
 
 def covered_runs(polygon: Float[Array, "corners 2"], rows: int, cols: int) -> Int[Array, "runs 3"]:
-    """Squares of a grid that a polygon covers wholly or in part; touching does not count.
+    """Return the squares of a grid that a polygon covers wholly or in part, as runs along the rows.
 
-    A square is covered if a side of the polygon passes through its interior, or if its centre lies
-    inside. Inside is where the polygon winds around (Sunday 2001, "Inclusion of a point in a
-    polygon"), so a polygon that crosses itself has no holes.
+    A square is covered if an edge of the polygon passes through its interior or its centre lies
+    inside the polygon; contact alone does not count. Points with a non-zero winding number are
+    inside (Sunday 2001, "Inclusion of a point in a polygon"), so a self-intersecting polygon has no
+    holes.
 
     Args:
-        polygon: Corners (row, column) in cells, of the centre of cell (0, 0).
-        rows: Rows further away than this are left out.
-        cols: Likewise columns.
+        polygon: Corners (row, column) in cells, relative to the centre of cell (0, 0).
+        rows: Greatest distance in rows of a returned square.
+        cols: Greatest distance in columns of a returned square.
 
     Returns:
-        For each run of neighbours: row, first and last column.
+        Row, first and last column of each run of adjacent squares.
     """
     first, last = np.floor(polygon.min(axis=0) + 0.5), np.ceil(polygon.max(axis=0) - 0.5)
     bottom, left = np.clip(first, (-rows, -cols), (rows, cols)).astype(int).tolist()
@@ -59,12 +60,12 @@ def covered_runs(polygon: Float[Array, "corners 2"], rows: int, cols: int) -> In
 def _covered(
     polygon: Float[Array, "corners 2"], row: int, columns: Int[Array, " columns"]
 ) -> Bool[Array, " columns"]:
-    """Which squares of one row the polygon covers."""
+    """Whether the polygon covers each square of one row."""
     crossed = np.zeros(len(columns), bool)
     winding = np.zeros(len(columns), int)
     for (v0, u0), (v1, u1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         crossed |= _crosses((v0, u0), (v1, u1), row, columns)
-        if (v0 <= row) != (v1 <= row):  # the side passes the height of the centres
+        if (v0 <= row) != (v1 <= row):  # the edge crosses the line through the centres
             at = u0 + (row - v0) / (v1 - v0) * (u1 - u0)
             winding += np.where(columns < at, 1 if v1 > v0 else -1, 0)
     inside: Bool[Array, " columns"] = crossed | (winding != 0)
@@ -74,10 +75,10 @@ def _covered(
 def _crosses(
     start: tuple[float, float], end: tuple[float, float], row: int, columns: Int[Array, " columns"]
 ) -> Bool[Array, " columns"]:
-    """Whether a side passes through the interior of each square of one row.
+    """Whether an edge passes through the interior of each square of one row.
 
-    The part of the side in the row's strip and the part in each column's overlap, as intervals of
-    the fraction of the side's length (Liang & Barsky 1984, "A new concept and method for line
+    It does if the part of the edge within the row overlaps the part within the column; the parts
+    are intervals of the edge parameter (Liang & Barsky 1984, "A new concept and method for line
     clipping").
     """
     half = 0.5 - _TOUCH
@@ -85,10 +86,10 @@ def _crosses(
     for begin, stop, middle in ((start[0], end[0], row), (start[1], end[1], columns)):
         along = stop - begin
         near, far = middle - half - begin, middle + half - begin
-        if along == 0.0:  # never inside if not between
+        if along == 0.0:  # parallel to the row or column: inside or outside as a whole
             first = np.where((near < 0.0) & (far > 0.0), first, 2.0)
         else:
-            with np.errstate(over="ignore"):  # of a side that hardly has a length along this axis
+            with np.errstate(over="ignore"):  # nearly parallel edges
                 enter, leave = near / along, far / along
             first = np.maximum(first, np.minimum(enter, leave))
             last = np.minimum(last, np.maximum(enter, leave))
@@ -97,28 +98,28 @@ def _crosses(
 
 @compiled
 def _mark(out: Bool[Array, " cols"], ahead: Int[Array, " cols"], most: int) -> None:
-    """Mark where the next taken cell is at most so many columns ahead."""
+    """Set ``out`` where the next occupied cell is at most ``most`` columns ahead."""
     for col in range(len(out)):
         out[col] |= ahead[col] <= most
 
 
 @compiled
-def swept(
-    taken: Bool[Array, "rows cols"], outside: bool, runs: Int[Array, "runs 3"]
+def footprint_hits(
+    occupied: Bool[Array, "rows cols"], outside: bool, runs: Int[Array, "runs 3"]
 ) -> Bool[Array, "rows cols"]:
-    """From which cells one of the runs reaches a taken cell.
+    """Whether one of the runs, placed at each cell, covers an occupied cell.
 
     Args:
-        taken: The cells to look for.
-        outside: Whether everything outside the grid is taken too.
-        runs: Row, first and last column, counted from the cell looked from.
+        occupied: Occupancy of the grid.
+        outside: Whether everything outside the grid counts as occupied.
+        runs: Row, first and last column of each run, relative to the cell.
     """
-    rows, cols = taken.shape
-    ahead = np.empty((rows, cols), np.int32)  # columns to the next taken cell of the row
+    rows, cols = occupied.shape
+    ahead = np.empty((rows, cols), np.int32)  # columns to the next occupied cell of the row
     for row in range(rows):
         steps = 0 if outside else 2 * cols + 1
         for col in range(cols - 1, -1, -1):
-            steps = 0 if taken[row, col] else steps + 1
+            steps = 0 if occupied[row, col] else steps + 1
             ahead[row, col] = steps
     out = np.zeros((rows, cols), np.bool_)
     for row in range(rows):
@@ -131,8 +132,10 @@ def swept(
             begin, end = max(-first, 0), min(cols - first, cols)
             if begin < end:
                 _mark(out[row, begin:end], ahead[source, begin + first : end + first], last - first)
-            for col in range(min(max(-first, 0), cols)):  # the run begins left of the grid
+            for col in range(min(max(-first, 0), cols)):  # the run starts left of the grid
                 out[row, col] |= outside or ahead[source, 0] <= col + last
-            for col in range(max(min(cols - first, cols), 0), cols):  # and right of it
+            for col in range(
+                max(min(cols - first, cols), 0), cols
+            ):  # the run ends right of the grid
                 out[row, col] |= outside
     return out

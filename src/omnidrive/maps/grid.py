@@ -1,4 +1,4 @@
-"""Occupancy grids: where the robot may be."""
+"""Occupancy grids: free and occupied cells of the plane."""
 
 from __future__ import annotations
 
@@ -10,27 +10,34 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Int32
 
 from omnidrive.arrays import Array
+from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput, InvalidMap
-from omnidrive.maps.footprint import check_footprint, covered_runs, swept
-from omnidrive.maps.nearest import column_table, disc_reach, gaps, nearest_cell, within_reach
-from omnidrive.maps.region import flood
+from omnidrive.maps.distance import (
+    column_table,
+    disc_reach,
+    nearest_cell,
+    square_distances,
+    within_reach,
+)
+from omnidrive.maps.footprint import check_footprint, covered_runs, footprint_hits
 
-_FURTHEST = 2.0**62  # cells; where the conversion to an integer ends
+_FURTHEST = 2.0**62  # cells; limit of the conversion to 64-bit integers
 
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """Which cells of the floor are taken. Do not change them once the grid is in use.
+    """Occupancy of square cells. Do not modify the array once the grid is in use.
 
     Attributes:
-        occupied: True where an obstacle is; row i grows with the grid's y, column j with its x.
+        occupied: True for obstacles; row i runs along the grid's y axis, column j along its x axis.
         resolution: Side of a cell, in m.
-        origin: Outer corner of cell (0, 0), in m of W.
-        walled: Whether everything outside the grid is taken too.
-        yaw: From W's x axis to the grid's, about the origin, in rad, counter-clockwise positive.
+        origin: Outer corner of cell (0, 0) in W, in m.
+        walled: Whether everything outside the grid counts as occupied.
+        yaw: Angle from the x axis of W to that of the grid, in rad, counter-clockwise positive.
 
     Raises:
-        InvalidMap: There are no cells, or a number is not finite or not positive.
+        InvalidMap: The array is empty or not boolean, or a number is not finite, or the resolution
+            is not positive.
     """
 
     occupied: Bool[Array, "rows cols"]
@@ -42,31 +49,31 @@ class OccupancyGrid:
     def __post_init__(self) -> None:
         if self.occupied.dtype != bool or self.occupied.ndim != 2 or self.occupied.size == 0:
             raise InvalidMap(
-                "a grid needs an array of booleans with one row and one column or more, "
+                "a grid needs a two-dimensional array of booleans with at least one cell, "
                 f"got {self.occupied.dtype} of shape {self.occupied.shape}"
             )
         if not (np.isfinite(self.resolution) and self.resolution > 0.0):
             raise InvalidMap(f"the resolution must be positive, got {self.resolution:g} m per cell")
         if not np.isfinite((*self.origin, self.yaw)).all():
             raise InvalidMap(f"the origin must be finite, got {self.origin} m, {self.yaw} rad")
-        # one layout, so that kernels are compiled once
+        # one memory layout, so that kernels are compiled only once
         object.__setattr__(self, "occupied", np.require(self.occupied, requirements=["C", "W"]))
 
     @property
     def corners(self) -> Float[Array, "4 2"]:
-        """Outer corners (x, y), in m of W, counter-clockwise from the origin."""
+        """Outer corners (x, y) in W, in m, counter-clockwise from the origin."""
         rows, cols = self.occupied.shape
         return self._in_world(np.array([(0, 0), (0, cols), (rows, cols), (rows, 0)], float))
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Least box along W's axes that holds the grid: (left, right, bottom, top), in m."""
+        """Bounding box (left, right, bottom, top) in W, in m."""
         left, bottom = self.corners.min(axis=0).tolist()
         right, top = self.corners.max(axis=0).tolist()
         return (left, right, bottom, top)
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
-        """Row and column of the cell that holds the point (x, y) of W; perhaps outside."""
+        """Return row and column of the cell of the point (x, y) in W; it may lie outside."""
         along, across = cos(self.yaw), sin(self.yaw)
         dx, dy = x - self.origin[0], y - self.origin[1]
         return (
@@ -75,14 +82,14 @@ class OccupancyGrid:
         )
 
     def cells_of(self, points: Float[Array, "points 2"]) -> Int[Array, "points 2"]:
-        """Row and column of the cells that hold points (x, y), in m of W; perhaps outside."""
+        """Return row and column of the cells of points (x, y) in W; they may lie outside."""
         cells: Int[Array, "points 2"] = (
             np.floor(self._in_cells(points)).clip(-_FURTHEST, _FURTHEST).astype(np.int64)
         )
         return cells
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
-        """Centre (x, y) of a cell, in m of W."""
+        """Return the centre (x, y) of a cell in W, in m."""
         along, across = cos(self.yaw), sin(self.yaw)
         v, u = (row + 0.5) * self.resolution, (col + 0.5) * self.resolution
         return (
@@ -91,22 +98,22 @@ class OccupancyGrid:
         )
 
     def centres(self, cells: Int[Array, "cells 2"]) -> Float[Array, "cells 2"]:
-        """Centres (x, y) of cells (row, column), in m of W."""
+        """Return the centres (x, y) of cells (row, column) in W, in m."""
         return self._in_world(cells + 0.5)
 
     def contains(self, row: int, col: int) -> bool:
-        """Whether the cell lies in the grid."""
+        """Whether a cell lies in the grid."""
         rows, cols = self.occupied.shape
         inside: bool = 0 <= row < rows and 0 <= col < cols
         return inside
 
     def is_occupied(self, x: float, y: float) -> bool:
-        """Whether the point (x, y) of W lies in an obstacle."""
+        """Whether the point (x, y) in W lies in an obstacle."""
         row, col = self.cell(x, y)
         return bool(self.occupied[row, col]) if self.contains(row, col) else self.walled
 
     def occupied_at(self, points: Float[Array, "points 2"]) -> Bool[Array, " points"]:
-        """Whether each point (x, y), in m of W, lies in an obstacle."""
+        """Whether each point (x, y) in W, in m, lies in an obstacle."""
         cells = self.cells_of(points)
         last = np.array(self.occupied.shape) - 1
         within = ((cells >= 0) & (cells <= last)).all(axis=1)
@@ -115,7 +122,7 @@ class OccupancyGrid:
         return taken
 
     def occupied_on(self, other: OccupancyGrid) -> Bool[Array, "rows cols"]:
-        """Whether the centre of each cell of ``other`` is occupied here."""
+        """Whether the centre of each cell of ``other`` is occupied in this grid."""
         frames = ((g.occupied.shape, g.resolution, g.origin, g.yaw) for g in (self, other))
         if next(frames) == next(frames):
             return self.occupied.copy()
@@ -128,11 +135,11 @@ class OccupancyGrid:
         return taken
 
     def inflated(self, radius: float) -> OccupancyGrid:
-        """Grid whose free cells are those on whose centre a disc of ``radius`` (m) hits nothing.
+        """Return the grid whose free cells are those at whose centre a disc does not collide.
 
-        The disc hits a square if the square is nearer to its centre than the radius: the exact
-        Euclidean distance, of the square and not of its centre. On any other point of a free cell
-        it reaches at most half a cell's diagonal into an obstacle.
+        A disc of ``radius`` (m) collides with an occupied square if the exact Euclidean distance
+        from its centre to the square is less than the radius. At any other point of a free cell it
+        overlaps an obstacle by at most half the diagonal of a cell.
 
         Raises:
             InvalidInput: The radius is negative or not finite.
@@ -145,24 +152,25 @@ class OccupancyGrid:
             return self
         in_cells = radius / self.resolution
         steps = int(min(in_cells + 2.0, self.occupied.shape[0] + 1.0))
-        near = within_reach(self._to_taken, self.walled, disc_reach(in_cells, steps))
+        near = within_reach(self._distances_to_occupied, self.walled, disc_reach(in_cells, steps))
         return replace(self, occupied=self.occupied | near)
 
     def inflated_by(
         self, footprint: Float[Array, "corners 2"], yaw: float | None = None
     ) -> OccupancyGrid:
-        """Grid whose free cells are those on whose centre the robot's footprint hits nothing.
+        """Return the grid whose free cells are those where the footprint does not collide.
 
-        The footprint hits a square if it covers some of its interior. The time is proportional to
-        the number of rows of cells that the footprint spans.
+        The robot's centre is at the centre of the cell. The footprint collides with an occupied
+        square if it covers a part of its interior. The time is proportional to the number of rows
+        of cells that the footprint spans.
 
         Args:
-            footprint: Corners (x, y) of a polygon, convex or not, in m of the robot's frame.
-            yaw: The robot's heading, in rad; without one, whatever it is: a disc about the robot's
-                centre through the furthest corner.
+            footprint: Corners (x, y) of a polygon in B, in m; it need not be convex.
+            yaw: Heading of the robot in W, in rad. None covers every heading by the disc about the
+                robot's centre through the farthest corner.
 
         Raises:
-            InvalidInput: The footprint is no polygon, or the heading is not finite.
+            InvalidInput: The footprint is not a polygon, or the heading is not finite.
         """
         corners = np.asarray(footprint, dtype=float)
         check_footprint(corners)
@@ -174,28 +182,34 @@ class OccupancyGrid:
         x, y = corners.T / self.resolution
         turned = np.column_stack([across * x + along * y, along * x - across * y])
         runs = covered_runs(turned, *self.occupied.shape)
-        return replace(self, occupied=self.occupied | swept(self.occupied, self.walled, runs))
+        return replace(
+            self, occupied=self.occupied | footprint_hits(self.occupied, self.walled, runs)
+        )
 
     def clearance(self, points: Float[Array, "points 2"]) -> Float[Array, " points"]:
-        """Exact distance in m from each point (m, in W) to the nearest obstacle cell.
+        """Return the exact distance in m from each point (x, y) in W to the nearest obstacle.
 
-        Negative inside an obstacle: the distance to the nearest free cell. Infinite where there is
-        no such cell; NaN for a point that is not finite.
+        Inside an obstacle it is minus the distance to the nearest free cell. It is infinite if
+        there is no such cell, and NaN for a point that is not finite.
         """
         out = np.full(len(points), np.nan)
         finite = np.isfinite(points).all(axis=1)
         inside = finite.copy()
         inside[finite] = self.occupied_at(points[finite])
         outside = finite & ~inside
-        out[outside] = gaps(self._to_taken, self.walled, self._in_cells(points[outside]))
+        out[outside] = square_distances(
+            self._distances_to_occupied, self.walled, self._in_cells(points[outside])
+        )
         if inside.any():
-            out[inside] = -gaps(self._to_free, not self.walled, self._in_cells(points[inside]))
+            out[inside] = -square_distances(
+                self._distances_to_free, not self.walled, self._in_cells(points[inside])
+            )
         return out * self.resolution
 
     def nearest_free(self, x: float, y: float) -> tuple[tuple[int, int], float] | None:
-        """The free cell whose centre is nearest to a point, and its distance in m.
+        """Return the free cell whose centre is nearest to a point in W, and the distance in m.
 
-        None if no cell is free.
+        Returns None if no cell is free.
         """
         v, u = self._in_cells(np.array([[x, y]]))[0].tolist()
         row, col = nearest_cell(~self.occupied, v, u)
@@ -205,22 +219,21 @@ class OccupancyGrid:
         return (row, col), hypot(centre[0] - x, centre[1] - y)
 
     def region_size(self, row: int, col: int, *, cut_corners: bool = False) -> int:
-        """How many free cells can be reached from a cell, itself included; 0 if it is taken.
+        """Return the number of free cells connected to a cell, itself included; 0 if occupied.
 
-        Diagonal moves reach no more cells than sideways ones, unless they may pass between two
-        taken cells.
+        Diagonal moves connect no additional cells unless they may pass between two occupied cells.
 
         Args:
-            row: Of the cell.
-            col: Of the cell.
-            cut_corners: Whether diagonal moves may pass taken cells.
+            row: Row of the cell.
+            col: Column of the cell.
+            cut_corners: Whether diagonal moves may pass occupied cells.
         """
         if not self.contains(row, col) or self.occupied[row, col]:
             return 0
-        return int(flood(self.occupied, row, col, 2 if cut_corners else 1))
+        return int(_connected_cells(self.occupied, row, col, 2 if cut_corners else 1))
 
     def _in_cells(self, points: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
-        """(Row, column) of points of W, as fractions counted from the origin."""
+        """Transform points (x, y) in W to fractional (row, column), relative to the origin."""
         along, across = cos(self.yaw), sin(self.yaw)
         dx, dy = (points - np.array(self.origin)).T
         return np.column_stack([along * dy - across * dx, along * dx + across * dy]) / (
@@ -228,7 +241,7 @@ class OccupancyGrid:
         )
 
     def _in_world(self, cells: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
-        """Points (x, y) of W from (row, column) as fractions: the inverse of the above."""
+        """Transform fractional (row, column) to points (x, y) in W: inverse of `_in_cells`."""
         along, across = cos(self.yaw), sin(self.yaw)
         v, u = (cells * self.resolution).T
         return np.column_stack(
@@ -236,9 +249,37 @@ class OccupancyGrid:
         )
 
     @cached_property
-    def _to_taken(self) -> Int32[Array, "rows cols"]:
+    def _distances_to_occupied(self) -> Int32[Array, "rows cols"]:
         return column_table(self.occupied, self.walled)
 
     @cached_property
-    def _to_free(self) -> Int32[Array, "rows cols"]:
+    def _distances_to_free(self) -> Int32[Array, "rows cols"]:
         return column_table(~self.occupied, not self.walled)
+
+
+@compiled
+def _connected_cells(occupied: Bool[Array, "rows cols"], row: int, col: int, reach: int) -> int:
+    """Count the free cells connected to a free cell, itself included, by flood fill.
+
+    Args:
+        occupied: Occupancy of the grid.
+        row: Row of the first cell.
+        col: Column of the first cell.
+        reach: Number of coordinates that a move may change: 1 along the axes, 2 diagonally as well.
+    """
+    rows, cols = occupied.shape
+    closed = occupied.copy()
+    waiting = np.empty(occupied.size, np.int32)  # untouched pages take no memory
+    waiting[0] = row * cols + col
+    closed[row, col] = True
+    count, left = 1, 1
+    while left > 0:
+        left -= 1
+        row, col = waiting[left] // cols, waiting[left] % cols
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for c in range(max(col - 1, 0), min(col + 2, cols)):
+                if abs(r - row) + abs(c - col) <= reach and not closed[r, c]:
+                    closed[r, c] = True
+                    waiting[left] = r * cols + c
+                    count, left = count + 1, left + 1
+    return count

@@ -1,4 +1,4 @@
-"""What a file says of a cell: free, taken or unknown."""
+"""Kinds of cells in map files: free, occupied or unknown."""
 
 from __future__ import annotations
 
@@ -11,18 +11,22 @@ from omnidrive.errors import InvalidInput
 from omnidrive.files.bounded_file import short_repr
 
 Unknown = Literal["occupied", "free"]
-"""What cells count as of which a file does not say whether they are free."""
+"""Treatment of cells that a map file marks as unknown."""
 
-FREE, TAKEN, UNKNOWN = range(3)
+FREE, OCCUPIED, UNKNOWN = range(3)
 
 
 def occupied(kinds: UInt8[Array, "rows cols"], unknown: Unknown) -> Bool[Array, "rows cols"]:
-    """Which cells are obstacles, unknown ones being what ``unknown`` says.
+    """Return the occupancy of cells, with unknown cells treated as ``unknown``.
 
     Raises:
-        InvalidInput: ``unknown`` is neither.
+        InvalidInput: ``unknown`` is neither "occupied" nor "free".
     """
     if unknown not in get_args(Unknown):
-        raise InvalidInput(f"unknown cells can be 'occupied' or 'free', got {short_repr(unknown)}")
-    taken: Bool[Array, "rows cols"] = (kinds != FREE) if unknown == "occupied" else (kinds == TAKEN)
-    return taken
+        raise InvalidInput(
+            f"unknown cells can count as 'occupied' or 'free', got {short_repr(unknown)}"
+        )
+    mask: Bool[Array, "rows cols"] = (
+        (kinds != FREE) if unknown == "occupied" else (kinds == OCCUPIED)
+    )
+    return mask

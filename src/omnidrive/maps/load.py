@@ -1,4 +1,4 @@
-"""A map from a file of any known format."""
+"""Loading of map files of any supported format."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from omnidrive.maps.numpy_file import load_numpy_map
 
 _SUFFIXES = {
     ".yaml": "nav2", ".yml": "nav2", ".map": "movingai", ".npy": "numpy", ".txt": "ascii",
-    ".pgm": "picture", ".png": "picture", ".bmp": "picture",
+    ".pgm": "image", ".png": "image", ".bmp": "image",
 }  # fmt: skip
-_BEGINNINGS = {
-    b"type ": "movingai", b"\x93NUMPY": "numpy", b"image:": "nav2", b"\x89PNG": "picture",
-    b"P5": "picture", b"P2": "picture", b"BM": "picture",
+_MAGIC_BYTES = {
+    b"type ": "movingai", b"\x93NUMPY": "numpy", b"image:": "nav2", b"\x89PNG": "image",
+    b"P5": "image", b"P2": "image", b"BM": "image",
 }  # fmt: skip
 
-_HEAD = 512  # bytes that show the format
+_HEAD = 512  # bytes inspected to detect the format
 
 
 def load_map(
@@ -31,22 +31,22 @@ def load_map(
 ) -> OccupancyGrid:
     """Read a map: Nav2's (``.yaml``), MovingAI's (``.map``), NumPy's (``.npy``) or text (``.txt``).
 
-    A file with another suffix is known by how it begins.
+    The format of a file with another suffix is detected from its first bytes.
 
     Args:
-        path: The file; of a Nav2 map the YAML file, not the picture.
-        resolution: Side of a cell, in m, for the formats that do not say it; 1 m if not given.
-        unknown: What cells count as of which the file does not say whether they are free.
+        path: The file; for a Nav2 map the YAML file, not the image.
+        resolution: Side of a cell in m, for formats that do not state it; None for 1 m.
+        unknown: Whether unknown cells count as occupied or free.
 
     Raises:
-        InvalidMap: The file is missing, malformed, too large or of no known format, or states its
-            resolution and another one is given.
+        InvalidMap: The file is missing, malformed, too large or of an unsupported format, or a
+            resolution is given for a file that states its own.
     """
     name = one_line(str(path))
-    kind = _SUFFIXES.get(path.suffix.lower()) or _by_content(path)
+    kind = _SUFFIXES.get(path.suffix.lower()) or _detect_format(path)
     if kind == "nav2":
         if resolution is not None:
-            raise InvalidMap(f"{name} states its own resolution; give none beside it")
+            raise InvalidMap(f"{name} states its own resolution; omit the resolution option")
         return load_nav2_map(path, unknown=unknown)
     side = 1.0 if resolution is None else resolution
     if kind == "movingai":
@@ -57,9 +57,9 @@ def load_map(
     }
     if kind in readers:
         return readers[kind](path, resolution=side, unknown=unknown)
-    if kind == "picture":
+    if kind == "image":
         raise InvalidMap(
-            f"{name} is a picture, which has no scale; name the YAML file of its Nav2 map "
+            f"{name} is an image, which has no scale; load the YAML file of its Nav2 map "
             f"({path.with_suffix('.yaml').name})"
         )
     raise InvalidMap(
@@ -68,10 +68,10 @@ def load_map(
     )
 
 
-def _by_content(path: Path) -> str | None:
-    """The format that a file's first bytes show; None if they show none."""
+def _detect_format(path: Path) -> str | None:
+    """Return the format detected from the first bytes of a file, None if unknown."""
     head = read_head(path, _HEAD, "map", InvalidMap)
-    for beginning, kind in _BEGINNINGS.items():
+    for beginning, kind in _MAGIC_BYTES.items():
         if head.startswith(beginning):
             return kind
     cells = "".join(ASCII_CELLS).encode()

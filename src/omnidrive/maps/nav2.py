@@ -1,4 +1,4 @@
-"""Maps in the format of ROS 2 Nav2's map server: a YAML file beside an image."""
+"""Maps in the format of the ROS 2 Nav2 map server: a YAML file and an image."""
 
 from __future__ import annotations
 
@@ -16,50 +16,53 @@ from omnidrive.errors import CannotWrite, InvalidMap, closest
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
-from omnidrive.maps.picture import read_picture
-from omnidrive.maps.source import refuse_resolution
+from omnidrive.maps.image import read_image
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, Unknown, occupied
+from omnidrive.maps.map_file import check_resolution
 
 Mode = Literal["trinary", "scale", "raw"]
 
 _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
-_MOST_OF_RAW = 100  # a raw pixel is an occupancy in percent; more is unknown
+_MAX_RAW = 100  # a raw pixel is an occupancy in percent; greater values are unknown
 
 
 def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid:
     """Read a Nav2 map.
 
-    The rules are those of ``nav2_map_server/src/map_io.cpp`` since 2025. With p the grey of a pixel
-    (0 to 255; of a colour, its luma), occupancy is 1 - p / 255, or p / 255 if ``negate``. In the
-    modes ``trinary`` and ``scale``, a cell is free where that is at most ``free_thresh``, an
-    obstacle where it is at least ``occupied_thresh``, and else unknown (``scale`` grades such
-    cells, but grades do not say whether they are free); one that is not opaque is unknown. In the
-    mode ``raw``, p is the occupancy in percent, whatever ``negate`` and the opacity; above 100 it
-    is unknown, else compared to the thresholds in whole percent, as Nav2 compares it to save the
-    map as ``trinary``. The image's last row is the map's first.
+    The rules are those of ``nav2_map_server/src/map_io.cpp`` since 2025. Let p be the grey value of
+    a pixel, 0 to 255 (the luma of a colour). The occupancy is 1 - p / 255, or p / 255 if
+    ``negate``. In the modes ``trinary`` and ``scale``, a cell is free if the occupancy is at most
+    ``free_thresh``, an obstacle if it is at least ``occupied_thresh``, and unknown otherwise or if
+    the pixel is not opaque (``scale`` grades cells between the thresholds, but the grade does not
+    decide whether they are free). In the mode ``raw``, p is the occupancy in percent, independent
+    of ``negate`` and opacity. Above 100 it is unknown; otherwise it is compared with the thresholds
+    in whole percent, as Nav2 does when it saves the map as ``trinary``. The last row of the image
+    is row 0 of the grid.
 
     Args:
-        path: The YAML file; ``image`` is looked up beside it.
-        unknown: What unknown cells count as.
+        path: The YAML file; ``image`` is relative to its folder.
+        unknown: Whether unknown cells count as occupied or free.
 
     Raises:
         InvalidMap: The file is missing, malformed or too large.
     """
     meta = read_yaml(path, "map", InvalidMap)
     if not isinstance(meta, dict):
-        raise InvalidMap(f"{path} is not a Nav2 map: it must set image, resolution and origin")
+        raise InvalidMap(
+            f"{path} is not a Nav2 map: it must set 'image', 'resolution' and 'origin'"
+        )
     for key in meta:
         if key not in _KEYS:
             near = closest(str(key), _KEYS, cutoff=0.75)
-            if near:  # other keys are those of other programs
+            if near:  # keys without similarity to ours belong to other programs
                 raise InvalidMap(f"{path}: unknown key {short_repr(key)}; did you mean '{near}'?")
     resolution = _number(path, meta, "resolution")
-    refuse_resolution(resolution, one_line(str(path)))
+    check_resolution(resolution, one_line(str(path)))
     table = _kinds_of_greys(path, meta)
     x, y, yaw = _origin(path, meta)
     if not isinstance(meta.get("image"), str):
-        raise InvalidMap(f"{path} does not set 'image', the name of the map's picture")
-    grey, opaque = read_picture(path.parent / meta["image"])
+        raise InvalidMap(f"{path} does not set 'image', the file name of the map's image")
+    grey, opaque = read_image(path.parent / meta["image"])
     kinds = table[grey]
     if opaque is not None and meta.get("mode") != "raw":
         kinds[~opaque] = UNKNOWN
@@ -67,16 +70,16 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
 
 
 def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
-    """Kind of a cell by the grey of its pixel, 0 to 255."""
+    """Return the kind of a cell for each grey value of its pixel, 0 to 255."""
     free = _number(path, meta, "free_thresh")
     taken = _number(path, meta, "occupied_thresh")
     if not 0.0 <= free < taken <= 1.0:
         raise InvalidMap(
             f"{path}: free_thresh ({free:g}) must be below occupied_thresh ({taken:g}), "
-            "both in 0 to 1"
+            "both from 0 to 1"
         )
     mode = meta.get("mode", "trinary")
-    if mode not in get_args(Mode):  # a tuple: a list has no hash
+    if mode not in get_args(Mode):  # in a tuple: a list is not hashable
         raise InvalidMap(
             f"{path}: mode {short_repr(mode)} is not one of {', '.join(get_args(Mode))}"
         )
@@ -87,35 +90,35 @@ def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
 def kinds_of_greys(
     mode: Mode, *, negate: bool, free_thresh: float, occupied_thresh: float
 ) -> UInt8[Array, " 256"]:
-    """Kind of a cell by the grey of its opaque pixel, 0 to 255; see :func:`load_nav2_map`.
+    """Return the kind of a cell for each grey value of its opaque pixel; see :func:`load_nav2_map`.
 
-    In single precision, as Nav2 computes it: thresholds that a grey meets exactly are inclusive
-    only up to its rounding.
+    Computed in single precision, as in Nav2: a grey value exactly at a threshold is included only
+    up to rounding.
     """
     greys = np.arange(256)
     if mode == "raw":
         free, taken = np.rint((100.0 * free_thresh, 100.0 * occupied_thresh))
-        kinds = np.where(greys <= free, FREE, np.where(greys >= taken, TAKEN, UNKNOWN))
-        return np.where(greys <= _MOST_OF_RAW, kinds, UNKNOWN).astype(np.uint8)
+        kinds = np.where(greys <= free, FREE, np.where(greys >= taken, OCCUPIED, UNKNOWN))
+        return np.where(greys <= _MAX_RAW, kinds, UNKNOWN).astype(np.uint8)
     shade = greys.astype(np.float32) / np.float32(255.0)
     occupancy = shade if negate else np.float32(1.0) - shade
-    taken_or_not = np.where(occupancy >= np.float32(occupied_thresh), TAKEN, UNKNOWN)
+    taken_or_not = np.where(occupancy >= np.float32(occupied_thresh), OCCUPIED, UNKNOWN)
     return np.where(occupancy <= np.float32(free_thresh), FREE, taken_or_not).astype(np.uint8)
 
 
 def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
-    """Write ``path`` (YAML) and a PGM image of the same stem; :func:`load_nav2_map` reads both.
+    """Write ``path`` (YAML) and a PGM image of the same stem, to be read by :func:`load_nav2_map`.
 
-    The format does not say whether the outside is taken; it is, when the map is read.
+    The format does not store ``walled``; a loaded map is walled.
 
     Raises:
-        InvalidMap: Nav2 maps have no such resolution, or ``path`` ends in another way.
+        InvalidMap: The resolution is out of range, or the suffix is not .yaml or .yml.
         CannotWrite: A file cannot be written.
     """
     name = one_line(str(path))
     if path.suffix.lower() not in {".yaml", ".yml"}:
-        raise InvalidMap(f"{name}: a Nav2 map is saved as .yaml, with its picture beside it")
-    refuse_resolution(grid.resolution, name)
+        raise InvalidMap(f"{name}: a Nav2 map is saved as .yaml, with its image beside it")
+    check_resolution(grid.resolution, name)
     image = path.with_suffix(".pgm")
     pixels = np.where(grid.occupied[::-1], 0, 254).astype(np.uint8)
     meta = {
@@ -145,7 +148,7 @@ def _number(path: Path, meta: dict[Any, Any], key: str, default: float | None = 
 
 
 def _as_float(value: Any) -> float:
-    """``value`` as a number, NaN if it is none; YAML 1.1 takes 5e-2 for text, Nav2 does not."""
+    """Return ``value`` as a number or NaN; 5e-2 is text in YAML 1.1, but not in Nav2."""
     try:
         return float(value) if isinstance(value, (int, float, str)) else nan
     except ValueError:

@@ -1,4 +1,4 @@
-"""Maps saved as NumPy arrays."""
+"""Maps stored as NumPy arrays (``.npy``)."""
 
 from __future__ import annotations
 
@@ -15,81 +15,85 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, open_file, short_repr
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import FREE, TAKEN, UNKNOWN, Unknown, occupied
-from omnidrive.maps.source import refuse_resolution, refuse_size
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, Unknown, occupied
+from omnidrive.maps.map_file import check_resolution, check_size
 
 _BLOCK = 1 << 20  # cells read at a time
-_VERSION = (1, 0)  # later ones are for long descriptions, of arrays that are no map
+_VERSION = (1, 0)  # later versions are for structured types, which are not maps
 
 
 def load_numpy_map(
     path: Path, *, resolution: float = 1.0, unknown: Unknown = "occupied"
 ) -> OccupancyGrid:
-    """Read an ``.npy`` file: an array of rows and columns, row 0 first, as a grid holds it.
+    """Read an ``.npy`` file: an array of rows and columns with the layout of the grid, row 0 first.
 
-    True is an obstacle. Of numbers, 0 is free, what is negative or NaN is unknown (as in ROS, where
-    -1 is), and all else is an obstacle. Nothing in the file is unpickled.
+    In a boolean array, True is an obstacle. In a numeric array, 0 is free, negative numbers and NaN
+    are unknown (ROS uses -1), and all other numbers are obstacles. Nothing is unpickled.
 
     Args:
         path: The file.
         resolution: Side of a cell, in m.
-        unknown: What unknown cells count as.
+        unknown: Whether unknown cells count as occupied or free.
 
     Raises:
         InvalidMap: The file is missing, malformed or too large.
     """
     name = one_line(str(path))
-    refuse_resolution(resolution, name)
+    check_resolution(resolution, name)
     with open_file(path, "map", InvalidMap) as file:
         shape, columns_first, dtype = _header(file, name)
-        _refuse_short(fstat(file.fileno()).st_size - file.tell(), shape, dtype, name)
+        _check_length(fstat(file.fileno()).st_size - file.tell(), shape, dtype, name)
         kinds = _kinds(file, prod(shape), dtype, name)
     rows = kinds.reshape(shape[::-1]).T if columns_first else kinds.reshape(shape)
     return OccupancyGrid(occupied(rows, unknown), resolution)
 
 
 def _header(file: BinaryIO, name: str) -> tuple[tuple[int, int], bool, np.dtype]:
-    """Shape, whether it is stored by columns, and type of the numbers."""
+    """Return the shape, whether the array is in column-major order, and its type."""
     try:
         version = npy.read_magic(file)
         if version == _VERSION:
             shape, columns_first, dtype = npy.read_array_header_1_0(file)
-    except Exception as error:  # NumPy's parser lets errors of many kinds through
+    except Exception as error:  # NumPy's parser raises errors of many types
         reason = one_line(" ".join(str(error).split()), 200)
         raise InvalidMap(f"{name} is not a NumPy array (.npy): {reason}") from None
     if version != _VERSION:
-        raise InvalidMap(f"{name} is of version {version} of NumPy's format, only (1, 0) is read")
+        raise InvalidMap(
+            f"{name} has version {version} of the NumPy format; only (1, 0) is supported"
+        )
     if len(shape) != 2:
-        raise InvalidMap(f"{name} must hold rows and columns, got the shape {short_repr(shape)}")
+        raise InvalidMap(
+            f"{name} must contain a two-dimensional array, got shape {short_repr(shape)}"
+        )
     if dtype.kind not in "biuf":
-        raise InvalidMap(f"{name} must hold booleans or numbers, got {short_repr(str(dtype))}")
-    refuse_size(*shape, name)
+        raise InvalidMap(f"{name} must contain booleans or numbers, got {short_repr(str(dtype))}")
+    check_size(*shape, name)
     return shape, columns_first, dtype
 
 
-def _refuse_short(size: int, shape: tuple[int, int], dtype: np.dtype, name: str) -> None:
-    """Refuse a file with fewer bytes behind its header than the array has."""
+def _check_length(size: int, shape: tuple[int, int], dtype: np.dtype, name: str) -> None:
+    """Raise InvalidMap if the file has fewer bytes after its header than the array needs."""
     needed = prod(shape) * dtype.itemsize
     if size < needed:
         raise InvalidMap(
-            f"{name} ends after {size:,} bytes of numbers; an array of "
-            f"{shape[0]:,} rows of {shape[1]:,} {dtype} has {needed:,}"
+            f"{name} is truncated: it has {size:,} bytes of data, but an array of "
+            f"{shape[0]:,} rows of {shape[1]:,} {dtype} needs {needed:,}"
         )
 
 
 def _kinds(file: BinaryIO, count: int, dtype: np.dtype, name: str) -> UInt8[Array, " cells"]:
-    """Kind of every cell, read block by block."""
+    """Return the kind of every cell, read block by block."""
     kinds = np.empty(count, np.uint8)
     for start in range(0, count, _BLOCK):
         size = min(_BLOCK, count - start)
         content = file.read(size * dtype.itemsize)
         if len(content) < size * dtype.itemsize:
-            raise InvalidMap(f"{name} ends before its last cell")
+            raise InvalidMap(f"{name} is truncated")
         kinds[start : start + size] = _kind_of(np.frombuffer(content, dtype))
     return kinds
 
 
 def _kind_of(values: Shaped[Array, " cells"]) -> UInt8[Array, " cells"]:
-    """What each number says; NaN is neither at least 0 nor 0."""
+    """Return the kind of each number; NaN is unknown, because NaN >= 0 is false."""
     known = values >= 0
-    return np.where(known, np.where(values == 0, FREE, TAKEN), UNKNOWN).astype(np.uint8)
+    return np.where(known, np.where(values == 0, FREE, OCCUPIED), UNKNOWN).astype(np.uint8)

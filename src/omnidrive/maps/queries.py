@@ -1,4 +1,4 @@
-"""Scenario files of the MovingAI benchmarks: queries with the lengths of their shortest paths."""
+"""Scenario files of the MovingAI benchmarks: queries with the lengths of shortest paths."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import NamedTuple
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.source import read_content
+from omnidrive.maps.map_file import read_content
 
 _MAX_BYTES = 16_000_000
 _FIELDS = 9  # bucket, map, width, height, start x, start y, goal x, goal y, length
 
 
 class Query(NamedTuple):
-    """One search to do.
+    """Search query with the known length of a shortest path.
 
     Attributes:
-        start: Row and column of the grid.
-        goal: Row and column of the grid.
-        length: Of the shortest path, in cells, to the file's eight decimals: eight neighbours, a
-            diagonal move is sqrt(2) long and passes no obstacle's corner.
+        start: Row and column in the grid.
+        goal: Row and column in the grid.
+        length: Length of a shortest path over eight neighbours, in cells, to the file's eight
+            decimals. A diagonal move has length sqrt(2) and must not cut corners.
     """
 
     start: tuple[int, int]
@@ -31,16 +31,16 @@ class Query(NamedTuple):
 
 
 def load_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
-    """Read a ``.scen`` file of version 1 for a map that :func:`load_movingai_map` read.
+    """Read a ``.scen`` file of version 1 for a map loaded by :func:`load_movingai_map`.
 
-    The file counts y from the top: its cell (x, y) is the grid's row ``height - 1 - y``, column x.
+    The file counts y from the top: its cell (x, y) is row ``height - 1 - y``, column x of the grid.
 
     Args:
         path: The file.
-        grid: The map whose size the file must state.
+        grid: The map; its size must match the size stated in the file.
 
     Raises:
-        InvalidMap: The file is missing, malformed, too large or of a map of another size.
+        InvalidMap: The file is missing, malformed, too large or for a map of another size.
     """
     name = one_line(str(path))
     lines = read_content(path, _MAX_BYTES).decode("latin-1").split("\n")
@@ -57,15 +57,17 @@ def load_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
 
 
 def _query(line: str, where: str, rows: int, cols: int) -> Query:
-    """The query of one line."""
-    words = line.split("\t") if "\t" in line else line.split()  # a map's name may hold blanks
+    """Parse one line."""
+    words = (
+        line.split("\t") if "\t" in line else line.split()
+    )  # the name of a map may contain spaces
     if len(words) != _FIELDS:
         raise InvalidMap(f"{where} has {len(words)} fields, need {_FIELDS}")
     width, height, *ends = (_whole(word.strip(), where) for word in words[2:8])
     if (height, width) != (rows, cols):
         raise InvalidMap(
-            f"{where} is of a map of {height:,} rows of {width:,} cells, "
-            f"this one has {rows:,} of {cols:,}"
+            f"{where} is for a map of {height:,} rows of {width:,} cells, "
+            f"but this map has {rows:,} rows of {cols:,}"
         )
     start, goal = (_cell(x, y, where, rows, cols) for x, y in (ends[:2], ends[2:]))
     length = _length(words[8].strip(), where)

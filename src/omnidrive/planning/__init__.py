@@ -1,9 +1,9 @@
-"""From a map to a path: geometry only, no time."""
+"""Path planning on occupancy grids: grid search, smoothing and geometric paths without time."""
 
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.plan import PathOptions, Plan, Waypoint, plan
 from omnidrive.planning.search import GridSearch, HeuristicName, MethodName, SearchResult, search
-from omnidrive.planning.smoothing import Smoothed, SmoothingName, smooth
+from omnidrive.planning.smoothing import SmoothedPath, SmoothingName, smooth
 
 __all__ = [
     "GridSearch",
@@ -13,7 +13,7 @@ __all__ = [
     "PathOptions",
     "Plan",
     "SearchResult",
-    "Smoothed",
+    "SmoothedPath",
     "SmoothingName",
     "SplinePath",
     "Waypoint",

@@ -1,4 +1,4 @@
-"""Distance from a curve to the squares of a grid, with proof. Lengths are in cells here."""
+"""Proved distances from curves to the occupied cells of a grid; all lengths are in cells."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.maps import OccupancyGrid
 
-_TOUCH = 1e-9  # a chord that is less than this inside a square touches it and does not enter
-_STRAIGHT = 1e-10  # eight times what a piece that counts as straight may be beside its chord
-_MOST_CHORDS = 65_536  # of a piece
-_BLOCK = 16  # cells along a side
-_LONGEST_CHORD = 4.0  # so that few squares are near one
+_TOUCH = 1e-9  # a chord that penetrates a square by less than this only touches it
+_STRAIGHT = 1e-10  # eight times the permitted deviation of a straight piece from its chord
+_MAX_CHORDS = 65_536  # per piece
+_BLOCK = 16  # cells per side of a block
+_LONGEST_CHORD = 4.0  # limits the number of squares near a chord
 
 
-class Floor(NamedTuple):
-    """The squares to keep off.
+class Obstacles(NamedTuple):
+    """Occupied squares of a grid.
 
     Attributes:
-        occupied: Row i, column j is the square from (j, i) to (j + 1, i + 1).
-        blocks: Whether any of 16 x 16 cells is occupied: far squares are found quickly.
-        walled: Whether everything outside is occupied.
+        occupied: Occupancy; row i, column j is the square from (j, i) to (j + 1, i + 1).
+        blocks: Whether any of 16 x 16 cells is occupied; accelerates the search for squares.
+        walled: Whether everything outside the grid is occupied.
     """
 
     occupied: Bool[Array, "rows cols"]
@@ -33,8 +33,8 @@ class Floor(NamedTuple):
     walled: bool
 
     @classmethod
-    def of(cls, grid: OccupancyGrid) -> Floor:
-        """The occupied cells of a grid."""
+    def of(cls, grid: OccupancyGrid) -> Obstacles:
+        """Create the obstacles of a grid."""
         rows, cols = grid.occupied.shape
         full = np.pad(grid.occupied, ((0, -rows % _BLOCK), (0, -cols % _BLOCK)))
         parts = full.reshape(len(full) // _BLOCK, _BLOCK, -1, _BLOCK)
@@ -42,7 +42,7 @@ class Floor(NamedTuple):
 
 
 class Chord(NamedTuple):
-    """The straight line from a to b; x across the columns, y across the rows."""
+    """Line segment from a to b; x runs across the columns, y across the rows."""
 
     ax: float
     ay: float
@@ -51,7 +51,7 @@ class Chord(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A cubic by its start a, the way c from there to its end, and its bends u and v at both.
+    """Cubic piece: start a, chord vector c, and second derivatives u and v at start and end.
 
     See :class:`omnidrive.planning.pieces.Pieces`.
     """
@@ -67,23 +67,25 @@ class Piece(NamedTuple):
 
 
 @inlined
-def piece_at(places: Float[Array, "knots 2"], bends: Float[Array, "knots 2"], j: int) -> Piece:
-    """Piece j of a spline with these places and second derivatives at its knots."""
+def piece_at(
+    positions: Float[Array, "knots 2"], second_derivatives: Float[Array, "knots 2"], j: int
+) -> Piece:
+    """Return piece j of a spline from positions and second derivatives at its knots."""
     return Piece(
-        places[j, 0],
-        places[j, 1],
-        places[j + 1, 0] - places[j, 0],
-        places[j + 1, 1] - places[j, 1],
-        bends[j, 0],
-        bends[j, 1],
-        bends[j + 1, 0],
-        bends[j + 1, 1],
+        positions[j, 0],
+        positions[j, 1],
+        positions[j + 1, 0] - positions[j, 0],
+        positions[j + 1, 1] - positions[j, 1],
+        second_derivatives[j, 0],
+        second_derivatives[j, 1],
+        second_derivatives[j + 1, 0],
+        second_derivatives[j + 1, 1],
     )
 
 
 @inlined
 def _crosses(chord: Chord) -> bool:
-    """Whether a chord enters the square of side 1 around 0 (separating axes)."""
+    """Whether a chord enters the unit square centred at 0 (separating axis theorem)."""
     half = 0.5 - _TOUCH
     mx, my = 0.5 * (chord.ax + chord.bx), 0.5 * (chord.ay + chord.by)
     hx, hy = 0.5 * (chord.bx - chord.ax), 0.5 * (chord.by - chord.ay)
@@ -93,8 +95,8 @@ def _crosses(chord: Chord) -> bool:
 
 
 @inlined
-def _square_of_distance(x: float, y: float, chord: Chord) -> float:
-    """Square of the distance from (x, y) to a chord."""
+def _squared_distance(x: float, y: float, chord: Chord) -> float:
+    """Return the squared distance from (x, y) to a chord."""
     dx, dy = chord.bx - chord.ax, chord.by - chord.ay
     square = dx * dx + dy * dy
     along = ((x - chord.ax) * dx + (y - chord.ay) * dy) / square if square > 0.0 else 0.0
@@ -104,38 +106,38 @@ def _square_of_distance(x: float, y: float, chord: Chord) -> float:
 
 
 @inlined
-def _to_square(chord: Chord) -> float:
-    """Distance from a chord to the square of side 1 around 0; -inf if it enters."""
+def _distance_to_square(chord: Chord) -> float:
+    """Return the distance from a chord to the unit square centred at 0; -inf if it enters."""
     if _crosses(chord):
         return -inf
-    # of two convex polygons apart, a corner of one is among the nearest points
+    # the distance of two disjoint convex polygons is attained at a corner of one of them
     gx, gy = max(abs(chord.ax) - 0.5, 0.0), max(abs(chord.ay) - 0.5, 0.0)
     nearest = gx * gx + gy * gy
     gx, gy = max(abs(chord.bx) - 0.5, 0.0), max(abs(chord.by) - 0.5, 0.0)
     nearest = min(nearest, gx * gx + gy * gy)
     for x in (-0.5, 0.5):
         for y in (-0.5, 0.5):
-            nearest = min(nearest, _square_of_distance(x, y, chord))
+            nearest = min(nearest, _squared_distance(x, y, chord))
     return sqrt(nearest)
 
 
 @inlined
-def _cell(place: float, count: int) -> int:
-    """Column or row of a place, of ``count``; the first or the last if it is outside."""
-    return floor(min(max(place, 0.0), count - 1.0))
+def _cell(coordinate: float, count: int) -> int:
+    """Return the column or row of a coordinate, clamped to 0 ... ``count`` - 1."""
+    return floor(min(max(coordinate, 0.0), count - 1.0))
 
 
 @inlined
-def chord_clearance(ground: Floor, chord: Chord, limit: float) -> float:
-    """Distance from a chord to the nearest occupied square no further away than ``limit``.
+def chord_clearance(obstacles: Obstacles, chord: Chord, limit: float) -> float:
+    """Return the distance from a chord to the nearest occupied square, at most ``limit``.
 
-    ``limit`` if there is none; -inf if the chord enters a square.
+    -inf if the chord enters an occupied square.
     """
-    rows, cols = ground.occupied.shape
+    rows, cols = obstacles.occupied.shape
     left, right = min(chord.ax, chord.bx), max(chord.ax, chord.bx)
     below, above = min(chord.ay, chord.by), max(chord.ay, chord.by)
     nearest = limit
-    if ground.walled:
+    if obstacles.walled:
         edge = min(left, below, cols - right, rows - above)
         if edge < -_TOUCH:
             return -inf
@@ -144,35 +146,35 @@ def chord_clearance(ground: Floor, chord: Chord, limit: float) -> float:
     first, last = _cell(left - nearest, cols), _cell(right + nearest, cols)
     for i in range(low // _BLOCK, high // _BLOCK + 1):
         for j in range(first // _BLOCK, last // _BLOCK + 1):
-            if not ground.blocks[i, j]:
+            if not obstacles.blocks[i, j]:
                 continue
             for row in range(max(low, i * _BLOCK), min(high, i * _BLOCK + _BLOCK - 1) + 1):
                 for col in range(max(first, j * _BLOCK), min(last, j * _BLOCK + _BLOCK - 1) + 1):
                     gap = max(col - right, left - col - 1.0, row - above, below - row - 1.0)
-                    if gap <= nearest and ground.occupied[row, col]:
+                    if gap <= nearest and obstacles.occupied[row, col]:
                         x, y = col + 0.5, row + 0.5
                         moved = Chord(chord.ax - x, chord.ay - y, chord.bx - x, chord.by - y)
-                        nearest = min(nearest, _to_square(moved))
+                        nearest = min(nearest, _distance_to_square(moved))
     return nearest
 
 
 @compiled
 def chord_clearances(
-    ground: Floor, polygon: Float[Array, "points 2"], limit: float
+    obstacles: Obstacles, polygon: Float[Array, "points 2"], limit: float
 ) -> Float[Array, " chords"]:
-    """:func:`chord_clearance` of every side of a polygon."""
+    """Return :func:`chord_clearance` of every edge of a polygon."""
     found = np.empty(len(polygon) - 1)
     for i in range(len(found)):
         chord = Chord(polygon[i, 0], polygon[i, 1], polygon[i + 1, 0], polygon[i + 1, 1])
-        found[i] = chord_clearance(ground, chord, limit)
+        found[i] = chord_clearance(obstacles, chord, limit)
     return found
 
 
 @inlined
 def _is_straight(piece: Piece) -> bool:
-    """Whether a piece runs along its chord and never back.
+    """Whether a piece lies on its chord and never reverses.
 
-    The Bezier control points of its slope, c - u / 3 - v / 6, c + u / 6 - v / 6 and
+    The Bezier control points of its first derivative, c - u / 3 - v / 6, c + u / 6 - v / 6 and
     c + u / 6 + v / 3, must point along the chord.
     """
     cx, cy, ux, uy, vx, vy = piece[2:]
@@ -186,94 +188,96 @@ def _is_straight(piece: Piece) -> bool:
 
 @inlined
 def piece_clearance(
-    ground: Floor, piece: Piece, tolerance: float, limit: float
+    obstacles: Obstacles, piece: Piece, tolerance: float, limit: float
 ) -> tuple[float, float]:
-    """Lower bound on the distance from a piece to the nearest occupied square, and its excess.
+    """Return a lower bound on the distance from a piece to the nearest occupied square.
 
-    The piece is cut into chords. A part of it is no further from its chord than an eighth of its
-    greatest second derivative, over the square of the number of chords. So one to seven chords a
-    cell are within a hundredth of a cell, where samples and a bound on the speed would take
-    seventy: that bound falls with the number, and not with its square. The hull of a part's Bezier
-    control points reaches further out of the bend, a sixth instead of an eighth, and finding its
-    distance from a square takes longer than a chord's.
+    The piece is approximated by chords. The deviation of the piece from n chords is at most an
+    eighth of the greatest second derivative divided by n^2. One to seven chords per cell are
+    therefore accurate to 0.01 cells; samples with a bound on the speed, whose error falls with n
+    only, would need seventy. The hull of the Bezier control points deviates by a sixth instead of
+    an eighth, and its distance from a square takes longer to compute than that of a chord.
 
     Args:
-        ground: The squares.
+        obstacles: The occupied squares.
         piece: The piece.
-        tolerance: Distance from chord to piece that is good enough.
-        limit: No square further away than this is looked at.
+        tolerance: Permitted deviation of the piece from its chords.
+        limit: Distance beyond which squares are ignored.
 
     Returns:
-        A bound, at most ``limit``, -inf if a chord enters a square; and how far the piece is from
-        its chords at most. Where the bound is less than ``limit``, the distance is at most twice
-        this more.
+        The lower bound, at most ``limit``, -inf if a chord enters a square; and the greatest
+        deviation of the piece from its chords. A bound below ``limit`` is exceeded by the true
+        distance by at most twice this deviation.
     """
     ax, ay, cx, cy, ux, uy, vx, vy = piece
-    bend = 0.0 if _is_straight(piece) else sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy))
-    wanted = max(sqrt(0.125 * bend / tolerance), (abs(cx) + abs(cy) + bend) / _LONGEST_CHORD)
-    chords = ceil(min(max(wanted, 1.0), float(_MOST_CHORDS)))
-    apart = 0.125 * bend / chords**2
+    second = 0.0 if _is_straight(piece) else sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy))
+    needed = max(sqrt(0.125 * second / tolerance), (abs(cx) + abs(cy) + second) / _LONGEST_CHORD)
+    chords = ceil(min(max(needed, 1.0), float(_MAX_CHORDS)))
+    deviation = 0.125 * second / chords**2
     bound, x, y = limit, ax, ay
     for k in range(1, chords + 1):
         s = k / chords
         p = s * (1.0 - s) * (2.0 - s) / 6.0
         q = s * (1.0 - s) * (1.0 + s) / 6.0
         chord = Chord(x, y, ax + s * cx - p * ux - q * vx, ay + s * cy - p * uy - q * vy)
-        reach = bound + apart
-        nearest = chord_clearance(ground, chord, reach)
-        if nearest < reach:  # else the bound stays, to the last digit
-            bound = nearest - apart
+        reach = bound + deviation
+        nearest = chord_clearance(obstacles, chord, reach)
+        if nearest < reach:  # otherwise the bound is left unchanged, free of rounding
+            bound = nearest - deviation
         if nearest == -inf:
             break
         x, y = chord.bx, chord.by
-    return bound, apart
+    return bound, deviation
 
 
 @compiled
 def piece_clearances(
-    ground: Floor,
-    places: Float[Array, "knots 2"],
-    bends: Float[Array, "knots 2"],
+    obstacles: Obstacles,
+    positions: Float[Array, "knots 2"],
+    second_derivatives: Float[Array, "knots 2"],
     tolerance: float,
     limit: float,
 ) -> Float[Array, " pieces"]:
-    """The bound of :func:`piece_clearance` for every piece."""
-    bounds = np.empty(len(places) - 1)
+    """Return the bound of :func:`piece_clearance` for every piece."""
+    bounds = np.empty(len(positions) - 1)
     for j in range(len(bounds)):
-        bounds[j], _ = piece_clearance(ground, piece_at(places, bends, j), tolerance, limit)
+        bounds[j], _ = piece_clearance(
+            obstacles, piece_at(positions, second_derivatives, j), tolerance, limit
+        )
     return bounds
 
 
 @compiled
 def curve_clearance(
-    ground: Floor,
-    places: Float[Array, "knots 2"],
-    bends: Float[Array, "knots 2"],
+    obstacles: Obstacles,
+    positions: Float[Array, "knots 2"],
+    second_derivatives: Float[Array, "knots 2"],
     tolerance: float,
 ) -> tuple[float, float]:
-    """Bounds on the distance from the curve to the nearest occupied square.
+    """Return bounds on the distance from the curve to the nearest occupied square.
 
-    They differ by twice ``tolerance`` at most, unless a piece would need more chords than it gets.
-
-    Returns:
-        The bounds; both -inf if a chord enters a square, both inf if there is none.
+    The bounds differ by at most twice ``tolerance``, unless a piece would need more than the
+    greatest number of chords. Both are -inf if a chord enters a square, and inf if no square is
+    occupied.
     """
-    rows, cols = ground.occupied.shape
-    x, y = places[0]
+    rows, cols = obstacles.occupied.shape
+    x, y = positions[0]
     reach = abs(x) + abs(y) + rows + cols + 2.0
     limit = upper = 1.0
     while limit < 2.0 * reach:
-        upper = chord_clearance(ground, Chord(x, y, x, y), limit)
+        upper = chord_clearance(obstacles, Chord(x, y, x, y), limit)
         if upper < limit:
             break
         limit *= 2.0
     if upper >= reach:
         return inf, inf
     lower = upper
-    for j in range(len(places) - 1):
-        bound, apart = piece_clearance(ground, piece_at(places, bends, j), tolerance, upper)
+    for j in range(len(positions) - 1):
+        bound, deviation = piece_clearance(
+            obstacles, piece_at(positions, second_derivatives, j), tolerance, upper
+        )
         if bound == -inf:
             return -inf, -inf
         if bound < upper:
-            lower, upper = min(lower, bound), min(upper, bound + 2.0 * apart)
+            lower, upper = min(lower, bound), min(upper, bound + 2.0 * deviation)
     return lower, upper

@@ -1,4 +1,4 @@
-"""The frame of a grid's cells: where columns and rows lie in W."""
+"""Coordinate frame of a grid's cells in the world frame W."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from omnidrive.maps import OccupancyGrid
 
 
 class GridFrame(NamedTuple):
-    """Places in cells: column first, then row; cell (i, j) is the square from (j, i) on.
+    """Frame in units of cells, (column, row): cell (i, j) is the square from (j, i) to (j+1, i+1).
 
     Attributes:
-        corner: Outer corner of cell (0, 0), in m of W.
-        sides: The steps to the next column and to the next row, in m of W; orthogonal.
+        corner: Outer corner of cell (0, 0) in W, m.
+        sides: Vectors to the next column and to the next row in W, m; orthogonal.
     """
 
     corner: Float[Array, " xy"]
@@ -24,10 +24,10 @@ class GridFrame(NamedTuple):
 
     @classmethod
     def of(cls, grid: OccupancyGrid) -> GridFrame:
-        """Frame of a grid, turned or not."""
+        """Create the frame of a grid, axis-aligned or rotated."""
         rows, cols = grid.occupied.shape
         first = np.array(grid.centre(0, 0))
-        # across the whole grid: least rounding
+        # over the whole grid, which minimises the rounding error
         right = (np.array(grid.centre(0, cols)) - first) / cols
         up = (np.array(grid.centre(rows, 0)) - first) / rows
         return cls(first - 0.5 * (right + up), np.stack([right, up]))
@@ -39,15 +39,15 @@ class GridFrame(NamedTuple):
 
     @property
     def rounding(self) -> float:
-        """What places may be off by rounding, in cells: more where W's origin is far away."""
+        """Rounding error of positions, in cells; it grows with the distance to W's origin."""
         far = float(np.abs(self.corner).max()) / self.resolution
         return 1e-8 + 8.0 * float(np.finfo(float).eps) * far
 
     def cells(self, points: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
-        """Places in cells of points in m of W."""
+        """Transform points from W (m) to cells."""
         return np.ascontiguousarray((points - self.corner) @ self.sides.T / self.resolution**2)
 
-    def world(self, places: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
-        """Points in m of W of places in cells."""
-        points: Float[Array, "points 2"] = self.corner + places @ self.sides
+    def world(self, positions: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
+        """Transform points from cells to W (m)."""
+        points: Float[Array, "points 2"] = self.corner + positions @ self.sides
         return points

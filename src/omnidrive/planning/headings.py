@@ -1,4 +1,4 @@
-"""Headings along a way."""
+"""Headings along a polyline."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.geometry import wrap
-from omnidrive.planning.polyline import travelled
+from omnidrive.planning.polyline import cumulative_length
 
 _STILL = 1e-9
-"""In m: what is shorter is rounding, and has no direction."""
+"""Length in m below which a step is rounding error and has no direction."""
 
 
 def with_headings(
@@ -19,31 +19,31 @@ def with_headings(
     goal: float | None,
     turn_within: float,
 ) -> Float[Array, "points 3"]:
-    """Add to each point the direction in which it was reached, bent to the ends' headings.
+    """Add to each point the direction of the step to it, blended into the headings at the ends.
 
     Args:
         points: x and y in m.
-        start: Heading at the first point, in rad; None for the direction in which it is left.
-        goal: Heading at the last point, in rad; None for the direction in which it is reached.
-        turn_within: Distance over which the heading turns from an end's to the way's, in m.
+        start: Heading at the first point, in rad; None for the direction of the first step.
+        goal: Heading at the last point, in rad; None for the direction of the last step.
+        turn_within: Distance from each end over which the heading is blended, in m.
 
     Returns:
         Columns x, y in m and heading in rad, unwrapped.
     """
     steps = np.diff(points, axis=0)
     moves = (np.abs(steps) > _STILL).any(axis=1)
-    if moves.any():  # points in one place keep the direction in which it was reached
+    if moves.any():  # coincident points keep the direction of the last step
         steps = steps[np.maximum.accumulate(np.where(moves, np.arange(len(steps)), moves.argmax()))]
     yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]) if moves.any() else np.zeros(len(steps)))
     yaw = np.concatenate([yaw[:1], yaw])
-    distance = travelled(points)
+    distance = cumulative_length(points)
     if not moves.any():  # turning on the spot
         distance = np.linspace(0.0, 1.0, len(points))
-    reach = max(min(turn_within, 0.5 * distance[-1]), 1e-9)
+    blend = max(min(turn_within, 0.5 * distance[-1]), 1e-9)
     for end, heading, away in ((0, start, distance), (-1, goal, distance[-1] - distance)):
         if heading is not None:
             turn = wrap(heading - float(yaw[end]))
-            yaw = yaw + turn * np.maximum(1.0 - away / reach, 0.0)
+            yaw = yaw + turn * np.maximum(1.0 - away / blend, 0.0)
     if start is not None:
         yaw = yaw + 2.0 * np.pi * np.round((start - yaw[0]) / (2.0 * np.pi))
     return np.column_stack([points, yaw])

@@ -1,4 +1,4 @@
-"""Paths: poses without times."""
+"""Geometric paths: sequences of poses and splines, without time."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from scipy.interpolate import BSpline
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.arc_length import length_bounds
-from omnidrive.planning.curvature import STANDSTILL, curvature_bounds
 from omnidrive.planning.path_clearance import clearance_bounds
 from omnidrive.planning.pieces import pieces
+from omnidrive.planning.spline_bounds import STANDSTILL, curvature_bounds, length_bounds
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Path:
-    """Poses to pass through, in order.
+    """Sequence of poses.
 
     Attributes:
         poses: Poses of B in W; x and y in m, yaw in rad, unwrapped.
@@ -30,7 +29,7 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Distance travelled by the origin of B, in m."""
+        """Length of the polyline through the positions, in m."""
         return float(np.linalg.norm(np.diff(self.poses[:, :2], axis=0), axis=1).sum())
 
 
@@ -38,16 +37,16 @@ class Path:
 class SplinePath:
     """Clamped uniform cubic B-spline in (x, y, yaw): twice continuously differentiable.
 
-    It starts at the first control point, ends at the last, and stays within the convex hull of
-    each four neighbours in between (de Boor, "A Practical Guide to Splines", ch. IX).
+    It starts at the first control point and ends at the last, and every piece lies in the convex
+    hull of four consecutive control points (de Boor, "A Practical Guide to Splines", ch. IX).
 
-    With the centres of at least six cells of a way without corner cutting as control points, it
-    keeps 0.409 of a cell's side from the square of every obstacle (of five cells, 0.353, and of
-    four, 0.285); of a way that cuts corners, it may enter one. The tests try every sequence of
-    moves that a piece can see.
+    If the control points are the centres of at least six cells of a grid path without corner
+    cutting, the spline keeps a distance of 0.409 times the side of a cell from every occupied cell
+    (0.353 for five cells, 0.285 for four). If the grid path cuts corners, the spline may enter an
+    occupied cell. The tests check every sequence of moves that can shape a piece.
 
-    Where control points coincide the path may slow down to a standstill, and there, and only
-    there, turn on the spot: three in one place make a sharp corner.
+    Where control points coincide, the first derivative may vanish, and only there can the path turn
+    on the spot: three coincident control points make a sharp corner.
 
     Attributes:
         control_points: x and y in m, yaw in rad, unwrapped; at least four.
@@ -58,38 +57,39 @@ class SplinePath:
     def __post_init__(self) -> None:
         if len(self.control_points) < 4:
             raise InvalidInput(
-                f"a cubic spline needs 4 control points, got {len(self.control_points)}"
+                f"a cubic spline needs at least 4 control points, got {len(self.control_points)}"
             )
         if not np.isfinite(self.control_points).all():
-            raise InvalidInput("a control point is not finite")
+            raise InvalidInput("the control points of a spline must be finite")
 
     @cached_property
     def _derivatives(self) -> tuple[BSpline, BSpline, BSpline]:
         n = len(self.control_points)
         knots = np.concatenate([[0.0] * 3, np.arange(n - 2), [n - 3.0] * 3]) / (n - 3)
         spline = BSpline(knots, self.control_points, 3)
-        slope = spline.derivative()
-        return spline, slope, slope.derivative()
+        first = spline.derivative()
+        return spline, first, first.derivative()
 
     def poses(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n 3"]:
-        """Poses at ``u`` in [0, 1]; x and y in m, yaw in rad."""
+        """Evaluate the poses at ``u`` in [0, 1]; x and y in m, yaw in rad."""
         poses: Float[Array, "*n 3"] = self._derivatives[0](u)
         return poses
 
     def first_derivatives(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n 3"]:
-        """Derivatives of :meth:`poses` by ``u``, in m and rad."""
-        slopes: Float[Array, "*n 3"] = self._derivatives[1](u)
-        return slopes
+        """Evaluate the derivatives of :meth:`poses` with respect to ``u``, in m and rad."""
+        first_derivatives: Float[Array, "*n 3"] = self._derivatives[1](u)
+        return first_derivatives
 
     def curvature(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Curvature in 1/m at ``u`` in [0, 1], positive where the path turns left.
+        """Evaluate the curvature in 1/m at ``u`` in [0, 1], positive where the path turns left.
 
-        Infinite where the path stands still for a moment (its speed is below 1e-9 of its
-        greatest), for it may turn on the spot there; 0 all along a path without length.
+        Infinite where the path comes to rest (the norm of the derivative is below 1e-9 of its
+        maximum), because the path may turn on the spot there; 0 everywhere on a path of zero
+        length.
         """
-        slope, bend = self._derivatives[1](u)[..., :2], self._derivatives[2](u)[..., :2]
-        cube = (slope**2).sum(axis=-1) ** 1.5
-        cross = slope[..., 0] * bend[..., 1] - slope[..., 1] * bend[..., 0]
+        first, second = self._derivatives[1](u)[..., :2], self._derivatives[2](u)[..., :2]
+        cube = (first**2).sum(axis=-1) ** 1.5
+        cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
         steps = np.linalg.norm(np.diff(self.control_points[:, :2], axis=0), axis=1)
         moves = cube > (STANDSTILL * 3.0 * (len(steps) - 2) * steps.max()) ** 3
         at_rest = np.inf if steps.any() else 0.0
@@ -98,31 +98,34 @@ class SplinePath:
 
     @cached_property
     def max_curvature(self) -> tuple[float, float]:
-        """Bounds on the greatest magnitude of :meth:`curvature`, in 1/m.
+        """Lower and upper bound on the greatest magnitude of :meth:`curvature`, in 1/m.
 
-        The first is attained. The second is proved; it is at most a thousandth larger, or belongs
-        to a turn of 0.001 rad over the whole path.
+        The lower bound is attained. The upper bound is proved; it exceeds the lower one by at most
+        0.1 %, or by the curvature of a turn of 0.001 rad over the whole path.
         """
         return curvature_bounds(pieces(self.control_points[:, :2]), 1e-3)
 
     def clearance(self, grid: OccupancyGrid, tolerance: float = 1e-3) -> tuple[float, float]:
-        """Bounds on the least distance in m from the path to an obstacle's square.
+        """Return proved bounds on the least distance in m from the path to an occupied cell.
 
-        Both are proved. They differ by twice ``tolerance`` times the side of a cell.
-        Negative where the path enters an obstacle: minus how deep, as for
-        :meth:`OccupancyGrid.clearance`; infinite on a grid without obstacles.
+        The bounds differ by twice ``tolerance`` times the side of a cell. They are negative (minus
+        the depth, as for :meth:`OccupancyGrid.clearance`) if the path enters an occupied cell, and
+        infinite on a grid without occupied cells.
 
         Args:
-            grid: The obstacles.
-            tolerance: In cells, positive.
+            grid: The occupancy grid.
+            tolerance: Tolerance in cells, positive.
+
+        Raises:
+            InvalidInput: The tolerance is not positive or not finite.
         """
         return clearance_bounds(grid, self.control_points[:, :2], tolerance)
 
     @cached_property
     def length(self) -> float:
-        """Distance travelled by the origin of B, in m; within :attr:`length_bounds`.
+        """Arc length of the path of the origin of B, in m, within :attr:`length_bounds`.
 
-        By Simpson's rule on every knot interval.
+        Computed by Simpson's rule on every knot interval.
         """
         parts = 16 * (len(self.control_points) - 3)
         speed = np.linalg.norm(
@@ -134,5 +137,5 @@ class SplinePath:
 
     @cached_property
     def length_bounds(self) -> tuple[float, float]:
-        """Proved bounds on :attr:`length`, in m, which differ by a millionth of it."""
+        """Proved bounds on :attr:`length`, in m, which differ by at most 1e-6 of it."""
         return length_bounds(pieces(self.control_points[:, :2]), 1e-6)

@@ -1,4 +1,4 @@
-"""From a map, a start and a goal to a smooth path."""
+"""Planning of a smooth path from start to goal on a map."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.search import HeuristicName, MethodName, SearchResult, search
 from omnidrive.planning.smoothing import SmoothingName, smooth
 
-_ROOM = 0.2
-"""Distance in cells from the inflated obstacles that certified paths keep where they can: hardly
-less smooth than none, and no path grazes."""
+_CLEARANCE = 0.2
+"""Distance in cells from the inflated obstacles that certified paths keep where possible. It hardly
+affects the smoothness."""
 
 
 class Waypoint(NamedTuple):
-    """Where to start or end: x, y in m, yaw in rad; without yaw, along the path."""
+    """Start or goal: x, y in m, yaw in rad; a yaw of None leaves the heading to the path."""
 
     x: float
     y: float
@@ -33,15 +33,19 @@ class Waypoint(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PathOptions:
-    """How a path is searched and smoothed; the defaults suit every map.
+    """Options of the search and the smoothing; the defaults suit every map.
 
     Attributes:
-        search: How a way over the cells is searched, see :func:`~omnidrive.planning.search`.
-        heuristic: What the search takes to be left to go; None for its usual one.
-        cut_corners: Let diagonal moves pass occupied cells.
-        smooth: How the way is smoothed, see :func:`~omnidrive.planning.smooth`.
-        turn_within: Distance over which the heading turns from the start's to the path's and
-            from the path's to the goal's, in m; 0 turns between two control points.
+        search: Search method, see :func:`~omnidrive.planning.search`.
+        heuristic: Heuristic of the search; None for the default of the method.
+        cut_corners: Allow diagonal moves past occupied cells.
+        smooth: Smoothing method, see :func:`~omnidrive.planning.smooth`.
+        turn_within: Distance over which the heading turns from that of the start to the direction
+            of the path, and from there to that of the goal, in m; 0 turns between two control
+            points.
+
+    Raises:
+        InvalidInput: ``smooth`` is certified and ``cut_corners`` is true.
     """
 
     search: MethodName = "astar"
@@ -53,14 +57,14 @@ class PathOptions:
     def __post_init__(self) -> None:
         if self.cut_corners and self.smooth == "certified":
             raise InvalidInput(
-                "cannot be certified where the way cuts corners, and so touches obstacles; smooth "
-                "it as a spline, or do not let it cut corners (cut_corners: false)"
+                "cannot be certified if it cuts corners, because it then touches obstacles; use "
+                "smooth: spline or cut_corners: false"
             )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Plan:
-    """A path and how it came about.
+    """Planned path with the intermediate results.
 
     Attributes:
         search_result: Result of the grid search.
@@ -88,96 +92,98 @@ def plan(
     options: PathOptions,
     inflation_note: str = "",
 ) -> Plan:
-    """Search a way over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
+    """Search a path over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
 
-    A certified path stays in those cells for certain, so that it is nowhere nearer to an obstacle
-    than ``inflation`` less half a cell's diagonal.
+    A certified path is proved to stay in those cells. Its distance from every obstacle is therefore
+    at least ``inflation`` minus half the diagonal of a cell.
 
     Args:
-        grid: The obstacles.
-        start: Where the robot's centre is first.
-        goal: Where it is last.
+        grid: The map.
+        start: Start of the robot's centre.
+        goal: Goal of the robot's centre.
         inflation: Distance in m, 0 or more.
-        options: How to search and smooth.
+        options: Options of the search and the smoothing.
         inflation_note: Terms of which the inflation is the sum, for messages.
 
     Raises:
         InvalidInput: The inflation is negative or not finite.
-        InvalidWaypoint: Start or goal is not made of numbers, or the robot cannot stand there.
-        NoPathFound: There is no way between them.
+        InvalidWaypoint: Start or goal is not numeric, or the robot collides there.
+        NoPathFound: There is no path between them.
     """
     start, goal = _numbers("start", start), _numbers("goal", goal)
-    free = grid.inflated(inflation)
-    for name, place in (("start", start), ("goal", goal)):
+    free_space = grid.inflated(inflation)
+    for name, waypoint in (("start", start), ("goal", goal)):
         needed = f"{inflation:g} m" + (f" ({inflation_note})" if inflation_note else "")
-        _check_place(grid, free, name, place, needed)
+        _check_waypoint(grid, free_space, name, waypoint, needed)
     found = search(
-        free,
-        free.cell(start.x, start.y),
-        free.cell(goal.x, goal.y),
+        free_space,
+        free_space.cell(start.x, start.y),
+        free_space.cell(goal.x, goal.y),
         method=options.search,
         heuristic=options.heuristic,
         cut_corners=options.cut_corners,
     )
-    points = free.centres(found.cells)
+    points = free_space.centres(found.cells)
     points = np.vstack([points, points[-1:]]) if len(points) == 1 else points
     points[0], points[-1] = start[:2], goal[:2]
     smoothed = smooth(
-        free,
+        free_space,
         points,
         method=options.smooth,
-        clearance=_ROOM * free.resolution,
+        clearance=_CLEARANCE * free_space.resolution,
         yaws=(start.yaw, goal.yaw),
         turn_within=options.turn_within,
     )
-    way = Path(with_headings(points, start.yaw, goal.yaw, options.turn_within))
-    return Plan(found, way, smoothed.path, free, smoothed.clearance)
+    grid_path = Path(with_headings(points, start.yaw, goal.yaw, options.turn_within))
+    return Plan(found, grid_path, smoothed.path, free_space, smoothed.clearance)
 
 
-def _numbers(name: str, place: Waypoint) -> Waypoint:
-    """A place that is made of numbers."""
-    values: tuple[Any, ...] = tuple(place) if isinstance(place, Iterable) else (place,)
+def _numbers(name: str, waypoint: Waypoint) -> Waypoint:
+    """Return the waypoint as floats."""
+    values: tuple[Any, ...] = tuple(waypoint) if isinstance(waypoint, Iterable) else (waypoint,)
     numbers = values[:2] + tuple(value for value in values[2:] if value is not None)
     if len(values) not in {2, 3} or not all(isinstance(value, Real) for value in numbers):
         raise InvalidWaypoint(
-            f"the {name} must be two or three numbers, x and y in m and perhaps a heading in rad, "
-            f"such as Place(1.5, 2.0); got {short_repr(values)}"
+            f"the {name} must be two or three numbers, x and y in m and, optionally, a "
+            f"heading in rad, such as Waypoint(1.5, 2.0); got {short_repr(values)}"
         )
     return Waypoint(*map(float, numbers))
 
 
-def _check_place(
-    grid: OccupancyGrid, free: OccupancyGrid, name: str, place: Waypoint, needed: str
+def _check_waypoint(
+    grid: OccupancyGrid, free_space: OccupancyGrid, name: str, waypoint: Waypoint, needed: str
 ) -> None:
-    """Refuse a place outside the map, in an obstacle or nearer to one than ``needed``."""
-    where = f"the {name} ({place.x:g}, {place.y:g}) m"
-    if not np.isfinite(place[:2]).all() or not (place.yaw is None or np.isfinite(place.yaw)):
+    """Raise InvalidWaypoint outside the map, in an obstacle or nearer to one than ``needed``."""
+    where = f"the {name} ({waypoint.x:g}, {waypoint.y:g}) m"
+    if not np.isfinite(waypoint[:2]).all() or not (
+        waypoint.yaw is None or np.isfinite(waypoint.yaw)
+    ):
         raise InvalidWaypoint(f"{where} must be finite numbers: x and y in m, heading in rad")
-    if not grid.contains(*grid.cell(place.x, place.y)):
+    if not grid.contains(*grid.cell(waypoint.x, waypoint.y)):
         left, right, bottom, top = grid.extent
         raise InvalidWaypoint(
             f"{where} lies outside the map, which spans x {left:g} to {right:g} m "
             f"and y {bottom:g} to {top:g} m"
         )
-    if not free.is_occupied(place.x, place.y):
+    if not free_space.is_occupied(waypoint.x, waypoint.y):
         return
-    nearest = free.nearest_free(place.x, place.y)
+    nearest = free_space.nearest_free(waypoint.x, waypoint.y)
     if nearest is None:
         raise InvalidWaypoint(
-            f"nowhere on the map can the robot's centre keep {needed} from every obstacle; "
+            f"no free cell of the map keeps {needed} from every obstacle; "
             "choose a smaller robot or margin, or a finer map"
         )
     cell, distance = nearest
-    near = free.centre(*cell)
-    if grid.is_occupied(place.x, place.y):
-        fact = "lies inside an obstacle, its inflation or a cell that is not known to be free"
+    near = free_space.centre(*cell)
+    if grid.is_occupied(waypoint.x, waypoint.y):
+        fact = "lies inside an obstacle, the inflation stored in the map, or an unknown cell"
     else:
-        gap = float(grid.clearance(np.array([place[:2]]))[0])
+        gap = float(grid.clearance(np.array([waypoint[:2]]))[0])
         fact = (
-            f"is {gap:.2f} m from an obstacle; the robot's centre must keep {needed}, also "
-            f"from the middle of the map's cell of {grid.resolution:g} m that it is in"
+            f"is {gap:.2f} m from an obstacle; the robot's centre must keep {needed}, "
+            f"also measured from the centre of the map cell ({grid.resolution:g} m) around it"
         )
     raise InvalidWaypoint(
-        f"{where} {fact}; the nearest place to stand is ({near[0]:g}, {near[1]:g}) m, "
+        f"{where} {fact}; the nearest valid position is ({near[0]:g}, {near[1]:g}) m, "
         f"{distance:.2g} m away"
     )

@@ -12,7 +12,7 @@ from omnidrive.compiled import compiled
 from omnidrive.errors import NoPathFound
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.polyline import travelled
+from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference.course import turned_into_body
 from omnidrive.reference.spline_basis import bezier_basis
 
@@ -146,7 +146,7 @@ def _sampled(
     points: Float[Array, "points 2"], free: OccupancyGrid
 ) -> tuple[Float[Array, " samples"], Int[Array, "samples 2"]]:
     """Distances along the polyline, in m, and the cells there; a quarter of a cell apart."""
-    distance = travelled(points)
+    distance = cumulative_length(points)
     count = 2 + int(_SAMPLES_PER_CELL * distance[-1] / free.resolution)
     if count > _MAX_SAMPLES:
         raise NoPathFound(f"the way is {distance[-1]:.0f} m long, too long to build a corridor")

@@ -12,7 +12,7 @@ from omnidrive.arrays import Array
 from omnidrive.errors import NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
-from omnidrive.planning.polyline import travelled
+from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.course import Course
 from omnidrive.reference.course_timing import time_course
@@ -166,7 +166,7 @@ def _refitted(
     A control point belongs at the mean of its three inner knots (de Boor, ch. XI, Greville sites).
     """
     poses = path.poses(_fine(path))
-    distance = travelled(poses[:, :2])
+    distance = cumulative_length(poses[:, :2])
     starts = np.concatenate([[0.0], corridor.ends[:-1]])
     counts = np.bincount(pieces)
     knots = np.concatenate(

@@ -9,55 +9,62 @@ from jaxtyping import Int32, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.planning.search.astar import walk_back
-from omnidrive.planning.search.board import BitBoard
-from omnidrive.planning.search.lengths import Heuristic, to_go
-from omnidrive.planning.search.moves import BEGIN, MOVES, surroundings
-from omnidrive.planning.search.tiles import Tiles, empty_tiles, place
+from omnidrive.planning.search.astar import reconstruct_path
+from omnidrive.planning.search.bit_tiles import Tiles, empty_tiles, tile_index
+from omnidrive.planning.search.bitgrid import BitGrid
+from omnidrive.planning.search.heuristics import Heuristic, cost_to_go
+from omnidrive.planning.search.moves import MOVES, START_MOVE, neighbourhood
 
 _ROWS, _COLS = np.array(MOVES).T.copy()
 
 
 def greedy(
-    board: BitBoard, first: int, last: int, needed: UInt8[Array, "10 512"], heuristic: Heuristic
+    bitgrid: BitGrid,
+    start: int,
+    goal: int,
+    move_table: UInt8[Array, "10 512"],
+    heuristic: Heuristic,
 ) -> tuple[Int32[Array, " cells"], int]:
-    """Cells of a way and how many were expanded; no cells if there is no way.
+    """Return the cells of a path, empty if there is none, and the number of expansions.
 
-    The cell nearest the goal is expanded next, of equally near ones the first of the map; the way
-    is not the shortest (Russell & Norvig, "Artificial Intelligence", sec. 3.5.1).
+    The cell with the least heuristic value is expanded next; ties are broken by the order of the
+    cells in the map. The path is in general not a shortest one (Russell & Norvig, "Artificial
+    Intelligence", sec. 3.5.1).
     """
-    words = empty_tiles(board, wide=False)
-    expansions = _reach(board.bits, board.stride, first, last, needed[BEGIN], heuristic, words)
-    return walk_back(words, board.stride, first, last), expansions
+    words = empty_tiles(bitgrid, wide=False)
+    expansions = _explore(
+        bitgrid.bits, bitgrid.stride, start, goal, move_table[START_MOVE], heuristic, words
+    )
+    return reconstruct_path(words, bitgrid.stride, start, goal), expansions
 
 
 @compiled
-def _reach(  # noqa: PLR0917
+def _explore(  # noqa: PLR0917
     bits: UInt8[Array, " bytes"],
     stride: int,
-    first: int,
-    last: int,
-    allowed: UInt8[Array, " surroundings"],
+    start: int,
+    goal: int,
+    allowed: UInt8[Array, " neighbourhoods"],
     heuristic: Heuristic,
     words: Tiles,
 ) -> int:
-    """Fill ``words`` (how a cell was reached) and count the expansions."""
-    goal_row, goal_col = last // stride, last % stride
-    words[place(stride, first // stride, first % stride)] = BEGIN
-    queue, expansions = [(0, first)], 0
+    """Fill ``words`` with the move by which a cell was reached; return the number of expansions."""
+    goal_row, goal_col = goal // stride, goal % stride
+    words[tile_index(stride, start // stride, start % stride)] = START_MOVE
+    queue, expansions = [(0, start)], 0
     while len(queue) > 0:
         _, cell = heappop(queue)
-        if cell == last:
+        if cell == goal:
             break
         expansions += 1
-        moves = allowed[surroundings(bits, stride, cell)]
+        moves = allowed[neighbourhood(bits, stride, cell)]
         for move in range(8):
             if moves >> move & 1 == 0:
                 continue
             row, col = cell // stride + _ROWS[move], cell % stride + _COLS[move]
-            at = place(stride, row, col)
+            at = tile_index(stride, row, col)
             if words[at] == 0:
                 words[at] = move + 1
-                left = to_go(heuristic, row - goal_row, col - goal_col)
-                heappush(queue, (left, row * stride + col))
+                remaining = cost_to_go(heuristic, row - goal_row, col - goal_col)
+                heappush(queue, (remaining, row * stride + col))
     return expansions

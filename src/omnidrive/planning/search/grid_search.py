@@ -1,4 +1,4 @@
-"""Search on an occupancy grid, by the name of a method."""
+"""Search on an occupancy grid by the name of a method."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.search.astar import astar
-from omnidrive.planning.search.board import BitBoard, Cell
+from omnidrive.planning.search.bitgrid import BitGrid, Cell
 from omnidrive.planning.search.greedy import greedy
-from omnidrive.planning.search.jump_board import JumpBoard
+from omnidrive.planning.search.heuristics import HEURISTICS, Heuristic
+from omnidrive.planning.search.jump_grid import JumpGrid
 from omnidrive.planning.search.jump_point import jump_point
 from omnidrive.planning.search.lazy_theta import lazy_theta
-from omnidrive.planning.search.lengths import HEURISTICS, Heuristic
-from omnidrive.planning.search.moves import needed_moves
-from omnidrive.planning.search.result import SearchResult, length
+from omnidrive.planning.search.moves import pruned_moves
+from omnidrive.planning.search.result import SearchResult, path_length
 
 MethodName = Literal["astar", "jump-point", "lazy-theta", "greedy"]
-Found = tuple[Int32[Array, " cells"], int]
-"""Numbers of a way's cells, none if there is no way, and how many cells were expanded."""
+SearchOutput = tuple[Int32[Array, " cells"], int]
+"""Bit indices of the path's cells, empty if there is no path, and the number of expansions."""
 
 
 def search(
@@ -40,45 +40,47 @@ def search(
     neighbours: int = 8,
     cut_corners: bool = False,
 ) -> SearchResult:
-    """Find a way from ``start`` to ``goal`` over free cells.
+    """Find a path from ``start`` to ``goal`` over free cells.
 
     Methods:
-        ``astar``: the shortest way; the one to take if in doubt.
-        ``jump-point``: the shortest way, sooner where there are open spaces or long corridors; for
-            eight neighbours without cutting corners only.
-        ``lazy-theta``: turns at any cell to any angle, so that the way is shorter than those over
-            neighbours, but not the shortest possible; never touches the corner of an occupied
-            cell. For eight neighbours without cutting corners only.
-        ``greedy``: the cell nearest the goal first; expands few cells, and the way is longer, on
-            mazes much longer. What the paper's published code does.
+        ``astar``: a shortest path; the recommended method.
+        ``jump-point``: a shortest path, faster on maps with open spaces or long corridors; only for
+            eight neighbours without cutting corners.
+        ``lazy-theta``: an any-angle path, shorter than paths over neighbours but not the shortest
+            possible. It never touches the corner of an occupied cell. Only for eight neighbours
+            without cutting corners.
+        ``greedy``: expands the cell nearest the goal first. It expands few cells, and the path is
+            longer, in mazes much longer. The method of the paper's published code.
 
-    Heuristics, the length taken to be left to go:
-        ``octile``: exact without obstacles for eight neighbours, where it is the default. Below
-            the truth for four neighbours: more expansions. Above it for ``lazy-theta``: fewer
-            expansions and a longer way.
+    Heuristics, which estimate the remaining length:
+        ``octile``: exact without obstacles for eight neighbours, where it is the default. An
+            underestimate for four neighbours: more expansions. An overestimate for ``lazy-theta``:
+            fewer expansions and a longer path.
         ``manhattan``: exact without obstacles for four neighbours, where it is the default. For
-            eight, up to sqrt(2) times too much (not admissible; the paper's text): a way up to
-            sqrt(2) times too long, and cells are expanded again and again, so that on cluttered
-            maps it is not even found sooner.
-        ``euclidean``: below the truth for any grid, and exact for ``lazy-theta``, where it is the
-            default. Never a longer way; for eight neighbours more expansions than ``octile``.
-        ``zero``: Dijkstra's search, every cell nearer than the goal is expanded.
+            eight neighbours (as in the paper's text) it overestimates by a factor of up to sqrt(2)
+            and is not admissible: the path is up to sqrt(2) times too long, and cells are expanded
+            repeatedly, so that the search is no faster on cluttered maps.
+        ``euclidean``: admissible on any grid, and exact without obstacles for ``lazy-theta``, where
+            it is the default. For eight neighbours it needs more expansions than ``octile``.
+        ``zero``: Dijkstra's algorithm; every cell nearer than the goal is expanded.
 
     Args:
-        grid: The cells that may be used. To search it many times, make a :class:`GridSearch`.
+        grid: The occupancy grid. To search it repeatedly, create a :class:`GridSearch`.
         start: Row and column of a free cell.
         goal: Row and column of a free cell.
-        method: How to search.
-        heuristic: What is taken to be left to go; None for the default of the method.
-        neighbours: 8, or 4: no diagonal moves. Ways over four are up to sqrt(2) times longer.
-        cut_corners: Allow a diagonal move past an occupied cell, and between two. Ways are a
-            little shorter, but touch obstacles: a robot wider than a point hits them, and a
-            smooth curve along them may enter an obstacle.
+        method: Name of the method.
+        heuristic: Name of the heuristic; None for the default of the method.
+        neighbours: 8, or 4 for no diagonal moves. Paths over four neighbours are up to sqrt(2)
+            times longer.
+        cut_corners: Allow a diagonal move past an occupied cell, and between two. Paths are
+            slightly shorter, but touch obstacles: a robot with an extent collides, and a smooth
+            curve along the path may enter an obstacle.
 
     Raises:
-        InvalidInput: There is no such method or heuristic, or the method cannot do what is asked.
+        InvalidInput: The method or heuristic is unknown, or the method does not support the
+            neighbours or corner cutting.
         InvalidWaypoint: Start or goal is occupied or outside the grid.
-        NoPathFound: There is no way.
+        NoPathFound: There is no path.
     """
     return GridSearch(grid, neighbours=neighbours, cut_corners=cut_corners).search(
         start, goal, method=method, heuristic=heuristic
@@ -87,11 +89,11 @@ def search(
 
 @dataclass(frozen=True, eq=False)
 class GridSearch:
-    """A grid prepared for many searches.
+    """Repeated searches on one grid.
 
     Attributes:
-        grid: The cells that may be used; changes of it after the first search go unnoticed.
-        neighbours: 8, or 4: no diagonal moves.
+        grid: The occupancy grid; changes after the first search have no effect.
+        neighbours: 8, or 4 for no diagonal moves.
         cut_corners: Allow a diagonal move past an occupied cell.
 
     Raises:
@@ -114,30 +116,30 @@ class GridSearch:
         method: str = "astar",
         heuristic: str | None = None,
     ) -> SearchResult:
-        """As :func:`search`; for arguments and errors, see there."""
+        """Find a path; arguments and errors as for :func:`search`."""
         run = _METHODS.get(method)
         if run is None:
             raise InvalidInput(f"there is no search method {method!r}; choose {_list(_METHODS)}")
         _load(method)
         began = perf_counter()
-        first, last = self._number("start", start), self._number("goal", goal)
-        numbers, expansions = run(self, first, last, self._heuristic(method, heuristic))
-        if len(numbers) == 0:
+        start_index, goal_index = self._index("start", start), self._index("goal", goal)
+        indices, expansions = run(self, start_index, goal_index, self._heuristic(method, heuristic))
+        if len(indices) == 0:
             raise NoPathFound(self._unreachable(start))
-        cells = self._board.cells(numbers)
-        return SearchResult(cells, length(cells), expansions, perf_counter() - began)
+        cells = self._bitgrid.cells(indices)
+        return SearchResult(cells, path_length(cells), expansions, perf_counter() - began)
 
     @cached_property
-    def _board(self) -> BitBoard:
-        return BitBoard.of(self.grid.occupied)
+    def _bitgrid(self) -> BitGrid:
+        return BitGrid.of(self.grid.occupied)
 
     @cached_property
-    def _jump_board(self) -> JumpBoard:
-        return JumpBoard.of(self._board)
+    def _jump_grid(self) -> JumpGrid:
+        return JumpGrid.of(self._bitgrid)
 
     @property
-    def _needed(self) -> UInt8[Array, "10 512"]:
-        return needed_moves(self.neighbours, self.cut_corners)
+    def _move_table(self) -> UInt8[Array, "10 512"]:
+        return pruned_moves(self.neighbours, self.cut_corners)
 
     def _heuristic(self, method: str, name: str | None) -> Heuristic:
         if name is None:
@@ -147,8 +149,8 @@ class GridSearch:
             raise InvalidInput(f"there is no heuristic {name!r}; choose {_list(HEURISTICS)}")
         return HEURISTICS[name]
 
-    def _number(self, name: str, cell: Cell) -> int:
-        """The number of a free cell."""
+    def _index(self, name: str, cell: Cell) -> int:
+        """Return the bit index of a free cell."""
         rows, cols = self.grid.occupied.shape
         row, col = index(cell[0]), index(cell[1])
         if not self.grid.contains(row, col):
@@ -159,10 +161,10 @@ class GridSearch:
             raise InvalidWaypoint(
                 f"the {name} ({row}, {col}) is occupied; {self._nearest(row, col)}"
             )
-        return self._board.number((row, col))
+        return self._bitgrid.index_of((row, col))
 
     def _nearest(self, row: int, col: int) -> str:
-        """Where the nearest free cell is, in words."""
+        """Describe the nearest free cell, for messages."""
         nearest = self.grid.nearest_free(*self.grid.centre(row, col))
         if nearest is None:
             return "no cell is free"
@@ -171,45 +173,63 @@ class GridSearch:
         return f"the nearest free cell is ({r}, {c}), {cells:.3g} cells away"
 
     def _unreachable(self, start: Cell) -> str:
-        """Why there is no way, in words."""
+        """Explain why there is no path, for messages."""
         cut_corners = self.cut_corners and self.neighbours == 8
         reached = self.grid.region_size(*start, cut_corners=cut_corners)
         free = self.grid.occupied.size - np.count_nonzero(self.grid.occupied)
         return (
-            f"there is no way from start to goal: only {reached} of {free} free cells can be "
+            f"there is no path from start to goal: only {reached} of {free} free cells can be "
             "reached from the start, and the goal is not among them"
         )
 
-    def _only_standard_moves(self, method: str) -> None:
-        """Refuse moves that a method does not know."""
+    def _require_default_moves(self, method: str) -> None:
+        """Raise InvalidInput for four neighbours and for corner cutting."""
         if self.neighbours != 8 or self.cut_corners:
             raise InvalidInput(
-                f"{method} searches among 8 neighbours without cutting corners only; use astar"
+                f"{method} supports only 8 neighbours without cutting corners; use astar"
             )
 
 
-def _astar(on: GridSearch, first: int, last: int, heuristic: Heuristic) -> Found:
-    return astar(on._board, first, last, on._needed, heuristic)
+def _astar(
+    searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
+) -> SearchOutput:
+    return astar(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
 
 
-def _greedy(on: GridSearch, first: int, last: int, heuristic: Heuristic) -> Found:
-    return greedy(on._board, first, last, on._needed, heuristic)
+def _greedy(
+    searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
+) -> SearchOutput:
+    return greedy(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
 
 
-def _jump_point(on: GridSearch, first: int, last: int, heuristic: Heuristic) -> Found:
-    on._only_standard_moves("jump-point")
-    return jump_point(on._board, on._jump_board, first, last, on._needed, heuristic)
+def _jump_point(
+    searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
+) -> SearchOutput:
+    searcher._require_default_moves("jump-point")
+    return jump_point(
+        searcher._bitgrid,
+        searcher._jump_grid,
+        start_index,
+        goal_index,
+        searcher._move_table,
+        heuristic,
+    )
 
 
-def _lazy_theta(on: GridSearch, first: int, last: int, heuristic: Heuristic) -> Found:
-    on._only_standard_moves("lazy-theta")
-    along_moves, expansions = astar(on._board, first, last, on._needed, HEURISTICS["octile"])
-    if len(along_moves) == 0:  # lines of sight over a large region would take minutes to know
+def _lazy_theta(
+    searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
+) -> SearchOutput:
+    searcher._require_default_moves("lazy-theta")
+    along_moves, expansions = astar(
+        searcher._bitgrid, start_index, goal_index, searcher._move_table, HEURISTICS["octile"]
+    )
+    # without a path, line-of-sight checks over a large region would take minutes
+    if len(along_moves) == 0:
         return along_moves, expansions
-    return lazy_theta(on._board, first, last, on._needed, heuristic)
+    return lazy_theta(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
 
 
-_METHODS: dict[str, Callable[[GridSearch, int, int, Heuristic], Found]] = {
+_METHODS: dict[str, Callable[[GridSearch, int, int, Heuristic], SearchOutput]] = {
     "astar": _astar,
     "jump-point": _jump_point,
     "lazy-theta": _lazy_theta,
@@ -219,10 +239,10 @@ _METHODS: dict[str, Callable[[GridSearch, int, int, Heuristic], Found]] = {
 
 @cache
 def _load(method: str) -> None:
-    """Compile or load a method's kernels, so that no search's time is that of the compiler."""
+    """Compile or load the kernels of a method, so that search times exclude compilation."""
     tiny = GridSearch(OccupancyGrid(np.zeros((1, 2), bool), 1.0))
-    first, last = tiny._board.number((0, 0)), tiny._board.number((0, 1))
-    _METHODS[method](tiny, first, last, HEURISTICS["octile"])
+    start_index, goal_index = tiny._bitgrid.index_of((0, 0)), tiny._bitgrid.index_of((0, 1))
+    _METHODS[method](tiny, start_index, goal_index, HEURISTICS["octile"])
 
 
 def _list(names: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""Jump-point search, many cells at a time."""
+"""Jump-point search that scans 64 cells at a time."""
 
 from __future__ import annotations
 
@@ -7,190 +7,191 @@ from jaxtyping import Int32, Int64, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.astar import BUCKET, FAR
-from omnidrive.planning.search.board import BitBoard
+from omnidrive.planning.search.astar import BUCKET_SHIFT, INFINITE_LENGTH
+from omnidrive.planning.search.bit_ops import int64, uint32
+from omnidrive.planning.search.bitgrid import BitGrid
 from omnidrive.planning.search.bucket_queue import (
     bucket_queue,
-    enlarged,
+    enlarge,
     is_empty,
     is_full,
     pop,
     push,
 )
-from omnidrive.planning.search.jump_board import JumpBoard, jumps
-from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT, Heuristic, to_go
-from omnidrive.planning.search.machine import int64, uint32
-from omnidrive.planning.search.moves import BEGIN, surroundings
+from omnidrive.planning.search.heuristics import DIAGONAL, STRAIGHT, Heuristic, cost_to_go
+from omnidrive.planning.search.jump_grid import JumpGrid, jumps
+from omnidrive.planning.search.moves import START_MOVE, neighbourhood
 
-_CLOSED = 16  # mark of a node whose moves were tried
-_ROOM = 1 << 9  # nodes and places of the queue to begin with
+_CLOSED = 16  # flag of an expanded node
+_CAPACITY = 1 << 9  # initial number of nodes and of slots of the queue
 
 
 def jump_point(  # noqa: PLR0917
-    board: BitBoard,
-    jump_board: JumpBoard,
-    first: int,
-    last: int,
-    needed: UInt8[Array, "10 512"],
+    bitgrid: BitGrid,
+    jump_grid: JumpGrid,
+    start: int,
+    goal: int,
+    move_table: UInt8[Array, "10 512"],
     heuristic: Heuristic,
 ) -> tuple[Int32[Array, " cells"], int]:
-    """Cells of a shortest way and how many were expanded; no cells if there is no way.
+    """Return the cells of a shortest path, empty if there is none, and the number of expansions.
 
-    Harabor & Grastien 2011 and 2014: A* over the cells in which a turn may be needed. Rows and
-    columns are looked through 64 cells at a time, and the cells of a diagonal run are not put into
-    the queue, only what they lead to.
+    A* over jump points (Harabor & Grastien 2011, "Online graph pruning for pathfinding on grid
+    maps", and 2014, "Improving jump point search"). Rows and columns are scanned 64 cells at a
+    time. The cells of a diagonal run are not put into the queue, only their successors.
 
     Args:
-        board: The cells.
-        jump_board: Their bits by rows and by columns.
-        first: Number of the start.
-        last: Number of the goal.
-        needed: Moves among eight neighbours without cutting corners.
-        heuristic: What is taken to be left to go.
+        bitgrid: The cells.
+        jump_grid: The same cells by rows and by columns.
+        start: Index of the start cell.
+        goal: Index of the goal cell.
+        move_table: Pruned moves among eight neighbours without cutting corners.
+        heuristic: Estimate of the remaining length.
     """
-    short, long = sorted(board.shape)
-    found = np.empty((4 * (2 * short + 2), 3), np.int64)  # no more are found from one cell
-    longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2  # a jump, and what it leaves more to go
-    nodes, goal, expansions = _reach(
-        jump_board, board.bits, board.stride, first, last, needed, heuristic, found,
-        *bucket_queue(longest >> BUCKET, _ROOM),
+    short, long = sorted(bitgrid.shape)
+    found = np.empty((4 * (2 * short + 2), 3), np.int64)  # enough for the successors of one cell
+    longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2  # a jump and the rise of the heuristic
+    nodes, goal_node, expansions = _explore(
+        jump_grid, bitgrid.bits, bitgrid.stride, start, goal, move_table, heuristic, found,
+        *bucket_queue(longest >> BUCKET_SHIFT, _CAPACITY),
     )  # fmt: skip
-    return _walk_back(nodes, board.stride, goal), expansions
+    return _reconstruct_path(nodes, bitgrid.stride, goal_node), expansions
 
 
 @compiled
-def _reach(  # noqa: PLR0917
-    jump_board: JumpBoard,
+def _explore(  # noqa: PLR0917
+    jump_grid: JumpGrid,
     bits: UInt8[Array, " bytes"],
     stride: int,
-    first: int,
-    last: int,
-    needed: UInt8[Array, "10 512"],
+    start: int,
+    goal: int,
+    move_table: UInt8[Array, "10 512"],
     heuristic: Heuristic,
     found: Int64[Array, "most 3"],
     queue: Int32[Array, " size"],
     ring: int,
 ) -> tuple[Int64[Array, "nodes 4"], int, int]:
-    """Nodes, the goal's number among them, 0 if there is no way, and the count of expansions."""
-    goal = last // stride, last % stride
-    floor = _to_go(heuristic, stride, first, goal)
-    nodes = _start(first)
-    table, count, ends = _table(nodes, 2), 2, 1 if first == last else 0
+    """Return the nodes, the index of the goal's node (0: no path) and the number of expansions."""
+    goal_cell = goal // stride, goal % stride
+    start_estimate = _cost_to_go(heuristic, stride, start, goal_cell)
+    nodes = _create_nodes(start)
+    table, count, goal_node = _table(nodes, 2), 2, 1 if start == goal else 0
     push(queue, ring, 0, 1)
-    best, bucket, waiting, expansions = 0 if ends else FAR, 0, 1, 0
+    best, bucket, waiting, expansions = 0 if goal_node else INFINITE_LENGTH, 0, 1, 0
     while waiting > 0:
         while is_empty(queue, ring, bucket):
             bucket += 1
-        if floor + (bucket << BUCKET) >= best:
+        if start_estimate + (bucket << BUCKET_SHIFT) >= best:
             break
         node = pop(queue, ring, bucket)
         waiting -= 1
-        cell, so_far, way = nodes[node, 0], nodes[node, 1], nodes[node, 3]
-        if way & _CLOSED or so_far >= best:
+        cell, so_far, last_move = nodes[node, 0], nodes[node, 1], nodes[node, 3]
+        if last_move & _CLOSED or so_far >= best:
             continue
-        nodes[node, 3], expansions = way | _CLOSED, expansions + 1
-        moves = int64(needed[way, surroundings(bits, stride, cell)])
-        reached = jumps(jump_board, stride, cell, last, moves, found)
+        nodes[node, 3], expansions = last_move | _CLOSED, expansions + 1
+        moves = int64(move_table[last_move, neighbourhood(bits, stride, cell)])
+        reached = jumps(jump_grid, stride, cell, goal, moves, found)
         while is_full(queue, ring, waiting + reached):
-            queue = enlarged(queue)
+            queue = enlarge(queue)
         while count + reached > len(nodes):
-            nodes = _doubled(nodes)
+            nodes = _enlarge_nodes(nodes)
             table = _table(nodes, count)
         for i in range(reached):
             to, length = found[i, 0], so_far + found[i, 1]
-            estimate = length + _to_go(heuristic, stride, to, goal)
+            estimate = length + _cost_to_go(heuristic, stride, to, goal_cell)
             if estimate >= best:
                 continue
-            place = _hash(to) & (len(table) - 1)
-            while table[place] != 0 and nodes[table[place], 0] != to:
-                place = (place + 1) & (len(table) - 1)
-            known = int64(table[place])
+            slot = _hash(to) & (len(table) - 1)
+            while table[slot] != 0 and nodes[table[slot], 0] != to:
+                slot = (slot + 1) & (len(table) - 1)
+            known = int64(table[slot])
             if known == 0:
-                table[place] = known = count
+                table[slot] = known = count
                 count += 1
             elif length >= nodes[known, 1]:
                 continue
             nodes[known, 0], nodes[known, 1] = to, length
             nodes[known, 2], nodes[known, 3] = node, found[i, 2] + 1
-            if to == last:
-                best, ends = length, known
-            push(queue, ring, max(bucket, (estimate - floor) >> BUCKET), known)
+            if to == goal:
+                best, goal_node = length, known
+            push(queue, ring, max(bucket, (estimate - start_estimate) >> BUCKET_SHIFT), known)
             waiting += 1
-    return nodes, ends, expansions
+    return nodes, goal_node, expansions
 
 
 @inlined
-def _to_go(heuristic: Heuristic, stride: int, cell: int, goal: tuple[int, int]) -> int:
-    """The heuristic from a cell to the goal's row and column."""
+def _cost_to_go(heuristic: Heuristic, stride: int, cell: int, goal_cell: tuple[int, int]) -> int:
+    """Evaluate the heuristic from a cell to the row and column of the goal."""
     row = int64(uint32(cell) // uint32(stride))
-    return to_go(heuristic, row - goal[0], cell - row * stride - goal[1])
+    return cost_to_go(heuristic, row - goal_cell[0], cell - row * stride - goal_cell[1])
 
 
 @inlined
 def _hash(cell: int) -> int:
-    """A number in which neighbours are far apart (Knuth, TAOCP vol. 3, sec. 6.4)."""
+    """Multiplicative hash of a cell index (Knuth, TAOCP vol. 3, sec. 6.4)."""
     return (cell * 0x9E3779B1 >> 7) & 0x7FFFFFFF
 
 
 @compiled
-def _start(cell: int) -> Int64[Array, "nodes 4"]:
-    """Room for nodes, and as the first the start's; node 0 is none.
+def _create_nodes(cell: int) -> Int64[Array, "nodes 4"]:
+    """Create the array of nodes with the start as node 1; node 0 is unused.
 
-    Of the few cells that are nodes, each has its number of the board, the length of the shortest
-    way known, the node that this leads over, and how it was reached (as in :mod:`astar`). The queue
-    holds nodes.
+    The columns are the cell index, the length of the shortest known path, the index of the parent
+    node, and the code of the last move (as in :mod:`astar`). The queue holds node indices.
     """
-    nodes = np.empty((_ROOM, 4), np.int64)
-    nodes[1, 0], nodes[1, 1], nodes[1, 2], nodes[1, 3] = cell, 0, 0, BEGIN
+    nodes = np.empty((_CAPACITY, 4), np.int64)
+    nodes[1, 0], nodes[1, 1], nodes[1, 2], nodes[1, 3] = cell, 0, 0, START_MOVE
     return nodes
 
 
 @compiled
-def _table(nodes: Int64[Array, "nodes 4"], count: int) -> Int32[Array, " places"]:
-    """The first ``count`` nodes by the hash of their cell, open addressing; half or more is 0."""
+def _table(nodes: Int64[Array, "nodes 4"], count: int) -> Int32[Array, " slots"]:
+    """Create a hash table (open addressing, at most half full) of the first ``count`` nodes."""
     size = 1
     while size < 2 * len(nodes):
         size *= 2
     table = np.zeros(size, np.int32)
     for node in range(1, count):
-        place = _hash(nodes[node, 0]) & (size - 1)
-        while table[place] != 0:
-            place = (place + 1) & (size - 1)
-        table[place] = node
+        slot = _hash(nodes[node, 0]) & (size - 1)
+        while table[slot] != 0:
+            slot = (slot + 1) & (size - 1)
+        table[slot] = node
     return table
 
 
 @compiled
-def _doubled(nodes: Int64[Array, "nodes 4"]) -> Int64[Array, "more 4"]:
-    """The nodes with room for as many again."""
+def _enlarge_nodes(nodes: Int64[Array, "nodes 4"]) -> Int64[Array, "more 4"]:
+    """Return the array of nodes with twice its capacity."""
     more = np.empty((2 * len(nodes), 4), np.int64)
     more[: len(nodes)] = nodes
     return more
 
 
 @compiled
-def _walk_back(nodes: Int64[Array, "nodes 4"], stride: int, goal: int) -> Int32[Array, " cells"]:
-    """Cells up to a node; from a parent, a way is diagonal and then straight."""
-    count, node = min(goal, 1), goal
-    while goal and nodes[node, 2] != 0:
+def _reconstruct_path(
+    nodes: Int64[Array, "nodes 4"], stride: int, goal_node: int
+) -> Int32[Array, " cells"]:
+    """Return the cells up to a node; the path from a parent is diagonal first, then straight."""
+    count, node = min(goal_node, 1), goal_node
+    while goal_node and nodes[node, 2] != 0:
         cell, parent = nodes[node, 0], nodes[nodes[node, 2], 0]
         rows, cols = cell // stride - parent // stride, cell % stride - parent % stride
         count += max(abs(rows), abs(cols))
         node = nodes[node, 2]
-    way, node, at = np.empty(count, np.int32), goal, count - 1
+    path, node, at = np.empty(count, np.int32), goal_node, count - 1
     while at > 0:
         cell, parent = nodes[node, 0], nodes[nodes[node, 2], 0]
         rows, cols = cell // stride - parent // stride, cell % stride - parent % stride
         down, right = np.sign(rows) * stride, np.sign(cols)
         diagonal = min(abs(rows), abs(cols))
-        for left in range(max(abs(rows), abs(cols)), 0, -1):
-            way[at] = cell
+        for remaining in range(max(abs(rows), abs(cols)), 0, -1):
+            path[at] = cell
             at -= 1
-            if left <= diagonal:
+            if remaining <= diagonal:
                 cell -= down + right
             else:
                 cell -= down if abs(rows) > abs(cols) else right
         node = nodes[node, 2]
     if count > 0:
-        way[0] = nodes[1, 0]
-    return way
+        path[0] = nodes[1, 0]
+    return path

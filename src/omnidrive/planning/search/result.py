@@ -1,4 +1,4 @@
-"""What a search found."""
+"""Result of a grid search."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from omnidrive.arrays import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SearchResult:
-    """A way over cells.
+    """Grid path found by a search.
 
     Attributes:
-        cells: Row and column of every cell of the way, start and goal included; of an any-angle
-            search only the cells in which it turns.
-        cost: Length of the way from cell centre to cell centre, in cells.
-        expansions: Cells whose neighbours were looked at.
-        seconds: Time that the search took, in s.
+        cells: Row and column of every cell of the path, start and goal included. An any-angle
+            search returns only the cells in which the path turns.
+        cost: Length of the path from cell centre to cell centre, in cells.
+        expansions: Number of expanded cells.
+        seconds: Duration of the search, in s.
     """
 
     cells: Int[Array, "cells 2"]
@@ -29,10 +29,10 @@ class SearchResult:
     seconds: float
 
 
-def length(cells: Int[Array, "cells 2"]) -> float:
-    """Length of the lines between the centres of cells one after the other, in cells.
+def path_length(cells: Int[Array, "cells 2"]) -> float:
+    """Return the length of the polyline through the centres of the cells, in cells.
 
-    Moves to neighbours are counted, so that nothing is rounded but the sum.
+    Straight and diagonal moves are counted, so that only the final sum is rounded.
     """
     steps = np.abs(cells[1:] - cells[:-1])
     if steps.max(initial=0) <= 1:

@@ -1,5 +1,5 @@
-"""Smoothing: from the polygon that a search found to a spline that is proved to hit nothing."""
+"""Smoothing of a grid path to a spline that is proved to be free of collisions."""
 
-from omnidrive.planning.smoothing.smooth import Smoothed, SmoothingName, smooth
+from omnidrive.planning.smoothing.smooth import SmoothedPath, SmoothingName, smooth
 
-__all__ = ["Smoothed", "SmoothingName", "smooth"]
+__all__ = ["SmoothedPath", "SmoothingName", "smooth"]

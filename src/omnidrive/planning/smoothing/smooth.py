@@ -1,4 +1,4 @@
-"""From the way that a search found to a smooth path and its certificate."""
+"""Smoothing of a grid path to a spline with a proved clearance."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.clearance import Floor, curve_clearance
+from omnidrive.planning.clearance import Obstacles, curve_clearance
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import SplinePath
 from omnidrive.planning.pieces import pieces
-from omnidrive.planning.polyline import resampled
+from omnidrive.planning.polyline import resample
+from omnidrive.planning.smoothing.initial_spline import certified_initial_spline
 from omnidrive.planning.smoothing.polygon import free_polygon
-from omnidrive.planning.smoothing.relaxation import relaxed
-from omnidrive.planning.smoothing.start import certified_start
+from omnidrive.planning.smoothing.relaxation import relax
 
 SmoothingName = Literal["spline", "certified"]
 
-_LEAST = 1e-6  # cells that a certified path keeps at least where it bends
-_TOLERANCE = 1e-3  # cells, of what is proved
-_DIGITS = 9  # of cells
+_MIN_CLEARANCE = 1e-6  # cells; required of the curved parts of a certified path
+_TOLERANCE = 1e-3  # cells; of the proved clearance
+_DIGITS = 9  # decimals of a position in cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Smoothed:
-    """A smooth path and what is proved of it.
+class SmoothedPath:
+    """Smooth path with a proved clearance.
 
     Attributes:
         path: The path.
-        clearance: Distance in m from the squares of all obstacles that the whole path is proved
-            to keep; negative for a path that may enter one, by that much.
+        clearance: Proved lower bound on the distance in m from the path to all occupied cells. If
+            the path may enter one, it is negative: minus the greatest possible depth.
     """
 
     path: SplinePath
@@ -50,24 +50,26 @@ def smooth(
     clearance: float = 0.0,
     yaws: tuple[float | None, float | None] = (None, None),
     turn_within: float = 1.0,
-) -> Smoothed:
-    """Smooth path along a way that a search found; its ends stay where they are.
+) -> SmoothedPath:
+    """Smooth a grid path; the first and last point are kept.
 
-    - ``"spline"``: the points are the control points, as in the paper. It may enter an obstacle
-      where the way cuts corners or is any-angle; see :class:`SplinePath`.
-    - ``"certified"``: the control points are moved toward low curvature, and each move is taken
-      only if every point of the curve is proved to keep its distance from all obstacles. It never
-      fails: where no rounded corner can be proved to keep clear, the path follows the polygon
-      and turns on the spot, with three control points at the corner.
+    - ``"spline"``: the points are the control points, as in the paper. The spline may enter an
+      obstacle if the grid path cuts corners or is any-angle; see :class:`SplinePath`.
+    - ``"certified"``: the control points are moved toward low curvature, and each move is accepted
+      only if the whole curve is proved to keep its distance from all obstacles. The method never
+      fails: where no rounded corner can be proved, the path follows the polygon and turns on the
+      spot, with three coincident control points at the corner.
 
     Args:
-        grid: The obstacles, inflated: its free cells are where the origin of B may be.
-        points: x and y in m: a polygon over free cells. Only its ends may be off cell centres.
-        method: See above.
-        clearance: Distance in m from the obstacles' squares that a certified path is to keep. A
-            part of it keeps less where the polygon does: four fifths of the polygon's.
-        yaws: Headings at start and goal in rad; None for along the path.
-        turn_within: Distance over which the heading turns from an end's to the path's, in m.
+        grid: The inflated map, whose free cells the origin of B may enter.
+        points: x and y in m of a polygon over free cells. Only its ends may differ from cell
+            centres.
+        method: Name of the method.
+        clearance: Required distance in m of a certified path from occupied cells. Where the polygon
+            itself keeps less than 5/4 of it, four fifths of the polygon's distance are required.
+        yaws: Headings at start and goal in rad; None for the direction of the path.
+        turn_within: Distance from each end over which the heading is blended from the given heading
+            to the direction of the path, in m.
 
     Raises:
         InvalidInput: There is no point, a point is not finite, the polygon enters an obstacle
@@ -75,37 +77,41 @@ def smooth(
     """
     points = np.asarray(points, float)
     if len(points) == 0 or not np.isfinite(points).all():
-        raise InvalidInput("a way to smooth needs at least one point, all of them finite")
+        raise InvalidInput(
+            "a path to smooth needs at least one point, and all points must be finite"
+        )
     if not (np.isfinite(clearance) and clearance >= 0.0):
         raise InvalidInput(f"the clearance must be 0 m or more, got {clearance:g} m")
     control_points, proved = _METHODS[method](grid, points, clearance)
     path = SplinePath(with_headings(control_points, *yaws, turn_within))
-    return Smoothed(path, path.clearance(grid)[0] if proved is None else proved)
+    return SmoothedPath(path, path.clearance(grid)[0] if proved is None else proved)
 
 
 def _plain(
     grid: OccupancyGrid, points: Float[Array, "points 2"], clearance: float
 ) -> tuple[Float[Array, "more 2"], None]:
-    """The paper's control points, at least four, of which nothing is proved yet."""
-    return points if len(points) >= 4 else resampled(points, 4), None
+    """Return the points as control points, resampled to four if fewer, without a proof."""
+    return points if len(points) >= 4 else resample(points, 4), None
 
 
 def _certified(
     grid: OccupancyGrid, points: Float[Array, "points 2"], clearance: float
 ) -> tuple[Float[Array, "more 2"], float]:
-    """Control points of a relaxed spline, and the distance in m that it is proved to keep."""
-    frame, floor = GridFrame.of(grid), Floor.of(grid)
-    if not np.ptp(points, axis=0).any():  # turning on the spot: nothing to round
+    """Return the control points of a relaxed spline, and its proved clearance in m."""
+    frame, obstacles = GridFrame.of(grid), Obstacles.of(grid)
+    if not np.ptp(points, axis=0).any():  # the robot turns on the spot
         return np.repeat(points[:1], 4, axis=0), float(grid.clearance(points[:1])[0])
-    # rounded, so that the same way on a grid that was moved or turned becomes the same path
-    polygon = free_polygon(floor, frame.cells(points).round(_DIGITS))
-    start = certified_start(floor, polygon, max(clearance / frame.resolution, _LEAST))
-    cells = relaxed(floor, start)
+    # rounded, so that the result does not depend on the pose of the grid in W
+    polygon = free_polygon(obstacles, frame.cells(points).round(_DIGITS))
+    start = certified_initial_spline(
+        obstacles, polygon, max(clearance / frame.resolution, _MIN_CLEARANCE)
+    )
+    cells = relax(obstacles, start)
     curve = pieces(cells)
-    # what was kept on the way, or what is left of it now if that is more
+    # the clearance proved during the relaxation, or that of the final curve if greater
     proved = max(
-        float(start.kept.min()),
-        curve_clearance(floor, curve.places, curve.bends, _TOLERANCE)[0],
+        float(start.clearances.min()),
+        curve_clearance(obstacles, curve.positions, curve.second_derivatives, _TOLERANCE)[0],
     )
     control_points = frame.world(cells)
     control_points[0], control_points[-1] = points[0], points[-1]

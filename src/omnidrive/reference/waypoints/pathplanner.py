@@ -20,7 +20,7 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.planning import Path
-from omnidrive.planning.polyline import travelled
+from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference.sampled import MOST_SAMPLES
 from omnidrive.reference.waypoints.bezier import Chain, even_parameters, fit, points_at
 from omnidrive.reference.waypoints.field import Field, read_json
@@ -73,7 +73,8 @@ def read_pathplanner(file: pathlib.Path) -> Path:
     if len(points) < 2:
         raise root["waypoints"].refusal("are all at one place; move one of them")
     _point_towards(root, parameters, points, targets)
-    yaw = _eased(travelled(points), np.interp(sorted(targets), parameters, travelled(points)),
+    along = cumulative_length(points)
+    yaw = _eased(along, np.interp(sorted(targets), parameters, along),
                  np.unwrap([targets[at] for at in sorted(targets)]))  # fmt: skip
     return untimed(root.file, lambda i: f"sample {i}", np.column_stack([points, yaw]))
 
@@ -215,7 +216,7 @@ def _document(
 ) -> dict[str, Any]:
     """The file's content; ``speeds`` are those at the ends, in m/s."""
     points = points_at(chain.controls, chain.parameters)
-    turns = _turns(travelled(points), yaw)
+    turns = _turns(cumulative_length(points), yaw)
     return {
         "version": _VERSION,
         "waypoints": _waypoints(chain.controls.tolist()),

@@ -1,4 +1,4 @@
-"""The nearest of the taken cells, found through a table of how near it is in each column."""
+"""Exact distances to the nearest target cell, from a table of distances along the columns."""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ from jaxtyping import Bool, Float, Int, Int32, Int64
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 
-_NONE = 1 << 27  # rows to the nearest taken cell of a column that has none
-_FAR = 2.0**30  # cells; points further out are taken to be there
-_BELOW, _ABOVE = 1, 2  # on which side it is; both if there are two
+_NONE = 1 << 27  # distance in rows in a column without targets
+_FAR = 2.0**30  # cells; coordinates are clamped to this
+_BELOW, _ABOVE = 1, 2  # side of the nearest target; both flags if two are equally near
 
 
 @compiled
 def column_table(
-    taken: Bool[Array, "rows cols"], outside: bool
+    targets: Bool[Array, "rows cols"], outside: bool
 ) -> Int32[Array, "rows cols"]:  # fmt: skip
-    """How many rows each cell is from the nearest taken one of its column, and on which side.
+    """Return distance and side of the nearest target in the column of each cell.
 
     Args:
-        taken: The cells looked for.
-        outside: Whether everything outside the grid is taken too.
+        targets: The target cells.
+        outside: Whether all cells outside the grid are targets too.
 
     Returns:
-        Four times the number of rows, plus 1 if it is below (towards row 0), plus 2 if above.
+        Four times the distance in rows, plus 1 if the target is below (towards row 0), plus 2 if
+        it is above.
     """
-    rows, cols = taken.shape
+    rows, cols = targets.shape
     table = np.empty((rows, cols), np.int32)
     below = np.full(cols, -1 if outside else -_NONE, np.int32)
     for row in range(rows):
         for col in range(cols):
-            if taken[row, col]:
+            if targets[row, col]:
                 below[col] = row
             table[row, col] = row - below[col]
     above = np.full(cols, rows if outside else _NONE, np.int32)
     for row in range(rows - 1, -1, -1):
         for col in range(cols):
-            if taken[row, col]:
+            if targets[row, col]:
                 above[col] = row
             down, up = table[row, col], above[col] - row
             side = (down <= up) * _BELOW + (up <= down) * _ABOVE
@@ -46,20 +47,21 @@ def column_table(
 
 
 @compiled
-def gaps(
+def square_distances(
     table: Int32[Array, "rows cols"], outside: bool, points: Float[Array, "points 2"]
 ) -> Float[Array, " points"]:
-    """Exact distance from each point to the nearest taken cell's square, in cells.
+    """Return the exact distance from each point to the square of the nearest target, in cells.
 
-    From the point's own column outwards, until the columns alone are further than the best.
+    The columns are searched outwards from the point until the distance to the column exceeds the
+    least distance found.
 
     Args:
-        table: As :func:`column_table` made it.
-        outside: As there; then no point may lie outside the grid.
-        points: (row, column) in cells, counted from the grid's outer corner; finite.
+        table: Result of :func:`column_table`.
+        outside: Whether all cells outside the grid are targets; then all points must lie inside.
+        points: (row, column) in cells, relative to the grid's outer corner; finite.
 
     Returns:
-        Infinite where nothing is taken.
+        The distances, infinite if there is no target.
     """
     rows, cols = table.shape
     out = np.empty(len(points))
@@ -73,7 +75,7 @@ def gaps(
             to_left = _beyond(u, left) ** 2 if left >= 0 else np.inf
             to_right = _beyond(u, right) ** 2 if right < cols else np.inf
             across = min(to_left, to_right)
-            if across >= best:  # also once both sides are used up
+            if across >= best:  # also after both sides are exhausted
                 break
             col = left if to_left <= to_right else right
             left, right = left - (col == left), right + (col == right)
@@ -84,13 +86,13 @@ def gaps(
 
 @inlined
 def _beyond(at: float, cell: int) -> float:
-    """Distance of a coordinate from a cell's side of length 1."""
+    """Return the distance of a coordinate from the interval [cell, cell + 1]."""
     return max(cell - at, at - cell - 1.0, 0.0)
 
 
 @inlined
 def _along(entry: int, row: int, v: float) -> float:
-    """Distance along a column from v, in or next to ``row``, to its nearest taken cell."""
+    """Return the distance along a column from ``v``, in or next to ``row``, to the target."""
     steps = entry >> 2
     if steps > _NONE // 2:
         return np.inf
@@ -100,20 +102,20 @@ def _along(entry: int, row: int, v: float) -> float:
 
 
 def disc_reach(radius: float, steps: int) -> Int64[Array, " _"]:
-    """How many columns away a taken cell's square is still within ``radius`` (cells) of a centre.
+    """Return the half-width in columns of a disc of ``radius`` (cells), by distance in rows.
 
-    The square of a cell that is m rows and n columns away is hypot(max(m - 1/2, 0),
-    max(n - 1/2, 0)) cells from a centre. One that is as far as the radius to 12 digits only
-    touches the disc and is not within it.
+    The square of a cell m rows and n columns away has the distance hypot(max(m - 1/2, 0),
+    max(n - 1/2, 0)) cells from the centre of the disc. A distance that equals the radius to 12
+    digits counts as contact, not as overlap.
 
     Returns:
-        The greatest such n for m = 0, 1, ..., at most ``steps`` of them.
+        The greatest n of an overlapped square for m = 0, 1, ..., at most ``steps`` entries.
     """
-    room = (
+    rest = (
         2.0 * radius * (2.0 * radius) * (1.0 - 1e-12)
         - np.maximum(2.0 * np.arange(steps) - 1.0, 0.0) ** 2
     )
-    reach = np.ceil(0.5 * np.sqrt(room[room > 0.0]) + 0.5) - 1.0
+    reach = np.ceil(0.5 * np.sqrt(rest[rest > 0.0]) + 0.5) - 1.0
     columns: Int64[Array, " _"] = np.minimum(reach, 2.0**40).astype(np.int64)
     return columns
 
@@ -122,14 +124,15 @@ def disc_reach(radius: float, steps: int) -> Int64[Array, " _"]:
 def within_reach(
     table: Int32[Array, "rows cols"], outside: bool, reach: Int[Array, " steps"]
 ) -> Bool[Array, "rows cols"]:
-    """Which cells have a taken one within reach.
+    """Whether each cell has a target within reach.
 
-    Each column's nearest taken cell covers an interval of the row; their ends are counted.
+    The nearest target of each column covers an interval of the row; the cells inside an interval
+    are found by counting the ends of the intervals.
 
     Args:
-        table: As :func:`column_table` made it.
-        outside: As there.
-        reach: How many columns to either side count, by the number of rows between them.
+        table: Result of :func:`column_table`.
+        outside: Whether all cells outside the grid are targets too.
+        reach: Reach in columns to either side, by distance in rows; see :func:`disc_reach`.
     """
     rows, cols = table.shape
     covered = np.empty((rows, cols), np.bool_)
@@ -153,13 +156,13 @@ def within_reach(
 
 
 @compiled
-def nearest_cell(taken: Bool[Array, "rows cols"], v: float, u: float) -> tuple[int, int]:
-    """Row and column of the taken cell whose centre is nearest to the point (v, u), in cells.
+def nearest_cell(targets: Bool[Array, "rows cols"], v: float, u: float) -> tuple[int, int]:
+    """Return row and column of the target whose centre is nearest to the point (v, u), in cells.
 
-    Ring by ring around the point's cell, until a ring is further than the best; (-1, -1) if
-    nothing is taken.
+    Square rings around the cell of the point are searched until their distance exceeds the least
+    distance found. (-1, -1) if there is no target.
     """
-    rows, cols = taken.shape
+    rows, cols = targets.shape
     v = min(max(v, -_FAR), _FAR)
     u = min(max(u, -_FAR), _FAR)
     row, col = int(np.floor(v)), int(np.floor(u))
@@ -168,10 +171,12 @@ def nearest_cell(taken: Bool[Array, "rows cols"], v: float, u: float) -> tuple[i
     best, found = np.inf, (-1, -1)
     while ring <= last and ring - 0.5 <= best:
         for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
-            step = 1 if abs(r - row) == ring else 2 * ring  # a side of the ring, or its two ends
+            step = (
+                1 if abs(r - row) == ring else 2 * ring
+            )  # a whole side of the ring, or its two end cells
             first = col - ring if step > 1 else max(col - ring, 0)
             for c in range(first, min(col + ring, cols - 1) + 1, step):
-                if c >= 0 and taken[r, c]:
+                if c >= 0 and targets[r, c]:
                     away = np.hypot(r + 0.5 - v, c + 0.5 - u)
                     if away < best:
                         best, found = away, (r, c)

@@ -89,9 +89,9 @@ def test_shelves_stand_in_rows():
         (lambda rng: random_map(5, 5, float("nan"), rng), "must be from 0 to 1, got nan"),
         (lambda rng: maze_map(9, 9, 0, rng), "must be 1 to 7 cells wide, got 0"),
         (lambda rng: maze_map(9, 9, 8, rng), "must be 1 to 7 cells wide, got 8"),
-        (lambda rng: rooms_map(9, 9, 3, rng, door=4), "doors must have 1 to 3 cells"),
-        (lambda rng: rooms_map(9, 9, 0, rng), "doors must have 1 to 0 cells"),
-        (lambda rng: warehouse_map(9, 9, rng, aisle=0), "must have a cell or more"),
+        (lambda rng: rooms_map(9, 9, 3, rng, door=4), "the width of a door must be 1 to 3 cells"),
+        (lambda rng: rooms_map(9, 9, 0, rng), "the width of a door must be 1 to 0 cells"),
+        (lambda rng: warehouse_map(9, 9, rng, aisle=0), "must be at least one cell wide"),
         (lambda rng: warehouse_map(9, 9, rng, filled=-0.1), "must be from 0 to 1"),
     ],
 )

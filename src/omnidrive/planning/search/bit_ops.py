@@ -1,4 +1,4 @@
-"""Whole numbers of the processor, as kernels need them; their types are those of ``int``."""
+"""Integer types and bit operations for kernels, typed as ``Any`` so that they mix with ``int``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ uint32: Any = np.uint32
 uint64: Any = np.uint64
 
 trailing_zeros: Any = numbers.trailing_zeros
-"""Number of the lowest bit that is 1."""
+"""Index of the lowest bit that is 1."""
 
 leading_zeros: Any = numbers.leading_zeros
-"""Number of bits of 0 before the highest bit that is 1."""
+"""Number of 0 bits above the highest bit that is 1."""

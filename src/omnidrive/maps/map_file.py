@@ -1,4 +1,4 @@
-"""A map's file, which may be hostile: what is read of it, and bounds on what it may claim."""
+"""Bounded reading of map files, and limits on the size and resolution of a map."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import read_bounded
 
 MAX_CELLS = 50_000_000
-"""Most cells of a map."""
+"""Greatest number of cells of a map."""
 
-MAX_TEXT = MAX_CELLS + MAX_CELLS // 10
-"""Most bytes of a map that is drawn with one character per cell; the rest are ends of lines."""
+MAX_TEXT_BYTES = MAX_CELLS + MAX_CELLS // 10
+"""Greatest size in bytes of a text map: one character per cell, and line ends."""
 
 FINEST, COARSEST = 1e-3, 10.0
-"""Least and greatest side of a cell, in m; beyond, the unit is wrong."""
+"""Least and greatest side of a cell, in m; other values indicate a wrong unit."""
 
 
 def read_content(path: Path, most: int) -> bytes:
-    """All of a map's file that has at most ``most`` bytes.
+    """Read a map file of at most ``most`` bytes.
 
     Raises:
-        InvalidMap: It cannot be read, is no file or is larger.
+        InvalidMap: The path is not a file, or the file cannot be read or is larger.
     """
-    excess = f"is larger than {most:,} bytes, the most read"
+    excess = f"is larger than {most:,} bytes, the maximum"
     return read_bounded(path, most, "map", InvalidMap, excess=excess)
 
 
-def refuse_size(rows: int, cols: int, name: str) -> None:
-    """Refuse a map without cells or with more than :data:`MAX_CELLS`."""
+def check_size(rows: int, cols: int, name: str) -> None:
+    """Raise InvalidMap for a map without cells or with more than :data:`MAX_CELLS`."""
     if rows < 1 or cols < 1:
         raise InvalidMap(f"{name} has no cells: {rows} rows of {cols}")
     if rows * cols > MAX_CELLS:
         raise InvalidMap(f"{name} has {rows:,} rows of {cols:,}: more than {MAX_CELLS:,} cells")
 
 
-def refuse_resolution(resolution: float, name: str) -> None:
-    """Refuse a side of the cells outside :data:`FINEST` to :data:`COARSEST`."""
+def check_resolution(resolution: float, name: str) -> None:
+    """Raise InvalidMap for a resolution outside :data:`FINEST` to :data:`COARSEST`."""
     if not (isfinite(resolution) and FINEST <= resolution <= COARSEST):
         raise InvalidMap(
             f"{name}: resolution is {resolution:g} m per cell, "

@@ -1,4 +1,4 @@
-"""The picture of a map: its pixels' greys and which of them are opaque."""
+"""Images of maps: grey values and opacity of the pixels."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from PIL.ImageFile import ImageFile
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import check_is_file, one_line
-from omnidrive.maps.source import MAX_CELLS
+from omnidrive.maps.map_file import MAX_CELLS
 
 _FORMATS = ("PPM", "PNG", "BMP")  # PPM: PGM and PBM as well
 _GREY = {"1", "L", "LA"}
 _COLOUR = {"P", "PA", "RGB", "RGBA"}
-_GREY_16_BIT = {"I", "I;16", "I;16B"}  # I: how Pillow reads a PGM of more than 256 shades
+_GREY_16_BIT = {"I", "I;16", "I;16B"}  # I: mode of a PGM with more than 256 grey values in Pillow
 
 Pixels = tuple[UInt8[Array, "rows cols"], Bool[Array, "rows cols"] | None]
 
 
-def read_picture(file: Path) -> Pixels:
-    """Read a PGM, PNG or BMP picture, the top row first.
+def read_image(file: Path) -> Pixels:
+    """Read a PGM, PNG or BMP image, the top row first.
 
     Returns:
-        Greys from 0 (black) to 255 (white), of a colour its luma 0.299 R + 0.587 G + 0.114 B
-        (ITU-R BT.601), of 16 bits the nearest of 8; and where the picture is wholly opaque, None if
-        everywhere.
+        Grey values from 0 (black) to 255 (white); a colour is reduced to its luma 0.299 R + 0.587 G
+        + 0.114 B (ITU-R BT.601), and 16 bits are rounded to 8. And whether each pixel is fully
+        opaque, None if all are.
 
     Raises:
         InvalidMap: The file is missing, malformed or too large.
     """
     name = one_line(str(file))
-    check_is_file(file, "map's picture", InvalidMap)
+    check_is_file(file, "map's image", InvalidMap)
     try:
         return _decode(file, name)
     except InvalidMap:
@@ -43,16 +43,14 @@ def read_picture(file: Path) -> Pixels:
     except Image.DecompressionBombError:
         raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells") from None
     except (UnidentifiedImageError, SyntaxError, ValueError):
-        raise InvalidMap(f"{name} is not a picture (PGM, PNG or BMP), or an empty one") from None
+        raise InvalidMap(f"{name} is not an image (PGM, PNG or BMP), or it is empty") from None
     except OSError as error:
-        raise InvalidMap(
-            f"cannot read the map's picture {name}: {error.strerror or error}"
-        ) from None
+        raise InvalidMap(f"cannot read the map's image {name}: {error.strerror or error}") from None
 
 
 def _decode(file: Path, name: str) -> Pixels:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow warns of what is refused here
+        warnings.simplefilter("ignore")  # Pillow warns about sizes that are rejected below
         with Image.open(file, formats=_FORMATS) as image:
             if image.width * image.height > MAX_CELLS:
                 raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells")
@@ -67,10 +65,10 @@ def _pixels(image: ImageFile, name: str) -> Pixels:
         return grey, None if transparent is None else wide != transparent
     if image.mode not in _GREY | _COLOUR:
         raise InvalidMap(
-            f"{name} has pixels of the kind {image.mode}; save it as grey, RGB or RGBA"
+            f"{name} has the pixel mode {image.mode}; save it as greyscale, RGB or RGBA"
         )
     if image.mode == "L" and "transparency" in image.info:
-        # of a picture with 4 or 16 shades, Pillow scales the pixels but not the transparent shade
+        # for 4 or 16 grey values, Pillow scales the pixels but not the transparent value
         image.info["transparency"] *= {"L;2": 85, "L;4": 17}.get(str(image.tile[0][3]), 1)
     if "A" not in image.getbands() and "transparency" not in image.info:
         return np.array(image.convert("L")), None

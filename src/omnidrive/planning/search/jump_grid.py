@@ -1,4 +1,4 @@
-"""Where moves along rows, columns and diagonals lead, many cells at a time."""
+"""Jump points along rows, columns and diagonals, found 64 cells at a time."""
 
 from __future__ import annotations
 
@@ -9,131 +9,132 @@ from jaxtyping import Int64, UInt64
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.board import MARGIN, BitBoard
-from omnidrive.planning.search.lengths import DIAGONAL, STRAIGHT
-from omnidrive.planning.search.machine import int64, leading_zeros, trailing_zeros, uint64
+from omnidrive.planning.search.bit_ops import int64, leading_zeros, trailing_zeros, uint64
+from omnidrive.planning.search.bitgrid import MARGIN, BitGrid
+from omnidrive.planning.search.heuristics import DIAGONAL, STRAIGHT
 from omnidrive.planning.search.moves import MOVES
 
 _ONE, _ALL, _LAST = np.uint64(1), ~np.uint64(0), np.uint64(63)
-_BYTES = 7  # 64 bits from the byte of a cell on hold at least this many bytes after the cell
-_AHEAD = np.uint64(((1 << 8 * _BYTES) - 1) << 1)  # those after the first one
-_BACK = np.uint64(((1 << 8 * _BYTES) - 1) << 63 - 8 * _BYTES)  # those before the last one
-_BLOCKS = 8  # of 64 x 64 bits: a row of theirs is a cache line
-_GROUPS = tuple(  # rows, and the lower of every two groups of as many bits
+_BYTES = 7  # 64 bits from a cell's byte on hold at least this many bytes after the cell
+_AHEAD = np.uint64(((1 << 8 * _BYTES) - 1) << 1)  # bits after the first
+_BACK = np.uint64(((1 << 8 * _BYTES) - 1) << 63 - 8 * _BYTES)  # bits before the last
+_BLOCKS = 8  # of 64 x 64 bits, handled together: one row of them is a cache line
+_GROUPS = tuple(  # group size, and mask of the lower group of every pair
     (size, np.uint64(sum((1 << size) - 1 << at for at in range(0, 64, 2 * size))))
     for size in (32, 16, 8, 4, 2, 1)
 )
 _ROWS, _COLS = np.array(MOVES).T.copy()
 
 
-class JumpBoard(NamedTuple):
-    """The bits of a board row after row, and once more column after column.
+class JumpGrid(NamedTuple):
+    """Bits of a bitmap, row by row and column by column.
 
     Attributes:
-        rows: From every byte on, 64 bits; they overlap, and take no memory of their own.
-        columns: The same of the board with its rows and columns exchanged.
-        other: Bits from one column to the next.
+        rows: 64 bits starting at every byte: overlapping views of the bitmap's memory.
+        columns: The same for the transposed bitmap.
+        other: Number of bits per column.
     """
 
     rows: UInt64[Array, " bytes"]
-    columns: UInt64[Array, " others"]
+    columns: UInt64[Array, " column_bytes"]
     other: int
 
     @classmethod
-    def of(cls, board: BitBoard) -> JumpBoard:
-        """The bits of a board, shared, and those of its columns."""
-        rows, cols = board.shape
-        turned = BitBoard.full(cols, rows)
-        other = turned.stride
-        _transpose(board.words, board.stride >> 6, rows, turned.words, other >> 6, cols)
-        return cls(_windows(board.words), _windows(turned.words), other)
+    def of(cls, bitgrid: BitGrid) -> JumpGrid:
+        """Create the views of a bitmap, which share its memory, and of its transpose."""
+        rows, cols = bitgrid.shape
+        transposed = BitGrid.full(cols, rows)
+        other = transposed.stride
+        _transpose(bitgrid.words, bitgrid.stride >> 6, rows, transposed.words, other >> 6, cols)
+        return cls(_windows(bitgrid.words), _windows(transposed.words), other)
 
 
 def _windows(words: UInt64[Array, " words"]) -> UInt64[Array, " bytes"]:
-    """From every byte on, 64 bits of the same memory."""
+    """Return overlapping views of 64 bits, one starting at every byte."""
     return np.ndarray((8 * len(words) - 7,), np.uint64, words, strides=(1,))
 
 
 @compiled
 def jumps(  # noqa: PLR0917
-    board: JumpBoard,
+    jump_grid: JumpGrid,
     stride: int,
     cell: int,
-    last: int,
+    goal: int,
     moves: int,
     found: Int64[Array, "most 3"],
 ) -> int:
-    """Cells in which a turn may be needed, or the goal, that moves from a cell lead to first.
+    """Find the first jump points, or the goal, along moves from a cell.
 
-    Those beside a diagonal run are among them, but not the cells of the run itself.
+    The jump points of the straight runs beside a diagonal run are included, the cells of the
+    diagonal run itself are not.
 
     Args:
-        board: The bits.
-        stride: Of the board.
-        cell: Number of the cell.
-        last: Number of the goal.
-        moves: Moves to try, as bits; diagonal ones must be allowed.
-        found: Will hold the number of each cell, its distance, and the last move to it.
+        jump_grid: The bits by rows and by columns.
+        stride: Number of bits per row.
+        cell: Index of the cell.
+        goal: Index of the goal cell.
+        moves: Moves to try, as bits; diagonal moves must be allowed.
+        found: Output: index of each jump point, its distance, and the last move to it.
 
     Returns:
-        How many were found.
+        Number of rows of ``found`` that were filled.
     """
-    rows, columns, other = board
-    count, place = 0, _among_columns(other, stride, cell)
-    goal = _among_columns(other, stride, last)
+    rows, columns, other = jump_grid
+    count, by_column = 0, _column_index(other, stride, cell)
+    goal_by_column = _column_index(other, stride, goal)
     while moves != 0:
         move = trailing_zeros(moves)
         moves &= moves - 1
         down, right = _ROWS[move], _COLS[move]
-        at, across, length, row, col = cell, place, 0, 0, 0
+        at, across, length, row, col = cell, by_column, 0, 0, 0
         while True:
             if move >= 4:
                 at, across = at + down * stride + right, across + right * other + down
                 length += DIAGONAL
-                if at == last:
+                if at == goal:
                     count = _add(found, count, at, length, move)
             if right != 0:
-                row = _run(rows, stride, at, last, right > 0)
+                row = _run(rows, stride, at, goal, right > 0)
                 if row > 0:
                     to = at + row * right
                     count = _add(found, count, to, length + row * STRAIGHT, 1 - right)
             if down != 0:
-                col = _run(columns, other, across, goal, down > 0)
+                col = _run(columns, other, across, goal_by_column, down > 0)
                 if col > 0:
                     to = at + col * down * stride
                     count = _add(found, count, to, length + col * STRAIGHT, 2 - down)
-            # Beside the cell, the runs have seen whether the next diagonal move is allowed.
-            if move < 4 or row == -1 or col == -1 or _is_taken(rows, at + down * stride + right):
+            # The runs have already tested the two cells beside the next diagonal move.
+            if move < 4 or row == -1 or col == -1 or _is_occupied(rows, at + down * stride + right):
                 break
     return count
 
 
 @inlined
-def _among_columns(other: int, stride: int, cell: int) -> int:
-    """Bit of a cell among the columns."""
+def _column_index(other: int, stride: int, cell: int) -> int:
+    """Return the bit index of a cell in the transposed bitmap."""
     return (cell % stride + 1 - MARGIN) * other + cell // stride + MARGIN - 1
 
 
 @inlined
 def _add(found: Int64[Array, "most 3"], count: int, cell: int, length: int, move: int) -> int:
-    """Put a cell to those that were found, and count it."""
+    """Append a jump point to ``found`` and return the new count."""
     found[count, 0], found[count, 1], found[count, 2] = cell, length, move
     return count + 1
 
 
 @inlined
-def _is_taken(rows: UInt64[Array, " bytes"], cell: int) -> bool:
-    """Whether a cell is occupied or border."""
+def _is_occupied(rows: UInt64[Array, " bytes"], cell: int) -> bool:
+    """Whether a cell is occupied or belongs to the border."""
     return bool(rows[uint64(cell >> 3)] >> np.uint64(cell & 7) & _ONE)
 
 
 @inlined
-def _run(bits: UInt64[Array, " bytes"], stride: int, at: int, last: int, ahead: bool) -> int:
-    """Cells to where a move to higher or lower bits ends: the goal, or where a turn may be needed.
+def _run(bits: UInt64[Array, " bytes"], stride: int, at: int, goal: int, ahead: bool) -> int:
+    """Return the number of cells to the goal or the next jump point along higher or lower bits.
 
-    If it ends at an obstacle, minus the cells to that. A turn may be needed beside a free cell that
-    comes after an occupied one (without cutting corners: Harabor & Grastien 2014, "Improving jump
-    point search").
+    Negative, with the number of cells to the obstacle, if the run ends at one. A cell is a jump
+    point if a cell beside it is free and the cell before that is occupied (without cutting corners:
+    Harabor & Grastien 2014, "Improving jump point search").
     """
     run, i, by_row, shift = 0, at >> 3, stride >> 3, np.uint64(at & 7)
     if ahead:
@@ -145,7 +146,7 @@ def _run(bits: UInt64[Array, " bytes"], stride: int, at: int, last: int, ahead: 
                 break
             i, run = i + _BYTES, run + 8 * _BYTES
         first: int = int64(trailing_zeros(ends))
-        to_goal, is_taken = last - at, here >> np.uint64(first) & _ONE
+        to_goal, is_occupied = goal - at, here >> np.uint64(first) & _ONE
     else:
         i, shift = i - 7, np.uint64(7) - shift
         while True:
@@ -156,11 +157,11 @@ def _run(bits: UInt64[Array, " bytes"], stride: int, at: int, last: int, ahead: 
                 break
             i, run = i - _BYTES, run + 8 * _BYTES
         first = int64(leading_zeros(ends))
-        to_goal, is_taken = at - last, here << np.uint64(first) >> _LAST
+        to_goal, is_occupied = at - goal, here << np.uint64(first) >> _LAST
     run += first
     if 0 < to_goal <= run:
         return to_goal
-    return -run if is_taken else run
+    return -run if is_occupied else run
 
 
 @compiled
@@ -172,7 +173,7 @@ def _transpose(  # noqa: PLR0917
     other: int,
     cols: int,
 ) -> None:
-    """Exchange the rows and columns of a board, 64 x 64 bits at a time; widths are in words."""
+    """Transpose a bitmap, 64 x 64 bits at a time; ``width`` and ``other`` are in words per row."""
     block = np.empty((64, _BLOCKS), np.uint64)
     for j in range(0, width - 1, _BLOCKS):
         blocks = min(_BLOCKS, width - 1 - j)
@@ -190,12 +191,12 @@ def _transpose(  # noqa: PLR0917
 
 @inlined
 def _transpose_blocks(blocks: UInt64[Array, " words"]) -> None:
-    """Exchange rows and columns of 64 x 64 bits (Warren, "Hacker's Delight", sec. 7-3)."""
+    """Transpose blocks of 64 x 64 bits (Warren, "Hacker's Delight", sec. 7-3)."""
     for size, group in _GROUPS:
         shift, words = np.uint64(size), size * _BLOCKS
         for i in range(0, 64 * _BLOCKS, 2 * words):
             one, other = blocks[i : i + words], blocks[i + words : i + 2 * words]
-            for k in range(words):  # with plain places, several words at once
+            for k in range(words):  # element by element: the compiler vectorises this loop
                 exchanged = (one[k] >> shift ^ other[k]) & group
                 other[k] ^= exchanged
                 one[k] ^= exchanged << shift
