@@ -1,4 +1,4 @@
-"""Hostile texts: valid ones with pieces cut out, doubled, swapped or replaced."""
+"""Malformed texts: valid ones with pieces removed, repeated, swapped or replaced."""
 
 from hypothesis import strategies as st
 
@@ -7,7 +7,7 @@ from tests.fuzzy.systems import composite
 
 @composite
 def mutated(draw, texts, pieces):
-    """One of ``texts`` after a few changes, made of its own parts and of ``pieces``."""
+    """Draw one of ``texts`` and replace some of its parts by others and by ``pieces``."""
     text = draw(st.sampled_from(texts))
     for _ in range(draw(st.integers(1, 3))):
         at = st.integers(0, len(text))

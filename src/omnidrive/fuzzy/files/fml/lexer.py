@@ -1,4 +1,4 @@
-"""Elements of an XML text, with their places; what could harm the reader is refused."""
+"""Elements of an XML text with their positions; size and nesting are bounded."""
 
 from __future__ import annotations
 
@@ -8,43 +8,43 @@ from xml.parsers import expat
 from omnidrive.fuzzy.position import Position, malformed
 
 MAX_DEPTH = 32
-"""Deepest nesting of elements."""
+"""Maximum nesting of elements."""
 
 MAX_ELEMENTS = 1_000_000
-"""Most elements; a rule has about ten."""
+"""Maximum number of elements; a rule has about ten."""
 
 MAX_TEXT = 1000
-"""Most characters directly in an element; they are names and numbers."""
+"""Maximum number of characters directly in an element, which are a name or a number."""
 
 
 class Element:
-    """An element without its namespace.
+    """An element; namespaces are removed.
 
     Attributes:
-        tag: Its name.
-        attributes: Their names, without namespaces, and values.
-        children: Elements within it.
-        text: Characters directly within it.
-        notes: Processing instructions directly within it: target and data.
-        place: Where it begins.
+        tag: Name of the element.
+        attributes: Values of the attributes by name.
+        children: Child elements.
+        text: Characters directly in the element.
+        instructions: Data of the processing instructions directly in the element, by target.
+        position: Position of the start tag.
     """
 
-    __slots__ = ("attributes", "children", "notes", "position", "tag", "text")
+    __slots__ = ("attributes", "children", "instructions", "position", "tag", "text")
 
     def __init__(self, tag: str, attributes: dict[str, str], position: Position) -> None:
         self.tag = tag
         self.attributes = attributes
         self.children: list[Element] = []
         self.text = ""
-        self.notes: dict[str, str] = {}
+        self.instructions: dict[str, str] = {}
         self.position = position
 
     def all(self, *tags: str) -> Iterator[Element]:
-        """Children of some names."""
+        """Yield the children with one of the tags."""
         return (each for each in self.children if each.tag in tags)
 
     def one(self, *tags: str) -> Element:
-        """The only child of some names.
+        """Return the only child with one of the tags.
 
         Raises:
             InvalidFuzzyFile: There is none, or more than one.
@@ -58,7 +58,7 @@ class Element:
         return found[0]
 
     def get(self, name: str) -> str:
-        """An attribute.
+        """Return the value of an attribute.
 
         Raises:
             InvalidFuzzyFile: It is missing.
@@ -69,11 +69,11 @@ class Element:
 
 
 def read_xml(text: str) -> Element:
-    """Root of an XML text.
+    """Return the root element of an XML text.
 
     Raises:
-        InvalidFuzzyFile: It is not well-formed, has a DOCTYPE (and so perhaps entities), or is
-            nested more than :data:`MAX_DEPTH` deep.
+        InvalidFuzzyFile: The text is not well-formed, has a DOCTYPE (which may define entities), or
+            exceeds a limit.
     """
     return _Builder().root(text)
 
@@ -85,21 +85,21 @@ class _Builder:
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._characters
-        self._parser.ProcessingInstructionHandler = self._note
+        self._parser.ProcessingInstructionHandler = self._instruction
         self._parser.StartDoctypeDeclHandler = self._doctype
         self._open: list[Element] = []
         self._count = 0
         self._root: Element | None = None
 
     def root(self, text: str) -> Element:
-        """Parse a document; refuse what is no XML."""
+        """Parse a document and return its root element."""
         try:
             self._parser.Parse(text.encode("utf-8", "surrogatepass"), True)
         except expat.ExpatError as error:
             position = Position(error.lineno, error.offset + 1)
-            raise malformed(position, f"no XML: {expat.ErrorString(error.code)}") from None
+            raise malformed(position, f"not XML: {expat.ErrorString(error.code)}") from None
         if self._root is None:
-            raise malformed(Position(1, 1), "no XML: there is no element")
+            raise malformed(Position(1, 1), "not XML: there is no element")
         return self._root
 
     @property
@@ -132,9 +132,9 @@ class _Builder:
                 element.position, f"{element.tag[:40]}: more than {MAX_TEXT} characters"
             )
 
-    def _note(self, target: str, data: str) -> None:
+    def _instruction(self, target: str, data: str) -> None:
         if self._open:
-            self._open[-1].notes[target] = data
+            self._open[-1].instructions[target] = data
 
     def _doctype(self, *_: object) -> None:
-        raise malformed(self._position, "a DOCTYPE is not read; remove it")
+        raise malformed(self._position, "a DOCTYPE is not supported; remove it")
