@@ -1,6 +1,7 @@
-"""A slow, direct evaluator of fuzzy systems: formulas as books write them, nothing compiled.
+"""A slow, direct evaluator of fuzzy systems: the textbook formulas, without compilation.
 
-It shares no code with the inference under test but the data classes and the generators of systems.
+It shares no code with the inference under test except the data classes and the generators of
+systems.
 """
 
 from dataclasses import replace
@@ -51,7 +52,7 @@ def _gauss2(x, s1, c1, s2, c2):
 
 
 def _points(x, *p):
-    """Polyline; where points share an x, the greatest of their degrees."""
+    """Polyline; the greatest degree where several points share an x."""
     at, y = np.array(p[::2]), np.array(p[1::2])
     found = np.empty_like(x)
     for i, v in enumerate(x):
@@ -86,17 +87,17 @@ FORMULAS = {
     "psigmf": lambda x, a, c, b, d: _sig(x, a, c) * _sig(x, b, d),
     "pointsmf": _points,
 }
-"""Matlab's documentation of each function; (x, *parameters)."""
+"""Formulas of Matlab's documentation; arguments (x, *parameters)."""
 
 
 def curve(function, x):
-    """Degrees of an array of points in one membership function."""
+    """Return the degrees of an array of points in one membership function."""
     with np.errstate(over="ignore"):
         return FORMULAS[function.shape](np.atleast_1d(np.asarray(x, float)), *function.parameters)
 
 
 def peak(function):
-    """Where the left side of a function ends and its right side begins."""
+    """Return the boundary between the left and the right side of a function."""
     p, shape = function.parameters, function.shape
     if shape in {"linsmf", "smf"} or (shape == "sigmf" and p[0] >= 0):
         return inf
@@ -110,8 +111,8 @@ def peak(function):
     )()
 
 
-def bounds(each, x, plane=None):
-    """Lower and upper degrees of points in a set; ``plane``: (level, of the lower secondary)."""
+def bounds(each, x, z_slice=None):
+    """Return lower and upper degrees; ``z_slice``: (level, of the lower secondary)."""
     x = np.atleast_1d(np.asarray(x, float))
     upper = curve(each.upper, x)
     lower = upper
@@ -123,9 +124,9 @@ def bounds(each, x, plane=None):
         lower = each.lower.scale * np.maximum(0.0, (upper - lag) / (1.0 - lag))
     elif each.lower is not None:
         lower = curve(each.lower, x)
-    if plane is None or each.secondary is None:
+    if z_slice is None or each.secondary is None:
         return lower, upper
-    level, of_lower = plane
+    level, of_lower = z_slice
     secondary, u, middle = each.secondary, (upper - lower) / 2, (upper + lower) / 2
     if of_lower:
         if level > secondary.scale:
@@ -154,7 +155,7 @@ CONORMS = {
     "drastic": lambda a, b: b if a == 0 else a if b == 0 else 1.0,
     "einstein": lambda a, b: (a + b) / (1 + a * b),
     "hamacher": lambda a, b: (
-        # a + b - 2 a b over 1 - a b, without the difference of two numbers near 1
+        # a + b - 2 a b over 1 - a b, without cancellation near a = b = 1
         1.0 if a == b == 1 else (a * (1 - b) + b * (1 - a)) / ((1 - a) + a * (1 - b))
     ),
     "nilpotent": lambda a, b: max(a, b) if a + b < 1 else 1.0,
@@ -172,14 +173,14 @@ HEDGES = {
 }
 
 
-def strength(system, antecedent, x, plane=None):
-    """Least and greatest degree to which an antecedent holds; ``x`` by name."""
+def strength(system, antecedent, x, z_slice=None):
+    """Return the lower and upper degree of an antecedent; ``x``: values by name."""
     if isinstance(antecedent, Is):
         variable = next(v for v in system.inputs if v.name == antecedent.variable)
         low = high = 0.0
         if antecedent.set:
             each = next(s for s in variable.sets if s.name == antecedent.set)
-            low, high = (float(b[0]) for b in bounds(each, x[variable.name], plane))
+            low, high = (float(b[0]) for b in bounds(each, x[variable.name], z_slice))
         for hedge in reversed(antecedent.hedges):
             if hedge == "not":
                 low, high = 1 - high, 1 - low
@@ -187,7 +188,7 @@ def strength(system, antecedent, x, plane=None):
                 low, high = HEDGES[hedge](low), HEDGES[hedge](high)
         return low, high
     join = NORMS[system.conjunction] if isinstance(antecedent, And) else CONORMS[system.disjunction]
-    pairs = [strength(system, part, x, plane) for part in antecedent.parts]
+    pairs = [strength(system, part, x, z_slice) for part in antecedent.parts]
     low, high = pairs[0]
     for a, b in pairs[1:]:
         low, high = join(low, a), join(high, b)
@@ -199,36 +200,36 @@ def clamped(system, inputs):
     return {v.name: min(max(float(u), v.low), v.high) for v, u in pairs}
 
 
-def consequents(system, output, inputs, plane=None):
-    """Of each rule that speaks of an output: its set, whether it is negated, its strengths."""
+def consequents(system, output, inputs, z_slice=None):
+    """Yield set, negation and strengths of every rule with a consequent for an output."""
     x = clamped(system, inputs)
     for rule in system.rules:
-        low, high = strength(system, rule.antecedent, x, plane)
+        low, high = strength(system, rule.antecedent, x, z_slice)
         for term in rule.consequents:
             if term.variable == output.name:
                 each = next(s for s in output.sets if s.name == term.set)
                 yield each, bool(term.hedges), rule.weight * low, rule.weight * high
 
 
-def aggregate(system, output, inputs, at, plane=None):
-    """Lower and upper joined consequents about an output at some points."""
+def aggregate(system, output, inputs, at, z_slice=None):
+    """Return the lower and upper aggregated output at some points."""
     join = CONORMS[output.aggregation]
     join = np.maximum if join is max else np.frompyfunc(join, 2, 1)
     shape = np.minimum if system.implication == "min" else np.multiply
-    joined = [np.zeros(len(at)), np.zeros(len(at))]
-    for each, negated, low, high in consequents(system, output, inputs, plane):
-        curves = bounds(each, at, plane)
+    result = [np.zeros(len(at)), np.zeros(len(at))]
+    for each, negated, low, high in consequents(system, output, inputs, z_slice):
+        curves = bounds(each, at, z_slice)
         if negated:
             curves = (1 - curves[1], 1 - curves[0])
         for k, one in enumerate((low, high)):
-            joined[k] = join(joined[k], shape(one, curves[k])).astype(float)
-    return joined
+            result[k] = join(result[k], shape(one, curves[k])).astype(float)
+    return result
 
 
 def weighted_interval(at, lower, upper):
-    """Least and greatest weighted mean, the weights between bounds: every switch point tried.
+    """Return the least and greatest weighted mean for bounded weights, by all switch points.
 
-    ``at`` is a pair, the points whose mean is least and those whose mean is greatest.
+    ``at`` is a pair: the points whose mean is least and those whose mean is greatest.
     """
     ends = []
     for points, sign in zip(at, (1.0, -1.0), strict=True):
@@ -243,12 +244,12 @@ def weighted_interval(at, lower, upper):
     return tuple(ends)
 
 
-def centroid(system, inputs, samples=101, plane=None):
-    """Value, least, greatest of each output by samples of the joined consequents."""
+def centroid(system, inputs, samples=101, z_slice=None):
+    """Return value, least and greatest of each output from samples of the aggregated output."""
     found = []
     for output in system.outputs:
         at = even(output, samples)
-        lower, upper = aggregate(system, output, inputs, at, plane)
+        lower, upper = aggregate(system, output, inputs, at, z_slice)
         if upper.max() <= 0:
             middle = (output.low + output.high) / 2
             left = right = middle if output.default is None else output.default
@@ -261,7 +262,7 @@ def centroid(system, inputs, samples=101, plane=None):
 
 
 def sugeno(system, inputs):
-    """Value, least, greatest of each output of a Sugeno system."""
+    """Return value, least and greatest of each output of a Sugeno system."""
     found = []
     x = np.array(list(clamped(system, inputs).values()))
     for output in system.outputs:
@@ -285,7 +286,7 @@ def sugeno(system, inputs):
 
 
 def centre_of_sets(system, inputs, samples=101):
-    """Value, least, greatest of each output from the centroids of the sets concluded."""
+    """Return value, least and greatest of each output from the centroids of the consequents."""
     found = []
     for output in system.outputs:
         at = even(output, samples)
@@ -310,7 +311,7 @@ def centre_of_sets(system, inputs, samples=101):
 
 
 def type3(system, inputs, slices, samples=101):
-    """Value, least, greatest: the planes' own, weighted by their levels."""
+    """Return value, least and greatest: the means over the z-slices, weighted by their levels."""
     total, weight = 0.0, 0.0
     for k in range(slices):
         level = (k + 0.5) / slices
@@ -321,9 +322,9 @@ def type3(system, inputs, slices, samples=101):
 
 
 def pieces(system, output, inputs):
-    """The upper joined consequents as straight pieces (x0, x1, y0, y1): every crossing sought.
+    """Return the upper aggregated output as straight pieces (x0, x1, y0, y1), by all crossings.
 
-    For piecewise linear sets of type 1, joined by max.
+    For piecewise linear type-1 sets and aggregation by max.
     """
     found = list(consequents(system, output, inputs))
     corners = {output.low, output.high}
@@ -331,7 +332,7 @@ def pieces(system, output, inputs):
         corners |= {x for x, _ in each.upper.vertices if output.low < x < output.high}
     result = []
 
-    def joined(x):
+    def aggregated(x):
         return aggregate(system, output, inputs, x)[1]
 
     knots = sorted(corners)
@@ -353,13 +354,13 @@ def pieces(system, output, inputs):
                     breaks.add(float(x))
         within = sorted(breaks)
         for x0, x1 in pairwise(within):
-            near, far = joined(np.array([0.75 * x0 + 0.25 * x1, 0.25 * x0 + 0.75 * x1]))
+            near, far = aggregated(np.array([0.75 * x0 + 0.25 * x1, 0.25 * x0 + 0.75 * x1]))
             result.append((x0, x1, near - (far - near) / 2, far + (far - near) / 2))
     return np.array(result)
 
 
 def without_footprint(system):
-    """The system of type 1 that the upper functions make."""
+    """Return the type-1 system of the upper functions."""
 
     def plain(variable):
         return replace(
@@ -376,19 +377,19 @@ def without_footprint(system):
 
 
 def points_in(system, rng, count, beyond=0.0):
-    """Random inputs within the ranges, or up to ``beyond`` widths outside of them."""
+    """Return random inputs within the ranges, or up to ``beyond`` widths outside of them."""
     low = np.array([v.low for v in system.inputs])
     width = np.array([v.high for v in system.inputs]) - low
     return low + width * (rng.random((count, len(low))) * (1 + 2 * beyond) - beyond)
 
 
 def even(variable, count):
-    """Even samples of its range, those on one side of the middle as far from it as the others."""
+    """Return evenly spaced samples of the range, symmetric about its middle to the last digit."""
     middle, half = (variable.low + variable.high) / 2, (variable.high - variable.low) / 2
     inner = middle + half * (np.arange(1 - count, count, 2) / (count - 1))[1:-1]
     return np.concatenate([[variable.low], inner, [variable.high]])
 
 
 def spans(system):
-    """Width of the range of each output."""
+    """Return the width of the range of each output."""
     return np.array([v.high - v.low for v in system.outputs])

@@ -1,4 +1,4 @@
-"""Hypothesis strategies for rules and whole fuzzy systems, as restricted as a test needs them."""
+"""Hypothesis strategies for rules and fuzzy systems, restricted as a test requires."""
 
 import functools
 import random
@@ -25,7 +25,7 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 IDENTIFIERS = st.builds(
     str.__add__, st.sampled_from(_LETTERS), st.text(_LETTERS + "0123456789_", max_size=5)
 ).filter(lambda name: name.lower() not in RESERVED)
-"""Names that every format can write as they are."""
+"""Names that every format can write without quotes."""
 
 _PRINTABLE = st.characters(exclude_categories=("C", "Z"))
 
@@ -36,11 +36,11 @@ PRINTABLE_NAMES = (
     )
     | st.sampled_from(["it's", "very", "IS", "a b", "x%y", "x#y", "//", "a:b", "[a]", '"', "'"])
 )
-"""All that the model allows."""
+"""Names of every kind that a system may have."""
 
 
 def composite(function):
-    """``st.composite`` that leaves ``random`` as it was: beartype's checks use it."""
+    """``st.composite`` that leaves the state of ``random`` unchanged: beartype's checks use it."""
 
     @st.composite
     @functools.wraps(function)
@@ -60,11 +60,11 @@ SUGENO_DEFUZZIFIERS = ("wtaver", "wtsum")
 
 @composite
 def memberships(draw, low=-1.0, high=1.0, shapes=tuple(SHAPES)):
-    """A membership function that lies about the range from ``low`` to ``high``."""
+    """Return a membership function over the range from ``low`` to ``high``."""
     shape = draw(st.sampled_from(shapes))
     width = high - low
 
-    def places(count):
+    def positions(count):
         fraction = st.one_of(st.floats(-0.25, 1.25), st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]))
         each = draw(st.lists(fraction, min_size=count, max_size=count).map(sorted))
         return [low + width * f for f in each]
@@ -73,21 +73,21 @@ def memberships(draw, low=-1.0, high=1.0, shapes=tuple(SHAPES)):
         return draw(st.floats(least, most))
 
     if shape == "pointsmf":
-        x = places(draw(st.integers(1, 5)))
+        x = positions(draw(st.integers(1, 5)))
         degrees = [draw(st.floats(0.0, 1.0)) for _ in x]
         return Membership(shape, tuple(v for pair in zip(x, degrees, strict=True) for v in pair))
     if SHAPES[shape].ascending:
-        p = places(len(SHAPES[shape].parameters))
+        p = positions(len(SHAPES[shape].parameters))
         if p[-1] - p[0] < 0.01 * width:
             p[-1] = p[0] + draw(st.floats(0.1, 1.0)) * width
         return Membership(shape, tuple(p))
     if shape == "gbellmf":
-        p = (positive(0.05, 1.0) * width, positive(0.5, 4.0), places(1)[0])
+        p = (positive(0.05, 1.0) * width, positive(0.5, 4.0), positions(1)[0])
     elif "gauss" in shape:
-        centres = places(len(SHAPES[shape].parameters) // 2)
+        centres = positions(len(SHAPES[shape].parameters) // 2)
         p = tuple(v for c in centres for v in (positive(0.05, 1.0) * width, c))
     else:
-        centres = places(len(SHAPES[shape].parameters) // 2)
+        centres = positions(len(SHAPES[shape].parameters) // 2)
         slope = st.floats(-50.0, 50.0)
         p = tuple(v for c in centres for v in (draw(slope) / width, c))
     return Membership(shape, p)
@@ -95,7 +95,7 @@ def memberships(draw, low=-1.0, high=1.0, shapes=tuple(SHAPES)):
 
 @composite
 def lower_functions(draw, upper):
-    """A membership function that nowhere exceeds ``upper``; None where none is known."""
+    """Return a membership function that nowhere exceeds ``upper``; None for some shapes."""
     t, p = draw(st.floats(0.1, 0.9)), upper.parameters
     if upper.shape == "pointsmf":
         return Membership("pointsmf", tuple(v * t if k % 2 else v for k, v in enumerate(p)))
@@ -137,19 +137,19 @@ def fuzzy_sets(draw, name, low, high, shapes, type_, free_lower):
 
 
 def distinct(names, count):
-    """``count`` different names."""
+    """Return ``count`` different names."""
     return st.lists(names, min_size=count, max_size=count, unique=True)
 
 
 @composite
 def antecedents(draw, variables, hedges=HEDGES, nesting=2):
-    """A normalised antecedent about ``variables``: pairs of a name and the names of its sets.
+    """Return a normalised antecedent over ``variables``: pairs of a name and the names of its sets.
 
-    ``nesting=0``: terms about different variables in their order, joined by one "and" or "or", as
-    in a .fis file.
+    ``nesting=0``: propositions about different variables in their order, joined by one "and" or
+    "or", as in a .fis file.
     """
 
-    def term(variable, sets):
+    def proposition(variable, sets):
         chosen = draw(st.lists(st.sampled_from(hedges), max_size=2)) if hedges else []
         if hedges == ("not",):
             chosen = chosen[:1]
@@ -159,20 +159,20 @@ def antecedents(draw, variables, hedges=HEDGES, nesting=2):
 
     def group(depth):
         if depth == 0 or draw(st.integers(0, 2)) == 0:
-            return term(*draw(st.sampled_from(variables)))
+            return proposition(*draw(st.sampled_from(variables)))
         kind = draw(st.sampled_from([And, Or]))
         return kind(tuple(group(depth - 1) for _ in range(draw(st.integers(1, 3)))))
 
     if nesting:
         return normalised(group(nesting))
     used = draw(st.sets(st.integers(0, len(variables) - 1), min_size=1))
-    parts = tuple(term(*variables[k]) for k in sorted(used))
+    parts = tuple(proposition(*variables[k]) for k in sorted(used))
     return normalised(draw(st.sampled_from([And, Or]))(parts))
 
 
 @composite
 def rules(draw, inputs, outputs, hedges=HEDGES, nesting=2, negated_consequents=True, weights=True):
-    """A normalised rule about ``inputs`` and ``outputs``: pairs of a name and names of sets."""
+    """Return a normalised rule; ``inputs``, ``outputs``: pairs of a name and names of sets."""
     antecedent = draw(antecedents(inputs, hedges, nesting))
     used = draw(st.sets(st.integers(0, len(outputs) - 1), min_size=1))
     negations = st.sampled_from([(), ("not",)]) if negated_consequents else st.just(())
@@ -180,7 +180,7 @@ def rules(draw, inputs, outputs, hedges=HEDGES, nesting=2, negated_consequents=T
         Is(outputs[k][0], draw(st.sampled_from(outputs[k][1])), draw(negations))
         for k in sorted(used)
     )
-    light = st.just(0.0) | st.floats(1e-6, 1.0)  # the kernels take what is fainter for nothing
+    light = st.just(0.0) | st.floats(1e-6, 1.0)  # the kernels round tiny strengths to zero
     return Rule(antecedent, consequents, draw(st.just(1.0) | light) if weights else 1.0)
 
 
@@ -212,30 +212,32 @@ def systems(
     max_sets=3,
     max_rules=4,
 ):
-    """A valid, small fuzzy system, its antecedents normalised.
+    """Return a valid, small fuzzy system with normalised antecedents.
 
     Args:
-        draw: Hypothesis'.
-        types: Of 1, 2 and 3. Of type 2 and 3 every set is (but the functions of Sugeno).
-        sugeno: Of False (Mamdani) and True.
-        shapes: Of the sets, names of ``SHAPES``.
-        output_shapes: Of those of outputs; None: ``shapes``.
-        free_lower: Whether some lower functions are functions of their own.
+        draw: Hypothesis' function.
+        types: Types to draw from: 1, 2, 3. All sets of a system have its type, except the
+            functions of a Sugeno system.
+        sugeno: Kinds to draw from: False (Mamdani), True.
+        shapes: Names of ``SHAPES`` for the sets.
+        output_shapes: Names of ``SHAPES`` for the sets of outputs; None: ``shapes``.
+        free_lower: Whether some lower functions are given functions instead of footprints.
         conjunctions: Names of ``NORMS``.
         disjunctions: Names of ``CONORMS``.
         implications: Names of ``IMPLICATIONS``.
         aggregations: Names of ``AGGREGATIONS``.
-        defuzzifiers: Of both kinds of system; those that suit are drawn from.
-        algorithms: Of type reduction; a type-1 system always has "km".
-        outputs_alike: Whether all outputs have one aggregation and one defuzzifier.
+        defuzzifiers: Names for both kinds of system; drawn are those that fit the kind.
+        algorithms: Algorithms of type reduction; a type-1 system always has "km".
+        outputs_alike: Whether all outputs have the same aggregation and the same defuzzifier.
         defaults: Whether some outputs have a default.
-        linear: Whether Sugeno's functions may have coefficients.
-        hedges: In antecedents.
-        nesting: Most levels of and/or in a antecedent; 0: see :func:`antecedents`.
-        negated_consequents: Whether a Mamdani consequent may be "not".
+        linear: Whether linear functions may have coefficients.
+        hedges: Hedges in antecedents.
+        nesting: Greatest depth of and/or in an antecedent; 0: see :func:`antecedents`.
+        negated_consequents: Whether a Mamdani consequent may be negated.
         weights: Whether some rules have a weight other than 1.
-        names: Strategy of the names, that of the system too.
-        max_inputs: Number; likewise ``max_outputs``, ``max_sets`` (of one variable), ``max_rules``.
+        names: Strategy of the names, also of the system's name.
+        max_inputs: Greatest number of inputs; likewise ``max_outputs``, ``max_sets`` (of one
+            variable) and ``max_rules``.
     """
     type_, is_sugeno = draw(st.sampled_from(types)), draw(st.sampled_from(sugeno))
     n, m = draw(st.integers(1, max_inputs)), draw(st.integers(1, max_outputs))

@@ -154,7 +154,7 @@ def test_options_beyond_their_range_are_refused(options, says):
 
 def test_what_has_no_exact_centroid_says_why():
     output = replace(heater().outputs[0], aggregation="sum")
-    with pytest.raises(InvalidInput, match="aggregated by sum, not max; ask for centroid matlab"):
+    with pytest.raises(InvalidInput, match="aggregated by sum, not max; use centroid matlab"):
         Inference(replace(heater(), outputs=(output,)), centroid="exact")
 
 

@@ -1,4 +1,4 @@
-"""Inference of type 1 and Sugeno systems, and what all types share, against a slow evaluator."""
+"""Inference of type-1 and Sugeno systems, and properties of all types, against a slow evaluator."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -45,22 +45,22 @@ def close(found, expected, system, digits=1e-9):
     ("table", "centroid", "tolerance"),
     [("matlab_rule_sum101_t1", "matlab", 1e-12), ("exact_t1", "exact", 1e-10)],
 )
-def test_the_published_system_agrees_with_the_reference(table, centroid, tolerance):
+def test_published_system_matches_reference_values(table, centroid, tolerance):
     expected = shared_table(f"reference/fuzzy/{table}_41x41.csv")
     found = Inference(paper(), centroid=centroid)(expected[:, :2])
     assert np.abs(found - expected[:, 2:]).max() < tolerance
 
 
-def test_octave_agrees_to_the_figures_of_its_trapezoid_rule():
-    """Octave's toolkit: its centroid by Matlab's sum rule too, columns kp_s to kd_s."""
+def test_octave_matches_within_trapezoid_rule_error():
+    """Columns kp_s to kd_s hold the centroid by the sum rule, which Octave's toolkit also has."""
     expected = shared_table("reference/fuzzy/octave_t1_41x41_101.csv")
     found = Inference(paper(), centroid="matlab")(expected[:, :2])
     assert np.abs(found - expected[:, 5:]).max() < 1e-12
     trapezoid = Inference(paper())(expected[:, :2]) - expected[:, 2:5]
-    assert np.abs(trapezoid).max() < 2e-4  # its rule's error on 101 samples; outputs span 0.2
+    assert np.abs(trapezoid).max() < 2e-4  # error of the rule on 101 samples; ranges are 0.2
 
 
-def test_exact_is_the_default_where_it_applies():
+def test_exact_centroid_is_default_for_polylines():
     assert Inference(paper()).options.centroid == "exact"
     smooth = replace(paper().outputs[0].sets[0], upper=Membership("gaussmf", (0.01, 0.0)))
     output = replace(paper().outputs[0], sets=(smooth, *paper().outputs[0].sets[1:]))
@@ -73,16 +73,16 @@ def test_exact_is_the_default_where_it_applies():
 
 @given(systems(types=(1,), sugeno=(False,), defuzzifiers=("centroid",), **CONTINUOUS), SEEDS)
 @settings(max_examples=80, deadline=None)
-def test_mamdani_on_samples_is_what_the_book_says(system, seed):
+def test_sampled_mamdani_matches_textbook_formulas(system, seed):
     """All shapes, norms, hedges, nested antecedents, weights, complemented consequents."""
     run = Inference(system, centroid="matlab", samples=41)
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
-        assume(well_posed(system, x))
+        assume(is_well_posed(system, x))
         close(run(*x), oracle.centroid(system, x, 41)[0], system)
 
 
-def well_posed(system, x):
-    """Whether every output is clearly spoken of or clearly not, beyond what rounding decides."""
+def is_well_posed(system, x):
+    """Whether every output has clearly firing rules or clearly none, beyond rounding errors."""
     for output in system.outputs:
         at = oracle.even(output, 41)
         top = oracle.aggregate(system, output, x, at)[1].max()
@@ -93,7 +93,7 @@ def well_posed(system, x):
 
 @given(systems(sugeno=(True,), types=(1, 2), algorithms=("km", "eiasc"), **CONTINUOUS), SEEDS)
 @settings(max_examples=80, deadline=None)
-def test_sugeno_is_what_the_book_says(system, seed):
+def test_sugeno_matches_textbook_formulas(system, seed):
     run = Inference(system)
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
         strengths = [max(u for *_, u in oracle.consequents(system, o, x)) for o in system.outputs
@@ -119,7 +119,7 @@ def test_sugeno_is_what_the_book_says(system, seed):
     SEEDS,
 )
 @settings(max_examples=60, deadline=None)
-def test_other_defuzzifiers_on_samples_are_matlabs(system, seed):
+def test_sampled_defuzzifiers_match_matlab(system, seed):
     run = Inference(system, centroid="matlab", samples=41)
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
         found = run(*x)
@@ -132,7 +132,7 @@ def test_other_defuzzifiers_on_samples_are_matlabs(system, seed):
 
 
 def matlab(defuzzifier, at, y):
-    """What Matlab's ``defuzz`` may give; several values where rounding decides between them."""
+    """Return the possible values of Matlab's ``defuzz``; several if rounding decides."""
     tops = at[y >= y.max() * (1 - 1e-12)]
     if defuzzifier == "bisector":
         running = np.cumsum(y) / y.sum()
@@ -151,7 +151,7 @@ def matlab(defuzzifier, at, y):
     return [ways[defuzzifier](m) for m in (tops, strict)] + both
 
 
-# --- the exact consequent --------------------
+# --- exact defuzzification --------------------
 
 EXACT = {
     "types": (1,),
@@ -165,8 +165,8 @@ EXACT = {
 
 @given(systems(**EXACT), SEEDS)
 @settings(max_examples=80, deadline=None)
-def test_every_exact_defuzzifier_is_that_of_the_polyline(system, seed):
-    """The joined consequents by brute force: every crossing of every two lines."""
+def test_exact_defuzzifiers_match_polyline(system, seed):
+    """The reference computes the aggregated output from the crossings of all pairs of lines."""
     run = Inference(system, centroid="exact")
     for x in oracle.points_in(system, np.random.default_rng(seed), 2):
         for value, output in zip(run(*x), system.outputs, strict=True):
@@ -228,8 +228,8 @@ def check_exact(defuzzifier, value, line, width):
     [("linsmf", (0.0, 1.25), 2 / 3), ("linzmf", (-0.25, 1.0), 1 / 3)],
 )
 @pytest.mark.parametrize("height", [1.0, 0.9])
-def test_a_ramp_may_reach_its_top_beyond_the_range(shape, ramp, expected, height):
-    """A cut above what is left of it within the range takes nothing away: a triangle stays."""
+def test_exact_centroid_of_ramp_with_top_beyond_range(shape, ramp, expected, height):
+    """Clipping above the ramp's greatest degree within the range has no effect."""
     output = OutputVariable("y", 0, 1, (FuzzySet("s", Membership(shape, ramp)),))
     driver = InputVariable("x", 0, 1, (FuzzySet("s", Membership("linsmf", (0, 1))),))
     system = FuzzySystem("s", (driver,), (output,), (Rule(Is("x", "s"), (Is("y", "s"),)),))
@@ -243,7 +243,7 @@ def test_a_ramp_may_reach_its_top_beyond_the_range(shape, ramp, expected, height
     SEEDS,
 )
 @settings(max_examples=25, deadline=None)
-def test_the_exact_value_is_the_limit_of_ever_finer_samples(system, seed):
+def test_exact_value_is_limit_of_fine_samples(system, seed):
     exact = Inference(system, centroid="exact")
     runs = [Inference(system, centroid="matlab", samples=n) for n in (1001, 32_001)]
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
@@ -252,11 +252,13 @@ def test_the_exact_value_is_the_limit_of_ever_finer_samples(system, seed):
         assume(line.size and areas(line).sum() > 1e-2 * (output.high - output.low))
     errors = [np.abs(run(*x) - exact(*x)) / oracle.spans(system) for run in runs]
     for error, count in zip(errors, (1001, 32_001), strict=True):
-        assert error.max() < 300 / count  # a jump of 1 shifts 1/count of area over 1e-2 of it
+        assert (
+            error.max() < 300 / count
+        )  # a jump of 1 shifts 1/count of the area, which is at least 1e-2
 
 
-def test_the_centroid_on_samples_converges_with_the_square_of_their_number():
-    """Where the joined consequents end at zero, the sum rule is the trapezoid rule."""
+def test_sampled_centroid_converges_quadratically():
+    """If the aggregated output is zero at both ends, the sum rule equals the trapezoid rule."""
     sets = (
         FuzzySet("a", Membership("trimf", (0.1, 0.3, 0.6))),
         FuzzySet("b", Membership("trapmf", (0.35, 0.6, 0.7, 0.93))),
@@ -327,8 +329,8 @@ def renamed(antecedent):
     return type(antecedent)(tuple(map(renamed, antecedent.parts)))
 
 
-def odd(system):
-    """The system and its mirror image in one: f(-x) = -f(x)."""
+def antisymmetric(system):
+    """Return a system with the rules of ``system`` and their mirror images: f(-x) = -f(x)."""
 
     def both(variable):
         half = max(abs(variable.low), abs(variable.high))
@@ -354,12 +356,12 @@ def odd(system):
     st.sampled_from(["centroid", "cos"]),
 )
 @settings(max_examples=50, deadline=None)
-def test_a_symmetric_rule_base_makes_an_odd_surface(system, seed, reduction):
-    """Of every type, shape and norm; a footprint may lag more on one side."""
+def test_symmetric_rule_base_gives_odd_surface(system, seed, reduction):
+    """For every type, shape and norm; a footprint may have different lags on its sides."""
     slopes = [s.upper.parameters[0] for v in system.variables for s in v.sets
               if isinstance(s, FuzzySet) and s.upper.shape == "sigmf"]  # fmt: skip
-    assume(0.0 not in slopes)  # no side is left or right
-    symmetric = odd(system)
+    assume(0.0 not in slopes)  # no vertical side
+    symmetric = antisymmetric(system)
     run = Inference(symmetric, reduction=reduction, slices=3, algorithm="eiasc")
     at = oracle.points_in(symmetric, np.random.default_rng(seed), 20)
     here, there = run.batch(at), run.batch(-at)
@@ -374,7 +376,7 @@ def test_a_symmetric_rule_base_makes_an_odd_surface(system, seed, reduction):
 
 
 def partition(edges):
-    """Triangles that add up to one everywhere, from a list of peaks."""
+    """Return triangles with the given peaks that add up to one everywhere."""
     e = [edges[0], *edges, edges[-1]]
     return tuple(
         FuzzySet(f"s{k}", Membership("trimf", tuple(e[k : k + 3]))) for k in range(len(edges))
@@ -388,8 +390,8 @@ PEAKS = st.lists(st.floats(0.05, 1.0), min_size=2, max_size=5).map(
 
 @given(PEAKS, PEAKS, st.data())
 @settings(max_examples=60, deadline=None)
-def test_a_monotone_sugeno_rule_base_makes_a_monotone_surface(first, second, data):
-    """Product of partitions of unity: the surface is bilinear between the rules' constants."""
+def test_monotone_sugeno_rule_base_gives_monotone_surface(first, second, data):
+    """Products of partitions of unity: the surface is bilinear between the rules' constants."""
     steps = data.draw(
         st.lists(st.floats(0.0, 1.0), min_size=len(first) * len(second),
                  max_size=len(first) * len(second))
@@ -416,10 +418,10 @@ def test_a_monotone_sugeno_rule_base_makes_a_monotone_surface(first, second, dat
 
 @given(PEAKS, st.sampled_from([("min", "min"), ("prod", "prod")]))
 @settings(max_examples=60, deadline=None)
-def test_a_monotone_mamdani_rule_base_makes_a_monotone_curve(peaks, operators):
-    """One input, neighbours conclude neighbours: Van Broekhoven & De Baets 2009 prove it.
+def test_monotone_mamdani_rule_base_gives_monotone_curve(peaks, operators):
+    """One input, adjacent sets imply adjacent sets: proved by Van Broekhoven & De Baets 2009.
 
-    For more inputs, or rules that jump over a set, the centroid need not be monotone.
+    With more inputs, or rules that skip a set, the centroid need not be monotone.
     """
     evenly = np.linspace(-1, 1, len(peaks)).tolist()
     rules = tuple(Rule(Is("x", f"s{k}"), (Is("y", f"s{k}"),)) for k in range(len(peaks)))
@@ -443,7 +445,7 @@ ANY = systems(types=(1, 2, 3), defuzzifiers=("centroid", "wtaver", "wtsum"), **C
 
 @given(ANY, SEEDS, st.randoms(use_true_random=False))
 @settings(max_examples=40, deadline=None)
-def test_the_order_of_rules_and_inputs_does_not_matter(system, seed, shuffle):
+def test_order_of_rules_and_inputs_has_no_effect(system, seed, shuffle):
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     rules, order = list(system.rules), list(range(len(system.inputs)))
     shuffle.shuffle(rules)
@@ -486,8 +488,8 @@ def scaled(function, by):
 
 @given(ANY, SEEDS, st.sampled_from([2.0**-20, 0.5, 1024.0]))
 @settings(max_examples=40, deadline=None)
-def test_the_unit_of_a_variable_does_not_matter(system, seed, by):
-    """Powers of two scale without rounding, but for denormal numbers."""
+def test_unit_of_variable_has_no_effect(system, seed, by):
+    """Powers of two scale without rounding, except for denormal numbers."""
 
     def one(each):
         if isinstance(each, LinearFunction):
@@ -514,7 +516,7 @@ def test_the_unit_of_a_variable_does_not_matter(system, seed, by):
 
 
 def reducible(system):
-    """The system; of type 2 and 3 with outputs that are reduced to centroids."""
+    """Return the system; for types 2 and 3 with outputs whose defuzzifier is the centroid."""
     if system.type == 1:
         return system
     outputs = (o if o.is_sugeno else replace(o, defuzzifier=None) for o in system.outputs)
@@ -523,7 +525,7 @@ def reducible(system):
 
 @given(systems(names=st.from_regex(r"[a-z]{1,6}", fullmatch=True)), SEEDS)
 @settings(max_examples=30, deadline=None)
-def test_one_call_a_batch_a_dict_and_threads_give_the_same_bits(system, seed):
+def test_call_batch_mapping_and_threads_give_identical_results(system, seed):
     system = reducible(system)
     run = Inference(system, samples=31, slices=2)
     at = oracle.points_in(system, np.random.default_rng(seed), 12, beyond=0.3)
@@ -546,13 +548,13 @@ def test_one_call_a_batch_a_dict_and_threads_give_the_same_bits(system, seed):
         np.testing.assert_array_equal(list(answer.values()), batch[0, k])
 
 
-def test_no_rows_are_no_answer():
+def test_empty_batch_gives_empty_result():
     run = Inference(paper())
     assert run(np.empty((0, 2))).shape == (0, 3)
     assert run.batch(np.empty((0, 2)), threads=4).shape == (3, 0, 3)
 
 
-def test_a_batch_leaves_its_rows_as_they_are():
+def test_batch_does_not_modify_rows():
     rows = np.array([[5.0, -5.0]])
     Inference(paper()).batch(rows)
     assert rows.tolist() == [[5.0, -5.0]]
@@ -560,7 +562,7 @@ def test_a_batch_leaves_its_rows_as_they_are():
 
 @given(systems(types=(1, 2), hedges=HEDGES, **CONTINUOUS), SEEDS)
 @settings(max_examples=80, deadline=None)
-def test_the_rules_that_fire_are_reported_with_their_strengths(system, seed):
+def test_fired_rules_have_correct_strengths(system, seed):
     system = reducible(system)
     run = Inference(system, samples=11)
     x = oracle.points_in(system, np.random.default_rng(seed), 1, beyond=0.2)[0]
@@ -581,7 +583,7 @@ def test_the_rules_that_fire_are_reported_with_their_strengths(system, seed):
 
 @given(systems(types=(1,), sugeno=(False,), aggregations=("max",), max_rules=3), SEEDS)
 @settings(max_examples=30, deadline=None)
-def test_saying_a_rule_twice_says_no_more_under_max(system, seed):
+def test_duplicate_rule_has_no_effect_under_max(system, seed):
     twice = replace(system, rules=system.rules * 2)
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     options = {"samples": 31}

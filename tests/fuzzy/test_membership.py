@@ -1,4 +1,4 @@
-"""Membership functions against Matlab's documented formulas, and footprints against triangles."""
+"""Membership functions against Matlab's documented formulas, and footprints of triangles."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ EVERY = UNIT | st.floats(0.0, 1e-12) | st.floats(0.0, 1e-12).map(lambda v: 1.0 -
 AT = np.r_[np.linspace(-2.0, 2.0, 81), -1e9, 1e9, np.nextafter(0.0, 1.0)]
 
 
-def test_every_shape_has_a_formula():
+def test_every_shape_has_formula():
     assert set(oracle.FORMULAS) == set(SHAPES)
     assert len(SHAPES) == 14
 
@@ -36,7 +36,7 @@ def test_every_shape_has_a_formula():
 @pytest.mark.parametrize("shape", SHAPES)
 @given(data=st.data())
 @settings(max_examples=40, deadline=None)
-def test_degrees_are_those_of_the_formula(shape, data):
+def test_degrees_match_formula(shape, data):
     function = data.draw(memberships(shapes=(shape,)))
     corners = [p for p in function.parameters if abs(p) <= 10]
     at = np.r_[AT, corners]
@@ -51,7 +51,7 @@ def test_degrees_are_those_of_the_formula(shape, data):
 
 @pytest.mark.parametrize(
     ("shape", "parameters", "x", "degree"),
-    [  # Matlab's documentation, and values by hand
+    [  # from Matlab's documentation and computed by hand
         ("trimf", (3, 6, 8), 4, 1 / 3),
         ("trimf", (0, 0, 2), 0, 1.0),
         ("trimf", (0, 0, 2), -1e-300, 0.0),
@@ -94,7 +94,7 @@ def test_known_degrees(shape, parameters, x, degree):
     st.floats(0.0, 0.9),
 )
 @settings(max_examples=60, deadline=None)
-def test_the_footprint_of_a_triangle_is_a_lower_narrower_triangle(sides, scale, left, right):
+def test_footprint_of_triangle_is_lower_narrower_triangle(sides, scale, left, right):
     middle, before, after = sides
     a, b, c = middle - before, middle, middle + after
     each = FuzzySet("t", Membership("trimf", (a, b, c)), Footprint(scale, left, right))
@@ -111,12 +111,12 @@ def test_the_footprint_of_a_triangle_is_a_lower_narrower_triangle(sides, scale, 
     st.booleans(),
 )
 @settings(max_examples=200, deadline=None)
-def test_bounds_and_their_planes_are_those_of_the_definition(each, level, of_lower):
+def test_bounds_and_z_slices_match_definition(each, level, of_lower):
     from omnidrive.fuzzy.sets import ZSlice
 
     with np.errstate(over="ignore"):
-        for plane, own in ((None, ZSlice(0.0, of_lower=False)), ((level, of_lower), None)):
-            expected = oracle.bounds(each, AT, plane)
+        for z_slice, own in ((None, ZSlice(0.0, of_lower=False)), ((level, of_lower), None)):
+            expected = oracle.bounds(each, AT, z_slice)
             found = membership_bounds([each], AT, own or ZSlice(level, of_lower))
             for mine, theirs in zip(found, expected, strict=True):
                 np.testing.assert_allclose(mine[0], theirs, atol=1e-11)
@@ -126,7 +126,7 @@ def test_bounds_and_their_planes_are_those_of_the_definition(each, level, of_low
 @pytest.mark.parametrize("norm", NORMS)
 @given(UNIT, UNIT)
 @settings(max_examples=60, deadline=None)
-def test_norms_are_those_of_the_book(norm, a, b):
+def test_t_norms_match_textbook(norm, a, b):
     assert t_norm(NORMS[norm], a, b) == pytest.approx(oracle.NORMS[norm](a, b), abs=1e-15)
     assert t_norm(NORMS[norm], a, b) == t_norm(NORMS[norm], b, a)
     assert t_norm(NORMS[norm], a, 1.0) == pytest.approx(a, abs=1e-15)
@@ -136,8 +136,8 @@ def test_norms_are_those_of_the_book(norm, a, b):
 @given(EVERY, EVERY)
 @example(1.0, np.nextafter(1.0, 0.0))  # (a + b - 2 a b)/(1 - a b) is 2 here
 @settings(max_examples=60, deadline=None)
-def test_conorms_are_those_of_the_book_and_keep_small_degrees(norm, a, b):
-    """A centroid divides by the sum of the degrees: small ones must keep their figures."""
+def test_t_conorms_match_textbook_for_small_degrees(norm, a, b):
+    """A centroid divides by the sum of the degrees: small ones must keep their precision."""
     found = t_conorm(AGGREGATIONS[norm], a, b)
     assert found <= 1.0 + 1e-15 or norm == "sum"
     assert found == pytest.approx(oracle.CONORMS[norm](a, b), rel=1e-12, abs=1e-300)
@@ -147,13 +147,13 @@ def test_conorms_are_those_of_the_book_and_keep_small_degrees(norm, a, b):
 @pytest.mark.parametrize("hedge", [h for h in HEDGE_CODES if h != "not"])
 @given(UNIT, UNIT)
 @settings(max_examples=40, deadline=None)
-def test_hedges_are_monotone_and_those_of_fuzzylite(hedge, a, b):
+def test_hedges_are_monotone_and_match_fuzzylite(hedge, a, b):
     found = [apply_hedge(HEDGE_CODES[hedge], v) for v in sorted((a, b))]
     assert found[0] <= found[1]
     assert found[1] == pytest.approx(oracle.HEDGES[hedge](max(a, b)), abs=1e-15)
 
 
-def test_a_secondary_without_a_width_is_the_middle():
+def test_secondary_of_zero_width_gives_midpoint():
     each = FuzzySet("s", Membership("trimf", (-1, 0, 1)), Footprint(0.5, 0.2), Secondary(1e-9))
     from omnidrive.fuzzy.sets import ZSlice
 
@@ -181,11 +181,11 @@ def test_a_secondary_without_a_width_is_the_middle():
         ("pointsmf", (0, 0, 1, 1.5), "must lie in"),
     ],
 )
-def test_what_is_no_membership_function_is_refused(shape, parameters, says):
+def test_invalid_membership_function_is_refused(shape, parameters, says):
     with pytest.raises(InvalidInput, match=says):
         Membership(shape, parameters)
 
 
-def test_conorms_cover_every_aggregation():
+def test_every_aggregation_has_formula():
     assert set(oracle.CONORMS) == set(AGGREGATIONS)
     assert set(CONORMS) | {"sum"} == set(AGGREGATIONS)

@@ -1,6 +1,6 @@
-"""Agreement with other people's fuzzy libraries on random systems.
+"""Agreement with other fuzzy libraries on random systems.
 
-They are no dependency of the project: the tests skip where they are not installed.
+They are no dependencies of the project: the tests are skipped if they are not installed.
 """
 
 from dataclasses import replace
@@ -22,7 +22,7 @@ NAMES = st.from_regex(r"[a-z]{2,6}[0-9]", fullmatch=True)
 SHARED = {
     "sugeno": (False,),
     "defuzzifiers": ("centroid",),
-    "disjunctions": ("max",),  # of simpful; pyit2fls knows no "or" in antecedents
+    "disjunctions": ("max",),  # of simpful; pyit2fls has no "or" in antecedents
     "aggregations": ("max",),
     "defaults": False,
     "hedges": (),
@@ -31,8 +31,11 @@ SHARED = {
 }
 
 
-def blunted(system):
-    """The system with no vertical sides: simpful is 1 left of one, and both drop its end."""
+def without_vertical_sides(system):
+    """Return the system without vertical sides.
+
+    At a vertical side, simpful has degree 1 on its left, and both libraries omit its end.
+    """
 
     def one(each):
         function = each.upper
@@ -53,7 +56,7 @@ def blunted(system):
 
 
 def clearly_fires(system, x):
-    """Every output is concluded about: peers answer 0, or nothing, where none is."""
+    """Whether rules fire for every output: otherwise the peers return 0 or nothing."""
     for output in system.outputs:
         at = oracle.even(output, 101)
         if oracle.aggregate(system, output, x, at)[1].max() < 1e-4:
@@ -70,7 +73,7 @@ def simpful_text(antecedent):
     word = " AND " if isinstance(antecedent, And) else " OR "
     first, *others = map(simpful_text, antecedent.parts)
     for other in others:
-        first = f"({first}{word}{other})"  # it joins two at a time
+        first = f"({first}{word}{other})"  # simpful accepts two operands
     return first
 
 
@@ -109,7 +112,7 @@ def simpful_system(system):
     return peer
 
 
-def answers(system, peer, infer, x):
+def simpful_outputs(system, peer, infer, x):
     for v, value in zip(system.inputs, x, strict=True):
         peer.set_variable(v.name, float(value))
     found = infer([o.name for o in system.outputs])
@@ -117,11 +120,11 @@ def answers(system, peer, infer, x):
 
 
 SIMPFUL = SHARED | {
-    "types": (1,),  # no "not": its parser stumbles over "(NOT (a)) OR (NOT (b))"
+    "types": (1,),  # no "not": its parser fails for "(NOT (a)) OR (NOT (b))"
     "conjunctions": ("min", "prod"),
     "shapes": ("trimf", "trapmf", "gaussmf", "sigmf"),
     "implications": ("min",),
-    "weights": False,  # its parser takes few forms of a weight
+    "weights": False,  # its parser accepts few forms of a weight
     "max_sets": 2,
     "max_rules": 3,
 }
@@ -129,13 +132,13 @@ SIMPFUL = SHARED | {
 
 @given(systems(**SIMPFUL), SEEDS)
 @settings(max_examples=25, deadline=None)
-def test_simpful_agrees_on_101_samples(system, seed):
-    """Mamdani: at 101 points simpful's sum is Matlab's."""
-    system = blunted(system)
+def test_simpful_matches_on_101_samples(system, seed):
+    """Mamdani: on 101 points, simpful's sum is Matlab's."""
+    system = without_vertical_sides(system)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     assume(clearly_fires(system, x))
     peer = simpful_system(system)
-    expected = answers(
+    expected = simpful_outputs(
         system, peer, lambda names: peer.Mamdani_inference(names, subdivisions=101), x
     )
     scale = oracle.spans(system)
@@ -145,16 +148,16 @@ def test_simpful_agrees_on_101_samples(system, seed):
 
 @given(systems(**SIMPFUL | {"sugeno": (True,), "defuzzifiers": ("wtaver",)}), SEEDS)
 @settings(max_examples=60, deadline=None)
-def test_simpful_agrees_on_sugeno(system, seed):
-    """Without weights: simpful leaves them out of the divisor."""
-    system = blunted(system)
+def test_simpful_matches_on_sugeno(system, seed):
+    """Without weights: simpful omits them from the divisor."""
+    system = without_vertical_sides(system)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     for output in system.outputs:
         fired = [u for *_, u in oracle.consequents(system, output, x)]
         assume(fired)
         assume(max(fired) > 1e-4)
     peer = simpful_system(system)
-    expected = answers(system, peer, peer.Sugeno_inference, x)
+    expected = simpful_outputs(system, peer, peer.Sugeno_inference, x)
     np.testing.assert_allclose(Inference(system)(*x), expected, rtol=1e-9, atol=1e-7)
 
 
@@ -163,13 +166,13 @@ def test_simpful_agrees_on_sugeno(system, seed):
 PYIT2FLS = SHARED | {
     "shapes": ("trimf", "gaussmf"),
     "nesting": 0,
-    "weights": False,  # it has none
-    "max_outputs": 1,  # its centre of sets wants every rule to conclude about every output
+    "weights": False,  # it has no weights
+    "max_outputs": 1,  # its centre of sets requires a consequent for every output in every rule
 }
 
 
-def flat(system):
-    """With "and" for every "or", which pyit2fls has not."""
+def without_disjunctions(system):
+    """Return the system with "and" for every "or", which pyit2fls does not have."""
 
     def one(rule):
         c = rule.antecedent
@@ -178,8 +181,8 @@ def flat(system):
     return replace(system, rules=tuple(map(one, system.rules)))
 
 
-def expressible(system):
-    """With footprints that pyit2fls can draw: narrower Gaussians, and triangles that lag."""
+def expressible_in_pyit2fls(system):
+    """Return the system with footprints of pyit2fls: narrower Gaussians, triangles with lags."""
 
     def one(each):
         p, lower = each.upper.parameters, each.lower
@@ -200,7 +203,7 @@ def expressible(system):
 
 
 def pyit2fls_curves(each):
-    """Upper and lower function with parameters, as pyit2fls has them."""
+    """Return upper and lower function with parameters in pyit2fls' form."""
     import pyit2fls
 
     p, lag = each.upper.parameters, each.lower
@@ -234,9 +237,9 @@ def add_rules(system, peer, sets):
        | systems(**PYIT2FLS, types=(1,), conjunctions=("prod",), implications=("prod",)),
        SEEDS)  # fmt: skip
 @settings(max_examples=60, deadline=None)
-def test_pyit2fls_agrees_on_type_1(system, seed):
-    """It integrates by the trapezoid rule: on fine samples that is the exact centroid."""
-    system = blunted(flat(system))
+def test_pyit2fls_matches_on_type_1(system, seed):
+    """It integrates by the trapezoid rule: on fine samples, this is the exact centroid."""
+    system = without_vertical_sides(without_disjunctions(system))
     pyit2fls = pytest.importorskip("pyit2fls")
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     assume(clearly_fires(system, x))
@@ -254,7 +257,7 @@ def test_pyit2fls_agrees_on_type_1(system, seed):
     fine = Inference(system) if Inference(system).options.centroid == "exact" else Inference(
         system, samples=20_001
     )  # fmt: skip
-    # the sum rule counts both ends whole, the trapezoid rule half: 1/20001 of the area
+    # the sum rule weights both ends with 1, the trapezoid rule with 1/2: 1/20001 of the area
     assert fine(*x)[0] == pytest.approx(crisp, abs=2e-2 * oracle.spans(system)[0] * 0.01)
 
 
@@ -269,20 +272,20 @@ TYPE_2 = PYIT2FLS | {"types": (2,), "algorithms": ("km",)}
     st.sampled_from(["KM", "EIASC"]),
 )  # fmt: skip
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
-def test_pyit2fls_agrees_on_type_2(system, seed, method, algorithm):
-    """Its EKM is wrong by up to 1e-2, and may hang; its KM stops within 1e-6 of the end.
+def test_pyit2fls_matches_on_type_2(system, seed, method, algorithm):
+    """Its EKM has errors up to 1e-2 and may not terminate; its KM stops within 1e-6 of the end.
 
-    Gaussians have a narrower Gaussian as lower function, triangles a lag: both it can express.
+    Gaussians have a narrower Gaussian as lower function, triangles a lag: it supports both.
     """
     pyit2fls = pytest.importorskip("pyit2fls")
-    system = expressible(blunted(flat(system)))
+    system = expressible_in_pyit2fls(without_vertical_sides(without_disjunctions(system)))
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
     assume(clearly_fires(system, x))
     output = system.outputs[0]
-    assume(output.high - output.low > 1.0)  # its KM stops within 1e-6, however narrow the range
+    assume(output.high - output.low > 1.0)  # its KM stops within 1e-6, independent of the range
     at = oracle.even(output, 101)
     lower = oracle.aggregate(system, output, x, at)[0]
-    # where nothing is sure, it takes the second and the last but one point for the ends
+    # without lower degrees, it returns the second and the last but one point as the ends
     assume(lower.max() > 1e-4)
     for each, *_ in oracle.consequents(system, output, x):
         assume(oracle.bounds(each, at)[0].max() > 1e-4)

@@ -1,4 +1,4 @@
-"""Interval type 3: what it degenerates to, and how it converges in the number of slices."""
+"""Interval type 3: degenerate cases, and convergence in the number of z-slices."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def with_secondary(system, secondary):
     st.sampled_from(["centroid", "cos"]),
 )
 @settings(max_examples=40, deadline=None)
-def test_a_secondary_of_one_everywhere_makes_it_type_2(system, seed, slices, reduction):
+def test_infinite_spread_gives_type_2(system, seed, slices, reduction):
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     options = {"reduction": reduction, "samples": 51}
     wide = with_secondary(system, Secondary(np.inf))
@@ -55,7 +55,7 @@ def test_a_secondary_of_one_everywhere_makes_it_type_2(system, seed, slices, red
 
 @given(systems(types=(1,), **CONTINUOUS), SEEDS)
 @settings(max_examples=40, deadline=None)
-def test_without_a_footprint_it_is_type_1(system, seed):
+def test_without_footprint_type_3_equals_type_1(system, seed):
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     run = Inference(system, samples=51)
     at = at[[max((f.upper for f in run.fired_rules(*x)), default=0) > 1e-6 for x in at]]
@@ -67,7 +67,7 @@ def test_without_a_footprint_it_is_type_1(system, seed):
 
 @given(systems(types=(3,), max_outputs=1, max_inputs=2, **CONTINUOUS), SEEDS, st.integers(1, 3))
 @settings(max_examples=40, deadline=None)
-def test_it_is_the_mean_of_its_planes_weighted_by_their_levels(system, seed, slices):
+def test_type_3_is_mean_of_z_slices_weighted_by_levels(system, seed, slices):
     algorithm = "km" if system.algorithm == "nie-tan" else system.algorithm
     run = Inference(system, centroid="matlab", samples=21, slices=slices, algorithm=algorithm)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
@@ -75,8 +75,8 @@ def test_it_is_the_mean_of_its_planes_weighted_by_their_levels(system, seed, sli
     at = oracle.even(output, 21)
     for k in range(slices):
         for of_lower in (False, True):
-            plane = ((k + 0.5) / slices, of_lower)
-            for degrees in oracle.aggregate(system, output, x, at, plane):
+            z_slice = ((k + 0.5) / slices, of_lower)
+            for degrees in oracle.aggregate(system, output, x, at, z_slice):
                 assume(((degrees == 0) | (degrees > 1e-9)).all())
     found = run.batch(x[None])[:, 0]
     scale = oracle.spans(system)
@@ -90,10 +90,10 @@ def paper(secondary):
 
 
 @pytest.mark.parametrize("secondary", [Secondary(), Secondary(0.6), Secondary(1.0, 0.8, 0.2)])
-def test_it_converges_in_the_number_of_slices(secondary):
-    """The width of a plane is a square root near its top, also of the lower function's top.
+def test_type_3_converges_in_number_of_slices(secondary):
+    """The width of a z-slice is a square root near its top, also of the lower function's top.
 
-    That costs the midpoint rule half an order where it ends, and a little more within.
+    This reduces the order of the midpoint rule by one half at the end, and a little more within.
     """
     system = paper(secondary)
     at = oracle.points_in(system, np.random.default_rng(0), 50)
@@ -108,8 +108,8 @@ def test_it_converges_in_the_number_of_slices(secondary):
     assert errors[-1] < errors[0] / 4
 
 
-def test_it_lies_between_a_secondary_of_no_width_and_one_of_all():
-    """Its interval widens from that of the middle functions to that of the whole footprint."""
+def test_type_3_interval_widens_with_spread():
+    """The limits are the midpoints of the footprints and the full footprints."""
     at = oracle.points_in(paper(None), np.random.default_rng(0), 100)
     runs = [Inference(paper(Secondary(s))).batch(at) for s in (1e-6, 0.3, 1.0, 3.0, np.inf)]
     widths = np.array([run[2] - run[1] for run in runs])

@@ -1,4 +1,4 @@
-"""Interval type 2: reference data, algorithms that agree, and the laws of type reduction."""
+"""Interval type 2: reference values, agreement of algorithms, properties of type reduction."""
 
 from dataclasses import replace
 
@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
-from omnidrive.fuzzy.reduction import reduced
-from omnidrive.fuzzy.segment_centroid import exact_interval
+from omnidrive.fuzzy.reduction import type_reduce
+from omnidrive.fuzzy.segment_centroid import centroid_interval
 from omnidrive.fuzzy.system import ALGORITHMS
 from omnidrive.fuzzy.variables import Footprint
 from tests.fuzzy import oracle
@@ -34,8 +34,8 @@ def close(found, expected, system, digits):
     np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=digits)
 
 
-def spoken_of(system, x):
-    """Whether every output is clearly concluded about, or clearly not."""
+def is_well_posed(system, x):
+    """Whether every output has clearly firing rules, or clearly none."""
     tops = [
         max((high for *_, high in oracle.consequents(system, o, x)), default=0.0)
         for o in system.outputs
@@ -43,10 +43,10 @@ def spoken_of(system, x):
     return all(top == 0.0 or top > 1e-6 for top in tops)
 
 
-def steady(system, x, samples):
-    """Whether no weight is so small beside the others that rounding decides whether it counts.
+def is_well_conditioned(system, x, samples):
+    """Whether no weight is so small relative to others that rounding decides whether it counts.
 
-    Without lower weights any point of the support may be the mean, however little it weighs.
+    Without lower weights, any point of the support may be the mean, however small its weight.
     """
     weights = []
     for output in system.outputs:
@@ -69,7 +69,7 @@ def steady(system, x, samples):
         ("cos_exact", "cos", "exact"),
     ],
 )
-def test_the_published_system_agrees_with_the_reference(table, reduction, centroid, algorithm):
+def test_published_system_matches_reference_values(table, reduction, centroid, algorithm):
     expected = shared_table(f"reference/fuzzy/it2_{table}_paper_41x41.csv")
     system = load(shared("paper/IT1FUZZY.fis")).with_footprint(Footprint(1.0, 0.3))
     run = Inference(system, reduction=reduction, centroid=centroid, algorithm=algorithm)
@@ -92,15 +92,15 @@ WEIGHTS = st.lists(
 
 @given(WEIGHTS)
 @settings(max_examples=200, deadline=None)
-def test_every_algorithm_finds_the_best_of_all_switch_points(points):
-    """Lone points, points that share a place, weights of zero, no lower weight at all."""
+def test_every_algorithm_finds_optimal_switch_point(points):
+    """Single points, equal points, weights of zero, no lower weights at all."""
     at, part, upper = np.array(sorted(points)).T.copy()
     upper = np.where(upper < 1e-6, 0.0, upper)
     lower = upper * np.where(part < 1e-6, 0.0, part)
     assume(upper.max() > 0)
     expected = oracle.weighted_interval((at, at), lower, upper)
     for k, algorithm in enumerate(ALGORITHMS):
-        found = reduced(k, at, lower, upper)
+        found = type_reduce(k, at, lower, upper)
         if algorithm == "nie-tan":
             middle = (lower + upper) @ at / (lower + upper).sum()
             assert found == pytest.approx((middle, middle), abs=1e-9)
@@ -111,25 +111,25 @@ def test_every_algorithm_finds_the_best_of_all_switch_points(points):
 
 @given(systems(types=(2,), **CONTINUOUS), SEEDS)
 @settings(max_examples=80, deadline=None)
-def test_the_interval_on_samples_is_what_the_book_says(system, seed):
+def test_sampled_interval_matches_textbook_formulas(system, seed):
     run = Inference(system, centroid="matlab", samples=31)
     if system.algorithm == "nie-tan":
         run = Inference(system, centroid="matlab", samples=31, algorithm="km")
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
-    assume(spoken_of(system, x))
+    assume(is_well_posed(system, x))
     found = run.batch(x[None])[:, 0]
     for output in system.outputs:
         at = oracle.even(output, 31)
         low, high = oracle.aggregate(system, output, x, at)
         assume(high.max() == 0 or high.max() > 1e-6)
-        assume(((low == 0) | (low > 1e-9)).all())  # where a weight ends decides the interval
+        assume(((low == 0) | (low > 1e-9)).all())  # the end of the weights decides the interval
         assume(((high == 0) | (high > 1e-9)).all())
     close(found, oracle.centroid(system, x, 31), system, 1e-6)
 
 
 @given(systems(types=(1, 2), **CONTINUOUS), SEEDS)
 @settings(max_examples=80, deadline=None)
-def test_centre_of_sets_is_what_the_book_says(system, seed):
+def test_centre_of_sets_matches_textbook_formulas(system, seed):
     algorithm = "km" if system.algorithm == "nie-tan" else None
     run = Inference(system, centroid="matlab", samples=31, reduction="cos", algorithm=algorithm)
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
@@ -150,10 +150,8 @@ STEADY = CONTINUOUS | {"hedges": (), "negated_consequents": False}
 
 @given(systems(types=(2, 3), **STEADY), SEEDS, st.sampled_from(["centroid", "cos"]))
 @settings(max_examples=40, deadline=None)
-def test_the_interval_is_ordered_and_holds_the_values_of_type_1_and_nie_tan(
-    system, seed, reduction
-):
-    """The upper functions are one of the systems that a type-2 system stands for."""
+def test_interval_contains_type_1_and_nie_tan_values(system, seed, reduction):
+    """The upper functions are one of the type-1 systems embedded in a type-2 system."""
     options = {"reduction": reduction, "samples": 51, "slices": 2}
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     run = Inference(system, algorithm="km", **options)
@@ -179,7 +177,7 @@ def test_the_interval_is_ordered_and_holds_the_values_of_type_1_and_nie_tan(
 @settings(max_examples=40, deadline=None)
 def test_all_algorithms_agree_on_random_systems(system, seed, reduction):
     at = oracle.points_in(system, np.random.default_rng(seed), 20)
-    at = at[[steady(system, x, 51) for x in at]]
+    at = at[[is_well_conditioned(system, x, 51) for x in at]]
     found = [
         Inference(system, algorithm=a, reduction=reduction, samples=51).batch(at)
         for a in PLAIN_ALGORITHMS
@@ -190,7 +188,7 @@ def test_all_algorithms_agree_on_random_systems(system, seed, reduction):
 
 @given(systems(types=(1,), **CONTINUOUS), SEEDS, st.sampled_from(ALGORITHMS))
 @settings(max_examples=30, deadline=None)
-def test_without_a_footprint_type_2_is_type_1(system, seed, algorithm):
+def test_without_footprint_type_2_equals_type_1(system, seed, algorithm):
     at = oracle.points_in(system, np.random.default_rng(seed), 20)
     run = Inference(system)
     at = at[[max((f.upper for f in run.fired_rules(*x)), default=0) > 1e-6 for x in at]]
@@ -206,11 +204,11 @@ def test_without_a_footprint_type_2_is_type_1(system, seed, algorithm):
     systems(types=(2,), **CONTINUOUS | {"output_shapes": STRAIGHT, "aggregations": ("max",)}), SEEDS
 )
 @settings(max_examples=40, deadline=None)
-def test_no_sampled_function_between_the_bounds_leaves_the_exact_interval(system, seed):
-    """Fine midpoint samples, every switch point: the exact ends are met, and not passed."""
+def test_exact_interval_bounds_sampled_centroids(system, seed):
+    """With fine midpoint samples and all switch points, the exact ends are met, not exceeded."""
     run = Inference(system, centroid="exact", algorithm="km")
     x = oracle.points_in(system, np.random.default_rng(seed), 1)[0]
-    assume(spoken_of(system, x))
+    assume(is_well_posed(system, x))
     _, least, greatest = run.batch(x[None])[:, 0]
     for o, output in enumerate(system.outputs):
         width = output.high - output.low
@@ -218,7 +216,7 @@ def test_no_sampled_function_between_the_bounds_leaves_the_exact_interval(system
         lower, upper = oracle.aggregate(system, output, x, at)
         if upper.max() == 0:
             continue
-        assume(lower.sum() > 40)  # an area of 1/100 of the range, or samples are too coarse
+        assume(lower.sum() > 40)  # an area of 1/100 of the range, so that samples are fine enough
         up, low = np.cumsum([upper, upper * at], axis=1), np.cumsum([lower, lower * at], axis=1)
         left = up + low[:, -1:] - low
         right = low + up[:, -1:] - up
@@ -226,7 +224,7 @@ def test_no_sampled_function_between_the_bounds_leaves_the_exact_interval(system
         assert greatest[o] == pytest.approx((right[1] / right[0]).max(), abs=5e-3 * width)
 
 
-def test_a_wider_footprint_makes_a_wider_interval():
+def test_wider_footprint_gives_wider_interval():
     system = load(shared("paper/IT1FUZZY.fis"))
     at = oracle.points_in(system, np.random.default_rng(1), 200)
     before = None
@@ -238,19 +236,19 @@ def test_a_wider_footprint_makes_a_wider_interval():
         before = least, greatest
 
 
-@pytest.mark.parametrize("faint", [1e-6, 1e-12, 1e-30, 1e-70, 1e-150])
-def test_next_to_no_lower_membership_is_like_none(faint):
-    """The ends must not be the difference of two areas that nearly agree."""
+@pytest.mark.parametrize("tiny", [1e-6, 1e-12, 1e-30, 1e-70, 1e-150])
+def test_tiny_lower_membership_approaches_none(tiny):
+    """The ends must not be computed as the difference of two nearly equal areas."""
     upper = np.array([[-1.0, 0.0], [0.0, 1.0], [0.0, 0.4], [0.4, 0.7]])
-    lower = np.array([[0.0], [1.0], [faint], [faint]])
-    least, greatest = exact_interval(0, lower, upper)
-    room = 1e-12 + 3 * faint ** (1 / 3)  # where what is left of the upper function weighs as little
-    assert -1.0 <= least <= -1.0 + room
-    assert 1.0 - room <= greatest <= 1.0
+    lower = np.array([[0.0], [1.0], [tiny], [tiny]])
+    least, greatest = centroid_interval(0, lower, upper)
+    tolerance = 1e-12 + 3 * tiny ** (1 / 3)  # the rest of the upper function has as small an area
+    assert -1.0 <= least <= -1.0 + tolerance
+    assert 1.0 - tolerance <= greatest <= 1.0
 
 
-def test_without_lower_membership_the_interval_is_the_support():
-    """A scale of zero leaves no lower function: any point of the upper one may be the centroid."""
+def test_interval_without_lower_membership_is_support():
+    """With scale 0, any point of the upper function may be the centroid."""
     system = load(shared("paper/IT1FUZZY.fis")).with_footprint(Footprint(0.0))
     value, least, greatest = Inference(system).batch(np.array([[0.0, 0.0], [0.9, 0.9]]))
     plain = Inference(replace(oracle.without_footprint(system)))

@@ -1,4 +1,4 @@
-"""Conditions of rules as the kernels read them: from degrees to the strengths of rules."""
+"""Antecedents of the rules of a system as flat arrays, and the firing strengths that follow."""
 
 from __future__ import annotations
 
@@ -12,110 +12,115 @@ from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import CONORMS, HEDGE_CODES, NORMS, apply_hedge, t_conorm, t_norm
 from omnidrive.fuzzy.rules import And, Antecedent, Is
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.unsafe_views import part
+from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
-FAINTEST = 1e-200
-"""Strength up to which a rule does not fire: areas of such heights would be denormal numbers."""
+MIN_STRENGTH = 1e-200
+"""Greatest strength that counts as zero: areas of such heights would be denormal numbers."""
 
 _MIN = NORMS["min"]
-_AND, _OR, _PLAIN, _NOT = 0, 1, -1, HEDGE_CODES["not"]
+_AND, _OR, _NO_HEDGE, _NOT = 0, 1, -1, HEDGE_CODES["not"]
 
 
 class Antecedents(NamedTuple):
-    """The conditions of all rules, flat.
+    """Antecedents of all rules as flat arrays for the kernels.
 
-    A degree is that of a set or of a node. A node joins the degrees of sets and of nodes before
-    it; the last nodes are the conditions of the rules.
+    Sets and nodes have degrees, numbered sets first. A node is a conjunction or a disjunction of
+    degrees of sets and of earlier nodes; the last nodes are the antecedents of the rules.
     """
 
     norms: Int[Array, " 2"]
-    """What "and" and "or" do."""
+    """Codes of the t-norm and of the t-conorm."""
     nodes: Int[Array, " heads"]
-    """Of each node: and or or, first term; then a sentinel."""
-    terms: Int[Array, " operands"]
-    """Of each term: the degree that it takes, and under which hedge."""
-    skips: Int[Array, " nodes"]
-    """The first node after each that does not begin, like it, with "x is A and": none of those
-    between holds where x is not A at all."""
+    """Kind (conjunction or disjunction) and first operand of each node, then a sentinel."""
+    operands: Int[Array, " operands"]
+    """Number of the degree and code of the hedge of each operand."""
+    skip_to: Int[Array, " nodes"]
+    """Node to continue with after a node whose first operand has degree 0.
+
+    The nodes in between are conjunctions with the same first operand: their degree is 0 as well."""
     weights: Float[Array, " rules"]
-    plain: Int[Array, " terms_by_rules"]
-    """Where all conditions only join sets by "and": the first set of each, then the second, and so
-    on; a condition with fewer has, instead, the number of all sets. Otherwise empty."""
+    conjunctions: Int[Array, " operands_by_rules"]
+    """Number of the set of each operand, first operands of all rules first.
+
+    For systems whose antecedents are all plain conjunctions of sets; otherwise empty. Shorter
+    antecedents are padded with the number of sets, whose degree is 1."""
 
 
 def antecedents_of(system: FuzzySystem) -> Antecedents:
-    """Conditions of a system's rules."""
+    """Return the antecedents of a system's rules."""
     sets = [(variable.name, each.name) for variable in system.inputs for each in variable.sets]
-    heads, terms = _nodes(system, {name: k for k, name in enumerate(sets)})
+    heads, operands = _nodes(system, {name: k for k, name in enumerate(sets)})
     return Antecedents(
         np.array([NORMS[system.conjunction], CONORMS[system.disjunction]]),
         heads,
-        terms,
-        _skips(heads, terms, len(system.rules)),
+        operands,
+        _skip_targets(heads, operands, len(system.rules)),
         np.array([rule.weight for rule in system.rules]),
-        _plain(heads, terms, len(sets), len(system.rules)),
+        _conjunction_table(heads, operands, len(sets), len(system.rules)),
     )
 
 
 def _nodes(
     system: FuzzySystem, number: dict[tuple[str, str], int]
 ) -> tuple[Int[Array, " heads"], Int[Array, " operands"]]:
-    """Heads and terms of all nodes, given the number of each set: those within conditions first."""
+    """Return heads and operands of all nodes, inner nodes first, given the number of each set."""
     inner: list[tuple[int, list[int]]] = []
 
     def node(antecedent: Antecedent) -> tuple[int, list[int]]:
-        """How a condition joins its operands, and their numbers."""
+        """Return the kind of a node and its operands."""
         if isinstance(antecedent, Is):
             return _AND, operand(antecedent)
-        operands = [each for part in antecedent.parts for each in operand(part)]
+        operands = [each for unsafe_slice in antecedent.parts for each in operand(unsafe_slice)]
         return _AND if isinstance(antecedent, And) else _OR, operands
 
     def operand(antecedent: Antecedent) -> list[int]:
-        """Number of a degree, and the hedge under which it is taken."""
+        """Return the number of a degree and the code of its hedge."""
         if isinstance(antecedent, Is):
-            index = number.get((antecedent.variable, antecedent.set), 0)  # "any" names no set
+            index = number.get((antecedent.variable, antecedent.set), 0)  # "any" has no set
             first, *others = antecedent.hedges or (None,)
-            for hedge in reversed(others):  # the one next to the set applies first
+            for hedge in reversed(others):  # the innermost hedge applies first
                 inner.append((_AND, [index, HEDGE_CODES[str(hedge)]]))
                 index = len(number) + len(inner) - 1
-            return [index, _PLAIN if first is None else HEDGE_CODES[first]]
+            return [index, _NO_HEDGE if first is None else HEDGE_CODES[first]]
         inner.append(node(antecedent))
-        return [len(number) + len(inner) - 1, _PLAIN]
+        return [len(number) + len(inner) - 1, _NO_HEDGE]
 
     rules = [node(rule.antecedent) for rule in system.rules]
     heads: list[int] = []
-    terms: list[int] = []
+    flat: list[int] = []
     for kind, operands in (*inner, *rules):
-        heads += [kind, len(terms) // 2]
-        terms += operands
-    return np.array([*heads, _AND, len(terms) // 2]), np.array(terms)
+        heads += [kind, len(flat) // 2]
+        flat += operands
+    return np.array([*heads, _AND, len(flat) // 2]), np.array(flat)
 
 
-def _skips(
-    heads: Int[Array, " heads"], terms: Int[Array, " operands"], rules: int
+def _skip_targets(
+    heads: Int[Array, " heads"], operands: Int[Array, " operands"], rules: int
 ) -> Int[Array, " nodes"]:
-    """:attr:`Antecedents.skips`; a node within a condition must be found, and skips nothing."""
+    """:attr:`Antecedents.skip_to`; an inner node is always computed and skips nothing."""
     count = len(heads) // 2 - 1
-    skips = np.arange(1, count + 1)
-    first = [terms[2 * heads[2 * k + 1]] if heads[2 * k] == _AND else -1 - k for k in range(count)]
-    plain = [terms[2 * heads[2 * k + 1] + 1] == _PLAIN for k in range(count)]
+    skip_to = np.arange(1, count + 1)
+    first = [
+        operands[2 * heads[2 * k + 1]] if heads[2 * k] == _AND else -1 - k for k in range(count)
+    ]
+    unhedged = [operands[2 * heads[2 * k + 1] + 1] == _NO_HEDGE for k in range(count)]
     for k in range(count - 2, count - rules - 1, -1):
-        if plain[k] and plain[k + 1] and first[k] == first[k + 1]:
-            skips[k] = skips[k + 1]
-    return skips
+        if unhedged[k] and unhedged[k + 1] and first[k] == first[k + 1]:
+            skip_to[k] = skip_to[k + 1]
+    return skip_to
 
 
-def _plain(
-    heads: Int[Array, " heads"], terms: Int[Array, " operands"], sets: int, rules: int
-) -> Int[Array, " terms_by_rules"]:
-    """:attr:`Antecedents.plain`."""
-    joins_sets = len(heads) == 2 * (rules + 1) and not heads[::2].any()
-    if not joins_sets or (terms[1::2] != _PLAIN).any():
+def _conjunction_table(
+    heads: Int[Array, " heads"], operands: Int[Array, " operands"], sets: int, rules: int
+) -> Int[Array, " operands_by_rules"]:
+    """:attr:`Antecedents.conjunctions`."""
+    only_conjunctions = len(heads) == 2 * (rules + 1) and not heads[::2].any()
+    if not only_conjunctions or (operands[1::2] != _NO_HEDGE).any():
         return np.empty(0, dtype=np.int64)
     edges = heads[1::2]
     table = np.full((rules, np.diff(edges).max()), sets)
     for row, begin, end in zip(table, edges[:-1], edges[1:], strict=True):
-        row[: end - begin] = terms[2 * begin : 2 * end : 2]
+        row[: end - begin] = operands[2 * begin : 2 * end : 2]
     return table.T.ravel()
 
 
@@ -123,33 +128,35 @@ def _plain(
 def fire(
     c: Antecedents, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
 ) -> None:
-    """Fill in the least and greatest strength of every rule.
+    """Fill in the lower and upper firing strength of every rule.
+
+    A firing strength is the degree of the antecedent times the weight of the rule.
 
     Args:
-        c: The conditions.
-        degrees: Lower and upper degree of each set; those of the nodes are filled in.
-        strengths: To fill in.
+        c: The antecedents.
+        degrees: Lower and upper degree of each set; the degrees of the nodes are filled in.
+        strengths: Result.
     """
-    if len(c.plain) > 0:
-        _fire_plain(c, degrees, strengths)
+    if len(c.conjunctions) > 0:
+        _fire_conjunctions(c, degrees, strengths)
     else:
-        _fire_any(c, degrees, strengths)
+        _fire_nodes(c, degrees, strengths)
 
 
 @compiled
-def _fire_plain(
+def _fire_conjunctions(
     c: Antecedents, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
 ) -> None:
-    plain, weights, conjunction = c.plain, c.weights, c.norms[_AND]
-    rules, sets = len(weights), degrees.shape[1] - len(c.skips)
+    conjunctions, weights, conjunction = c.conjunctions, c.weights, c.norms[_AND]
+    rules, sets = len(weights), degrees.shape[1] - len(c.skip_to)
     lower, upper, low, high = degrees[0], degrees[1], strengths[0], strengths[1]
-    lower[sets] = upper[sets] = 1.0  # joining it changes nothing
+    lower[sets] = upper[sets] = 1.0  # the neutral element pads short antecedents
     for r in range(rules):
         low[r] = high[r] = 1.0
-    for begin in range(0, len(plain), rules):
-        row = part(plain, begin, begin + rules)
+    for begin in range(0, len(conjunctions), rules):
+        row = unsafe_slice(conjunctions, begin, begin + rules)
         for r in range(rules):
-            k = np.uint64(row[r])  # no look whether it counts from the end
+            k = np.uint64(row[r])  # unsigned: no check for a negative index
             least, most = lower[k], upper[k]
             if conjunction == _MIN:
                 low[r] = least if least < low[r] else low[r]
@@ -159,36 +166,40 @@ def _fire_plain(
                 high[r] = t_norm(conjunction, high[r], most)
     for r in range(rules):
         weight = weights[r]
-        low[r] = low[r] * weight if low[r] * weight > FAINTEST else 0.0
-        high[r] = high[r] * weight if high[r] * weight > FAINTEST else 0.0
+        low[r] = low[r] * weight if low[r] * weight > MIN_STRENGTH else 0.0
+        high[r] = high[r] * weight if high[r] * weight > MIN_STRENGTH else 0.0
 
 
 @compiled
-def _fire_any(
+def _fire_nodes(
     c: Antecedents, degrees: Float[Array, "2 degrees"], strengths: Float[Array, "2 rules"]
 ) -> None:
-    nodes, terms, weights, skips = c.nodes, c.terms, c.weights, c.skips  # look-ups cost in loops
+    nodes, operands, weights, skip_to = c.nodes, c.operands, c.weights, c.skip_to
     conjunction, disjunction = c.norms[_AND], c.norms[_OR]
-    count, rules = len(skips), len(weights)
+    count, rules = len(skip_to), len(weights)
     sets, first_rule = degrees.shape[1] - count, count - rules
     for r in range(rules):
         strengths[0, r] = strengths[1, r] = 0.0
     k = 0
     while k < count:
         kind, begin, end = nodes[2 * k], nodes[2 * k + 1], nodes[2 * k + 3]
-        if kind == _AND and terms[2 * begin + 1] == _PLAIN and degrees[1, terms[2 * begin]] <= 0.0:
+        if (
+            kind == _AND
+            and operands[2 * begin + 1] == _NO_HEDGE
+            and degrees[1, operands[2 * begin]] <= 0.0
+        ):
             degrees[0, sets + k] = degrees[1, sets + k] = 0.0
-            k = skips[k]
+            k = skip_to[k]
             continue
         low: float = 1.0 - kind
         high: float = low
         for t in range(begin, end):
-            index, hedge = terms[2 * t], terms[2 * t + 1]
+            index, hedge = operands[2 * t], operands[2 * t + 1]
             least: float = degrees[0, index]
             most: float = degrees[1, index]
             if hedge == _NOT:
                 least, most = 1.0 - most, 1.0 - least
-            elif hedge != _PLAIN:
+            elif hedge != _NO_HEDGE:
                 least, most = apply_hedge(hedge, least), apply_hedge(hedge, most)
             if kind == _AND:
                 low, high = t_norm(conjunction, low, least), t_norm(conjunction, high, most)
@@ -199,8 +210,8 @@ def _fire_any(
         degrees[0, sets + k], degrees[1, sets + k] = low, high
         if k >= first_rule:
             weight = weights[k - first_rule]
-            if low * weight > FAINTEST:
+            if low * weight > MIN_STRENGTH:
                 strengths[0, k - first_rule] = low * weight
-            if high * weight > FAINTEST:
+            if high * weight > MIN_STRENGTH:
                 strengths[1, k - first_rule] = high * weight
         k += 1

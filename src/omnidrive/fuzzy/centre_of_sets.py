@@ -1,4 +1,4 @@
-"""Centre-of-sets type reduction: a weighted mean of the centroids of what rules conclude."""
+"""Centre-of-sets type reduction: a weighted mean of the centroids of the consequents."""
 
 from __future__ import annotations
 
@@ -9,37 +9,41 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.consequents import Shape
-from omnidrive.fuzzy.reduction import KM, greatest_from, least_from, middle, reduced
+from omnidrive.fuzzy.consequents import Consequent
+from omnidrive.fuzzy.reduction import KM, left_end, nie_tan, right_end, type_reduce
 from omnidrive.fuzzy.sampled import samples_of
-from omnidrive.fuzzy.segment_centroid import exact_interval, polyline
-from omnidrive.fuzzy.segments import lines_of
-from omnidrive.fuzzy.sets import WHOLE, ZSlice
+from omnidrive.fuzzy.segment_centroid import aggregate_segments, centroid_interval
+from omnidrive.fuzzy.segments import segments_of
+from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.unsafe_views import part
+from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 
-class Centres(NamedTuple):
-    """Least and greatest centroid of every shape of every output, each in ascending order."""
+class Centroids(NamedTuple):
+    """Left and right ends of the centroids of the consequents, each ascending per output."""
 
-    least: Float[Array, " shapes"]
-    least_shape: Int[Array, " shapes"]
-    """To which shape each belongs, counted within the output."""
-    greatest: Float[Array, " shapes"]
-    greatest_shape: Int[Array, " shapes"]
+    left: Float[Array, " consequents"]
+    left_index: Int[Array, " consequents"]
+    """Consequent of each left end, numbered within the output."""
+    right: Float[Array, " consequents"]
+    right_index: Int[Array, " consequents"]
+    """Consequent of each right end, numbered within the output."""
 
 
-def centres_of(
+def centroids_of(
     system: FuzzySystem,
-    shapes: tuple[tuple[Shape, ...], ...],
+    consequents: tuple[tuple[Consequent, ...], ...],
     samples: int | None,
-    plane: ZSlice = WHOLE,
-) -> Centres:
-    """Centroid interval of every shape; exact, or on ``samples`` samples of the range."""
+    z_slice: ZSlice = FULL_FOOTPRINT,
+) -> Centroids:
+    """Return the centroid interval of every consequent.
+
+    The intervals are exact if ``samples`` is None, otherwise computed on that number of samples.
+    """
     pairs = (
-        _exact(system, shapes, plane)
+        _exact(system, consequents, z_slice)
         if samples is None
-        else _sampled(system, shapes, samples, plane)
+        else _sampled(system, consequents, samples, z_slice)
     )
     columns: list[Array] = []
     for side in range(2):
@@ -47,71 +51,79 @@ def centres_of(
         orders = [np.argsort(each, kind="stable") for each in ends]
         ordered = [each[order] for each, order in zip(ends, orders, strict=True)]
         columns += [np.concatenate(ordered), np.concatenate(orders)]
-    return Centres(*columns)
+    return Centroids(*columns)
 
 
 _Pairs = list[list[tuple[float, float]]]
 
 
-def _exact(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], plane: ZSlice) -> _Pairs:
-    upper = lines_of(system, shapes, plane)
-    lower = lines_of(system, shapes, plane, of_lower=True)
+def _exact(
+    system: FuzzySystem, consequents: tuple[tuple[Consequent, ...], ...], z_slice: ZSlice
+) -> _Pairs:
+    upper = segments_of(system, consequents, z_slice)
+    lower = segments_of(system, consequents, z_slice, of_lower=True)
     pairs: _Pairs = []
-    for output, own in enumerate(shapes):
+    for output, own in enumerate(consequents):
         pairs.append([])
         for k in range(len(own)):
             alone = np.zeros(len(own))
             alone[k] = 1.0
-            functions = [polyline(lines, output, True, alone) for lines in (lower, upper)]
-            pairs[-1].append(exact_interval(KM, *functions))
+            functions = [
+                aggregate_segments(segments, output, True, alone) for segments in (lower, upper)
+            ]
+            pairs[-1].append(centroid_interval(KM, *functions))
     return pairs
 
 
 def _sampled(
-    system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], count: int, plane: ZSlice
+    system: FuzzySystem,
+    consequents: tuple[tuple[Consequent, ...], ...],
+    count: int,
+    z_slice: ZSlice,
 ) -> _Pairs:
-    s = samples_of(system, shapes, count, plane)
+    s = samples_of(system, consequents, count, z_slice)
     at = s.at.reshape(-1, count)
     lower, upper = s.degrees.reshape(2, -1, count)
-    owners = [output for output, own in enumerate(shapes) for _ in own]
-    pairs: _Pairs = [[] for _ in shapes]
+    owners = [output for output, own in enumerate(consequents) for _ in own]
+    pairs: _Pairs = [[] for _ in consequents]
     for k, output in enumerate(owners):
         if not upper[k].any():
-            upper[k] = 1.0  # a set between two samples: no more is known than the range
-        pairs[output].append(reduced(KM, at[output], lower[k], upper[k]))
+            upper[k] = 1.0  # a set between two samples: its centroid may be anywhere in the range
+        pairs[output].append(type_reduce(KM, at[output], lower[k], upper[k]))
     return pairs
 
 
 @compiled
 def centre_of_sets(  # noqa: PLR0917
-    s: Centres,
+    s: Centroids,
     first: int,
     last: int,
     algorithm: int,
-    weights: Float[Array, "2 shapes"],
+    weights: Float[Array, "2 consequents"],
     points: Float[Array, "2 points"],
 ) -> tuple[float, float]:
-    """Least and greatest mean of the centroids of the shapes, by the strengths of their rules.
+    """Return the least and the greatest weighted mean of the centroids of the consequents.
 
-    Mendel, "Uncertain Rule-Based Fuzzy Systems", 2nd ed. 2017.
+    The weights lie between the lower and the upper firing strengths of the rules (Mendel,
+    "Uncertain Rule-Based Fuzzy Systems", 2nd ed. 2017).
 
     Args:
-        s: Centroids of the shapes.
-        first: First shape of the output.
-        last: The one after its last.
+        s: Centroids of the consequents.
+        first: First consequent of the output.
+        last: The one after its last consequent.
         algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
-        weights: Sums of the least and the greatest strengths of the rules that conclude each
-            shape; where the latter are all zero, the mean is nan.
-        points: Room for the weights in the order of the centroids.
+        weights: Sums of the lower and of the upper strengths of the rules with each consequent; if
+            the upper sums are all zero, the result is nan.
+        points: Workspace for the weights in the order of the centroids.
     """
-    low, high = part(points[0], 0, last - first), part(points[1], 0, last - first)
+    low, high = unsafe_slice(points[0], 0, last - first), unsafe_slice(points[1], 0, last - first)
     for k in range(first, last):
-        shape = first + s.least_shape[k]
-        low[k - first], high[k - first] = weights[0, shape], weights[1, shape]
-    at = part(s.least, first, last)
-    left = least_from(middle(at, low, high), algorithm, at, low, high)
+        consequent = first + s.left_index[k]
+        low[k - first], high[k - first] = weights[0, consequent], weights[1, consequent]
+    at = unsafe_slice(s.left, first, last)
+    left = left_end(nie_tan(at, low, high), algorithm, at, low, high)
     for k in range(first, last):
-        shape = first + s.greatest_shape[k]
-        low[k - first], high[k - first] = weights[0, shape], weights[1, shape]
-    at = part(s.greatest, first, last)
-    return left, greatest_from(middle(at, low, high), algorithm, at, low, high)
+        consequent = first + s.right_index[k]
+        low[k - first], high[k - first] = weights[0, consequent], weights[1, consequent]
+    at = unsafe_slice(s.right, first, last)
+    return left, right_end(nie_tan(at, low, high), algorithm, at, low, high)

@@ -1,4 +1,4 @@
-"""What is checked of the parts of a fuzzy system, and how errors help."""
+"""Validation of the parts of a fuzzy system."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from omnidrive.errors import InvalidInput, suggestion
 
 
-def as_floats(value: object, *fields: str) -> None:
-    """Make floats of the integers that a user may have written."""
+def convert_to_floats(value: object, *fields: str) -> None:
+    """Convert the given fields to floats where a user passed integers; None stays None."""
     for field in fields:
         given = getattr(value, field)
         if given is not None:
@@ -16,15 +16,15 @@ def as_floats(value: object, *fields: str) -> None:
 
 
 def check_name(what: str, name: str) -> None:
-    """Refuse a name that is empty, too long, or hard to see."""
+    """Raise for a name that is empty, too long, or has invisible characters."""
     if not name or len(name) > 200 or not name.isprintable() or name != name.strip():
         raise InvalidInput(
             f"the name of a {what} must be 1 to 200 printable characters: {name[:40]!r}"
         )
 
 
-def check_different(what: str, names: list[str]) -> None:
-    """Refuse names of which two are equal."""
+def check_unique(what: str, names: list[str]) -> None:
+    """Raise if two names are equal."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -35,6 +35,6 @@ def check_different(what: str, names: list[str]) -> None:
 def check_choice(
     what: str, name: str, known: Sequence[str] | dict[str, str] | dict[str, int]
 ) -> None:
-    """Refuse a name that is not known, with the nearest one that is."""
+    """Raise for an unknown name, with a suggestion of the closest known one."""
     if name not in known:
         raise InvalidInput(f"there is no {what} {name!r}{suggestion(name, tuple(known))}")

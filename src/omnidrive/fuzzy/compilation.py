@@ -1,4 +1,4 @@
-"""From a fuzzy system and the ways to evaluate it to the arrays that the kernels read."""
+"""Compilation of a fuzzy system and its inference options to the arrays of the kernels."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.antecedents import antecedents_of
-from omnidrive.fuzzy.centre_of_sets import centres_of
+from omnidrive.fuzzy.centre_of_sets import centroids_of
 from omnidrive.fuzzy.consequents import consequents_of
 from omnidrive.fuzzy.kernels import (
     AS_IS,
     CENTRE_OF_SETS,
     CLAMP,
     EXACT,
-    REFUSE,
+    RAISE,
     SAMPLED,
     SUGENO,
 )
-from omnidrive.fuzzy.packed_arrays import Packed, pack
+from omnidrive.fuzzy.packed_arrays import PackedArrays, pack
 from omnidrive.fuzzy.sampled import samples_of
-from omnidrive.fuzzy.segments import lines_of, why_not_exact
-from omnidrive.fuzzy.sets import WHOLE, ZSlice, sets_of
-from omnidrive.fuzzy.sugeno import functions_of
+from omnidrive.fuzzy.segments import reason_not_exact, segments_of
+from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice, flatten_sets
+from omnidrive.fuzzy.sugeno import flatten_functions
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
-from omnidrive.fuzzy.system_arrays import Frame, parts
-from omnidrive.fuzzy.trapezoid_centroid import strips_of
+from omnidrive.fuzzy.system_arrays import Header, arrays_of
+from omnidrive.fuzzy.trapezoid_centroid import trapezoids_of
 
 Centroid = Literal["exact", "matlab"]
 Reduction = Literal["centroid", "cos"]
 OutOfRange = Literal["clamp", "matlab", "raise"]
 NoRule = Literal["default", "raise"]
 
-_OUT_OF_RANGE = {"clamp": CLAMP, "matlab": AS_IS, "raise": REFUSE}
-_NO_RULE = {"default": CLAMP, "raise": REFUSE}
+_OUT_OF_RANGE = {"clamp": CLAMP, "matlab": AS_IS, "raise": RAISE}
+_NO_RULE = {"default": CLAMP, "raise": RAISE}
 
 MAX_SAMPLES, MAX_SLICES = 100_000, 1000
 
 
-class Options(NamedTuple):
+class InferenceOptions(NamedTuple):
     """How a system is evaluated; see :class:`~omnidrive.fuzzy.inference.Inference`."""
 
     centroid: Centroid
@@ -53,72 +53,74 @@ class Options(NamedTuple):
     slices: int
 
 
-class Compiled(NamedTuple):
-    """A system as the kernels read it: one plane, or several of a system of type 3."""
+class CompiledSystem(NamedTuple):
+    """Arrays of a system: of one slice, or of all z-slices of a type-3 system."""
 
-    numbers: Float[Array, " numbers"]
+    floats: Float[Array, " floats"]
     integers: Int[Array, " integers"]
-    planes: Int[Array, "planes 4"]
-    """Where the numbers and the integers of each plane begin and end."""
+    slices: Int[Array, "slices 4"]
+    """Begin and end of the floats, begin and end of the integers of each slice."""
 
 
-def compile_system(system: FuzzySystem, options: Options) -> Compiled:
-    """Arrays of a system.
+def compile_system(system: FuzzySystem, options: InferenceOptions) -> CompiledSystem:
+    """Return the arrays of a system.
 
     Raises:
-        InvalidInput: The system cannot be evaluated in this way.
+        InvalidInput: The options do not apply to the system.
     """
-    if options.centroid == "exact" and not system.is_sugeno and (why := why_not_exact(system)):
-        raise InvalidInput(f"there is no exact centroid: {why}; ask for centroid matlab")
+    if options.centroid == "exact" and not system.is_sugeno and (why := reason_not_exact(system)):
+        raise InvalidInput(f"there is no exact centroid: {why}; use centroid matlab")
     if system.type > 1:
         for output in system.outputs:
             if output.defuzzifier not in {"centroid", "wtaver", "wtsum"}:
                 raise InvalidInput(
-                    f"output {output.name!r} of a type-{system.type} system is reduced to a "
-                    f"centroid; {output.defuzzifier} is for type 1"
+                    f"output {output.name!r} of a type-{system.type} system has only a "
+                    f"centroid; the defuzzifier {output.defuzzifier} is for type 1"
                 )
-    planes = slices(options.slices) if system.type == 3 else [WHOLE]
-    packed = [_packed(system, options, plane) for plane in planes]
-    ends = np.cumsum([[0, 0], *([len(p.numbers), len(p.integers)] for p in packed)], axis=0)
-    return Compiled(
-        np.concatenate([p.numbers for p in packed]),
+    slices = z_slices(options.slices) if system.type == 3 else [FULL_FOOTPRINT]
+    packed = [_pack_slice(system, options, z_slice) for z_slice in slices]
+    ends = np.cumsum([[0, 0], *([len(p.floats), len(p.integers)] for p in packed)], axis=0)
+    return CompiledSystem(
+        np.concatenate([p.floats for p in packed]),
         np.concatenate([p.integers for p in packed]),
         np.column_stack([ends[:-1, 0], ends[1:, 0], ends[:-1, 1], ends[1:, 1]]),
     )
 
 
-def slices(count: int) -> list[ZSlice]:
-    """Planes at ``count`` levels, through the upper and through the lower secondary functions.
+def z_slices(count: int) -> list[ZSlice]:
+    """Return z-slices at ``count`` levels, of the upper and of the lower secondary functions.
 
     The levels are the middles of equal parts of [0, 1], so that the sum over them is the midpoint
-    rule; its error falls at least with their number, and with its square where planes are smooth
-    in their level.
+    rule. Its error decreases at least linearly with their number, and quadratically if the slices
+    are smooth in their level.
     """
     levels = (np.arange(count) + 0.5) / count
     return [ZSlice(level, of_lower) for level in levels.tolist() for of_lower in (False, True)]
 
 
-def _packed(system: FuzzySystem, options: Options, plane: ZSlice) -> Packed:
-    consequents, shapes = consequents_of(system)
-    rest: tuple[tuple[Array, ...], ...]
+def _pack_slice(system: FuzzySystem, options: InferenceOptions, z_slice: ZSlice) -> PackedArrays:
+    flat_consequents, consequents = consequents_of(system)
+    arrays: tuple[tuple[Array, ...], ...]
     if system.is_sugeno:
-        method, rest = SUGENO, (functions_of(system, shapes),)
+        method, arrays = SUGENO, (flatten_functions(system, consequents),)
     elif options.reduction == "cos":
         samples = None if options.centroid == "exact" else options.samples
-        method, rest = (
+        method, arrays = (
             CENTRE_OF_SETS,
-            (centres_of(system, shapes, samples, plane),),
+            (centroids_of(system, consequents, samples, z_slice),),
         )
     elif options.centroid == "exact":
-        upper = lines_of(system, shapes, plane)
-        lower = lines_of(system, shapes, plane, of_lower=True) if system.type > 1 else upper
-        method, rest = EXACT, (upper, lower, strips_of(system, shapes))
+        upper = segments_of(system, consequents, z_slice)
+        lower = (
+            segments_of(system, consequents, z_slice, of_lower=True) if system.type > 1 else upper
+        )
+        method, arrays = EXACT, (upper, lower, trapezoids_of(system, consequents))
     else:
-        method, rest = SAMPLED, (samples_of(system, shapes, options.samples, plane),)
-    frame = Frame(
+        method, arrays = SAMPLED, (samples_of(system, consequents, options.samples, z_slice),)
+    header = Header(
         np.array([end for variable in system.inputs for end in (variable.low, variable.high)]),
         np.array([output.fallback for output in system.outputs]),
-        np.array([plane.level if system.type == 3 else 1.0]),
+        np.array([z_slice.level if system.type == 3 else 1.0]),
         np.array(
             [
                 method,
@@ -126,10 +128,10 @@ def _packed(system: FuzzySystem, options: Options, plane: ZSlice) -> Packed:
                 ALGORITHMS.index(options.algorithm),
                 _OUT_OF_RANGE[options.out_of_range],
                 _NO_RULE[options.no_rule],
-                options.samples if method == SAMPLED else max(map(len, shapes)),
+                options.samples if method == SAMPLED else max(map(len, consequents)),
             ],
             dtype=np.int64,
         ),
     )
-    sets = sets_of([variable.sets for variable in system.inputs], plane)
-    return pack(parts(frame, sets, antecedents_of(system), consequents, *rest))
+    sets = flatten_sets([variable.sets for variable in system.inputs], z_slice)
+    return pack(arrays_of(header, sets, antecedents_of(system), flat_consequents, *arrays))

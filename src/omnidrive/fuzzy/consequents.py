@@ -1,4 +1,4 @@
-"""What rules conclude, as the kernels read it."""
+"""Consequents of the rules of a system as flat arrays, and the strengths that fire them."""
 
 from __future__ import annotations
 
@@ -10,46 +10,49 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS
-from omnidrive.fuzzy.sets import WHOLE, ZSlice, membership_bounds
+from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice, membership_bounds
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import DEFUZZIFIERS, FuzzySet, LinearFunction
 
 
-class Shape(NamedTuple):
-    """What a rule may conclude about an output: a set, its complement, or a linear function."""
+class Consequent(NamedTuple):
+    """Consequent of a rule for one output: a set, its complement, or a linear function."""
 
-    of: FuzzySet | LinearFunction
+    definition: FuzzySet | LinearFunction
     complemented: bool
 
     def membership_bounds(
-        self, at: Float[Array, " points"], plane: ZSlice = WHOLE
+        self, at: Float[Array, " points"], z_slice: ZSlice = FULL_FOOTPRINT
     ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-        """Lower and upper degree at each point, of a fuzzy set."""
-        assert isinstance(self.of, FuzzySet)
-        (lower,), (upper,) = membership_bounds([self.of], at, plane)
+        """Return the lower and upper degree of membership at each point; for fuzzy sets only."""
+        assert isinstance(self.definition, FuzzySet)
+        (lower,), (upper,) = membership_bounds([self.definition], at, z_slice)
         return (1.0 - upper, 1.0 - lower) if self.complemented else (lower, upper)
 
 
 class Consequents(NamedTuple):
-    """The conclusions of all rules, flat. The shapes of all outputs are numbered in turn."""
+    """Consequents of all rules as flat arrays for the kernels.
 
-    shapes: Int[Array, " rules_by_outputs"]
-    """Which shape each rule concludes about each output; -1: it says nothing of it."""
-    first_shape: Int[Array, " shape_edges"]
-    """Where the shapes of each output begin, and the number of all."""
+    The distinct consequents of all outputs are numbered consecutively, output by output.
+    """
+
+    indices: Int[Array, " rules_by_outputs"]
+    """Number of the consequent of each rule for each output; -1: the rule has none for it."""
+    first: Int[Array, " output_edges"]
+    """Number of the first consequent of each output, then the total number."""
     implication: Int[Array, " 1"]
     aggregations: Int[Array, " outputs"]
     defuzzifiers: Int[Array, " outputs"]
 
 
-def consequents_of(system: FuzzySystem) -> tuple[Consequents, tuple[tuple[Shape, ...], ...]]:
-    """Conclusions of a system's rules, and the shapes of each output that any rule concludes."""
-    shapes = tuple(_shapes(system, output) for output in range(len(system.outputs)))
-    first = np.cumsum([0, *map(len, shapes)])
+def consequents_of(system: FuzzySystem) -> tuple[Consequents, tuple[tuple[Consequent, ...], ...]]:
+    """Return the consequents of all rules as flat arrays, and the distinct ones per output."""
+    consequents = tuple(_consequents(system, output) for output in range(len(system.outputs)))
+    first = np.cumsum([0, *map(len, consequents)])
     number = {
-        (output.name, shape.of.name, shape.complemented): int(first[o]) + k
+        (output.name, consequent.definition.name, consequent.complemented): int(first[o]) + k
         for o, output in enumerate(system.outputs)
-        for k, shape in enumerate(shapes[o])
+        for k, consequent in enumerate(consequents[o])
     }
     table = np.full((len(system.rules), len(system.outputs)), -1)
     column = {output.name: o for o, output in enumerate(system.outputs)}
@@ -66,59 +69,70 @@ def consequents_of(system: FuzzySystem) -> tuple[Consequents, tuple[tuple[Shape,
             np.array([AGGREGATIONS[output.aggregation] for output in system.outputs]),
             np.array([names.index(str(output.defuzzifier)) for output in system.outputs]),
         ),
-        shapes,
+        consequents,
     )
 
 
-def _shapes(system: FuzzySystem, output: int) -> tuple[Shape, ...]:
+def _consequents(system: FuzzySystem, output: int) -> tuple[Consequent, ...]:
     variable = system.outputs[output]
-    concluded = {
+    used = {
         (term.set, bool(term.hedges))
         for rule in system.rules
         for term in rule.consequents
         if term.variable == variable.name
     }
     return tuple(
-        Shape(each, complemented)
+        Consequent(each, complemented)
         for complemented in (False, True)
         for each in variable.sets
-        if (each.name, complemented) in concluded
+        if (each.name, complemented) in used
     )
 
 
 @compiled
-def strongest(
-    c: Consequents, strengths: Float[Array, "2 rules"], heights: Float[Array, "2 shapes"]
+def max_strengths(
+    c: Consequents, strengths: Float[Array, "2 rules"], heights: Float[Array, "2 consequents"]
 ) -> None:
-    """Fill in the least and greatest strength of the strongest rule that concludes each shape."""
-    shapes, outputs = c.shapes, len(c.aggregations)
+    """Fill in, per consequent, the greatest lower and upper firing strength of its rules.
+
+    Args:
+        c: The consequents.
+        strengths: Lower and upper firing strength of each rule.
+        heights: Result: height at which each consequent is clipped or scaled, lower and upper.
+    """
+    indices, outputs = c.indices, len(c.aggregations)
     heights[:] = 0.0
     for r in range(strengths.shape[1]):
         low, high = strengths[0, r], strengths[1, r]
         if high > 0.0:
             for o in range(r * outputs, (r + 1) * outputs):
-                k = shapes[o]
+                k = indices[o]
                 if k >= 0:
                     heights[0, k] = max(heights[0, k], low)
                     heights[1, k] = max(heights[1, k], high)
 
 
 @compiled
-def summed(
-    c: Consequents, strengths: Float[Array, "2 rules"], weights: Float[Array, "2 shapes"]
+def sum_strengths(
+    c: Consequents, strengths: Float[Array, "2 rules"], weights: Float[Array, "2 consequents"]
 ) -> None:
-    """Fill in, for each shape, the sums of the least and greatest strengths of its rules.
+    """Fill in, per consequent, the sums of the lower and the upper firing strengths of its rules.
 
-    Rules with one conclusion have one centroid, so a weighted mean over rules may add up their
-    weights first.
+    Rules with the same consequent have the same centroid, so that a mean weighted by rules equals
+    the mean weighted by these sums.
+
+    Args:
+        c: The consequents.
+        strengths: Lower and upper firing strength of each rule.
+        weights: Result: sums of the lower and of the upper strengths.
     """
-    shapes, outputs = c.shapes, len(c.aggregations)
+    indices, outputs = c.indices, len(c.aggregations)
     weights[:] = 0.0
     for r in range(strengths.shape[1]):
         low, high = strengths[0, r], strengths[1, r]
         if high > 0.0:
             for o in range(r * outputs, (r + 1) * outputs):
-                k = shapes[o]
+                k = indices[o]
                 if k >= 0:
                     weights[0, k] += low
                     weights[1, k] += high

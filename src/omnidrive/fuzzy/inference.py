@@ -1,4 +1,4 @@
-"""Inference: from inputs to outputs, one at a time or a million."""
+"""Inference: from input values to output values, for single evaluations and batches."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from omnidrive.fuzzy.compilation import (
     MAX_SAMPLES,
     MAX_SLICES,
     Centroid,
+    InferenceOptions,
     NoRule,
-    Options,
     OutOfRange,
     Reduction,
     compile_system,
@@ -27,53 +27,53 @@ from omnidrive.fuzzy.compilation import (
 from omnidrive.fuzzy.kernels import (
     NO_RULE,
     NOT_FINITE,
+    infer_one,
     infer_rows,
     rule_strengths,
-    value_of_one,
 )
 from omnidrive.fuzzy.rules import Rule
-from omnidrive.fuzzy.segments import why_not_exact
+from omnidrive.fuzzy.segments import reason_not_exact
 from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
 
 
 class FiredRule(NamedTuple):
-    """A rule that fires, and how strongly."""
+    """A rule with a positive firing strength."""
 
     number: int
-    """Of the rule in the system, from 1."""
+    """Number of the rule in the system, from 1."""
     rule: Rule
     lower: float
-    """Least strength, 0 to 1."""
+    """Lower firing strength, 0 to 1."""
     upper: float
-    """Greatest strength; the same as the least in a system of type 1."""
+    """Upper firing strength; equal to the lower one in a type-1 system."""
 
 
 class Inference:
-    """A fuzzy system, ready to be evaluated by compiled code.
+    """A compiled fuzzy system.
 
-    Call it with one number per input, with an array whose last axis is the inputs, or with a
-    mapping from the names of the inputs; the outputs come in the same form.
+    Callable with one number per input, with an array whose last axis is the inputs, or with a
+    mapping from input names to values; the outputs have the same form.
 
-    A system of type 2 yields the middle of its type-reduced interval, and :meth:`interval` the
-    interval itself; one of type 3 the mean of those of its slices, weighted by their levels.
+    The value of a type-2 system is the midpoint of its type-reduced interval, and :meth:`interval`
+    returns the interval. The value of a type-3 system is the mean over its z-slices, weighted by
+    their levels.
 
     Args:
-        system: What to evaluate.
-        centroid: ``exact``: closed form on the joined consequents, which must be polylines;
-            ``matlab``: on samples of the outputs' ranges, by Matlab's rules. None: exact where it
-            applies.
-        samples: Their number.
-        reduction: How a system of type 2 is reduced: ``centroid`` of the joined consequents, as
+        system: The fuzzy system.
+        centroid: ``exact``: closed form for aggregated outputs that are polylines; ``matlab``:
+            sums over samples of the outputs' ranges, as Matlab does. None: exact if possible.
+        samples: Number of these samples.
+        reduction: Type reduction of a type-2 system: ``centroid`` of the aggregated output, as
             Matlab does, or ``cos``, centre of sets.
-        algorithm: How the interval is found; None: as the system says.
-        out_of_range: What becomes of an input beyond its range: ``clamp`` takes the end of the
-            range, ``matlab`` takes the input as it is (and often no rule fires), ``raise``.
-        no_rule: What becomes of an output of which no rule speaks: its ``default``, which is the
-            middle of its range if it has none, or ``raise``.
-        slices: Number of levels at which a system of type 3 is cut.
+        algorithm: Algorithm of type reduction; None: that of the system.
+        out_of_range: Policy for an input beyond its range: ``clamp`` to the range, ``matlab`` (no
+            change, so that often no rule fires), or ``raise``.
+        no_rule: Policy for an output for which no rule fires: its ``default`` (the middle of its
+            range if it has none), or ``raise``.
+        slices: Number of levels of the z-slices of a type-3 system.
 
     Raises:
-        InvalidInput: An option is unknown, or the system cannot be evaluated in this way.
+        InvalidInput: An option is unknown or does not apply to the system.
     """
 
     def __init__(
@@ -89,8 +89,8 @@ class Inference:
         slices: int = 10,
     ) -> None:
         if centroid is None:
-            centroid = "matlab" if not system.is_sugeno and why_not_exact(system) else "exact"
-        options = Options(
+            centroid = "matlab" if not system.is_sugeno and reason_not_exact(system) else "exact"
+        options = InferenceOptions(
             centroid, samples, reduction, algorithm or system.algorithm, out_of_range, no_rule,
             slices,
         )  # fmt: skip
@@ -99,8 +99,8 @@ class Inference:
         self.options = options
         self._inputs = tuple(variable.name for variable in system.inputs)
         self._outputs = tuple(variable.name for variable in system.outputs)
-        self._numbers, self._integers, self._planes = compile_system(system, options)
-        self._many = len(self._planes) > 1
+        self._floats, self._integers, self._slices = compile_system(system, options)
+        self._is_sliced = len(self._slices) > 1
         self._count = len(self._inputs)
         self._blank = np.empty(len(self._outputs))
 
@@ -113,28 +113,30 @@ class Inference:
         self, inputs: Float[Array, "*rows inputs"], /
     ) -> Float[Array, "*rows outputs"]: ...
     def __call__(self, *inputs: float | Mapping[str, float] | Array) -> Array | dict[str, float]:
-        """Value of every output.
+        """Return the value of every output.
 
         Raises:
-            InvalidInput: An input is missing, not finite or, by choice, out of range, or no rule
-                fires and that is an error.
+            InvalidInput: An input is missing or not finite, or a policy is ``raise`` and an input
+                is out of range or no rule fires.
         """
         if len(inputs) == 1 and not isinstance(inputs[0], float | int):
-            return self._other_form(inputs[0])
-        if self._many or len(inputs) != self._count:
-            several: Array = self._all(cast("tuple[float, ...]", inputs))[0]
-            return several
+            return self._call_with_collection(inputs[0])
+        if self._is_sliced or len(inputs) != self._count:
+            first: Array = self._all(cast("tuple[float, ...]", inputs))[0]
+            return first
         values = self._blank.copy()
-        status = self._value_of_one(self._numbers, self._integers, inputs, values)
+        status = self._infer_one(self._floats, self._integers, inputs, values)
         if status:
-            raise self._refusal(status, cast("tuple[float, ...]", inputs))
+            raise self._error(status, cast("tuple[float, ...]", inputs))
         return values
 
     def __getstate__(self) -> dict[str, object]:
-        return {k: v for k, v in vars(self).items() if k != "_value_of_one"}  # belongs to a process
+        return {
+            k: v for k, v in vars(self).items() if k != "_infer_one"
+        }  # valid only in its process
 
     def interval(self, *inputs: float) -> tuple[Float[Array, " outputs"], Float[Array, " outputs"]]:
-        """Least and greatest value of every output, for one number per input.
+        """Return least and greatest value of every output, for one number per input.
 
         Raises:
             InvalidInput: As for a call.
@@ -145,14 +147,14 @@ class Inference:
     def batch(
         self, rows: Float[Array, "rows inputs"], *, threads: int = 1
     ) -> Float[Array, "3 rows outputs"]:
-        """Value, least and greatest of every output, for each row of inputs.
+        """Return value, least and greatest of every output for each row of inputs.
 
         Args:
             rows: One row per evaluation.
-            threads: How many processor cores to use.
+            threads: Number of threads.
 
         Raises:
-            InvalidInput: As for a call; the message says which row.
+            InvalidInput: As for a call; the message contains the row.
         """
         rows = np.ascontiguousarray(rows, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self._inputs):
@@ -160,14 +162,14 @@ class Inference:
                 f"needs rows of {len(self._inputs)} inputs ({', '.join(self._inputs)}), "
                 f"got an array of shape {rows.shape}"
             )
-        found = np.empty((len(rows), 3, len(self._outputs)))
+        results = np.empty((len(rows), 3, len(self._outputs)))
         edges = np.linspace(0, len(rows), max(1, min(threads, len(rows))) + 1).astype(int).tolist()
 
         def part(begin: int, end: int) -> None:
-            """Infer some of the rows; refuse the first bad one."""
-            status, bad = self._rows(rows[begin:end], found[begin:end])
+            """Infer some of the rows; raise for the first row with an error."""
+            status, bad = self._rows(rows[begin:end], results[begin:end])
             if status:
-                raise self._refusal(status, rows[begin + bad].tolist(), f"row {begin + bad}: ")
+                raise self._error(status, rows[begin + bad].tolist(), f"row {begin + bad}: ")
 
         if len(edges) == 2:
             part(*edges)
@@ -175,48 +177,50 @@ class Inference:
             with ThreadPoolExecutor(len(edges) - 1) as pool:
                 for done in [pool.submit(part, *each) for each in pairwise(edges)]:
                     done.result()
-        return found.transpose(1, 0, 2)
+        return results.transpose(1, 0, 2)
 
     def fired_rules(self, *inputs: float) -> list[FiredRule]:
-        """The rules that fire, the strongest first; for type 3, over the whole footprints.
+        """Return the rules that fire, strongest first; for type 3 over the full footprints.
 
         Raises:
             InvalidInput: As for a call.
         """
-        self._all(inputs)  # refuses what has to be refused
-        if self._many:
+        self._all(inputs)  # raises for invalid inputs
+        if self._is_sliced:
             return Inference(self.system.without_secondary()).fired_rules(*inputs)
         x = np.array(inputs, dtype=np.float64)
-        lower, upper = rule_strengths(self._numbers, self._integers, x)
-        found = [
+        lower, upper = rule_strengths(self._floats, self._integers, x)
+        results = [
             FiredRule(k + 1, self.system.rules[k], float(lower[k]), float(upper[k]))
             for k in np.flatnonzero(upper > 0.0).tolist()
         ]
-        return sorted(found, key=lambda each: -each.upper)
+        return sorted(results, key=lambda each: -each.upper)
 
     @cached_property
-    def _value_of_one(self) -> Callable[..., int]:
+    def _infer_one(self) -> Callable[..., int]:
         inputs = (0.0,) * self._count
-        return entry_point(value_of_one, self._numbers, self._integers, inputs, self._blank)
+        return entry_point(infer_one, self._floats, self._integers, inputs, self._blank)
 
-    def _rows(self, rows: Array, found: Array) -> tuple[int, int]:
-        return infer_rows(self._numbers, self._integers, self._planes, rows, found)
+    def _rows(self, rows: Array, results: Array) -> tuple[int, int]:
+        return infer_rows(self._floats, self._integers, self._slices, rows, results)
 
     def _all(self, inputs: Sequence[float]) -> Float[Array, "3 outputs"]:
-        """Value, least and greatest of every output."""
+        """Return value, least and greatest of every output."""
         x = tuple(map(float, inputs))
         if len(x) != len(self._inputs):
             raise InvalidInput(
                 f"needs {len(self._inputs)} inputs ({', '.join(self._inputs)}), got {len(x)}"
             )
-        found = np.empty((1, 3, len(self._outputs)))
-        status, _ = self._rows(np.array([x]), found)
+        results = np.empty((1, 3, len(self._outputs)))
+        status, _ = self._rows(np.array([x]), results)
         if status:
-            raise self._refusal(status, x)
-        only: Array = found[0]
-        return only
+            raise self._error(status, x)
+        row: Array = results[0]
+        return row
 
-    def _other_form(self, inputs: Mapping[str, float] | Array) -> Array | dict[str, float]:
+    def _call_with_collection(
+        self, inputs: Mapping[str, float] | Array
+    ) -> Array | dict[str, float]:
         if isinstance(inputs, Mapping):
             values = self._all(self._ordered(inputs))[0]
             return dict(zip(self._outputs, values.tolist(), strict=True))
@@ -239,8 +243,8 @@ class Inference:
                 raise InvalidInput(f"the input {name!r} is missing")
         return [inputs[name] for name in self._inputs]
 
-    def _refusal(self, status: int, x: Sequence[float], where: str = "") -> InvalidInput:
-        """Error that names the input to blame."""
+    def _error(self, status: int, x: Sequence[float], where: str = "") -> InvalidInput:
+        """Return the error for a status, with the name of the input that causes it."""
         if status == NO_RULE:
             given = ", ".join(f"{n} = {v:g}" for n, v in zip(self._inputs, x, strict=True))
             return InvalidInput(f"{where}no rule fires for {given}")
@@ -259,7 +263,7 @@ class Inference:
         raise AssertionError(status)
 
 
-def _check(options: Options) -> None:
+def _check(options: InferenceOptions) -> None:
     choices = {
         "centroid": (options.centroid, get_args(Centroid)),
         "reduction": (options.reduction, get_args(Reduction)),

@@ -1,4 +1,4 @@
-"""The compiled heart of inference: one function for systems of every kind and type."""
+"""Compiled inference: one entry point for systems of every kind and type."""
 
 from __future__ import annotations
 
@@ -9,284 +9,308 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.antecedents import fire
 from omnidrive.fuzzy.centre_of_sets import centre_of_sets
-from omnidrive.fuzzy.consequents import strongest, summed
-from omnidrive.fuzzy.packed_arrays import Packed, integers_of, numbers_of
-from omnidrive.fuzzy.reduction import reduced
+from omnidrive.fuzzy.consequents import max_strengths, sum_strengths
+from omnidrive.fuzzy.packed_arrays import PackedArrays, floats_of, integers_of
+from omnidrive.fuzzy.reduction import type_reduce
 from omnidrive.fuzzy.sampled import (
     MAX,
     MIN,
     WTSUM,
-    joined_by_max,
-    joined_by_rule,
-    sampled_value,
+    aggregate_max,
+    aggregate_rules,
+    defuzzify_samples,
 )
-from omnidrive.fuzzy.segment_centroid import exact_interval, exact_value, polyline
+from omnidrive.fuzzy.segment_centroid import aggregate_segments, centroid_interval, defuzzify_exact
 from omnidrive.fuzzy.sets import fuzzify
-from omnidrive.fuzzy.sugeno import Functions, sugeno_interval
+from omnidrive.fuzzy.sugeno import FlatFunctions, sugeno_interval
 from omnidrive.fuzzy.system_arrays import (
     ALGORITHM,
-    BEYOND,
     FALLBACKS,
-    HOW,
+    INPUT_POLICY,
     LEVELS,
-    POINTS,
+    LOWER_SEGMENTS,
+    METHOD,
+    METHOD_ARRAYS,
+    NO_RULE_POLICY,
+    OPTIONS,
+    POINT_COUNT,
     RANGES,
-    REST,
-    SILENT,
-    SWITCHES,
+    TRAPEZOIDS,
     UNCERTAIN,
-    Room,
+    Workspace,
     antecedents_in,
-    centres_in,
+    arguments_in,
+    centroids_in,
     consequents_in,
-    ends_in,
-    lines_in,
-    room_in,
-    room_size,
     samples_in,
+    segments_in,
     sets_in,
+    workspace_in,
+    workspace_size,
 )
-from omnidrive.fuzzy.trapezoid_centroid import strips_centroid
-from omnidrive.fuzzy.unsafe_views import borrowed, part
+from omnidrive.fuzzy.trapezoid_centroid import trapezoid_centroid
+from omnidrive.fuzzy.unsafe_views import uncounted, unsafe_slice
 
 SAMPLED, EXACT, CENTRE_OF_SETS, SUGENO = range(4)
-CLAMP, AS_IS, REFUSE = range(3)
-FINE, NOT_FINITE, OUT_OF_RANGE, NO_RULE = range(4)
+CLAMP, AS_IS, RAISE = range(3)
+OK, NOT_FINITE, OUT_OF_RANGE, NO_RULE = range(4)
 
 
 @compiled
-def admitted(p: Packed, x: Float[Array, " inputs"]) -> int:
-    """Bring inputs into their range, in place, if that is what happens to them; returns a status.
+def check_inputs(p: PackedArrays, x: Float[Array, " inputs"]) -> int:
+    """Check the inputs, clamp them in place if the policy is to clamp, and return a status.
 
-    What is not finite is refused always.
+    Values that are not finite are refused under every policy.
     """
-    ranges, switches = numbers_of(p, RANGES), integers_of(p, SWITCHES)
-    status = FINE
+    ranges, options = floats_of(p, RANGES), integers_of(p, OPTIONS)
+    status = OK
     for i in range(len(x)):
         low, high = ranges[2 * i], ranges[2 * i + 1]
         if not np.isfinite(x[i]):
             return NOT_FINITE
         if x[i] < low or x[i] > high:
-            if switches[BEYOND] == REFUSE:
+            if options[INPUT_POLICY] == RAISE:
                 status = OUT_OF_RANGE
-            elif switches[BEYOND] == CLAMP:
+            elif options[INPUT_POLICY] == CLAMP:
                 x[i] = min(max(x[i], low), high)
     return status
 
 
 @compiled
-def strengths_of(p: Packed, room: Room, x: Float[Array, " inputs"]) -> None:
-    """Fill in the least and greatest strength of every rule."""
-    fuzzify(sets_in(p), x, integers_of(p, SWITCHES)[UNCERTAIN] == 1, room.degrees)
-    fire(antecedents_in(p), room.degrees, room.strengths)
+def compute_strengths(p: PackedArrays, workspace: Workspace, x: Float[Array, " inputs"]) -> None:
+    """Fill in the lower and upper firing strength of every rule."""
+    fuzzify(sets_in(p), x, integers_of(p, OPTIONS)[UNCERTAIN] == 1, workspace.degrees)
+    fire(antecedents_in(p), workspace.degrees, workspace.strengths)
 
 
 @compiled
 def infer(
-    p: Packed, room: Room, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]
+    p: PackedArrays,
+    workspace: Workspace,
+    x: Float[Array, " inputs"],
+    results: Float[Array, "3 outputs"],
 ) -> int:
-    """Value, least and greatest of every output; brings inputs into range; returns a status.
+    """Fill in value, least and greatest of every output; return a status.
 
-    The value of a system of type 2 is the middle of its interval.
+    Inputs are clamped in place if the policy is to clamp. The value of a type-2 system is the
+    midpoint of its type-reduced interval.
     """
-    status = admitted(p, x)
-    if status != FINE:
+    status = check_inputs(p, x)
+    if status != OK:
         return status
-    switches = integers_of(p, SWITCHES)
-    strengths_of(p, room, x)
-    if switches[HOW] == SAMPLED:
-        _infer_sampled(p, room, found)
-    elif switches[HOW] == EXACT:
-        _infer_exact(p, room, found)
+    options = integers_of(p, OPTIONS)
+    compute_strengths(p, workspace, x)
+    if options[METHOD] == SAMPLED:
+        _infer_sampled(p, workspace, results)
+    elif options[METHOD] == EXACT:
+        _infer_exact(p, workspace, results)
     else:
-        _infer_weighted(p, room, x, found)
-    fallbacks = numbers_of(p, FALLBACKS)
-    for o in range(found.shape[1]):
-        if np.isnan(found[1, o]):
-            found[0, o] = found[1, o] = found[2, o] = fallbacks[o]
-            status = NO_RULE if switches[SILENT] == REFUSE else status
+        _infer_averaged(p, workspace, x, results)
+    fallbacks = floats_of(p, FALLBACKS)
+    for o in range(results.shape[1]):
+        if np.isnan(results[1, o]):
+            results[0, o] = results[1, o] = results[2, o] = fallbacks[o]
+            status = NO_RULE if options[NO_RULE_POLICY] == RAISE else status
         else:
-            found[0, o] = 0.5 * (found[1, o] + found[2, o])
+            results[0, o] = 0.5 * (results[1, o] + results[2, o])
     return status
 
 
 @compiled
-def _infer_sampled(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
-    """Least and greatest of every output by way of samples; nan if no rule speaks of it."""
-    c, s, switches = consequents_in(p), samples_in(p), integers_of(p, SWITCHES)
-    cuts, uncertain, count = c.implication[0] == MIN, switches[UNCERTAIN] == 1, switches[POINTS]
-    shapes, heights, points = c.first_shape[-1], room.heights, room.points
-    strongest(c, room.strengths, heights)
-    for o in range(found.shape[1]):
-        first, last = c.first_shape[o], c.first_shape[o + 1]
+def _infer_sampled(
+    p: PackedArrays, workspace: Workspace, results: Float[Array, "3 outputs"]
+) -> None:
+    """Fill in least and greatest of every output on samples; nan if no rule fires for it."""
+    c, s, options = consequents_in(p), samples_in(p), integers_of(p, OPTIONS)
+    clips, uncertain, count = c.implication[0] == MIN, options[UNCERTAIN] == 1, options[POINT_COUNT]
+    consequents, heights, points = c.first[-1], workspace.heights, workspace.points
+    max_strengths(c, workspace.strengths, heights)
+    for o in range(results.shape[1]):
+        first, last = c.first[o], c.first[o + 1]
         for bound in range(0 if uncertain else 1, 2):
-            degrees = part(s.degrees, bound * shapes * count, (bound + 1) * shapes * count)
-            joined = points[bound]
+            degrees = unsafe_slice(
+                s.degrees, bound * consequents * count, (bound + 1) * consequents * count
+            )
+            aggregated = points[bound]
             if c.aggregations[o] == MAX:
-                own = part(degrees, first * count, last * count)
-                joined_by_max(part(heights[bound], first, last), own, cuts, joined)
+                own = unsafe_slice(degrees, first * count, last * count)
+                aggregate_max(unsafe_slice(heights[bound], first, last), own, clips, aggregated)
             else:
-                joined_by_rule(c, o, room.strengths[bound], degrees, joined)
-        at = part(s.at, o * count, (o + 1) * count)
+                aggregate_rules(c, o, workspace.strengths[bound], degrees, aggregated)
+        at = unsafe_slice(s.at, o * count, (o + 1) * count)
         if uncertain:
-            found[1, o], found[2, o] = reduced(switches[ALGORITHM], at, points[0], points[1])
+            results[1, o], results[2, o] = type_reduce(options[ALGORITHM], at, points[0], points[1])
         else:
-            found[1, o] = found[2, o] = sampled_value(c.defuzzifiers[o], at, points[1])
+            results[1, o] = results[2, o] = defuzzify_samples(c.defuzzifiers[o], at, points[1])
 
 
 @compiled
-def _infer_exact(p: Packed, room: Room, found: Float[Array, "3 outputs"]) -> None:
-    """Least and greatest of every output by way of polylines; nan if no rule speaks of it."""
-    c, switches, heights = consequents_in(p), integers_of(p, SWITCHES), room.heights
-    rows, corners = integers_of(p, REST + 10), numbers_of(p, REST + 11)
-    cuts = c.implication[0] == MIN
-    strongest(c, room.strengths, heights)
-    for o in range(found.shape[1]):
-        first, last = c.first_shape[o], c.first_shape[o + 1]
-        if rows[o] == 1:
-            found[1, o] = found[2, o] = strips_centroid(
-                corners, first, part(heights[1], first, last)
+def _infer_exact(p: PackedArrays, workspace: Workspace, results: Float[Array, "3 outputs"]) -> None:
+    """Fill in least and greatest of every output on polylines; nan if no rule fires for it."""
+    c, options, heights = consequents_in(p), integers_of(p, OPTIONS), workspace.heights
+    ordered, corners = integers_of(p, TRAPEZOIDS), floats_of(p, TRAPEZOIDS + 1)
+    clips = c.implication[0] == MIN
+    max_strengths(c, workspace.strengths, heights)
+    for o in range(results.shape[1]):
+        first, last = c.first[o], c.first[o + 1]
+        if ordered[o] == 1:
+            results[1, o] = results[2, o] = trapezoid_centroid(
+                corners, first, unsafe_slice(heights[1], first, last)
             )
             continue
-        high = polyline(lines_in(p, REST), o, cuts, part(heights[1], first, last))
+        high = aggregate_segments(
+            segments_in(p, METHOD_ARRAYS), o, clips, unsafe_slice(heights[1], first, last)
+        )
         if high.shape[1] == 0:
-            found[1, o] = np.nan
-        elif switches[UNCERTAIN] == 1:
-            low = polyline(lines_in(p, REST + 5), o, cuts, part(heights[0], first, last))
-            found[1, o], found[2, o] = exact_interval(switches[ALGORITHM], low, high)
+            results[1, o] = np.nan
+        elif options[UNCERTAIN] == 1:
+            low = aggregate_segments(
+                segments_in(p, LOWER_SEGMENTS), o, clips, unsafe_slice(heights[0], first, last)
+            )
+            results[1, o], results[2, o] = centroid_interval(options[ALGORITHM], low, high)
         else:
-            found[1, o] = found[2, o] = exact_value(c.defuzzifiers[o], high)
+            results[1, o] = results[2, o] = defuzzify_exact(c.defuzzifiers[o], high)
 
 
 @compiled
-def _infer_weighted(
-    p: Packed, room: Room, x: Float[Array, " inputs"], found: Float[Array, "3 outputs"]
+def _infer_averaged(
+    p: PackedArrays,
+    workspace: Workspace,
+    x: Float[Array, " inputs"],
+    results: Float[Array, "3 outputs"],
 ) -> None:
-    """Least and greatest of every output as means over rules; nan if no rule speaks of it."""
-    c, switches, weights = consequents_in(p), integers_of(p, SWITCHES), room.heights
-    summed(c, room.strengths, weights)
-    for o in range(found.shape[1]):
-        first, last = c.first_shape[o], c.first_shape[o + 1]
-        if switches[HOW] == SUGENO:
-            is_sum, functions = c.defuzzifiers[o] == WTSUM, Functions(numbers_of(p, REST))
-            low, high = part(weights[0], first, last), part(weights[1], first, last)
-            ends = sugeno_interval(functions, first, is_sum, switches[ALGORITHM], x, low, high)
+    """Fill in least and greatest of every output as means over rules; nan if no rule fires."""
+    c, options, weights = consequents_in(p), integers_of(p, OPTIONS), workspace.heights
+    sum_strengths(c, workspace.strengths, weights)
+    for o in range(results.shape[1]):
+        first, last = c.first[o], c.first[o + 1]
+        if options[METHOD] == SUGENO:
+            is_sum, functions = (
+                c.defuzzifiers[o] == WTSUM,
+                FlatFunctions(floats_of(p, METHOD_ARRAYS)),
+            )
+            low, high = unsafe_slice(weights[0], first, last), unsafe_slice(weights[1], first, last)
+            ends = sugeno_interval(functions, first, is_sum, options[ALGORITHM], x, low, high)
         else:
             ends = centre_of_sets(
-                centres_in(p), first, last, switches[ALGORITHM], weights, room.points
+                centroids_in(p), first, last, options[ALGORITHM], weights, workspace.points
             )
-        found[1, o], found[2, o] = ends
+        results[1, o], results[2, o] = ends
 
 
 @compiled
 def rule_strengths(
-    numbers: Float[Array, " numbers"],
+    floats: Float[Array, " floats"],
     integers: Int[Array, " integers"],
     x: Float[Array, " inputs"],
 ) -> Float[Array, "2 rules"]:
-    """Least and greatest strength of every rule, for inputs that are brought into their range."""
-    p = Packed(numbers, integers)
-    return _strengths_in(p, np.empty(room_size(p)), x)
+    """Return the lower and upper firing strength of every rule; ``x`` is clamped in place."""
+    p = PackedArrays(floats, integers)
+    return _rule_strengths_in(p, np.empty(workspace_size(p)), x)
 
 
 @compiled
-def _strengths_in(
-    p: Packed, space: Float[Array, " numbers"], x: Float[Array, " inputs"]
+def _rule_strengths_in(
+    p: PackedArrays, buffer: Float[Array, " floats"], x: Float[Array, " inputs"]
 ) -> Float[Array, "2 rules"]:
-    room = room_in(p, space)
-    admitted(p, x)
-    strengths_of(p, room, x)
-    return room.strengths.copy()
+    workspace = workspace_in(p, buffer)
+    check_inputs(p, x)
+    compute_strengths(p, workspace, x)
+    return workspace.strengths.copy()
 
 
 @compiled
-def value_of_one(
-    numbers: Float[Array, " numbers"],
+def infer_one(
+    floats: Float[Array, " floats"],
     integers: Int[Array, " integers"],
     x: tuple[float, ...],
     values: Float[Array, " outputs"],
 ) -> int:
-    """Fill in the value of every output of a system of type 1 or 2; returns a status."""
-    p = Packed(borrowed(numbers), borrowed(integers))
-    space = np.empty(room_size(p) + len(x) + 3 * len(values))
-    return _value_in(p, space, x, borrowed(values))
+    """Fill in the value of every output of a type-1 or type-2 system; return a status."""
+    p = PackedArrays(uncounted(floats), uncounted(integers))
+    buffer = np.empty(workspace_size(p) + len(x) + 3 * len(values))
+    return _infer_one_in(p, buffer, x, uncounted(values))
 
 
 @compiled
-def _value_in(
-    p: Packed,
-    space: Float[Array, " numbers"],
+def _infer_one_in(
+    p: PackedArrays,
+    buffer: Float[Array, " floats"],
     x: tuple[float, ...],
     values: Float[Array, " outputs"],
 ) -> int:
-    inputs, found = ends_in(p, space, len(x), len(values))
+    inputs, results = arguments_in(p, buffer, len(x), len(values))
     for i in range(len(x)):
         inputs[i] = x[i]
-    status = infer(p, room_in(p, space), inputs, found)
+    status = infer(p, workspace_in(p, buffer), inputs, results)
     for o in range(len(values)):
-        values[o] = found[0, o]
+        values[o] = results[0, o]
     return status
 
 
 @compiled
 def infer_rows(
-    numbers: Float[Array, " numbers"],
+    floats: Float[Array, " floats"],
     integers: Int[Array, " integers"],
-    planes: Int[Array, "planes 4"],
+    slices: Int[Array, "planes 4"],
     rows: Float[Array, "rows inputs"],
-    found: Float[Array, "rows 3 outputs"],
+    results: Float[Array, "rows 3 outputs"],
 ) -> tuple[int, int]:
     """Fill in value, least and greatest of every output for each row.
 
-    A system of type 3 has several planes; its values are the mean of theirs, weighted by their
-    levels (Castillo, Castro & Melin 2022).
+    The values of a type-3 system are the mean over its z-slices, weighted by their levels
+    (Castillo, Castro & Melin 2022).
 
     Args:
-        numbers: Of all planes, one after the other.
-        integers: The same.
-        planes: Where the numbers and the integers of each plane begin and end.
-        rows: The inputs.
-        found: The outputs.
+        floats: Floats of all slices, concatenated.
+        integers: Integers of all slices, concatenated.
+        slices: Begin and end of the floats, begin and end of the integers of each slice.
+        rows: Inputs, one row per evaluation.
+        results: Value, least and greatest of every output per row.
 
     Returns:
-        A status; the first row that is not fine, or the number of rows.
+        A status, and the number of the first row with another status than OK, or of rows.
     """
-    levels, inputs, outputs = 0.0, rows.shape[1], found.shape[2]
-    for k in range(len(planes)):
-        p = Packed(
-            borrowed(numbers)[planes[k, 0] : planes[k, 1]],
-            borrowed(integers)[planes[k, 2] : planes[k, 3]],
+    levels, inputs, outputs = 0.0, rows.shape[1], results.shape[2]
+    for k in range(len(slices)):
+        p = PackedArrays(
+            uncounted(floats)[slices[k, 0] : slices[k, 1]],
+            uncounted(integers)[slices[k, 2] : slices[k, 3]],
         )
-        levels += numbers_of(p, LEVELS)[0]
-        space = np.empty(room_size(p) + inputs + 3 * outputs)
-        status, row = _infer_plane(p, space, rows, k > 0, found)
-        if status != FINE:
+        levels += floats_of(p, LEVELS)[0]
+        buffer = np.empty(workspace_size(p) + inputs + 3 * outputs)
+        status, row = _infer_slice(p, buffer, rows, k > 0, results)
+        if status != OK:
             return status, row
-    if len(planes) > 1:
-        found /= levels
-    return FINE, len(rows)
+    if len(slices) > 1:
+        results /= levels
+    return OK, len(rows)
 
 
 @compiled
-def _infer_plane(
-    p: Packed,
-    space: Float[Array, " numbers"],
+def _infer_slice(
+    p: PackedArrays,
+    buffer: Float[Array, " floats"],
     rows: Float[Array, "rows inputs"],
-    further: bool,
-    found: Float[Array, "rows 3 outputs"],
+    accumulate: bool,
+    results: Float[Array, "rows 3 outputs"],
 ) -> tuple[int, int]:
-    """Fill in, or add to what is there, what one plane finds, times its level; status and row."""
-    level, inputs, outputs = numbers_of(p, LEVELS)[0], rows.shape[1], found.shape[2]
-    x, each = ends_in(p, space, inputs, outputs)
-    room = room_in(p, space)
+    """Fill in, or add, the results of one z-slice times its level.
+
+    Returns:
+        A status and a row, as for :func:`infer_rows`.
+    """
+    level, inputs, outputs = floats_of(p, LEVELS)[0], rows.shape[1], results.shape[2]
+    x, each = arguments_in(p, buffer, inputs, outputs)
+    workspace = workspace_in(p, buffer)
     for r in range(len(rows)):
         for i in range(inputs):
             x[i] = rows[r, i]
-        status = infer(p, room, x, each)
-        if status != FINE:
+        status = infer(p, workspace, x, each)
+        if status != OK:
             return status, r
         for i in range(3):
             for o in range(outputs):
-                before = found[r, i, o] if further else 0.0
-                found[r, i, o] = before + level * each[i, o]
-    return FINE, len(rows)
+                before = results[r, i, o] if accumulate else 0.0
+                results[r, i, o] = before + level * each[i, o]
+    return OK, len(rows)

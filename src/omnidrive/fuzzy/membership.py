@@ -1,4 +1,4 @@
-"""Membership functions: Matlab's family, and curves through given points."""
+"""Membership functions: Matlab's shapes, and polylines through given points."""
 
 from __future__ import annotations
 
@@ -19,60 +19,60 @@ TRAPEZOID, SMOOTH, GAUSS, BELL, SIGMOID_DIFFERENCE, SIGMOID_PRODUCT, POINTS = ra
 
 
 class Shape(NamedTuple):
-    """One kind of membership function."""
+    """A shape of membership functions."""
 
     parameters: tuple[str, ...]
-    """Names of the parameters, in Matlab's order; empty where their number is free."""
+    """Names of the parameters in Matlab's order; empty if their number is arbitrary."""
     ascending: bool
-    """Whether the parameters must ascend."""
-    positive: tuple[int, ...]
-    """Which parameters must not be zero."""
+    """Whether the parameters must be ascending."""
+    nonzero: tuple[int, ...]
+    """Indices of the parameters that must not be zero."""
     kernel: int
-    """Which of the compiled curves draws it."""
+    """Code of the compiled curve."""
     curve: Callable[..., tuple[float, float, float, float]]
-    """From the parameters to those of the compiled curve."""
+    """Maps the parameters to those of the compiled curve."""
 
 
-def _same(a: float, b: float, c: float, d: float) -> tuple[float, float, float, float]:
+def _identity(a: float, b: float, c: float, d: float) -> tuple[float, float, float, float]:
     return a, b, c, d
 
 
 SHAPES: dict[str, Shape] = {
     "trimf": Shape(("a", "b", "c"), True, (), TRAPEZOID, lambda a, b, c: (a, b, b, c)),
-    "trapmf": Shape(("a", "b", "c", "d"), True, (), TRAPEZOID, _same),
+    "trapmf": Shape(("a", "b", "c", "d"), True, (), TRAPEZOID, _identity),
     "linzmf": Shape(("a", "b"), True, (), TRAPEZOID, lambda a, b: (-inf, -inf, a, b)),
     "linsmf": Shape(("a", "b"), True, (), TRAPEZOID, lambda a, b: (a, b, inf, inf)),
     "zmf": Shape(("a", "b"), True, (), SMOOTH, lambda a, b: (-inf, -inf, a, b)),
     "smf": Shape(("a", "b"), True, (), SMOOTH, lambda a, b: (a, b, inf, inf)),
-    "pimf": Shape(("a", "b", "c", "d"), True, (), SMOOTH, _same),
+    "pimf": Shape(("a", "b", "c", "d"), True, (), SMOOTH, _identity),
     "gaussmf": Shape(("sigma", "c"), False, (0,), GAUSS, lambda s, c: (s, c, s, c)),
-    "gauss2mf": Shape(("sigma1", "c1", "sigma2", "c2"), False, (0, 2), GAUSS, _same),
+    "gauss2mf": Shape(("sigma1", "c1", "sigma2", "c2"), False, (0, 2), GAUSS, _identity),
     "gbellmf": Shape(("a", "b", "c"), False, (0,), BELL, lambda a, b, c: (a, b, c, 0.0)),
     "sigmf": Shape(("a", "c"), False, (), SIGMOID_PRODUCT, lambda a, c: (a, c, 1.0, -inf)),
-    "dsigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_DIFFERENCE, _same),
-    "psigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_PRODUCT, _same),
-    "pointsmf": Shape((), True, (), POINTS, _same),
+    "dsigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_DIFFERENCE, _identity),
+    "psigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_PRODUCT, _identity),
+    "pointsmf": Shape((), True, (), POINTS, _identity),
 }
-"""Every shape by its name in Matlab; ``pointsmf``, which Matlab has not, has x1, y1, x2, y2, ..."""
+"""Shapes by their names in Matlab; ``pointsmf`` (x1, y1, x2, y2, ...) is not one of Matlab's."""
 
 MAX_POINTS = 10_000
-"""Most points of a ``pointsmf``."""
+"""Greatest number of points of a ``pointsmf``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Membership:
-    """A membership function: from a number to the degree, 0 to 1, to which it belongs.
+    """A membership function: maps a number to its degree of membership, 0 to 1.
 
-    The formulas are Matlab's (Fuzzy Logic Toolbox, "Foundations of Fuzzy Logic"). Where a side is
-    vertical the function is 1 at it.
+    The formulas are Matlab's (Fuzzy Logic Toolbox, "Foundations of Fuzzy Logic"). The degree at a
+    vertical side is 1.
 
     Attributes:
-        shape: One of :data:`SHAPES`.
-        parameters: As Matlab orders them, in the unit of the variable; for ``pointsmf`` the pairs
-            x, y of a polyline with ascending x that is constant beyond its ends.
+        shape: A name of :data:`SHAPES`.
+        parameters: In Matlab's order, in the unit of the variable; for ``pointsmf`` the pairs x, y
+            of a polyline with ascending x that is constant beyond its ends.
 
     Raises:
-        InvalidInput: There is no such shape, or the parameters do not describe one.
+        InvalidInput: The shape is unknown, or the parameters are invalid.
     """
 
     shape: str
@@ -85,7 +85,7 @@ class Membership:
                 f"there is no membership function {self.shape!r}; there are {', '.join(SHAPES)}"
             )
         object.__setattr__(self, "parameters", tuple(map(float, self.parameters)))
-        p, name = self.parameters, f"{self.shape} {_listed(self.parameters)}"
+        p, name = self.parameters, f"{self.shape} {_parameter_text(self.parameters)}"
         if not all(map(isfinite, p)):
             raise InvalidInput(f"{name}: every parameter must be finite")
         if kind.kernel == POINTS:
@@ -100,15 +100,15 @@ class Membership:
             raise InvalidInput(f"{name}: needs {' <= '.join(kind.parameters)}")
         if kind.ascending and p[0] == p[-1] and self.shape in {"trimf", "trapmf", "pimf"}:
             raise InvalidInput(f"{name}: has no width")
-        if any(p[k] == 0.0 for k in kind.positive):
-            raise InvalidInput(f"{name}: {kind.parameters[kind.positive[0]]} must not be 0")
+        if any(p[k] == 0.0 for k in kind.nonzero):
+            raise InvalidInput(f"{name}: {kind.parameters[kind.nonzero[0]]} must not be 0")
 
     @overload
     def __call__(self, x: float) -> float: ...
     @overload
     def __call__(self, x: Float[Array, "*shape"]) -> Float[Array, "*shape"]: ...
     def __call__(self, x: float | Array) -> float | Array:
-        """Degree of membership of a number, or of every element of an array."""
+        """Return the degree of membership of a number, or of every element of an array."""
         at = np.asarray(x, dtype=np.float64)
         curves = Curves.of((self,))
         degrees = np.array([degree(curves, 0, v) for v in at.ravel().tolist()])
@@ -116,14 +116,17 @@ class Membership:
 
     @property
     def is_piecewise_linear(self) -> bool:
-        """Whether it is made of straight lines."""
+        """Whether the function consists of straight segments."""
         return SHAPES[self.shape].kernel in {TRAPEZOID, POINTS}
 
     @property
     def vertices(self) -> tuple[tuple[float, float], ...]:
-        """Its corners (x, degree), left to right, where it is piecewise linear.
+        """Corners (x, degree) of a piecewise linear function, from left to right.
 
-        A vertical side is two corners with one x. Beyond the first and last it is constant.
+        A vertical side is two corners with one x. Beyond the corners, the function is constant.
+
+        Raises:
+            InvalidInput: The function is not piecewise linear.
         """
         if not self.is_piecewise_linear:
             raise InvalidInput(f"{self.shape} is not piecewise linear")
@@ -136,25 +139,25 @@ class Membership:
         return tuple(dict.fromkeys(corners))
 
     @property
-    def middle(self) -> float:
-        """Where its left side ends and its right side begins."""
+    def core_midpoint(self) -> float:
+        """Boundary between the left and the right side; infinite for a one-sided function."""
         p = self.parameters
         if self.shape == "pointsmf":
             top = max(p[1::2])
             peaks = [x for x, y in self.vertices if y == top]
             return 0.5 * (peaks[0] + peaks[-1])
         if self.shape in {"sigmf", "linsmf", "linzmf", "smf", "zmf"}:
-            rises = p[0] >= 0.0 if self.shape == "sigmf" else self.shape in {"linsmf", "smf"}
-            return inf if rises else -inf
+            is_rising = p[0] >= 0.0 if self.shape == "sigmf" else self.shape in {"linsmf", "smf"}
+            return inf if is_rising else -inf
         at = {"gaussmf": (1, 1), "gauss2mf": (1, 3), "gbellmf": (2, 2), "trimf": (1, 1)}
         i, j = at.get(self.shape, (1, 2) if "sig" not in self.shape else (1, 3))
         return 0.5 * (p[i] + p[j])
 
     def __str__(self) -> str:
-        return f"{self.shape} {_listed(self.parameters)}"
+        return f"{self.shape} {_parameter_text(self.parameters)}"
 
 
-def _listed(parameters: tuple[float, ...]) -> str:
+def _parameter_text(parameters: tuple[float, ...]) -> str:
     shown = " ".join(f"{p:.10g}" for p in parameters[:8])
     return f"[{shown}{' ...' if len(parameters) > 8 else ''}]"
 
@@ -171,18 +174,18 @@ def _check_points(name: str, p: tuple[float, ...]) -> None:
 
 
 class Curves(NamedTuple):
-    """Membership functions as :func:`degree` reads them, flat, one after the other."""
+    """Membership functions as flat arrays for :func:`degree`."""
 
     kernels: Int[Array, " functions"]
-    """Which curve each function is."""
+    """Code of the curve of each function."""
     parameters: Float[Array, " parameters"]
-    """Four numbers of each; of a polyline: its first point and their number."""
+    """Four numbers per function; for a polyline, its first point and number of points."""
     points: Float[Array, " coordinates"]
     """x and degree of every point of every polyline."""
 
     @staticmethod
     def of(functions: Sequence[Membership]) -> Curves:
-        """Curves of the functions, in their order."""
+        """Return the curves of the functions, in their order."""
         kernels: list[int] = []
         parameters: list[float] = []
         points: list[float] = []
@@ -199,7 +202,7 @@ class Curves(NamedTuple):
 
 @compiled
 def degree(curves: Curves, k: int, x: float) -> float:  # noqa: PLR0911
-    """Degree of membership of ``x`` in the function with number ``k``."""
+    """Return the degree of membership of ``x`` in function number ``k``."""
     kernel = curves.kernels[k]
     p: float = curves.parameters[4 * k]
     q: float = curves.parameters[4 * k + 1]
@@ -212,13 +215,13 @@ def degree(curves: Curves, k: int, x: float) -> float:  # noqa: PLR0911
             return (x - p) / (q - p)
         return (s - x) / (s - r) if x > r else 1.0
     if kernel == SMOOTH:
-        return _rise(p, q, x) * _rise(-s, -r, -x)
+        return _s_curve(p, q, x) * _s_curve(-s, -r, -x)
     if kernel == GAUSS:
         left = exp(-0.5 * ((x - q) / p) ** 2) if x < q else 1.0
         return left * exp(-0.5 * ((x - s) / r) ** 2) if x > s else left
     if kernel == BELL:
-        away: float = abs((x - r) / p) ** (2.0 * q)
-        return 1.0 / (1.0 + away)
+        distance: float = abs((x - r) / p) ** (2.0 * q)
+        return 1.0 / (1.0 + distance)
     if kernel == SIGMOID_DIFFERENCE:
         return abs(_sigmoid(p, q, x) - _sigmoid(r, s, x))
     if kernel == SIGMOID_PRODUCT:
@@ -227,14 +230,14 @@ def degree(curves: Curves, k: int, x: float) -> float:  # noqa: PLR0911
 
 
 @compiled
-def _rise(a: float, b: float, x: float) -> float:
-    """Two parabolas from 0 at a to 1 at b (Zadeh's S curve)."""
+def _s_curve(a: float, b: float, x: float) -> float:
+    """Return Zadeh's S curve: two parabolas from 0 at a to 1 at b."""
     if x >= b:
         return 1.0
     if x <= a:
         return 0.0
-    part = (x - a) / (b - a)
-    return 2.0 * part * part if part <= 0.5 else 1.0 - 2.0 * (1.0 - part) ** 2
+    fraction = (x - a) / (b - a)
+    return 2.0 * fraction * fraction if fraction <= 0.5 else 1.0 - 2.0 * (1.0 - fraction) ** 2
 
 
 @compiled
@@ -244,7 +247,7 @@ def _sigmoid(slope: float, centre: float, x: float) -> float:
 
 @compiled
 def _polyline(points: Float[Array, " coordinates"], first: int, count: int, x: float) -> float:
-    """Straight lines between points; the greater degree where two share an x."""
+    """Return the value of a polyline; the greater degree where two points share an x."""
     last = first + count - 1
     x0: float = points[2 * first]
     y0: float = points[2 * first + 1]

@@ -1,4 +1,4 @@
-"""t-norms, t-conorms and hedges: what "and", "or" and "very" do to degrees."""
+"""t-norms, t-conorms and hedges on degrees of membership."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NORMS: dict[str, int] = {
     "hamacher": 5,
     "nilpotent": 6,
 }
-"""t-norms, by name: what "and" does. ``lukasiewicz`` is the bounded difference."""
+"""Codes of the t-norms, which evaluate "and". ``lukasiewicz`` is the bounded difference."""
 
 CONORMS: dict[str, int] = {
     "max": 0,
@@ -26,18 +26,20 @@ CONORMS: dict[str, int] = {
     "hamacher": 5,
     "nilpotent": 6,
 }
-"""t-conorms, by name: what "or" does. ``probor`` is a + b - a b, ``bsum`` the bounded sum."""
+"""Codes of the t-conorms, which evaluate "or".
+
+``probor`` is a + b - a b, ``bsum`` the bounded sum."""
 
 AGGREGATIONS: dict[str, int] = {**CONORMS, "sum": 7}
-"""How conclusions are joined: a t-conorm, or Matlab's ``sum``, which may exceed 1."""
+"""Codes of the aggregations: the t-conorms, and Matlab's ``sum``, which may exceed 1."""
 
 IMPLICATIONS: dict[str, int] = {"min": 0, "prod": 1}
-"""How the strength of a rule shapes its conclusion: ``min`` cuts it, ``prod`` scales it."""
+"""Codes of the implications: ``min`` clips the consequent, ``prod`` scales it."""
 
 
 @compiled
 def t_norm(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
-    """t-norm of two degrees (Klement, Mesiar & Pap, "Triangular Norms", 2000)."""
+    """Return the t-norm of two degrees (Klement, Mesiar & Pap, "Triangular Norms", 2000)."""
     if norm == 0:
         return min(a, b)
     if norm == 1:
@@ -55,7 +57,10 @@ def t_norm(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
 
 @compiled
 def t_conorm(conorm: int, a: float, b: float) -> float:  # noqa: PLR0911
-    """t-conorm of two degrees, or their sum: the dual of :func:`t_norm` of the same number."""
+    """Return the t-conorm of two degrees, or their sum.
+
+    The t-conorm is the dual of the :func:`t_norm` with the same code.
+    """
     if conorm == 0:
         return max(a, b)
     if conorm == 1:
@@ -67,7 +72,7 @@ def t_conorm(conorm: int, a: float, b: float) -> float:  # noqa: PLR0911
     if conorm == 4:
         return (a + b) / (1.0 + a * b)
     if conorm == 5:
-        rest = (1.0 - a) + a * (1.0 - b)  # 1 - a b, without the difference of numbers near 1
+        rest = (1.0 - a) + a * (1.0 - b)  # 1 - a b, without cancellation near a = b = 1
         return (a * (1.0 - b) + b * (1.0 - a)) / rest if rest > 0.0 else 1.0
     if conorm == 6:
         return max(a, b) if a + b < 1.0 else 1.0
@@ -82,12 +87,14 @@ HEDGE_CODES: dict[str, int] = {
     "extremely": 4,
     "seldom": 5,
 }
-"""Hedges, by name; all but "not" are monotone. fuzzylite's definitions (after Zadeh 1972)."""
+"""Codes of the hedges. All but "not" are monotone.
+
+fuzzylite's definitions (after Zadeh 1972)."""
 
 
 @compiled
 def apply_hedge(hedge: int, a: float) -> float:
-    """Degree under a hedge."""
+    """Return the degree of membership modified by a hedge."""
     if hedge == 0:
         return 1.0 - a
     if hedge == 1:

@@ -1,4 +1,4 @@
-"""Many arrays in two, because each argument of a compiled function costs time at every call."""
+"""Many arrays packed into two: every argument of a compiled function costs time at each call."""
 
 from __future__ import annotations
 
@@ -10,41 +10,41 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.unsafe_views import part
+from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 
-class Packed(NamedTuple):
-    """Arrays of numbers and of integers, one after the other."""
+class PackedArrays(NamedTuple):
+    """Arrays of floats and arrays of integers, each kind concatenated."""
 
-    numbers: Float[Array, " numbers"]
+    floats: Float[Array, " floats"]
     integers: Int[Array, " integers"]
-    """Begins with where each array begins and ends, in the order in which they were packed."""
+    """Starts with the begin and end of every array, in the order of packing."""
 
 
-def pack(arrays: Sequence[Array]) -> Packed:
-    """One-dimensional arrays, each of integers or of numbers, as one value."""
+def pack(arrays: Sequence[Array]) -> PackedArrays:
+    """Pack one-dimensional arrays of integers and of floats."""
     header: list[int] = []
-    numbers: list[Array] = []
+    floats: list[Array] = []
     integers: list[Array] = []
-    ends = {True: 2 * len(arrays), False: 0}  # by whether an array is of integers
+    ends = {True: 2 * len(arrays), False: 0}  # key: whether the array holds integers
     for array in arrays:
         whole = bool(np.issubdtype(array.dtype, np.integer))
-        (integers if whole else numbers).append(array)
+        (integers if whole else floats).append(array)
         header += [ends[whole], ends[whole] + len(array)]
         ends[whole] += len(array)
-    return Packed(
-        np.concatenate([*numbers, np.empty(0)]),
+    return PackedArrays(
+        np.concatenate([*floats, np.empty(0)]),
         np.concatenate([np.array(header, dtype=np.int64), *integers]).astype(np.int64),
     )
 
 
 @compiled
-def numbers_of(packed: Packed, k: int) -> Float[Array, " numbers"]:
-    """Array ``k``, which holds numbers."""
-    return part(packed.numbers, packed.integers[2 * k], packed.integers[2 * k + 1])
+def floats_of(packed: PackedArrays, k: int) -> Float[Array, " floats"]:
+    """Return array ``k``, which holds floats."""
+    return unsafe_slice(packed.floats, packed.integers[2 * k], packed.integers[2 * k + 1])
 
 
 @compiled
-def integers_of(packed: Packed, k: int) -> Int[Array, " integers"]:
-    """Array ``k``, which holds integers."""
-    return part(packed.integers, packed.integers[2 * k], packed.integers[2 * k + 1])
+def integers_of(packed: PackedArrays, k: int) -> Int[Array, " integers"]:
+    """Return array ``k``, which holds integers."""
+    return unsafe_slice(packed.integers, packed.integers[2 * k], packed.integers[2 * k + 1])

@@ -1,4 +1,4 @@
-"""Type reduction: the interval of centroids that a type-2 conclusion stands for."""
+"""Type reduction: the interval of the centroids of an interval type-2 set (Mendel 2017)."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, compiled_sums
-from omnidrive.fuzzy.unsafe_views import part
+from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 KM, EKM, EIASC, IASC, NIE_TAN = range(5)  # the order of system.ALGORITHMS
 
 
 @compiled_sums
 def moments(
-    at: Float[Array, " points"], weights: Float[Array, " points"], begin: int, end: int
+    points: Float[Array, " points"], weights: Float[Array, " points"], begin: int, end: int
 ) -> tuple[float, float]:
-    """Sum of the weights, and of weight times point, of the points from ``begin`` up to ``end``."""
-    area, moment, x, w = 0.0, 0.0, part(at, begin, end), part(weights, begin, end)
+    """Return sum(w) and sum(w x) over the points from ``begin`` up to ``end``."""
+    area, moment, x, w = (
+        0.0,
+        0.0,
+        unsafe_slice(points, begin, end),
+        unsafe_slice(weights, begin, end),
+    )
     for i in range(len(x)):
         area += w[i]
         moment += w[i] * x[i]
@@ -25,95 +30,121 @@ def moments(
 
 
 @compiled
-def reduced(
+def type_reduce(
     algorithm: int,
-    at: Float[Array, " points"],
+    points: Float[Array, " points"],
     lower: Float[Array, " points"],
     upper: Float[Array, " points"],
 ) -> tuple[float, float]:
-    """Least and greatest ``sum(w x) / sum(w)`` over all weights lower <= w <= upper.
+    """Return the least and the greatest ``sum(w x) / sum(w)`` over all weights lower <= w <= upper.
 
     Args:
         algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`. All but Nie-Tan find the
-            same two numbers, in different numbers of steps; Nie-Tan gives one number between them.
-        at: The points x, in ascending order.
+            same two numbers in different numbers of steps; Nie-Tan gives one number between them.
+        points: The points x, in ascending order.
         lower: Least weight of each point, not negative.
-        upper: Greatest weight of each point; if all are zero, so there is no mean, it is nan.
+        upper: Greatest weight of each point; if all are zero, the result is nan.
     """
-    mean = middle(at, lower, upper)
-    if algorithm == KM and not np.isnan(mean):  # both begin at one point, with the same four sums
-        count = _left_of(at, mean, _place(at, mean))
-        (a, am), (b, bm) = moments(at, lower, 0, count), moments(at, lower, count, len(at))
-        (c, cm), (d, dm) = moments(at, upper, 0, count), moments(at, upper, count, len(at))
+    mean = nie_tan(points, lower, upper)
+    if algorithm == KM and not np.isnan(mean):  # both ends share the start and its four sums
+        count = _left_count(points, mean, _guess_left_count(points, mean))
+        (a, am), (b, bm) = (
+            moments(points, lower, 0, count),
+            moments(points, lower, count, len(points)),
+        )
+        (c, cm), (d, dm) = (
+            moments(points, upper, 0, count),
+            moments(points, upper, count, len(points)),
+        )
         return (
-            _switched(at, upper, lower, count, c + b, cm + bm, 1),
-            _switched(at, lower, upper, count, a + d, am + dm, -1),
+            _karnik_mendel(points, upper, lower, count, c + b, cm + bm, 1),
+            _karnik_mendel(points, lower, upper, count, a + d, am + dm, -1),
         )
     return (
-        least_from(mean, algorithm, at, lower, upper),
-        greatest_from(mean, algorithm, at, lower, upper),
+        left_end(mean, algorithm, points, lower, upper),
+        right_end(mean, algorithm, points, lower, upper),
     )
 
 
 @compiled
-def middle(
-    at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
+def nie_tan(
+    points: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
 ) -> float:
-    """Mean under the middles of the weights (Nie & Tan 2008); where Karnik & Mendel begin."""
-    area, moment = _both(at, lower, upper)
+    """Return the mean under the midpoints of the weights (Nie & Tan 2008), where KM starts."""
+    area, moment = _sum_moments(points, lower, upper)
     return moment / area if area > 0.0 else np.nan
 
 
 @compiled_sums
-def _both(
-    at: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
+def _sum_moments(
+    points: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
 ) -> tuple[float, float]:
-    """As :func:`moments`, of the sums of two kinds of weights."""
+    """Return sum(w) and sum(w x) for w = lower + upper."""
     area, moment = 0.0, 0.0
-    for i in range(len(at)):
+    for i in range(len(points)):
         weight = lower[i] + upper[i]
         area += weight
-        moment += weight * at[i]
+        moment += weight * points[i]
     return area, moment
 
 
 @compiled
-def least_from(
+def left_end(
     mean: float,
     algorithm: int,
-    at: Float[Array, " points"],
+    points: Float[Array, " points"],
     lower: Float[Array, " points"],
     upper: Float[Array, " points"],
 ) -> float:
-    """The least of :func:`reduced`, given :func:`middle`: upper weights left of it, lower right."""
+    """Return the least mean: upper weights left of it, lower weights right of it.
+
+    Args:
+        mean: Result of :func:`nie_tan`.
+        algorithm: As for :func:`type_reduce`; likewise the others.
+        points: The points.
+        lower: Least weight of each point.
+        upper: Greatest weight of each point.
+    """
     if algorithm == NIE_TAN or np.isnan(mean):
         return mean
     if algorithm in (EIASC, IASC):
-        return _scanned(at, upper, lower)
-    count = round(len(at) / 2.4) if algorithm == EKM else _left_of(at, mean, _place(at, mean))
-    return _switched(at, upper, lower, count, *_sums(at, upper, lower, count), 1)
+        return _scan_from_left(points, upper, lower)
+    count = (
+        round(len(points) / 2.4)
+        if algorithm == EKM
+        else _left_count(points, mean, _guess_left_count(points, mean))
+    )
+    return _karnik_mendel(
+        points, upper, lower, count, *_switched_moments(points, upper, lower, count), 1
+    )
 
 
 @compiled
-def greatest_from(
+def right_end(
     mean: float,
     algorithm: int,
-    at: Float[Array, " points"],
+    points: Float[Array, " points"],
     lower: Float[Array, " points"],
     upper: Float[Array, " points"],
 ) -> float:
-    """The greatest of :func:`reduced`: lower weights left of it, upper ones right of it."""
+    """Return the greatest mean: lower weights left of it, upper weights right of it."""
     if algorithm == NIE_TAN or np.isnan(mean):
         return mean
-    if algorithm in (EIASC, IASC):  # from the left, IASC would subtract down to nothing
-        return _scanned_back(at, lower, upper)
-    count = round(len(at) / 1.7) if algorithm == EKM else _left_of(at, mean, _place(at, mean))
-    return _switched(at, lower, upper, count, *_sums(at, lower, upper, count), -1)
+    if algorithm in (EIASC, IASC):  # from the left, the sum of IASC would cancel
+        return _scan_from_right(points, lower, upper)
+    count = (
+        round(len(points) / 1.7)
+        if algorithm == EKM
+        else _left_count(points, mean, _guess_left_count(points, mean))
+    )
+    return _karnik_mendel(
+        points, lower, upper, count, *_switched_moments(points, lower, upper, count), -1
+    )
 
 
 @compiled
-def _switched(  # noqa: PLR0917
-    at: Float[Array, " points"],
+def _karnik_mendel(  # noqa: PLR0917
+    points: Float[Array, " points"],
     before: Float[Array, " points"],
     after: Float[Array, " points"],
     count: int,
@@ -121,108 +152,112 @@ def _switched(  # noqa: PLR0917
     moment: float,
     inward: int,
 ) -> float:
-    """Fixed point of the mean with one kind of weights left of it and the other right of it.
+    """Return the fixed point of the mean with one kind of weights on its left and one on its right.
 
-    Karnik & Mendel 2001, "Centroid of a type-2 fuzzy set": from any guess it is reached in a few
-    passes, monotonically after the first (Mendel & Liu 2007). Theirs is the mean under the middles
-    of the weights; EKM's is a fixed part of the points (Wu & Mendel 2009).
+    Karnik & Mendel 2001, "Centroid of a type-2 fuzzy set". The iteration converges in a few passes
+    from any guess, monotonically after the first (Mendel & Liu 2007). KM starts at the Nie-Tan
+    mean, EKM at a fixed fraction of the points (Wu & Mendel 2009).
 
     Args:
-        at: The points.
+        points: The points.
         before: Weights left of the mean.
-        after: Weights right of it.
-        count: How many points lie left of it, at first.
-        area: Sum of the weights if so.
-        moment: Sum of weight times point if so.
-        inward: From the end that is sought to the other: 1 for the least mean, -1 for the greatest.
+        after: Weights right of the mean.
+        count: Initial number of points left of the mean.
+        area: Sum of the weights for this number.
+        moment: Sum of weight times point for this number.
+        inward: Direction from the end in question to the other: 1 for the least mean, -1 for the
+            greatest.
     """
-    last, exact = len(at), area
-    mean: float = at[min(count, last - 1)]
+    last, exact = len(points), area
+    mean: float = points[min(count, last - 1)]
     for _ in range(last + 1):
-        lost = area <= 0.0  # beyond all that weighs anything: then every lower weight is zero
+        weightless = area <= 0.0  # only if all lower weights are zero
         while area <= 0.0 and 0 <= count + inward <= last:
             k = count if inward > 0 else count - 1
             area = inward * (before[k] - after[k])
-            moment, count = area * at[k], count + inward
+            moment, count = area * points[k], count + inward
         if area <= 0.0:
             break
         mean, begin = moment / area, count
-        if lost:
+        if weightless:
             break
-        while count < last and at[count] < mean:
+        while count < last and points[count] < mean:
             change = before[count] - after[count]
-            area, moment, count = area + change, moment + change * at[count], count + 1
-        while count > 0 and at[count - 1] >= mean:
+            area, moment, count = area + change, moment + change * points[count], count + 1
+        while count > 0 and points[count - 1] >= mean:
             count -= 1
             change = after[count] - before[count]
-            area, moment = area + change, moment + change * at[count]
+            area, moment = area + change, moment + change * points[count]
         if count == begin:
             break
-        if area < 0.5 * exact:  # free of the rounding of what was taken away
-            area, moment = _sums(at, before, after, count)
+        if area < 0.5 * exact:  # sum anew, without cancellation
+            area, moment = _switched_moments(points, before, after, count)
             exact = area
     return mean
 
 
 @compiled
-def _place(at: Float[Array, " points"], mean: float) -> int:
-    """About how many points lie left of ``mean``, which lies among them: if they are even."""
-    width = at[-1] - at[0]
-    return int((mean - at[0]) / width * len(at)) if width > 0.0 else 0
+def _guess_left_count(points: Float[Array, " points"], mean: float) -> int:
+    """Return about how many points lie left of ``mean``, as if they were evenly spaced."""
+    width = points[-1] - points[0]
+    return int((mean - points[0]) / width * len(points)) if width > 0.0 else 0
 
 
 @compiled
-def _left_of(at: Float[Array, " points"], mean: float, guess: int) -> int:
-    """How many points lie left of ``mean``, sought from ``guess`` on."""
-    count = min(max(guess, 0), len(at))
-    while count < len(at) and at[count] < mean:
+def _left_count(points: Float[Array, " points"], mean: float, guess: int) -> int:
+    """Return how many points lie left of ``mean``, by a search from ``guess``."""
+    count = min(max(guess, 0), len(points))
+    while count < len(points) and points[count] < mean:
         count += 1
-    while count > 0 and at[count - 1] >= mean:
+    while count > 0 and points[count - 1] >= mean:
         count -= 1
     return count
 
 
 @compiled
-def _sums(
-    at: Float[Array, " points"],
+def _switched_moments(
+    points: Float[Array, " points"],
     before: Float[Array, " points"],
     after: Float[Array, " points"],
     count: int,
 ) -> tuple[float, float]:
-    """Sum of the weights and of weight times point, ``before`` for the first ``count`` points."""
-    a, am = moments(at, before, 0, count)
-    b, bm = moments(at, after, count, len(at))
+    """Return sum(w) and sum(w x), w = ``before`` for the first ``count`` points, else ``after``."""
+    a, am = moments(points, before, 0, count)
+    b, bm = moments(points, after, count, len(points))
     return a + b, am + bm
 
 
 @compiled
-def _scanned(
-    at: Float[Array, " points"], before: Float[Array, " points"], after: Float[Array, " points"]
+def _scan_from_left(
+    points: Float[Array, " points"], before: Float[Array, " points"], after: Float[Array, " points"]
 ) -> float:
-    """As :func:`_switched`, by moving the switch from the left end as long as the mean follows.
+    """Return the mean of :func:`_karnik_mendel` by a scan of the switch point from the left end.
 
     The least mean of IASC (Duran, Bernal & Melgarejo 2008) and of EIASC (Wu & Nie 2011).
     """
-    area, moment = _sums(at, before, after, 0)
+    area, moment = _switched_moments(points, before, after, 0)
     count = 0
-    while count < len(at) and not (area > 0.0 and at[count] * area >= moment):
+    while count < len(points) and not (area > 0.0 and points[count] * area >= moment):
         area += before[count] - after[count]
-        moment += (before[count] - after[count]) * at[count]
+        moment += (before[count] - after[count]) * points[count]
         count += 1
-    area, moment = _sums(at, before, after, count)  # free of the rounding above
-    return moment / area if area > 0.0 else at[min(count, len(at) - 1)]
+    area, moment = _switched_moments(points, before, after, count)  # sum anew, without cancellation
+    return moment / area if area > 0.0 else points[min(count, len(points) - 1)]
 
 
 @compiled
-def _scanned_back(
-    at: Float[Array, " points"], before: Float[Array, " points"], after: Float[Array, " points"]
+def _scan_from_right(
+    points: Float[Array, " points"], before: Float[Array, " points"], after: Float[Array, " points"]
 ) -> float:
-    """As :func:`_scanned`, from the right end: the greatest mean of EIASC (Wu & Nie 2011)."""
-    area, moment = _sums(at, before, after, len(at))
-    count = len(at)
-    while count > 0 and not (area > 0.0 and at[count - 1] * area <= moment):
+    """Return the mean of :func:`_karnik_mendel` by a scan of the switch point from the right end.
+
+    The greatest mean of EIASC (Wu & Nie 2011).
+    """
+    area, moment = _switched_moments(points, before, after, len(points))
+    count = len(points)
+    while count > 0 and not (area > 0.0 and points[count - 1] * area <= moment):
         count -= 1
         area += after[count] - before[count]
-        moment += (after[count] - before[count]) * at[count]
-    area, moment = _sums(at, before, after, count)  # free of the rounding above
-    return moment / area if area > 0.0 else at[max(count - 1, 0)]
+        moment += (after[count] - before[count]) * points[count]
+    area, moment = _switched_moments(points, before, after, count)  # sum anew, without cancellation
+    return moment / area if area > 0.0 else points[max(count - 1, 0)]

@@ -1,4 +1,4 @@
-"""Rules of fuzzy systems: conditions, and what follows from them."""
+"""Rules of fuzzy systems: antecedents, consequents and weights."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.checks import as_floats, check_choice
+from omnidrive.fuzzy.checks import check_choice, convert_to_floats
 
 Hedge = Literal["not", "any", "very", "somewhat", "extremely", "seldom"]
 HEDGES: tuple[Hedge, ...] = ("not", "any", "very", "somewhat", "extremely", "seldom")
@@ -16,13 +16,13 @@ MAX_DEPTH, MAX_HEDGES = 50, 10
 
 @dataclass(frozen=True, slots=True)
 class Is:
-    """``variable is [hedges] set``; hedges apply from the right, as in "not very cold".
+    """The proposition ``variable is [hedges] set``; hedges apply from the right: "not very cold".
 
     Attributes:
-        variable: Its name.
-        set: Its name; empty after the hedge "any", which takes no set: ``Is("x", "", ("any",))``
-            always holds.
-        hedges: Left to right; "any" only last.
+        variable: Name of the variable.
+        set: Name of the set; empty after the hedge "any", which takes no set:
+            ``Is("x", "", ("any",))`` is always true.
+        hedges: From left to right; "any" must be the last one.
     """
 
     variable: str
@@ -37,20 +37,20 @@ class Is:
         if "any" in self.hedges[:-1] or (self.hedges[-1:] == ("any",)) != (not self.set):
             raise InvalidInput(
                 f"{self.variable!r} is {' '.join((*self.hedges, repr(self.set)))}: a set is "
-                "needed, but none after the hedge 'any', which stands last"
+                "required, except after the hedge 'any', which must be the last one"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """All of several conditions, joined by the system's t-norm."""
+    """Conjunction of antecedents by the system's t-norm."""
 
     parts: tuple[Antecedent, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Any of several conditions, joined by the system's t-conorm."""
+    """Disjunction of antecedents by the system's t-conorm."""
 
     parts: tuple[Antecedent, ...]
 
@@ -63,9 +63,9 @@ class Rule:
     """``if antecedent then consequents``.
 
     Attributes:
-        antecedent: When it fires.
-        consequents: One :class:`Is` for each output that it speaks of; the only hedge is "not".
-        weight: Factor of its strength, 0 to 1.
+        antecedent: A proposition, or a conjunction or disjunction of antecedents.
+        consequents: One :class:`Is` per output; the only possible hedge is "not".
+        weight: Factor of the firing strength, 0 to 1.
     """
 
     antecedent: Antecedent
@@ -73,18 +73,18 @@ class Rule:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
-        as_floats(self, "weight")
+        convert_to_floats(self, "weight")
         if not 0.0 <= self.weight <= 1.0:
             raise InvalidInput(f"the weight of a rule must lie in [0, 1], got {self.weight:g}")
         if not self.consequents:
-            raise InvalidInput("a rule needs a conclusion")
+            raise InvalidInput("a rule needs a consequent")
 
 
 def propositions(antecedent: Antecedent) -> Iterator[Is]:
-    """Every ``variable is set`` in a condition, left to right.
+    """Yield every proposition of an antecedent from left to right.
 
     Raises:
-        InvalidInput: The condition is nested too deeply, or a part of it is empty.
+        InvalidInput: The antecedent is nested too deeply, or a part of it is empty.
     """
     pending: list[tuple[Antecedent, int]] = [(antecedent, 0)]
     while pending:
@@ -93,7 +93,7 @@ def propositions(antecedent: Antecedent) -> Iterator[Is]:
             yield each
             continue
         if depth >= MAX_DEPTH:
-            raise InvalidInput(f"a condition is nested more than {MAX_DEPTH} deep")
+            raise InvalidInput(f"an antecedent is nested more than {MAX_DEPTH} deep")
         if not each.parts:
-            raise InvalidInput("a condition joins nothing")
+            raise InvalidInput("a conjunction or disjunction in an antecedent has no parts")
         pending += [(part, depth + 1) for part in reversed(each.parts)]

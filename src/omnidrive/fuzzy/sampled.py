@@ -1,4 +1,4 @@
-"""Conclusions on samples, as Matlab draws them, and their defuzzification."""
+"""Aggregated outputs on samples, as Matlab computes them, and their defuzzification."""
 
 from __future__ import annotations
 
@@ -9,102 +9,114 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.consequents import Consequents, Shape
+from omnidrive.fuzzy.consequents import Consequent, Consequents
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, t_conorm
 from omnidrive.fuzzy.reduction import moments
-from omnidrive.fuzzy.sets import WHOLE, ZSlice
+from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.unsafe_views import part
+from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 MIN, MAX = IMPLICATIONS["min"], AGGREGATIONS["max"]
-CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(9)  # the order of system.DEFUZZIFIERS
+CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(
+    9
+)  # the order of variables.DEFUZZIFIERS
 
 
 class Samples(NamedTuple):
-    """Membership of every sample of an output in each of its shapes, flat."""
+    """Degrees of membership of the samples of every output in its consequents, as flat arrays."""
 
     at: Float[Array, " samples_of_outputs"]
-    """The samples of each output, from its low to its high."""
+    """Samples of each output, from its low to its high."""
     degrees: Float[Array, " bounds_of_samples"]
-    """Lower functions of all shapes, then the upper ones."""
+    """Lower degrees of all consequents, then the upper ones."""
 
 
 def samples_of(
-    system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...], count: int, plane: ZSlice = WHOLE
+    system: FuzzySystem,
+    consequents: tuple[tuple[Consequent, ...], ...],
+    count: int,
+    z_slice: ZSlice = FULL_FOOTPRINT,
 ) -> Samples:
-    """``count`` samples of each output of a system."""
-    at = [_even(output.low, output.high, count) for output in system.outputs]
+    """Return ``count`` samples of each output and their degrees of membership."""
+    at = [_symmetric_samples(output.low, output.high, count) for output in system.outputs]
     pairs = [
-        shape.membership_bounds(at[o], plane)
+        consequent.membership_bounds(at[o], z_slice)
         for o in range(len(system.outputs))
-        for shape in shapes[o]
+        for consequent in consequents[o]
     ]
     return Samples(np.concatenate(at), np.array(pairs).transpose(1, 0, 2).ravel())
 
 
-def _even(low: float, high: float, count: int) -> Float[Array, " samples"]:
-    """Even samples, as far from the middle on either side to the last digit.
+def _symmetric_samples(low: float, high: float, count: int) -> Float[Array, " samples"]:
+    """Return evenly spaced samples, symmetric about the middle to the last digit.
 
-    So a symmetric system is odd even where a set begins with a step at the middle.
+    A symmetric system then has odd outputs even if a set begins with a step at the middle.
     """
-    part = np.arange(1 - count, count, 2) / (count - 1)
-    at: Array = 0.5 * (low + high) + 0.5 * (high - low) * part
+    fraction = np.arange(1 - count, count, 2) / (count - 1)
+    at: Array = 0.5 * (low + high) + 0.5 * (high - low) * fraction
     at[0], at[-1] = low, high
     return at
 
 
 @compiled
-def joined_by_max(
-    heights: Float[Array, " shapes"],
-    degrees: Float[Array, " shapes_of_samples"],
-    cuts: bool,
-    joined: Float[Array, " samples"],
+def aggregate_max(
+    heights: Float[Array, " consequents"],
+    degrees: Float[Array, " consequents_of_samples"],
+    clips: bool,
+    aggregated: Float[Array, " samples"],
 ) -> None:
-    """Fill in the greatest of the cut (or scaled) shapes."""
-    joined[:] = 0.0
+    """Fill in the maximum of the clipped (or scaled) consequents."""
+    aggregated[:] = 0.0
     for k in range(len(heights)):
-        height, shape = heights[k], part(degrees, k * len(joined), (k + 1) * len(joined))
+        height, consequent = (
+            heights[k],
+            unsafe_slice(degrees, k * len(aggregated), (k + 1) * len(aggregated)),
+        )
         if height > 0.0:
-            if cuts:
-                for i in range(len(joined)):
-                    joined[i] = max(joined[i], min(height, shape[i]))
+            if clips:
+                for i in range(len(aggregated)):
+                    aggregated[i] = max(aggregated[i], min(height, consequent[i]))
             else:
-                for i in range(len(joined)):
-                    joined[i] = max(joined[i], height * shape[i])
+                for i in range(len(aggregated)):
+                    aggregated[i] = max(aggregated[i], height * consequent[i])
 
 
 @compiled
-def joined_by_rule(
+def aggregate_rules(
     c: Consequents,
     output: int,
     strengths: Float[Array, " rules"],
-    degrees: Float[Array, " shapes_of_samples"],
-    joined: Float[Array, " samples"],
+    degrees: Float[Array, " consequents_of_samples"],
+    aggregated: Float[Array, " samples"],
 ) -> None:
-    """As :func:`joined_by_max`, by another aggregation, to which every rule adds its conclusion."""
-    outputs, aggregation, cuts = (
+    """Fill in the aggregation of the clipped (or scaled) consequents of all rules.
+
+    For operators other than max, where each rule counts, also if two share a consequent.
+    """
+    outputs, aggregation, clips = (
         len(c.aggregations),
         c.aggregations[output],
         c.implication[0] == MIN,
     )
-    joined[:] = 0.0
+    aggregated[:] = 0.0
     for r in range(len(strengths)):
-        k, strength = c.shapes[r * outputs + output], strengths[r]
+        k, strength = c.indices[r * outputs + output], strengths[r]
         if k >= 0 and strength > 0.0:
-            shape = part(degrees, k * len(joined), (k + 1) * len(joined))
-            for i in range(len(joined)):
-                each = min(strength, shape[i]) if cuts else strength * shape[i]
-                joined[i] = t_conorm(aggregation, joined[i], each)
+            consequent = unsafe_slice(degrees, k * len(aggregated), (k + 1) * len(aggregated))
+            for i in range(len(aggregated)):
+                each = min(strength, consequent[i]) if clips else strength * consequent[i]
+                aggregated[i] = t_conorm(aggregation, aggregated[i], each)
 
 
 @compiled
-def sampled_value(
+def defuzzify_samples(
     defuzzifier: int, at: Float[Array, " samples"], degrees: Float[Array, " samples"]
 ) -> float:
-    """One number for a conclusion on samples, by Matlab's rules (its ``defuzz``); nan for none.
+    """Return the defuzzified value of samples by the rules of Matlab's ``defuzz``.
 
     The centroid is ``sum(degree x)/sum(degree)``; the bisector is the first sample at which half
-    of the sum is reached; maxima are the samples of the greatest degree.
+    of the sum is reached; maxima are the samples of the greatest degree. The value is nan if all
+    degrees are 0.
     """
     if defuzzifier == CENTROID:
         area, moment = moments(at, degrees, 0, len(at))
@@ -118,12 +130,12 @@ def sampled_value(
             running += degrees[i]
             if running >= half:
                 return float(at[i])
-    return of_maxima(defuzzifier, at[degrees == top])
+    return select_maximum(defuzzifier, at[degrees == top])
 
 
 @compiled
-def of_maxima(defuzzifier: int, maxima: Float[Array, " maxima"]) -> float:
-    """One of the points, in ascending order, at which a conclusion is greatest; or their mean."""
+def select_maximum(defuzzifier: int, maxima: Float[Array, " maxima"]) -> float:
+    """Return the maximum that the defuzzifier selects from ascending maxima, or their mean."""
     if defuzzifier == MOM:
         return float(maxima.mean())
     if defuzzifier == LM:

@@ -1,4 +1,4 @@
-"""Joined conclusions as polylines, exact, and what follows from them in closed form."""
+"""Exact aggregation and defuzzification of consequents that are made of straight segments."""
 
 from __future__ import annotations
 
@@ -10,69 +10,72 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.reduction import NIE_TAN
-from omnidrive.fuzzy.sampled import BISECTOR, CENTROID, MOM, of_maxima
-from omnidrive.fuzzy.segments import Lines
+from omnidrive.fuzzy.sampled import BISECTOR, CENTROID, MOM, select_maximum
+from omnidrive.fuzzy.segments import Segments
 
 
 @compiled
-def polyline(
-    s: Lines, output: int, cuts: bool, heights: Float[Array, " shapes"]
+def aggregate_segments(
+    s: Segments, output: int, clips: bool, heights: Float[Array, " consequents"]
 ) -> Float[Array, "4 pieces"]:
-    """The joined conclusions about one output: the greatest of the cut (or scaled) shapes.
+    """Aggregate the consequents of one output: the maximum of the clipped (or scaled) consequents.
 
-    Over one piece, with the lines from the highest to the lowest, a line shows above the ones
-    before it only if its shape is cut higher than all of theirs. So it may break only where a line
-    reaches the height of its own shape, or that of the last one before it. Scaled lines break
-    where the highest of them gives way to a steeper one.
+    Over one piece of the range, in the order from the highest segment to the lowest, a segment
+    rises above its predecessors only if it is clipped at a greater height than all of them. So the
+    maximum may have a corner only where a segment reaches its own height or that of the last
+    predecessor. The maximum of scaled segments has a corner where the highest one is overtaken by
+    a steeper one.
 
     Args:
-        s: Lines of the shapes.
-        output: Which output.
-        cuts: Whether shapes are cut; if not, they are scaled.
-        heights: Strength of each shape of the output.
+        s: Segments of the consequents.
+        output: Number of the output.
+        clips: Whether consequents are clipped; otherwise they are scaled.
+        heights: Firing strength of each consequent of the output.
 
     Returns:
-        Straight pieces, left to right: left end, right end, degree at the left, at the right.
+        Straight pieces from left to right: left end, right end, left degree, right degree.
     """
     begin, end = s.first_piece[output], s.first_piece[output + 1]
-    ends, first_line, shapes, degrees = s.ends, s.first_line, s.shapes, s.degrees
+    ends, first_segment, owners, degrees = s.ends, s.first_segment, s.owners, s.degrees
     most = len(heights)
-    lines = first_line[end] - first_line[begin]
-    found = np.empty((4, 2 * lines))
+    segments = first_segment[end] - first_segment[begin]
+    pieces = np.empty((4, 2 * segments))
     cap, p, q = np.empty(most), np.empty(most), np.empty(most)
     breaks = np.empty(2 * most)
     count = 0
     for piece in range(begin, end):
         shown, top = 0, 0.0
-        for k in range(first_line[piece], first_line[piece + 1]):
-            height = heights[shapes[k]]
-            if height <= 0.0 or (cuts and height <= top):
+        for k in range(first_segment[piece], first_segment[piece + 1]):
+            height = heights[owners[k]]
+            if height <= 0.0 or (clips and height <= top):
                 continue
-            scale = 1.0 if cuts else height
+            scale = 1.0 if clips else height
             cap[shown] = height
             p[shown], q[shown] = scale * degrees[2 * k], scale * degrees[2 * k + 1]
             shown, top = shown + 1, height
         if shown == 0:
             continue
         number = (
-            _cut_breaks(cap, p, q, shown, breaks) if cuts else _scaled_breaks(p, q, shown, breaks)
+            _clipped_breaks(cap, p, q, shown, breaks)
+            if clips
+            else _scaled_breaks(p, q, shown, breaks)
         )
         left, width = ends[2 * piece], ends[2 * piece + 1] - ends[2 * piece]
-        at, before = 0.0, _highest(cap, p, q, shown, 0.0)
+        at, before = 0.0, _envelope(cap, p, q, shown, 0.0)
         for k in range(number + 1):
             to = breaks[k] if k < number else 1.0
-            after = _highest(cap, p, q, shown, to)
-            found[0, count], found[1, count] = left + width * at, left + width * to
-            found[2, count], found[3, count] = before, after
+            after = _envelope(cap, p, q, shown, to)
+            pieces[0, count], pieces[1, count] = left + width * at, left + width * to
+            pieces[2, count], pieces[3, count] = before, after
             at, before, count = to, after, count + 1
-    return found[:, :count]
+    return pieces[:, :count]
 
 
 @compiled
-def _highest(
-    cap: Float[Array, " lines"],
-    p: Float[Array, " lines"],
-    q: Float[Array, " lines"],
+def _envelope(
+    cap: Float[Array, " segments"],
+    p: Float[Array, " segments"],
+    q: Float[Array, " segments"],
     shown: int,
     at: float,
 ) -> float:
@@ -83,32 +86,32 @@ def _highest(
 
 
 @compiled
-def _cut_breaks(
-    cap: Float[Array, " lines"],
-    p: Float[Array, " lines"],
-    q: Float[Array, " lines"],
+def _clipped_breaks(
+    cap: Float[Array, " segments"],
+    p: Float[Array, " segments"],
+    q: Float[Array, " segments"],
     shown: int,
     breaks: Float[Array, " breaks"],
 ) -> int:
-    """Where each line reaches its own height or the one before, ascending; returns how many."""
+    """Find the corners of the maximum of clipped segments, ascending; return their number."""
     number = 0
     for k in range(shown):
         if p[k] != q[k]:
             slope = q[k] - p[k]
-            number = _inserted(breaks, number, (cap[k] - p[k]) / slope)
+            number = _insert_sorted(breaks, number, (cap[k] - p[k]) / slope)
             if k > 0:
-                number = _inserted(breaks, number, (cap[k - 1] - p[k]) / slope)
+                number = _insert_sorted(breaks, number, (cap[k - 1] - p[k]) / slope)
     return number
 
 
 @compiled
 def _scaled_breaks(
-    p: Float[Array, " lines"],
-    q: Float[Array, " lines"],
+    p: Float[Array, " segments"],
+    q: Float[Array, " segments"],
     shown: int,
     breaks: Float[Array, " breaks"],
 ) -> int:
-    """Where the highest of the lines gives way to a steeper one, ascending; returns how many."""
+    """Find the corners of the maximum of scaled segments, ascending; return their number."""
     on = 0
     for k in range(1, shown):
         if p[k] > p[on] or (p[k] == p[on] and q[k] > q[on]):
@@ -131,8 +134,8 @@ def _scaled_breaks(
 
 
 @compiled
-def _inserted(breaks: Float[Array, " breaks"], number: int, at: float) -> int:
-    """Insert a part of the width, if it lies within, in ascending order."""
+def _insert_sorted(breaks: Float[Array, " breaks"], number: int, at: float) -> int:
+    """Insert a fraction of the width in ascending order, if it lies within; return the number."""
     if not 0.0 < at < 1.0:
         return number
     k = number
@@ -144,29 +147,32 @@ def _inserted(breaks: Float[Array, " breaks"], number: int, at: float) -> int:
 
 
 @compiled
-def exact_value(defuzzifier: int, line: Float[Array, "4 pieces"]) -> float:
-    """One number for a conclusion that is a polyline, in closed form."""
+def defuzzify_exact(defuzzifier: int, polyline: Float[Array, "4 pieces"]) -> float:
+    """Return the defuzzified value of a polyline, in closed form."""
     if defuzzifier == CENTROID:
-        area, moment = _left_part(line, np.inf)
-        return _within(line, moment / area if area > 0.0 else np.nan)
+        area, moment = _moments_left_of(polyline, np.inf)
+        return _clamp_to_support(polyline, moment / area if area > 0.0 else np.nan)
     if defuzzifier == BISECTOR:
-        return _bisector(line)
-    return _maximum(defuzzifier, line)
+        return _bisector(polyline)
+    return _exact_maximum(defuzzifier, polyline)
 
 
 @compiled
-def _within(line: Float[Array, "4 pieces"], mean: float) -> float:
-    """A mean, brought between the ends: denormal degrees leave too few figures of it."""
-    first, last = float(line[0, 0]), float(line[1, -1])
+def _clamp_to_support(polyline: Float[Array, "4 pieces"], mean: float) -> float:
+    """Return a mean clamped to the support; the middle of the support if the mean is not finite.
+
+    Denormal degrees have too few significant digits for an exact mean.
+    """
+    first, last = float(polyline[0, 0]), float(polyline[1, -1])
     return min(max(mean, first), last) if np.isfinite(mean) else 0.5 * (first + last)
 
 
 @compiled
-def _left_part(line: Float[Array, "4 pieces"], split: float) -> tuple[float, float]:
-    """Area and first moment about x = 0 of the part left of ``split``."""
+def _moments_left_of(polyline: Float[Array, "4 pieces"], split: float) -> tuple[float, float]:
+    """Return area and first moment about x = 0 of the part left of ``split``."""
     area, moment = 0.0, 0.0
-    for k in range(line.shape[1]):
-        x0, x1, y0, y1 = line[0, k], line[1, k], line[2, k], line[3, k]
+    for k in range(polyline.shape[1]):
+        x0, x1, y0, y1 = polyline[0, k], polyline[1, k], polyline[2, k], polyline[3, k]
         if split <= x0:
             break
         if split < x1:
@@ -178,11 +184,14 @@ def _left_part(line: Float[Array, "4 pieces"], split: float) -> tuple[float, flo
 
 
 @compiled
-def _right_part(line: Float[Array, "4 pieces"], split: float) -> tuple[float, float]:
-    """As :func:`_left_part`, right of ``split``: no difference of two areas that nearly agree."""
+def _moments_right_of(polyline: Float[Array, "4 pieces"], split: float) -> tuple[float, float]:
+    """Return area and first moment about x = 0 of the part right of ``split``.
+
+    The sum over the right part avoids the cancellation in a difference of two nearly equal areas.
+    """
     area, moment = 0.0, 0.0
-    for k in range(line.shape[1]):
-        x0, x1, y0, y1 = line[0, k], line[1, k], line[2, k], line[3, k]
+    for k in range(polyline.shape[1]):
+        x0, x1, y0, y1 = polyline[0, k], polyline[1, k], polyline[2, k], polyline[3, k]
         if split >= x1:
             continue
         if split > x0:
@@ -194,30 +203,30 @@ def _right_part(line: Float[Array, "4 pieces"], split: float) -> tuple[float, fl
 
 
 @compiled
-def _bisector(line: Float[Array, "4 pieces"]) -> float:
-    """Where half of the area lies to the left."""
-    missing = 0.5 * _left_part(line, np.inf)[0]
-    for k in range(line.shape[1]):
-        width, y0, y1 = line[1, k] - line[0, k], line[2, k], line[3, k]
+def _bisector(polyline: Float[Array, "4 pieces"]) -> float:
+    """Return the point with half of the area on either side."""
+    missing = 0.5 * _moments_left_of(polyline, np.inf)[0]
+    for k in range(polyline.shape[1]):
+        width, y0, y1 = polyline[1, k] - polyline[0, k], polyline[2, k], polyline[3, k]
         area = 0.5 * width * (y0 + y1)
         if area >= missing and area > 0.0:
             # y0 z + (y1 - y0) z^2/(2 width) = missing, by the root that is stable near y1 = y0
             root = sqrt(max(0.0, y0 * y0 + 2.0 * (y1 - y0) * missing / width))
-            return float(line[0, k] + 2.0 * missing / (y0 + root))
+            return float(polyline[0, k] + 2.0 * missing / (y0 + root))
         missing -= area
-    return float(line[1, -1])
+    return float(polyline[1, -1])
 
 
 @compiled
-def _maximum(defuzzifier: int, line: Float[Array, "4 pieces"]) -> float:
-    """A point of the highest part, or its mean: of its plateaus, if there are any."""
-    top = max(line[2].max(), line[3].max()) * (1.0 - 1e-12)
+def _exact_maximum(defuzzifier: int, polyline: Float[Array, "4 pieces"]) -> float:
+    """Return the point of the greatest degree that the defuzzifier selects."""
+    top = max(polyline[2].max(), polyline[3].max()) * (1.0 - 1e-12)
     length, moment = 0.0, 0.0
-    points = np.empty(3 * line.shape[1])
+    points = np.empty(3 * polyline.shape[1])
     count = 0
-    for k in range(line.shape[1]):
-        x0, x1 = line[0, k], line[1, k]
-        at_left, at_right = line[2, k] >= top, line[3, k] >= top
+    for k in range(polyline.shape[1]):
+        x0, x1 = polyline[0, k], polyline[1, k]
+        at_left, at_right = polyline[2, k] >= top, polyline[3, k] >= top
         if at_left and at_right:
             length += x1 - x0
             moment += 0.5 * (x1 - x0) * (x0 + x1)
@@ -231,42 +240,45 @@ def _maximum(defuzzifier: int, line: Float[Array, "4 pieces"]) -> float:
                 count += 1
     if defuzzifier == MOM and length > 0.0:
         return float(moment / length)
-    return of_maxima(defuzzifier, np.unique(points[:count]))
+    return select_maximum(defuzzifier, np.unique(points[:count]))
 
 
 @compiled
-def exact_interval(
+def centroid_interval(
     algorithm: int, lower: Float[Array, "4 pieces"], upper: Float[Array, "4 pieces"]
 ) -> tuple[float, float]:
-    """Least and greatest centroid of all functions between two polylines.
+    """Return the least and the greatest centroid of all functions between two polylines.
 
     Karnik and Mendel's fixed point in the continuum (Liu & Mendel 2011, "Connect Karnik-Mendel
-    algorithms to root-finding"), where it is Newton's method; the algorithms differ in how they
-    find it on samples, but not in what they find. Nie-Tan is the centroid of the mean function.
+    algorithms to root-finding"), where the iteration is Newton's method. The algorithms of type
+    reduction differ in the search on samples, not in the result. Nie-Tan is the centroid of the
+    mean of both functions.
 
     Args:
         algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
-        lower: Lower polyline, perhaps of no piece.
-        upper: Upper polyline, with an area.
+        lower: Lower polyline; may have no pieces.
+        upper: Upper polyline, with a positive area.
     """
-    low_area, low_moment = _left_part(lower, np.inf)
-    area, moment = _left_part(upper, np.inf)
-    middle = _within(upper, (moment + low_moment) / (area + low_area) if area > 0.0 else np.nan)
+    low_area, low_moment = _moments_left_of(lower, np.inf)
+    area, moment = _moments_left_of(upper, np.inf)
+    middle = _clamp_to_support(
+        upper, (moment + low_moment) / (area + low_area) if area > 0.0 else np.nan
+    )
     if algorithm == NIE_TAN:
         return middle, middle
     if low_area <= 0.0:
         return float(upper[0, 0]), float(upper[1, -1])
     least = greatest = middle
     for step in range(200):
-        (u, um), (w, wm) = _left_part(upper, least), _right_part(lower, least)
+        (u, um), (w, wm) = _moments_left_of(upper, least), _moments_right_of(lower, least)
         better = (um + wm) / (u + w)
         if step > 0 and better >= least:
             break
         least = better
     for step in range(200):
-        (u, um), (w, wm) = _right_part(upper, greatest), _left_part(lower, greatest)
+        (u, um), (w, wm) = _moments_right_of(upper, greatest), _moments_left_of(lower, greatest)
         better = (um + wm) / (u + w)
         if step > 0 and better <= greatest:
             break
         greatest = better
-    return _within(upper, least), _within(upper, greatest)
+    return _clamp_to_support(upper, least), _clamp_to_support(upper, greatest)

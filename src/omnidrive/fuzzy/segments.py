@@ -1,4 +1,4 @@
-"""Conclusions of which the functions are polylines, cut into straight lines."""
+"""Membership functions of consequents that are polylines, cut into straight segments."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.consequents import Shape
+from omnidrive.fuzzy.consequents import Consequent
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.sets import WHOLE, ZSlice
+from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, OutputVariable
 
-MAX_LINES = 1_000_000
-"""Most straight lines that the shapes of one output may be cut into."""
+MAX_SEGMENTS = 1_000_000
+"""Greatest number of segments over all outputs."""
 
 
-class Lines(NamedTuple):
-    """The membership functions of the shapes of every output, cut into straight lines; flat.
+class Segments(NamedTuple):
+    """Segments of the membership functions of the consequents of every output, as flat arrays.
 
-    The range of an output is divided where any of its shapes has a corner, and where two of them
-    cross. So over one piece every shape is one line, and the lines do not cross.
+    The range of an output is divided at every corner of a consequent and at every crossing of two.
+    Over one piece of the range, every consequent is one segment and the segments do not cross.
     """
 
-    first_piece: Int[Array, " shape_edges"]
-    """Where the pieces of each output begin."""
+    first_piece: Int[Array, " output_edges"]
+    """First piece of each output, then the number of all pieces."""
     ends: Float[Array, " piece_ends"]
     """Left and right end of each piece."""
-    first_line: Int[Array, " line_edges"]
-    """Where the lines over each piece begin; the highest line comes first."""
-    shapes: Int[Array, " lines"]
-    """To which shape each line belongs, counted within the output."""
-    degrees: Float[Array, " line_ends"]
-    """Of each line at the left and the right end of its piece."""
+    first_segment: Int[Array, " piece_edges"]
+    """First segment over each piece, highest first; then the number of all segments."""
+    owners: Int[Array, " segments"]
+    """Consequent of each segment, numbered within the output."""
+    degrees: Float[Array, " segment_ends"]
+    """Degree of each segment at the left and at the right end of its piece."""
 
 
-def why_not_exact(system: FuzzySystem) -> str | None:
-    """Why the conclusions of a system are not polylines; None if they are."""
+def reason_not_exact(system: FuzzySystem) -> str | None:
+    """Return why the aggregated outputs of a system are no polylines; None if they are."""
     for output in system.outputs:
         if output.aggregation != "max":
             return f"output {output.name!r} is aggregated by {output.aggregation}, not max"
@@ -52,39 +52,39 @@ def why_not_exact(system: FuzzySystem) -> str | None:
     return None
 
 
-def lines_of(
+def segments_of(
     system: FuzzySystem,
-    shapes: tuple[tuple[Shape, ...], ...],
-    plane: ZSlice = WHOLE,
+    consequents: tuple[tuple[Consequent, ...], ...],
+    z_slice: ZSlice = FULL_FOOTPRINT,
     *,
     of_lower: bool = False,
-) -> Lines:
-    """Upper (or lower) functions of the shapes of every output, which must be polylines.
+) -> Segments:
+    """Return the segments of the upper, or of the lower, functions of the consequents.
 
     Raises:
-        InvalidInput: There are too many lines.
+        InvalidInput: There are more than :data:`MAX_SEGMENTS`.
     """
-    first_piece, first_line = [0], [0]
+    first_piece, first_segment = [0], [0]
     ends: list[float] = []
     owners: list[int] = []
     degrees: list[float] = []
-    for output, own in zip(system.outputs, shapes, strict=True):
-        for piece, over in _pieces(output, own, plane, of_lower):
+    for output, own in zip(system.outputs, consequents, strict=True):
+        for piece, over in _pieces(output, own, z_slice, of_lower):
             ends += piece
-            for shape, left, right in over:
-                owners.append(shape)
+            for consequent, left, right in over:
+                owners.append(consequent)
                 degrees += [left, right]
-            first_line.append(len(owners))
-            if len(owners) > MAX_LINES:
+            first_segment.append(len(owners))
+            if len(owners) > MAX_SEGMENTS:
                 raise InvalidInput(
-                    f"the sets of {output.name!r} overlap too much for exact conclusions: "
-                    "ask for centroid matlab"
+                    f"the sets of {output.name!r} have too many crossings for an exact "
+                    "centroid; use centroid matlab"
                 )
         first_piece.append(len(ends) // 2)
-    return Lines(
+    return Segments(
         np.array(first_piece),
         np.array(ends, dtype=np.float64),
-        np.array(first_line),
+        np.array(first_segment),
         np.array(owners, dtype=np.int64),
         np.array(degrees, dtype=np.float64),
     )
@@ -94,24 +94,27 @@ _Piece = tuple[tuple[float, float], list[tuple[int, float, float]]]
 
 
 def _pieces(
-    output: OutputVariable, shapes: tuple[Shape, ...], plane: ZSlice, of_lower: bool
+    output: OutputVariable, consequents: tuple[Consequent, ...], z_slice: ZSlice, of_lower: bool
 ) -> list[_Piece]:
-    """Pieces of one output's range, with the lines over each: shape, left and right degree."""
+    """Return the pieces of one output's range and the segments over each, highest first.
 
-    def drawn(at: Float[Array, " points"]) -> Float[Array, "shapes points"]:
-        """The lower, or the upper, function of every shape at these places."""
-        pairs = [shape.membership_bounds(at, plane) for shape in shapes]
+    A segment is the number of a consequent and its degrees at the left and the right end.
+    """
+
+    def degrees_at(at: Float[Array, " points"]) -> Float[Array, "consequents points"]:
+        """Return the lower or the upper degree of every consequent at each point."""
+        pairs = [consequent.membership_bounds(at, z_slice) for consequent in consequents]
         return np.array([pair[0 if of_lower else 1] for pair in pairs]).reshape(-1, len(at))
 
-    corners = _divided(output, shapes)
-    left, right = _ends(drawn, corners[:-1], corners[1:])
+    corners = _corner_points(output, consequents)
+    left, right = _end_degrees(degrees_at, corners[:-1], corners[1:])
     crossings = [corners]
     for a, b, y0, y1 in zip(corners[:-1], corners[1:], left.T, right.T, strict=True):
         crossings.append(a + (b - a) * _crossings(y0, y1))
-        if sum(map(len, crossings)) > MAX_LINES:
-            break  # too many lines: refused by the caller
+        if sum(map(len, crossings)) > MAX_SEGMENTS:
+            break  # too many segments: the caller raises
     knots = np.unique(np.concatenate(crossings))
-    left, right = _ends(drawn, knots[:-1], knots[1:])
+    left, right = _end_degrees(degrees_at, knots[:-1], knots[1:])
     pieces: list[_Piece] = []
     for a, b, y0, y1 in zip(knots[:-1].tolist(), knots[1:].tolist(), left.T, right.T, strict=True):
         order = np.argsort(-(y0 + y1), kind="stable")
@@ -121,17 +124,21 @@ def _pieces(
     return pieces
 
 
-def _divided(output: OutputVariable, shapes: tuple[Shape, ...]) -> Float[Array, " corners"]:
-    """Where any function of any shape may have a corner, with the ends of the range."""
+def _corner_points(
+    output: OutputVariable, consequents: tuple[Consequent, ...]
+) -> Float[Array, " corners"]:
+    """Return every point at which a consequent may have a corner, and the ends of the range."""
     corners = [output.low, output.high]
-    for each in {shape.of.name: shape.of for shape in shapes}.values():
+    for each in {
+        consequent.definition.name: consequent.definition for consequent in consequents
+    }.values():
         assert isinstance(each, FuzzySet)
         upper, lower = each.upper, each.lower
         corners += [x for x, _ in upper.vertices]
         if isinstance(lower, Membership):
             corners += [x for x, _ in lower.vertices]
         if isinstance(lower, Footprint):
-            corners.append(upper.middle)
+            corners.append(upper.core_midpoint)
             for (x0, y0), (x1, y1) in zip(upper.vertices, upper.vertices[1:], strict=False):
                 corners += [
                     x0 + (x1 - x0) * (lag - y0) / (y1 - y0)
@@ -141,19 +148,24 @@ def _divided(output: OutputVariable, shapes: tuple[Shape, ...]) -> Float[Array, 
     return np.unique([x for x in corners if isfinite(x) and output.low <= x <= output.high])
 
 
-def _ends(
-    drawn: Callable[[Array], Array], left: Float[Array, " pieces"], right: Float[Array, " pieces"]
-) -> tuple[Float[Array, "shapes pieces"], Float[Array, "shapes pieces"]]:
-    """Degrees at both ends of each piece, from within it: a shape may jump at an end."""
-    near, far = drawn(0.75 * left + 0.25 * right), drawn(0.25 * left + 0.75 * right)
+def _end_degrees(
+    degrees_at: Callable[[Array], Array],
+    left: Float[Array, " pieces"],
+    right: Float[Array, " pieces"],
+) -> tuple[Float[Array, "consequents pieces"], Float[Array, "consequents pieces"]]:
+    """Return degrees at both ends of each piece, extrapolated from within the piece.
+
+    A function may jump at an end, so that its value there belongs to the neighbouring piece.
+    """
+    near, far = degrees_at(0.75 * left + 0.25 * right), degrees_at(0.25 * left + 0.75 * right)
     slope = far - near
     return np.clip(near - 0.5 * slope, 0.0, 1.0), np.clip(far + 0.5 * slope, 0.0, 1.0)
 
 
 def _crossings(
-    left: Float[Array, " shapes"], right: Float[Array, " shapes"]
+    left: Float[Array, " consequents"], right: Float[Array, " consequents"]
 ) -> Float[Array, " crossings"]:
-    """Where lines cross within a piece, as parts of its width."""
+    """Return where segments cross within a piece, as fractions of its width."""
     shown = (left > 0.0) | (right > 0.0)
     gap = np.subtract.outer(left[shown], left[shown])
     closing = gap - np.subtract.outer(right[shown], right[shown])

@@ -1,4 +1,4 @@
-"""Fuzzy sets as the kernels read them: from a value to its degree in each of many sets."""
+"""Fuzzy sets as flat arrays, and the degrees of membership of a value in many sets."""
 
 from __future__ import annotations
 
@@ -15,45 +15,46 @@ from omnidrive.fuzzy.membership import Curves, Membership, degree
 from omnidrive.fuzzy.variables import Footprint, FuzzySet
 
 
-class Sets(NamedTuple):
-    """The sets of some variables, flat."""
+class FlatSets(NamedTuple):
+    """Sets of several variables as flat arrays for the kernels."""
 
     first_set: Int[Array, " set_edges"]
-    """Where the sets of each variable begin, and the number of all."""
+    """First set of each variable, then the number of all sets."""
     kernels: Int[Array, " functions"]
     parameters: Float[Array, " parameters"]
     points: Float[Array, " coordinates"]
-    """:class:`Curves`: the upper function of each set, then those of lower functions."""
+    """:class:`Curves`: the upper function of each set, then the lower functions that are given."""
     lower: Int[Array, " sets"]
-    """From which function the lower one of each set follows."""
+    """Function from which the lower function of each set is derived."""
     footprints: Float[Array, " footprint_numbers"]
-    """How it follows: scale, left lag, right lag, middle; then the width of the plane, 0 to 1."""
+    """Five numbers per set: scale, left lag, right lag and core midpoint of the footprint, and the
+    relative width of the z-slice, 0 to 1."""
 
 
 class ZSlice(NamedTuple):
-    """One horizontal slice of the secondary functions of a type-3 system."""
+    """Horizontal slice of the secondary membership functions of a type-3 system (a zSlice)."""
 
     level: float
-    """Secondary membership at which it cuts, 0 to 1."""
+    """Secondary membership of the slice, 0 to 1."""
     of_lower: bool
-    """Whether it cuts the lower secondary functions, not the upper ones."""
+    """Whether the slice is one of the lower secondary functions, not of the upper ones."""
 
 
-WHOLE = ZSlice(0.0, of_lower=False)
-"""The whole footprint: all that a type-2 system knows."""
+FULL_FOOTPRINT = ZSlice(0.0, of_lower=False)
+"""The footprint of uncertainty itself, at secondary membership 0."""
 
 
-def width(each: FuzzySet, plane: ZSlice) -> float:
-    """Width of the plane of a set over the width of its footprint, 0 to 1.
+def slice_width(each: FuzzySet, z_slice: ZSlice) -> float:
+    """Return the width of a z-slice of a set, relative to the width of its footprint, 0 to 1.
 
-    The half width of a Gaussian with standard deviation s at level a is s sqrt(-2 ln a). Where the
-    lower function is scale max(0, (upper - lag)/(1 - lag)), it is at level a where the upper one
-    is at lag + (1 - lag) a/scale. A lower function that does not reach the level has width 0.
+    The half width of a Gaussian with standard deviation s at level a is s sqrt(-2 ln a). A lower
+    function scale max(0, (upper - lag)/(1 - lag)) has level a where the upper one has
+    lag + (1 - lag) a/scale. A lower function below the level has width 0.
     """
-    secondary, level = each.secondary, plane.level
+    secondary, level = each.secondary, z_slice.level
     if secondary is None or level <= 0.0:
         return 1.0
-    if plane.of_lower:
+    if z_slice.of_lower:
         if level > secondary.scale:
             return 0.0
         level = secondary.lag + (1.0 - secondary.lag) * level / secondary.scale
@@ -61,8 +62,10 @@ def width(each: FuzzySet, plane: ZSlice) -> float:
     return min(1.0, half / sqrt(3.0))
 
 
-def sets_of(variables: Sequence[Sequence[FuzzySet]], plane: ZSlice = WHOLE) -> Sets:
-    """Sets of each of some variables; one plane of them, if they are of type 3."""
+def flatten_sets(
+    variables: Sequence[Sequence[FuzzySet]], z_slice: ZSlice = FULL_FOOTPRINT
+) -> FlatSets:
+    """Return the sets of several variables as flat arrays; for type 3, one z-slice of them."""
     sets = [each for variable in variables for each in variable]
     functions = [each.upper for each in sets]
     lower, footprints = [], []
@@ -74,8 +77,13 @@ def sets_of(variables: Sequence[Sequence[FuzzySet]], plane: ZSlice = WHOLE) -> S
         elif each.lower is not None:
             footprint = each.lower
         lower.append(source)
-        footprints += [footprint.scale, *footprint.lags, each.upper.middle, width(each, plane)]
-    return Sets(
+        footprints += [
+            footprint.scale,
+            *footprint.lags,
+            each.upper.core_midpoint,
+            slice_width(each, z_slice),
+        ]
+    return FlatSets(
         np.cumsum([0, *map(len, variables)]),
         *Curves.of(functions),
         np.array(lower, dtype=np.int64),
@@ -84,15 +92,21 @@ def sets_of(variables: Sequence[Sequence[FuzzySet]], plane: ZSlice = WHOLE) -> S
 
 
 def membership_bounds(
-    sets: Sequence[FuzzySet], at: Float[Array, " points"], plane: ZSlice = WHOLE
+    sets: Sequence[FuzzySet], at: Float[Array, " points"], z_slice: ZSlice = FULL_FOOTPRINT
 ) -> tuple[Float[Array, "sets points"], Float[Array, "sets points"]]:
-    """Lower and upper degree of every point in every set; equal for sets of type 1."""
-    return _bounds(sets_of([sets], plane), at)
+    """Return the lower and the upper degree of every point in every set; equal for type-1 sets.
+
+    Args:
+        sets: The sets.
+        at: The points, in the unit of the variable.
+        z_slice: For type-3 sets, the slice whose bounds are returned.
+    """
+    return _membership_bounds(flatten_sets([sets], z_slice), at)
 
 
 @compiled
-def _bounds(
-    s: Sets, at: Float[Array, " points"]
+def _membership_bounds(
+    s: FlatSets, at: Float[Array, " points"]
 ) -> tuple[Float[Array, "sets points"], Float[Array, "sets points"]]:
     lower, upper = np.empty((len(s.lower), len(at))), np.empty((len(s.lower), len(at)))
     x, degrees = np.empty(1), np.empty((2, len(s.lower)))
@@ -105,9 +119,16 @@ def _bounds(
 
 @compiled
 def fuzzify(
-    s: Sets, x: Float[Array, " variables"], uncertain: bool, degrees: Float[Array, "2 degrees"]
+    s: FlatSets, x: Float[Array, " variables"], uncertain: bool, degrees: Float[Array, "2 degrees"]
 ) -> None:
-    """Fill in the lower and upper degree of every set; they are equal unless ``uncertain``."""
+    """Fill in the lower and the upper degree of every set.
+
+    Args:
+        s: The sets.
+        x: Value of each variable.
+        uncertain: Whether lower degrees are computed; otherwise they equal the upper ones.
+        degrees: Result.
+    """
     curves = Curves(s.kernels, s.parameters, s.points)
     first_set, lower, footprints = s.first_set, s.lower, s.footprints
     for i in range(len(x)):
@@ -122,8 +143,8 @@ def fuzzify(
                 if x[i] >= middle:
                     lag = right if x[i] > middle else min(lag, right)
                 low = footprints[5 * k] * max(0.0, (base - lag) / (1.0 - lag))
-                width = footprints[5 * k + 4]
-                if width < 1.0:
-                    centre, half = 0.5 * (low + high), 0.5 * width * (high - low)
+                slice_width = footprints[5 * k + 4]
+                if slice_width < 1.0:
+                    centre, half = 0.5 * (low + high), 0.5 * slice_width * (high - low)
                     low, high = centre - half, centre + half
             degrees[0, k], degrees[1, k] = low, high

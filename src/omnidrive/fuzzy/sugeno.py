@@ -1,4 +1,4 @@
-"""Sugeno conclusions: weighted means and sums of linear functions of the inputs."""
+"""Sugeno inference: weighted means and sums of linear functions of the inputs."""
 
 from __future__ import annotations
 
@@ -9,53 +9,56 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.fuzzy.consequents import Shape
-from omnidrive.fuzzy.reduction import reduced
+from omnidrive.fuzzy.consequents import Consequent
+from omnidrive.fuzzy.reduction import type_reduce
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import LinearFunction
 
 
-class Functions(NamedTuple):
-    """The linear functions that rules conclude, flat."""
+class FlatFunctions(NamedTuple):
+    """Linear functions of all consequents as a flat array."""
 
     coefficients: Float[Array, " coefficients"]
-    """Of each: one per input, then the constant."""
+    """Per function: one coefficient per input, then the constant."""
 
 
-def functions_of(system: FuzzySystem, shapes: tuple[tuple[Shape, ...], ...]) -> Functions:
-    """Linear functions of all outputs."""
+def flatten_functions(
+    system: FuzzySystem, consequents: tuple[tuple[Consequent, ...], ...]
+) -> FlatFunctions:
+    """Return the linear functions of all outputs as a flat array."""
     rows: list[float] = []
-    for own in shapes:
-        for shape in own:
-            assert isinstance(shape.of, LinearFunction)
-            rows += shape.of.coefficients or (0.0,) * len(system.inputs)
-            rows.append(shape.of.constant)
-    return Functions(np.array(rows))
+    for own in consequents:
+        for consequent in own:
+            assert isinstance(consequent.definition, LinearFunction)
+            rows += consequent.definition.coefficients or (0.0,) * len(system.inputs)
+            rows.append(consequent.definition.constant)
+    return FlatFunctions(np.array(rows))
 
 
 @compiled
 def sugeno_interval(  # noqa: PLR0917
-    s: Functions,
+    s: FlatFunctions,
     first: int,
-    summed: bool,
+    is_sum: bool,
     algorithm: int,
     x: Float[Array, " inputs"],
     lower: Float[Array, " functions"],
     upper: Float[Array, " functions"],
 ) -> tuple[float, float]:
-    """Least and greatest output; equal where ``lower`` and ``upper`` are.
+    """Return the least and the greatest value of an output; equal if ``lower`` equals ``upper``.
 
-    The mean (Takagi & Sugeno 1985) or the sum of the functions' values, weighted by the strengths
-    of their rules, which lie between two bounds in a system of type 2 (Liang & Mendel 1999).
+    The mean (Takagi & Sugeno 1985) or the sum of the values of the functions, weighted by the
+    firing strengths of their rules, which lie between two bounds in a type-2 system (Liang &
+    Mendel 1999).
 
     Args:
         s: The functions.
         first: First function of the output.
-        summed: Whether the output is a sum, not a mean.
+        is_sum: Whether the output is the sum instead of the mean.
         algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
         x: The inputs.
-        lower: Sum of the least strengths of the rules that conclude each function of the output.
-        upper: Sum of their greatest strengths; where all are zero, the output is nan.
+        lower: Sum of the lower firing strengths of the rules of each function of the output.
+        upper: Sum of the upper firing strengths; if all are zero, the result is nan.
     """
     if upper.sum() <= 0.0:
         return np.nan, np.nan
@@ -67,7 +70,7 @@ def sugeno_interval(  # noqa: PLR0917
         for i in range(len(x)):
             value += s.coefficients[row + i] * x[i]
         values[k] = value
-    if summed:
+    if is_sum:
         low, high = 0.0, 0.0
         for k in range(count):
             a, b = lower[k] * values[k], upper[k] * values[k]
@@ -75,4 +78,4 @@ def sugeno_interval(  # noqa: PLR0917
         return low, high
     order = np.argsort(values)
     at, low_weights, high_weights = values[order], lower[order], upper[order]
-    return reduced(algorithm, at, low_weights, high_weights)
+    return type_reduce(algorithm, at, low_weights, high_weights)

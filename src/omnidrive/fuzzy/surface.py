@@ -1,4 +1,4 @@
-"""A fuzzy system tabulated on a grid: faster still, with an error that is measured."""
+"""Lookup surface of a fuzzy system: multilinear interpolation with a measured error."""
 
 from __future__ import annotations
 
@@ -13,35 +13,36 @@ from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.inference import Inference
 
 MAX_NODES = 5_000_000
-"""Most grid nodes of a surface."""
+"""Greatest number of grid nodes of a surface."""
 
 
-class Error(NamedTuple):
-    """Greatest difference between a surface and the system behind it, as far as it was sought."""
+class Deviation(NamedTuple):
+    """Greatest difference found between a surface and its fuzzy system."""
 
     size: float
     """In the unit of the output."""
     output: str
+    """Name of the output."""
     at: tuple[float, ...]
-    """The inputs at which it was found."""
+    """The inputs at which the difference was found."""
 
 
 class LookupSurface:
-    """The outputs of a fuzzy system by multilinear interpolation between nodes of a grid.
+    """Outputs of a fuzzy system by multilinear interpolation between the nodes of a grid.
 
-    The error is measured when the surface is made: at the middle of every cell, where linear
-    interpolation of a smooth function errs most, and at random points beside.
+    The error is measured at construction: at the centre of every cell, where linear interpolation
+    of a smooth function has its greatest error, and at random points.
 
     Args:
-        inference: The system; inputs beyond their ranges are taken at the end of the range.
+        inference: The system; inputs beyond their ranges are clamped.
         nodes: Number of nodes along each input.
-        rng: Where the random points come from; None: the same ones every time.
+        rng: Generator of the random points; None: the same points every time.
 
     Attributes:
-        errors: Of each output, the greatest difference that was found.
+        errors: Greatest difference found for each output.
 
     Raises:
-        InvalidInput: There would be too many nodes, or fewer than two along an input.
+        InvalidInput: There are too many nodes, or fewer than two along an input.
     """
 
     def __init__(
@@ -69,16 +70,16 @@ class LookupSurface:
         self.errors = self._measured(points)
 
     def __call__(self, *inputs: float) -> Float[Array, " outputs"]:
-        """Value of every output, for one number per input.
+        """Return the value of every output for one number per input.
 
         Raises:
             InvalidInput: An input is missing or not finite.
         """
-        found: Array = self.batch(np.array([inputs], dtype=np.float64))[0]
-        return found
+        results: Array = self.batch(np.array([inputs], dtype=np.float64))[0]
+        return results
 
     def batch(self, rows: Float[Array, "rows inputs"]) -> Float[Array, "rows outputs"]:
-        """Value of every output, for each row of inputs.
+        """Return the value of every output for each row of inputs.
 
         Raises:
             InvalidInput: An input is missing or not finite.
@@ -88,23 +89,23 @@ class LookupSurface:
             raise InvalidInput(f"needs {len(self._low)} inputs, got shape {rows.shape}")
         if not np.isfinite(rows).all():
             raise InvalidInput("every input must be finite")
-        found: Array = interpolated(self._table, self._low, self._step, self._nodes, rows)
-        return found
+        results: Array = interpolate(self._table, self._low, self._step, self._nodes, rows)
+        return results
 
     def _grid(self, shift: Float[Array, " 1"], count: int) -> Float[Array, "points inputs"]:
-        """Points of a grid with the step of the surface, ``shift`` steps from the lower ends."""
+        """Return grid points ``shift`` steps from the lower ends, with the step of the surface."""
         axes = [
             a + h * (np.arange(count) + shift) for a, h in zip(self._low, self._step, strict=True)
         ]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        within: Array = np.minimum(points, self._high)  # rounding may pass the upper end
+        within: Array = np.minimum(points, self._high)  # rounding may exceed the upper end
         return within
 
-    def _measured(self, points: Float[Array, "points inputs"]) -> tuple[Error, ...]:
+    def _measured(self, points: Float[Array, "points inputs"]) -> tuple[Deviation, ...]:
         difference = np.abs(self.batch(points) - self.inference.batch(points)[0])
         worst = difference.argmax(axis=0)
         return tuple(
-            Error(float(difference[k, o]), output.name, tuple(points[k].tolist()))
+            Deviation(float(difference[k, o]), output.name, tuple(points[k].tolist()))
             for o, (k, output) in enumerate(
                 zip(worst.tolist(), self.inference.system.outputs, strict=True)
             )
@@ -112,28 +113,28 @@ class LookupSurface:
 
 
 @compiled
-def interpolated(
+def interpolate(
     table: Float[Array, "nodes outputs"],
     low: Float[Array, " inputs"],
     step: Float[Array, " inputs"],
     nodes: Int[Array, " inputs"],
     rows: Float[Array, "rows inputs"],
 ) -> Float[Array, "rows outputs"]:
-    """Multilinear interpolation between the corners of the cell in which each row lies."""
+    """Return the multilinear interpolation between the corners of the cell of each row."""
     inputs, outputs = rows.shape[1], table.shape[1]
-    found = np.zeros((len(rows), outputs))
-    cell, part = np.empty(inputs, dtype=np.int64), np.empty(inputs)
+    results = np.zeros((len(rows), outputs))
+    cell, fraction = np.empty(inputs, dtype=np.int64), np.empty(inputs)
     for r in range(len(rows)):
         for i in range(inputs):
             at = min(max((rows[r, i] - low[i]) / step[i], 0.0), nodes[i] - 1.0)
             cell[i] = min(int(at), nodes[i] - 2)
-            part[i] = at - cell[i]
+            fraction[i] = at - cell[i]
         for corner in range(1 << inputs):
             node, weight = 0, 1.0
             for i in range(inputs):
                 beyond = (corner >> i) & 1
                 node = node * nodes[i] + cell[i] + beyond
-                weight *= part[i] if beyond else 1.0 - part[i]
+                weight *= fraction[i] if beyond else 1.0 - fraction[i]
             for o in range(outputs):
-                found[r, o] += weight * table[node, o]
-    return found
+                results[r, o] += weight * table[node, o]
+    return results

@@ -1,4 +1,4 @@
-"""Fuzzy systems as data: variables, rules, and the operators that join them."""
+"""Fuzzy systems as data: variables, rules and operators."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.fuzzy.checks import check_choice, check_different
+from omnidrive.fuzzy.checks import check_choice, check_unique
 from omnidrive.fuzzy.norms import CONORMS, IMPLICATIONS, NORMS
 from omnidrive.fuzzy.rules import Is, Rule, propositions
 from omnidrive.fuzzy.variables import (
@@ -30,17 +30,17 @@ class FuzzySystem:
     """A Mamdani or Sugeno system of type 1, interval type 2 or interval type 3.
 
     Attributes:
-        name: Of the system.
-        inputs: In the order in which values are given.
-        outputs: In the order in which values are returned.
-        rules: All of them count; their order does not.
-        conjunction: What "and" does; a name of :data:`~omnidrive.fuzzy.norms.NORMS`.
-        disjunction: What "or" does; a name of :data:`~omnidrive.fuzzy.norms.CONORMS`.
-        implication: How a rule's strength shapes its conclusion: min cuts it, prod scales it.
-        algorithm: Type reduction of a type-2 or type-3 system.
+        name: Name of the system.
+        inputs: Input variables, in the order of the input values.
+        outputs: Output variables, in the order of the output values.
+        rules: All rules; their order has no effect.
+        conjunction: t-norm of "and"; a name of :data:`~omnidrive.fuzzy.norms.NORMS`.
+        disjunction: t-conorm of "or"; a name of :data:`~omnidrive.fuzzy.norms.CONORMS`.
+        implication: How a firing strength shapes a consequent: ``min`` clips, ``prod`` scales.
+        algorithm: Algorithm of type reduction for a type-2 or type-3 system.
 
     Raises:
-        InvalidInput: A name is missing, double or unknown, or an operator is unknown.
+        InvalidInput: A name is missing, used twice or unknown, or an operator is unknown.
     """
 
     name: str
@@ -58,19 +58,19 @@ class FuzzySystem:
                 raise InvalidInput(
                     f"a fuzzy system needs 1 to {MAX_VARIABLES} {what}s, got {len(variables)}"
                 )
-        check_different("variables", [v.name for v in self.variables])
+        check_unique("variables", [v.name for v in self.variables])
         check_choice("conjunction", self.conjunction, NORMS)
         check_choice("disjunction", self.disjunction, CONORMS)
         check_choice("implication", self.implication, IMPLICATIONS)
         check_choice("type reduction", self.algorithm, ALGORITHMS)
         if len({v.is_sugeno for v in self.outputs}) > 1:
-            raise InvalidInput("one output is made of fuzzy sets, another of linear functions")
+            raise InvalidInput("either all outputs need fuzzy sets, or all linear functions")
         for output in self.outputs:
             for each in output.sets:
-                wanted = len(self.inputs)
-                if isinstance(each, LinearFunction) and len(each.coefficients) not in {0, wanted}:
+                count = len(self.inputs)
+                if isinstance(each, LinearFunction) and len(each.coefficients) not in {0, count}:
                     raise InvalidInput(
-                        f"function {each.name!r} of {output.name!r} needs {wanted} coefficients, "
+                        f"function {each.name!r} of {output.name!r} needs {count} coefficients, "
                         f"one per input, or none, got {len(each.coefficients)}"
                     )
         if not 1 <= len(self.rules) <= MAX_RULES:
@@ -81,16 +81,18 @@ class FuzzySystem:
         inputs = tuple(v.name for v in self.inputs)
         outputs = tuple(v.name for v in self.outputs)
         for number, rule in enumerate(self.rules, 1):
-            for term in propositions(rule.antecedent):
-                _check_term(number, "input", term, inputs, sets_of)
-            for term in rule.consequents:
-                _check_term(number, "output", term, outputs, sets_of)
-                if term.hedges not in {(), ("not",)} or (term.hedges and self.is_sugeno):
+            for proposition in propositions(rule.antecedent):
+                _check_proposition(number, "input", proposition, inputs, sets_of)
+            for proposition in rule.consequents:
+                _check_proposition(number, "output", proposition, outputs, sets_of)
+                if proposition.hedges not in {(), ("not",)} or (
+                    proposition.hedges and self.is_sugeno
+                ):
                     raise InvalidInput(
-                        f"rule {number}: a conclusion cannot be {' '.join(term.hedges)!r}"
+                        f"rule {number}: a consequent cannot be {' '.join(proposition.hedges)!r}"
                     )
-            if len({term.variable for term in rule.consequents}) < len(rule.consequents):
-                raise InvalidInput(f"rule {number} concludes twice about one output")
+            if len({each.variable for each in rule.consequents}) < len(rule.consequents):
+                raise InvalidInput(f"rule {number} has two consequents for one output")
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -99,12 +101,12 @@ class FuzzySystem:
 
     @property
     def is_sugeno(self) -> bool:
-        """Whether conclusions are linear functions (Takagi, Sugeno & Kang), not sets (Mamdani)."""
+        """Whether consequents are linear functions (Takagi, Sugeno & Kang), not sets (Mamdani)."""
         return self.outputs[0].is_sugeno
 
     @property
     def type(self) -> int:
-        """1, 2 or 3: the greatest type of any of its sets."""
+        """1, 2 or 3: the greatest type of any set."""
         sets = [s for v in self.variables for s in v.sets if isinstance(s, FuzzySet)]
         if any(s.secondary is not None for s in sets):
             return 3
@@ -116,17 +118,17 @@ class FuzzySystem:
         outputs: Footprint | None = None,
         secondary: Secondary | None = None,
     ) -> FuzzySystem:
-        """The system with every set uncertain: of type 2, or of type 3 with a secondary.
+        """Return the system with a footprint of uncertainty for every set.
 
         Args:
             inputs: Footprint of every set of an input.
-            outputs: Footprint of every set of an output; None: as the inputs'.
-            secondary: Of every set.
+            outputs: Footprint of every set of an output; None: the same as of the inputs.
+            secondary: Secondary membership of every set, for type 3; None: type 2.
         """
         outputs = inputs if outputs is None else outputs
 
         def uncertain(each: FuzzySet, footprint: Footprint) -> FuzzySet:
-            """The set with this footprint."""
+            """Return the set with the footprint and the secondary membership."""
             return replace(each, lower=footprint, secondary=secondary)
 
         return replace(
@@ -145,10 +147,10 @@ class FuzzySystem:
         )
 
     def without_secondary(self) -> FuzzySystem:
-        """The system of type 2 with the same footprints."""
+        """Return the type-2 system with the same footprints."""
 
         def plain(sets: Sequence[FuzzySet | LinearFunction]) -> tuple[FuzzySet, ...]:
-            """The sets without secondary membership."""
+            """Return the sets without secondary membership."""
             return tuple(replace(s, secondary=None) for s in sets if isinstance(s, FuzzySet))
 
         return replace(
@@ -160,14 +162,19 @@ class FuzzySystem:
         )
 
 
-def _check_term(
-    number: int, what: str, term: Is, variables: tuple[str, ...], sets_of: dict[str, set[str]]
+def _check_proposition(
+    number: int,
+    what: str,
+    proposition: Is,
+    variables: tuple[str, ...],
+    sets_of: dict[str, set[str]],
 ) -> None:
-    if term.variable not in variables:
-        hint = suggestion(term.variable, variables)
-        raise InvalidInput(f"rule {number}: there is no {what} {term.variable!r}{hint}")
-    if term.set and term.set not in sets_of[term.variable]:
-        known = sorted(sets_of[term.variable])
+    if proposition.variable not in variables:
+        hint = suggestion(proposition.variable, variables)
+        raise InvalidInput(f"rule {number}: there is no {what} {proposition.variable!r}{hint}")
+    if proposition.set and proposition.set not in sets_of[proposition.variable]:
+        known = sorted(sets_of[proposition.variable])
         raise InvalidInput(
-            f"rule {number}: {term.variable!r} has no set {term.set!r}{suggestion(term.set, known)}"
+            f"rule {number}: {proposition.variable!r} has no set {proposition.set!r}"
+            f"{suggestion(proposition.set, known)}"
         )

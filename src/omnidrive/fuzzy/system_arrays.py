@@ -1,4 +1,4 @@
-"""Where each array of a packed system stands, and what room its evaluation needs."""
+"""Positions of a system's arrays within the packed arrays, and the workspace of an evaluation."""
 
 from __future__ import annotations
 
@@ -9,158 +9,174 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.antecedents import Antecedents
-from omnidrive.fuzzy.centre_of_sets import Centres
+from omnidrive.fuzzy.centre_of_sets import Centroids
 from omnidrive.fuzzy.consequents import Consequents
-from omnidrive.fuzzy.packed_arrays import Packed, integers_of, numbers_of
+from omnidrive.fuzzy.packed_arrays import PackedArrays, floats_of, integers_of
 from omnidrive.fuzzy.sampled import Samples
-from omnidrive.fuzzy.segments import Lines
-from omnidrive.fuzzy.sets import Sets
-from omnidrive.fuzzy.unsafe_views import part, table
+from omnidrive.fuzzy.segments import Segments
+from omnidrive.fuzzy.sets import FlatSets
+from omnidrive.fuzzy.unsafe_views import unsafe_matrix, unsafe_slice
 
 
-class Frame(NamedTuple):
-    """What surrounds the inference proper."""
+class Header(NamedTuple):
+    """Ranges, fallbacks and options of a packed system."""
 
     ranges: Float[Array, " range_ends"]
     """Low and high of each input."""
     fallbacks: Float[Array, " outputs"]
-    """Value of each output where no rule fires."""
+    """Value of each output if no rule fires."""
     levels: Float[Array, " 1"]
-    """Weight of this plane in a system of type 3; 1 otherwise."""
-    switches: Int[Array, " 6"]
-    """How conclusions are found, whether the system is uncertain, the algorithm of type reduction,
-    what happens to inputs out of range, where no rule fires, and :attr:`Room.points`' length."""
+    """Weight of this z-slice in a system of type 3; 1 otherwise."""
+    options: Int[Array, " 6"]
+    """Integers at the positions :data:`METHOD` and its successors.
+
+    Method of defuzzification, whether the system is uncertain, algorithm of type reduction, policy
+    for inputs out of range, policy if no rule fires, columns of :attr:`Workspace.points`."""
 
 
-class Room(NamedTuple):
-    """Where a system notes what it finds on the way: lower values, then upper ones."""
+class Workspace(NamedTuple):
+    """Intermediate results of one evaluation: lower values in row 0, upper values in row 1."""
 
     degrees: Float[Array, "2 degrees"]
-    """Of sets and of nodes."""
+    """Degrees of the sets, then of the nodes of the antecedents."""
     strengths: Float[Array, "2 rules"]
-    heights: Float[Array, "2 shapes"]
-    """Strength with which each shape is concluded."""
+    """Firing strengths of the rules."""
+    heights: Float[Array, "2 consequents"]
+    """Aggregated firing strengths of the consequents."""
     points: Float[Array, "2 points"]
     """Weights of the samples, or of the centroids, of one output."""
 
 
-RANGES, FALLBACKS, LEVELS, SWITCHES = range(4)
-_SETS, _CONDITIONS, _CONCLUSIONS, REST = 4, 10, 16, 21
-"""Where the arrays of :class:`Frame`, :class:`Sets` and so on stand in a packed system."""
+RANGES, FALLBACKS, LEVELS, OPTIONS = range(4)
+_SETS = len(Header._fields)
+_ANTECEDENTS = _SETS + len(FlatSets._fields)
+_CONSEQUENTS = _ANTECEDENTS + len(Antecedents._fields)
+METHOD_ARRAYS = _CONSEQUENTS + len(Consequents._fields)
+"""Number of the first array that belongs to the method of defuzzification."""
+LOWER_SEGMENTS = METHOD_ARRAYS + len(Segments._fields)
+TRAPEZOIDS = LOWER_SEGMENTS + len(Segments._fields)
 
-HOW, UNCERTAIN, ALGORITHM, BEYOND, SILENT, POINTS = range(6)
-"""The switches, in their order."""
+METHOD, UNCERTAIN, ALGORITHM, INPUT_POLICY, NO_RULE_POLICY, POINT_COUNT = range(6)
+"""Positions within :attr:`Header.options`."""
 
 
-def parts(
-    frame: Frame,
-    sets: Sets,
+def arrays_of(
+    header: Header,
+    sets: FlatSets,
     antecedents: Antecedents,
     consequents: Consequents,
-    *rest: tuple[Array, ...],
+    *method_arrays: tuple[Array, ...],
 ) -> list[Array]:
-    """The arrays of a system in the order in which the kernels unpack them."""
-    return [*frame, *sets, *antecedents, *consequents, *(a for each in rest for a in each)]
+    """Return the arrays of a system in the order in which the kernels read them."""
+    return [
+        *header,
+        *sets,
+        *antecedents,
+        *consequents,
+        *(a for each in method_arrays for a in each),
+    ]
 
 
 @compiled
-def sets_in(p: Packed) -> Sets:
-    """The sets of a packed system."""
-    return Sets(
+def sets_in(p: PackedArrays) -> FlatSets:
+    """Return the sets of a packed system."""
+    return FlatSets(
         integers_of(p, _SETS),
         integers_of(p, _SETS + 1),
-        numbers_of(p, _SETS + 2),
-        numbers_of(p, _SETS + 3),
+        floats_of(p, _SETS + 2),
+        floats_of(p, _SETS + 3),
         integers_of(p, _SETS + 4),
-        numbers_of(p, _SETS + 5),
+        floats_of(p, _SETS + 5),
     )
 
 
 @compiled
-def antecedents_in(p: Packed) -> Antecedents:
-    """The conditions of its rules."""
+def antecedents_in(p: PackedArrays) -> Antecedents:
+    """Return the antecedents of a packed system."""
     return Antecedents(
-        integers_of(p, _CONDITIONS),
-        integers_of(p, _CONDITIONS + 1),
-        integers_of(p, _CONDITIONS + 2),
-        integers_of(p, _CONDITIONS + 3),
-        numbers_of(p, _CONDITIONS + 4),
-        integers_of(p, _CONDITIONS + 5),
+        integers_of(p, _ANTECEDENTS),
+        integers_of(p, _ANTECEDENTS + 1),
+        integers_of(p, _ANTECEDENTS + 2),
+        integers_of(p, _ANTECEDENTS + 3),
+        floats_of(p, _ANTECEDENTS + 4),
+        integers_of(p, _ANTECEDENTS + 5),
     )
 
 
 @compiled
-def consequents_in(p: Packed) -> Consequents:
-    """Their conclusions."""
+def consequents_in(p: PackedArrays) -> Consequents:
+    """Return the consequents of a packed system."""
     return Consequents(
-        integers_of(p, _CONCLUSIONS),
-        integers_of(p, _CONCLUSIONS + 1),
-        integers_of(p, _CONCLUSIONS + 2),
-        integers_of(p, _CONCLUSIONS + 3),
-        integers_of(p, _CONCLUSIONS + 4),
+        integers_of(p, _CONSEQUENTS),
+        integers_of(p, _CONSEQUENTS + 1),
+        integers_of(p, _CONSEQUENTS + 2),
+        integers_of(p, _CONSEQUENTS + 3),
+        integers_of(p, _CONSEQUENTS + 4),
     )
 
 
 @compiled
-def samples_in(p: Packed) -> Samples:
-    """Its outputs, on samples."""
-    return Samples(numbers_of(p, REST), numbers_of(p, REST + 1))
+def samples_in(p: PackedArrays) -> Samples:
+    """Return the samples of the outputs of a packed system."""
+    return Samples(floats_of(p, METHOD_ARRAYS), floats_of(p, METHOD_ARRAYS + 1))
 
 
 @compiled
-def lines_in(p: Packed, begin: int) -> Lines:
-    """Its outputs, cut into lines; there may be two such, for upper and lower functions."""
-    return Lines(
+def segments_in(p: PackedArrays, begin: int) -> Segments:
+    """Return the segments of the outputs of a packed system, upper or lower ones."""
+    return Segments(
         integers_of(p, begin),
-        numbers_of(p, begin + 1),
+        floats_of(p, begin + 1),
         integers_of(p, begin + 2),
         integers_of(p, begin + 3),
-        numbers_of(p, begin + 4),
+        floats_of(p, begin + 4),
     )
 
 
 @compiled
-def centres_in(p: Packed) -> Centres:
-    """The centroids of its conclusions."""
-    return Centres(
-        numbers_of(p, REST),
-        integers_of(p, REST + 1),
-        numbers_of(p, REST + 2),
-        integers_of(p, REST + 3),
+def centroids_in(p: PackedArrays) -> Centroids:
+    """Return the centroids of the consequents of a packed system."""
+    return Centroids(
+        floats_of(p, METHOD_ARRAYS),
+        integers_of(p, METHOD_ARRAYS + 1),
+        floats_of(p, METHOD_ARRAYS + 2),
+        integers_of(p, METHOD_ARRAYS + 3),
     )
 
 
 @compiled
-def _sizes(p: Packed) -> tuple[int, int, int, int]:
-    """Columns of the tables of :class:`Room`."""
-    sets, nodes = len(integers_of(p, _SETS + 4)), len(integers_of(p, _CONDITIONS + 3))
-    rules, shapes = len(numbers_of(p, _CONDITIONS + 4)), integers_of(p, _CONCLUSIONS + 1)[-1]
-    return sets + nodes, rules, shapes, integers_of(p, SWITCHES)[POINTS]
+def _sizes(p: PackedArrays) -> tuple[int, int, int, int]:
+    """Return the number of columns of each array of :class:`Workspace`."""
+    sets, nodes = len(integers_of(p, _SETS + 4)), len(integers_of(p, _ANTECEDENTS + 3))
+    rules, consequents = len(floats_of(p, _ANTECEDENTS + 4)), integers_of(p, _CONSEQUENTS + 1)[-1]
+    return sets + nodes, rules, consequents, integers_of(p, OPTIONS)[POINT_COUNT]
 
 
 @compiled
-def room_size(p: Packed) -> int:
-    """How many numbers :func:`room_in` needs."""
-    degrees, rules, shapes, points = _sizes(p)
-    return 2 * (degrees + rules + shapes + points)
+def workspace_size(p: PackedArrays) -> int:
+    """Return the number of floats that :func:`workspace_in` needs."""
+    degrees, rules, consequents, points = _sizes(p)
+    return 2 * (degrees + rules + consequents + points)
 
 
 @compiled
-def room_in(p: Packed, space: Float[Array, " numbers"]) -> Room:
-    """Room for one evaluation of a system at a time; the caller must keep ``space``."""
-    degrees, rules, shapes, points = _sizes(p)
-    return Room(
-        table(space, 0, 2, degrees),
-        table(space, 2 * degrees, 2, rules),
-        table(space, 2 * (degrees + rules), 2, shapes),
-        table(space, 2 * (degrees + rules + shapes), 2, points),
+def workspace_in(p: PackedArrays, buffer: Float[Array, " floats"]) -> Workspace:
+    """Return a workspace within ``buffer``, which the caller must keep alive."""
+    degrees, rules, consequents, points = _sizes(p)
+    return Workspace(
+        unsafe_matrix(buffer, 0, 2, degrees),
+        unsafe_matrix(buffer, 2 * degrees, 2, rules),
+        unsafe_matrix(buffer, 2 * (degrees + rules), 2, consequents),
+        unsafe_matrix(buffer, 2 * (degrees + rules + consequents), 2, points),
     )
 
 
 @compiled
-def ends_in(
-    p: Packed, space: Float[Array, " numbers"], inputs: int, outputs: int
+def arguments_in(
+    p: PackedArrays, buffer: Float[Array, " floats"], inputs: int, outputs: int
 ) -> tuple[Float[Array, " inputs"], Float[Array, "3 outputs"]]:
-    """Place for inputs and for outputs in ``space``, after what :func:`room_in` takes."""
-    begin = room_size(p)
-    return part(space, begin, begin + inputs), table(space, begin + inputs, 3, outputs)
+    """Return views for inputs and results within ``buffer``, behind the workspace."""
+    begin = workspace_size(p)
+    return unsafe_slice(buffer, begin, begin + inputs), unsafe_matrix(
+        buffer, begin + inputs, 3, outputs
+    )

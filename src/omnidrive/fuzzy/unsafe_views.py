@@ -1,9 +1,10 @@
-"""Views of arrays for compiled code, whose uses are not counted.
+"""Views of arrays in compiled code without reference counting and without bounds checks.
 
-Each time that compiled code hands over an array it counts one more use, and one less afterwards, in
-two atomic steps; a slice is also fitted to its array. That took half of the time of an inference.
-Whoever makes a view of these keeps the array itself until the view's last use: an argument is kept
-by the caller, but an array made within a function only as long as that function names it.
+Compiled code increments and decrements the reference count of an array at every call that
+passes it, in two atomic operations, and a slice is also checked against its array. Both took
+half of the time of an inference. The function that creates such a view must keep the array
+itself alive until the last use of the view: the caller keeps an argument alive, but an array
+created within a function lives only as long as a variable of that function refers to it.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from omnidrive.arrays import Array
 
 A = TypeVar("A", bound=Array)
 
-_build: Any = cgutils  # neither has types
+_build: Any = cgutils  # numba's modules are not typed
 _fill: Any = populate_array
-_Built = tuple[Any, Callable[..., Any]]
+_Intrinsic = tuple[Any, Callable[..., Any]]
 
 
 @intrinsic
-def _borrowed(_: Any, array: Any) -> _Built:
+def _uncounted(_: Any, array: Any) -> _Intrinsic:
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        """The array without a count of who holds it."""
+        """Emit a copy of the array's descriptor without owner."""
         made = context.make_array(array)(context, builder, value=arguments[0])
         made.meminfo = _build.get_null_value(made.meminfo.type)
         made.parent = _build.get_null_value(made.parent.type)
@@ -38,27 +39,27 @@ def _borrowed(_: Any, array: Any) -> _Built:
 
 
 @intrinsic
-def _part(_: Any, array: Any, begin: Any, end: Any) -> _Built:
+def _unsafe_slice(_: Any, array: Any, begin: Any, end: Any) -> _Intrinsic:
     _check_contiguous(array)
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        """From ``begin`` to ``end``."""
+        """Emit a view from ``begin`` to ``end``."""
         source, begin, end = arguments
         length = builder.sub(end, begin)
-        return _within(context, builder, (array, source), begin, (array, [length]))
+        return _view_in(context, builder, (array, source), begin, (array, [length]))
 
     return array(array, types.intp, types.intp), build
 
 
 @intrinsic
-def _table(_: Any, array: Any, begin: Any, rows: Any, columns: Any) -> _Built:
+def _unsafe_matrix(_: Any, array: Any, begin: Any, rows: Any, columns: Any) -> _Intrinsic:
     _check_contiguous(array)
     kind = types.Array(array.dtype, 2, "C")
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        """Rows and columns from ``begin`` on."""
+        """Emit a matrix view that starts at ``begin``."""
         source, begin, *shape = arguments
-        return _within(context, builder, (array, source), begin, (kind, shape))
+        return _view_in(context, builder, (array, source), begin, (kind, shape))
 
     return kind(array, types.intp, types.intp, types.intp), build
 
@@ -68,9 +69,9 @@ def _check_contiguous(array: Any) -> None:
         raise TypingError(f"needs a contiguous array of one dimension, got {array}")
 
 
-def _within(context: Any, builder: Any, source: Any, begin: Any, wanted: Any) -> Any:
-    """Array of the wanted type and shape that begins within another: source and wanted are both."""
-    kind, shape = wanted
+def _view_in(context: Any, builder: Any, source: Any, begin: Any, target: Any) -> Any:
+    """Emit a view within another array; source and target are pairs of type and value or shape."""
+    kind, shape = target
     array = context.make_array(source[0])(context, builder, value=source[1])
     strides = [array.itemsize]
     for length in reversed(shape[1:]):
@@ -81,13 +82,15 @@ def _within(context: Any, builder: Any, source: Any, begin: Any, wanted: Any) ->
     return made._getvalue()
 
 
-borrowed = cast("Callable[[A], A]", _borrowed)
-"""``borrowed(array)``: the same array."""
+uncounted = cast("Callable[[A], A]", _uncounted)
+"""``uncounted(array)``: the same array without reference counting."""
 
-part = cast("Callable[[A, int, int], A]", _part)
-"""``part(array, begin, end)``: elements of a contiguous array of one dimension from ``begin`` up to
-``end``. It is not looked at whether it has them."""
+unsafe_slice = cast("Callable[[A, int, int], A]", _unsafe_slice)
+"""``unsafe_slice(array, begin, end)``: elements ``begin`` to ``end`` of a contiguous vector.
 
-table = cast("Callable[[Array, int, int, int], Array]", _table)
-"""``table(array, begin, rows, columns)``: a table in a contiguous array of one dimension, from
-``begin`` on. It is not looked at whether the array is long enough."""
+Not checked against the length of the vector."""
+
+unsafe_matrix = cast("Callable[[Array, int, int, int], Array]", _unsafe_matrix)
+"""``unsafe_matrix(array, begin, rows, columns)``: a matrix within a contiguous vector.
+
+It starts at element ``begin``. Not checked against the length of the vector."""

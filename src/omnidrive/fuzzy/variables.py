@@ -1,4 +1,4 @@
-"""Variables of fuzzy systems, their sets, and the footprints of these."""
+"""Variables of fuzzy systems, their sets, and the footprints of uncertainty."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.checks import as_floats, check_choice, check_different, check_name
+from omnidrive.fuzzy.checks import check_choice, check_name, check_unique, convert_to_floats
 from omnidrive.fuzzy.membership import Curves, Membership, degree
 from omnidrive.fuzzy.norms import AGGREGATIONS
 
@@ -34,18 +34,16 @@ MAX_SETS = 1000
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """How far a lower function lies within its upper one.
+    """Footprint of uncertainty: lower function ``scale max(0, (upper - lag)/(1 - lag))``.
 
-    It is ``scale max(0, (upper - lag)/(1 - lag))``.
-
-    On a straight side from a to b the lower function leaves zero at a + lag (b - a), as Matlab's
-    LowerScale and LowerLag say. At the middle itself the lesser lag counts.
+    On a straight side from a to b, the lower function leaves zero at a + lag (b - a), as Matlab's
+    LowerScale and LowerLag define it. At the midpoint of the core, the lesser lag applies.
 
     Attributes:
         scale: Peak of the lower function over that of the upper one, 0 to 1.
-        left: Lag of the left side: degree of the upper function up to which the lower is zero, 0
-            to less than 1.
-        right: The same for the right side; given as None, it becomes ``left``.
+        left: Lag of the left side: degree of the upper function up to which the lower one is zero,
+            0 to less than 1.
+        right: Lag of the right side; None is replaced by ``left``.
     """
 
     scale: float = 1.0
@@ -71,16 +69,16 @@ class Footprint:
 class Secondary:
     """Interval type-2 secondary membership of an interval type-3 set, within its footprint.
 
-    Over the footprint [l, u] at some x, with middle m and standard deviation
-    s = spread (u - l)/(2 sqrt 3), that of a uniform distribution where spread = 1 (Castillo, Castro
-    & Melin 2022), the upper secondary function is exp(-(v - m)^2 / (2 s^2)), cut at l and u. The
-    lower one follows from it by ``scale`` and ``lag``, as a :class:`Footprint` says.
+    Over the footprint [l, u] at some x, with midpoint m and standard deviation
+    s = spread (u - l)/(2 sqrt 3), that of a uniform distribution if spread = 1 (Castillo, Castro
+    & Melin 2022), the upper secondary function is exp(-(v - m)^2 / (2 s^2)), truncated at l and u.
+    The lower one follows from it by ``scale`` and ``lag`` as in :class:`Footprint`.
 
     Attributes:
         spread: Width of the secondary function; ``inf`` makes it 1 on all of [l, u], and the set
             an interval type-2 set.
         scale: Peak of the lower secondary function, 0 to 1.
-        lag: Degree of the upper secondary function up to which the lower is zero.
+        lag: Degree of the upper secondary function up to which the lower one is zero.
     """
 
     spread: float = 1.0
@@ -88,7 +86,7 @@ class Secondary:
     lag: float = 0.0
 
     def __post_init__(self) -> None:
-        as_floats(self, "spread", "scale", "lag")
+        convert_to_floats(self, "spread", "scale", "lag")
         if not self.spread > 0.0:
             raise InvalidInput(f"a secondary's spread must be positive, got {self.spread:g}")
         Footprint(self.scale, self.lag)
@@ -96,14 +94,14 @@ class Secondary:
 
 @dataclass(frozen=True, slots=True)
 class FuzzySet:
-    """A named set of a variable: type-1, interval type-2 or interval type-3.
+    """A named set of a variable: type 1, interval type 2 or interval type 3.
 
     Attributes:
-        name: As rules call it.
-        upper: Its membership function; the upper one, if there are two.
-        lower: What makes it type-2: how the lower function follows from the upper one, or a
-            function of its own, which must not exceed the upper one.
-        secondary: What makes it type-3.
+        name: Name that rules refer to.
+        upper: Membership function; the upper one of a type-2 or type-3 set.
+        lower: Lower function of a type-2 or type-3 set: a footprint, by which it follows from the
+            upper one, or a function of its own, which must not exceed the upper one. None: type 1.
+        secondary: Secondary membership of a type-3 set; None: type 1 or 2.
     """
 
     name: str
@@ -114,17 +112,17 @@ class FuzzySet:
     def __post_init__(self) -> None:
         check_name("set", self.name)
         if self.secondary is not None and self.lower is None:
-            raise InvalidInput(f"set {self.name!r} has a secondary function, but no footprint")
+            raise InvalidInput(f"set {self.name!r} has a secondary function but no footprint")
 
 
 @dataclass(frozen=True, slots=True)
 class LinearFunction:
-    """Conclusion of a Sugeno rule: ``constant + coefficients . inputs``.
+    """Consequent of a Sugeno rule: ``constant + coefficients . inputs``.
 
     Attributes:
-        name: As rules call it.
-        constant: In the unit of the output.
-        coefficients: One per input, in the order of the system; empty: a constant.
+        name: Name that rules refer to.
+        constant: Constant term, in the unit of the output.
+        coefficients: One per input, in the order of the system; empty: the function is constant.
     """
 
     name: str
@@ -133,7 +131,7 @@ class LinearFunction:
 
     def __post_init__(self) -> None:
         check_name("function", self.name)
-        as_floats(self, "constant")
+        convert_to_floats(self, "constant")
         object.__setattr__(self, "coefficients", tuple(map(float, self.coefficients)))
         if not all(map(isfinite, (self.constant, *self.coefficients))):
             raise InvalidInput(f"function {self.name!r}: every coefficient must be finite")
@@ -141,13 +139,13 @@ class LinearFunction:
 
 @dataclass(frozen=True, slots=True)
 class InputVariable:
-    """An input: a range and the sets that divide it.
+    """An input: a range and the sets over it.
 
     Attributes:
-        name: As rules call it.
+        name: Name that rules refer to.
         low: Least value.
         high: Greatest value.
-        sets: Left to right, by convention.
+        sets: Fuzzy sets, by convention from left to right.
     """
 
     name: str
@@ -156,13 +154,13 @@ class InputVariable:
     sets: tuple[FuzzySet, ...]
 
     def __post_init__(self) -> None:
-        as_floats(self, "low", "high")
+        convert_to_floats(self, "low", "high")
         _check_variable(self.name, self.low, self.high, self.sets)
 
     def gaps(self) -> list[tuple[float, float]]:
-        """Parts of the range that belong to no set: there, a rule may fail to fire.
+        """Return the intervals of the range that belong to no set, where rules may fail to fire.
 
-        Found on 2001 points, so that a gap narrower than 1/2000 of the range may be missed.
+        Evaluated at 2001 points: a gap narrower than 1/2000 of the range may be missed.
         """
         at = np.linspace(self.low, self.high, 2001)
         covered = _covered(Curves.of([each.upper for each in self.sets]), at)
@@ -174,17 +172,17 @@ class InputVariable:
 
 @dataclass(frozen=True, slots=True)
 class OutputVariable:
-    """An output: of a Mamdani system with fuzzy sets, of a Sugeno system with linear functions.
+    """An output: with fuzzy sets in a Mamdani system, with linear functions in a Sugeno system.
 
     Attributes:
-        name: As rules call it.
+        name: Name that rules refer to.
         low: Least value.
         high: Greatest value.
-        sets: All fuzzy sets, or all linear functions.
-        aggregation: How the conclusions of several rules are joined; a name of
-            :data:`~omnidrive.fuzzy.norms.AGGREGATIONS`. That of a Sugeno system is always a sum.
-        defuzzifier: How one number is made of it; None: centroid, or weighted average (Sugeno).
-        default: Value where no rule fires; None: the middle of the range.
+        sets: Either fuzzy sets or linear functions.
+        aggregation: Operator that aggregates the consequents of the rules; a name of
+            :data:`~omnidrive.fuzzy.norms.AGGREGATIONS`. Always the sum in a Sugeno system.
+        defuzzifier: A name of :data:`DEFUZZIFIERS`; None: centroid, or weighted average (Sugeno).
+        default: Value if no rule fires; None: the middle of the range.
     """
 
     name: str
@@ -196,20 +194,20 @@ class OutputVariable:
     default: float | None = None
 
     def __post_init__(self) -> None:
-        as_floats(self, "low", "high", "default")
+        convert_to_floats(self, "low", "high", "default")
         _check_variable(self.name, self.low, self.high, self.sets)
         kinds = {type(each) for each in self.sets}
         if len(kinds) > 1:
             raise InvalidInput(f"output {self.name!r} mixes fuzzy sets and linear functions")
         if self.defuzzifier is None:
-            usual: Defuzzifier = "wtaver" if self.is_sugeno else "centroid"
-            object.__setattr__(self, "defuzzifier", usual)
+            default: Defuzzifier = "wtaver" if self.is_sugeno else "centroid"
+            object.__setattr__(self, "defuzzifier", default)
         check_choice("defuzzifier", str(self.defuzzifier), DEFUZZIFIERS)
         check_choice("aggregation", self.aggregation, AGGREGATIONS)
         if (self.defuzzifier in {"wtaver", "wtsum"}) != self.is_sugeno:
-            made_of = "linear functions" if self.is_sugeno else "fuzzy sets"
+            kind = "linear functions" if self.is_sugeno else "fuzzy sets"
             raise InvalidInput(
-                f"output {self.name!r} is made of {made_of}: {self.defuzzifier} cannot defuzzify it"
+                f"output {self.name!r} is made of {kind}: {self.defuzzifier} cannot defuzzify it"
             )
         if self.is_sugeno:
             object.__setattr__(self, "aggregation", "sum")
@@ -218,12 +216,12 @@ class OutputVariable:
 
     @property
     def is_sugeno(self) -> bool:
-        """Whether its conclusions are linear functions."""
+        """Whether its consequents are linear functions."""
         return any(isinstance(each, LinearFunction) for each in self.sets)
 
     @property
     def fallback(self) -> float:
-        """Value where no rule fires."""
+        """Value if no rule fires."""
         return 0.5 * (self.low + self.high) if self.default is None else self.default
 
 
@@ -232,7 +230,7 @@ Variable = InputVariable | OutputVariable
 
 @compiled
 def _covered(curves: Curves, at: Float[Array, " points"]) -> Bool[Array, " points"]:
-    """Whether each point belongs to any set."""
+    """Return whether each point belongs to any set."""
     covered = np.zeros(len(at), dtype=np.bool_)
     for i, x in enumerate(at):
         for k in range(len(curves.kernels)):
@@ -250,4 +248,4 @@ def _check_variable(
         raise InvalidInput(f"the range of {name!r} must have a width, got [{low:g}, {high:g}]")
     if not 1 <= len(sets) <= MAX_SETS:
         raise InvalidInput(f"{name!r} needs 1 to {MAX_SETS} sets, got {len(sets)}")
-    check_different(f"sets of {name!r}", [each.name for each in sets])
+    check_unique(f"sets of {name!r}", [each.name for each in sets])
