@@ -1,7 +1,8 @@
-"""How much faster the paper's fuzzy system is evaluated here than by other libraries.
+"""Evaluation time of the paper's fuzzy system, compared with other libraries.
 
-All take turns in one run, on the same inputs; each time is that of whole Python calls, warm. The
-figures are ratios of medians. Peers run in an environment of their own: see fuzzy_peers.py.
+All are timed in turns in one run, on the same inputs; each time is that of whole Python calls,
+after a first call. The ratios are those of medians. The other libraries run in an environment
+of their own: see fuzzy_peers.py.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, LookupSurface, Se
 from omnidrive.fuzzy.rules import propositions
 
 ROUNDS = 9
-CALLS = 10_000  # of ours per round
+CALLS = 10_000  # of this library, per round
 PEER_CALLS = {"scikit-fuzzy": 2, "simpful": 10, "pyit2fls centre of sets": 10}  # 30 for others
 BATCH, PEER_BATCH = 1_000_000, 20_000
 FOOTPRINT = Footprint(scale=1.0, left=0.3)
@@ -33,26 +34,26 @@ TYPE_3 = TYPE_1.with_footprint(FOOTPRINT, secondary=Secondary())
 EXACT = Inference(TYPE_1)
 MATLAB = Inference(TYPE_1, centroid="matlab")
 CENTROID = Inference(TYPE_2, centroid="matlab")
-CENTRES = Inference(TYPE_2, reduction="cos", centroid="matlab")
+CENTRE_OF_SETS = Inference(TYPE_2, reduction="cos", centroid="matlab")
 
 OURS: dict[str, Inference] = {
     "type 1 exact": EXACT,
     "type 1 matlab": MATLAB,
     "type 2 centroid, matlab": CENTROID,
     "type 2 centroid, exact": Inference(TYPE_2),
-    "type 2 centre of sets": CENTRES,
+    "type 2 centre of sets": CENTRE_OF_SETS,
     "type 3 centre of sets, 10 slices": Inference(TYPE_3, reduction="cos"),
 }
-SAME: dict[str, tuple[Inference, float]] = {
+COUNTERPARTS: dict[str, tuple[Inference, float]] = {
     "scikit-fuzzy": (EXACT, 0.01),  # integrates by trapezoids on its own grid
     "simpful": (MATLAB, 1e-9),
-    "pyfuzzylite": (EXACT, 0.01),  # samples at the middles of its parts
+    "pyfuzzylite": (EXACT, 0.01),  # samples at the middles of intervals
     "pyfuzzylite batch": (EXACT, 0.01),
     "pyit2fls": (EXACT, 0.01),  # integrates by trapezoids
     "pyit2fls centroid": (CENTROID, 1e-9),
-    "pyit2fls centre of sets": (CENTRES, 1e-9),
+    "pyit2fls centre of sets": (CENTRE_OF_SETS, 1e-9),
 }
-"""Which of ours each peer computes, and within what; in units of the outputs, of range 0.2."""
+"""Inference that each peer is compared with, and the tolerance; the outputs have range 0.2."""
 
 
 class Peers:
@@ -66,9 +67,9 @@ class Peers:
         self._system = described(system)
 
     def time(self, peer: str, rows: np.ndarray) -> float:
-        """Seconds per row; stops the benchmark if the peer computes something else."""
+        """Return seconds per row; exit if the peer's outputs differ by more than the tolerance."""
         answer = self._process.ask({"peer": peer, "system": self._system, "rows": rows.tolist()})
-        inference, tolerance = SAME[peer]
+        inference, tolerance = COUNTERPARTS[peer]
         difference = np.abs(np.array(answer["outputs"]) - inference(rows)).max()
         if not difference <= tolerance:
             sys.exit(
@@ -81,7 +82,7 @@ class Peers:
 
 
 def described(system: FuzzySystem) -> dict[str, object]:
-    """The system in plain lists, with the lower triangles of its type-2 form."""
+    """Return the system as plain lists, with the lower triangles of its type-2 form."""
 
     def lower(a: float, b: float, c: float) -> list[float]:
         return [a + FOOTPRINT.left * (b - a), b, c - FOOTPRINT.left * (c - b)]
@@ -102,7 +103,7 @@ def described(system: FuzzySystem) -> dict[str, object]:
 
 
 def calls(function: Callable, rows: list[list[float]]) -> float:
-    """Seconds per call, one row at a time."""
+    """Return seconds per call, one row at a time."""
     function(*rows[0])
     began = perf_counter()
     for pair in rows:
@@ -111,7 +112,7 @@ def calls(function: Callable, rows: list[list[float]]) -> float:
 
 
 def batch(inference: Inference | LookupSurface, rows: np.ndarray, **options: int) -> float:
-    """Seconds per row of one call for all rows."""
+    """Return seconds per row of one call with all rows."""
     inference.batch(rows[:1])
     began = perf_counter()
     inference.batch(rows, **options)
@@ -119,7 +120,7 @@ def batch(inference: Inference | LookupSurface, rows: np.ndarray, **options: int
 
 
 def measured() -> dict[str, float]:
-    """Median seconds per evaluation, by name; all take turns."""
+    """Return median seconds per evaluation by name; all are timed in turns."""
     rng = np.random.default_rng(1)
     rows = rng.uniform(-1.0, 1.0, (BATCH, 2))
     single = rows[:CALLS].tolist()
@@ -141,7 +142,7 @@ def measured() -> dict[str, float]:
                 note(f"{name}, batch, {cores} threads", batch(inference, many, threads=cores))
         note("lookup surface", calls(surface, single))
         note("lookup surface, batch", batch(surface, rows))
-        for peer in SAME:
+        for peer in COUNTERPARTS:
             count = PEER_BATCH if peer.endswith("batch") else PEER_CALLS.get(peer, 30)
             note(peer, peers.time(peer, rows[k * count : (k + 1) * count]))
     peers.close()

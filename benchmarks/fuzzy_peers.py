@@ -1,8 +1,8 @@
-"""The paper's system in other fuzzy libraries, timed on request.
+"""The paper's fuzzy system in other libraries, timed on request.
 
-Runs in an environment of its own, because one of them cannot live beside today's NumPy. A request
-is ``{"peer": name, "system": as described in fuzzy.py, "rows": [[error, derror], ...]}``, which it
-answers with the seconds per row and the outputs.
+Runs in an environment of its own, because one library is incompatible with current NumPy. A
+request is ``{"peer": name, "system": as described in fuzzy.py, "rows": [[error, derror], ...]}``;
+the answer has the seconds per row and the outputs.
 """
 
 import warnings
@@ -27,9 +27,9 @@ def scikit_fuzzy(system):
     outputs = [variable(control.Consequent, v, 101) for v in system["outputs"]]
     rules = [
         control.Rule(
-            inputs[0][a] & inputs[1][b], [o[c] for o, c in zip(outputs, concluded, strict=True)]
+            inputs[0][a] & inputs[1][b], [o[c] for o, c in zip(outputs, consequents, strict=True)]
         )
-        for (a, b), concluded in system["rules"]
+        for (a, b), consequents in system["rules"]
     ]
     simulation = control.ControlSystemSimulation(control.ControlSystem(rules), cache=False)
 
@@ -39,7 +39,7 @@ def scikit_fuzzy(system):
         simulation.compute()
         return [simulation.output[o.label] for o in outputs]
 
-    return one_by_one(evaluate)
+    return row_by_row(evaluate)
 
 
 def simpful(system):
@@ -56,8 +56,8 @@ def simpful(system):
     engine.add_rules(
         [
             f"IF ({first} IS {a}) AND ({second} IS {b}) THEN ({name} IS {c})"
-            for (a, b), concluded in system["rules"]
-            for name, c in zip(names, concluded, strict=True)
+            for (a, b), consequents in system["rules"]
+            for name, c in zip(names, consequents, strict=True)
         ]
     )
 
@@ -67,7 +67,7 @@ def simpful(system):
         found = engine.Mamdani_inference(names, subdivisions=101)
         return [found[name] for name in names]
 
-    return one_by_one(evaluate)
+    return row_by_row(evaluate)
 
 
 def fuzzylite_engine(system):
@@ -91,11 +91,11 @@ def fuzzylite_engine(system):
         fl.Rule.create(
             f"if {first} is {a} and {second} is {b} then "
             + " and ".join(
-                f"{v['name']} is {c}" for v, c in zip(system["outputs"], concluded, strict=True)
+                f"{v['name']} is {c}" for v, c in zip(system["outputs"], consequents, strict=True)
             ),
             engine,
         )
-        for (a, b), concluded in system["rules"]
+        for (a, b), consequents in system["rules"]
     ]
     engine.rule_blocks = [
         fl.RuleBlock(
@@ -115,11 +115,11 @@ def pyfuzzylite(system):
         engine.process()
         return [float(np.squeeze(o.value)) for o in engine.output_variables]
 
-    return one_by_one(evaluate)
+    return row_by_row(evaluate)
 
 
 def pyfuzzylite_batch(system):
-    """Its own vectorised form, in parts of 10,000 rows: more at once is slower."""
+    """Evaluate by its own vectorised form, in blocks of 10,000 rows: larger ones are slower."""
     engine = fuzzylite_engine(system)
 
     def many(rows):
@@ -143,7 +143,7 @@ def pyit2fls_t1(system):
         universe = np.linspace(v["low"], v["high"], 101)
         return {n: T1FS(universe, tri_mf, [*abc, 1.0]) for n, abc in v["sets"].items()}
 
-    return filled(system, engine, sets, lambda found: found[1])
+    return build(system, engine, sets, lambda found: found[1])
 
 
 def pyit2fls_t2(system, method):
@@ -158,34 +158,34 @@ def pyit2fls_t2(system, method):
             for n, abc in v["sets"].items()
         }
 
-    def middles(found):
+    def midpoints(found):
         ends = found[1] if method == "Centroid" else found
         return {name: 0.5 * sum(pair) for name, pair in ends.items()}
 
-    return filled(system, engine, sets, middles)
+    return build(system, engine, sets, midpoints)
 
 
-def filled(system, engine, sets, values):
+def build(system, engine, sets, values):
     for v in system["inputs"]:
         engine.add_input_variable(v["name"])
     for v in system["outputs"]:
         engine.add_output_variable(v["name"])
     made = {v["name"]: sets(v) for v in system["inputs"] + system["outputs"]}
     inputs, outputs = ([v["name"] for v in system[k]] for k in ("inputs", "outputs"))
-    for asked, concluded in system["rules"]:
+    for antecedents, consequents in system["rules"]:
         engine.add_rule(
-            [(name, made[name][c]) for name, c in zip(inputs, asked, strict=True)],
-            [(name, made[name][c]) for name, c in zip(outputs, concluded, strict=True)],
+            [(name, made[name][c]) for name, c in zip(inputs, antecedents, strict=True)],
+            [(name, made[name][c]) for name, c in zip(outputs, consequents, strict=True)],
         )
 
     def evaluate(*x):
         found = values(engine.evaluate(dict(zip(inputs, x, strict=True))))
         return [found[name] for name in outputs]
 
-    return one_by_one(evaluate)
+    return row_by_row(evaluate)
 
 
-def one_by_one(evaluate):
+def row_by_row(evaluate):
     return lambda rows: np.array([evaluate(*row) for row in rows.tolist()])
 
 

@@ -252,9 +252,7 @@ def test_exact_value_is_limit_of_fine_samples(system, seed):
         assume(line.size and areas(line).sum() > 1e-2 * (output.high - output.low))
     errors = [np.abs(run(*x) - exact(*x)) / oracle.spans(system) for run in runs]
     for error, count in zip(errors, (1001, 32_001), strict=True):
-        assert (
-            error.max() < 300 / count
-        )  # a jump of 1 shifts 1/count of the area, which is at least 1e-2
+        assert error.max() < 300 / count  # a jump of 1 shifts 1/count of area over 1e-2 of it
 
 
 def test_sampled_centroid_converges_quadratically():

@@ -70,7 +70,7 @@ def _nodes(
         """Return the kind of a node and its operands."""
         if isinstance(antecedent, Is):
             return _AND, operand(antecedent)
-        operands = [each for unsafe_slice in antecedent.parts for each in operand(unsafe_slice)]
+        operands = [each for part in antecedent.parts for each in operand(part)]
         return _AND if isinstance(antecedent, And) else _OR, operands
 
     def operand(antecedent: Antecedent) -> list[int]:

@@ -105,10 +105,8 @@ def _pack_slice(system: FuzzySystem, options: InferenceOptions, z_slice: ZSlice)
         method, arrays = SUGENO, (flatten_functions(system, consequents),)
     elif options.reduction == "cos":
         samples = None if options.centroid == "exact" else options.samples
-        method, arrays = (
-            CENTRE_OF_SETS,
-            (centroids_of(system, consequents, samples, z_slice),),
-        )
+        method = CENTRE_OF_SETS
+        arrays = (centroids_of(system, consequents, samples, z_slice),)
     elif options.centroid == "exact":
         upper = segments_of(system, consequents, z_slice)
         lower = (

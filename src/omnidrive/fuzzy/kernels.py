@@ -185,10 +185,8 @@ def _infer_averaged(
     for o in range(results.shape[1]):
         first, last = c.first[o], c.first[o + 1]
         if options[METHOD] == SUGENO:
-            is_sum, functions = (
-                c.defuzzifiers[o] == WTSUM,
-                FlatFunctions(floats_of(p, METHOD_ARRAYS)),
-            )
+            is_sum = c.defuzzifiers[o] == WTSUM
+            functions = FlatFunctions(floats_of(p, METHOD_ARRAYS))
             low, high = unsafe_slice(weights[0], first, last), unsafe_slice(weights[1], first, last)
             ends = sugeno_interval(functions, first, is_sum, options[ALGORITHM], x, low, high)
         else:
@@ -252,7 +250,7 @@ def _infer_one_in(
 def infer_rows(
     floats: Float[Array, " floats"],
     integers: Int[Array, " integers"],
-    slices: Int[Array, "planes 4"],
+    slices: Int[Array, "slices 4"],
     rows: Float[Array, "rows inputs"],
     results: Float[Array, "rows 3 outputs"],
 ) -> tuple[int, int]:

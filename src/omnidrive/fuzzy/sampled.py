@@ -17,9 +17,7 @@ from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 MIN, MAX = IMPLICATIONS["min"], AGGREGATIONS["max"]
-CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(
-    9
-)  # the order of variables.DEFUZZIFIERS
+CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(9)  # order of DEFUZZIFIERS
 
 
 class Samples(NamedTuple):
@@ -68,10 +66,8 @@ def aggregate_max(
     """Fill in the maximum of the clipped (or scaled) consequents."""
     aggregated[:] = 0.0
     for k in range(len(heights)):
-        height, consequent = (
-            heights[k],
-            unsafe_slice(degrees, k * len(aggregated), (k + 1) * len(aggregated)),
-        )
+        height = heights[k]
+        consequent = unsafe_slice(degrees, k * len(aggregated), (k + 1) * len(aggregated))
         if height > 0.0:
             if clips:
                 for i in range(len(aggregated)):
@@ -93,11 +89,8 @@ def aggregate_rules(
 
     For operators other than max, where each rule counts, also if two share a consequent.
     """
-    outputs, aggregation, clips = (
-        len(c.aggregations),
-        c.aggregations[output],
-        c.implication[0] == MIN,
-    )
+    outputs, aggregation = len(c.aggregations), c.aggregations[output]
+    clips = c.implication[0] == MIN
     aggregated[:] = 0.0
     for r in range(len(strengths)):
         k, strength = c.indices[r * outputs + output], strengths[r]

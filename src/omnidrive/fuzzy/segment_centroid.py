@@ -61,13 +61,13 @@ def aggregate_segments(
             else _scaled_breaks(p, q, shown, breaks)
         )
         left, width = ends[2 * piece], ends[2 * piece + 1] - ends[2 * piece]
-        at, before = 0.0, _envelope(cap, p, q, shown, 0.0)
+        fraction, before = 0.0, _envelope(cap, p, q, shown, 0.0)
         for k in range(number + 1):
             to = breaks[k] if k < number else 1.0
             after = _envelope(cap, p, q, shown, to)
-            pieces[0, count], pieces[1, count] = left + width * at, left + width * to
+            pieces[0, count], pieces[1, count] = left + width * fraction, left + width * to
             pieces[2, count], pieces[3, count] = before, after
-            at, before, count = to, after, count + 1
+            fraction, before, count = to, after, count + 1
     return pieces[:, :count]
 
 
@@ -77,11 +77,12 @@ def _envelope(
     p: Float[Array, " segments"],
     q: Float[Array, " segments"],
     shown: int,
-    at: float,
+    fraction: float,
 ) -> float:
+    """Return the greatest clipped degree at a fraction of the width."""
     best = 0.0
     for k in range(shown):
-        best = max(best, min(cap[k], p[k] + (q[k] - p[k]) * at))
+        best = max(best, min(cap[k], p[k] + (q[k] - p[k]) * fraction))
     return best
 
 
@@ -112,37 +113,37 @@ def _scaled_breaks(
     breaks: Float[Array, " breaks"],
 ) -> int:
     """Find the corners of the maximum of scaled segments, ascending; return their number."""
-    on = 0
+    highest = 0
     for k in range(1, shown):
-        if p[k] > p[on] or (p[k] == p[on] and q[k] > q[on]):
-            on = k
-    number, at = 0, 0.0
+        if p[k] > p[highest] or (p[k] == p[highest] and q[k] > q[highest]):
+            highest = k
+    number, fraction = 0, 0.0
     while True:
         follower, nearest = -1, 1.0
         for k in range(shown):
-            closing = (q[k] - p[k]) - (q[on] - p[on])
+            closing = (q[k] - p[k]) - (q[highest] - p[highest])
             if closing > 0.0:
-                crossing = max(at, (p[on] - p[k]) / closing)
+                crossing = max(fraction, (p[highest] - p[k]) / closing)
                 if crossing < nearest:
                     follower, nearest = k, crossing
         if follower < 0:
             return number
-        if nearest > at:
+        if nearest > fraction:
             breaks[number] = nearest
             number += 1
-        on, at = follower, nearest
+        highest, fraction = follower, nearest
 
 
 @compiled
-def _insert_sorted(breaks: Float[Array, " breaks"], number: int, at: float) -> int:
+def _insert_sorted(breaks: Float[Array, " breaks"], number: int, fraction: float) -> int:
     """Insert a fraction of the width in ascending order, if it lies within; return the number."""
-    if not 0.0 < at < 1.0:
+    if not 0.0 < fraction < 1.0:
         return number
     k = number
-    while k > 0 and breaks[k - 1] > at:
+    while k > 0 and breaks[k - 1] > fraction:
         breaks[k] = breaks[k - 1]
         k -= 1
-    breaks[k] = at
+    breaks[k] = fraction
     return number + 1
 
 
@@ -271,14 +272,14 @@ def centroid_interval(
     least = greatest = middle
     for step in range(200):
         (u, um), (w, wm) = _moments_left_of(upper, least), _moments_right_of(lower, least)
-        better = (um + wm) / (u + w)
-        if step > 0 and better >= least:
+        next_mean = (um + wm) / (u + w)
+        if step > 0 and next_mean >= least:
             break
-        least = better
+        least = next_mean
     for step in range(200):
         (u, um), (w, wm) = _moments_right_of(upper, greatest), _moments_left_of(lower, greatest)
-        better = (um + wm) / (u + w)
-        if step > 0 and better <= greatest:
+        next_mean = (um + wm) / (u + w)
+        if step > 0 and next_mean <= greatest:
             break
-        greatest = better
+        greatest = next_mean
     return _clamp_to_support(upper, least), _clamp_to_support(upper, greatest)

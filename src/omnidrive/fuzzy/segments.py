@@ -129,9 +129,7 @@ def _corner_points(
 ) -> Float[Array, " corners"]:
     """Return every point at which a consequent may have a corner, and the ends of the range."""
     corners = [output.low, output.high]
-    for each in {
-        consequent.definition.name: consequent.definition for consequent in consequents
-    }.values():
+    for each in {c.definition.name: c.definition for c in consequents}.values():
         assert isinstance(each, FuzzySet)
         upper, lower = each.upper, each.lower
         corners += [x for x, _ in upper.vertices]
