@@ -41,7 +41,7 @@ from nmpc_streams import (
 from peer_process import PeerProcess
 from rich.progress import Progress
 
-from omnidrive.control.nmpc import Exit, IpoptSettings, Solution, SqpSolver
+from omnidrive.control.nmpc import Exit, IpoptSettings, UnicycleSolution, UnicycleSolver
 from omnidrive.control.nmpc.holonomic import (
     HolonomicIpopt,
     HolonomicProblem,
@@ -209,9 +209,11 @@ def differences(some: list, others: list) -> np.ndarray:
     return np.abs(np.array(some) - np.array(others)).max(axis=1)
 
 
-def first_control(problem: AnyProblem, solution: Solution | HolonomicSolution) -> np.ndarray:
+def first_control(
+    problem: AnyProblem, solution: UnicycleSolution | HolonomicSolution
+) -> np.ndarray:
     """As in nmpc_models.py: of the holonomic robot the body twist."""
-    if isinstance(solution, Solution):
+    if isinstance(solution, UnicycleSolution):
         return solution.controls[0]
     here, there = solution.states[:2].tolist()
     return np.array(twist_between(Pose(*here), Pose(*there), problem.dt))
@@ -219,7 +221,7 @@ def first_control(problem: AnyProblem, solution: Solution | HolonomicSolution) -
 
 def cost_of(problem: AnyProblem, controls: np.ndarray) -> float:
     if not isinstance(problem, HolonomicProblem):
-        return Solution.of(problem, controls, 0, Exit.CAPPED).cost
+        return UnicycleSolution.of(problem, controls, 0, Exit.CAPPED).cost
     poses = [Pose(*problem.start.tolist())]
     for twist in controls.tolist():
         poses.append(move(poses[-1], BodyTwist(*twist), problem.dt))
@@ -274,7 +276,7 @@ def first_call_rows() -> Iterator[dict]:
     """In processes of their own: kernels compiled, and then taken from where they are kept."""
     unicycle, holonomic = unicycle_stream(15)[0], holonomic_stream(15, KICKED)[0]
     calls = {
-        "unicycle": (SqpSolver().solve, (unicycle, unicycle.feedforward)),
+        "unicycle": (UnicycleSolver().solve, (unicycle, unicycle.feedforward)),
         "wheels": (HolonomicSolver().solve, (holonomic,)),
     }
     for name, call in calls.items():

@@ -11,7 +11,7 @@ from nmpc_streams import AnyProblem, numbers, statement
 from peer_process import PeerProcess
 from timed import timed
 
-from omnidrive.control.nmpc import Solution, SqpSolver
+from omnidrive.control.nmpc import UnicycleSolution, UnicycleSolver
 from omnidrive.control.nmpc.holonomic import HolonomicSolution, HolonomicSolver
 
 ROUNDS, BLOCK = 5, 20  # of the whole stream; steps of one solver in a turn
@@ -31,8 +31,8 @@ class Planner(Protocol):
 class ShiftedSqp:
     """Ours for the unicycle, begun as in its controller: from the last plan, shifted by a stage."""
 
-    solver: SqpSolver = field(default_factory=SqpSolver)
-    solution: Solution | None = None
+    solver: UnicycleSolver = field(default_factory=UnicycleSolver)
+    solution: UnicycleSolution | None = None
 
     def reset(self) -> None:
         self.solution = None

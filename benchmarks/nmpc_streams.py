@@ -10,21 +10,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from omnidrive.control.nmpc import PRESETS, NmpcController, Problem, SqpSolver
-from omnidrive.control.nmpc.cost import tracking_cost
+from omnidrive.control.nmpc import PRESETS, UnicycleController, UnicycleProblem, UnicycleSolver
+from omnidrive.control.nmpc.common.cost import tracking_cost
 from omnidrive.control.nmpc.holonomic import (
     HolonomicController,
-    HolonomicPlanner,
+    HolonomicOptimizer,
     HolonomicProblem,
     HolonomicSolver,
-    KeepOut,
+    KeepOutZone,
     Limits,
     holonomic_nmpc,
-    joined,
     rate_limits,
     speed_limits,
+    stack_limits,
 )
-from omnidrive.control.nmpc.holonomic.controller import KeepOutsAhead
+from omnidrive.control.nmpc.holonomic.controller import KeepOutForecast
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move
 from omnidrive.reference import Setpoint
 from omnidrive.robot import named_robot
@@ -53,7 +53,7 @@ class Disc(NamedTuple):
 
 OBSTACLES = (Disc(9.0, 0.15), Disc(18.0, -0.1, drift=-0.15), Disc(27.0, -0.15))
 
-AnyProblem = Problem | HolonomicProblem
+AnyProblem = UnicycleProblem | HolonomicProblem
 
 
 class Bends:
@@ -78,10 +78,10 @@ class Bends:
         return np.array(rows)
 
 
-def obstacles(t: float, points: int, dt: float) -> list[KeepOut]:
+def obstacles(t: float, points: int, dt: float) -> list[KeepOutZone]:
     """Where :data:`OBSTACLES` are at the times t, t + dt, ..."""
     return [
-        KeepOut(_on_the_left(met, left + drift * (t - met + dt * np.arange(points))), distance)
+        KeepOutZone(_on_the_left(met, left + drift * (t - met + dt * np.arange(points))), distance)
         for met, left, drift, distance in OBSTACLES
     ]
 
@@ -124,10 +124,10 @@ class Recorder:
         return self.solver.solve(problem, *guess)
 
 
-def unicycle_stream(stages: int) -> list[Problem]:
+def unicycle_stream(stages: int) -> list[UnicycleProblem]:
     """What the paper's controller is asked in every step."""
-    recorder = Recorder(SqpSolver())
-    drive(NmpcController(DT, stages, PRESETS["paper"], recorder), Bends())
+    recorder = Recorder(UnicycleSolver())
+    drive(UnicycleController(DT, stages, PRESETS["paper"], recorder), Bends())
     return list(recorder.problems)
 
 
@@ -141,7 +141,7 @@ def holonomic_stream(stages: int, max_wheel_speed: float) -> list[HolonomicProbl
 def obstacle_stream(stages: int, max_wheel_speed: float) -> list[HolonomicProblem]:
     """What it is asked among :data:`OBSTACLES`, if the wheels do not accelerate at once either."""
     wheels = named_robot("paper").chassis.jacobian
-    limits = joined(
+    limits = stack_limits(
         speed_limits(wheels, max_wheel_speed, DT), rate_limits(wheels, MAX_WHEEL_ACCELERATION, DT)
     )
     recorder = Recorder(HolonomicSolver(), limits)
@@ -159,7 +159,7 @@ def statement(problem: AnyProblem) -> dict[str, object]:
         "terminal_weights": problem.state_weights[-1].tolist(),
         "control_weights": problem.control_weights.tolist(),
     }
-    if isinstance(problem, Problem):
+    if isinstance(problem, UnicycleProblem):
         return common | {"limits": problem.limits.tolist()}
     limits, places = problem.limits._asdict(), problem.keep_outs
     rows = {name: part.tolist() for name, part in limits.items()}
@@ -170,13 +170,13 @@ def statement(problem: AnyProblem) -> dict[str, object]:
 def numbers(problem: AnyProblem) -> dict[str, np.ndarray]:
     """What problems of a stream do not have in common: see nmpc_models.py."""
     own = {name: getattr(problem, name) for name in ("start", "targets", "feedforward")}
-    if isinstance(problem, Problem):
+    if isinstance(problem, UnicycleProblem):
         return own
     centres = np.hstack([np.empty((len(problem.targets), 0)), *problem.keep_outs.centres])
     return own | {"previous": problem.previous, "centres": centres}
 
 
-def closed_loop_cost(stages: int, max_wheel_speed: float, solver: HolonomicPlanner) -> float:
+def closed_loop_cost(stages: int, max_wheel_speed: float, solver: HolonomicOptimizer) -> float:
     """Sum of the stage costs of what the robot truly did."""
     controller = holonomic_controller(stages, max_wheel_speed, solver)
     p, states = controller.parameters, drive(controller, Bends())
@@ -194,14 +194,16 @@ def closed_loop_cost(stages: int, max_wheel_speed: float, solver: HolonomicPlann
 def holonomic_controller(
     stages: int,
     max_wheel_speed: float,
-    solver: HolonomicPlanner,
-    keep_outs: KeepOutsAhead | Sequence[KeepOut] = (),
+    solver: HolonomicOptimizer,
+    keep_outs: KeepOutForecast | Sequence[KeepOutZone] = (),
 ) -> HolonomicController:
     chassis = replace(named_robot("paper"), max_wheel_speed=max_wheel_speed).chassis
     return holonomic_nmpc(chassis, DT, stages, solver=solver, keep_outs=keep_outs)
 
 
-def drive(controller: NmpcController | HolonomicController, reference: Bends | Waves) -> np.ndarray:
+def drive(
+    controller: UnicycleController | HolonomicController, reference: Bends | Waves
+) -> np.ndarray:
     """True poses of a robot that moves as it is told, measured with noise, and kicked."""
     rng = np.random.default_rng(SEED)
     pose = reference.at(0.0).pose

@@ -6,15 +6,15 @@ from .control import (
     FuzzyPidController,
     HolonomicController,
     HolonomicParameters,
-    NmpcController,
     Status,
     TrackingPidController,
+    UnicycleController,
     classical_pid,
     fuzzy_pid,
     holonomic_nmpc,
     unicycle_nmpc,
 )
-from .control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOut
+from .control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOutZone
 from .errors import OmnidriveError
 from .evaluation import Metrics, StepResponse, measure, step_response
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
@@ -64,13 +64,12 @@ __all__ = [
     "HolonomicController",
     "HolonomicParameters",
     "HolonomicSolver",
-    "KeepOut",
+    "KeepOutZone",
     "KinematicPlant",
     "Measurement",
     "Metrics",
     "MotionLimits",
     "MujocoPlant",
-    "NmpcController",
     "OccupancyGrid",
     "OmnidriveError",
     "Onlooker",
@@ -96,6 +95,7 @@ __all__ = [
     "Study",
     "TimedReference",
     "TrackingPidController",
+    "UnicycleController",
     "UniformReference",
     "Viewer",
     "Waypoint",

@@ -8,33 +8,38 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from omnidrive.control.nmpc.common.exit import CONVERGED, Exit
 from omnidrive.control.nmpc.holonomic import (
     HolonomicProblem,
     HolonomicSolver,
-    InteriorSettings,
-    KeepOut,
-    joined,
-    keep_outs,
+    HolonomicSolverSettings,
+    KeepOutZone,
     rate_limits,
     speed_limits,
+    stack_keep_outs,
+    stack_limits,
 )
-from omnidrive.control.nmpc.holonomic.active_set import hold_limits
-from omnidrive.control.nmpc.holonomic.distance import distance, keep_out_cost
-from omnidrive.control.nmpc.holonomic.interior import CONVERGED, advance, begin
-from omnidrive.control.nmpc.holonomic.iterate import cost, evaluate, iterate, reduced_gradient
-from omnidrive.control.nmpc.holonomic.linear import unlimited
+from omnidrive.control.nmpc.holonomic.active_set import solve_active_set
+from omnidrive.control.nmpc.holonomic.interior_point import initialize, iterate
+from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost, signed_distance
+from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import (
-    arc,
-    largest_part,
-    limited,
+    arc_factor,
+    arc_twist,
+    arc_velocity,
+    limit_value,
+    max_limit_ratio,
     roll_out,
-    twist,
+    stage_twists,
     twist_derivatives,
-    twists_of,
-    velocity,
 )
 from omnidrive.control.nmpc.holonomic.solution import HolonomicSolution
-from omnidrive.control.nmpc.solution import Exit
+from omnidrive.control.nmpc.holonomic.stage_point import (
+    allocate_point,
+    cost,
+    evaluate,
+    reduced_gradient,
+)
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.robot import Chassis
@@ -65,7 +70,7 @@ def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, places=
     control_weights = rng.uniform(0.2, 2.0, 3)
     limits = speed_limits(CHASSIS.jacobian, limit, dt, (lag, lag))
     if rate is not None:
-        limits = joined(limits, rate_limits(CHASSIS.jacobian, rate, dt))
+        limits = stack_limits(limits, rate_limits(CHASSIS.jacobian, rate, dt))
     previous = np.zeros(3)
     if rate is not None or lag:
         previous = rng.normal(size=3) * [0.4, 0.4, 0.8]
@@ -79,7 +84,7 @@ def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, places=
         state_weights,
         control_weights,
         limits,
-        keep_outs([place(rng, k, targets) for k in range(places)], stages + 1),
+        stack_keep_outs([place(rng, k, targets) for k in range(places)], stages + 1),
     )
 
 
@@ -88,15 +93,15 @@ def place(rng, k, targets):
     centre = targets[rng.integers(len(targets)), :2] + 0.3 * rng.normal(size=2)
     moves = np.linspace(0.0, 0.5, len(targets))[:, None] * rng.normal(size=2)
     return (
-        KeepOut(centre, rng.uniform(0.1, 0.4)),
-        KeepOut(centre, rng.uniform(0.05, 0.2), SQUARE),
-        KeepOut(centre + moves, rng.uniform(0.1, 0.4)),
+        KeepOutZone(centre, rng.uniform(0.1, 0.4)),
+        KeepOutZone(centre, rng.uniform(0.05, 0.2), SQUARE),
+        KeepOutZone(centre + moves, rng.uniform(0.1, 0.4)),
     )[k % 3]
 
 
 def gradient_of(p, velocities):
     """Derivative of J."""
-    at = iterate(velocities, np.empty((len(velocities), 0)))
+    at = allocate_point(velocities, np.empty((len(velocities), 0)))
     evaluate(p, at)
     return reduced_gradient(p.dt, at)
 
@@ -104,11 +109,15 @@ def gradient_of(p, velocities):
 @pytest.mark.parametrize("half", [0.0, 1e-3, 0.019999, 0.020001, 0.3, -1.2, 1.6, -2.5])
 def test_the_arcs_factor_and_its_derivatives(half):
     h = 1e-5
-    value, slope, bend = arc(half)
+    value, slope, bend = arc_factor(half)
     if abs(half) <= 1.5:
         assert value == pytest.approx(half / sin(half) if half else 1.0, abs=1e-14)
-    assert slope == pytest.approx((arc(half + h)[0] - arc(half - h)[0]) / (2 * h), abs=1e-8)
-    assert bend == pytest.approx((arc(half + h)[1] - arc(half - h)[1]) / (2 * h), abs=1e-7)
+    assert slope == pytest.approx(
+        (arc_factor(half + h)[0] - arc_factor(half - h)[0]) / (2 * h), abs=1e-8
+    )
+    assert bend == pytest.approx(
+        (arc_factor(half + h)[1] - arc_factor(half - h)[1]) / (2 * h), abs=1e-7
+    )
 
 
 @given(SEEDS)
@@ -116,10 +125,10 @@ def test_the_arcs_factor_and_its_derivatives(half):
 def test_a_stage_is_driven_by_the_twist_that_leads_from_its_start_to_its_end(seed):
     yaw, vx, vy, rate = np.random.default_rng(seed).uniform(-3, 3, 4).tolist()
     moved = Pose(0.1 * vx, 0.1 * vy, yaw + 0.1 * rate)
-    ahead, left = twist(0.1, yaw, vx, vy, rate)
+    ahead, left = arc_twist(0.1, yaw, vx, vy, rate)
     expected = twist_between(Pose(0.0, 0.0, yaw), moved, 0.1)
     np.testing.assert_allclose([ahead, left, rate], expected, atol=1e-12)
-    np.testing.assert_allclose(velocity(0.1, yaw, ahead, left, rate), [vx, vy], atol=1e-12)
+    np.testing.assert_allclose(arc_velocity(0.1, yaw, ahead, left, rate), [vx, vy], atol=1e-12)
 
 
 @given(SEEDS)
@@ -134,7 +143,7 @@ def test_derivatives_of_twists(seed):
         return np.array(value), slopes[0], bends[0]
 
     value, slopes, bends = at(stage)
-    np.testing.assert_allclose(value, twist(0.1, *stage.tolist()), atol=1e-12)
+    np.testing.assert_allclose(value, arc_twist(0.1, *stage.tolist()), atol=1e-12)
     for a in range(4):
         step = 1e-6 * np.eye(4)[a]
         above, up, _ = at(stage + step)
@@ -153,12 +162,12 @@ def test_derivatives_of_limits_and_of_the_cost(seed, stages):
     v, pulls = rng.normal(size=(stages, 3)), rng.normal(size=(stages, 8))
 
     def lagrangian(v):
-        twists = twists_of(p, v)
-        values = [[limited(p, i, twists, k) for i in range(8)] for k in range(stages)]
+        twists = stage_twists(p, v)
+        values = [[limit_value(p, i, twists, k) for i in range(8)] for k in range(stages)]
         return cost(p, roll_out(p, v), v) + (pulls * values / p.limits.bounds).sum()
 
-    at = iterate(v, np.tile(p.limits.bounds, (stages, 1)))
-    at.pulls[:] = pulls
+    at = allocate_point(v, np.tile(p.limits.bounds, (stages, 1)))
+    at.multipliers[:] = pulls
     evaluate(p, at)
     gradient = reduced_gradient(p.dt, at)
     for k in range(stages):
@@ -173,7 +182,7 @@ def test_derivatives_of_limits_and_of_the_cost(seed, stages):
 @settings(max_examples=50, deadline=None)
 def test_without_limits_the_gradient_vanishes(seed, stages):
     p = problem(np.random.default_rng(seed), stages)
-    assert np.abs(gradient_of(p, unlimited(p))).max() < 1e-9
+    assert np.abs(gradient_of(p, unconstrained_velocities(p))).max() < 1e-9
 
 
 @given(SEEDS, st.integers(1, 30), st.floats(6.0, 20.0))
@@ -186,11 +195,13 @@ def test_every_plan_keeps_the_limits_and_is_optimal_if_it_says_so(seed, stages, 
     if found.exit is Exit.CONVERGED:
         assert found.residual < 1e-6
     assert found.check(p) == (found.residual, found.violation)
-    if largest_part(p, twists_of(p, unlimited(p))) <= 1.0:
+    if max_limit_ratio(p, stage_twists(p, unconstrained_velocities(p))) <= 1.0:
         assert found.iterations == 0
         assert not found.multipliers.any()
     else:
-        assert found.cost > cost(p, roll_out(p, unlimited(p)), unlimited(p))
+        assert found.cost > cost(
+            p, roll_out(p, unconstrained_velocities(p)), unconstrained_velocities(p)
+        )
 
 
 @pytest.mark.parametrize("limit", [3.0, 8.0, 14.0, 20.0])
@@ -228,7 +239,7 @@ def test_it_converges_with_rates_lag_and_keep_outs(rate, lag, places):
     for p, plan in zip(problems, plans, strict=True):
         if plan.exit is Exit.CONVERGED:
             assert plan.residual < 1e-6
-            twists = np.vstack([p.previous, twists_of(p, plan.velocities)])
+            twists = np.vstack([p.previous, stage_twists(p, plan.velocities)])
             asked = twists[1:] + lag / p.dt * np.diff(twists, axis=0)
             assert np.abs(asked @ CHASSIS.jacobian.T).max() <= 12.0 * (1 + 1e-9)
             wheels = np.diff(twists @ CHASSIS.jacobian.T, axis=0) / p.dt
@@ -243,18 +254,20 @@ def test_holding_what_binds_often_finds_what_the_interior_point_method_does(limi
     found = []
     for seed in range(100):
         p = problem(np.random.default_rng(seed), 15, limit, **more)
-        at, iterations = hold_limits(p, unlimited(p), 1e-8, 200)
+        at, iterations = solve_active_set(p, unconstrained_velocities(p), 1e-8, 200)
         found.append(iterations >= 0)
         if iterations >= 0:
-            plan = HolonomicSolution.of(p, at.velocities, at.pulls, iterations, Exit.CONVERGED)
+            plan = HolonomicSolution.of(
+                p, at.velocities, at.multipliers, iterations, Exit.CONVERGED
+            )
             assert plan.residual <= 1e-8
             assert plan.violation <= 0.0
-            search = begin(p, unlimited(p), 1e-8)
-            assert advance(p, search, 1e-8, 200) == CONVERGED
+            search = initialize(p, unconstrained_velocities(p), 1e-8)
+            assert iterate(p, search, 1e-8, 200) == CONVERGED
             if "places" not in more:
-                np.testing.assert_allclose(at.velocities, search.at.velocities, atol=1e-5)
+                np.testing.assert_allclose(at.velocities, search.point.velocities, atol=1e-5)
             else:  # there may be several optima
-                other = search.at.velocities
+                other = search.point.velocities
                 assert plan.cost <= 1.01 * cost(p, roll_out(p, other), other)
     assert np.mean(found) > share
 
@@ -289,10 +302,12 @@ def test_a_robot_faster_than_its_limits_brakes_as_hard_as_it_may(factor):
     p = problem(np.random.default_rng(3), 20)
     fast = np.array([0.6, 0.2, 0.5])
     fast *= factor * 10.0 / np.abs(CHASSIS.jacobian @ fast).max()
-    p = p._replace(previous=fast, limits=joined(speed_limits(CHASSIS.jacobian, 10.0, 0.1), rates))
+    p = p._replace(
+        previous=fast, limits=stack_limits(speed_limits(CHASSIS.jacobian, 10.0, 0.1), rates)
+    )
     found = HolonomicSolver().solve(p)
     assert found.exit is Exit.CONVERGED
-    wheels = np.abs(np.vstack([fast, twists_of(p, found.velocities)]) @ CHASSIS.jacobian.T)
+    wheels = np.abs(np.vstack([fast, stage_twists(p, found.velocities)]) @ CHASSIS.jacobian.T)
     needed = np.maximum(10.0 * factor - 4.0 * np.arange(21), 10.0)  # braking at 40 rad/s^2
     assert (wheels.max(axis=1) <= 1.03 * needed).all()
     assert found.violation == pytest.approx(max(factor - 1.4, 0.0), abs=0.03 * factor)
@@ -302,14 +317,17 @@ def test_a_robot_faster_than_its_limits_brakes_as_hard_as_it_may(factor):
 @pytest.mark.parametrize("weight", [1e3, 1e5])
 def test_a_start_inside_a_keep_out_is_left_and_a_reference_through_it_evaded(corners, weight):
     p = problem(np.random.default_rng(2), 30, kick=0.0)
-    inside = KeepOut(p.start[:2] + np.array([0.05, 0.02]), 0.3, corners, weight)
-    across = KeepOut(p.targets[20, :2] + np.array([0.03, 0.05]), 0.25, corners, weight)
-    p = p._replace(keep_outs=keep_outs([inside, across], 31))
+    inside = KeepOutZone(p.start[:2] + np.array([0.05, 0.02]), 0.3, corners, weight)
+    across = KeepOutZone(p.targets[20, :2] + np.array([0.03, 0.05]), 0.25, corners, weight)
+    p = p._replace(keep_outs=stack_keep_outs([inside, across], 31))
     found = HolonomicSolver().solve(p)
     assert found.exit is Exit.CONVERGED
     far = np.array(
         [
-            [distance(p.keep_outs, j, k, *found.states[k, :2].tolist())[0] for k in range(31)]
+            [
+                signed_distance(p.keep_outs, j, k, *found.states[k, :2].tolist())[0]
+                for k in range(31)
+            ]
             for j in range(2)
         ]
     )
@@ -324,16 +342,16 @@ def test_a_start_inside_a_keep_out_is_left_and_a_reference_through_it_evaded(cor
 def test_the_distance_to_a_keep_out_and_its_derivatives(seed):
     rng = np.random.default_rng(seed)
     corners = [None, SQUARE, SQUARE[:2]][seed % 3]
-    places = keep_outs([KeepOut(np.array([0.3, -0.2]), 0.2, corners)], 1)
+    places = stack_keep_outs([KeepOutZone(np.array([0.3, -0.2]), 0.2, corners)], 1)
     x, y = rng.normal(size=2)
-    far, nx, ny, curvature = distance(places, 0, 0, x, y)
+    far, nx, ny, curvature = signed_distance(places, 0, 0, x, y)
     if corners is None:
         assert far == pytest.approx(np.hypot(x - 0.3, y + 0.2))
     if far > 1e-3:
         assert np.hypot(nx, ny) == pytest.approx(1.0)
         for dx, dy in ((1e-6, 0.0), (0.0, 1e-6)):
-            above, ax, ay, _ = distance(places, 0, 0, x + dx, y + dy)
-            below, bx, by, _ = distance(places, 0, 0, x - dx, y - dy)
+            above, ax, ay, _ = signed_distance(places, 0, 0, x + dx, y + dy)
+            below, bx, by, _ = signed_distance(places, 0, 0, x - dx, y - dy)
             assert (above - below) / 2e-6 == pytest.approx((nx * dx + ny * dy) * 1e6, abs=1e-5)
             expected = [
                 curvature * (dx - nx * (nx * dx + ny * dy)) * 1e6,
@@ -343,8 +361,8 @@ def test_the_distance_to_a_keep_out_and_its_derivatives(seed):
 
 
 def test_inside_a_polygon_the_distance_is_negative():
-    places = keep_outs([KeepOut(np.zeros(2), 0.1, SQUARE)], 1)
-    assert distance(places, 0, 0, 0.15, 0.0)[:3] == pytest.approx((-0.05, 1.0, 0.0))
+    places = stack_keep_outs([KeepOutZone(np.zeros(2), 0.1, SQUARE)], 1)
+    assert signed_distance(places, 0, 0, 0.15, 0.0)[:3] == pytest.approx((-0.05, 1.0, 0.0))
     assert keep_out_cost(places, np.array([[0.15, 0.0, 0.0]])) == pytest.approx(1e4 * 0.15**2)
 
 
@@ -393,7 +411,7 @@ def test_of_many_those_that_found_nothing_are_told():
     two.start[1, 0] = np.nan
     _, iterations = HolonomicSolver().solve_many(two)
     assert iterations[0] > 0 > iterations[1]
-    _, iterations = HolonomicSolver(InteriorSettings(max_iterations=1)).solve_many(two)
+    _, iterations = HolonomicSolver(HolonomicSolverSettings(max_iterations=1)).solve_many(two)
     assert iterations[0] == -2
 
 
@@ -410,7 +428,7 @@ def test_what_is_not_finite_is_unusable(field, deadline):
 
 def test_a_cap_is_said():
     p = problem(np.random.default_rng(2), limit=3.0)
-    found = HolonomicSolver(InteriorSettings(max_iterations=2)).solve(p)
+    found = HolonomicSolver(HolonomicSolverSettings(max_iterations=2)).solve(p)
     assert found.exit is Exit.CAPPED
     assert found.iterations == 2
 
@@ -451,11 +469,20 @@ def test_the_same_problem_has_the_same_solution_bit_for_bit():
         (lambda: unwrap(speed_limits)(np.eye(3), np.ones(2), 0.1), "3 rows need one bound or 3"),
         (lambda: rate_limits(np.eye(3), 0.0, 0.1), "bounds must be positive and finite, got 0"),
         (lambda: speed_limits(np.eye(3), 1.0, 0.1, (0.0, -1.0)), "lag must not be negative"),
-        (lambda: KeepOut(np.array([np.nan, 0.0]), 0.1), "finite points"),
-        (lambda: KeepOut(np.zeros(2), 0.0), "radius of a keep-out must be positive, got 0"),
-        (lambda: KeepOut(np.zeros(2), 0.1, weight=-1.0), "weight of a keep-out must be positive"),
-        (lambda: KeepOut(np.zeros(2), 0.1, SQUARE[::-1]), "counter-clockwise"),
-        (lambda: keep_outs([KeepOut(np.zeros((3, 2)), 0.1)], 16), "3 centres, but the plan 16"),
+        (lambda: KeepOutZone(np.array([np.nan, 0.0]), 0.1), "finite points"),
+        (
+            lambda: KeepOutZone(np.zeros(2), 0.0),
+            "radius of a keep-out zone must be positive, got 0",
+        ),
+        (
+            lambda: KeepOutZone(np.zeros(2), 0.1, weight=-1.0),
+            "weight of a keep-out zone must be positive",
+        ),
+        (lambda: KeepOutZone(np.zeros(2), 0.1, SQUARE[::-1]), "counter-clockwise"),
+        (
+            lambda: stack_keep_outs([KeepOutZone(np.zeros((3, 2)), 0.1)], 16),
+            "3 centres, but the plan has 16",
+        ),
     ],
 )  # fmt: skip
 def test_bad_limits_and_keep_outs_are_refused(make, message):

@@ -10,12 +10,12 @@ import pytest
 from omnidrive.control import HolonomicParameters, Status, holonomic_nmpc
 from omnidrive.control.nmpc.holonomic import (
     Actuation,
+    FallbackLevel,
     HolonomicSolver,
-    InteriorSettings,
-    KeepOut,
-    Rung,
+    HolonomicSolverSettings,
+    KeepOutZone,
 )
-from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
+from omnidrive.control.nmpc.holonomic.controller import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.control.supervision import Remaining
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move, wrap
@@ -36,13 +36,13 @@ def started(horizon=15):
 
 
 def rung(command):
-    return Rung(int(command.details[0]))
+    return FallbackLevel(int(command.details[0]))
 
 
 def test_a_robot_on_the_reference_stays_on_it():
     controller, command = started()
     assert command.status is Status.OK
-    assert rung(command) is Rung.CONVERGED
+    assert rung(command) is FallbackLevel.CONVERGED
     after = move(Circle().at(0.0).pose, command.twist, DT)
     assert np.allclose(after, Circle().at(DT).pose, atol=1e-9)
     assert controller.solution.residual < 1e-6
@@ -72,14 +72,21 @@ def test_with_other_wheels_it_goes_on_where_it_was():
 def test_a_lost_measurement_is_bridged_by_the_old_plan_then_by_a_ramp_then_refused():
     controller, _ = started()
     planned = controller.solution
-    commands = [controller.step(DT * k, NOWHERE, Circle()) for k in range(1, FOLLOWED + RAMP + 2)]
+    commands = [
+        controller.step(DT * k, NOWHERE, Circle())
+        for k in range(1, OLD_PLAN_STEPS + RAMP_STEPS + 2)
+    ]
     rungs = [rung(each) for each in commands]
-    assert rungs == [Rung.OLD_PLAN] * FOLLOWED + [Rung.RAMP] * RAMP + [Rung.STOP]
+    assert rungs == [FallbackLevel.OLD_PLAN] * OLD_PLAN_STEPS + [
+        FallbackLevel.RAMP
+    ] * RAMP_STEPS + [FallbackLevel.STOP]
     speeds = [np.hypot(each.twist.vx, each.twist.vy) for each in commands]
-    assert np.all(np.diff(speeds[FOLLOWED - 1 :]) < 0.0)
+    assert np.all(np.diff(speeds[OLD_PLAN_STEPS - 1 :]) < 0.0)
     assert commands[-1].status is Status.FAILED
     assert commands[-1].twist == BodyTwist(0.0, 0.0, 0.0)
-    assert [each.status for each in commands[:-1]] == [Status.FALLBACK] * (FOLLOWED + RAMP)
+    assert [each.status for each in commands[:-1]] == [Status.FALLBACK] * (
+        OLD_PLAN_STEPS + RAMP_STEPS
+    )
     first = move(Pose(*planned.states[1]), commands[0].twist, DT)
     assert np.allclose(first, planned.states[2], atol=1e-9)
 
@@ -94,14 +101,14 @@ def test_one_bad_measurement_spoils_no_later_step():
 
 def test_a_horizon_too_short_to_bridge_stops():
     controller, _ = started(horizon=1)
-    assert rung(controller.step(DT, NOWHERE, Circle())) is Rung.STOP
+    assert rung(controller.step(DT, NOWHERE, Circle())) is FallbackLevel.STOP
 
 
 def test_a_capped_plan_keeps_the_limits_and_says_so():
     controller, _ = started()
-    controller.solver = HolonomicSolver(InteriorSettings(max_iterations=2))
+    controller.solver = HolonomicSolver(HolonomicSolverSettings(max_iterations=2))
     command = controller.step(0.0, Pose(40.0, -30.0, 2.0), Circle())
-    assert rung(command) is Rung.FEASIBLE
+    assert rung(command) is FallbackLevel.FEASIBLE
     assert command.status is Status.FALLBACK
     assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
 
@@ -155,9 +162,9 @@ def test_a_keep_out_on_the_way_is_evaded(moving):
 
     def ahead(t, points, dt):
         times = t + dt * np.arange(points)
-        return [KeepOut(np.array([1.0, 0.02]) + (times[:, None] - 2.0) * speed, 0.4)]
+        return [KeepOutZone(np.array([1.0, 0.02]) + (times[:, None] - 2.0) * speed, 0.4)]
 
-    fixed = [KeepOut(np.array([1.0, 0.02]), 0.4)]
+    fixed = [KeepOutZone(np.array([1.0, 0.02]), 0.4)]
     controller = holonomic_nmpc(CHASSIS, DT, 30, keep_outs=ahead if moving else fixed)
     pose = Pose(0.0, 0.0, 0.0)
     controller.reset(pose)
@@ -203,17 +210,19 @@ def test_a_deadline_that_passed_gives_a_plan_within_the_limits():
     solver = HolonomicSolver(deadline=0.0)
     controller = holonomic_nmpc(CHASSIS, DT, solver=solver)
     command = controller.step(0.0, Pose(40.0, -30.0, 2.0), Circle())
-    assert rung(command) is Rung.FEASIBLE
+    assert rung(command) is FallbackLevel.FEASIBLE
     assert command.status is Status.FALLBACK
     assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
 
 
 LOADED = """
 import omnidrive as od
-from omnidrive.control.nmpc.holonomic import active_set, interior
+from omnidrive.control.nmpc.holonomic import active_set, interior_point
 chassis = od.named_robot("small").chassis
 od.holonomic_nmpc(chassis, 0.02, {horizon}, solver=od.HolonomicSolver(deadline=1e-3))
-print(*(bool(f.signatures) for f in (active_set.hold_limits, interior.begin, interior.advance)))
+print(*(bool(f.signatures) for f in (
+    active_set.solve_active_set, interior_point.initialize, interior_point.iterate
+)))
 """
 
 
@@ -271,6 +280,6 @@ def test_few_iterations_keep_the_limits_and_cost_a_little():
     assert quick.step(0.0, near, Circle()) == full.step(0.0, near, Circle())
     command = quick.step(0.0, far, Circle())
     full.step(0.0, far, Circle())
-    assert rung(command) is Rung.FEASIBLE
+    assert rung(command) is FallbackLevel.FEASIBLE
     assert quick.solution.violation <= 0.0
     assert full.solution.cost < quick.solution.cost < 1.5 * full.solution.cost

@@ -9,15 +9,16 @@ from omnidrive.control import Command, Controller, Status
 from omnidrive.control.nmpc import (
     PRESETS,
     Exit,
-    NmpcController,
-    Solution,
-    SqpSettings,
-    SqpSolver,
-    nmpc_law,
+    UnicycleController,
+    UnicycleSolution,
+    UnicycleSolver,
+    UnicycleSolverSettings,
     tracking_problem,
+    unicycle_law,
     unicycle_nmpc,
 )
-from omnidrive.control.nmpc.tracking import finite_differences, nearest_branch
+from omnidrive.control.nmpc.common.unwrap import unwrap_near
+from omnidrive.control.nmpc.unicycle.tracking import finite_differences
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
 from omnidrive.planning import SplinePath
@@ -67,7 +68,7 @@ def test_step_reference_is_reached_and_held():
 
 
 def test_published_code_stops_beside_the_step():
-    """The known flaw that the mend removes: see ``nmpc_law``."""
+    """The known flaw that the mend removes: see ``unicycle_law``."""
     run = drive(unicycle_nmpc("published-code", DT), CORNER)
     error = (run.pose - run.target)[-1]
     np.testing.assert_allclose(run.command[-1], 0.0, atol=1e-6)
@@ -125,7 +126,7 @@ def test_whole_turns_of_the_robot_change_nothing(turns):
 
 def test_headings_are_moved_as_a_whole():
     headings = np.array([3.0, 3.1, -3.1, -3.0])
-    moved = nearest_branch(headings, -3.2 + 4.0 * np.pi)
+    moved = unwrap_near(headings, -3.2 + 4.0 * np.pi)
     np.testing.assert_allclose(np.diff(moved), [0.1, 2.0 * np.pi - 6.2, 0.1])
     assert moved[0] == pytest.approx(3.0 + 2.0 * np.pi)
 
@@ -141,17 +142,17 @@ def test_law_drives_along_the_first_predicted_heading():
     pose = Pose(1.0, 2.0, 0.3)
     problem = tracking_problem(PRESETS["paper"], 0.0, pose, CORNER, horizon=15, dt=DT)
     controls = np.tile([0.5, 2.0], (15, 1))
-    plan = Solution.of(problem, controls, 0, Exit.CAPPED)
+    plan = UnicycleSolution.of(problem, controls, 0, Exit.CAPPED)
     expected = to_body(WorldTwist(0.5 * np.cos(0.5), 0.5 * np.sin(0.5), 2.0), 0.3)
-    np.testing.assert_allclose(nmpc_law(problem, plan, 0.0), expected, atol=1e-12)
-    plain, mended = nmpc_law(problem, plan, 0.0), nmpc_law(problem, plan, 1.0)
+    np.testing.assert_allclose(unicycle_law(problem, plan, 0.0), expected, atol=1e-12)
+    plain, mended = unicycle_law(problem, plan, 0.0), unicycle_law(problem, plan, 1.0)
     assert mended != plain
     assert np.hypot(*mended[:2]) <= 1.5
 
 
 def capped(cap):
-    solver = SqpSolver(SqpSettings(max_iterations=cap))
-    return NmpcController(DT, 15, PRESETS["paper"], solver)
+    solver = UnicycleSolver(UnicycleSolverSettings(max_iterations=cap))
+    return UnicycleController(DT, 15, PRESETS["paper"], solver)
 
 
 def test_iteration_cap_is_a_fallback_not_a_stop():

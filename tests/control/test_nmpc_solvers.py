@@ -8,16 +8,16 @@ import pytest
 from omnidrive.control.nmpc import (
     PRESETS,
     Exit,
-    IpoptSolver,
-    Problem,
-    SqpSettings,
-    SqpSolver,
+    IpoptSettings,
+    UnicycleIpopt,
+    UnicycleProblem,
+    UnicycleSolver,
+    UnicycleSolverSettings,
     tracking_problem,
-    unicycle,
 )
-from omnidrive.control.nmpc import ipopt as ipopt_module
-from omnidrive.control.nmpc.newton import newton_step
-from omnidrive.control.nmpc.unicycle import evaluate
+from omnidrive.control.nmpc.unicycle.motion import clip_controls, roll_out
+from omnidrive.control.nmpc.unicycle.riccati import newton_step
+from omnidrive.control.nmpc.unicycle.stage_point import cost, evaluate
 from omnidrive.errors import MissingExtra
 from omnidrive.geometry import Pose
 from omnidrive.planning import SplinePath
@@ -55,13 +55,13 @@ def beside(gap, stages=15):
     )
 
 
-def slope_of(problem: Problem, controls):
+def gradient_of(problem: UnicycleProblem, controls):
     point, _ = evaluate(problem, controls)
     return point.gradient
 
 
-def cost_of(problem: Problem, controls):
-    return unicycle.cost(problem, unicycle.roll_out(problem, controls), controls)
+def cost_of(problem: UnicycleProblem, controls):
+    return cost(problem, roll_out(problem, controls), controls)
 
 
 def numeric_jacobian(function, controls, step):
@@ -80,14 +80,14 @@ def test_gradient_is_that_of_the_cost():
     for problem in [problem_at(3.0, (0.1, -0.2, 0.3)), problem_at(8.0, preset="published-code")]:
         controls = rng.normal(size=(15, 2))
         numeric = numeric_jacobian(lambda u, p=problem: cost_of(p, u), controls, 1e-5)
-        slope = slope_of(problem, controls)
+        slope = gradient_of(problem, controls)
         np.testing.assert_allclose(slope.ravel(), numeric.ravel(), rtol=1e-6, atol=1e-6)
 
 
 def test_newton_step_solves_the_exact_newton_system():
     problem = problem_at(3.0, (0.02, -0.05, 0.1))
     point, _ = evaluate(problem, 0.9 * problem.feedforward)
-    hessian = numeric_jacobian(lambda u: slope_of(problem, u), point.controls, 1e-5)
+    hessian = numeric_jacobian(lambda u: gradient_of(problem, u), point.controls, 1e-5)
     assert np.linalg.eigvalsh(hessian)[0] > 0.0
     definite, step = newton_step(problem, point, 1.0)
     assert definite
@@ -109,7 +109,7 @@ def test_indefinite_model_yields_negative_curvature():
     assert np.abs(point.gradient).max() == 0.0  # the saddle
     definite, direction = newton_step(problem, point, 1.0)
     assert not definite
-    hessian = numeric_jacobian(lambda u: slope_of(problem, u), point.controls, 1e-5)
+    hessian = numeric_jacobian(lambda u: gradient_of(problem, u), point.controls, 1e-5)
     assert direction.ravel() @ hessian @ direction.ravel() < 0.0
 
 
@@ -117,7 +117,7 @@ def test_indefinite_model_yields_negative_curvature():
 def test_residual_is_small_and_limits_hold_at_any_horizon(horizon):
     for t in (0.0, 4.0, 17.5):
         problem = problem_at(t, (0.2, -0.1, 0.4), horizon=horizon)
-        solution = SqpSolver().solve(problem, problem.feedforward)
+        solution = UnicycleSolver().solve(problem, problem.feedforward)
         assert solution.exit is Exit.CONVERGED
         assert solution.residual <= 1e-7
         assert (np.abs(solution.controls) <= problem.limits).all()
@@ -125,17 +125,17 @@ def test_residual_is_small_and_limits_hold_at_any_horizon(horizon):
 
 def test_solution_is_what_its_controls_lead_to():
     problem = problem_at(5.0, (0.1, 0.1, 0.1))
-    solution = SqpSolver().solve(problem, problem.feedforward)
+    solution = UnicycleSolver().solve(problem, problem.feedforward)
     np.testing.assert_array_equal(solution.states[0], problem.start)
     assert solution.cost == cost_of(problem, solution.controls)
-    moved = solution.controls - slope_of(problem, solution.controls)
+    moved = solution.controls - gradient_of(problem, solution.controls)
     projected = np.clip(moved, -problem.limits, problem.limits)
     assert solution.residual == np.abs(solution.controls - projected).max()
 
 
 def test_agrees_with_ipopt():
     pytest.importorskip("casadi")
-    ours, theirs = SqpSolver(), IpoptSolver()
+    ours, theirs = UnicycleSolver(), UnicycleIpopt()
     for problem in problems():
         a = ours.solve(problem, problem.feedforward)
         b = theirs.solve(problem, problem.feedforward)
@@ -148,7 +148,7 @@ def test_agrees_with_ipopt():
 
 
 def test_warm_and_cold_starts_agree():
-    solver = SqpSolver()
+    solver = UnicycleSolver()
     for problem in problems():
         cold = solver.solve(problem, problem.feedforward)
         warm = solver.solve(problem, cold.controls + 0.05)
@@ -162,7 +162,7 @@ def test_leaves_the_saddle_beside_the_target():
     """Standing still is stationary; far from the target it is not a minimum."""
     problem = beside(0.8)
     still = cost_of(problem, np.zeros((15, 2)))
-    solution = SqpSolver().solve(problem, np.zeros((15, 2)))
+    solution = UnicycleSolver().solve(problem, np.zeros((15, 2)))
     assert solution.exit is Exit.CONVERGED
     assert solution.cost < 0.95 * still
 
@@ -174,15 +174,15 @@ def test_stays_where_standing_still_is_optimal():
     rng = np.random.default_rng(1)
     for _ in range(50):
         guess = rng.uniform(-1.0, 1.0, (15, 2)) * problem.limits
-        assert SqpSolver().solve(problem, guess).cost >= still * (1.0 - 1e-9)
+        assert UnicycleSolver().solve(problem, guess).cost >= still * (1.0 - 1e-9)
 
 
 def test_cap_returns_the_best_plan_so_far():
     problem = problem_at(0.0, (-0.5, 0.5, 2.0))
-    guess = unicycle.clip(problem, problem.feedforward)
+    guess = clip_controls(problem, problem.feedforward)
     costs = [cost_of(problem, guess)]
     for cap in (1, 2, 3):
-        solution = SqpSolver(SqpSettings(max_iterations=cap)).solve(problem, guess)
+        solution = UnicycleSolver(UnicycleSolverSettings(max_iterations=cap)).solve(problem, guess)
         assert solution.exit is Exit.CAPPED
         assert solution.iterations == cap
         costs.append(solution.cost)
@@ -193,8 +193,8 @@ def test_cap_returns_the_best_plan_so_far():
 def test_capped_ipopt_is_no_worse_than_its_guess():
     pytest.importorskip("casadi")
     problem = problem_at(0.0, (-0.5, 0.5, 2.0))
-    guess = unicycle.clip(problem, problem.feedforward)
-    solver = IpoptSolver(ipopt_module.IpoptSettings(max_iterations=1))
+    guess = clip_controls(problem, problem.feedforward)
+    solver = UnicycleIpopt(IpoptSettings(max_iterations=1))
     solution = solver.solve(problem, guess)
     assert solution.exit is Exit.CAPPED
     assert solution.cost <= cost_of(problem, guess)
@@ -203,4 +203,4 @@ def test_capped_ipopt_is_no_worse_than_its_guess():
 def test_missing_casadi_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[casadi\]'"):
-        IpoptSolver()
+        UnicycleIpopt()

@@ -17,7 +17,7 @@ from omnidrive.control import (
     holonomic_nmpc,
     unicycle_nmpc,
 )
-from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
+from omnidrive.control.nmpc.holonomic.controller import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
@@ -50,7 +50,7 @@ DOES_NOT_WRAP = {
     "fuzzy_t3_published",
     "pid_published",
 }  # as the published code
-BRIDGES = {"nmpc_recommended": FOLLOWED + RAMP}  # steps that an old plan covers
+BRIDGES = {"nmpc_recommended": OLD_PLAN_STEPS + RAMP_STEPS}  # steps that an old plan covers
 PARKS_ASIDE = {"nmpc_published": 0.13}  # m: a unicycle sees no way to move sideways at rest
 every_controller = pytest.mark.parametrize("name", CONTROLLERS)
 

@@ -1,6 +1,6 @@
 from .controller import Command, Controller, DetailedController, Status
 from .feedforward import FeedforwardController, FeedforwardGains
-from .nmpc import NmpcController, unicycle_nmpc
+from .nmpc import UnicycleController, unicycle_nmpc
 from .nmpc.holonomic import (
     HolonomicController,
     HolonomicParameters,
@@ -22,9 +22,9 @@ __all__ = [
     "FuzzyPidController",
     "HolonomicController",
     "HolonomicParameters",
-    "NmpcController",
     "Status",
     "TrackingPidController",
+    "UnicycleController",
     "classical_pid",
     "fuzzy_pid",
     "holonomic_nmpc",

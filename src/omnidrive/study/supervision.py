@@ -6,7 +6,7 @@ import numpy as np
 
 from omnidrive.control import Controller, HolonomicController
 from omnidrive.control.nmpc.holonomic import Actuation
-from omnidrive.control.nmpc.holonomic.grip import Grip
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.supervision import (
     Adapt,
     Remaining,
@@ -44,13 +44,14 @@ def _adapt(scenario: Scenario, robot: Robot, controller: Controller) -> Adapt | 
 
     def adapt(left: Remaining) -> Controller:
         """The same plans within what the wheels that are left can do."""
-        grip = Grip.of(robot, may_spin=scenario.wheels_may_spin)
+        slip_model = SlipModel.of(robot, may_spin=scenario.wheels_may_spin)
         weakest = float(left.force_limits.min() / robot.max_force)
-        grip = grip._replace(
-            rim_jacobian=np.ascontiguousarray(left.rim_jacobian), most=weakest * grip.most
+        slip_model = slip_model._replace(
+            rim_jacobian=np.ascontiguousarray(left.rim_jacobian),
+            max_force=weakest * slip_model.max_force,
         )
         actuation = Actuation(
-            left.acceleration_faces / section.traction, robot.lag, grip, usual.delay
+            left.acceleration_faces / section.traction, robot.lag, slip_model, usual.delay
         )
         return controller.driving(left.chassis, actuation)
 

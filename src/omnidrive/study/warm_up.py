@@ -6,7 +6,7 @@ from typing import get_args
 
 import numpy as np
 
-from omnidrive.control.nmpc.holonomic import HolonomicSolver, keep_outs, speed_limits
+from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
@@ -81,9 +81,9 @@ def _batch() -> None:
         state_weights=np.ones((points, 3)),
         control_weights=np.ones(3),
         limits=speed_limits(chassis.jacobian, 1.0, 0.1),
-        keep_outs=keep_outs((), points),
+        keep_outs=stack_keep_outs((), points),
     )
-    HolonomicSolver().load(problem)
+    HolonomicSolver().precompile(problem)
     HolonomicSolver(deadline=10.0).solve(problem)
     one = {
         name: getattr(problem, name)[None]

@@ -1,4 +1,4 @@
-"""Nonlinear model predictive control: a problem, solvers for it, and the controller around them."""
+"""Nonlinear model predictive control: optimal control problems, their solvers, and controllers."""
 
 import lazy_loader as _lazy
 

@@ -1,24 +1,33 @@
-from .ipopt import IpoptSettings, IpoptSolver
-from .nmpc import NmpcController, nmpc_law, unicycle_nmpc
-from .presets import PRESETS, NmpcParameters
-from .problem import Problem
-from .solution import Exit, Solution, Solver
-from .sqp import SqpSettings, SqpSolver
-from .tracking import tracking_problem
+from .common.exit import Exit
+from .common.ipopt import IpoptSettings
+from .unicycle import (
+    PRESETS,
+    UnicycleController,
+    UnicycleIpopt,
+    UnicycleOptimizer,
+    UnicycleParameters,
+    UnicycleProblem,
+    UnicycleSolution,
+    UnicycleSolver,
+    UnicycleSolverSettings,
+    tracking_problem,
+    unicycle_law,
+    unicycle_nmpc,
+)
 
 __all__ = [
     "PRESETS",
     "Exit",
     "IpoptSettings",
-    "IpoptSolver",
-    "NmpcController",
-    "NmpcParameters",
-    "Problem",
-    "Solution",
-    "Solver",
-    "SqpSettings",
-    "SqpSolver",
-    "nmpc_law",
+    "UnicycleController",
+    "UnicycleIpopt",
+    "UnicycleOptimizer",
+    "UnicycleParameters",
+    "UnicycleProblem",
+    "UnicycleSolution",
+    "UnicycleSolver",
+    "UnicycleSolverSettings",
     "tracking_problem",
+    "unicycle_law",
     "unicycle_nmpc",
 ]

@@ -1,4 +1,4 @@
-"""NMPC of robots that move in any direction, within what their wheels can do."""
+"""NMPC of holonomic robots, with limits on wheel speeds and accelerations."""
 
 import lazy_loader as _lazy
 

@@ -1,36 +1,34 @@
 from .actuation import Actuation
-from .controller import (
-    HolonomicController,
-    Rung,
-    holonomic_nmpc,
-)
-from .grip import Grip
+from .controller import FallbackLevel, HolonomicController, holonomic_nmpc
 from .ipopt import HolonomicIpopt
-from .keep_out import KeepOut, keep_outs
-from .limits import joined, rate_limits, speed_limits
+from .keep_out_zone import KeepOutZone, stack_keep_outs
+from .limits import rate_limits, speed_limits, stack_limits
 from .parameters import HolonomicParameters
-from .problem import HolonomicProblem, KeepOuts, Limits
-from .solution import HolonomicPlanner, HolonomicSolution
-from .solver import HolonomicSolver, InteriorSettings
+from .problem import HolonomicProblem, KeepOutArrays, Limits
+from .slip_model import SlipModel
+from .solution import HolonomicOptimizer, HolonomicSolution
+from .solver import HolonomicSolver, HolonomicSolverSettings
+from .tracking import tracking_problem
 
 __all__ = [
     "Actuation",
-    "Grip",
+    "FallbackLevel",
     "HolonomicController",
     "HolonomicIpopt",
+    "HolonomicOptimizer",
     "HolonomicParameters",
-    "HolonomicPlanner",
     "HolonomicProblem",
     "HolonomicSolution",
     "HolonomicSolver",
-    "InteriorSettings",
-    "KeepOut",
-    "KeepOuts",
+    "HolonomicSolverSettings",
+    "KeepOutArrays",
+    "KeepOutZone",
     "Limits",
-    "Rung",
+    "SlipModel",
     "holonomic_nmpc",
-    "joined",
-    "keep_outs",
     "rate_limits",
     "speed_limits",
+    "stack_keep_outs",
+    "stack_limits",
+    "tracking_problem",
 ]

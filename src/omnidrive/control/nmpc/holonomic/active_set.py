@@ -1,4 +1,4 @@
-"""Newton's method with the limits held that bind: quick where their set is soon found."""
+"""Primal-dual active set method: fast if the active set is found within a few iterations."""
 
 from __future__ import annotations
 
@@ -7,102 +7,131 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.control.nmpc.holonomic.iterate import Iterate, evaluate, iterate, largest_slope
+from omnidrive.control.nmpc.holonomic.feasible_start import relaxed_bounds
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.riccati import factors, is_convex, newton_step, step_of
-from omnidrive.control.nmpc.holonomic.start import bounds_of
+from omnidrive.control.nmpc.holonomic.riccati import (
+    allocate_factors,
+    allocate_step,
+    factorise_convex,
+    newton_step,
+)
+from omnidrive.control.nmpc.holonomic.stage_point import (
+    StagePoint,
+    allocate_point,
+    evaluate,
+    gradient_norm,
+)
 
 _MAX_ITERATIONS = 8
-"""Iterations after which the set will hardly be found: they take less than a third of the time of
-the interior-point method."""
-_STIFFNESS = 1e6
-"""Weight of a held value's square by the largest weight of J: so much that one step reaches the
-bound to the sixth digit, so little that ten digits of the multipliers are left."""
+"""Iterations after which the active set is rarely found: they take less than a third of the time
+of the interior-point method."""
+_PENALTY = 1e6
+"""Penalty of the augmented Lagrangian over the largest weight of J: large enough that one step
+reaches the bound to the sixth digit, small enough that ten digits of the multipliers remain."""
 
 
 @compiled
-def hold_limits(
-    p: HolonomicProblem, unlimited: Float[Array, "stages 3"], tolerance: float, most: int
-) -> tuple[Iterate, int]:
-    """Optimum reached from the plan without limits by holding those that bind at their bounds.
+def solve_active_set(
+    p: HolonomicProblem,
+    unconstrained: Float[Array, "stages 3"],
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[StagePoint, int]:
+    """Solve the problem by Newton steps with the active limits as equality constraints.
 
     The primal-dual active set method, which is a semismooth Newton method (Hintermuller, Ito &
-    Kunisch, SIAM J. Optim. 13, 2002), with the exact Hessian, or with keep-outs as planes where
-    that is not positive definite. What breaks a bound is held; what is held and pulls inward is let
-    go. Held values are kept at their bounds by multipliers and the weight of an augmented
-    Lagrangian (Nocedal & Wright, "Numerical Optimization", 2nd ed. 2006, section 17.3). There is no
-    line search: it ends at an optimum, or in vain.
+    Kunisch, SIAM J. Optim. 13, 2002), with the exact Hessian, or with planes in place of keep-out
+    zones where the exact one is not positive definite. A violated limit becomes active; an active
+    limit whose multiplier has the wrong sign becomes inactive. Active limits are enforced by an
+    augmented Lagrangian (Nocedal & Wright, "Numerical Optimization", 2nd ed. 2006, section 17.3).
+    There is no line search: the method ends at an optimum or fails.
 
     Args:
         p: The problem.
-        unlimited: Its optimum without limits and keep-outs.
+        unconstrained: Its optimum without limits and keep-out zones.
         tolerance: Of the KKT conditions.
-        most: Iterations to make at most; it gives up sooner where more seldom help.
+        max_iterations: Maximum number of iterations; it stops earlier where more rarely help.
 
     Returns:
-        The last iterate, within all limits if it is the optimum; iterations, or -1 if it is not.
+        The last iterate, which satisfies all limits if it is the optimum; and the number of
+        iterations, or -1 on failure.
     """
-    bounds = bounds_of(p)
+    bounds = relaxed_bounds(p)
     stages, rows = bounds.shape
-    at, held = iterate(unlimited.copy(), bounds), np.zeros((stages, rows))
-    f, step, pulls = factors(stages, rows), step_of(stages, rows), np.zeros((stages, rows))
-    stiffness = _STIFFNESS * max(p.control_weights.max(), p.dt * p.dt * p.state_weights.max())
+    point, active = allocate_point(unconstrained.copy(), bounds), np.zeros((stages, rows))
+    f, step = allocate_factors(stages, rows), allocate_step(stages, rows)
+    multipliers = np.zeros((stages, rows))
+    penalty = _PENALTY * max(p.control_weights.max(), p.dt * p.dt * p.state_weights.max())
     iterations = 0
     while True:
-        evaluate(p, at)
-        off = _hold_and_release(at, held)
-        if off <= tolerance and largest_slope(p.dt, at) <= tolerance:
-            return at, iterations
-        if iterations >= min(most, _MAX_ITERATIONS):
-            return at, -1
+        evaluate(p, point)
+        error = _update_active_set(point, active)
+        if error <= tolerance and gradient_norm(p.dt, point) <= tolerance:
+            return point, iterations
+        if iterations >= min(max_iterations, _MAX_ITERATIONS):
+            return point, -1
+        _fill_multipliers(point, active, penalty, tolerance, f.weights, multipliers)
+        if not factorise_convex(p, point, f):
+            return point, -1
+        newton_step(p, point, f, multipliers, step)
         for k in range(stages):
             for i in range(rows):
-                f.weights[k, i], pulls[k, i] = 0.0, 0.0
-                if held[k, i] != 0.0:
-                    f.weights[k, i] = stiffness
-                    above = _room_kept(at, k, i, tolerance) - _room(at, held, k, i)
-                    pulls[k, i] = at.pulls[k, i] + stiffness * held[k, i] * above
-        if not is_convex(p, at, f):
-            return at, -1
-        newton_step(p, at, f, pulls, step)
-        for k in range(stages):
-            for i in range(rows):
-                at.pulls[k, i] = pulls[k, i] + f.weights[k, i] * step.values[k, i]
-        at.velocities[:] += step.velocities
+                point.multipliers[k, i] = multipliers[k, i] + f.weights[k, i] * step.values[k, i]
+        point.velocities[:] += step.velocities
         iterations += 1
 
 
 @inlined
-def _hold_and_release(at: Iterate, held: Float[Array, "stages rows"]) -> float:
-    """Update ``held``: 1 at the upper bound, -1 at the lower; how far the worst value is off.
+def _update_active_set(point: StagePoint, active: Float[Array, "stages rows"]) -> float:
+    """Update ``active`` (1: upper bound, -1: lower bound, 0: none); return the largest error.
 
-    As a product of room and multiplier, or infinite where any limit is broken, held or let go.
+    The error of an active limit is slack x multiplier; infinite if the active set changes or an
+    active limit is violated.
     """
-    worst = 0.0
-    for k in range(held.shape[0]):
-        for i in range(held.shape[1]):
-            if held[k, i] * at.pulls[k, i] < 0.0:
-                held[k, i], at.pulls[k, i] = 0.0, 0.0  # the bends still have its pull
-                worst = np.inf
-            elif held[k, i] != 0.0:
-                room = _room(at, held, k, i)
-                off = room * max(1.0, abs(at.pulls[k, i])) if room >= 0.0 else np.inf
-                worst = max(worst, off)
-            elif at.rooms[k, i, 0] < 0.0 or at.rooms[k, i, 1] < 0.0:
-                held[k, i] = 1.0 if at.rooms[k, i, 0] < 0.0 else -1.0
-                worst = np.inf
-    return worst
+    largest = 0.0
+    for k in range(active.shape[0]):
+        for i in range(active.shape[1]):
+            if active[k, i] * point.multipliers[k, i] < 0.0:
+                active[k, i], point.multipliers[k, i] = 0.0, 0.0  # still part of point.hessian
+                largest = np.inf
+            elif active[k, i] != 0.0:
+                slack = _slack(point, active, k, i)
+                error = slack * max(1.0, abs(point.multipliers[k, i])) if slack >= 0.0 else np.inf
+                largest = max(largest, error)
+            elif point.slacks[k, i, 0] < 0.0 or point.slacks[k, i, 1] < 0.0:
+                active[k, i] = 1.0 if point.slacks[k, i, 0] < 0.0 else -1.0
+                largest = np.inf
+    return largest
 
 
 @inlined
-def _room(at: Iterate, held: Float[Array, "stages rows"], k: int, i: int) -> float:
-    """What is left up to the bound at which a value is held."""
-    room: float = at.rooms[k, i, 0] if held[k, i] > 0.0 else at.rooms[k, i, 1]
-    return room
+def _fill_multipliers(  # noqa: PLR0917
+    point: StagePoint,
+    active: Float[Array, "stages rows"],
+    penalty: float,
+    tolerance: float,
+    weights: Float[Array, "stages rows"],
+    multipliers: Float[Array, "stages rows"],
+) -> None:
+    """Fill in weights and multipliers of the augmented Lagrangian."""
+    for k in range(active.shape[0]):
+        for i in range(active.shape[1]):
+            weights[k, i], multipliers[k, i] = 0.0, 0.0
+            if active[k, i] != 0.0:
+                weights[k, i] = penalty
+                excess = _slack_margin(point, k, i, tolerance) - _slack(point, active, k, i)
+                multipliers[k, i] = point.multipliers[k, i] + penalty * active[k, i] * excess
 
 
 @inlined
-def _room_kept(at: Iterate, k: int, i: int, tolerance: float) -> float:
-    """Room to leave before a bound, so that rounding breaks no limit."""
-    pull: float = abs(at.pulls[k, i])
-    return 0.1 * tolerance / max(1.0, pull)
+def _slack(point: StagePoint, active: Float[Array, "stages rows"], k: int, i: int) -> float:
+    """Return the slack of the active side of a limit."""
+    slack: float = point.slacks[k, i, 0] if active[k, i] > 0.0 else point.slacks[k, i, 1]
+    return slack
+
+
+@inlined
+def _slack_margin(point: StagePoint, k: int, i: int, tolerance: float) -> float:
+    """Return the slack to keep at an active limit, so that rounding does not violate it."""
+    multiplier: float = abs(point.multipliers[k, i])
+    return 0.1 * tolerance / max(1.0, multiplier)

@@ -1,4 +1,4 @@
-"""How a robot follows what is asked of it."""
+"""Response of the robot to commanded twists: acceleration limits, lag, slip and delay."""
 
 from __future__ import annotations
 
@@ -8,33 +8,36 @@ from math import inf, isfinite
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.control.nmpc.holonomic.grip import Grip
-from omnidrive.control.nmpc.holonomic.limits import joined, rate_limits, speed_limits
+from omnidrive.control.nmpc.holonomic.limits import rate_limits, speed_limits, stack_limits
 from omnidrive.control.nmpc.holonomic.problem import Limits
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import Chassis, Robot
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Actuation:
-    """What a plan takes into account of the robot besides the speed of its wheels.
+    """Model of the robot's response, besides its wheel speed limit.
 
     Attributes:
-        acceleration: ``|acceleration @ (ax, ay, yaw acceleration)| <= 1`` in B; s^2/m, s^2/m and
-            s^2/rad. What the wheels can push is
-            :attr:`omnidrive.robot.Robot.acceleration_faces`; the unit matrix over
-            limits is a limit of the body twist's acceleration, and the wheel matrix
-            over a limit in rad/s^2 is one of the wheels'. None: no limit.
-        lag: Time constants in s with which translation and rotation follow what is asked for; see
-            :func:`omnidrive.simulation.identify_lag`.
-        grip: How the wheels push, where they may slip; it stands in for ``lag`` in what is asked
-            for, and ``lag`` for it in the plan. None: ``lag`` says all.
-        delay: Time in s from a measurement until what is asked for thereupon begins to act.
+        acceleration: Rows of ``|acceleration @ (ax, ay, yaw acceleration)| <= 1`` in B; s^2/m,
+            s^2/m and s^2/rad. :attr:`omnidrive.robot.Robot.acceleration_faces` has the limits of the wheels'
+            forces; the identity divided by limits is a limit of the body twist's acceleration; the
+            wheel matrix divided by a limit in rad/s^2 is a limit of the wheels' acceleration.
+            None: no limit.
+        lag: Time constants in s of translation and of rotation, with which the body twist follows
+            the commanded twist; see :func:`omnidrive.simulation.identify_lag`.
+        slip_model: Model of wheel slip, with which the commanded twist is computed; the plan uses
+            ``lag``. None: ``lag`` is used for both.
+        delay: Time in s from a measurement until the resulting command takes effect.
+
+    Raises:
+        InvalidInput: A lag or the delay is negative or not finite.
     """
 
     acceleration: Float[Array, "rows 3"] | None = None
     lag: tuple[float, float] = (0.0, 0.0)
-    grip: Grip | None = None
+    slip_model: SlipModel | None = None
     delay: float = 0.0
 
     def __post_init__(self) -> None:
@@ -46,28 +49,33 @@ class Actuation:
     def of(
         cls, robot: Robot, traction: float = 0.85, *, may_spin: bool = True, delay: float = 0.0
     ) -> Actuation:
-        """Of a robot whose plans accelerate by ``traction`` times what its wheels can push.
+        """Return the model of a robot whose plans use a share of the wheels' friction.
 
-        Where its wheels must not spin, see :attr:`Grip.may_spin`, it loses some centimetres of
-        odometry by a hard start, not decimetres, and follows less closely.
+        Without spinning wheels, see :attr:`SlipModel.may_spin`, a start at full acceleration costs
+        centimetres of odometry instead of decimetres, but the tracking error is larger.
 
         Args:
-            robot: With what :func:`omnidrive.simulation.identify_lag` finds for its lags.
-            traction: Positive; 1 is all that its wheels push with equal loads.
-            may_spin: Whether wheels may spin where the robot does not get along as planned.
+            robot: With the lags that :func:`omnidrive.simulation.identify_lag` finds.
+            traction: Positive; 1 is the full friction limit of the wheels at equal loads.
+            may_spin: Whether wheels may spin where the robot cannot follow the plan.
             delay: In s; not negative.
 
         Raises:
-            InvalidInput: An argument, or what the robot is like, is outside its domain.
+            InvalidInput: An argument, or a property of the robot, is outside its domain.
         """
         if not 0.0 < traction < inf:
             raise InvalidInput(f"the traction must be positive, got {traction:g}")
-        grip = Grip.of(robot, may_spin=may_spin)
-        return cls(robot.acceleration_faces / traction, robot.lag, grip, delay)
+        slip_model = SlipModel.of(robot, may_spin=may_spin)
+        return cls(robot.acceleration_faces / traction, robot.lag, slip_model, delay)
 
     def limits(self, chassis: Chassis, dt: float) -> Limits:
-        """Limits of the wheels' speeds and, where there is one, of acceleration."""
+        """Return the limits of wheel speeds and, if there are any, of accelerations.
+
+        Args:
+            chassis: The wheels and their maximum speed.
+            dt: Length of a stage, in s.
+        """
         speeds = speed_limits(chassis.jacobian, chassis.max_wheel_speed, dt, self.lag)
         if self.acceleration is None:
             return speeds
-        return joined(speeds, rate_limits(self.acceleration, 1.0, dt))
+        return stack_limits(speeds, rate_limits(self.acceleration, 1.0, dt))

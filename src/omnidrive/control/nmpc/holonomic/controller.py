@@ -1,4 +1,4 @@
-"""The controller around a holonomic plan."""
+"""NMPC of holonomic robots."""
 
 from __future__ import annotations
 
@@ -12,73 +12,75 @@ from typing import Literal
 import numpy as np
 
 from omnidrive.control.controller import Command, Status
-from omnidrive.control.nmpc.checks import check_settings, compiled_first
+from omnidrive.control.nmpc.common.checks import check_settings, precompile
+from omnidrive.control.nmpc.common.exit import Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
-from omnidrive.control.nmpc.holonomic.keep_out import KeepOut, keep_outs
+from omnidrive.control.nmpc.holonomic.keep_out_zone import KeepOutZone
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, Limits
-from omnidrive.control.nmpc.holonomic.solution import HolonomicPlanner, HolonomicSolution
-from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, InteriorSettings
-from omnidrive.control.nmpc.solution import Exit
-from omnidrive.control.nmpc.tracking import nearest_branch
+from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
+from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
+from omnidrive.control.nmpc.holonomic.tracking import tracking_problem
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Chassis
 
 SolverName = Literal["sqp", "rti", "casadi"]
-KeepOutsAhead = Callable[[float, int, float], Sequence[KeepOut]]
-"""``keep_outs(t, points, dt)``: where to stay out of at the times t, t + dt, ... (s)."""
+KeepOutForecast = Callable[[float, int, float], Sequence[KeepOutZone]]
+"""``keep_outs(t, points, dt)``: keep-out zones at the times t, t + dt, ... (s)."""
 
-REAL_TIME = 4
-"""Iterations of each of its methods in a step with the solver ``rti``."""
-_SOLVERS: dict[SolverName, Callable[[], HolonomicPlanner]] = {
+RTI_ITERATIONS = 4
+"""Maximum number of iterations of each method with the solver ``rti``."""
+_SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
     "sqp": HolonomicSolver,
-    "rti": lambda: HolonomicSolver(InteriorSettings(max_iterations=REAL_TIME)),
+    "rti": lambda: HolonomicSolver(HolonomicSolverSettings(max_iterations=RTI_ITERATIONS)),
     "casadi": HolonomicIpopt,
 }
 _STOP = BodyTwist(0.0, 0.0, 0.0)
 
-FOLLOWED, RAMP = 3, 5
-"""Steps for which an old plan is followed, and then those in which the robot comes to rest."""
+OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
+"""Number of steps for which an old plan is followed, and of those in which the robot stops."""
 
 
-class Rung(IntEnum):
-    """What a command rests on, from the best to the last resort."""
+class FallbackLevel(IntEnum):
+    """Origin of a command, from the best to the last resort."""
 
     CONVERGED = 0
+    """A locally optimal plan."""
     FEASIBLE = 1
-    """A plan that keeps the wheels' limits, but is not known to be optimal."""
+    """A plan that satisfies the limits, but is not known to be optimal."""
     OLD_PLAN = 2
-    """The plan of an earlier step, as if it had come true."""
+    """The plan of an earlier step, without feedback."""
     RAMP = 3
-    """That plan, ever slower."""
+    """The plan of an earlier step, with decreasing speed."""
     STOP = 4
+    """No plan: zero twist."""
 
 
 @dataclass(slots=True)
 class HolonomicController:
-    """A :class:`~omnidrive.control.Controller` that plans anew at every step.
+    """A :class:`~omnidrive.control.Controller` that solves a :class:`HolonomicProblem` every step.
 
-    The target of every stage is the reference's pose at its end, and its velocity what leads there
-    from the one before: a robot on the reference stays on it. The twist of a stage is that which
-    leads along an arc to the next planned state; what is asked for is it and, against lag or the
-    slip of wheels, as much more as it changes. Against the delay, a plan begins where the twists
-    asked for before lead until it acts.
+    The target of every state is the reference's pose at that time, and the feedforward velocity
+    connects consecutive targets: a robot on the reference stays on it. The planned twist of a stage
+    leads along an arc from its first to its last state; the commanded twist compensates the lag or
+    the slip of the wheels as well. Delay compensation: the initial state is predicted by
+    integrating the twists already commanded.
 
-    No step begins from the last one's plan, so a bad measurement spoils no later step. Where there
-    is no plan, the old one goes on for a few steps, and then the robot comes to rest: the rungs of
-    :class:`Rung`, one of the details of a command.
+    No solve starts from the last plan, so that an invalid measurement does not affect later steps.
+    Without a plan, the last one is followed for a few steps; then the robot is stopped: the
+    :class:`FallbackLevel`, one of the details of a command.
 
     Attributes:
         dt: Sample time and length of a stage, in s.
-        horizon: N, stages of the plan.
+        horizon: N, number of stages.
         parameters: Weights.
-        chassis: The wheels, and how fast they can turn.
-        actuation: How the robot follows.
-        solver: What finds the plan.
-        keep_outs: Where to stay out of.
+        chassis: The wheels and their maximum speed.
+        actuation: Response of the robot to commanded twists.
+        solver: Solver of the optimal control problem.
+        keep_outs: Keep-out zones over the horizon.
         solution: The latest plan; None after ``reset``.
     """
 
@@ -87,21 +89,23 @@ class HolonomicController:
     parameters: HolonomicParameters
     chassis: Chassis
     actuation: Actuation
-    solver: HolonomicPlanner
-    keep_outs: KeepOutsAhead
+    solver: HolonomicOptimizer
+    keep_outs: KeepOutForecast
     solution: HolonomicSolution | None = field(default=None, init=False)
     _age: int = field(default=0, init=False)
+    """Number of steps since the latest plan."""
     _twists: deque[BodyTwist] = field(init=False, repr=False)
-    """What the robot does, by the model: from the first that will still act, to the last asked."""
-    _moving: BodyTwist = field(init=False, repr=False)
-    """How it moves when that begins to act; only with a grip."""
+    """Predicted twists of the robot: from the one in effect at the next measurement to that of the
+    latest command."""
+    _final_twist: BodyTwist = field(init=False, repr=False)
+    """Predicted twist when the next command takes effect; only with a slip model."""
     _limits: Limits = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_settings(self.dt, self.horizon, self.parameters)
         self._limits = self.actuation.limits(self.chassis, self.dt)
         self._twists = deque(maxlen=int(self.actuation.delay / self.dt) + 1)
-        self._forget()
+        self._clear()
 
     @property
     def detail_units(self) -> Mapping[str, str]:
@@ -109,39 +113,55 @@ class HolonomicController:
         return {"rung": "1", "solver_iterations": "1", "kkt_residual": "1"}
 
     def reset(self, pose: Pose) -> None:
-        """Forget the last plan; the robot is at rest."""
-        self._forget()
+        """Clear the last plan; the robot is at rest."""
+        self._clear()
 
     def driving(self, chassis: Chassis, actuation: Actuation) -> HolonomicController:
-        """The controller that goes on from here with other wheels, but the same delay.
+        """Return a controller with another chassis and actuation that continues from this one.
 
         Args:
-            chassis: The wheels, and how fast they can turn.
-            actuation: How the robot follows from now on.
+            chassis: The wheels and their maximum speed.
+            actuation: Response of the robot from now on, with the same delay.
         """
         other = replace(self, chassis=chassis, actuation=actuation)
-        other.solution, other._age, other._moving = self.solution, self._age, self._moving
+        other.solution, other._age = self.solution, self._age
+        other._final_twist = self._final_twist
         other._twists.extend(self._twists)
         return other
 
-    def _forget(self) -> None:
-        self.solution, self._age, self._moving = None, 0, _STOP
+    def _clear(self) -> None:
+        self.solution, self._age, self._final_twist = None, 0, _STOP
         self._twists.extend([_STOP] * (self._twists.maxlen or 0))
 
     def step(self, t: float, pose: Pose, reference: Reference) -> Command:
-        """Command for the pose measured at ``t`` (s)."""
-        problem = self._problem(t + self.actuation.delay, self._after_delay(pose), reference)
+        """Return the command for the pose measured at ``t`` (s)."""
+        problem = self._problem(t + self.actuation.delay, self._predict(pose), reference)
         usable = isfinite(problem.start.sum() + problem.targets.sum())
         solution = self.solver.solve(problem) if usable else None
         if solution is None or solution.exit is Exit.UNUSABLE:
-            return self._without_plan()
+            return self._step_without_plan()
         self.solution, self._age = solution, 0
-        rung = Rung.CONVERGED if solution.exit is Exit.CONVERGED else Rung.FEASIBLE
-        status = Status.OK if rung is Rung.CONVERGED else Status.FALLBACK
-        return Command(self._ask(self._twist(solution, 0)), status, self._details(rung, solution))
+        converged = solution.exit is Exit.CONVERGED
+        level = FallbackLevel.CONVERGED if converged else FallbackLevel.FEASIBLE
+        status = Status.OK if converged else Status.FALLBACK
+        twist = self._compensate(self._planned_twist(solution, 0))
+        return Command(twist, status, self._details(level, solution))
 
-    def _after_delay(self, pose: Pose) -> Pose:
-        """Where the twists asked for before lead until the next one acts."""
+    def _problem(self, t: float, pose: Pose, reference: Reference) -> HolonomicProblem:
+        return tracking_problem(
+            self.parameters,
+            t,
+            pose,
+            reference,
+            horizon=self.horizon,
+            dt=self.dt,
+            previous=self._twists[-1],
+            limits=self._limits,
+            keep_outs=self.keep_outs(t, self.horizon + 1, self.dt),
+        )
+
+    def _predict(self, pose: Pose) -> Pose:
+        """Return the predicted pose when the next command takes effect."""
         if self.actuation.delay > 0.0:
             first, *others = self._twists
             pose = move(pose, first, self.actuation.delay - len(others) * self.dt)
@@ -149,59 +169,46 @@ class HolonomicController:
                 pose = move(pose, twist, self.dt)
         return pose
 
-    def _without_plan(self) -> Command:
+    def _step_without_plan(self) -> Command:
+        """Return the command from the last plan, reduced with its age; stop at its end."""
         self._age += 1
-        plan, age = self.solution, self._age
-        if plan is None or age > FOLLOWED + RAMP or age >= len(plan.velocities):
+        plan, age, end = self.solution, self._age, OLD_PLAN_STEPS + RAMP_STEPS
+        if plan is None or age > end or age >= len(plan.velocities):
             self._twists.append(_STOP)
-            self._moving = _STOP
-            return Command(_STOP, Status.FAILED, self._details(Rung.STOP, None))
-        part = min(1.0, (FOLLOWED + RAMP - age + 1) / (RAMP + 1))
-        vx, vy, yaw_rate = self._twist(plan, age)
-        twist = self._ask(BodyTwist(part * vx, part * vy, part * yaw_rate))
-        rung = Rung.OLD_PLAN if part == 1.0 else Rung.RAMP
-        return Command(twist, Status.FALLBACK, self._details(rung, None))
+            self._final_twist = _STOP
+            return Command(_STOP, Status.FAILED, self._details(FallbackLevel.STOP, None))
+        factor = min(1.0, (end - age + 1) / (RAMP_STEPS + 1))
+        vx, vy, yaw_rate = self._planned_twist(plan, age)
+        twist = self._compensate(BodyTwist(factor * vx, factor * vy, factor * yaw_rate))
+        level = FallbackLevel.OLD_PLAN if factor == 1.0 else FallbackLevel.RAMP
+        return Command(twist, Status.FALLBACK, self._details(level, None))
 
-    def _twist(self, plan: HolonomicSolution, stage: int) -> BodyTwist:
-        here, there = plan.states[stage : stage + 2].tolist()
-        return twist_between(Pose(*here), Pose(*there), self.dt)
+    def _planned_twist(self, plan: HolonomicSolution, stage: int) -> BodyTwist:
+        start, end = plan.states[stage : stage + 2].tolist()
+        return twist_between(Pose(*start), Pose(*end), self.dt)
 
-    def _ask(self, twist: BodyTwist) -> BodyTwist:
-        """What to ask for so that the robot does this next."""
+    def _compensate(self, twist: BodyTwist) -> BodyTwist:
+        """Return the commanded twist with which the robot moves by ``twist`` in spite of lag."""
         before = self._twists[-1]
         self._twists.append(twist)
-        if self.actuation.grip is not None:
-            asked, self._moving = self.actuation.grip.ask(twist, self._moving, self.dt)
-            return self.chassis.saturate(asked)  # which may allow less than the robot
-        moving, turning = (lag / self.dt for lag in self.actuation.lag)
+        if self.actuation.slip_model is not None:
+            commanded, self._final_twist = self.actuation.slip_model.command(
+                twist, self._final_twist, self.dt
+            )
+            return self.chassis.saturate(commanded)  # its limit may be below the robot's
+        translation, rotation = (lag / self.dt for lag in self.actuation.lag)
         return BodyTwist(
-            twist.vx + moving * (twist.vx - before.vx),
-            twist.vy + moving * (twist.vy - before.vy),
-            twist.yaw_rate + turning * (twist.yaw_rate - before.yaw_rate),
+            twist.vx + translation * (twist.vx - before.vx),
+            twist.vy + translation * (twist.vy - before.vy),
+            twist.yaw_rate + rotation * (twist.yaw_rate - before.yaw_rate),
         )
 
-    def _details(self, rung: Rung, plan: HolonomicSolution | None) -> tuple[float, float, float]:
+    def _details(
+        self, level: FallbackLevel, plan: HolonomicSolution | None
+    ) -> tuple[float, float, float]:
         if plan is None:
-            return float(rung), 0.0, np.nan
-        return float(rung), float(plan.iterations), plan.residual
-
-    def _problem(self, t: float, pose: Pose, reference: Reference) -> HolonomicProblem:
-        points = self.horizon + 1
-        targets = reference.window(t, points, self.dt)[:, :3].copy()
-        with np.errstate(invalid="ignore"):  # what is not finite is caught by the caller
-            targets[:, 2] = nearest_branch(targets[:, 2], pose.yaw)
-            feedforward = np.diff(targets, axis=0) / self.dt
-        return HolonomicProblem(
-            dt=float(self.dt),
-            start=np.array(pose, dtype=float),
-            previous=np.array(self._twists[-1]),
-            targets=targets,
-            feedforward=feedforward,
-            state_weights=self.parameters.state_weights(points, self.dt),
-            control_weights=self.parameters.control_weights(),
-            limits=self._limits,
-            keep_outs=keep_outs(self.keep_outs(t, points, self.dt), points),
-        )
+            return float(level), 0.0, np.nan
+        return float(level), float(plan.iterations), plan.residual
 
 
 def holonomic_nmpc(
@@ -210,22 +217,22 @@ def holonomic_nmpc(
     horizon: int = 15,
     *,
     parameters: HolonomicParameters | None = None,
-    solver: SolverName | HolonomicPlanner = "sqp",
+    solver: SolverName | HolonomicOptimizer = "sqp",
     actuation: Actuation | None = None,
-    keep_outs: KeepOutsAhead | Sequence[KeepOut] = (),
+    keep_outs: KeepOutForecast | Sequence[KeepOutZone] = (),
 ) -> HolonomicController:
-    """NMPC of a holonomic robot within what its wheels can do.
+    """Return the NMPC of a holonomic robot with limited wheels, with its kernels compiled.
 
     Args:
-        chassis: The wheels, and how fast they can turn.
+        chassis: The wheels and their maximum speed.
         dt: Sample time in s.
-        horizon: N, stages of the plan.
+        horizon: N, number of stages.
         parameters: Weights.
-        solver: ``sqp``, this package's own; ``rti``, the same with few iterations: within all
-            limits, but not always optimal where one binds; ``casadi``, which is IPOPT; or one with
-            settings of its own, such as a deadline.
-        actuation: Limits of acceleration, lag and delay; the default has none of them.
-        keep_outs: Places that stay where they are, or what tells for every step where they will be.
+        solver: ``sqp``: :class:`HolonomicSolver`; ``rti``: the same with few iterations: plans
+            satisfy all limits, but are not always optimal if one is active; ``casadi``: IPOPT; or
+            a solver object, for example one with a deadline.
+        actuation: Acceleration limits, lag, slip and delay; the default has none of them.
+        keep_outs: Fixed keep-out zones, or a function that returns the zones over the horizon.
 
     Raises:
         InvalidInput: An argument is outside its domain.
@@ -242,13 +249,14 @@ def holonomic_nmpc(
         chassis,
         actuation or Actuation(),
         solver,
-        keep_outs if callable(keep_outs) else _still(keep_outs),
+        keep_outs if callable(keep_outs) else _fixed(keep_outs),
     )
-    compiled_first(controller, "_solve")
+    precompile(controller, "_solve_holonomic")
     if isinstance(solver, HolonomicSolver) and solver.deadline is not None:
-        solver.load(controller._problem(0.0, Pose(0.0, 0.0, 0.0), Hold(Pose(0.0, 0.0, 0.0), 1.0)))
+        origin = Pose(0.0, 0.0, 0.0)
+        solver.precompile(controller._problem(0.0, origin, Hold(origin, 1.0)))
     return controller
 
 
-def _still(places: Sequence[KeepOut]) -> KeepOutsAhead:
-    return lambda t, points, dt: places
+def _fixed(zones: Sequence[KeepOutZone]) -> KeepOutForecast:
+    return lambda t, points, dt: zones

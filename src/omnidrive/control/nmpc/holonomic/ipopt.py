@@ -1,4 +1,4 @@
-"""The same problem for CasADi and IPOPT, to compare with. Needs the extra ``casadi``."""
+"""CasADi and IPOPT as a reference solver, by multiple shooting. Needs the extra ``casadi``."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from omnidrive.control.nmpc.holonomic.linear import unlimited
+from omnidrive.control.nmpc.common.exit import Exit
+from omnidrive.control.nmpc.common.ipopt import IpoptSettings, casadi
+from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import roll_out
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.solution import HolonomicSolution
-from omnidrive.control.nmpc.ipopt import IpoptSettings, casadi
-from omnidrive.control.nmpc.solution import Exit
 
 Shape = tuple[int, int, tuple[int, ...]]
-"""Stages, limits, and the number of the first corner of every keep-out."""
+"""Number of stages, number of limits, and the index of the first corner of every keep-out zone."""
 
 
 @dataclass(slots=True)
@@ -34,42 +34,42 @@ class HolonomicIpopt:
         casadi()
 
     def solve(self, problem: HolonomicProblem) -> HolonomicSolution:
-        """Local optimum, reached from the optimum without limits."""
-        guess = unlimited(problem)
+        """Return the local optimum reached from the optimum without limits."""
+        guess = unconstrained_velocities(problem)
         stages, rows = len(guess), len(problem.limits.bounds)
         if not np.isfinite(guess).all():
-            none = np.zeros((stages, rows))
-            return HolonomicSolution.of(problem, guess, none, 0, Exit.UNUSABLE)
+            multipliers = np.zeros((stages, rows))
+            return HolonomicSolution.of(problem, guess, multipliers, 0, Exit.UNUSABLE)
         shape = (stages, rows, tuple(problem.keep_outs.first.tolist()))
         if shape not in self._programs:
             self._programs[shape] = _program(shape, self.settings)
         program = self._programs[shape]
         bounds = np.tile(problem.limits.bounds, stages)
-        still = np.zeros(3 * (stages + 1))
+        defects = np.zeros(3 * (stages + 1))
         result = program(
             x0=np.concatenate([guess.ravel(), roll_out(problem, guess).ravel()]),
-            p=parameters(problem),
-            lbg=np.concatenate([still, -bounds]),
-            ubg=np.concatenate([still, bounds]),
+            p=_parameters(problem),
+            lbg=np.concatenate([defects, -bounds]),
+            ubg=np.concatenate([defects, bounds]),
         )
         stats = program.stats()
         velocities = np.asarray(result["x"]).ravel()[: 3 * stages].reshape(stages, 3)
-        multipliers = (np.asarray(result["lam_g"]).ravel()[len(still) :] * bounds).reshape(
+        multipliers = (np.asarray(result["lam_g"]).ravel()[len(defects) :] * bounds).reshape(
             stages, rows
         )
         exit = Exit.CONVERGED if stats["success"] else Exit.CAPPED
         return HolonomicSolution.of(problem, velocities, multipliers, stats["iter_count"], exit)
 
 
-def parameters(problem: HolonomicProblem) -> np.ndarray:
-    """All fields that :func:`_program` has symbols for, in order."""
-    limits, places = problem.limits, problem.keep_outs
-    kept = (limits.now, limits.before, places.corners, places.radii, places.weights, places.centres)
-    return np.concatenate([np.ravel(part) for part in (*problem[:-2], *kept)])
+def _parameters(problem: HolonomicProblem) -> np.ndarray:
+    """Return the parameters of :func:`_program`, in order."""
+    limits, zones = problem.limits, problem.keep_outs
+    rest = (limits.now, limits.before, zones.corners, zones.radii, zones.weights, zones.centres)
+    return np.concatenate([np.ravel(part) for part in (*problem[:-2], *rest)])
 
 
 def _program(shape: Shape, settings: IpoptSettings) -> Any:
-    """:class:`HolonomicProblem` as a nonlinear program."""
+    """Return :class:`HolonomicProblem` as a nonlinear program with its fields as parameters."""
     ca = casadi()
     stages, rows, first = shape
     velocities, states = ca.SX.sym("v", 3, stages), ca.SX.sym("x", 3, stages + 1)
@@ -77,57 +77,58 @@ def _program(shape: Shape, settings: IpoptSettings) -> Any:
     targets, feedforward = ca.SX.sym("xref", 3, stages + 1), ca.SX.sym("vref", 3, stages)
     q, r = ca.SX.sym("q", 3, stages + 1), ca.SX.sym("r", 3)
     now, before = ca.SX.sym("now", 3, rows), ca.SX.sym("before", 3, rows)
-    places = [
+    zones = [
         (ca.SX.sym("corners", 2, b - a), ca.SX.sym("centres", 2, stages + 1))
         for a, b in pairwise(first)
     ]
-    radii, weights = ca.SX.sym("radii", len(places)), ca.SX.sym("weights", len(places))
+    radii, weights = ca.SX.sym("radii", len(zones)), ca.SX.sym("weights", len(zones))
 
-    twists = _twists(dt, states[2, :-1], velocities)
+    twists = _stage_twists(dt, states[2, :-1], velocities)
     earlier = ca.horzcat(previous, twists[:, :-1])
-    limited = now.T @ twists - before.T @ earlier
-    gaps = states[:, 1:] - states[:, :-1] - dt * velocities
+    limit_values = now.T @ twists - before.T @ earlier
+    defects = states[:, 1:] - states[:, :-1] - dt * velocities
     cost = ca.sum1(ca.vec(q * (states - targets) ** 2)) + ca.sum1(
         ca.vec(ca.repmat(r, 1, stages) * (velocities - feedforward) ** 2)
     )
-    for j, (corners, centres) in enumerate(places):
+    for j, (corners, centres) in enumerate(zones):
         for k in range(stages + 1):
-            far = _distance(corners, states[:2, k] - centres[:, k])
-            cost += weights[j] * ca.fmax(radii[j] - far, 0.0) ** 2
+            distance = _signed_distance(corners, states[:2, k] - centres[:, k])
+            cost += weights[j] * ca.fmax(radii[j] - distance, 0.0) ** 2
     fields = (dt, start, previous, targets, feedforward, q, r, now, before)
-    kept = (*(corners for corners, _ in places), radii, weights, *(c for _, c in places))
+    rest = (*(corners for corners, _ in zones), radii, weights, *(c for _, c in zones))
     nlp = {
         "x": ca.vertcat(ca.vec(velocities), ca.vec(states)),
-        "p": ca.vertcat(*map(ca.vec, (*fields, *kept))),
+        "p": ca.vertcat(*map(ca.vec, (*fields, *rest))),
         "f": cost,
-        "g": ca.vertcat(states[:, 0] - start, ca.vec(gaps), ca.vec(limited)),
+        "g": ca.vertcat(states[:, 0] - start, ca.vec(defects), ca.vec(limit_values)),
     }
     return ca.nlpsol("holonomic", "ipopt", nlp, settings.options())
 
 
-def _twists(dt: Any, yaw: Any, velocities: Any) -> Any:
-    """Body twist of every stage."""
+def _stage_twists(dt: Any, yaw: Any, velocities: Any) -> Any:
+    """Return the body twist of every stage."""
     ca = casadi()
     half = 0.5 * dt * velocities[2, :]
     heading = yaw + half
-    # h / sin(h) is 0 / 0 at rest
-    stretch = ca.if_else(ca.fabs(half) < 1e-4, 1.0 + half**2 / 6.0, half / ca.sin(half))
+    # the series of h / sin(h), which is 0 / 0 without rotation
+    factor = ca.if_else(ca.fabs(half) < 1e-4, 1.0 + half**2 / 6.0, half / ca.sin(half))
     ahead = ca.cos(heading) * velocities[0, :] + ca.sin(heading) * velocities[1, :]
     left = ca.cos(heading) * velocities[1, :] - ca.sin(heading) * velocities[0, :]
-    return ca.vertcat(stretch * ahead, stretch * left, velocities[2, :])
+    return ca.vertcat(factor * ahead, factor * left, velocities[2, :])
 
 
-def _distance(corners: Any, place: Any) -> Any:
-    """Signed distance from a place to a polygon, both relative to the polygon's centre."""
+def _signed_distance(corners: Any, position: Any) -> Any:
+    """Return the signed distance from a position to a polygon, both relative to its centre."""
     ca = casadi()
     count = corners.shape[1]
     if count == 1:
-        return ca.norm_2(place - corners[:, 0])
+        return ca.norm_2(position - corners[:, 0])
     squares, outs = [], []
     for i in range(count):
-        here, edge = corners[:, i], corners[:, (i + 1) % count] - corners[:, i]
-        along = ca.fmin(ca.fmax(ca.dot(place - here, edge) / ca.sumsqr(edge), 0.0), 1.0)
-        squares.append(ca.sumsqr(place - here - along * edge))
-        outs.append((edge[1] * (place - here)[0] - edge[0] * (place - here)[1]) / ca.norm_2(edge))
+        corner, edge = corners[:, i], corners[:, (i + 1) % count] - corners[:, i]
+        offset = position - corner
+        along = ca.fmin(ca.fmax(ca.dot(offset, edge) / ca.sumsqr(edge), 0.0), 1.0)
+        squares.append(ca.sumsqr(offset - along * edge))
+        outs.append((edge[1] * offset[0] - edge[0] * offset[1]) / ca.norm_2(edge))
     nearest, outermost = ca.sqrt(ca.mmin(ca.vertcat(*squares))), ca.mmax(ca.vertcat(*outs))
     return nearest if count == 2 else ca.if_else(outermost > 0.0, nearest, outermost)

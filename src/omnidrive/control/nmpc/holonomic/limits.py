@@ -1,4 +1,4 @@
-"""What a robot can do, as rows of :class:`~omnidrive.control.nmpc.holonomic.problem.Limits`."""
+"""Limits of speeds and rates as rows of :class:`~omnidrive.control.nmpc.holonomic.Limits`."""
 
 from __future__ import annotations
 
@@ -18,42 +18,49 @@ def speed_limits(
     dt: float,
     lag: tuple[float, float] = (0.0, 0.0),
 ) -> Limits:
-    """``|matrix @ twist| <= bounds`` for what is asked of the actuators.
+    """Return ``|matrix @ c_k| <= bounds`` for the commanded twists c_k.
 
-    With a lag, the twist follows what is asked, c, as ``b_k = b_{k-1} + (dt / lag)(c_k - b_k)``:
-    backward Euler of ``lag db/dt = c - b``, which loses the same distance, ``lag`` times the change
-    of speed. So ``c_k = (1 + lag/dt) b_k - (lag/dt) b_{k-1}``.
+    With a lag, the body twist b follows the commanded twist c as
+    ``b_k = b_{k-1} + (dt / lag)(c_k - b_k)``: backward Euler of ``lag db/dt = c - b``, which loses
+    the same distance as the exact solution, ``lag`` times the change of the twist. Hence
+    ``c_k = (1 + lag/dt) b_k - (lag/dt) b_{k-1}``.
 
     Args:
-        matrix: The wheel matrix, or the unit matrix to limit the body twist itself.
+        matrix: The wheel matrix, or the identity to limit the body twist itself.
         bounds: Positive, one for each row or one for all.
         dt: Length of a stage, in s.
         lag: Time constants of translation and of rotation, in s.
+
+    Raises:
+        InvalidInput: An argument is outside its domain.
     """
     for value in lag:
         if not 0.0 <= value < inf:
             raise InvalidInput(f"a lag must not be negative, got {value:g} s")
-    part = np.array([lag[0], lag[0], lag[1]]) / dt
-    return _limits(matrix, bounds, 1.0 + part, part)
+    ratio = np.array([lag[0], lag[0], lag[1]]) / dt
+    return _limits(matrix, bounds, 1.0 + ratio, ratio)
 
 
 def rate_limits(
     matrix: Float[Array, "rows 3"], bounds: Float[Array, " rows"] | float, dt: float
 ) -> Limits:
-    """``|matrix @ (b_k - b_{k-1})| <= bounds dt``: acceleration of wheels, or of the body twist.
+    """Return ``|matrix @ (b_k - b_{k-1})| <= bounds dt``: limits of accelerations.
 
     Args:
-        matrix: The wheel matrix, or the unit matrix.
+        matrix: The wheel matrix, or the identity to limit the body twist's acceleration.
         bounds: Positive, one for each row or one for all; the unit of the row per second.
         dt: Length of a stage, in s.
+
+    Raises:
+        InvalidInput: An argument is outside its domain.
     """
-    every = np.ones(3) / dt
-    return _limits(matrix, bounds, every, every)
+    scale = np.ones(3) / dt
+    return _limits(matrix, bounds, scale, scale)
 
 
-def joined(*parts: Limits) -> Limits:
-    """All rows of several."""
-    return Limits(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+def stack_limits(*limits: Limits) -> Limits:
+    """Return the rows of all arguments as one set of limits."""
+    return Limits(*(np.concatenate(each) for each in zip(*limits, strict=True)))
 
 
 def _limits(matrix: Array, bounds: Array | float, now: Array, before: Array) -> Limits:

@@ -1,4 +1,4 @@
-"""What the holonomic controller minimises."""
+"""Weights of the holonomic robot's NMPC."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from omnidrive.parameter import Bounds
 
 
 class HolonomicParameters(NamedTuple):
-    """What the controller minimises."""
+    """Weights of the optimal control problem."""
 
     position_weight: Annotated[float, Bounds(0.0, 1e6, "1/m^2")] = 90.0
     """First two diagonal entries of Q."""
@@ -21,21 +21,21 @@ class HolonomicParameters(NamedTuple):
     yaw_rate_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/rad^2")] = 0.3
     """Third diagonal entry of R."""
     terminal_factor: Annotated[float, Bounds(0.0, 1e3, "1")] = 1.0
-    """The terminal state's weight is this multiple of what its error costs from there on, if no
-    limit binds: with 1 a plan is as good as one without end, however short its horizon."""
+    """Terminal weight, as a multiple of the infinite-horizon cost to go without limits. With 1 and
+    no active limit, the plan is that of an infinite horizon, however short the horizon is."""
 
     def state_weights(self, points: int, dt: float) -> np.ndarray:
-        """Diagonals of Q_k, for ``points`` states ``dt`` s apart.
+        """Return the diagonals of Q_k for ``points`` states ``dt`` s apart; shape (points, 3).
 
         The terminal weight P solves the stationary Riccati equation of ``x + dt v``:
         ``P^2 dt^2 - q dt^2 P - q r = 0`` (Rawlings, Mayne & Diehl, 2017, section 1.3.4).
         """
         q = np.array([self.position_weight, self.position_weight, self.heading_weight])
         weights = np.tile(q, (points, 1))
-        to_go = 0.5 * (q + np.sqrt(q * q + 4.0 * q * self.control_weights() / (dt * dt)))
-        weights[-1] = self.terminal_factor * to_go
+        terminal = 0.5 * (q + np.sqrt(q * q + 4.0 * q * self.control_weights() / (dt * dt)))
+        weights[-1] = self.terminal_factor * terminal
         return weights
 
     def control_weights(self) -> np.ndarray:
-        """Diagonal of R."""
+        """Return the diagonal of R."""
         return np.array([self.velocity_weight, self.velocity_weight, self.yaw_rate_weight])

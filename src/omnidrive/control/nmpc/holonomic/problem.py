@@ -1,4 +1,4 @@
-"""The optimal control problem of one step of a holonomic robot."""
+"""Optimal control problem of one step of a holonomic robot."""
 
 from __future__ import annotations
 
@@ -10,45 +10,47 @@ from omnidrive.arrays import Array
 
 
 class Limits(NamedTuple):
-    """Bounds of what is linear in the body twist b_k of a stage and that of the stage before.
+    """Bounds on linear functions of the body twists b_k and b_{k-1} of consecutive stages.
 
     ::
 
         |now_i @ b_k - before_i @ b_{k-1}| <= bounds_i     for every row i and stage k
 
-    For speeds ``before`` is zero, for rates both are alike: see
-    :mod:`~omnidrive.control.nmpc.holonomic.limits`. Going on with the same twist must keep every
-    limit sooner or later: nothing is asked that only a change would fulfil.
+    For limits of speeds ``before`` is zero; for limits of rates ``before`` equals ``now``: see
+    :mod:`~omnidrive.control.nmpc.holonomic.limits`. A constant twist has to satisfy every limit
+    after finitely many stages: no limit may demand a change of the twist.
     """
 
     now: Float[Array, "rows 3"]
-    """Of what is limited, per unit of body twist; for wheels in rad/m, rad/m and rad/rad."""
+    """Coefficients of b_k; for wheel speeds in rad/m, rad/m and rad/rad."""
     before: Float[Array, "rows 3"]
+    """Coefficients of b_{k-1}."""
     bounds: Float[Array, " rows"]
     """Positive; in the unit of the row, such as rad/s or rad/s^2."""
 
 
-class KeepOuts(NamedTuple):
-    """Places to stay out of: convex polygons with rounded corners, still or moving.
+class KeepOutArrays(NamedTuple):
+    """Keep-out zones as arrays: convex polygons with rounded corners, fixed or moving.
 
-    Keep-out j costs ``weights_j max(0, radii_j - d)^2`` at every stage, where d is the distance
-    from the robot's position to the polygon, negative inside. A polygon of one corner is a disc.
+    Zone j adds ``weights_j max(0, radii_j - d)^2`` to the cost of every state, where d is the
+    distance from the robot's position to the polygon, negative inside. A polygon of one corner is
+    a disc.
     """
 
     corners: Float[Array, "corners 2"]
-    """Corners of all polygons one after another, counter-clockwise, in m from their centre."""
+    """Corners of all polygons in sequence, counter-clockwise, in m relative to the centre."""
     first: Int[Array, " starts"]
-    """Number of the first corner of every polygon, and then the number of all corners."""
-    radii: Float[Array, " places"]
+    """Index of the first corner of every polygon, followed by the number of all corners."""
+    radii: Float[Array, " zones"]
     """Distance to keep, in m: the robot's own radius and a margin."""
-    weights: Float[Array, " places"]
+    weights: Float[Array, " zones"]
     """In 1/m^2."""
-    centres: Float[Array, "places points 2"]
-    """Where every polygon is at every stage, in m in W."""
+    centres: Float[Array, "zones points 2"]
+    """Centre of every polygon at every state, in m in W."""
 
 
 class HolonomicProblem(NamedTuple):
-    """Track a reference over N stages of ``dt`` seconds within what the robot can do.
+    """Tracking of a reference over N stages of ``dt`` seconds within the limits of the robot.
 
     Minimise, over the mean velocities in W of every stage, v_k = (vx, vy, yaw rate)::
 
@@ -58,12 +60,12 @@ class HolonomicProblem(NamedTuple):
         x_0 = start,   x_{k+1} = x_k + dt v_k
         |now_i @ b_k - before_i @ b_{k-1}| <= bounds_i,   b_k = twist(yaw_k, v_k)
 
-    with states x_k = (x, y, yaw) in W. Here ``twist(yaw, v)`` is the one body twist that, held for
-    ``dt`` from the heading ``yaw``, moves the robot by ``dt v`` along an arc: so the motion is
-    linear in v and yet exact, and all that is not linear stands in the limits. Where these do not
-    bind and no keep-out is near, the optimum is that of a linear-quadratic problem.
+    with states x_k = (x, y, yaw) in W. Here ``twist(yaw, v)`` is the constant body twist that
+    moves the robot within ``dt``, from the heading ``yaw``, by ``dt v`` along an arc. Therefore
+    the motion is linear in v and exact, and all nonlinearity is in the limits. If no limit is
+    active and no keep-out zone is near, the optimum is that of a linear-quadratic problem.
 
-    The compiled kernels read this tuple directly: contiguous arrays of floats.
+    The compiled kernels read this tuple directly: its arrays are contiguous and of floats.
     """
 
     dt: float
@@ -71,14 +73,14 @@ class HolonomicProblem(NamedTuple):
     start: Float[Array, " 3"]
     """x_0: the measured pose; m, m, rad."""
     previous: Float[Array, " 3"]
-    """b_{-1}: the body twist until now; m/s, m/s, rad/s. Without ``before`` it does not matter."""
+    """b_{-1}: the body twist before the first stage; m/s, m/s, rad/s. Unused if ``before`` is 0."""
     targets: Float[Array, "points 3"]
-    """xref_k; m, m, rad. The yaw is on the branch nearest to that of ``start``."""
+    """xref_k; m, m, rad. The yaw is unwrapped and starts within half a turn of ``start``."""
     feedforward: Float[Array, "stages 3"]
     """vref_k in W; m/s, m/s, rad/s."""
     state_weights: Float[Array, "points 3"]
-    """Diagonal of Q_k; 1/m^2, 1/m^2, 1/rad^2. The last row weighs the terminal state."""
+    """Diagonal of Q_k; 1/m^2, 1/m^2, 1/rad^2. The last row is the terminal weight."""
     control_weights: Float[Array, " 3"]
     """Diagonal of R, positive; s^2/m^2, s^2/m^2, s^2/rad^2."""
     limits: Limits
-    keep_outs: KeepOuts
+    keep_outs: KeepOutArrays

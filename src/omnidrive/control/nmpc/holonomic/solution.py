@@ -1,4 +1,4 @@
-"""What a solver of holonomic problems returns, with the means to check it."""
+"""Solution of a holonomic problem, with its residual evaluated independently of the solver."""
 
 from __future__ import annotations
 
@@ -11,40 +11,41 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.iterate import (
+from omnidrive.control.nmpc.common.exit import Exit
+from omnidrive.control.nmpc.holonomic.feasible_start import relaxed_bounds
+from omnidrive.control.nmpc.holonomic.motion import max_limit_ratio, roll_out, stage_twists
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.stage_point import (
+    allocate_point,
     cost,
     evaluate,
-    iterate,
-    largest_slope,
+    gradient_norm,
 )
-from omnidrive.control.nmpc.holonomic.motion import largest_part, roll_out, twists_of
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.start import bounds_of
-from omnidrive.control.nmpc.solution import Exit
 
-Account = tuple[Float[Array, "points 3"], float, float, float]
+Assessment = tuple[Float[Array, "points 3"], float, float, float]
 """States, J, KKT residual and violation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HolonomicSolution:
-    """A plan for one :class:`HolonomicProblem`.
+    """Plan for one :class:`HolonomicProblem`.
 
     Attributes:
         velocities: v_k in W; m/s, m/s, rad/s.
         states: x_k, the exact roll-out of ``velocities``; m, m, rad.
-        multipliers: Of every limit at every stage, in units of J: positive where the upper bound
-            holds the robot back, negative where the lower does.
+        multipliers: Lagrange multipliers of the limits of every stage, in the unit of J: positive
+            if the upper bound is active, negative if the lower bound is active.
         cost: J.
-        residual: Largest entry of the gradient of the Lagrangian and of multiplier x room left.
-        violation: By how much the worst limit is exceeded, as a part of its bound; 0 if none is.
-        iterations: Of the method that found it; 0 where no limit binds and no keep-out is near.
+        residual: Largest entry of the gradient of the Lagrangian and of multiplier x slack.
+        violation: Largest excess over a bound, relative to the bound; 0 if all limits hold.
+        iterations: Iterations of the method that found the plan; 0 if no limit is active and no
+            keep-out zone is near.
         exit: Why the solver stopped.
     """
 
     velocities: Float[Array, "stages 3"]
     states: Float[Array, "points 3"]
-    multipliers: Float[Array, "stages wheels"]
+    multipliers: Float[Array, "stages rows"]
     cost: float
     residual: float
     violation: float
@@ -60,37 +61,37 @@ class HolonomicSolution:
         iterations: int,
         exit: Exit,
     ) -> HolonomicSolution:
-        """Evaluate a plan afresh, trusting no solver's own account."""
-        account = assess(problem, velocities, multipliers)
-        return cls.accounted(velocities, multipliers, account, iterations, exit)
+        """Return the solution with all else evaluated from velocities and multipliers alone."""
+        assessment = assess(problem, velocities, multipliers)
+        return cls.from_assessment(velocities, multipliers, assessment, iterations, exit)
 
     @classmethod
-    def accounted(
+    def from_assessment(
         cls,
         velocities: Float[Array, "stages 3"],
         multipliers: Float[Array, "stages rows"],
-        account: Account,
+        assessment: Assessment,
         iterations: int,
         exit: Exit,
     ) -> HolonomicSolution:
-        """Of a plan and what :func:`assess` says of it."""
-        states, value, residual, violation = account
+        """Return the solution from the result of :func:`assess`."""
+        states, value, residual, violation = assessment
         if not isfinite(value + residual + violation):
             exit = Exit.UNUSABLE
         return cls(velocities, states, multipliers, value, residual, violation, iterations, exit)
 
     def check(self, problem: HolonomicProblem) -> tuple[float, float]:
-        """Residual and violation, evaluated afresh."""
+        """Evaluate residual and violation again, and return them."""
         _, _, residual, violation = assess(problem, self.velocities, self.multipliers)
         return residual, violation
 
 
 @runtime_checkable
-class HolonomicPlanner(Protocol):
-    """Problem in, solution out; the same problem gives the same solution."""
+class HolonomicOptimizer(Protocol):
+    """Interface of solvers: the same problem gives the same solution."""
 
     def solve(self, problem: HolonomicProblem) -> HolonomicSolution:
-        """Local optimum; never raises."""
+        """Return a local optimum; never raise."""
         ...
 
 
@@ -99,19 +100,19 @@ def assess(
     p: HolonomicProblem,
     velocities: Float[Array, "stages 3"],
     multipliers: Float[Array, "stages rows"],
-) -> Account:
-    """States, J, KKT residual and violation of a plan, from nothing but the problem."""
+) -> Assessment:
+    """Return states, J, KKT residual and violation of a plan, computed from the problem alone."""
     stages, states = len(velocities), roll_out(p, velocities)
-    binding = multipliers.any()
-    at = iterate(velocities, bounds_of(p) if binding else np.empty((stages, 0)))
-    if binding:
-        at.pulls[:] = multipliers
-    evaluate(p, at)
-    residual = largest_slope(p.dt, at)
+    active = multipliers.any()
+    point = allocate_point(velocities, relaxed_bounds(p) if active else np.empty((stages, 0)))
+    if active:
+        point.multipliers[:] = multipliers
+    evaluate(p, point)
+    residual = gradient_norm(p.dt, point)
     for k in range(stages):
-        for i in range(at.bounds.shape[1]):
-            pull = at.pulls[k, i]
-            room = at.rooms[k, i, 0] if pull > 0.0 else at.rooms[k, i, 1]
-            residual = max(residual, abs(pull * room))
-    violation = max(largest_part(p, twists_of(p, velocities)) - 1.0, 0.0)
+        for i in range(point.bounds.shape[1]):
+            multiplier = point.multipliers[k, i]
+            slack = point.slacks[k, i, 0] if multiplier > 0.0 else point.slacks[k, i, 1]
+            residual = max(residual, abs(multiplier * slack))
+    violation = max(max_limit_ratio(p, stage_twists(p, velocities)) - 1.0, 0.0)
     return states, cost(p, states, velocities), residual, violation

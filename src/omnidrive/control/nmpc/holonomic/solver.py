@@ -1,4 +1,4 @@
-"""Solver of holonomic problems: at once where nothing is in the way, else in two attempts."""
+"""Solver of holonomic problems: linear-quadratic, active set, then interior point."""
 
 from __future__ import annotations
 
@@ -11,49 +11,49 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.active_set import hold_limits
-from omnidrive.control.nmpc.holonomic.distance import keep_out_cost
-from omnidrive.control.nmpc.holonomic.interior import CAPPED, CONVERGED, STALLED, advance, begin
-from omnidrive.control.nmpc.holonomic.linear import unlimited
-from omnidrive.control.nmpc.holonomic.motion import largest_part, roll_out, twists_of
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOuts, Limits
-from omnidrive.control.nmpc.holonomic.solution import Account, HolonomicSolution, assess
-from omnidrive.control.nmpc.solution import Exit
+from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
+from omnidrive.control.nmpc.holonomic.active_set import solve_active_set
+from omnidrive.control.nmpc.holonomic.interior_point import initialize, iterate
+from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost
+from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
+from omnidrive.control.nmpc.holonomic.motion import max_limit_ratio, roll_out, stage_twists
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutArrays, Limits
+from omnidrive.control.nmpc.holonomic.solution import Assessment, HolonomicSolution, assess
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds
 
-_BETWEEN_LOOKS = 4
-"""Iterations between two looks at the clock, where there is a deadline."""
-_EXITS = {CONVERGED: Exit.CONVERGED, CAPPED: Exit.CAPPED, STALLED: Exit.STALLED}
 
-
-class InteriorSettings(NamedTuple):
-    """When the solver stops."""
+class HolonomicSolverSettings(NamedTuple):
+    """Stopping criteria of :class:`HolonomicSolver`."""
 
     tolerance: Annotated[float, Bounds(1e-12, 1e-2, "1")] = 1e-8
-    """Largest entry of the KKT conditions that counts as none."""
+    """KKT residual below which a plan counts as converged."""
     max_iterations: Annotated[int, Bounds(1, 1000, "1")] = 200
-    """Iterations of each method; after those of the interior-point method the plan so far is
-    returned: it keeps the limits."""
+    """Number of iterations of each method, after which the latest iterate of the interior-point
+    method is returned; it satisfies the limits."""
 
 
 @dataclass(frozen=True, slots=True)
 class HolonomicSolver:
-    """Finds the optimum of a :class:`HolonomicProblem`.
+    """Solver of :class:`HolonomicProblem`, compiled.
 
-    Where nothing is in the way the optimum is that of a linear-quadratic problem, found at
-    once (:func:`~omnidrive.control.nmpc.holonomic.linear.unlimited`) and accepted only if every
-    limit allows it and it stays out of all keep-outs. Elsewhere Newton's method holds the limits
-    that bind (:func:`~omnidrive.control.nmpc.holonomic.active_set.hold_limits`), and where it does
-    not end soon an interior-point method begins anew.
+    The optimum without limits is that of a linear-quadratic problem
+    (:func:`~omnidrive.control.nmpc.holonomic.lqr.unconstrained_velocities`); it is the solution if
+    it satisfies all limits and keeps its distance from all keep-out zones. Otherwise an active set
+    method is tried (:func:`~omnidrive.control.nmpc.holonomic.active_set.solve_active_set`), and if
+    that does not converge within a few iterations, an interior-point method
+    (:func:`~omnidrive.control.nmpc.holonomic.interior_point.iterate`).
 
     Attributes:
-        settings: When it stops.
-        deadline: Time after which the plan so far is returned, in s from the call; None: never.
-            Every plan keeps the limits, and each step towards the optimum is one for the better.
+        settings: Stopping criteria.
+        deadline: Time after which the latest iterate is returned, in s from the call; None: no
+            deadline. Every iterate returned satisfies the limits.
+
+    Raises:
+        InvalidInput: The deadline is negative.
     """
 
-    settings: InteriorSettings = field(default_factory=InteriorSettings)
+    settings: HolonomicSolverSettings = field(default_factory=HolonomicSolverSettings)
     deadline: float | None = None
 
     def __post_init__(self) -> None:
@@ -61,63 +61,69 @@ class HolonomicSolver:
             raise InvalidInput(f"a deadline must not be negative, got {self.deadline:g} s")
 
     def solve(self, problem: HolonomicProblem) -> HolonomicSolution:
-        """Local optimum, reached from the optimum without limits; never raises."""
+        """Return the local optimum reached from the optimum without limits; never raise."""
         if self.deadline is not None:
             return self._solve_by(perf_counter() + self.deadline, problem)
-        velocities, multipliers, account, iterations, code = _solve(
+        velocities, multipliers, assessment, iterations, code = _solve_holonomic(
             *problem[:-2], *problem.limits, *problem.keep_outs, *self.settings
         )
-        return HolonomicSolution.accounted(
-            velocities, multipliers, account, iterations, _EXITS[code]
+        return HolonomicSolution.from_assessment(
+            velocities, multipliers, assessment, iterations, EXITS[code]
         )
 
     def _solve_by(self, deadline: float, problem: HolonomicProblem) -> HolonomicSolution:
-        tolerance, most = self.settings
-        velocities = unlimited(problem)
-        if not is_obstructed(problem, velocities):
-            none = np.zeros((len(velocities), len(problem.limits.bounds)))
-            return HolonomicSolution.of(problem, velocities, none, 0, Exit.CONVERGED)
-        if perf_counter() < deadline:  # a few sweeps, without another look at the clock
-            at, iterations = hold_limits(problem, velocities, *self.settings)
+        tolerance, max_iterations = self.settings
+        velocities = unconstrained_velocities(problem)
+        if not violates_constraints(problem, velocities):
+            multipliers = np.zeros((len(velocities), len(problem.limits.bounds)))
+            return HolonomicSolution.of(problem, velocities, multipliers, 0, Exit.CONVERGED)
+        if perf_counter() < deadline:  # a few sweeps, without checking the clock between them
+            point, iterations = solve_active_set(problem, velocities, *self.settings)
             if iterations >= 0:
-                done = Exit.CONVERGED
-                return HolonomicSolution.of(problem, at.velocities, at.pulls, iterations, done)
+                return HolonomicSolution.of(
+                    problem, point.velocities, point.multipliers, iterations, Exit.CONVERGED
+                )
         before = perf_counter()
-        search, until, exit = begin(problem, velocities, tolerance), 0, Exit.LATE
-        while until < most and 2.0 * perf_counter() - before <= deadline:  # time for as much again
-            before, until = perf_counter(), min(until + _BETWEEN_LOOKS, most)
-            code = advance(problem, search, tolerance, until)
-            if code != CAPPED or until == most:
-                exit = _EXITS[code]
+        search, until, exit = initialize(problem, velocities, tolerance), 0, Exit.LATE
+        while until < max_iterations and 2.0 * perf_counter() - before <= deadline:
+            # there is time for as much again as the last block took
+            before, until = perf_counter(), min(until + _BLOCK, max_iterations)
+            code = iterate(problem, search, tolerance, until)
+            if code != CAPPED or until == max_iterations:
+                exit = EXITS[code]
                 break
-        multipliers = search.at.pulls
-        iterations = int(search.memory[2])
-        return HolonomicSolution.of(problem, search.at.velocities, multipliers, iterations, exit)
+        point, iterations = search.point, int(search.memory[2])
+        return HolonomicSolution.of(problem, point.velocities, point.multipliers, iterations, exit)
 
-    def load(self, problem: HolonomicProblem) -> None:
-        """Compile, or load, all that a deadline might cut off while a robot drives."""
-        velocities, (tolerance, most) = unlimited(problem), self.settings
-        is_obstructed(problem, velocities)
-        hold_limits(problem, velocities, tolerance, most)
-        advance(problem, begin(problem, velocities, tolerance), tolerance, 1)
+    def precompile(self, problem: HolonomicProblem) -> None:
+        """Compile or load all kernels that :meth:`solve` with a deadline calls."""
+        velocities, (tolerance, max_iterations) = unconstrained_velocities(problem), self.settings
+        violates_constraints(problem, velocities)
+        solve_active_set(problem, velocities, tolerance, max_iterations)
+        iterate(problem, initialize(problem, velocities, tolerance), tolerance, 1)
 
     def solve_many(
         self, problems: HolonomicProblem
     ) -> tuple[Float[Array, "problems stages 3"], Int[Array, " problems"]]:
-        """Velocities and iterations of many problems of one shape.
+        """Solve many problems with common weights, limits and keep-out zones.
 
         Args:
-            problems: ``start``, ``previous``, ``targets`` and ``feedforward`` have one axis more,
-                the first, over the problems; the rest is theirs in common.
+            problems: ``start``, ``previous``, ``targets`` and ``feedforward`` have a leading axis
+                over the problems; all other fields are common to them.
 
         Returns:
-            Velocities; iterations n as in a solution, or -1 - n where they did not converge.
+            Velocities; and for each problem the number of iterations n, or -1 - n if it did not
+            converge.
         """
-        return _minimise_many(problems, *self.settings)
+        return _solve_many(problems, *self.settings)
+
+
+_BLOCK = 4
+"""Iterations between two checks of the deadline."""
 
 
 @compiled
-def _solve(  # noqa: PLR0917
+def _solve_holonomic(  # noqa: PLR0917
     dt: float,
     start: Float[Array, " 3"],
     previous: Float[Array, " 3"],
@@ -130,13 +136,16 @@ def _solve(  # noqa: PLR0917
     bounds: Float[Array, " rows"],
     corners: Float[Array, "corners 2"],
     first: Int[Array, " starts"],
-    radii: Float[Array, " places"],
-    weights: Float[Array, " places"],
-    centres: Float[Array, "places points 2"],
+    radii: Float[Array, " zones"],
+    weights: Float[Array, " zones"],
+    centres: Float[Array, "zones points 2"],
     tolerance: float,
     max_iterations: int,
-) -> tuple[Float[Array, "stages 3"], Float[Array, "stages rows"], Account, int, int]:
-    """A plan and its account; a problem's fields are quicker to take one by one."""
+) -> tuple[Float[Array, "stages 3"], Float[Array, "stages rows"], Assessment, int, int]:
+    """Return velocities, multipliers, assessment, iterations and exit code.
+
+    The fields of the problem are separate arguments because a call with a tuple takes longer.
+    """
     p = HolonomicProblem(
         dt,
         start,
@@ -146,7 +155,7 @@ def _solve(  # noqa: PLR0917
         state_weights,
         control_weights,
         Limits(now, before, bounds),
-        KeepOuts(corners, first, radii, weights, centres),
+        KeepOutArrays(corners, first, radii, weights, centres),
     )
     velocities, multipliers, iterations, code = _minimise(p, tolerance, max_iterations)
     return velocities, multipliers, assess(p, velocities, multipliers), iterations, code
@@ -156,27 +165,27 @@ def _solve(  # noqa: PLR0917
 def _minimise(
     p: HolonomicProblem, tolerance: float, max_iterations: int
 ) -> tuple[Float[Array, "stages 3"], Float[Array, "stages rows"], int, int]:
-    velocities = unlimited(p)
-    if not is_obstructed(p, velocities):
+    velocities = unconstrained_velocities(p)
+    if not violates_constraints(p, velocities):
         return velocities, np.zeros((len(velocities), len(p.limits.bounds))), 0, CONVERGED
-    at, iterations = hold_limits(p, velocities, tolerance, max_iterations)
+    point, iterations = solve_active_set(p, velocities, tolerance, max_iterations)
     if iterations >= 0:
-        return at.velocities, at.pulls, iterations, CONVERGED
-    search = begin(p, velocities, tolerance)
-    code = advance(p, search, tolerance, max_iterations)
-    return search.at.velocities, search.at.pulls, int(search.memory[2]), code
+        return point.velocities, point.multipliers, iterations, CONVERGED
+    search = initialize(p, velocities, tolerance)
+    code = iterate(p, search, tolerance, max_iterations)
+    return search.point.velocities, search.point.multipliers, int(search.memory[2]), code
 
 
 @compiled
-def is_obstructed(p: HolonomicProblem, velocities: Float[Array, "stages 3"]) -> bool:
-    """Whether a plan needs more than a limit allows, or comes too near a keep-out."""
-    if largest_part(p, twists_of(p, velocities)) > 1.0:
+def violates_constraints(p: HolonomicProblem, velocities: Float[Array, "stages 3"]) -> bool:
+    """Return whether a plan violates a limit or the distance to a keep-out zone."""
+    if max_limit_ratio(p, stage_twists(p, velocities)) > 1.0:
         return True
     return keep_out_cost(p.keep_outs, roll_out(p, velocities)) > 0.0
 
 
 @compiled
-def _minimise_many(
+def _solve_many(
     p: HolonomicProblem, tolerance: float, max_iterations: int
 ) -> tuple[Float[Array, "problems stages 3"], Int[Array, " problems"]]:
     velocities, iterations = np.empty(p.feedforward.shape), np.empty(len(p.start), dtype=np.int64)
@@ -194,6 +203,6 @@ def _minimise_many(
         )
         found, _, spent, code = _minimise(one, tolerance, max_iterations)
         velocities[k] = found
-        done = code == CONVERGED and np.isfinite(found).all()
-        iterations[k] = spent if done else -1 - spent
+        converged = code == CONVERGED and np.isfinite(found).all()
+        iterations[k] = spent if converged else -1 - spent
     return velocities, iterations

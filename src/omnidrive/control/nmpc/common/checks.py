@@ -1,4 +1,4 @@
-"""What is done for a predictive controller before it drives."""
+"""Checks and preparation of a predictive controller before its first step."""
 
 from __future__ import annotations
 
@@ -13,13 +13,19 @@ from omnidrive.reference import Hold
 
 C = TypeVar("C", bound=Controller)
 
-_START, _FAR = Pose(0.0, 0.0, 0.0), Pose(1e3, 0.0, 0.0)
+_START, _FAR_TARGET = Pose(0.0, 0.0, 0.0), Pose(1e3, 0.0, 0.0)
 
 
 def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> None:
-    """Refuse a sample time (s), a number of stages or a parameter outside its domain.
+    """Check a sample time (s), a number of stages and the controller's parameters.
 
-    ``parameters`` is a named tuple whose fields carry :class:`~omnidrive.parameter.Bounds`.
+    Args:
+        dt: Sample time in s.
+        horizon: Number of stages.
+        parameters: Named tuple whose fields carry :class:`~omnidrive.parameter.Bounds`.
+
+    Raises:
+        InvalidInput: A value is outside its domain.
     """
     check_sample_time(dt)
     if horizon < 1:
@@ -31,13 +37,17 @@ def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> No
             raise InvalidInput(f"{name} {error}") from error
 
 
-def compiled_first(controller: C, kernel: str) -> C:
-    """The controller, after a step that does not matter: no other has to wait for a compiler.
+def precompile(controller: C, kernel: str) -> C:
+    """Run one step of the controller, so that no later step waits for the compiler; return it.
 
-    It is towards a place far away, where limits bind. ``kernel`` is one that it needs.
+    The step's target is so far away that limits are active.
+
+    Args:
+        controller: Any predictive controller; it is reset afterwards.
+        kernel: Name of a kernel that the step calls; a warning is logged if it is not compiled.
     """
     announce_compiling(kernel)
     controller.reset(_START)
-    controller.step(0.0, _START, Hold(_FAR, 1.0))
+    controller.step(0.0, _START, Hold(_FAR_TARGET, 1.0))
     controller.reset(_START)
     return controller

@@ -1,4 +1,4 @@
-"""Newton's step in the controls that are free to move, by one Riccati sweep."""
+"""Newton step in the free controls, by a backward and a forward Riccati sweep."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
-from omnidrive.control.nmpc.point import Point
-from omnidrive.control.nmpc.problem import Problem
+from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
+from omnidrive.control.nmpc.unicycle.stage_point import StagePoint
 
-_LEAST_CURVATURE = 1e-8
+_MIN_CURVATURE = 1e-8
 """A control Hessian with an eigenvalue below this counts as not positive definite."""
 
 
-class _ToCome(NamedTuple):
-    """What a deviation d = (x, y, t) of a state adds to J from its stage on: g'd + d'H d / 2.
+class _CostToGo(NamedTuple):
+    """Quadratic cost to go g'd + d'H d / 2 of a deviation d = (x, y, t) of a state.
 
-    The slope of J is counted by the controls: g comes only from later changes of theirs.
+    It is the change of J by the later stages. The first-order part of J is in the gradient by the
+    controls: g contains only the contribution of later control changes.
     """
 
     gx: float
@@ -34,8 +35,8 @@ class _ToCome(NamedTuple):
     tt: float
 
 
-class _ByChange(NamedTuple):
-    """What a change u = (s, r) of its speed and yaw rate adds to that: g'u + u'H u / 2 + u'M d."""
+class _ControlModel(NamedTuple):
+    """Quadratic model g'u + u'H u / 2 + u'M d of a change u = (s, r) of speed and yaw rate."""
 
     gs: float
     gr: float
@@ -52,81 +53,85 @@ class _ByChange(NamedTuple):
 
 @inlined
 def newton_step(
-    problem: Problem, point: Point, curvature: float
+    problem: UnicycleProblem, point: StagePoint, curvature: float
 ) -> tuple[bool, Float[Array, "stages 2"]]:
-    """Minimiser of a quadratic model of J over the free controls, the others held.
+    """Minimise a quadratic model of J over the free controls, with the others fixed.
 
     One backward and one forward sweep, linear in the number of stages: Dunn & Bertsekas,
     "Efficient dynamic programming implementations of Newton's method for unconstrained optimal
     control problems", JOTA 63, 1989; Rawlings, Mayne & Diehl, 2017, section 8.8.
 
     Args:
-        problem: What is minimised.
-        point: Where the model is taken.
-        curvature: Weight of the curvature of the motion in the Hessian: 1 makes it exact, 0
-            Gauss-Newton's, which is always positive definite.
+        problem: The problem.
+        point: Point of linearisation.
+        curvature: Factor of the second derivatives of the motion in the Hessian: 1 is the exact
+            Hessian; 0 is the Gauss-Newton Hessian, which is always positive definite.
 
     Returns:
         Whether the Hessian is positive definite in the free controls, and the step. If it is not,
-        the step is a direction of negative curvature: a unit vector at the last stage that shows
-        it, zero before, optimal feedback after.
+        the step is a direction of negative curvature: a unit vector at the last stage whose
+        Hessian is not positive definite, zero before that stage, optimal feedback after it.
     """
     feedback = np.empty((len(point.controls), 2, 4))
-    definite = _sweep(problem, point, curvature, feedback)
-    return definite, _follow(problem, point, feedback)
+    definite = _backward_sweep(problem, point, curvature, feedback)
+    return definite, _forward_sweep(problem, point, feedback)
 
 
 @inlined
-def _sweep(
-    problem: Problem, point: Point, curvature: float, feedback: Float[Array, "stages 2 4"]
+def _backward_sweep(
+    problem: UnicycleProblem,
+    point: StagePoint,
+    curvature: float,
+    feedback: Float[Array, "stages 2 4"],
 ) -> bool:
     """Minimise the model from the last stage to the first.
 
     Args:
-        problem: What is minimised.
-        point: Where the model is taken.
+        problem: The problem.
+        point: Point of linearisation.
         curvature: As for :func:`newton_step`.
-        feedback: Filled in, for each stage: the change of the speed, as a constant and the factors
-            of x, y and t, and likewise that of the yaw rate.
+        feedback: Output, for each stage: the change of the speed as a constant and the gains on
+            x, y and t, and likewise the change of the yaw rate.
 
     Returns:
-        Whether the model has a minimum. If it has none, the feedback is that of the direction.
+        Whether the model has a minimum. If not, the feedback yields the direction of negative
+        curvature.
     """
     weights, free, definite = problem.state_weights, point.free, True
     last = len(free)
     qx, qy, qt = 2.0 * weights[last, 0], 2.0 * weights[last, 1], 2.0 * weights[last, 2]
-    to_come = _ToCome(0.0, 0.0, 0.0, qx, 0.0, 0.0, qy, 0.0, qt)
+    to_go = _CostToGo(0.0, 0.0, 0.0, qx, 0.0, 0.0, qy, 0.0, qt)
     for k in range(last - 1, -1, -1):
-        here, change = _through_motion(problem, point, k, curvature, to_come)
-        definite, inverse = _inverse_on(change, free[k, 0], free[k, 1])
+        here, change = _stage_model(problem, point, k, curvature, to_go)
+        definite, inverse = _invert_free(change, free[k, 0], free[k, 1])
         if not definite:
-            _show(feedback, k, _least_eigenvector(change, free[k, 0], free[k, 1]))
+            _mask_feedback(feedback, k, _least_eigenvector(change, free[k, 0], free[k, 1]))
             break
-        to_come = _best(here, change, inverse, feedback, k)
+        to_go = _minimise_stage(here, change, inverse, feedback, k)
     return definite
 
 
 @inlined
-def _through_motion(
-    problem: Problem, point: Point, k: int, curvature: float, ahead: _ToCome
-) -> tuple[_ToCome, _ByChange]:
-    """What is to come from stage k on, given what is from its end on.
+def _stage_model(
+    problem: UnicycleProblem, point: StagePoint, k: int, curvature: float, ahead: _CostToGo
+) -> tuple[_CostToGo, _ControlModel]:
+    """Return cost to go and control model of stage k from the cost to go of its end.
 
-    The products with A = I + [0 0 f; 0 0 g; 0 0 0] and B = [a 0; b 0; 0 dt] are written out. To
-    the Hessian belongs the curvature of the motion, sum_i l_i d2f_i, with the costate l of the
-    stage's end.
+    The products with A = I + [0 0 f; 0 0 g; 0 0 0] and B = [a 0; b 0; 0 dt] are written out. The
+    Hessian includes the second derivatives of the motion, sum_i l_i d2f_i, with the costate l of
+    the stage's end.
     """
-    h, dt, weights, slope = ahead, problem.dt, problem.state_weights, point.gradient
-    a, b = point.courses[k, 0], point.courses[k, 1]
+    h, dt, weights, gradient = ahead, problem.dt, problem.state_weights, point.gradient
+    a, b = point.speed_jacobian[k, 0], point.speed_jacobian[k, 1]
     f, g = -point.controls[k, 0] * b, point.controls[k, 0] * a
     lx, ly = curvature * point.costates[k + 1, 0], curvature * point.costates[k + 1, 1]
     sx, sy, st = a * h.xx + b * h.xy, a * h.xy + b * h.yy, a * h.xt + b * h.yt
     rx, ry, rt = dt * h.xt, dt * h.yt, dt * h.tt
     xt, yt = h.xt + f * h.xx + g * h.xy, h.yt + f * h.xy + g * h.yy
     tt = h.tt + f * (h.xt + xt) + g * (h.yt + yt)
-    change = _ByChange(
-        gs=a * h.gx + b * h.gy + slope[k, 0],
-        gr=dt * h.gt + slope[k, 1],
+    change = _ControlModel(
+        gs=a * h.gx + b * h.gy + gradient[k, 0],
+        gr=dt * h.gt + gradient[k, 1],
         ss=a * sx + b * sy + 2.0 * problem.control_weights[0],
         sr=dt * st,
         rr=dt * rt + 2.0 * problem.control_weights[1],
@@ -137,7 +142,7 @@ def _through_motion(
         ry=ry,
         rt=rt + f * rx + g * ry,
     )
-    here = _ToCome(
+    here = _CostToGo(
         gx=h.gx,
         gy=h.gy,
         gt=h.gt + f * h.gx + g * h.gy,
@@ -152,18 +157,18 @@ def _through_motion(
 
 
 @inlined
-def _inverse_on(
-    u: _ByChange, free_speed: bool, free_rate: bool
+def _invert_free(
+    u: _ControlModel, free_speed: bool, free_rate: bool
 ) -> tuple[bool, tuple[float, float, float]]:
-    """Inverse of the Hessian of the free controls, zero elsewhere.
+    """Invert the Hessian of the free controls; entries of fixed controls are zero.
 
     Returns:
-        Whether it is positive definite there; and the inverse's entries ss, sr and rr.
+        Whether it is positive definite; and the entries ss, sr and rr of the inverse.
     """
     ss, rr = u.ss if free_speed else np.inf, u.rr if free_rate else np.inf
     sr = u.sr if free_speed and free_rate else 0.0
-    above, over = ss - _LEAST_CURVATURE, rr - _LEAST_CURVATURE
-    if not (above > 0.0 and over > 0.0 and above * over >= sr * sr):
+    ss_margin, rr_margin = ss - _MIN_CURVATURE, rr - _MIN_CURVATURE
+    if not (ss_margin > 0.0 and rr_margin > 0.0 and ss_margin * rr_margin >= sr * sr):
         return False, (0.0, 0.0, 0.0)
     if sr == 0.0:
         return True, (1.0 / ss, 0.0, 1.0 / rr)
@@ -172,14 +177,14 @@ def _inverse_on(
 
 
 @inlined
-def _best(
-    here: _ToCome,
-    u: _ByChange,
+def _minimise_stage(
+    here: _CostToGo,
+    u: _ControlModel,
     inverse: tuple[float, float, float],
     feedback: Float[Array, "stages 2 4"],
     k: int,
-) -> _ToCome:
-    """What is to come with the best change of the controls; that is noted in ``feedback``."""
+) -> _CostToGo:
+    """Return the cost to go for the optimal control change; store that in ``feedback``."""
     ss, sr, rr = inverse
     s1, sx = -ss * u.gs - sr * u.gr, -ss * u.sx - sr * u.rx
     sy, st = -ss * u.sy - sr * u.ry, -ss * u.st - sr * u.rt
@@ -187,7 +192,7 @@ def _best(
     ry, rt = -sr * u.sy - rr * u.ry, -sr * u.st - rr * u.rt
     feedback[k, 0, 0], feedback[k, 0, 1], feedback[k, 0, 2], feedback[k, 0, 3] = s1, sx, sy, st
     feedback[k, 1, 0], feedback[k, 1, 1], feedback[k, 1, 2], feedback[k, 1, 3] = r1, rx, ry, rt
-    return _ToCome(
+    return _CostToGo(
         gx=here.gx + u.sx * s1 + u.rx * r1,
         gy=here.gy + u.sy * s1 + u.ry * r1,
         gt=here.gt + u.st * s1 + u.rt * r1,
@@ -201,14 +206,14 @@ def _best(
 
 
 @inlined
-def _least_eigenvector(u: _ByChange, free_speed: bool, free_rate: bool) -> tuple[float, float]:
-    """Unit eigenvector, of the Hessian of the free controls, to its least eigenvalue."""
+def _least_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tuple[float, float]:
+    """Return the unit eigenvector of the smallest eigenvalue of the free controls' Hessian."""
     if not free_rate:
         return 1.0, 0.0
     if not free_speed:
         return 0.0, 1.0
     least = 0.5 * (u.ss + u.rr) - hypot(0.5 * (u.ss - u.rr), u.sr)
-    if u.ss > u.rr:  # of the two formulas, the one that does not cancel
+    if u.ss > u.rr:  # of the two formulas, the one without cancellation
         speed, rate = -u.sr, u.ss - least
     else:
         speed, rate = u.rr - least, -u.sr
@@ -217,8 +222,10 @@ def _least_eigenvector(u: _ByChange, free_speed: bool, free_rate: bool) -> tuple
 
 
 @inlined
-def _show(feedback: Float[Array, "stages 2 4"], stage: int, direction: tuple[float, float]) -> None:
-    """Leave of the feedback what begins with a given change of one stage's controls."""
+def _mask_feedback(
+    feedback: Float[Array, "stages 2 4"], stage: int, direction: tuple[float, float]
+) -> None:
+    """Replace the feedback up to ``stage``: zero before it, ``direction`` in it."""
     for k in range(len(feedback)):
         for i in range(2):
             feedback[k, i, 0] = direction[i] if k == stage else 0.0
@@ -227,18 +234,18 @@ def _show(feedback: Float[Array, "stages 2 4"], stage: int, direction: tuple[flo
 
 
 @inlined
-def _follow(
-    problem: Problem, point: Point, feedback: Float[Array, "stages 2 4"]
+def _forward_sweep(
+    problem: UnicycleProblem, point: StagePoint, feedback: Float[Array, "stages 2 4"]
 ) -> Float[Array, "stages 2"]:
-    """Roll the feedback out through the linearised motion."""
-    controls, courses, dt, law = point.controls, point.courses, problem.dt, feedback
+    """Apply the feedback along the linearised motion; return the steps of the controls."""
+    controls, jacobian, dt, law = point.controls, point.speed_jacobian, problem.dt, feedback
     steps = np.empty((len(controls), 2))
     x = y = t = 0.0
     for k in range(len(controls)):
         speed = law[k, 0, 0] + law[k, 0, 1] * x + law[k, 0, 2] * y + law[k, 0, 3] * t
         rate = law[k, 1, 0] + law[k, 1, 1] * x + law[k, 1, 2] * y + law[k, 1, 3] * t
         steps[k, 0], steps[k, 1] = speed, rate
-        x += courses[k, 0] * speed - courses[k, 1] * controls[k, 0] * t
-        y += courses[k, 1] * speed + courses[k, 0] * controls[k, 0] * t
+        x += jacobian[k, 0] * speed - jacobian[k, 1] * controls[k, 0] * t
+        y += jacobian[k, 1] * speed + jacobian[k, 0] * controls[k, 0] * t
         t += dt * rate
     return steps

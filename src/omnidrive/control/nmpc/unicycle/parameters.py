@@ -1,4 +1,4 @@
-"""Weights and limits, as the paper gives them and as its author's code has them."""
+"""Weights and limits of the unicycle's NMPC, and the two published sets of them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from omnidrive.parameter import Bounds
 Preset = Literal["paper", "published-code"]
 
 
-class NmpcParameters(NamedTuple):
-    """What the controller minimises, and within which limits."""
+class UnicycleParameters(NamedTuple):
+    """Weights and limits of the optimal control problem, and the lateral gain of the law."""
 
     position_weight: Annotated[float, Bounds(0.0, 1e4, "1/m^2")] = 15.0
     """First two diagonal entries of Q."""
@@ -22,23 +22,23 @@ class NmpcParameters(NamedTuple):
     yaw_rate_weight: Annotated[float, Bounds(1e-3, 1e4, "s^2/rad^2")] = 1.0
     """Second diagonal entry of R."""
     terminal_factor: Annotated[float, Bounds(0.0, 1e3, "1")] = 1.0
-    """The terminal state's Q is this multiple of the others'."""
+    """Terminal weight, as a multiple of Q."""
     max_speed: Annotated[float, Bounds(0.01, 10.0, "m/s")] = 1.5
-    """Largest |speed|, whatever the reference."""
+    """Largest |speed| for any reference."""
     max_travel: Annotated[float, Bounds(0.1, 1e4, "m")] = 1e4
-    """Largest |speed| times the duration of the reference."""
+    """Largest product of |speed| and the duration of the reference."""
     max_yaw_rate: Annotated[float, Bounds(0.01, 20.0, "rad/s")] = 3.14
     """Largest |yaw rate|."""
     lateral_gain: Annotated[float, Bounds(0.0, 5.0, "1/s")] = 1.0
-    """Rate at which the law removes the sideways error that the plan leaves; 0: as published."""
+    """Gain on the predicted lateral error in :func:`~.controller.unicycle_law`; 0: as published."""
 
 
-PRESETS: dict[Preset, NmpcParameters] = {
+PRESETS: dict[Preset, UnicycleParameters] = {
     # Sections "Non-linear MPC" (the sum over the states runs to k = N_p) and "Simulation setup".
-    # With a mend: see ``nmpc_law``.
-    "paper": NmpcParameters(),
-    # The code leaves the terminal state unweighted and lets v reach 15 m / T. No mend.
-    "published-code": NmpcParameters(
+    # The lateral gain is an addition: see ``unicycle_law``.
+    "paper": UnicycleParameters(),
+    # The code has no terminal cost and limits v to 15 m / T. No lateral gain.
+    "published-code": UnicycleParameters(
         heading_weight=5.0,
         terminal_factor=0.0,
         max_speed=10.0,
@@ -47,4 +47,4 @@ PRESETS: dict[Preset, NmpcParameters] = {
         lateral_gain=0.0,
     ),
 }
-"""Parameters by name. Speeds are limited in both directions: |v| and |yaw rate|."""
+"""Parameters by name. The limits hold in both directions: |v| and |yaw rate|."""

@@ -1,4 +1,4 @@
-"""The problem to solve at one instant of a reference."""
+"""Tracking problem of the unicycle at one time of a reference."""
 
 from __future__ import annotations
 
@@ -8,33 +8,41 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
-from omnidrive.control.nmpc.presets import NmpcParameters
-from omnidrive.control.nmpc.problem import Problem
-from omnidrive.geometry import Pose, wrap
+from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.common.unwrap import unwrap_near
+from omnidrive.control.nmpc.unicycle.parameters import UnicycleParameters
+from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
+from omnidrive.geometry import Pose
 from omnidrive.reference import Reference
-
-_wrap = inlined(wrap)
 
 
 def tracking_problem(
-    parameters: NmpcParameters,
+    parameters: UnicycleParameters,
     t: float,
     pose: Pose,
     reference: Reference,
     *,
     horizon: int,
     dt: float,
-) -> Problem:
-    """Problem of following ``reference`` over ``horizon`` stages of ``dt`` (s) from ``t`` (s)."""
+) -> UnicycleProblem:
+    """Return the problem of tracking ``reference`` from ``pose`` at the time ``t``.
+
+    Args:
+        parameters: Weights and limits.
+        t: Time of the first state, in s.
+        pose: The first state, in W.
+        reference: The trajectory to track.
+        horizon: N, number of stages.
+        dt: Length of a stage, in s.
+    """
     targets = reference.window(t, horizon + 1, dt)[:, :3].copy()  # contiguous, for the kernels
-    targets[:, 2] = nearest_branch(targets[:, 2], pose.yaw)
+    targets[:, 2] = unwrap_near(targets[:, 2], pose.yaw)
     p = parameters
     weights = np.empty((horizon + 1, 3))
     weights[:] = p.position_weight, p.position_weight, p.heading_weight
     weights[-1] *= p.terminal_factor
     max_speed = min(p.max_speed, p.max_travel / max(reference.duration, dt))
-    return Problem(
+    return UnicycleProblem(
         dt=float(dt),
         start=np.array(pose, dtype=float),
         targets=targets,
@@ -46,27 +54,14 @@ def tracking_problem(
 
 
 @compiled
-def nearest_branch(headings: Float[Array, " n"], yaw: float) -> Float[Array, " n"]:
-    """``headings`` without jumps, moved as a whole by the turns that bring the first near ``yaw``.
-
-    All in rad. The steps between headings are taken the short way round.
-    """
-    branch = np.empty(len(headings))
-    branch[0] = yaw + _wrap(headings[0] - yaw)
-    for k in range(1, len(headings)):
-        branch[k] = branch[k - 1] + _wrap(headings[k] - headings[k - 1])
-    return branch
-
-
-@compiled
 def finite_differences(targets: Float[Array, "points 3"], dt: float) -> Float[Array, "stages 2"]:
-    """Speed (m/s) and yaw rate (rad/s) that lead from each waypoint to the next.
+    """Return the speed (m/s) and the yaw rate (rad/s) between consecutive targets.
 
-    The paper's "corresponding velocity" of each waypoint; negative where the reference moves
-    against its heading.
+    The paper's "corresponding velocity" of each waypoint; the speed is negative where the
+    reference moves against its heading.
 
     Args:
-        targets: Waypoints ``dt`` apart; m, m, rad, the yaw without jumps.
+        targets: Poses ``dt`` apart; m, m, rad, the yaw unwrapped.
         dt: In s.
     """
     controls = np.empty((len(targets) - 1, 2))

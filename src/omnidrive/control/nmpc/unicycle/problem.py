@@ -1,4 +1,4 @@
-"""The optimal control problem of one step."""
+"""Optimal control problem of one step of the unicycle."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 
 
-class Problem(NamedTuple):
-    """Track a reference with a unicycle over N stages of ``dt`` seconds.
+class UnicycleProblem(NamedTuple):
+    """Tracking of a reference with a unicycle over N stages of ``dt`` seconds.
 
     Minimise, over the controls u_k = (speed, yaw rate), k = 0..N-1::
 
@@ -21,8 +21,8 @@ class Problem(NamedTuple):
 
     with states x_k = (x, y, yaw) in W: the paper's section "Non-linear MPC"; the standard form
     is Rawlings, Mayne & Diehl, "Model Predictive Control", 2nd ed. 2017, section 1.3 and ch. 8.
-    All weights are diagonal. The compiled kernels read this tuple directly: contiguous arrays of
-    floats, lest they be compiled again.
+    All weights are diagonal. The compiled kernels read this tuple directly: its arrays are
+    contiguous and of floats, because every other type needs another compilation.
     """
 
     dt: float
@@ -30,11 +30,11 @@ class Problem(NamedTuple):
     start: Float[Array, " 3"]
     """x_0: the measured pose; m, m, rad."""
     targets: Float[Array, "points 3"]
-    """xref_k; m, m, rad. The yaw is on the branch nearest to that of ``start``."""
+    """xref_k; m, m, rad. The yaw is unwrapped and starts within half a turn of ``start``."""
     feedforward: Float[Array, "stages 2"]
     """uref_k; m/s, rad/s."""
     state_weights: Float[Array, "points 3"]
-    """Diagonal of Q_k; 1/m^2, 1/m^2, 1/rad^2. The last row weighs the terminal state."""
+    """Diagonal of Q_k; 1/m^2, 1/m^2, 1/rad^2. The last row is the terminal weight."""
     control_weights: Float[Array, " 2"]
     """Diagonal of R, positive; s^2/m^2, s^2/rad^2."""
     limits: Float[Array, " 2"]

@@ -1,4 +1,4 @@
-"""What every problem of following a reference minimises."""
+"""Quadratic tracking cost."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def tracking_cost(  # noqa: PLR0917
     feedforward: Float[Array, "stages controls"],
     control_weights: Float[Array, " controls"],
 ) -> float:
-    """``sum |x_k - xref_k|^2_{Q_k} + sum |u_k - uref_k|^2_R``, all weights diagonal."""
+    """Return ``sum |x_k - xref_k|^2_{Q_k} + sum |u_k - uref_k|^2_R``; all weights are diagonal."""
     total = 0.0
     for k in range(len(states)):
         for i in range(3):

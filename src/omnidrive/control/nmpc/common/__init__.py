@@ -1,0 +1,1 @@
+"""Parts that the unicycle's and the holonomic robot's NMPC share."""

@@ -1,0 +1,287 @@
+"""Primal-dual interior-point method whose Newton steps are Riccati sweeps."""
+
+from __future__ import annotations
+
+from math import log
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compiled, inlined
+from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, STALLED
+from omnidrive.control.nmpc.holonomic.feasible_start import feasible_velocities, relaxed_bounds
+from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost
+from omnidrive.control.nmpc.holonomic.motion import limit_value, roll_out, stage_twists
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.riccati import (
+    MAX_SHIFT,
+    Factors,
+    Step,
+    allocate_factors,
+    allocate_step,
+    factorise_shifted,
+    newton_step,
+)
+from omnidrive.control.nmpc.holonomic.stage_point import (
+    StagePoint,
+    allocate_point,
+    cost,
+    evaluate,
+    gradient_norm,
+)
+
+_TO_BOUNDARY = 0.995
+"""Fraction of the distance to a bound that a step may take (Nocedal & Wright, 2006, sec. 19.2)."""
+_BARRIER_PER_GRADIENT = 1e-3
+"""Least barrier per unit of the Lagrangian's gradient, up to the mean complementarity: if
+complementarity converged faster than the gradient, which is possible while the Hessian is shifted,
+the iterates would make short steps along the limits (Wright, "Primal-Dual Interior-Point Methods",
+1997, chapter 6, bounds the same ratio). With ten times this value steps make no progress; with a
+third of it the method converges less often."""
+_MAX_HALVINGS = 30
+_ARMIJO = 1e-4
+"""Sufficient decrease, as a part of the predicted one (Nocedal & Wright, 2006, section 3.1)."""
+_ROUNDING = 1e-12
+"""Relative change of the merit that may be rounding."""
+
+
+class InteriorPoint(NamedTuple):
+    """State of the method between iterations."""
+
+    point: StagePoint
+    side_multipliers: Float[Array, "stages rows 2"]
+    """Multipliers of the upper and the lower side of every limit, positive."""
+    factors: Factors
+    step: Step
+    multiplier_step: Float[Array, "stages rows 2"]
+    """Step of ``side_multipliers``."""
+    products: Float[Array, "stages rows 2"]
+    """Desired values of slack x multiplier."""
+    memory: Float[Array, " 3"]
+    """Shift of the Hessian, fixed barrier (0: none), and number of iterations."""
+
+
+@compiled
+def initialize(
+    p: HolonomicProblem, unconstrained: Float[Array, "stages 3"], min_barrier: float
+) -> InteriorPoint:
+    """Return feasible velocities, and multipliers whose products with the slacks are one barrier.
+
+    That barrier is the excess of the start's cost over the unconstrained optimum, spread over all
+    sides of all limits, and at least ``min_barrier``.
+    """
+    bounds = relaxed_bounds(p)
+    stages, rows = bounds.shape
+    velocities = feasible_velocities(p, bounds)
+    states = roll_out(p, unconstrained)
+    lower_bound = cost(p, states, unconstrained) - keep_out_cost(p.keep_outs, states)
+    excess = cost(p, roll_out(p, velocities), velocities) - lower_bound
+    point = allocate_point(velocities, bounds)
+    evaluate(p, point)
+    side_multipliers = max(excess / (2 * stages * rows), min_barrier) / point.slacks
+    search = InteriorPoint(
+        point,
+        side_multipliers,
+        allocate_factors(stages, rows),
+        allocate_step(stages, rows),
+        np.empty((stages, rows, 2)),
+        np.empty((stages, rows, 2)),
+        np.zeros(3),
+    )
+    _combine_multipliers(search)
+    return search
+
+
+@compiled
+def iterate(
+    p: HolonomicProblem, search: InteriorPoint, tolerance: float, max_iterations: int
+) -> int:
+    """Iterate until convergence or a total of ``max_iterations``; return the exit code.
+
+    All iterates of this primal-dual interior-point method are strictly feasible: slacks are not
+    separate unknowns. Mehrotra's predictor-corrector steps (Nocedal & Wright, "Numerical
+    Optimization", 2nd ed. 2006, section 16.6) are taken while they decrease the merit. Otherwise
+    the barrier is fixed until its minimum is near (the monotone mode of Wachter & Biegler, Math.
+    Program. 106, 2006). The Hessian is exact, and modified where it is not positive definite:
+    :func:`~omnidrive.control.nmpc.holonomic.riccati.factorise_shifted`.
+    """
+    point, memory = search.point, search.memory
+    while True:
+        _combine_multipliers(search)
+        evaluate(p, point)
+        gradient, product, mean = _residuals(p, search)
+        if gradient <= tolerance and product <= tolerance:
+            return CONVERGED
+        if memory[2] >= max_iterations:
+            return CAPPED
+        _fill_weights(search)
+        memory[0] = factorise_shifted(p, point, search.factors, memory[0])
+        if memory[0] >= MAX_SHIFT:
+            return STALLED
+        if memory[1] > 0.0 and max(gradient, product) <= 10.0 * memory[1]:
+            memory[1] = 0.0
+        length = 0.0
+        if memory[1] == 0.0:
+            least = max(0.1 * tolerance, min(_BARRIER_PER_GRADIENT * gradient, mean))
+            barrier = _predictor(p, search, mean, least)
+            length = _corrector(p, search, barrier, 0.1)
+            if length == 0.0:
+                memory[1] = max(barrier, 0.5 * mean)
+        if length == 0.0:
+            search.products[:] = memory[1]
+            length = _corrector(p, search, memory[1], 0.0)
+            if length == 0.0:
+                return STALLED
+        dual = min(1.0, _TO_BOUNDARY * _max_dual_step(search))
+        point.velocities[:] += length * search.step.velocities
+        search.side_multipliers[:] += dual * search.multiplier_step
+        memory[2] += 1
+
+
+@inlined
+def _combine_multipliers(search: InteriorPoint) -> None:
+    """Fill in the multipliers of the point: those of the upper minus those of the lower sides."""
+    multipliers, sides = search.point.multipliers, search.side_multipliers
+    for k in range(multipliers.shape[0]):
+        for w in range(multipliers.shape[1]):
+            multipliers[k, w] = sides[k, w, 0] - sides[k, w, 1]
+
+
+@inlined
+def _fill_weights(search: InteriorPoint) -> None:
+    """Fill in the second derivatives of the barrier by the values of the limits."""
+    weights, slacks, sides = search.factors.weights, search.point.slacks, search.side_multipliers
+    for k in range(weights.shape[0]):
+        for w in range(weights.shape[1]):
+            weights[k, w] = sides[k, w, 0] / slacks[k, w, 0]
+            weights[k, w] += sides[k, w, 1] / slacks[k, w, 1]
+
+
+@inlined
+def _residuals(p: HolonomicProblem, search: InteriorPoint) -> tuple[float, float, float]:
+    """Return the norm of the Lagrangian's gradient, and largest and mean slack x multiplier."""
+    slacks, sides = search.point.slacks, search.side_multipliers
+    largest, total = 0.0, 0.0
+    for k in range(slacks.shape[0]):
+        for w in range(slacks.shape[1]):
+            for side in range(2):
+                product = slacks[k, w, side] * sides[k, w, side]
+                largest, total = max(largest, product), total + product
+    return gradient_norm(p.dt, search.point), largest, total / slacks.size
+
+
+@compiled
+def _fill_step(p: HolonomicProblem, search: InteriorPoint) -> None:
+    """Fill in the Newton step towards slack x multiplier = ``products``."""
+    slacks, products, sides = search.point.slacks, search.products, search.side_multipliers
+    values, changes = search.step.values, search.multiplier_step
+    multipliers = np.empty(values.shape)
+    for k in range(values.shape[0]):
+        for w in range(values.shape[1]):
+            upper, lower = products[k, w, 0] / slacks[k, w, 0], products[k, w, 1] / slacks[k, w, 1]
+            multipliers[k, w] = upper - lower
+    newton_step(p, search.point, search.factors, multipliers, search.step)
+    for k in range(values.shape[0]):
+        for w in range(values.shape[1]):
+            for side, change in ((0, -values[k, w]), (1, values[k, w])):
+                desired = products[k, w, side] - sides[k, w, side] * change
+                changes[k, w, side] = desired / slacks[k, w, side] - sides[k, w, side]
+
+
+@compiled
+def _predictor(p: HolonomicProblem, search: InteriorPoint, mean: float, least: float) -> float:
+    """Take Mehrotra's predictor step: set the corrector's ``products`` and return its barrier."""
+    slacks, values, products = search.point.slacks, search.step.values, search.products
+    sides, changes = search.side_multipliers, search.multiplier_step
+    products[:] = 0.0
+    _fill_step(p, search)
+    primal = _max_primal_step(search.point, search.step, 1.0)
+    dual, after = _max_dual_step(search), 0.0
+    for k in range(slacks.shape[0]):
+        for w in range(slacks.shape[1]):
+            for side, change in ((0, -values[k, w]), (1, values[k, w])):
+                products[k, w, side] = -change * changes[k, w, side]
+                after += (slacks[k, w, side] + primal * change) * (
+                    sides[k, w, side] + dual * changes[k, w, side]
+                )
+    barrier = max(mean * (after / slacks.size / mean) ** 3, least)
+    products[:] += barrier
+    return barrier
+
+
+@compiled
+def _corrector(p: HolonomicProblem, search: InteriorPoint, barrier: float, least: float) -> float:
+    """Fill in the step towards ``products``; return its length, 0 if less than ``least``."""
+    _fill_step(p, search)
+    longest = _max_primal_step(search.point, search.step, _TO_BOUNDARY)
+    return _line_search(p, search, barrier, longest, least * longest)
+
+
+@inlined
+def _max_primal_step(point: StagePoint, step: Step, fraction: float) -> float:
+    """Return the step length, at most 1, that uses ``fraction`` of the first slack to vanish."""
+    length = 1.0
+    for k in range(point.slacks.shape[0]):
+        for w in range(point.slacks.shape[1]):
+            slack = point.slacks[k, w, 0] if step.values[k, w] > 0.0 else point.slacks[k, w, 1]
+            if length * abs(step.values[k, w]) > fraction * slack:
+                length = fraction * slack / abs(step.values[k, w])
+    return length
+
+
+@inlined
+def _max_dual_step(search: InteriorPoint) -> float:
+    """Return the step length, at most 1, up to which no multiplier becomes negative."""
+    length = 1.0
+    sides, changes = search.side_multipliers.ravel(), search.multiplier_step.ravel()
+    for i in range(len(sides)):
+        if length * changes[i] < -sides[i]:
+            length = -sides[i] / changes[i]
+    return length
+
+
+@compiled
+def _merit(
+    p: HolonomicProblem,
+    velocities: Float[Array, "stages 3"],
+    bounds: Float[Array, "stages rows"],
+    barrier: float,
+) -> float:
+    """Return J plus the logarithmic barrier of all limits; infinite outside the limits."""
+    total, twists = cost(p, roll_out(p, velocities), velocities), stage_twists(p, velocities)
+    for k in range(len(velocities)):
+        product = 1.0
+        for i in range(bounds.shape[1]):
+            value = limit_value(p, i, twists, k) / bounds[k, i]
+            if not abs(value) < 1.0:
+                return np.inf
+            product *= (1.0 - value) * (1.0 + value)
+        total -= barrier * log(product)
+    return total
+
+
+@inlined
+def _line_search(
+    p: HolonomicProblem, search: InteriorPoint, barrier: float, longest: float, least: float
+) -> float:
+    """Halve the step until the merit decreases enough; return its length, 0 on failure."""
+    point, step = search.point, search.step
+    descent = (point.gradient_velocity * step.velocities).sum()
+    descent += (point.gradient_state * step.poses).sum()
+    for k in range(point.slacks.shape[0]):
+        for w in range(point.slacks.shape[1]):
+            derivative = barrier / point.slacks[k, w, 0] - barrier / point.slacks[k, w, 1]
+            descent += derivative * step.values[k, w]
+    if not descent < 0.0:
+        return 0.0
+    merit, length = _merit(p, point.velocities, point.bounds, barrier), longest
+    for _ in range(_MAX_HALVINGS):
+        reached = _merit(p, point.velocities + length * step.velocities, point.bounds, barrier)
+        if reached <= merit + _ARMIJO * length * descent + _ROUNDING * abs(merit):
+            return length
+        length *= 0.5
+        if length < least:
+            break
+    return 0.0

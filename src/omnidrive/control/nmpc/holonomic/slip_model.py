@@ -1,0 +1,247 @@
+"""Model of wheel slip, and the commanded twist that yields a desired motion in spite of it."""
+
+from __future__ import annotations
+
+from math import ceil, cos, sin
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compiled, inlined
+from omnidrive.control.nmpc.holonomic.motion import arc_twist
+from omnidrive.errors import InvalidInput
+from omnidrive.geometry import BodyTwist
+from omnidrive.robot import Robot
+from omnidrive.robot.slip import Vector, slip_velocity
+
+_FRICTION_SHARE = 0.95
+"""Usable part of the friction limit: the load shifts between the wheels."""
+_STEP_RATIO = 0.75
+"""Length of an integration step over the shortest time constant."""
+_MIN_LAG = 1e-4
+"""In s; a shorter lag is negligible, and would need many integration steps."""
+_CORRECTIONS = 6
+"""Corrections of the commanded twist: each leaves about lag / dt of the error without slip."""
+_SHORT_STEP = 2.0
+"""Sample time over the longest lag up to which the command only compensates the lag: with a
+shorter sample time the commands that reach the desired twist within one step oscillate."""
+_BISECTIONS = 8
+
+
+class SlipModel(NamedTuple):
+    """Motion of a robot with slipping wheels under a commanded body twist c.
+
+    The force of wheel i along its direction is proportional to its slip velocity and limited by
+    friction::
+
+        f_i = clip(rim_jacobian_i @ (stiffness (c - b)), -max_force, max_force)
+        inertia (db/dt + w x b) = rim_jacobian^T f
+
+    with the body twist b, of yaw rate w. Below the friction limit, b follows c with lags of
+    ``inertia / (stiffness sum(rim_jacobian^2))``, for wheels whose columns of ``rim_jacobian`` are
+    orthogonal, as those of every symmetric robot; at the friction limit the robot accelerates far
+    less. The stiffness represents the creep of the rollers, the motor controllers and the inertia
+    of the motors (Pacejka, "Tire and Vehicle Dynamics", 3rd ed. 2012, section 1.2: force in
+    proportion to slip, up to friction).
+
+    The model runs in open loop: its accuracy is that of the robot's mass, friction and lags.
+    """
+
+    rim_jacobian: Float[Array, "wheels 3"]
+    """Rim velocities per unit of body twist; 1, 1 and m/rad."""
+    inertia: Float[Array, " 3"]
+    """Mass in kg, twice, and yaw inertia in kg m^2."""
+    stiffness: Float[Array, " 3"]
+    """Force per slip velocity in translation, twice, and in rotation, in N s/m."""
+    max_force: float
+    """Friction limit of a wheel, in N."""
+    max_rim_speed: float
+    """Largest rim speed of a commanded twist, in m/s."""
+    may_spin: bool
+    """Whether a wheel may still spin at the end of a step if the robot cannot reach the desired
+    twist: the wheels then push during the whole step, but odometry accumulates errors."""
+
+    @classmethod
+    def of(cls, robot: Robot, *, may_spin: bool = True) -> SlipModel:
+        """Return the model of a robot, with the stiffness that corresponds to its lags.
+
+        Raises:
+            InvalidInput: Mass or friction is not positive and finite, or a lag is below 0.1 ms.
+        """
+        rim_jacobian, inertia = np.ascontiguousarray(robot.rim_jacobian), robot.inertia
+        lags = np.array([robot.lag[0], *robot.lag])
+        for name, values in (("mass", inertia), ("maximum wheel force", robot.max_force)):
+            if not (np.isfinite(values).all() and np.min(values) > 0.0):
+                raise InvalidInput(f"a slip model needs a positive {name}, got {np.min(values):g}")
+        if not (np.isfinite(lags).all() and lags.min() >= _MIN_LAG):
+            raise InvalidInput(f"a slip model needs lags of at least 0.1 ms, got {lags.min():g} s")
+        return cls(
+            rim_jacobian,
+            inertia,
+            inertia / (lags * (rim_jacobian**2).sum(axis=0)),
+            _FRICTION_SHARE * robot.max_force,
+            robot.wheel.radius * robot.max_wheel_speed,
+            may_spin,
+        )
+
+    def command(
+        self, desired: BodyTwist, initial: BodyTwist, dt: float
+    ) -> tuple[BodyTwist, BodyTwist]:
+        """Return the commanded twist that moves the robot for ``dt`` as the desired twist would.
+
+        Args:
+            desired: Constant twist that leads to the desired pose.
+            initial: Twist at the start of the step.
+            dt: In s.
+
+        Returns:
+            The commanded twist, as near as the wheels allow; and the twist at the end of the step.
+        """
+        commanded, final = _command(self, _vector(desired), _vector(initial), float(dt))
+        return BodyTwist(*commanded), BodyTwist(*final)
+
+
+def _vector(twist: BodyTwist) -> Vector:
+    return float(twist.vx), float(twist.vy), float(twist.yaw_rate)
+
+
+@compiled
+def _command(
+    model: SlipModel, desired: Vector, initial: Vector, dt: float
+) -> tuple[Vector, Vector]:
+    """Compute :meth:`SlipModel.command` by corrections with the remaining error of the motion."""
+    commanded, final = desired, initial
+    lags = model.inertia / (model.stiffness * (model.rim_jacobian**2).sum(axis=0))
+    if dt < _SHORT_STEP * lags.max():
+        x, y, yaw = lags / dt
+        commanded = (
+            desired[0] + x * (desired[0] - initial[0]),
+            desired[1] + y * (desired[1] - initial[1]),
+            desired[2] + yaw * (desired[2] - initial[2]),
+        )
+        commanded = _saturate(model, commanded)
+    else:
+        for _ in range(_CORRECTIONS):
+            mean, _ = slip_response(model, initial, commanded, dt)
+            commanded = (
+                commanded[0] + desired[0] - mean[0],
+                commanded[1] + desired[1] - mean[1],
+                commanded[2] + desired[2] - mean[2],
+            )
+            commanded = _saturate(model, commanded)
+    _, final = slip_response(model, initial, commanded, dt)
+    if model.may_spin or not _spins(model, commanded, final):
+        return commanded, final
+    return _without_spin(model, commanded, initial, dt)
+
+
+@compiled
+def _without_spin(
+    model: SlipModel, commanded: Vector, initial: Vector, dt: float
+) -> tuple[Vector, Vector]:
+    """Reduce the commanded change by bisection until no wheel spins at the end of the step."""
+    low, high = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        reduced = _interpolate(initial, commanded, middle)
+        _, final = slip_response(model, initial, reduced, dt)
+        if _spins(model, reduced, final):
+            high = middle
+        else:
+            low = middle
+    reduced = _interpolate(initial, commanded, low)
+    _, final = slip_response(model, initial, reduced, dt)
+    return reduced, final
+
+
+@inlined
+def _interpolate(start: Vector, end: Vector, fraction: float) -> Vector:
+    x, y, yaw = start
+    return (
+        x + fraction * (end[0] - x),
+        y + fraction * (end[1] - y),
+        yaw + fraction * (end[2] - yaw),
+    )
+
+
+@inlined
+def _slip_wrench(stiffness: Float[Array, " 3"], commanded: Vector, twist: Vector) -> Vector:
+    """Return ``stiffness (c - b)``."""
+    return (
+        stiffness[0] * (commanded[0] - twist[0]),
+        stiffness[1] * (commanded[1] - twist[1]),
+        stiffness[2] * (commanded[2] - twist[2]),
+    )
+
+
+@inlined
+def _at_rim(rim_jacobian: Float[Array, "wheels 3"], wheel: int, vector: Vector) -> float:
+    """Return the component of a twist or a wrench along the rim of a wheel."""
+    x, y, yaw = vector
+    return float(
+        rim_jacobian[wheel, 0] * x + rim_jacobian[wheel, 1] * y + rim_jacobian[wheel, 2] * yaw
+    )
+
+
+@inlined
+def _peak(rim_jacobian: Float[Array, "wheels 3"], vector: Vector) -> float:
+    """Return the largest absolute component of a twist or a wrench along any rim."""
+    peak = 0.0
+    for i in range(len(rim_jacobian)):
+        peak = max(peak, abs(_at_rim(rim_jacobian, i, vector)))
+    return peak
+
+
+@inlined
+def _spins(model: SlipModel, commanded: Vector, final: Vector) -> bool:
+    """Return whether any wheel is at its friction limit."""
+    wrench = _slip_wrench(model.stiffness, commanded, final)
+    return _peak(model.rim_jacobian, wrench) >= model.max_force
+
+
+@inlined
+def _saturate(model: SlipModel, commanded: Vector) -> Vector:
+    """Return the largest multiple of a twist, at most 1, within the maximum rim speed."""
+    factor = model.max_rim_speed / max(model.max_rim_speed, _peak(model.rim_jacobian, commanded))
+    return factor * commanded[0], factor * commanded[1], factor * commanded[2]
+
+
+@compiled
+def slip_response(
+    model: SlipModel, initial: Vector, commanded: Vector, dt: float
+) -> tuple[Vector, Vector]:
+    """Integrate the model for ``dt`` seconds with a constant commanded twist.
+
+    The explicit Euler method loses the same distance as a lag, for any length of its steps.
+
+    Args:
+        model: The model.
+        initial: Body twist at the start.
+        commanded: Commanded body twist.
+        dt: In s.
+
+    Returns:
+        The constant twist that leads to the same pose; and the twist at the end.
+    """
+    jacobian, inertia, stiffness = model.rim_jacobian, model.inertia, model.stiffness
+    fastest = 0.0
+    for a in range(3):
+        fastest = max(fastest, stiffness[a] * (jacobian[:, a] ** 2).sum() / inertia[a])
+    steps = ceil(dt * fastest / _STEP_RATIO)
+    h = dt / steps
+    forces, limits = np.empty(len(jacobian)), np.full(len(jacobian), model.max_force)
+    velocity = initial
+    x, y, yaw = 0.0, 0.0, 0.0
+    for _ in range(steps):
+        wrench = _slip_wrench(stiffness, commanded, velocity)
+        for i in range(len(jacobian)):
+            forces[i] = _at_rim(jacobian, i, wrench)
+        vx, vy, w = velocity
+        turn = h * w
+        c, s = cos(yaw + 0.5 * turn), sin(yaw + 0.5 * turn)
+        x, y, yaw = x + h * (c * vx - s * vy), y + h * (s * vx + c * vy), yaw + turn
+        velocity, _ = slip_velocity(velocity, forces, limits, jacobian, inertia, h)
+    ahead, left = arc_twist(dt, 0.0, x / dt, y / dt, yaw / dt)
+    return (ahead, left, yaw / dt), velocity
