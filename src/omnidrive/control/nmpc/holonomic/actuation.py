@@ -21,10 +21,10 @@ class Actuation:
 
     Attributes:
         acceleration: Rows of ``|acceleration @ (ax, ay, yaw acceleration)| <= 1`` in B; s^2/m,
-            s^2/m and s^2/rad. :attr:`omnidrive.robot.Robot.acceleration_faces` has the limits of the wheels'
-            forces; the identity divided by limits is a limit of the body twist's acceleration; the
-            wheel matrix divided by a limit in rad/s^2 is a limit of the wheels' acceleration.
-            None: no limit.
+            s^2/m and s^2/rad. The friction limits of the wheels are
+            :attr:`omnidrive.robot.Robot.acceleration_faces`; the identity divided by limits is a
+            limit of the body twist's acceleration; the wheel matrix divided by a limit in rad/s^2
+            is a limit of the wheels' acceleration. None: no limit.
         lag: Time constants in s of translation and of rotation, with which the body twist follows
             the commanded twist; see :func:`omnidrive.simulation.identify_lag`.
         slip_model: Model of wheel slip, with which the commanded twist is computed; the plan uses
