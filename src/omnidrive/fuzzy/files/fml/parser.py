@@ -141,7 +141,7 @@ def _rule_base(base: Element, limit: int) -> RuleBaseEntry:
     if base.tag not in RULE_BASES:
         supported = ", ".join(RULE_BASES)
         raise malformed(base.position, f"{base.tag[:40]!r} is not supported, only {supported}")
-    rules = []
+    rules: list[RuleEntry] = []
     for rule in base.children:
         if rule.tag not in {"rule", "tskRule"}:
             raise malformed(rule.position, f"expected a rule or tskRule, got {rule.tag[:40]!r}")
