@@ -344,7 +344,7 @@ SHOW, EVAL = ("show", "tipper.fis"), ("eval", "tipper.fis", "--in", "in.csv", "-
         ((*SHOW, "--inputs", "nan,1"), "the input 'service' is nan"),
         ((*SHOW, "--out", "in.csv"), "cannot write to in.csv"),
         (("convert", "tipper.fis", "a.doc"), "its suffix must be one of"),
-        (("convert", "tipper.fis", "a.fll", "--type2", "1,0"), "no sets of type 2"),
+        (("convert", "tipper.fis", "a.fll", "--type2", "1,0"), "does not support sets of type 2"),
         (("convert", "tipper.fis", "no/a.fis"), "cannot write no/a.fis"),
         ((*EVAL, "in.csv"), "in.csv is there already; name another, or add --force"),
         ((*EVAL, "/dev/null", "--force"), "/dev/null is not a plain file"),
