@@ -1,4 +1,4 @@
-"""The command line as a user meets it: verbs, help, and errors without tracebacks."""
+"""The command line: verbs, help texts, and errors without tracebacks."""
 
 import json
 import os
@@ -28,7 +28,7 @@ def omnidrive(*args, cwd, **env):
     )
 
 
-def test_compare_prints_tables_and_names_the_folder_last(tmp_path):
+def test_compare_prints_tables_and_folder(tmp_path):
     done = omnidrive("compare", *QUICK, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Tracking error without noise" in done.stdout
@@ -37,7 +37,7 @@ def test_compare_prints_tables_and_names_the_folder_last(tmp_path):
     assert (tmp_path / "here" / "report.html").exists()
 
 
-def test_compare_prints_json_alone_when_asked(tmp_path):
+def test_compare_json_prints_only_json(tmp_path):
     done = omnidrive("compare", *QUICK, "--json", "--seed", "5", cwd=tmp_path)
     data = json.loads(done.stdout)
     assert data["scenario"]["seed"] == 5
@@ -56,10 +56,18 @@ def test_compare_with_the_recommended_preset(tmp_path):
     assert "Interval type-2 fuzzy PID" in (tmp_path / "here" / "report.html").read_text()
 
 
-def test_the_default_controllers_go_with_the_preset(tmp_path):
-    everybody = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended")
+def test_default_controllers_depend_on_preset(tmp_path):
+    all_seven = (
+        "pid",
+        "fuzzy_t1",
+        "fuzzy_t2",
+        "fuzzy_t3",
+        "nmpc",
+        "feedforward",
+        "recommended",
+    )
     assert Demand("paper").resolve().controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
-    assert Demand("paper", preset="recommended").resolve().controllers == everybody
+    assert Demand("paper", preset="recommended").resolve().controllers == all_seven
     save_scenario(paper_scenario(), tmp_path / "s.yaml")
     demand = Demand(str(tmp_path / "s.yaml"), preset="recommended").resolve()
     assert demand.preset == "recommended"
@@ -79,7 +87,7 @@ def test_compare_with_several_seeds(tmp_path):
     assert "Paired differences with noise" in (tmp_path / "here" / "report.html").read_text()
 
 
-def test_compare_on_a_users_map(tmp_path):
+def test_compare_on_user_map(tmp_path):
     depot = shared("maps/nav2/depot.yaml")
     done = omnidrive(
         "compare", "--map", depot, "--start", "2,2", "--goal", "27,13,1.57", "--robot", "small",
@@ -108,7 +116,7 @@ def test_plan_and_run(tmp_path):
 
 
 @pytest.mark.parametrize("verb", ["", "compare", "plan", "run"])
-def test_help_reads_well(tmp_path, verb):
+def test_help_fits_80_columns(tmp_path, verb):
     done = omnidrive(*([verb] if verb else []), "--help", cwd=tmp_path, COLUMNS="80")
     assert done.returncode == 0
     assert "Usage: omnidrive" in done.stdout
@@ -138,22 +146,31 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--duration", "25", "--speed", "0.4"], "give one of them"),
         (["compare", "--plant", "rolers"], "no plant 'rolers'; there are rollers, ball, pla"),
         (["compare", "--controllers", "nmcp"], "did you mean 'nmpc'?"),
-        (["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"], "is for nmpc and rec"),
+        (
+            ["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"],
+            "needs the controller nmpc or rec",
+        ),
         (["compare", "--seed", "-1"], "seed is -1, need 0 to"),
         (["compare", "--seed", "9" * 20], "seed is 1e+20"),
         (["compare", "--duration", "30000"], "need 0.1 to 36000 s"),
         (["compare", "--speed", "0.0001"], "need 0.1 to 36000 s"),
         (["compare", "--jobs", "0"], "jobs"),
         (["compare", "--noise-seeds", "0"], "noise.repeats is 0 seeds, need 1 to 200 seeds"),
-        (["compare", "--tasks", "step", "--noise-seeds", "9"], "is for the task noise"),
+        (
+            ["compare", "--tasks", "step", "--noise-seeds", "9"],
+            "needs the task noise",
+        ),
         (["compare", "--no-such-option"], "No such option"),
         (["run", "--controller", "pdi"], "did you mean 'pid'?"),
-        (["run", "--controller", "pid", "--horizon", "9"], "for the controllers nmpc and rec"),
+        (
+            ["run", "--controller", "pid", "--horizon", "9"],
+            "to the controllers nmpc and rec",
+        ),
         (["compare", *QUICK, "--out", "/proc/no/such"], "cannot write to /proc/no/such"),
         (["fly"], "No such command"),
     ],
 )
-def test_a_mistake_gets_one_paragraph_and_status_2(tmp_path, args, message):
+def test_invalid_input_has_one_message_and_status_2(tmp_path, args, message):
     done = omnidrive(*args, cwd=tmp_path)
     assert done.returncode == 2, done.stdout + done.stderr
     assert message in " ".join(done.stderr.split())
@@ -161,18 +178,18 @@ def test_a_mistake_gets_one_paragraph_and_status_2(tmp_path, args, message):
     assert done.stdout == ""
 
 
-def test_a_fault_of_ours_has_status_1_and_no_traceback(tmp_path):
+def test_internal_error_has_status_1_and_no_traceback(tmp_path):
     broken = "import omnidrive.cli.compare as c; c.run_study = lambda *a, **k: 1 / 0; "
     code = broken + "from omnidrive.cli import main; import sys; sys.argv[1:] = ['compare']; main()"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
-    assert "fault of omnidrive" in done.stderr
+    assert "internal error of omnidrive" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-SLIPS = [
+ASSUMED_ARMS = [
     (["--preset", "published-code"], 0.5),
     (["--preset", "published-code", "--robot", "paper"], 0.5),
     (["paper.yaml", "--preset", "published-code"], 0.5),
@@ -184,9 +201,9 @@ SLIPS = [
 ]
 
 
-@pytest.mark.parametrize(("args", "arm"), SLIPS)
-def test_the_published_codes_slip_goes_with_its_preset(tmp_path, args, arm):
-    """R = 0.5 for 0.7071 m comes with `published-code`, however it was asked for, and only so."""
+@pytest.mark.parametrize(("args", "arm"), ASSUMED_ARMS)
+def test_assumed_radius_of_published_code_depends_on_preset(tmp_path, args, arm):
+    """R = 0.5 instead of 0.7071 m belongs to `published-code`, however it is selected."""
     for preset in ("paper", "published-code"):
         save_scenario(paper_scenario(preset), tmp_path / f"{preset.split('-')[0]}.yaml")
     files = [str(tmp_path / a) if a.endswith(".yaml") else a for a in args]
@@ -195,7 +212,7 @@ def test_the_published_codes_slip_goes_with_its_preset(tmp_path, args, arm):
     assert Demand(scenario, **named).resolve().robot.assumed_arm == arm
 
 
-def test_a_run_that_fails_shows_no_error_figures_and_has_status_1(tmp_path):
+def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
     code = (
         "import sys, omnidrive.control.nmpc.holonomic.controller as f, omnidrive.control as c\n"
         "real = f.HolonomicController.step\n"
@@ -219,7 +236,7 @@ def test_a_run_that_fails_shows_no_error_figures_and_has_status_1(tmp_path):
     assert [run["finished"] for run in runs] == [False, False]
 
 
-def test_ctrl_c_keeps_what_is_finished(tmp_path):
+def test_ctrl_c_keeps_finished_results(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-m", "omnidrive", "compare", "--out", "cut", "--jobs", "2"],
         cwd=tmp_path,
@@ -240,13 +257,13 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
     assert json.loads(results.read_text())["runs"]
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
-def test_output_to_a_full_disk_is_said_so(tmp_path):
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_output_to_full_disk_is_reported(tmp_path):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "omnidrive", "compare", *QUICK],
             cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert done.returncode == 2
-    assert "no space is left where the output goes" in done.stderr
+    assert "no space left for the output" in done.stderr
     assert "Traceback" not in done.stderr

@@ -1,4 +1,4 @@
-"""What is left of a command that is ended: its results, its one line, and no process."""
+"""Interrupted commands keep their results, print one message and leave no process."""
 
 import json
 import os
@@ -12,20 +12,20 @@ from pathlib import Path
 import pytest
 
 PROC = Path("/proc")
-PATIENCE = 200  # s, for what takes two seconds on an idle desktop computer
+TIMEOUT = 200  # s; the steps take two seconds on an idle desktop computer
 
 pytestmark = pytest.mark.skipif(not (PROC / "self/stat").exists(), reason="needs Linux's /proc")
 
 
 def alive(group):
-    """Command lines of the group's processes, by process id."""
+    """Return the command lines of the processes of a group, by process id."""
     found = {}
     for folder in PROC.glob("[0-9]*"):
         try:
             state, _, its_group = (folder / "stat").read_text().rsplit(")", 1)[1].split()[:3]
             if int(its_group) == group and state != "Z":
                 found[int(folder.name)] = (folder / "cmdline").read_text()
-        except OSError:  # it ended meanwhile
+        except OSError:  # the process has ended
             continue
     return found
 
@@ -34,16 +34,16 @@ def workers(group):
     return [pid for pid, command in alive(group).items() if "spawn_main" in command]
 
 
-def wait_for(happened, seconds=PATIENCE):
+def wait_for(condition, seconds=TIMEOUT):
     until = time.monotonic() + seconds
-    while not happened():
-        assert time.monotonic() < until, f"waited {seconds} s in vain"
+    while not condition():
+        assert time.monotonic() < until, f"no success within {seconds} s"
         time.sleep(0.02)
 
 
 @contextmanager
 def compare(folder):
-    """The whole study on two workers, in a process group of its own."""
+    """Run a study with two workers in a separate process group."""
     with subprocess.Popen(
         [sys.executable, "-m", "omnidrive", "compare", "--out", "cut", "--jobs", "2"],
         cwd=folder,
@@ -60,17 +60,17 @@ def compare(folder):
 
 
 def finish(process):
-    _, errors = process.communicate(timeout=PATIENCE)
+    _, errors = process.communicate(timeout=TIMEOUT)
     assert "Traceback" not in errors
     return " ".join(errors.split())
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
-def test_no_worker_outlives_the_command(tmp_path, number):
+def test_workers_end_with_the_command(tmp_path, number):
     with compare(tmp_path) as process:
-        wait_for((tmp_path / "cut" / "results.json").exists)  # both workers are at work
+        wait_for((tmp_path / "cut" / "results.json").exists)  # both workers are running
         process.send_signal(number)
-        process.wait(PATIENCE)
+        process.wait(TIMEOUT)
         wait_for(lambda: not alive(process.pid), 5)
         errors = finish(process)
     if number == signal.SIGKILL:
@@ -81,7 +81,7 @@ def test_no_worker_outlives_the_command(tmp_path, number):
     assert json.loads((tmp_path / "cut" / "results.json").read_text())["runs"]
 
 
-def test_a_closed_terminal_ends_all_without_a_traceback(tmp_path):
+def test_closed_terminal_ends_without_traceback(tmp_path):
     with compare(tmp_path) as process:
         wait_for(lambda: workers(process.pid))
         os.killpg(process.pid, signal.SIGHUP)
@@ -90,29 +90,29 @@ def test_a_closed_terminal_ends_all_without_a_traceback(tmp_path):
     assert process.returncode == 128 + signal.SIGHUP
 
 
-@pytest.mark.parametrize("later", [0.0, 0.3, 0.8, 1.5])
-def test_ctrl_c_while_workers_start_ends_without_a_traceback(tmp_path, later):
+@pytest.mark.parametrize("delay", [0.0, 0.3, 0.8, 1.5])
+def test_ctrl_c_during_worker_start_ends_without_traceback(tmp_path, delay):
     with compare(tmp_path) as process:
         wait_for(lambda: workers(process.pid))
-        time.sleep(later)
+        time.sleep(delay)
         os.killpg(process.pid, signal.SIGINT)
         assert "interrupted" in finish(process)
         wait_for(lambda: not alive(process.pid), 5)
     assert process.returncode == 130
 
 
-@pytest.mark.parametrize("later", [0.0, 0.01, 0.02])
-def test_ctrl_c_just_before_workers_start_is_as_orderly(tmp_path, later):
+@pytest.mark.parametrize("delay", [0.0, 0.01, 0.02])
+def test_ctrl_c_before_worker_start_ends_without_traceback(tmp_path, delay):
     with compare(tmp_path) as process:
         wait_for((tmp_path / "cut").exists)
-        time.sleep(later)
+        time.sleep(delay)
         os.killpg(process.pid, signal.SIGINT)
         assert "interrupted" in finish(process)
         wait_for(lambda: not alive(process.pid), 5)
     assert process.returncode == 130
 
 
-def test_a_second_ctrl_c_ends_at_once(tmp_path):
+def test_second_ctrl_c_ends_at_once(tmp_path):
     with compare(tmp_path) as process:
         wait_for((tmp_path / "cut" / "results.json").exists)
         while process.poll() is None:
@@ -122,7 +122,7 @@ def test_a_second_ctrl_c_ends_at_once(tmp_path):
     assert process.returncode in {130, -signal.SIGINT}
 
 
-def test_a_killed_worker_is_reported_and_what_was_finished_is_kept(tmp_path):
+def test_killed_worker_is_reported_and_results_are_kept(tmp_path):
     results = tmp_path / "cut" / "results.json"
     with compare(tmp_path) as process:
         wait_for(results.exists)
@@ -131,5 +131,5 @@ def test_a_killed_worker_is_reported_and_what_was_finished_is_kept(tmp_path):
     assert process.returncode == 1
     assert "a worker process was killed" in errors
     assert "--jobs 1" in errors
-    assert "fault of omnidrive" not in errors
+    assert "internal error of omnidrive" not in errors
     assert json.loads(results.read_text())["runs"]

@@ -1,4 +1,4 @@
-"""The command's verbs: loaded when they are asked for, and described alike everywhere."""
+"""Verbs of the command: lazy imports and consistent help texts."""
 
 import subprocess
 import sys
@@ -11,11 +11,11 @@ HEAVY = ("numba", "numpy", "scipy", "mujoco", "matplotlib", "pydantic")
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_the_list_of_verbs_says_what_their_help_says(verb):
+def test_verb_list_matches_verb_help(verb):
     assert load_verb(verb).help.splitlines()[0] == VERBS[verb]
 
 
-def test_help_waits_for_nothing_heavy():
+def test_help_imports_no_heavy_packages():
     code = (
         "import sys; sys.argv = ['omnidrive', '--help']\n"
         "from omnidrive.cli import main\n"

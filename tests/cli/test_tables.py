@@ -1,4 +1,4 @@
-"""Tables in a terminal: nothing is cut, whatever the width."""
+"""Tables in a terminal: no cell is truncated at any width."""
 
 import pytest
 
@@ -7,15 +7,15 @@ from omnidrive.evaluation import Table
 
 WIDE = Table(
     "Errors",
-    ("time", "controller", *(f"measured thing {i}, rad" for i in range(9))),
+    ("time", "controller", *(f"measured value {i}, rad" for i in range(9))),
     tuple((f"{t} s", "recommended", *(f"{i}.2345" for i in range(9))) for t in (20, 20, 30)),
-    "A note under the table that says what the columns mean, at some length.",
+    "A note below the table that explains the columns, with a certain length.",
     keys=2,
 )
 
 
 @pytest.mark.parametrize("width", [50, 60, 80, 100, 150, 400])
-def test_nothing_is_cut(width, monkeypatch, capsys):
+def test_no_cell_is_truncated(width, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
     print_tables([WIDE])
     drawn = capsys.readouterr().out
@@ -28,7 +28,7 @@ def test_nothing_is_cut(width, monkeypatch, capsys):
     assert (parts == 1) == (width >= 150)
 
 
-FOUND = Table(
+FAULTS = Table(
     "Faults",
     ("fault", "controller", "ME, m", "first detection"),
     (
@@ -41,9 +41,9 @@ FOUND = Table(
 
 
 @pytest.mark.parametrize("width", [80, 100, 160])
-def test_sentences_are_broken_and_stand_alone_only_where_there_are_any(width, monkeypatch, capsys):
+def test_sentences_are_wrapped(width, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
-    print_tables([FOUND])
+    print_tables([FAULTS])
     drawn = capsys.readouterr().out
     assert "…" not in drawn
     assert max(map(len, drawn.splitlines())) <= width

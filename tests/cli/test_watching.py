@@ -1,4 +1,4 @@
-"""`omnidrive run --video` and `--view` as a user meets them."""
+"""The options `--video` and `--view` of `omnidrive run`."""
 
 import os
 import subprocess
@@ -26,13 +26,13 @@ def omnidrive(*args, cwd, **env):
     )
 
 
-def test_a_run_is_filmed(tmp_path):
+def test_video_of_a_run(tmp_path):
     step = StepTask(displacement=(0.3, 0.1, 0.2), duration=0.6)
     tasks = paper_scenario().tasks.model_copy(update={"step": step})
     save_scenario(paper_scenario().model_copy(update={"tasks": tasks}), tmp_path / "s.yaml")
     done = omnidrive(*QUICK, "--task", "step", "--video", "step.gif", "s.yaml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-2] == "film: step.gif"
+    assert done.stdout.splitlines()[-2] == "video: step.gif"
     with Image.open(tmp_path / "step.gif") as image:
         assert image.size == (640, 360)
         seconds = sum(frame_time(image, k) for k in range(image.n_frames)) / 1000
@@ -46,15 +46,15 @@ def frame_time(image, k):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--video", "run.avi"], "run.avi: films are written as .mp4 or .gif"),
         (["--video", "no/run.gif"], "name a file in a folder that is there"),
         (["--view"], "there is no display for the viewer's window"),
     ],
 )
-def test_what_cannot_be_shown_is_said_before_the_run(tmp_path, options, said):
+def test_invalid_video_or_display_is_rejected_before_the_run(tmp_path, options, message):
     done = omnidrive(*QUICK, *options, cwd=tmp_path)
     assert done.returncode == 2
-    assert said in " ".join(done.stderr.split())
+    assert message in " ".join(done.stderr.split())
     assert not os.listdir(tmp_path)

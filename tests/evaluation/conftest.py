@@ -1,4 +1,4 @@
-"""A small study on the kinematic plant, in the shape of the paper's."""
+"""Small study on the kinematic plant with the structure of the paper's study."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from omnidrive.control import FeedforwardController, FeedforwardGains
 from omnidrive.evaluation.metrics import measure
-from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.step_response import step_response
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
@@ -21,8 +21,8 @@ ROBOT = named_robot("paper")
 GAINS = {"fuzzy_t1": 1.5, "fuzzy_t2": 1.8, "nmpc": 3.0, "recommended": 8.0}
 
 
-class Sluggish:
-    """Feedforward that knows only a share of the reference's speed: it lags."""
+class LaggingController:
+    """Feedforward controller with scaled commands, so that the robot lags behind."""
 
     def __init__(self, gain):
         self.inner = FeedforwardController(DT, FeedforwardGains(gain, gain))
@@ -57,7 +57,7 @@ def tracked(controller, task, duration, horizon=None):
     path = SplinePath(cells().poses)
     run = simulate(
         KinematicPlant(ROBOT),
-        Sluggish(gain),
+        LaggingController(gain),
         time_uniformly(path, duration, ROBOT.chassis),
         start=Pose(1.0, 1.0, 0.0),
         dt=DT,
@@ -74,13 +74,13 @@ def stepped(controller):
     goal = Pose(1.0, 1.0, 1.0)
     run = simulate(
         KinematicPlant(ROBOT),
-        Sluggish(GAINS[controller]),
+        LaggingController(GAINS[controller]),
         Hold(goal, 10.0),
         start=Pose(0.0, 0.0, 0.0),
         dt=DT,
     )
-    answers = (step_response(run.t, run.pose[:, i], 0.0, goal[i]) for i, _ in enumerate(STEP_AXES))
-    return StepResult(controller, run, tuple(answers))
+    x, y, heading = (step_response(run.t, run.pose[:, i], 0.0, goal[i]) for i in range(3))
+    return StepResult(controller, run, (x, y, heading))
 
 
 @pytest.fixture(scope="session")
@@ -104,11 +104,11 @@ def study():
 
 
 def with_gains(result, *, constant=False):
-    """The same run, as if its controller had tuned its gains (or had none to tune)."""
+    """Return the run with logged gains, varying or constant."""
     t = result.run.t
-    move = np.where(t < t[-1], 0.0 if constant else np.sin(t), np.nan)
+    variation = np.where(t < t[-1], 0.0 if constant else np.sin(t), np.nan)
     columns = {
-        f"{name}_{axis}": (middle + share * move, unit)
+        f"{name}_{axis}": (middle + share * variation, unit)
         for axis, share in (("x", 0.5), ("heading", 0.2))
         for name, middle, unit in (("kp", 5.0, "1/s"), ("ki", 1.0, "1/s^2"), ("kd", 0.3, "1"),
                                    ("error_input", 0.0, "1"), ("change_input", 0.0, "1"))
@@ -120,7 +120,7 @@ def with_gains(result, *, constant=False):
 
 @pytest.fixture(scope="session")
 def tuning(part):
-    """Two runs on a path, the first with moving gains, the other with constant ones."""
+    """Two tracking runs: one with varying gains, one with constant gains."""
     first, other = part.tracks
     return replace(
         part,

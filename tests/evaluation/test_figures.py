@@ -15,7 +15,7 @@ from omnidrive.evaluation.palette import controller_colour, controller_label, ho
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
 from omnidrive.robot import ROBOTS
-from tests.evaluation.cutting import cut
+from tests.evaluation.truncation import truncated
 
 DIAGRAMS = {"kinematics", "tracking_error", "membership_functions"}
 ALL = DIAGRAMS | {
@@ -39,7 +39,7 @@ def test_every_figure_is_written_as_png_and_svg(files):
     assert {path.name for path in files} == {f"{n}.{s}" for n in ALL for s in ("png", "svg")}
 
 
-def test_pictures_show_something(files):
+def test_images_are_not_blank(files):
     for path in files:
         if path.suffix == ".png":
             with Image.open(path) as image:
@@ -47,7 +47,7 @@ def test_pictures_show_something(files):
                 assert np.asarray(image.convert("L")).std() > 5.0, path.name
 
 
-def test_drawings_are_self_contained_and_undated(files):
+def test_svg_files_are_self_contained_and_undated(files):
     for path in files:
         if path.suffix == ".svg":
             text = path.read_text(encoding="utf-8")
@@ -58,24 +58,24 @@ def test_drawings_are_self_contained_and_undated(files):
             assert len(list(root.iter())) > 50, path.name
 
 
-def test_same_results_give_same_bytes(part, tmp_path):
+def test_output_is_deterministic(part, tmp_path):
     once, again = (
         [path.read_bytes() for path in write_figures(part, tmp_path / name)] for name in "ab"
     )
     assert once == again
 
 
-def test_part_of_a_study_leaves_out_what_it_did_not_run(part):
+def test_figures_without_runs_are_omitted(part):
     names = {name for name, _ in draw_figures(part)}
     assert names == DIAGRAMS | {"xy_comparison", "heading_comparison"}
 
 
-def test_gains_are_drawn_where_they_are_logged(tuning):
+def test_gain_history_of_logged_gains(tuning):
     figures = dict(draw_figures(tuning))
     assert set(figures) - DIAGRAMS == {"xy_comparison", "heading_comparison", "gain_history"}
     panels = figures["gain_history"].axes
     assert len(panels) == 5 * 2
-    assert [len(axes.lines) for axes in panels] == [2] * 6 + [1] * 4  # nothing sees pid's inputs
+    assert [len(axes.lines) for axes in panels] == [2] * 6 + [1] * 4  # pid has no fuzzy inputs
     assert [axes.get_title(loc="left") for axes in panels[:2]] == ["x of the robot", "Heading"]
     labels = [axes.get_ylabel() for axes in panels[::2]]
     assert labels[:4] == ["kp in 1/s", "ki in 1/s²", "kd, no unit", "scaled error, no unit"]
@@ -83,13 +83,13 @@ def test_gains_are_drawn_where_they_are_logged(tuning):
     assert [line.get_color() for line in panels[0].lines] == colours
 
 
-def test_gains_of_a_step_response(study, tuning):
+def test_gain_history_of_step_response(study, tuning):
     step = replace(study.steps[0], run=tuning.tracks[0].run)
     names = {name for name, _ in draw_figures(replace(study, tracks=(), steps=(step,)))}
     assert names == DIAGRAMS | {"step_response", "step_gain_history"}
 
 
-def test_differences_are_drawn_where_there_are_several_seeds(study):
+def test_noise_differences_with_several_seeds(study):
     noisy = study.select("noise")[:3]
     several = [
         replace(r, repeat=k, metrics=r.metrics._replace(me=r.metrics.me + 1e-3 * k * i))
@@ -103,7 +103,7 @@ def test_differences_are_drawn_where_there_are_several_seeds(study):
     assert "first of 4 seeds" in {
         text.get_text()[16:] for text in figures["noise_xy"].axes[1].texts
     }
-    assert len(figures["noise_xy"].axes[2].lines) == 3  # of each controller, the first run
+    assert len(figures["noise_xy"].axes[2].lines) == 3  # the first run of each controller
 
 
 def test_study_without_runs_has_only_diagrams(part):
@@ -115,31 +115,33 @@ def test_steps_alone(study):
     assert {name for name, _ in draw_figures(steps_only)} == DIAGRAMS | {"step_response"}
 
 
-def test_a_short_and_perfect_run_can_be_drawn(part):
+def test_short_run_without_error_is_drawn(part):
     result = part.tracks[0]
     there = result.run.target[:3]
-    ideal = cut(result.run, 3, pose=there, measured=there)
+    ideal = truncated(result.run, 3, pose=there, measured=there)
     figures = dict(draw_figures(replace(part, tracks=(replace(result, run=ideal),))))
     assert "xy_comparison" in figures
 
 
-def test_controllers_keep_their_colours_and_differ():
+def test_controller_colours_are_fixed_and_distinct():
     names = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended")
-    for ground in ("light", "dark"):
-        assert len({getattr(controller_colour(name), ground) for name in names}) == len(names)
+    for background in ("light", "dark"):
+        assert len({getattr(controller_colour(name), background) for name in names}) == len(names)
     assert controller_label("mine") == "mine"
     assert controller_colour("mine") == controller_colour("mine")
 
 
 @pytest.mark.parametrize("count", [1, 2, 6, 9])
 def test_horizons_have_distinct_colours(count):
-    inks = horizon_colours(count)
-    assert len(set(inks)) == count
-    assert all(len(colour) == 7 and colour[0] == "#" for ink in inks for colour in ink)
+    colours = horizon_colours(count)
+    assert len(set(colours)) == count
+    assert all(
+        len(colour) == 7 and colour[0] == "#" for colour_pair in colours for colour in colour_pair
+    )
 
 
-def test_a_turned_map_is_drawn_where_it_lies():
-    """Each cell's colour, where its centre is on the figure."""
+def test_rotated_map_is_drawn_at_its_pose():
+    """Check the colour at the centre of each cell."""
     occupied = np.zeros((4, 6), bool)
     occupied[1, 4] = occupied[3, 0] = True
     grid = OccupancyGrid(occupied, 0.5, (2.0, 1.0), yaw=0.6)
@@ -158,7 +160,7 @@ def test_a_turned_map_is_drawn_where_it_lies():
 
 
 def drawn(axes, x, y):
-    """The map's image at a point of W: row and column of its pixel, and the red of it."""
+    """Return row, column and red value of the map image at a point in W."""
     (image,) = axes.images
     u, v = (image.get_transform() - axes.transData).inverted().transform((x, y))
     left, right, bottom, top = image.get_extent()
@@ -168,7 +170,7 @@ def drawn(axes, x, y):
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6])
-def test_a_large_map_is_thinned_and_keeps_its_thin_walls(yaw):
+def test_downsampled_map_keeps_thin_walls(yaw):
     occupied = np.zeros((2999, 2503), bool)
     occupied[1777] = occupied[:, 1234] = True
     grid = OccupancyGrid(occupied, 0.05, (2.0, 1.0), walled=False, yaw=yaw)
@@ -186,22 +188,22 @@ def test_a_large_map_is_thinned_and_keeps_its_thin_walls(yaw):
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6])
-def test_a_part_of_a_large_map_is_drawn_cell_by_cell(yaw):
+def test_section_of_large_map_is_drawn_at_full_resolution(yaw):
     occupied = np.random.default_rng(1).random((2000, 2000)) < 0.2
     grid = OccupancyGrid(occupied, 0.05, (-30.0, -40.0), yaw=yaw)
     x, y = grid.centre(900, 1100)
     axes = Figure(figsize=(5, 5)).add_subplot()
-    way = Path(np.array([[x, y, 0.0], [x, y, 0.0]]))
-    draw_map(axes, grid, grid, way, (x - 3.0, x + 3.0, y - 3.0, y + 3.0))
+    grid_path = Path(np.array([[x, y, 0.0], [x, y, 0.0]]))
+    draw_map(axes, grid, grid, grid_path, (x - 3.0, x + 3.0, y - 3.0, y + 3.0))
     rows, cols, _ = axes.images[0].get_array().shape
     assert max(rows, cols) < 180
     for row, col in np.random.default_rng(2).integers((860, 1060), (940, 1140), (50, 2)):
-        taken = drawn(axes, *grid.centre(int(row), int(col)))[2] < 128
-        assert taken == occupied[row, col]
+        occupied_pixel = drawn(axes, *grid.centre(int(row), int(col)))[2] < 128
+        assert occupied_pixel == occupied[row, col]
     assert axes.get_xlim() == pytest.approx((x - 3.0, x + 3.0))
 
 
-def test_a_map_beside_the_view_is_drawn_all_the_same():
+def test_map_outside_the_view():
     grid = OccupancyGrid(np.ones((5, 5), bool), 1.0)
     axes = Figure(figsize=(5, 5)).add_subplot()
     draw_map(axes, grid, grid, Path(np.zeros((2, 3))), (50.0, 60.0, 50.0, 60.0))
@@ -209,7 +211,7 @@ def test_a_map_beside_the_view_is_drawn_all_the_same():
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_the_kinematic_diagram_shows_every_wheel_of_any_robot(name):
+def test_kinematic_diagram_shows_every_wheel(name):
     robot = ROBOTS[name]
     above, wheel = kinematics(robot).axes
     names = [text.get_text() for text in above.texts]

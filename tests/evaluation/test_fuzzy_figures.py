@@ -27,7 +27,7 @@ FOOTPRINT = Footprint(0.8, 0.2, 0.1)
 
 
 def parts(count, low=0.0, high=1.0, shape="trimf"):
-    """Sets S1, S2, ... that cover a range."""
+    """Return sets S1, S2, ... that cover a range."""
     width = (high - low) / (count - 1)
     peaks = [low + k * width for k in range(count)]
     functions = [
@@ -61,7 +61,7 @@ SUGENO = FuzzySystem(
 
 
 def centroid(curve):
-    """Of the area under a polyline."""
+    """Return the centroid of the area under a polyline."""
     x, y = curve
     width, left, right = np.diff(x), y[:-1], y[1:]
     area = (width * (left + right) / 2).sum()
@@ -69,7 +69,7 @@ def centroid(curve):
 
 
 @pytest.mark.parametrize("implication", ["min", "prod"])
-def test_the_joined_conclusion_has_the_centroid_of_the_inference(implication):
+def test_centroid_of_aggregated_output_matches_inference(implication):
     rng = np.random.default_rng(3)
     rules = [f"if x is S{k} and y is S{4 - k} then u is S{k + 1}" for k in (1, 2, 3)]
     inference = Inference(system(rules, 2, implication=implication))
@@ -81,7 +81,7 @@ def test_the_joined_conclusion_has_the_centroid_of_the_inference(implication):
 
 
 @pytest.mark.parametrize("aggregation", ["max", "sum", "probor"])
-def test_the_sampled_conclusion_has_the_centroid_of_the_inference(aggregation):
+def test_centroid_of_sampled_output_matches_inference(aggregation):
     rules = [f"if x is S{k} then u is S{k + 1}" for k in (1, 2, 3)]
     sampled = system(rules, 1, aggregation=aggregation)
     inference = Inference(sampled, centroid="matlab", samples=201)
@@ -90,7 +90,7 @@ def test_the_sampled_conclusion_has_the_centroid_of_the_inference(aggregation):
     assert (at * degrees).sum() / degrees.sum() == pytest.approx(inference(0.3)[0], abs=1e-12)
 
 
-def test_the_conclusions_of_rules_make_up_the_joined_one():
+def test_aggregated_output_is_maximum_of_consequents():
     inference = Inference(PAPER.with_footprint(FOOTPRINT))
     at = np.linspace(-0.1, 0.1, 501)
     for o, joined in enumerate(aggregated_outputs(inference, 0.3, -0.1)):
@@ -103,7 +103,7 @@ def test_the_conclusions_of_rules_make_up_the_joined_one():
         assert (np.interp(at, *joined.lower) <= np.interp(at, *joined.upper) + 1e-12).all()
 
 
-def test_where_no_rule_fires_the_joined_conclusion_is_empty():
+def test_aggregated_output_without_fired_rules_is_zero():
     sets = (FuzzySet("low", Membership("trimf", (0, 0.1, 0.2))),)
     rules = (parse_rule("if x is low then u is S1"),)
     output = OutputVariable("u", 0, 1, parts(3))
@@ -114,7 +114,7 @@ def test_where_no_rule_fires_the_joined_conclusion_is_empty():
 
 
 def check(figure, path):
-    """It can be written without a warning, and nothing that is drawn is cut off at its edge."""
+    """Check that the figure can be saved without a warning and is not clipped at its edges."""
     save(figure, path)
     with Image.open(path) as image:
         grey = np.asarray(image.convert("L"))
@@ -125,7 +125,7 @@ def check(figure, path):
 
 
 @pytest.mark.parametrize("type_", [1, 2, 3])
-def test_pictures_of_the_papers_system(tmp_path, type_):
+def test_figures_of_the_papers_system(tmp_path, type_):
     drawn = PAPER
     if type_ > 1:
         secondary = Secondary(1.0, 0.8, 0.1) if type_ == 3 else None
@@ -143,7 +143,7 @@ def test_control_surfaces(tmp_path):
     assert control_surface(Inference(MIXED)).get_supxlabel() == "with z = 0.5"
 
 
-def test_the_drawn_surface_is_the_inference():
+def test_surface_values_match_inference():
     inference = Inference(MIXED)
     figure = control_surface(inference)
     (mesh,) = [each for each in figure.axes[0].collections if each.get_array() is not None][:1]
@@ -153,7 +153,7 @@ def test_the_drawn_surface_is_the_inference():
 
 
 @pytest.mark.parametrize("count", [2, 3, 20, 200])
-def test_names_of_sets_keep_apart(tmp_path, count):
+def test_set_names_do_not_overlap(tmp_path, count):
     figure = membership_figure(InputVariable("v", 0, 1, parts(count)))
     check(figure, tmp_path / "sets.png")
     boxes = [text.get_window_extent() for text in figure.axes[0].texts]
@@ -163,21 +163,21 @@ def test_names_of_sets_keep_apart(tmp_path, count):
 
 
 @pytest.mark.parametrize("reduction", ["centroid", "cos"])
-def test_rule_viewers_of_other_systems(tmp_path, reduction):
+def test_rule_viewer_of_mixed_and_sugeno_systems(tmp_path, reduction):
     for k, drawn in enumerate((MIXED, MIXED.with_footprint(FOOTPRINT), SUGENO)):
         check(rule_viewer(Inference(drawn, reduction=reduction)), tmp_path / f"{k}.png")
 
 
-def test_names_are_shown_as_they_are(tmp_path):
+def test_names_are_drawn_literally(tmp_path):
     odd = InputVariable(r"$\frac{x", 0, 1, (FuzzySet("$a_b$ 50%", parts(2)[0].upper), *parts(2)))
     check(membership_figure(odd), tmp_path / "odd.png")
     assert mpl.rcParams["text.parse_math"]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # our font has no such glyph
+        warnings.simplefilter("ignore")  # the font lacks the glyph
         save(membership_figure(InputVariable("温度", 0, 1, parts(2))), tmp_path / "cjk.png")
 
 
-def test_what_is_not_there_cannot_be_drawn():
+def test_invalid_names_are_rejected():
     inference = Inference(PAPER)
     with pytest.raises(InvalidInput, match="no output 'kq'"):
         control_surface(inference, "kq")

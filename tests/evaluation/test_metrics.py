@@ -1,4 +1,4 @@
-"""Metrics of logs whose numbers are known by hand."""
+"""Metrics of logs with values computed by hand."""
 
 from math import pi
 
@@ -46,20 +46,20 @@ def test_mean_and_largest_errors():
     assert m.work == 7.0
 
 
-def test_headings_are_compared_wrapped():
+def test_heading_error_is_wrapped():
     m = metrics([(0, 0, pi - 0.1)] * 3, [(0, 0, -pi + 0.1)] * 3)
     assert m.mae == pytest.approx(0.2)
     assert metrics([(0, 0, 6 * pi)] * 3, [(0, 0, 0)] * 3).mae == pytest.approx(0.0, abs=1e-12)
 
 
-def test_measured_and_true_errors_are_apart():
+def test_measured_and_true_errors_differ():
     m = metrics(np.zeros((3, 3)), np.zeros((3, 3)), measured=[(0.3, 0.4, 0.1)] * 3)
     assert (m.me, m.mae) == (0.0, 0.0)
     assert (m.me_measured, m.mae_measured) == pytest.approx((0.5, 0.1))
 
 
 def test_effort_is_the_mean_change_of_wheel_speed():
-    """Pure turning at 1 rad/s, on and off: every wheel changes by arm / radius each time."""
+    """Rotation at 1 rad/s, on and off: each wheel speed changes by distance / radius."""
     robot = named_robot("paper")
     command = [(0, 0, 1), (0, 0, 0), (0, 0, 1), (0, 0, 1)]
     m = metrics(np.zeros((4, 3)), np.zeros((4, 3)), command=command)
@@ -67,6 +67,6 @@ def test_effort_is_the_mean_change_of_wheel_speed():
     assert m.wheel_acceleration == pytest.approx(3 * change / 1.5)
 
 
-def test_step_times_leave_out_the_last_row():
+def test_step_times_exclude_the_last_row():
     m = metrics(np.zeros((5, 3)), np.zeros((5, 3)))
     assert m.step_time_median == 2.5

@@ -15,7 +15,7 @@ from omnidrive.evaluation.tables import Table
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import ROBOTS
 from omnidrive.simulation import Outcome
-from tests.evaluation.cutting import cut
+from tests.evaluation.truncation import truncated
 
 HOSTILE = "</script><script>window.hacked=1</script><img src=x onerror='window.hacked=2'>{{data}}"
 TABLES = (
@@ -37,32 +37,33 @@ def test_page_is_small_and_deterministic(study, tmp_path):
     assert path.read_text(encoding="utf-8") == page_text(study, TABLES)
 
 
-def test_data_holds_every_group_and_run(study):
+def test_data_has_every_group_and_run(study):
     groups = {group["id"]: group for group in data_of(page_text(study, ()))["groups"]}
     assert list(groups) == ["track-20", "track-30", "noise-30", "horizon-20", "step"]
     assert [len(group["runs"]) for group in groups.values()] == [4, 4, 4, 6, 4]
-    run, told = study.tracks[0].run, groups["track-20"]["runs"][0]
-    np.testing.assert_allclose(told["pose"][0], run.pose[:, 0], atol=5.1e-6)
-    assert told["measured"] is None
+    run, data = study.tracks[0].run, groups["track-20"]["runs"][0]
+    np.testing.assert_allclose(data["pose"][0], run.pose[:, 0], atol=5.1e-6)
+    assert data["measured"] is None
     assert groups["noise-30"]["runs"][0]["measured"] is not None
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_wheels_are_told_where_they_stand(part, name):
+def test_data_has_wheel_poses(part, name):
     text = page_text(replace(part, robot=ROBOTS[name]), ())
-    told = data_of(text)["robot"]["wheels"]
-    assert [tuple(wheel.values()) for wheel in told] == [tuple(m) for m in ROBOTS[name].mounts]
+    data = data_of(text)["robot"]["wheels"]
+    assert [tuple(wheel.values()) for wheel in data] == [tuple(m) for m in ROBOTS[name].mounts]
+    assert all(list(wheel) == ["x", "y", "axle", "roller"] for wheel in data)  # as in scene.js
     kind = "mecanum" if name == "mecanum" else "omni"
-    assert f"{len(told)} {kind} wheels at " in text
+    assert f"{len(data)} {kind} wheels at " in text
 
 
-def test_map_is_told_cell_by_cell(study):
-    told = data_of(page_text(study, ()))["map"]
-    kinds = np.repeat(told["kinds"][::2], told["kinds"][1::2]).reshape(told["rows"], told["cols"])
+def test_data_has_every_map_cell(study):
+    data = data_of(page_text(study, ()))["map"]
+    kinds = np.repeat(data["kinds"][::2], data["kinds"][1::2]).reshape(data["rows"], data["cols"])
     np.testing.assert_array_equal(kinds == 2, study.obstacles.occupied)
     np.testing.assert_array_equal(kinds > 0, study.free_space.occupied)
-    assert told["origin"] == [*study.obstacles.origin, 0.0]
-    assert told["extent"] == list(study.obstacles.extent)
+    assert data["origin"] == [*study.obstacles.origin, 0.0]
+    assert data["extent"] == list(study.obstacles.extent)
 
 
 def test_numbers_that_are_not_finite_become_null(part):
@@ -73,7 +74,7 @@ def test_numbers_that_are_not_finite_become_null(part):
     assert data_of(page_text(broken, ()))["groups"][0]["runs"][0]["yawRate"][5] is None
 
 
-def test_gains_are_told_with_their_inputs(tuning, study):
+def test_data_has_gains_with_inputs(tuning, study):
     (group,) = data_of(page_text(tuning, ()))["groups"]
     assert [(q["title"], q["unit"]) for q in group["tuning"][:5]] == [
         ("kp", "1/s"), ("ki", "1/s²"), ("kd", ""),
@@ -89,7 +90,7 @@ def test_gains_are_told_with_their_inputs(tuning, study):
     assert not any(group["tuning"] for group in data_of(page_text(study, ()))["groups"])
 
 
-def test_of_repeated_runs_the_first_is_played(study):
+def test_playback_shows_first_of_repeated_runs(study):
     noisy = study.select("noise")
     again = tuple(replace(r, repeat=1, run=study.tracks[0].run) for r in noisy)
     (group,) = data_of(page_text(replace(study, tracks=noisy + again, steps=()), ()))["groups"]
@@ -98,7 +99,7 @@ def test_of_repeated_runs_the_first_is_played(study):
     assert group["runs"][0]["measured"] is not None
 
 
-def test_page_names_no_address_to_load_from(study):
+def test_page_loads_no_external_resources(study):
     text = page_text(study, TABLES)
     assert not re.search(r"""(?:src|href|action)=["']?(?!["'#]|data:)""", text.split("</head>")[0])
     assert "@import" not in text
@@ -126,16 +127,16 @@ def browser():
 
 @pytest.fixture
 def visit(browser, tmp_path):
-    """Opens a page; afterwards nothing may have left the machine or gone wrong."""
-    complaints, contexts = [], []
+    """Return a function that opens the report; requests and errors fail the test."""
+    problems, contexts = [], []
 
-    def see(request):
+    def on_request(request):
         if not request.url.startswith(LOCAL):
-            complaints.append(f"request to {request.url}")
+            problems.append(f"request to {request.url}")
 
-    def hear(message):
+    def on_message(message):
         if message.type in ("error", "warning"):
-            complaints.append(message.text)
+            problems.append(message.text)
 
     def opened(results, tables=TABLES, **options):
         path = tmp_path / "report.html"
@@ -143,21 +144,21 @@ def visit(browser, tmp_path):
         context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
         contexts.append(context)
         context.set_offline(True)
-        context.on("request", see)
+        context.on("request", on_request)
         page = context.new_page()
-        page.on("console", hear)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", on_message)
+        page.on("pageerror", lambda error: problems.append(str(error)))
         page.goto(path.as_uri())
         return page
 
     yield opened
     for context in contexts:
         context.close()
-    assert complaints == []
+    assert problems == []
 
 
 def wait_until(page, condition):
-    """As ``wait_for_function``, which the page's security policy forbids: it evaluates strings."""
+    """Poll a condition; the content security policy forbids ``wait_for_function``."""
     deadline = monotonic() + 20.0
     while not page.evaluate(condition):
         assert monotonic() < deadline, condition
@@ -168,23 +169,23 @@ def settle(page):
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => setTimeout(done, 30)))")
 
 
-def picture(page):
+def map_image(page):
     settle(page)
     return page.locator("#map").screenshot()
 
 
 @pytest.mark.browser
-def test_it_plays_pauses_and_ends(study, visit):
+def test_play_pause_and_end(study, visit):
     page = visit(study)
     assert page.evaluate("Playback.time()") == 0.0
-    before = picture(page)
+    before = map_image(page)
     page.select_option("#speed", "8")
     page.click("#play")
     wait_until(page, "Playback.time() > 2")
     page.click("#play")
     time = page.evaluate("Playback.time()")
     assert not page.evaluate("Playback.playing()")
-    assert picture(page) != before
+    assert map_image(page) != before
     assert page.evaluate("Playback.time()") == time
     page.locator("#scrub").fill("19.5")
     page.click("#play")
@@ -192,14 +193,14 @@ def test_it_plays_pauses_and_ends(study, visit):
 
 
 @pytest.mark.browser
-def test_a_turned_map_is_drawn_where_it_lies(study, visit):
-    """The colour around the middle of each cell on the screen."""
+def test_rotated_map_is_drawn_at_its_pose(study, visit):
+    """Check the colour around the centre of each cell."""
     occupied = np.random.default_rng(2).random((6, 5)) < 0.5
     grid = OccupancyGrid(occupied, 2.0, (4.0, -3.0), yaw=0.5)
     page = visit(replace(study, obstacles=grid, free_space=grid))
     for name in ("trails", "cells"):
         page.locator(f"#layer-{name}").uncheck()
-    shown = Image.open(BytesIO(picture(page))).convert("L")
+    shown = Image.open(BytesIO(map_image(page))).convert("L")
     for row, col in np.ndindex(occupied.shape):
         x, y = page.evaluate(
             "([x, y]) => Playback.camera.toScreen(x, y)", list(grid.centre(row, col))
@@ -210,7 +211,7 @@ def test_a_turned_map_is_drawn_where_it_lies(study, visit):
 
 
 @pytest.mark.browser
-def test_it_scrubs_and_steps_by_samples(study, visit):
+def test_scrub_and_step_by_samples(study, visit):
     page = visit(study)
     page.locator("#scrub").fill("7.5")
     settle(page)
@@ -230,7 +231,7 @@ def test_it_scrubs_and_steps_by_samples(study, visit):
 
 
 @pytest.mark.browser
-def test_it_zooms_pans_fits_and_follows(study, visit):
+def test_zoom_pan_fit_and_follow(study, visit):
     page = visit(study)
     scale = "Playback.camera.scale"
     fitted = page.evaluate(scale)
@@ -259,26 +260,26 @@ def test_it_zooms_pans_fits_and_follows(study, visit):
 
 
 @pytest.mark.browser
-def test_hover_tells_the_nearest_robot(study, visit):
+def test_hover_shows_nearest_robot(study, visit):
     page = visit(study)
     page.locator("#scrub").fill("10")
     for k in range(3):
         page.locator("#runs input").nth(k).uncheck()
     page.locator("#map").hover()
     page.wait_for_selector("#tip:not([hidden])")
-    told = page.inner_text("#tip")
+    tip = page.inner_text("#tip")
     run = study.select("track", duration=20.0)[3].run
     error = 1e3 * np.hypot(*(run.pose[100, :2] - run.target[100, :2]))
-    assert "Recommended" in told
-    assert "10.00 s" in told
-    assert f"{run.pose[100, 0]:.3f}" in told
-    assert float(re.search(r"([\d.]+) mm", told)[1]) == pytest.approx(error, abs=0.02)
+    assert "Recommended" in tip
+    assert "10.00 s" in tip
+    assert f"{run.pose[100, 0]:.3f}" in tip
+    assert float(re.search(r"([\d.]+) mm", tip)[1]) == pytest.approx(error, abs=0.02)
     page.mouse.move(2, 2)
     page.wait_for_selector("#tip", state="hidden")
 
 
 @pytest.mark.browser
-def test_charts_share_cursor_zoom_and_clock(study, visit):
+def test_charts_share_cursor_zoom_and_time(study, visit):
     page = visit(study)
     charts = page.locator(".u-over")
     assert charts.count() == 4
@@ -303,7 +304,7 @@ def test_charts_share_cursor_zoom_and_clock(study, visit):
 
 
 @pytest.mark.browser
-def test_gains_have_charts_of_one_channel_at_a_time(tuning, visit):
+def test_gain_charts_show_one_channel(tuning, visit):
     page = visit(tuning)
     charts = page.locator("#tuning-charts .chart")
     heads = charts.locator("strong").all_inner_texts()
@@ -333,12 +334,12 @@ def test_gains_have_charts_of_one_channel_at_a_time(tuning, visit):
 
 
 @pytest.mark.browser
-def test_without_gains_there_are_no_such_charts(study, visit):
+def test_no_gain_charts_without_gains(study, visit):
     assert not visit(study).locator("#tuning").is_visible()
 
 
 @pytest.mark.browser
-def test_every_group_can_be_chosen(study, visit):
+def test_every_group_can_be_selected(study, visit):
     page = visit(study)
     counts = {"Track 20 s": 4, "Track 30 s": 4, "Noise 30 s": 4, "Horizons 20 s": 6,
               "Step response": 4}  # fmt: skip
@@ -351,7 +352,7 @@ def test_every_group_can_be_chosen(study, visit):
 
 
 @pytest.mark.browser
-def test_every_table_is_there(study, visit):
+def test_every_table_is_shown(study, visit):
     page = visit(study)
     for table in TABLES:
         shown = page.get_by_role("table", name=table.title)
@@ -364,18 +365,18 @@ def test_every_table_is_there(study, visit):
 
 
 @pytest.mark.browser
-def test_dark_and_narrow(study, visit):
+def test_dark_theme_on_narrow_screen(study, visit):
     page = visit(study, viewport={"width": 390, "height": 844}, color_scheme="dark", has_touch=True)
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    dark = picture(page)
+    dark = map_image(page)
     page.click("#theme")
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
-    assert picture(page) != dark
+    assert map_image(page) != dark
 
 
 @pytest.mark.browser
-def test_hostile_text_stays_text(study, visit):
+def test_markup_in_names_is_escaped(study, visit):
     track = replace(study.tracks[0], controller=HOSTILE)
     robot = replace(study.robot, name=HOSTILE)
     hostile = replace(
@@ -395,9 +396,9 @@ def test_hostile_text_stays_text(study, visit):
 
 
 @pytest.mark.browser
-def test_a_run_that_stopped_early_says_so(part, visit):
+def test_early_stop_is_shown(part, visit):
     result = part.tracks[0]
-    short = cut(result.run, 50, outcome=Outcome.PLANT_FAILED)
+    short = truncated(result.run, 50, outcome=Outcome.PLANT_FAILED)
     page = visit(replace(part, tracks=(replace(result, run=short), part.tracks[1])))
     assert "not finite" in page.inner_text("#runs .ended")
     page.locator("#scrub").fill("15")
@@ -406,7 +407,7 @@ def test_a_run_that_stopped_early_says_so(part, visit):
 
 
 @pytest.mark.browser
-def test_study_without_runs_still_shows_its_tables(part, visit):
+def test_study_without_runs_shows_tables(part, visit):
     page = visit(replace(part, tracks=()))
     assert not page.locator("#map").is_visible()
     assert page.get_by_role("table", name="Steps").is_visible()

@@ -1,4 +1,4 @@
-"""Controllers against each other under the same noise, on numbers known by hand."""
+"""Paired comparison of controllers, with given error values."""
 
 from dataclasses import replace
 
@@ -10,18 +10,18 @@ from omnidrive.evaluation import paired_differences, repeated_runs, study_tables
 from omnidrive.simulation import Outcome
 
 SEEDS = 12
-LUCK = np.random.default_rng(3).normal(size=SEEDS)  # how hard each seed is, for everyone
+COMMON = np.random.default_rng(3).normal(size=SEEDS)  # common effect of each seed
 OWN = np.random.default_rng(4).normal(size=(3, SEEDS))
 ME = {
-    "fuzzy_t1": 0.05 + 0.01 * LUCK,
-    "fuzzy_t2": 0.05 + 0.01 * LUCK + 1e-4 * OWN[1] + 1e-3,
-    "recommended": 0.05 + 0.01 * LUCK + 1e-3 * OWN[2] - 1e-5,
+    "fuzzy_t1": 0.05 + 0.01 * COMMON,
+    "fuzzy_t2": 0.05 + 0.01 * COMMON + 1e-4 * OWN[1] + 1e-3,
+    "recommended": 0.05 + 0.01 * COMMON + 1e-3 * OWN[2] - 1e-5,
 }
 
 
 @pytest.fixture(scope="module")
 def repeated(study):
-    """A study whose errors with noise are those of ``ME``."""
+    """A study whose errors with noise are the values of ``ME``."""
     some = study.select("noise")[0]
     return replace(
         study,
@@ -42,10 +42,10 @@ def found(results, first, second, measure="me"):
     return one
 
 
-def test_differences_are_scipys_though_the_seeds_vary_more(repeated):
+def test_differences_match_scipy(repeated):
     d = found(repeated, "fuzzy_t2", "fuzzy_t1")
-    theirs = stats.ttest_rel(ME["fuzzy_t2"], ME["fuzzy_t1"])
-    assert d.difference[1:3] == pytest.approx(tuple(theirs.confidence_interval()), rel=1e-9)
+    expected = stats.ttest_rel(ME["fuzzy_t2"], ME["fuzzy_t1"])
+    assert d.difference[1:3] == pytest.approx(tuple(expected.confidence_interval()), rel=1e-9)
     assert d.difference.sample_size == SEEDS
     assert d.verdict == "worse"
     assert stats.ttest_ind(ME["fuzzy_t2"], ME["fuzzy_t1"]).pvalue > 0.5
@@ -58,7 +58,7 @@ def test_verdicts(repeated):
     assert found(repeated, "fuzzy_t2", "fuzzy_t1", "mae").difference.mean == 0.0
 
 
-def test_p_is_corrected_for_the_number_of_pairs(repeated):
+def test_p_value_is_corrected_for_number_of_pairs(repeated):
     alone = replace(
         repeated, tracks=tuple(r for r in repeated.tracks if r.controller != "fuzzy_t1")
     )
@@ -69,7 +69,7 @@ def test_p_is_corrected_for_the_number_of_pairs(repeated):
     assert found(repeated, "recommended", "fuzzy_t2").p == pytest.approx(2.0 * single)
 
 
-def test_a_seed_under_which_one_stopped_counts_for_neither(repeated):
+def test_seed_with_stopped_run_is_excluded_from_pair(repeated):
     def stopped(result):
         run = replace(result.run, outcome=Outcome.CONTROLLER_FAILED)
         return replace(result, run=run, metrics=result.metrics._replace(me=99.0))
@@ -94,7 +94,7 @@ def table(results, title):
     return next(t for t in study_tables(results, published=False) if t.title == title)
 
 
-def test_tables_show_means_and_differences_with_intervals(repeated):
+def test_tables_have_means_and_differences_with_intervals(repeated):
     noise = table(repeated, "Tracking error with the paper's noise")
     cells = dict(zip(noise.columns, noise.rows[0], strict=True))
     low, high = stats.t.interval(
@@ -116,6 +116,6 @@ def test_tables_show_means_and_differences_with_intervals(repeated):
     assert (row["p"], row["seeds"], row["first is"]) == ("< 0.001", "12", "worse")
 
 
-def test_one_seed_has_no_differences(study):
+def test_single_seed_has_no_differences(study):
     assert repeated_runs(study) == paired_differences(study) == []
     assert all("Paired" not in t.title for t in study_tables(study, published=True))

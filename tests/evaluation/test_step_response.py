@@ -1,4 +1,4 @@
-"""Step-response figures against python-control's."""
+"""Step-response figures compared with python-control."""
 
 from math import isnan
 
@@ -12,7 +12,7 @@ from omnidrive.evaluation import step_response
 
 
 def second_order(damping, rate, t):
-    """Unit step response of a second-order system, any damping below 1."""
+    """Return the unit step response of a second-order system with damping below 1."""
     w = rate * np.sqrt(1 - damping**2)
     return 1 - np.exp(-damping * rate * t) * (np.cos(w * t) + damping * rate / w * np.sin(w * t))
 
@@ -27,14 +27,14 @@ def second_order(damping, rate, t):
 def test_agrees_with_python_control(damping, rate, start, size):
     t = np.arange(0.0, 30.0, 0.001)
     y = second_order(damping, rate, t)
-    theirs = control.step_info(y, T=t, yfinal=1.0, SettlingTimeThreshold=0.1)
-    ours = step_response(t, start + size * y, start, start + size)
-    assert ours.overshoot == pytest.approx(theirs["Overshoot"], abs=1e-6)
-    assert ours.rise_time == pytest.approx(theirs["RiseTime"], abs=2.1e-3)
-    assert ours.settling_time == pytest.approx(theirs["SettlingTime"], abs=2.1e-3)
+    expected = control.step_info(y, T=t, yfinal=1.0, SettlingTimeThreshold=0.1)
+    actual = step_response(t, start + size * y, start, start + size)
+    assert actual.overshoot == pytest.approx(expected["Overshoot"], abs=1e-6)
+    assert actual.rise_time == pytest.approx(expected["RiseTime"], abs=2.1e-3)
+    assert actual.settling_time == pytest.approx(expected["SettlingTime"], abs=2.1e-3)
 
 
-def test_coarse_samples_are_joined_by_straight_lines():
+def test_samples_are_interpolated_linearly():
     t = np.array([0.0, 1.0, 2.0])
     response = step_response(t, np.array([0.0, 1.0, 1.0]), 0.0, 1.0)
     assert response.overshoot == 0.0
@@ -42,7 +42,7 @@ def test_coarse_samples_are_joined_by_straight_lines():
     assert response.settling_time == pytest.approx(0.9, abs=2e-3)
 
 
-def test_a_response_that_never_arrives_has_no_times():
+def test_times_are_nan_if_levels_are_not_reached():
     t = np.linspace(0, 5, 51)
     response = step_response(t, 0.5 * np.ones(51), 0.0, 1.0)
     assert isnan(response.rise_time)

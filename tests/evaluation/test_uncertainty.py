@@ -1,4 +1,4 @@
-"""Intervals and tests of means, against SciPy's."""
+"""Confidence intervals and significance tests, compared with SciPy."""
 
 from math import isnan
 
@@ -13,21 +13,21 @@ from omnidrive.evaluation.uncertainty import estimate_mean, holm, p_value
 
 @settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32), count=st.integers(2, 60), shift=st.floats(-2, 2))
-def test_the_interval_and_p_of_differences_are_those_of_the_paired_test(seed, count, shift):
+def test_interval_and_p_value_match_scipy_paired_test(seed, count, shift):
     a, b = np.random.default_rng(seed).normal(size=(2, count))
     a += shift
-    theirs = stats.ttest_rel(a, b)
-    low, high = theirs.confidence_interval(0.95)
-    ours = estimate_mean(a - b)
-    assert (ours.low, ours.high) == pytest.approx((low, high), rel=1e-9)
-    assert ours.mean == pytest.approx(np.mean(a - b))
-    assert p_value(a - b) == pytest.approx(theirs.pvalue, rel=1e-9)
+    expected = stats.ttest_rel(a, b)
+    low, high = expected.confidence_interval(0.95)
+    actual = estimate_mean(a - b)
+    assert (actual.low, actual.high) == pytest.approx((low, high), rel=1e-9)
+    assert actual.mean == pytest.approx(np.mean(a - b))
+    assert p_value(a - b) == pytest.approx(expected.pvalue, rel=1e-9)
 
 
-def test_the_interval_holds_the_true_mean_as_often_as_it_says():
+def test_coverage_of_interval():
     draws = np.random.default_rng(1).normal(3.0, 2.0, size=(2000, 8))
-    held = [e.low <= 3.0 <= e.high for e in map(estimate_mean, draws)]
-    assert np.mean(held) == pytest.approx(0.95, abs=0.02)
+    covered = [e.low <= 3.0 <= e.high for e in map(estimate_mean, draws)]
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.02)
 
 
 def test_too_few_values_have_no_interval():
@@ -44,8 +44,8 @@ def test_values_without_spread():
     assert p_value(np.zeros(5)) == 1.0
 
 
-def test_holm_by_hand():
-    """Holm 1979: 0.01 * 4, 0.015 * 3, 0.03 * 2, and 0.04 no less than its forerunner."""
+def test_holm_example():
+    """Holm 1979: 0.01 * 4, 0.015 * 3, 0.03 * 2, and 0.04 raised to its predecessor."""
     assert holm([0.03, 0.01, 0.04, 0.015]) == pytest.approx([0.06, 0.04, 0.06, 0.045])
     assert holm([0.6, 0.7]) == [1.0, 1.0]
     assert holm([]) == []
@@ -60,5 +60,5 @@ def test_holm_by_hand():
         ([0.0, 0.0], ("+0.0000", "0.0000", "+0.0000", "+0.0000")),
     ],
 )  # fmt: skip
-def test_printed_with_two_digits_of_the_margin(values, texts):
+def test_text_has_two_digits_of_margin(values, texts):
     assert estimate_mean(np.array(values)).text() == texts

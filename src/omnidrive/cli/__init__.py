@@ -1,4 +1,4 @@
-"""The command line: one file per verb, no mathematics."""
+"""Command line: one module per verb, without numerical code."""
 
 from omnidrive.cli.main import main
 

@@ -1,4 +1,4 @@
-"""`omnidrive compare`: the whole study."""
+"""``omnidrive compare``: run a whole study."""
 
 from __future__ import annotations
 
@@ -32,21 +32,22 @@ from omnidrive.study import (
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 
-def _only(what: str, names: object) -> Any:
-    """An option that keeps some of the names of a literal type, separated by commas."""
+def _selection(what: str, names: object) -> Any:
+    """Return an option for a comma-separated selection of the names of a literal type."""
     return option("A,B,...", f"Only these {what}: {', '.join(get_args(names))}.", RUN_PANEL)
 
 
 @with_demand()
 def compare(
     demand: Demand,
-    controllers: Annotated[str | None, _only("controllers", ControllerName)] = None,
-    tasks: Annotated[str | None, _only("tasks", TaskName)] = None,
+    controllers: Annotated[str | None, _selection("controllers", ControllerName)] = None,
+    tasks: Annotated[str | None, _selection("tasks", TaskName)] = None,
     noise_seeds: Annotated[
         int | None,
         option(
             "N",
-            "Repeat the task noise with N seeds: means with intervals, paired differences.",
+            "Repeat the task noise with N seeds; report means with confidence intervals and paired "
+            "differences.",
             RUN_PANEL,
         ),
     ] = None,
@@ -63,11 +64,12 @@ def compare(
     out: FolderOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Run the whole study: plan, drive with every controller, measure, report.
+    """Run a whole study: plan, simulate every controller, evaluate, report.
 
-    Tracking in two durations, tracking with noise, a step response, and the NMPC's horizon. Prints
-    the paper's tables, with the paper's numbers beside ours, and leaves a run folder with the
-    scenario, results.json, time series, figures and report.html.
+    The tasks are tracking with two durations, tracking with noise, step response and prediction
+    horizon of the NMPC. The command prints the tables of the paper, with the published values for
+    comparison, and writes a run folder with scenario, results.json, time series, figures and
+    report.html.
 
     For example:
 
@@ -99,32 +101,35 @@ def compare(
 def _restrict(
     scenario: Scenario, controllers: str | None, tasks: str | None, noise_seeds: int | None
 ) -> Scenario:
-    """Keep only some controllers and tasks, and choose the number of seeds."""
+    """Return the scenario with the selected controllers and tasks and the number of seeds."""
     changes: dict[str, object] = {}
     if controllers is not None:
-        chosen = choose_many("controller", controllers, get_args(ControllerName))
-        changes["controllers"] = chosen
+        selected = choose_many("controller", controllers, get_args(ControllerName))
+        changes["controllers"] = selected
     if tasks is not None:
         names = get_args(TaskName)
-        wanted = choose_many("task", tasks, names)
-        scenario = with_task(scenario, wanted)
-        kept = {name: getattr(scenario.tasks, name) if name in wanted else None for name in names}
+        selected = choose_many("task", tasks, names)
+        scenario = with_task(scenario, selected)
+        kept = {name: getattr(scenario.tasks, name) if name in selected else None for name in names}
         if not any(kept.values()):
-            raise InvalidInput(f"the scenario has none of these tasks: {', '.join(wanted)}")
+            raise InvalidInput(f"the scenario does not contain these tasks: {', '.join(selected)}")
         changes["tasks"] = scenario.tasks.model_copy(update=kept)
     scenario = scenario.model_copy(update=changes)
     horizon_only = [n for n in get_args(TaskName) if getattr(scenario.tasks, n)] == ["horizon"]
     if horizon_only and not set(PREDICTIVE) & set(scenario.controllers):
         raise InvalidInput(
-            f"the task horizon is for {' and '.join(PREDICTIVE)}, which were left out"
+            f"the task horizon needs the controller {' or '.join(PREDICTIVE)}; add one of them to "
+            "--controllers"
         )
-    return scenario if noise_seeds is None else _repeated(scenario, noise_seeds)
+    return scenario if noise_seeds is None else _with_repeats(scenario, noise_seeds)
 
 
-def _repeated(scenario: Scenario, seeds: int) -> Scenario:
-    """The task noise with so many seeds."""
+def _with_repeats(scenario: Scenario, seeds: int) -> Scenario:
+    """Return the scenario with the task noise repeated for ``seeds`` seeds."""
     data = scenario_data(scenario)
     if data["tasks"]["noise"] is None:
-        raise InvalidInput("--noise-seeds is for the task noise, which was left out")
+        raise InvalidInput(
+            "--noise-seeds needs the task noise; add it to --tasks, or omit --noise-seeds"
+        )
     data["tasks"]["noise"]["repeats"] = seeds
     return parse_scenario(data, "with these options")

@@ -1,4 +1,4 @@
-"""What goes wrong: the option that verbs share."""
+"""The option ``--fault`` of the verbs ``compare`` and ``run``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FaultOption = Annotated[
     list[str] | None,
     option(
         "KIND[:NAME=VALUE,...]",
-        "Let something go wrong, such as wheel-dead:wheel=2,at=5; may be given again. "
+        "Inject a fault or disturbance, such as wheel-dead:wheel=2,at=5; can be repeated. "
         f"Kinds: {', '.join(FAULTS)}.",
         RUN_PANEL,
         "--fault",
@@ -23,10 +23,12 @@ FaultOption = Annotated[
 
 
 def with_faults(scenario: Scenario, texts: Sequence[str] | None) -> Scenario:
-    """Let faults act: one by one in the task `faults` if there is one, else all in every run.
+    """Return the scenario with the given faults.
+
+    With a task ``faults``, each fault acts in a run of its own; otherwise all act in every run.
 
     Raises:
-        InvalidInput: One is not a fault, or cannot be in this scenario.
+        InvalidInput: A text is not a fault, or a fault is not possible in this scenario.
     """
     if not texts:
         return scenario

@@ -1,4 +1,4 @@
-"""The `omnidrive` command: its verbs, and what its exit status means."""
+"""The command ``omnidrive``: its verbs and its exit status."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from typer.core import TyperGroup
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
 
 VERBS = {
-    "compare": "Run the whole study: plan, drive with every controller, measure, report.",
+    "compare": "Run a whole study: plan, simulate every controller, evaluate, report.",
     "plan": "Search a path, smooth it, time it; say what it asks of the robot.",
-    "run": "Drive once: one controller, one task, its numbers, time series, figures and report.",
-    "warmup": "Compile all numerical kernels now, so that nothing has to wait for them later.",
+    "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
+    "warmup": "Compile all numerical kernels in advance.",
     "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
 }
-"""Each verb, which has a module of its name here, and the first sentence of its help."""
+"""Verbs, each with a module of the same name in this package, and the first line of their help."""
 
 
-class _Verbs(TyperGroup):
-    """Verbs whose modules are imported when they are asked for: help need not wait for physics."""
+class _LazyVerbs(TyperGroup):
+    """Verbs whose modules are imported on use, so that ``--help`` is fast."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
-        """The verb named first, with its module imported."""
+        """Resolve the verb and import its module."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command and load_verb(command.name or ""), rest
 
 
 def load_verb(name: str) -> Any:
-    """Import a verb's module; returns the command that it is."""
+    """Import the module of a verb and return its command."""
     verb = getattr(import_module(f"omnidrive.cli.{name}"), name)
     if not isinstance(verb, typer.Typer):
-        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        alone.command()(verb)
-        verb = alone
+        wrapper = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        wrapper.command()(verb)
+        verb = wrapper
     return typer.main.get_command(verb)
 
 
 app = typer.Typer(
     name="omnidrive",
-    cls=_Verbs,
+    cls=_LazyVerbs,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",
@@ -59,9 +59,9 @@ for _name, _help in VERBS.items():
     app.command(_name, help=_help)(lambda: None)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version  # noqa: PLC0415 - takes as long as the rest of this
+def _print_version(requested: bool) -> None:
+    if requested:
+        from importlib.metadata import version  # noqa: PLC0415 - slow to import
 
         typer.echo(f"omnidrive {version('omnidrive')}")
         raise typer.Exit
@@ -76,89 +76,89 @@ def omnidrive(
         ),
     ] = False,
 ) -> None:
-    """Plan, track, simulate and compare trajectory tracking on omnidirectional robots.
+    """Plan, track, simulate and compare trajectory tracking of omnidirectional robots.
 
-    Start with **omnidrive compare**: it runs the reference study on physics and writes a report.
+    Start with **omnidrive compare**: it simulates the reference study and writes a report.
 
-    Units: metres, seconds, radians; headings counter-clockwise from the map's x axis.
+    Units: metres, seconds, radians; headings counter-clockwise from the x axis of the map.
 
-    Exit status: 0 done; 1 a fault of omnidrive or a run that failed; 2 a mistake in what was asked;
-    130 interrupted; 128 + n ended by signal n.
+    Exit status: 0 success; 1 a run failed, or an internal error of omnidrive; 2 invalid options or
+    input, or output that cannot be written; 130 interrupted; 128 + n terminated by signal n.
     """
 
 
 _INTERRUPTED = 128 + signal.SIGINT
-_ENDINGS = [
+_SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
-_received: list[int] = []  # the signal that ends this command
+_received: list[int] = []  # the signal that terminates this command
 
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    for number in _ENDINGS:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup does
+    for number in _SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # ignored under nohup
             signal.signal(number, _interrupt)
-    logging.getLogger("omnidrive").setLevel(logging.ERROR)  # the progress says the rest
+    logging.getLogger("omnidrive").setLevel(logging.ERROR)  # the progress display shows the rest
     status = _status()
-    _stop_listening()
+    _restore_signals()
     sys.exit(status)
 
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:
-    """End in order, as on Ctrl-C; a second Ctrl-C ends at once."""
-    _stop_listening()
+    """Terminate in order, as on Ctrl-C; a second Ctrl-C terminates at once."""
+    _restore_signals()
     _received.append(number)
     raise KeyboardInterrupt
 
 
-def _stop_listening() -> None:
-    """Leave SIGINT to the system; ignore the others, which come in pairs (timeout, a terminal)."""
-    for number in _ENDINGS:
+def _restore_signals() -> None:
+    """Restore the default of SIGINT; ignore the other signals, which are often sent twice."""
+    for number in _SIGNALS:
         if signal.getsignal(number) is _interrupt:
-            last = signal.SIG_DFL if number == signal.SIGINT else signal.SIG_IGN
-            signal.signal(number, last)
+            handler = signal.SIG_DFL if number == signal.SIGINT else signal.SIG_IGN
+            signal.signal(number, handler)
 
 
 def _status() -> int:
-    """Do what the command line says; every error becomes one paragraph and a status."""
+    """Run the command and return its exit status; an error is printed as one paragraph."""
     try:
         status = int(app(prog_name="omnidrive", standalone_mode=False) or 0)
     except (Exception, KeyboardInterrupt) as error:
-        status = _INTERRUPTED if _received else _explain(error)
-    if _received and status == _INTERRUPTED:  # typer turns KeyboardInterrupt into this status
-        _complain("interrupted; what was finished before is kept")
+        status = _INTERRUPTED if _received else _handle(error)
+    if _received and status == _INTERRUPTED:  # typer's status for KeyboardInterrupt
+        _print_error("interrupted; finished results are kept")
         return 128 + _received[0]
     return status
 
 
-def _explain(error: BaseException) -> int:
-    """Say what went wrong; the status that goes with it."""
-    if isinstance(error, typer.exceptions.TyperException):  # a mistake in the options
-        error.show() if hasattr(error, "show") else _complain(str(error))
+def _handle(error: BaseException) -> int:
+    """Print the message of an error and return the exit status."""
+    if isinstance(error, typer.exceptions.TyperException):  # invalid options
+        error.show() if hasattr(error, "show") else _print_error(str(error))
         return int(error.exit_code)
     if isinstance(error, OmnidriveError):
-        _complain(str(error))
+        _print_error(str(error))
         return 1 if isinstance(error, RunFailed | WorkerLost) else 2
-    if isinstance(error, OSError) and error.errno in {EPIPE, ENOSPC}:  # where stdout goes
+    if isinstance(error, OSError) and error.errno in {EPIPE, ENOSPC}:  # of standard output
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if error.errno == ENOSPC:  # else the reader of our output has gone, and knows it
-            _complain("no space is left where the output goes; what was finished before is kept")
+        if error.errno == ENOSPC:  # with EPIPE the reader has closed the pipe
+            _print_error("no space left for the output; finished results are kept")
             return 2
         return 1
     if os.environ.get("OMNIDRIVE_TRACEBACK"):
         raise error
-    _complain(
-        f"this is a fault of omnidrive, not yours ({type(error).__name__}: {error}). Please "
-        "report it with the output of the same command under OMNIDRIVE_TRACEBACK=1"
+    _print_error(
+        f"internal error of omnidrive ({type(error).__name__}: {error}). Please report it with the "
+        "output of the same command with the environment variable OMNIDRIVE_TRACEBACK=1"
     )
     return 1
 
 
-def _complain(message: str) -> None:
-    from rich.console import Console  # noqa: PLC0415 - nobody else needs it at once
+def _print_error(message: str) -> None:
+    from rich.console import Console  # noqa: PLC0415 - only needed for errors
 
     console = Console(stderr=True)
-    with suppress(OSError):  # a terminal that was closed
+    with suppress(OSError):  # the terminal is closed
         console.print("[bold red]omnidrive:[/] ", end="")
         console.print(message, markup=False, highlight=False)

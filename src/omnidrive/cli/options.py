@@ -1,4 +1,4 @@
-"""How the verbs' options look, and how what they say is read."""
+"""Declaration and parsing of the options of the verbs."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ import typer
 
 from omnidrive.errors import InvalidInput, closest
 
-PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Where to drive", "How to drive", "Results"
-"""Panels of the help."""
+PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Robot and controller", "Results"
+"""Panels of the help text."""
 
 
 def option(metavar: str, text: str, panel: str, *names: str, least: int | None = None) -> Any:
-    """An option for `Annotated`.
+    """Return a typer option, for use in ``Annotated``.
 
     Args:
-        metavar: What stands for its value in the help.
-        text: What it does.
-        panel: Under which heading the help has it.
-        names: What it is called, if not as the parameter is.
-        least: The least value.
+        metavar: Placeholder of the value in the help text.
+        text: Help text.
+        panel: Panel of the help text.
+        names: Option names; default: derived from the parameter name.
+        least: Minimum value.
     """
     return typer.Option(*names, metavar=metavar, help=text, rich_help_panel=panel, min=least)
 
 
 def choice(of: Iterable[str], text: str, panel: str) -> Any:
-    """An option whose value is one of some names; otherwise as :func:`option`."""
+    """Return an option whose value is one of the names ``of``; see :func:`option`."""
     return option("|".join(of), text, panel)
 
 
 def flag(text: str, panel: str, *names: str) -> Any:
-    """An option without a value; otherwise as :func:`option`."""
+    """Return a boolean option; see :func:`option`."""
     return typer.Option(*names, help=text, rich_help_panel=panel, show_default=False)
 
 
@@ -49,7 +49,7 @@ JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESUL
 
 
 def parse_coordinates(text: str) -> list[float]:
-    """Two or three numbers with commas between; none if that is not what ``text`` is."""
+    """Parse two or three comma-separated numbers; return an empty list for any other text."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
@@ -58,13 +58,17 @@ def parse_coordinates(text: str) -> list[float]:
 
 
 def choose_many(name: str, text: str, options: Iterable[str]) -> tuple[str, ...]:
-    """Read a comma-separated choice, kept in the order of ``options``."""
-    wanted = {choose_one(name, part.strip(), options) for part in text.split(",")}
-    return tuple(option for option in options if option in wanted)
+    """Parse a comma-separated selection; the result has the order of ``options``."""
+    selected = {choose_one(name, part.strip(), options) for part in text.split(",")}
+    return tuple(option for option in options if option in selected)
 
 
 def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
-    """``value``, which must be one of ``options``; what else it could be is said otherwise."""
+    """Return ``value`` if it is one of ``options``.
+
+    Raises:
+        InvalidInput: It is not; the message lists the options and the closest one.
+    """
     if value in options:
         return value
     near = closest(value, options)
@@ -73,7 +77,7 @@ def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
 
 
 def default_folder(name: str) -> Path:
-    """A folder under runs/ that does not exist yet."""
+    """Return a folder under runs/ that does not exist yet."""
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     base = Path("runs") / f"{name}-{stamp}"
     path, count = base, 1
@@ -84,6 +88,6 @@ def default_folder(name: str) -> Path:
 
 
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores available to this process."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1

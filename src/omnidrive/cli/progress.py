@@ -1,4 +1,4 @@
-"""What a terminal shows while a study works, and after."""
+"""Progress display and result tables in a terminal."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from omnidrive.compiled import kernels_are_kept
 from omnidrive.evaluation import Table
 from omnidrive.study import Study
 
-_WIDTH_OF_FILES = 160  # characters; the widest table fits
-_SENTENCE = 30  # characters of a line of a sentence, at least
+_FILE_WIDTH = 160  # characters; the widest table fits
+_SENTENCE_WIDTH = 30  # characters; minimum of a column with sentences
 
 
 class LiveProgress:
-    """A watcher that draws one bar per part on standard error."""
+    """A progress listener that draws one bar per part on standard error."""
 
     def __init__(self) -> None:
         self._progress = Progress(
@@ -47,13 +47,13 @@ class LiveProgress:
         self._progress.stop()
 
     def part(self, name: str, steps: int) -> None:
-        """Begin a bar."""
+        """Start the bar of a part."""
         self._finish()
-        what = "" if kernels_are_kept() else "compiling, the first time only"
+        what = "" if kernels_are_kept() else "compiling, first use only"
         self._task = self._progress.add_task(name, total=steps or None, what=what)
 
     def done(self, what: str) -> None:
-        """Move the bar on."""
+        """Advance the bar by one step."""
         self._progress.update(self._task, advance=1, what=what)
 
     def _finish(self) -> None:
@@ -65,10 +65,10 @@ class LiveProgress:
 
 
 def print_tables(tables: Sequence[Table]) -> None:
-    """Draw tables on standard output; what is too wide goes on below, under the same keys."""
+    """Print tables on standard output; columns that do not fit follow below, with the keys."""
     console = Console()
     if not console.is_terminal and "COLUMNS" not in os.environ:
-        console = Console(width=_WIDTH_OF_FILES)
+        console = Console(width=_FILE_WIDTH)
     for table in tables:
         parts = _split(table, console.width)
         for part in parts:
@@ -85,32 +85,32 @@ def print_tables(tables: Sequence[Table]) -> None:
 
 
 def print_events(study: Study) -> None:
-    """Say what happened in tracking runs and step responses: faults, findings, what was done."""
+    """Print the events of tracking runs and step responses: faults, detections and reactions."""
     console = Console()
     for result in study.results.runs:
         if result.run.events:
-            facts = "\n".join(f"  {e.t:6.2f} s  {e.what}" for e in result.run.events)
-            console.print(f"{result.name}:\n{facts}", markup=False, highlight=False)
+            lines = "\n".join(f"  {e.t:6.2f} s  {e.what}" for e in result.run.events)
+            console.print(f"{result.name}:\n{lines}", markup=False, highlight=False)
 
 
 def warn_of_collisions(study: Study) -> None:
-    """Say on standard error which robots ran into an obstacle, or would have."""
+    """Print on standard error which runs collided with an obstacle, or overlapped one."""
     if study.collisions:
-        times = (f"{name} ({count} times)" for name, count in study.collisions.items())
+        counts = (f"{name} ({count})" for name, count in study.collisions.items())
         Console(stderr=True).print(
-            f"These robots ran into an obstacle: {', '.join(times)}.",
+            f"Runs with collisions: {', '.join(counts)}.",
             markup=False, highlight=False,
         )  # fmt: skip
     if study.touching:
         Console(stderr=True).print(
-            f"These robots would have touched an obstacle: {', '.join(study.touching)}.",
+            f"Runs in which the robot overlaps an obstacle: {', '.join(study.touching)}.",
             markup=False, highlight=False,
         )  # fmt: skip
 
 
 def _split(table: Table, width: int) -> list[list[int]]:
-    """Columns of each part that fits ``width`` characters; every part repeats the keys."""
-    needed = [3 + _least(table, i) for i in range(len(table.columns))]
+    """Split the columns into parts of at most ``width`` characters; each part repeats the keys."""
+    needed = [3 + _min_width(table, i) for i in range(len(table.columns))]
     keys = list(range(table.keys))
     parts = [[*keys]]
     for i in range(table.keys, len(needed)):
@@ -121,13 +121,13 @@ def _split(table: Table, width: int) -> list[list[int]]:
     return parts
 
 
-def _least(table: Table, i: int) -> int:
-    """Characters that column ``i`` cannot do without: its longest cell, or word of its heading.
+def _min_width(table: Table, i: int) -> int:
+    """Return the minimum width of column ``i``: its longest cell or heading word, in characters.
 
-    Sentences are broken.
+    Sentences can be wrapped to a smaller width.
     """
     least = max(map(len, [*table.columns[i].split(), *(row[i] for row in table.rows)]))
-    return min(least, _SENTENCE) if _is_prose(table, i) else least
+    return min(least, _SENTENCE_WIDTH) if _is_prose(table, i) else least
 
 
 def _is_prose(table: Table, i: int) -> bool:
@@ -135,11 +135,11 @@ def _is_prose(table: Table, i: int) -> bool:
 
 
 def _fill(drawn: RichTable, table: Table, columns: list[int], *, tight: bool) -> None:
-    """Add columns, and the rows that say something in them, with rules between the first keys."""
+    """Add columns and the rows with values in them, with a rule between groups of the first key."""
     for i in columns:
         words = i < table.keys or _is_prose(table, i)
         side: Literal["left", "right"] = "left" if words else "right"
-        least = _least(table, i)
+        least = _min_width(table, i)
         most = least if tight and not _is_prose(table, i) else None
         drawn.add_column(table.columns[i], justify=side, min_width=least, max_width=most)
     grouped = len({row[0] for row in table.rows}) < len(table.rows)

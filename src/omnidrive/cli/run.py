@@ -1,4 +1,4 @@
-"""`omnidrive run`: one controller, one task."""
+"""``omnidrive run``: simulate one controller in one task."""
 
 from __future__ import annotations
 
@@ -41,27 +41,26 @@ from omnidrive.study import (
 def run(
     demand: Demand,
     controller: Annotated[
-        str, choice(get_args(ControllerName), "Which controller.", RUN_PANEL)
+        str, choice(get_args(ControllerName), "Controller.", RUN_PANEL)
     ] = "recommended",
-    task: Annotated[
-        str, option("track|noise|step|faults", "What it has to do.", RUN_PANEL)
-    ] = "track",
+    task: Annotated[str, option("track|noise|step|faults", "Task.", RUN_PANEL)] = "track",
     horizon: Annotated[
         int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
     ] = None,
     fault: FaultOption = None,
     view: Annotated[
-        bool, flag("Watch it in MuJoCo's viewer, at real time.", RUN_PANEL, "--view")
+        bool, flag("Show the run in the MuJoCo viewer in real time.", RUN_PANEL, "--view")
     ] = False,
     out: FolderOption = None,
     video: Annotated[
-        Path | None, option("FILE", "Film of it: .mp4, or .gif; at real time.", RESULTS_PANEL)
+        Path | None,
+        option("FILE", "Video of the run in real time: .mp4 or .gif.", RESULTS_PANEL),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Drive once: one controller, one task, its numbers, time series, figures and report.
+    """Simulate one controller in one task; write metrics, time series, figures and report.
 
-    Exit status 1 if the run does not reach its end.
+    The exit status is 1 if the run stops before its end.
 
     For example:
 
@@ -69,7 +68,7 @@ def run(
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
     * `omnidrive run --task noise --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
-    * `omnidrive run --video race.gif`
+    * `omnidrive run --video run.gif`
     """
     if out is not None:
         check_new_folder(out)
@@ -82,33 +81,33 @@ def run(
         recorders = [Recorder()] if video is not None else []
         progress = stack.enter_context(LiveProgress())
         study = run_study(resolved, folder, watcher=progress, onlookers=[*viewers, *recorders])
-        films = [_film(recorder, video, progress) for recorder in recorders if video is not None]
+        videos = [_film(recorder, video, progress) for recorder in recorders if video is not None]
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
         print_tables(study.tables)
         print_events(study)
-        for each in films:
-            typer.echo(f"film: {each}")
+        for each in videos:
+            typer.echo(f"video: {each}")
         typer.echo(f"results: {folder} (open {folder / 'report.html'})")
     warn_of_collisions(study)
     study.raise_if_failed()
 
 
 def _film(recorder: Recorder, video: Path, progress: LiveProgress) -> str:
-    """Draw what was recorded; returns what there is to say of the film."""
+    """Render the recording to a video; return its path and, if not real time, its speed."""
 
-    def drawn(done: int, count: int) -> None:
+    def rendered(done: int, count: int) -> None:
         if done == 1:
             progress.part("video", count)
         progress.done(video.name)
 
-    speed = film(recorder.recording, video, progress=drawn)
-    return str(video) if speed == 1.0 else f"{video} ({speed:g} times as fast as it was)"
+    speed = film(recorder.recording, video, progress=rendered)
+    return str(video) if speed == 1.0 else f"{video} ({speed:g} times real time)"
 
 
 def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None) -> Scenario:
-    """Keep one controller and the first duration of one task."""
+    """Return the scenario with one controller and the first duration of one task."""
     name = choose_one("controller", controller, get_args(ControllerName))
     chosen = choose_one("task", task, [t for t in get_args(TaskName) if t != "horizon"])
     changes: dict[str, object] = {
@@ -118,7 +117,7 @@ def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None)
     if horizon is not None:
         if name not in PREDICTIVE:
             raise InvalidInput(
-                f"--horizon is for the controllers {' and '.join(PREDICTIVE)}, not {name}"
+                f"--horizon applies to the controllers {' and '.join(PREDICTIVE)}, not to {name}"
             )
         if not 1 <= horizon <= 200:
             raise InvalidInput(f"the horizon is {horizon} steps, need 1 to 200 steps")

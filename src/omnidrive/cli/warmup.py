@@ -1,4 +1,4 @@
-"""The verb ``warmup``."""
+"""``omnidrive warmup``: compile all numerical kernels."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from omnidrive.study import warm_up
 
 
 def warmup() -> None:
-    """Compile all numerical kernels now, so that nothing has to wait for them later.
+    """Compile all numerical kernels in advance.
 
-    It takes a minute or two, once per version of omnidrive and processor; what is compiled is kept
-    on disk. Without it every kernel is compiled when it is first used.
+    Compilation takes one to two minutes, once per version of omnidrive and processor; the compiled
+    kernels are cached on disk. Without this command, each kernel is compiled at its first use.
     """
     with LiveProgress() as progress:
         warm_up(progress)
-    typer.echo("all kernels are compiled and kept")
+    typer.echo("all kernels are compiled and cached")

@@ -1,12 +1,12 @@
-"""Logs of runs, cut short."""
+"""Truncated logs of runs."""
 
 from dataclasses import fields, replace
 
 import numpy as np
 
 
-def cut(run, rows, **changes):
-    """The run's first ``rows`` samples, some columns replaced."""
+def truncated(run, rows, **changes):
+    """Return the first ``rows`` samples of a run, with some columns replaced."""
     columns = {
         f.name: getattr(run, f.name)[:rows]
         for f in fields(run)
