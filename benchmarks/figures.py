@@ -1,4 +1,4 @@
-"""Figures of a benchmark: rows of name, value, unit, target and whether it holds."""
+"""Results of a benchmark: rows of name, value, unit, target and whether the target is met."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ console = Console(width=120)
 
 
 def ratio(name: str, value: float, target: float) -> dict[str, object]:
-    """A ratio that is to be at least ``target``."""
+    """Return the row of a ratio with a lower bound."""
     return at_least(name, value, "1", target)
 
 
@@ -30,9 +30,9 @@ def row(name, value, unit, target="", holds=True) -> dict[str, object]:
 
 
 def publish(benchmark: str, rows: list[dict[str, object]], printed: int | None = None) -> None:
-    """Print the rows, or so many, those with a target first; write ``benchmarks/out/NAME.json``."""
+    """Print up to ``printed`` rows, those with a target first; write benchmarks/out/NAME.json."""
     rows = sorted(rows, key=lambda r: not r["target"])
-    table = Table("what", "value", "unit", "target", "holds")
+    table = Table("quantity", "value", "unit", "target", "met")
     for r in rows[:printed]:
         holds = str(r["holds"]) if r["target"] else ""
         table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], holds)

@@ -68,7 +68,9 @@ class Peers:
 
     def time(self, peer: str, rows: np.ndarray) -> float:
         """Return seconds per row; exit if the peer's outputs differ by more than the tolerance."""
-        answer = self._process.ask({"peer": peer, "system": self._system, "rows": rows.tolist()})
+        answer = self._process.request(
+            {"peer": peer, "system": self._system, "rows": rows.tolist()}
+        )
         inference, tolerance = COUNTERPARTS[peer]
         difference = np.abs(np.array(answer["outputs"]) - inference(rows)).max()
         if not difference <= tolerance:

@@ -299,7 +299,7 @@ def first_call(call: tuple, kept: str) -> tuple[float, float]:
 
 
 def main() -> None:
-    process, rows = PeerProcess.if_there("nmpc"), []
+    process, rows = PeerProcess.if_available("nmpc"), []
     # drawn between turns: a thread that draws would be in the times
     with Progress(console=console, transient=True, auto_refresh=False) as progress:
 

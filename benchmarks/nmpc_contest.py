@@ -86,7 +86,7 @@ class There:
         """Seconds of every call, and first controls."""
         parts = [{name: a.tolist() for name, a in numbers(p).items()} for p in problems]
         request = {"peer": self.peer, "case": self.case, "statement": statement(problems[0])}
-        answer = self.process.ask(request | {"reset": fresh, "problems": parts})
+        answer = self.process.request(request | {"reset": fresh, "problems": parts})
         return answer["seconds"], answer["controls"]
 
 

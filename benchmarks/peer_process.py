@@ -1,4 +1,4 @@
-"""Other libraries, in a process and an environment of their own: a line of JSON in, one out."""
+"""Client of a process with other libraries in a separate environment; one JSON line per message."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ PEER_PYTHON = Path(".venv/peers/bin/python")
 
 
 class PeersMissing(Exception):
-    """The environment of the peers is not there, or a peer in it does not start."""
+    """The environment of the peer libraries does not exist, or a library in it cannot be loaded."""
 
 
 class PeerProcess:
-    """Runs ``benchmarks/BENCHMARK_peers.py``, which serves requests (see peer_service.py).
+    """A process that runs ``benchmarks/BENCHMARK_peers.py`` (see peer_service.py).
 
     Raises:
-        PeersMissing: There is no environment for it, or it does not start; what it said stands on
-            stderr, and the message says how to install it.
+        PeersMissing: The environment does not exist, or the process does not start. Its errors are
+            on stderr; the message describes the installation.
     """
 
     def __init__(self, benchmark: str) -> None:
@@ -33,22 +33,22 @@ class PeerProcess:
         self._process = subprocess.Popen(
             [PEER_PYTHON, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
-        self.ask(READY)
+        self.request(READY)
 
     @classmethod
-    def if_there(cls, benchmark: str) -> PeerProcess | None:
-        """The peers, or a line that says why not."""
+    def if_available(cls, benchmark: str) -> PeerProcess | None:
+        """Return the process, or print the reason and return None."""
         try:
             return cls(benchmark)
         except PeersMissing as error:
             console.print(f"Without peers: {error}.")
             return None
 
-    def ask(self, request: object) -> Any:
-        """Send a request and wait for its answer.
+    def request(self, request: object) -> Any:
+        """Send a request and wait for the reply.
 
         Raises:
-            PeersMissing: The process ended without one; what it said stands on stderr.
+            PeersMissing: The process ended without a reply; its errors are on stderr.
         """
         try:
             self._process.stdin.write(json.dumps(request) + "\n")

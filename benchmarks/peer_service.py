@@ -1,4 +1,4 @@
-"""The peers' side of peer_process.py; runs in their environment and needs nothing installed."""
+"""Server of peer_process.py, in the environment of the peers; uses the standard library only."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ READY = "ready?"
 
 
 def serve(answer: Callable[[Any], Any]) -> None:
-    """Answer every request, a line of JSON on stdin, by one on stdout, until there are no more.
+    """Reply to every request (one JSON line on stdin) with one JSON line on stdout.
 
-    ``answer`` makes the answer from the request; "ready?" is answered here, by "yes".
+    ``answer`` computes the reply to a request; "ready?" is replied to with "yes".
     """
-    answers = os.fdopen(os.dup(1), "w")  # whatever a library prints is no answer
+    answers = os.fdopen(os.dup(1), "w")  # redirect the output of libraries to stderr
     os.dup2(2, 1)
     for line in sys.stdin:
         request = json.loads(line)

@@ -102,7 +102,7 @@ def there(peer: str, file: Path, process: PeerProcess) -> Solver:
     """A peer in its process."""
 
     def solve(asked: list) -> tuple[list[float], list[float]]:
-        answer = process.ask({"peer": peer, "map": str(file), "queries": asked})
+        answer = process.request({"peer": peer, "map": str(file), "queries": asked})
         return answer["seconds"], answer["lengths"]
 
     return solve
@@ -181,7 +181,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--sizes", type=int, nargs="+", default=list(QUERIES))
     arguments = parser.parse_args()
-    process, rows = PeerProcess.if_there("planning"), []
+    process, rows = PeerProcess.if_available("planning"), []
     for size in arguments.sizes:
         for world in WORLDS:
             console.print(f"{world.name}, {size} x {size} cells")

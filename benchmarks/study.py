@@ -1,4 +1,4 @@
-"""How long the default study takes, part by part, and how much faster than time each plant runs."""
+"""Wall time of the default study by part, and real-time factor of each plant."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from omnidrive.study import make_plant, paper_scenario, run_study
 
 ROUNDS = 5
 SECONDS = 4.0  # simulated per round
-STUDY_LIMIT = 90.0  # s on two cores, from a warm install
+STUDY_LIMIT = 90.0  # s on two cores, with compiled kernels
 PLANTS = ("kinematic", "ball", "rollers")
 TWIST = BodyTwist(0.5, 0.2, 0.6)
 
 
 def study_rows() -> list[dict[str, object]]:
-    """Wall time of every part of `omnidrive compare` on two processes, after a warm-up."""
+    """Return the wall time of the parts of `omnidrive compare` on two processes, after warm-up."""
     with TemporaryDirectory() as folder:
         run_study(paper_scenario(), Path(folder) / "warm", processes=2)
         began = perf_counter()
@@ -32,7 +32,7 @@ def study_rows() -> list[dict[str, object]]:
 
 
 def plant_rows() -> list[dict[str, object]]:
-    """Simulated seconds per second of one core, interleaved over plants; medians."""
+    """Return the median real-time factor of each plant on one core, over interleaved rounds."""
     pairs = [(robot, name) for robot in ROBOTS for name in PLANTS]
     plants = {pair: make_plant(ROBOTS[pair[0]], pair[1]) for pair in pairs}
     factors: dict[tuple[str, str], list[float]] = {pair: [] for pair in pairs}

@@ -1,11 +1,11 @@
-"""The paper's whole study in a few lines: the same as `omnidrive compare`."""
+"""Run the paper's study; equivalent to `omnidrive compare`."""
 
 from pathlib import Path
 from tempfile import mkdtemp
 
 import omnidrive as od
 
-if __name__ == "__main__":  # with processes > 1, workers import this file
+if __name__ == "__main__":  # worker processes import this file
     folder = Path(mkdtemp()) / "study"
     study = od.run_study(od.paper_scenario(), folder, processes=2)
     for run in study.results.tracks:

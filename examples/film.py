@@ -1,4 +1,4 @@
-"""Film a run; the same as `omnidrive run --video`. A GIF needs no encoder, an MP4 does."""
+"""Write a video of a run; equivalent to `omnidrive run --video`. A GIF needs no encoder."""
 
 import numpy as np
 

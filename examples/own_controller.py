@@ -1,4 +1,4 @@
-"""A controller of one's own: any object with `reset` and `step` will do."""
+"""A custom controller: any object with the methods `reset` and `step`."""
 
 from math import hypot
 
@@ -6,18 +6,18 @@ import omnidrive as od
 
 
 class PureProportional:
-    """Drive towards where the reference is now."""
+    """Proportional control towards the current reference pose."""
 
     def reset(self, pose: od.Pose) -> None:
-        """Forget nothing: there is no memory."""
+        """Do nothing: the controller has no state."""
 
     def step(self, t: float, pose: od.Pose, reference: od.Reference) -> od.Command:
-        """Body twist of 3 1/s times the error."""
+        """Return a body twist of 3 1/s times the pose error."""
         target = reference.at(t).pose
-        ahead = od.WorldTwist(
+        velocity = od.WorldTwist(
             3.0 * (target.x - pose.x), 3.0 * (target.y - pose.y), 3.0 * (target.yaw - pose.yaw)
         )
-        return od.Command(od.to_body(ahead, pose.yaw))
+        return od.Command(od.to_body(velocity, pose.yaw))
 
 
 goal = od.Pose(1.0, 0.5, 0.3)
@@ -29,5 +29,5 @@ run = od.simulate(
     start=od.Pose(0.0, 0.0, 0.0),
     dt=0.05,
 )
-left = hypot(run.pose[-1, 0] - goal.x, run.pose[-1, 1] - goal.y)
-print(f"{run.outcome.value}; {left * 1e3:.2f} mm from the goal")
+distance = hypot(run.pose[-1, 0] - goal.x, run.pose[-1, 1] - goal.y)
+print(f"{run.outcome.value}; {distance * 1e3:.2f} mm from the goal")

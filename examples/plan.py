@@ -1,4 +1,4 @@
-"""Plan on a map: search, smooth, time; the same as `omnidrive plan`."""
+"""Plan a path on a map, smooth it and time it; equivalent to `omnidrive plan`."""
 
 import omnidrive as od
 

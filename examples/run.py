@@ -1,4 +1,4 @@
-"""Drive once on physics and print how well it went; the same as `omnidrive run`."""
+"""Simulate one run with physics and print its errors; equivalent to `omnidrive run`."""
 
 import omnidrive as od
 

@@ -1,7 +1,7 @@
-"""How property tests draw their examples."""
+"""Profiles of the property tests."""
 
 from hypothesis import settings
 
-# what is checked before a change lands must not depend on luck; `make test-long` seeks new examples
+# quick tests use fixed examples; `make test-long` draws new ones
 settings.register_profile("repeatable", derandomize=True)
 settings.register_profile("fresh", print_blob=True)

@@ -1,4 +1,4 @@
-"""Independent reference data beside the repository; tests that need it skip where it is absent."""
+"""Reference data in a folder next to the repository; tests are skipped if it is missing."""
 
 from pathlib import Path
 
@@ -9,13 +9,13 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 def shared(name):
-    """Path of one file of the reference data."""
+    """Return the path of a file of the reference data, or skip the test."""
     path = SHARED / name
     if not path.exists():
-        pytest.skip(f"the reference data {name} is not beside the repository")
+        pytest.skip(f"the reference data {name} does not exist")
     return path
 
 
 def shared_table(name):
-    """One CSV file as an array, without its heading."""
+    """Return a CSV file as an array, without its header."""
     return np.loadtxt(shared(name), delimiter=",", skiprows=1)

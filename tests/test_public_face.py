@@ -1,4 +1,4 @@
-"""What a newcomer meets first: the README, the examples, the exported names, the lock files."""
+"""README, documentation links, examples, exported names and lock files."""
 
 import os
 import re
@@ -40,11 +40,11 @@ def test_examples_run(example, tmp_path):
     assert run(example, cwd=tmp_path).strip()
 
 
-def test_there_is_an_example_per_verb():
+def test_every_verb_has_an_example():
     assert {"compare", "plan", "run"} <= {path.stem for path in EXAMPLES}
 
 
-def test_the_readmes_python_runs(tmp_path):
+def test_readme_python_code_runs(tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     assert blocks
     for block in blocks:
@@ -56,8 +56,8 @@ COMMANDS = re.findall(r"^omnidrive (.*?)(?: +#.*)?$", SHELL, re.MULTILINE)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_readmes_commands_run(command, tmp_path):
-    """As printed, but on the quick plant, and with the map and folder that they speak of."""
+def test_readme_commands_run(command, tmp_path):
+    """Run a command on a fast plant, with the map and the folder that it names."""
     words = command.split()
     if "depot.yaml" in words:
         words[words.index("depot.yaml")] = str(shared("maps/nav2/depot.yaml"))
@@ -65,27 +65,43 @@ def test_the_readmes_commands_run(command, tmp_path):
         run("-m", "omnidrive", "plan", "--out", "runs/NAME", cwd=tmp_path)
     if "tuner.fis" in words:
         save(gain_tuning_system(paper_rules()), tmp_path / "tuner.fis")
-    plant = "planar" if "--fault" in words else "kinematic"  # on which nothing has a force
+    plant = "planar" if "--fault" in words else "kinematic"  # simulates no forces
     quick = [] if words[0] in {"plan", "fuzzy", "warmup"} else ["--plant", plant]
     assert run("-m", "omnidrive", *words, *quick, cwd=tmp_path)
 
 
-def test_the_readmes_make_targets_exist():
+def test_readme_make_targets_exist():
     makefile = (ROOT / "Makefile").read_text()
     for target in re.findall(r"^make (\w+)", README, re.MULTILINE):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
-def test_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+def test_links_are_valid(page):
+    """Every relative link exists; a link text that is a file name matches its target."""
+    links = re.findall(r"\[([^\]]*)\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+    for text, target in links:
         assert (page.parent / target).exists(), target
+        if text.endswith(".py"):
+            assert target.endswith(text), target
 
 
-def test_every_public_name_is_listed():
+def test_readme_anchors_exist():
+    anchors = {
+        re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-")
+        for heading in re.findall(r"^#+ (.*)$", README, re.MULTILINE)
+    }
+    for page in PAGES:
+        for anchor in re.findall(
+            r"\]\([./]*README\.md#([^)]*)\)", page.read_text(encoding="utf-8")
+        ):
+            assert anchor in anchors, (page, anchor)
+
+
+def test_public_names_are_listed_and_documented():
     assert set(dir(omnidrive)) == set(omnidrive.__all__)
     for name in omnidrive.__all__:
-        getattr(omnidrive, name)  # which is when it is loaded
+        getattr(omnidrive, name)  # loads it
     public = {
         name
         for name, value in vars(omnidrive).items()
@@ -96,7 +112,7 @@ def test_every_public_name_is_listed():
 
 
 @pytest.mark.parametrize("name", ["requirements.lock", "requirements-dev.lock"])
-def test_lock_files_pin_with_hashes_and_name_no_address(name):
+def test_lock_files_have_hashes_and_no_urls(name):
     text = (ROOT / name).read_text()
     assert "://" not in text
     assert "--index-url" not in text
