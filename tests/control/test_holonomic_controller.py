@@ -1,4 +1,4 @@
-"""The holonomic controller: what it does when it cannot do what it should."""
+"""Holonomic controller: tracking, compensation, fallback levels and deadlines."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ from tests.laws.motions import Circle
 
 DT = 0.1
 CHASSIS = named_robot("small").chassis
-NOWHERE = Pose(np.nan, 0.0, 0.0)
+INVALID = Pose(np.nan, 0.0, 0.0)
 
 
 def started(horizon=15):
@@ -35,20 +35,20 @@ def started(horizon=15):
     return controller, controller.step(0.0, start, Circle())
 
 
-def rung(command):
+def fallback_level(command):
     return FallbackLevel(int(command.details[0]))
 
 
-def test_a_robot_on_the_reference_stays_on_it():
+def test_robot_on_the_reference_stays_on_it():
     controller, command = started()
     assert command.status is Status.OK
-    assert rung(command) is FallbackLevel.CONVERGED
+    assert fallback_level(command) is FallbackLevel.CONVERGED
     after = move(Circle().at(0.0).pose, command.twist, DT)
     assert np.allclose(after, Circle().at(DT).pose, atol=1e-9)
     assert controller.solution.residual < 1e-6
 
 
-def test_with_other_wheels_it_goes_on_where_it_was():
+def test_controller_with_reduced_drive_continues_its_state():
     robot = named_robot("small")
     usual = Actuation.of(robot)
     controller = holonomic_nmpc(CHASSIS, DT, actuation=usual)
@@ -65,19 +65,19 @@ def test_with_other_wheels_it_goes_on_where_it_was():
     before = np.array(fewer._twists[-1])
     hurried = fewer.step(0.6, Circle().at(0.6).pose, far).twist
     change = np.abs(left.acceleration_faces @ (np.array(fewer._twists[-1]) - before)).max()
-    assert 0.99 * DT <= change <= DT * (1.0 + 1e-6)  # as hard as the three can push
+    assert 0.99 * DT <= change <= DT * (1.0 + 1e-6)  # the friction limits of three wheels
     assert np.isfinite(hurried).all()
 
 
-def test_a_lost_measurement_is_bridged_by_the_old_plan_then_by_a_ramp_then_refused():
+def test_lost_measurements_descend_the_fallback_levels():
     controller, _ = started()
     planned = controller.solution
     commands = [
-        controller.step(DT * k, NOWHERE, Circle())
+        controller.step(DT * k, INVALID, Circle())
         for k in range(1, OLD_PLAN_STEPS + RAMP_STEPS + 2)
     ]
-    rungs = [rung(each) for each in commands]
-    assert rungs == [FallbackLevel.OLD_PLAN] * OLD_PLAN_STEPS + [
+    levels = [fallback_level(each) for each in commands]
+    assert levels == [FallbackLevel.OLD_PLAN] * OLD_PLAN_STEPS + [
         FallbackLevel.RAMP
     ] * RAMP_STEPS + [FallbackLevel.STOP]
     speeds = [np.hypot(each.twist.vx, each.twist.vy) for each in commands]
@@ -91,38 +91,38 @@ def test_a_lost_measurement_is_bridged_by_the_old_plan_then_by_a_ramp_then_refus
     assert np.allclose(first, planned.states[2], atol=1e-9)
 
 
-def test_one_bad_measurement_spoils_no_later_step():
+def test_invalid_measurement_does_not_affect_later_steps():
     controller, _ = started()
-    controller.step(DT, NOWHERE, Circle())
+    controller.step(DT, INVALID, Circle())
     pose = Circle().at(2 * DT).pose
     fresh = holonomic_nmpc(CHASSIS, DT)
     assert controller.step(2 * DT, pose, Circle()) == fresh.step(2 * DT, pose, Circle())
 
 
-def test_a_horizon_too_short_to_bridge_stops():
+def test_lost_measurement_stops_the_robot_if_the_plan_is_too_short():
     controller, _ = started(horizon=1)
-    assert rung(controller.step(DT, NOWHERE, Circle())) is FallbackLevel.STOP
+    assert fallback_level(controller.step(DT, INVALID, Circle())) is FallbackLevel.STOP
 
 
-def test_a_capped_plan_keeps_the_limits_and_says_so():
+def test_plan_at_maximum_of_iterations_is_feasible_and_reported():
     controller, _ = started()
     controller.solver = HolonomicSolver(HolonomicSolverSettings(max_iterations=2))
     command = controller.step(0.0, Pose(40.0, -30.0, 2.0), Circle())
-    assert rung(command) is FallbackLevel.FEASIBLE
+    assert fallback_level(command) is FallbackLevel.FEASIBLE
     assert command.status is Status.FALLBACK
     assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
 
 
 @pytest.mark.parametrize("far", [3.0, 1e3, 1e5])
-def test_a_target_far_away_is_approached_at_full_speed_within_the_limits(far):
+def test_far_target_is_approached_at_the_wheel_speed_limit(far):
     command = holonomic_nmpc(CHASSIS, DT).step(0.0, Pose(0.0, 0.0, 0.3), Hold(Pose(far, 0, 0), 9.0))
     speeds = np.abs(CHASSIS.wheel_speeds(command.twist))
     assert speeds.max() == pytest.approx(CHASSIS.max_wheel_speed, rel=5e-3)
     assert speeds.max() <= CHASSIS.max_wheel_speed * (1 + 1e-6)
 
 
-def test_what_is_asked_for_leads_a_robot_with_lag_and_delay_along_the_reference():
-    """The robot of the model, late by a fraction of a step, with a lag of one."""
+def test_lag_and_delay_are_compensated():
+    """The plant is the model: a delay of 2.5 steps and a lag of one step."""
     lag, delay = 0.1, 0.25
     controller = holonomic_nmpc(CHASSIS, DT, actuation=Actuation(lag=(lag, lag), delay=delay))
     reference = Circle()
@@ -139,7 +139,7 @@ def test_what_is_asked_for_leads_a_robot_with_lag_and_delay_along_the_reference(
     assert max(errors[40:]) < 5e-4
 
 
-def test_acceleration_is_limited_to_what_the_wheels_can_push():
+def test_acceleration_keeps_the_friction_limits():
     robot = named_robot("small")
     controller = holonomic_nmpc(
         robot.chassis, DT, actuation=Actuation(acceleration=robot.acceleration_faces)
@@ -157,7 +157,7 @@ def test_acceleration_is_limited_to_what_the_wheels_can_push():
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_a_keep_out_on_the_way_is_evaded(moving):
+def test_keep_out_zone_on_the_path_is_avoided(moving):
     speed = np.array([0.0, 0.2 if moving else 0.0])
 
     def ahead(t, points, dt):
@@ -175,14 +175,14 @@ def test_a_keep_out_on_the_way_is_evaded(moving):
         pose = move(pose, command.twist, DT)
         centre = np.array([1.0, 0.02]) + ((k + 1) * DT - 2.0) * speed
         nearest = min(nearest, np.hypot(*(np.array(pose[:2]) - centre)))
-    assert nearest > 0.36  # soft: 0.4 less the pull of a target 1 m beyond
+    assert nearest > 0.36  # a soft constraint of 0.4, against the cost of a target 1 m behind it
     assert statuses == {Status.OK}
     assert np.allclose(pose, (2.0, 0.0, 0.0), atol=0.01)
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 @pytest.mark.parametrize("turns", [0.0, 2 * np.pi, -4 * np.pi])
-def test_a_circle_is_driven_across_the_branch_of_the_heading(sense, turns):
+def test_circle_is_tracked_across_the_jump_of_the_heading(sense, turns):
     """The reference's heading jumps from pi to -pi, the measured one does not."""
 
     class Wrapped(Circle):
@@ -206,11 +206,11 @@ def test_a_circle_is_driven_across_the_branch_of_the_heading(sense, turns):
         assert abs(wrap(pose.yaw - yaw)) < 1e-6
 
 
-def test_a_deadline_that_passed_gives_a_plan_within_the_limits():
+def test_expired_deadline_yields_a_feasible_plan():
     solver = HolonomicSolver(deadline=0.0)
     controller = holonomic_nmpc(CHASSIS, DT, solver=solver)
     command = controller.step(0.0, Pose(40.0, -30.0, 2.0), Circle())
-    assert rung(command) is FallbackLevel.FEASIBLE
+    assert fallback_level(command) is FallbackLevel.FEASIBLE
     assert command.status is Status.FALLBACK
     assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
 
@@ -227,13 +227,13 @@ print(*(bool(f.signatures) for f in (
 
 
 @pytest.mark.parametrize("horizon", [1, 15])
-def test_nothing_is_left_to_compile_or_to_load_in_the_first_step_before_a_deadline(horizon):
+def test_solver_with_deadline_is_compiled_before_the_first_step(horizon):
     code = LOADED.format(horizon=horizon)
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["True"] * 3
 
 
-def test_ipopt_drives_alike():
+def test_commands_agree_with_ipopt():
     pytest.importorskip("casadi")
     pose = Pose(0.3, -0.2, 0.5)
     ours = holonomic_nmpc(CHASSIS, DT).step(0.0, pose, Circle())
@@ -250,36 +250,36 @@ def test_ipopt_drives_alike():
         ({"parameters": HolonomicParameters(velocity_weight=0.0)}, "velocity_weight"),
     ],
 )
-def test_bad_arguments_are_refused(settings, message):
+def test_invalid_arguments_are_rejected(settings, message):
     with pytest.raises(InvalidInput, match=message):
         holonomic_nmpc(**{"chassis": CHASSIS, "dt": DT, **settings})
 
 
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
-def test_a_negative_lag_or_delay_is_refused(value):
+def test_negative_lag_or_delay_is_rejected(value):
     for name, given in (("lag", (0.1, value)), ("delay", value)):
         with pytest.raises(InvalidInput, match=f"the {name} must not be negative, got"):
             Actuation(**{name: given})
 
 
-def test_a_chassis_that_cannot_move_in_every_direction_is_refused():
+def test_chassis_that_is_not_holonomic_is_rejected():
     wheels = np.array([[20.0, 0.0, 5.0], [20.0, 0.0, -5.0]])  # a differential drive
     with pytest.raises(InvalidInput, match="rank 2, need 3"):
         Chassis(wheels, 50.0)
 
 
-def test_a_solver_that_is_none_is_refused():
+def test_unknown_solver_is_rejected():
     with pytest.raises(InvalidInput, match="no solver 'acados'; there are sqp, rti, casadi"):
         unwrap(holonomic_nmpc)(CHASSIS, DT, solver="acados")
 
 
-def test_few_iterations_keep_the_limits_and_cost_a_little():
-    """The solver ``rti``; where no limit binds it is optimal."""
+def test_rti_plan_is_feasible_and_nearly_optimal():
+    """Without active limits it is optimal."""
     near, far = Circle().at(0.0).pose, Pose(0.3, -0.2, 0.5)
     quick, full = holonomic_nmpc(CHASSIS, DT, solver="rti"), holonomic_nmpc(CHASSIS, DT)
     assert quick.step(0.0, near, Circle()) == full.step(0.0, near, Circle())
     command = quick.step(0.0, far, Circle())
     full.step(0.0, far, Circle())
-    assert rung(command) is FallbackLevel.FEASIBLE
+    assert fallback_level(command) is FallbackLevel.FEASIBLE
     assert quick.solution.violation <= 0.0
     assert full.solution.cost < quick.solution.cost < 1.5 * full.solution.cost

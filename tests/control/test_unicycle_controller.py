@@ -1,4 +1,4 @@
-"""The controller around the solvers."""
+"""Controller with the unicycle model."""
 
 import inspect
 
@@ -32,7 +32,7 @@ CORNER = Hold(Pose(2.0, 2.0, 0.25 * np.pi), 10.0)
 
 
 def bend(turn=0.0):
-    """Quarter circle of 4 m radius in 12 s, the whole turned by ``turn`` rad."""
+    """Quarter circle of 4 m radius in 12 s, rotated by ``turn`` rad."""
     angle = np.linspace(0.0, 0.5 * np.pi, 32)
     x, y = 4.0 * np.sin(angle), 4.0 - 4.0 * np.cos(angle)
     c, s = np.cos(turn), np.sin(turn)
@@ -47,7 +47,7 @@ def drive(controller, reference, start=START):
     ).raise_if_failed()
 
 
-def test_is_a_controller():
+def test_satisfies_the_controller_protocol():
     assert isinstance(unicycle_nmpc("paper", DT), Controller)
 
 
@@ -67,15 +67,15 @@ def test_step_reference_is_reached_and_held():
     assert late.max() < 1e-2
 
 
-def test_published_code_stops_beside_the_step():
-    """The known flaw that the mend removes: see ``unicycle_law``."""
+def test_published_code_has_a_steady_state_error():
+    """The steady-state error that the lateral gain removes: see ``unicycle_law``."""
     run = drive(unicycle_nmpc("published-code", DT), CORNER)
     error = (run.pose - run.target)[-1]
     np.testing.assert_allclose(run.command[-1], 0.0, atol=1e-6)
     assert 0.05 < np.hypot(error[0], error[1]) < 0.15
 
 
-def test_limits_hold_for_the_robot_too():
+def test_command_keeps_the_limits_of_the_controls():
     run = drive(unicycle_nmpc("paper", DT), Hold(Pose(-4.0, 3.0, 3.0), 6.0))
     assert np.hypot(run.command[:, 0], run.command[:, 1]).max() <= 1.5 + 1e-12
     assert np.abs(run.command[:, 2]).max() <= 3.14
@@ -103,7 +103,7 @@ def test_reset_clears_all_memory():
 
 
 @pytest.mark.parametrize("turn", [1.0, 2.5, -3.0])
-def test_equivariant_under_turning_the_world(turn):
+def test_commands_are_equivariant_under_rotation_of_the_world(turn):
     flat = drive(unicycle_nmpc("paper", DT), bend(), Pose(0.0, 0.1, 0.2))
     turned = drive(
         unicycle_nmpc("paper", DT),
@@ -114,17 +114,17 @@ def test_equivariant_under_turning_the_world(turn):
 
 
 @pytest.mark.parametrize("turns", [-2, 1, 7])
-def test_whole_turns_of_the_robot_change_nothing(turns):
+def test_full_turns_of_the_measured_yaw_have_no_effect(turns):
     pose = Pose(0.1, 0.1, 3.1)
     reference = Hold(Pose(0.5, 0.1, -3.1), 5.0)
-    plain = unicycle_nmpc("paper", DT).step(0.0, pose, reference)
-    wound = unicycle_nmpc("paper", DT).step(
+    single = unicycle_nmpc("paper", DT).step(0.0, pose, reference)
+    turned = unicycle_nmpc("paper", DT).step(
         0.0, pose._replace(yaw=pose.yaw + 2.0 * np.pi * turns), reference
     )
-    np.testing.assert_allclose(wound.twist, plain.twist, atol=1e-6)
+    np.testing.assert_allclose(turned.twist, single.twist, atol=1e-6)
 
 
-def test_headings_are_moved_as_a_whole():
+def test_headings_are_unwrapped_near_the_measured_yaw():
     headings = np.array([3.0, 3.1, -3.1, -3.0])
     moved = unwrap_near(headings, -3.2 + 4.0 * np.pi)
     np.testing.assert_allclose(np.diff(moved), [0.1, 2.0 * np.pi - 6.2, 0.1])
@@ -138,16 +138,16 @@ def test_feedforward_is_signed_along_the_heading():
     np.testing.assert_allclose(finite_differences(back, 0.1), [[-5.0, 0.0]])
 
 
-def test_law_drives_along_the_first_predicted_heading():
+def test_law_moves_along_the_first_predicted_heading():
     pose = Pose(1.0, 2.0, 0.3)
     problem = tracking_problem(PRESETS["paper"], 0.0, pose, CORNER, horizon=15, dt=DT)
     controls = np.tile([0.5, 2.0], (15, 1))
     plan = UnicycleSolution.of(problem, controls, 0, Exit.CAPPED)
     expected = to_body(WorldTwist(0.5 * np.cos(0.5), 0.5 * np.sin(0.5), 2.0), 0.3)
     np.testing.assert_allclose(unicycle_law(problem, plan, 0.0), expected, atol=1e-12)
-    plain, mended = unicycle_law(problem, plan, 0.0), unicycle_law(problem, plan, 1.0)
-    assert mended != plain
-    assert np.hypot(*mended[:2]) <= 1.5
+    literal, corrected = unicycle_law(problem, plan, 0.0), unicycle_law(problem, plan, 1.0)
+    assert corrected != literal
+    assert np.hypot(*corrected[:2]) <= 1.5
 
 
 def capped(cap):
@@ -155,7 +155,7 @@ def capped(cap):
     return UnicycleController(DT, 15, PRESETS["paper"], solver)
 
 
-def test_iteration_cap_is_a_fallback_not_a_stop():
+def test_maximum_of_iterations_yields_a_fallback_command():
     run = drive(capped(1), CORNER)
     assert run.outcome is Outcome.FINISHED
     assert run.status[0] == Status.FALLBACK
@@ -164,7 +164,7 @@ def test_iteration_cap_is_a_fallback_not_a_stop():
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("part", ["x", "y", "yaw"])
-def test_bad_measurement_fails_and_does_not_poison_later_steps(bad, part):
+def test_invalid_measurement_fails_without_affecting_later_steps(bad, part):
     controller = unicycle_nmpc("paper", DT)
     controller.reset(START)
     controller.step(0.0, START, CORNER)
@@ -175,7 +175,7 @@ def test_bad_measurement_fails_and_does_not_poison_later_steps(bad, part):
 
 
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e200])
-def test_absurdly_far_target_yields_a_finite_command(far):
+def test_far_target_yields_a_finite_command(far):
     command = unicycle_nmpc("paper", DT).step(0.0, START, Hold(Pose(far, -far, 0.0), 10.0))
     assert np.isfinite(command.twist).all()
     assert np.hypot(*command.twist[:2]) <= 1.5 + 1e-12
@@ -195,7 +195,7 @@ def test_nan_reference_fails():
         ({"preset": PRESETS["paper"]._replace(speed_weight=-1.0)}, "speed_weight is -1"),
     ],
 )
-def test_bad_settings_are_refused(arguments, message):
+def test_invalid_settings_are_rejected(arguments, message):
     settings = {"preset": "paper", "dt": DT} | arguments
     with pytest.raises(InvalidInput, match=message):
         unicycle_nmpc(**settings)
@@ -208,13 +208,13 @@ def test_bad_settings_are_refused(arguments, message):
         ({"solver": "acados"}, "no solver 'acados'; there are sqp, rti, casadi"),
     ],
 )
-def test_names_nobody_has_are_refused(arguments, message):
-    unchecked = inspect.unwrap(unicycle_nmpc)  # users have no run-time type checks
+def test_unknown_names_are_rejected(arguments, message):
+    unchecked = inspect.unwrap(unicycle_nmpc)  # without the run-time type checks of the tests
     with pytest.raises(InvalidInput, match=message):
         unchecked(**({"preset": "paper", "dt": DT} | arguments))
 
 
-def test_solvers_drive_alike():
+def test_controllers_with_both_solvers_agree():
     pytest.importorskip("casadi")
     ours = drive(unicycle_nmpc("paper", DT), bend())
     theirs = drive(unicycle_nmpc("paper", DT, solver="casadi"), bend())

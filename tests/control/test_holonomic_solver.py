@@ -1,4 +1,4 @@
-"""Holonomic NMPC: derivatives, optimality, agreement with IPOPT, laws."""
+"""Solver of holonomic problems: derivatives, optimality, agreement with IPOPT, invariants."""
 
 from inspect import unwrap
 from math import cos, pi, sin
@@ -56,11 +56,12 @@ SEEDS = st.integers(0, 2**32 - 1)
 SQUARE = np.array([[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]])
 
 
-def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, places=0):
-    """A wavy reference of about 0.7 m/s, and a start beside it.
+def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, zones=0):
+    """Return the problem of a wavy reference of about 0.7 m/s, and a start beside it.
 
-    With limits of the wheels' ``rate`` in rad/s^2, or a lag in s, the robot moves at first; with
-    ``places``, discs, squares and moving discs lie near the reference.
+    With a limit ``rate`` of the wheels' acceleration in rad/s^2, or a lag in s, the robot moves
+    initially; ``zones`` is the number of keep-out zones near the reference: discs, squares and
+    moving discs.
     """
     dt, phase = 0.1, rng.uniform(-pi, pi)
     t = phase + dt * np.arange(stages + 1)
@@ -84,12 +85,12 @@ def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, places=
         state_weights,
         control_weights,
         limits,
-        stack_keep_outs([place(rng, k, targets) for k in range(places)], stages + 1),
+        stack_keep_outs([zone(rng, k, targets) for k in range(zones)], stages + 1),
     )
 
 
-def place(rng, k, targets):
-    """Near the reference: a disc, a rounded square, and a disc that crosses it."""
+def zone(rng, k, targets):
+    """Return a zone near the reference: a disc, a rounded square, or a disc that crosses it."""
     centre = targets[rng.integers(len(targets)), :2] + 0.3 * rng.normal(size=2)
     moves = np.linspace(0.0, 0.5, len(targets))[:, None] * rng.normal(size=2)
     return (
@@ -100,29 +101,29 @@ def place(rng, k, targets):
 
 
 def gradient_of(p, velocities):
-    """Derivative of J."""
-    at = allocate_point(velocities, np.empty((len(velocities), 0)))
-    evaluate(p, at)
-    return reduced_gradient(p.dt, at)
+    """Return the derivative of J by the velocities."""
+    point = allocate_point(velocities, np.empty((len(velocities), 0)))
+    evaluate(p, point)
+    return reduced_gradient(p.dt, point)
 
 
 @pytest.mark.parametrize("half", [0.0, 1e-3, 0.019999, 0.020001, 0.3, -1.2, 1.6, -2.5])
-def test_the_arcs_factor_and_its_derivatives(half):
+def test_arc_factor_and_its_derivatives(half):
     h = 1e-5
-    value, slope, bend = arc_factor(half)
+    value, first, second = arc_factor(half)
     if abs(half) <= 1.5:
         assert value == pytest.approx(half / sin(half) if half else 1.0, abs=1e-14)
-    assert slope == pytest.approx(
+    assert first == pytest.approx(
         (arc_factor(half + h)[0] - arc_factor(half - h)[0]) / (2 * h), abs=1e-8
     )
-    assert bend == pytest.approx(
+    assert second == pytest.approx(
         (arc_factor(half + h)[1] - arc_factor(half - h)[1]) / (2 * h), abs=1e-7
     )
 
 
 @given(SEEDS)
 @settings(max_examples=50, deadline=None)
-def test_a_stage_is_driven_by_the_twist_that_leads_from_its_start_to_its_end(seed):
+def test_arc_twist_connects_start_and_end_of_a_stage(seed):
     yaw, vx, vy, rate = np.random.default_rng(seed).uniform(-3, 3, 4).tolist()
     moved = Pose(0.1 * vx, 0.1 * vy, yaw + 0.1 * rate)
     ahead, left = arc_twist(0.1, yaw, vx, vy, rate)
@@ -133,61 +134,61 @@ def test_a_stage_is_driven_by_the_twist_that_leads_from_its_start_to_its_end(see
 
 @given(SEEDS)
 @settings(max_examples=50, deadline=None)
-def test_derivatives_of_twists(seed):
+def test_derivatives_of_stage_twists(seed):
     rng = np.random.default_rng(seed)
-    stage, pull = rng.uniform(-3, 3, 4), tuple(rng.normal(size=2).tolist())
+    stage, multipliers = rng.uniform(-3, 3, 4), tuple(rng.normal(size=2).tolist())
 
-    def at(stage):
-        slopes, bends = np.empty((1, 2, 4)), np.empty((1, 4, 4))
-        value = twist_derivatives(0.1, tuple(stage.tolist()), pull, slopes, bends, 0)
-        return np.array(value), slopes[0], bends[0]
+    def derivatives(stage):
+        jacobian, hessian = np.empty((1, 2, 4)), np.empty((1, 4, 4))
+        value = twist_derivatives(0.1, tuple(stage.tolist()), multipliers, jacobian, hessian, 0)
+        return np.array(value), jacobian[0], hessian[0]
 
-    value, slopes, bends = at(stage)
+    value, jacobian, hessian = derivatives(stage)
     np.testing.assert_allclose(value, arc_twist(0.1, *stage.tolist()), atol=1e-12)
     for a in range(4):
         step = 1e-6 * np.eye(4)[a]
-        above, up, _ = at(stage + step)
-        below, down, _ = at(stage - step)
-        np.testing.assert_allclose(slopes[:, a], (above - below) / 2e-6, rtol=1e-6, atol=1e-6)
-        pulled = np.array(pull) @ (up - down) / 2e-6
-        np.testing.assert_allclose(bends[a, : a + 1], pulled[: a + 1], rtol=1e-5, atol=1e-5)
+        above, up, _ = derivatives(stage + step)
+        below, down, _ = derivatives(stage - step)
+        np.testing.assert_allclose(jacobian[:, a], (above - below) / 2e-6, rtol=1e-6, atol=1e-6)
+        expected = np.array(multipliers) @ (up - down) / 2e-6
+        np.testing.assert_allclose(hessian[a, : a + 1], expected[: a + 1], rtol=1e-5, atol=1e-5)
 
 
 @given(SEEDS, st.integers(1, 6))
 @settings(max_examples=30, deadline=None)
-def test_derivatives_of_limits_and_of_the_cost(seed, stages):
-    """Of the Lagrangian, by every velocity, with the states that follow."""
+def test_reduced_gradient_matches_finite_differences(seed, stages):
+    """Of the Lagrangian by every velocity, with the states as functions of the velocities."""
     rng = np.random.default_rng(seed)
-    p = problem(rng, stages, rate=50.0, lag=0.05, places=3)
-    v, pulls = rng.normal(size=(stages, 3)), rng.normal(size=(stages, 8))
+    p = problem(rng, stages, rate=50.0, lag=0.05, zones=3)
+    v, multipliers = rng.normal(size=(stages, 3)), rng.normal(size=(stages, 8))
 
     def lagrangian(v):
         twists = stage_twists(p, v)
         values = [[limit_value(p, i, twists, k) for i in range(8)] for k in range(stages)]
-        return cost(p, roll_out(p, v), v) + (pulls * values / p.limits.bounds).sum()
+        return cost(p, roll_out(p, v), v) + (multipliers * values / p.limits.bounds).sum()
 
-    at = allocate_point(v, np.tile(p.limits.bounds, (stages, 1)))
-    at.multipliers[:] = pulls
-    evaluate(p, at)
-    gradient = reduced_gradient(p.dt, at)
+    point = allocate_point(v, np.tile(p.limits.bounds, (stages, 1)))
+    point.multipliers[:] = multipliers
+    evaluate(p, point)
+    gradient = reduced_gradient(p.dt, point)
     for k in range(stages):
         for i in range(3):
             step = np.zeros((stages, 3))
             step[k, i] = 1e-6
-            slope = (lagrangian(v + step) - lagrangian(v - step)) / 2e-6
-            assert gradient[k, i] == pytest.approx(slope, rel=1e-5, abs=1e-4)
+            first = (lagrangian(v + step) - lagrangian(v - step)) / 2e-6
+            assert gradient[k, i] == pytest.approx(first, rel=1e-5, abs=1e-4)
 
 
 @given(SEEDS, st.integers(1, 30))
 @settings(max_examples=50, deadline=None)
-def test_without_limits_the_gradient_vanishes(seed, stages):
+def test_gradient_vanishes_at_the_unconstrained_optimum(seed, stages):
     p = problem(np.random.default_rng(seed), stages)
     assert np.abs(gradient_of(p, unconstrained_velocities(p))).max() < 1e-9
 
 
 @given(SEEDS, st.integers(1, 30), st.floats(6.0, 20.0))
 @settings(max_examples=150, deadline=None)
-def test_every_plan_keeps_the_limits_and_is_optimal_if_it_says_so(seed, stages, limit):
+def test_plans_are_feasible_and_converged_ones_optimal(seed, stages, limit):
     p = problem(np.random.default_rng(seed), stages, limit)
     found = HolonomicSolver().solve(p)
     assert found.exit in {Exit.CONVERGED, Exit.CAPPED}
@@ -205,7 +206,7 @@ def test_every_plan_keeps_the_limits_and_is_optimal_if_it_says_so(seed, stages, 
 
 
 @pytest.mark.parametrize("limit", [3.0, 8.0, 14.0, 20.0])
-def test_it_converges_though_the_wheels_can_do_less_than_is_asked(limit):
+def test_converges_with_active_wheel_speed_limits(limit):
     plans = [
         HolonomicSolver().solve(problem(np.random.default_rng(seed), 15, limit))
         for seed in range(200)
@@ -216,7 +217,7 @@ def test_it_converges_though_the_wheels_can_do_less_than_is_asked(limit):
 
 
 @pytest.mark.long
-def test_long_horizons_far_beyond_the_wheels_converge_nearly_always():
+def test_converges_with_long_horizons_and_infeasible_references():
     plans = []
     for seed in range(3000):
         rng = np.random.default_rng(seed)
@@ -229,9 +230,9 @@ def test_long_horizons_far_beyond_the_wheels_converge_nearly_always():
 
 @pytest.mark.parametrize("rate", [20.0, 60.0])
 @pytest.mark.parametrize("lag", [0.0, 0.1])
-@pytest.mark.parametrize("places", [0, 3])
-def test_it_converges_with_rates_lag_and_keep_outs(rate, lag, places):
-    given = {"rate": rate, "lag": lag, "places": places}
+@pytest.mark.parametrize("zones", [0, 3])
+def test_converges_with_rate_limits_lag_and_keep_out_zones(rate, lag, zones):
+    given = {"rate": rate, "lag": lag, "zones": zones}
     problems = [problem(np.random.default_rng(seed), 20, 12.0, **given) for seed in range(100)]
     plans = [HolonomicSolver().solve(p) for p in problems]
     assert sum(plan.exit is Exit.CONVERGED for plan in plans) >= 97
@@ -248,38 +249,38 @@ def test_it_converges_with_rates_lag_and_keep_outs(rate, lag, places):
 
 @pytest.mark.parametrize(
     ("limit", "more", "share"),
-    [(20.0, {}, 0.9), (10.0, {}, 0.5), (20.0, {"rate": 60.0}, 0.1), (20.0, {"places": 3}, 0.1)],
+    [(20.0, {}, 0.9), (10.0, {}, 0.5), (20.0, {"rate": 60.0}, 0.1), (20.0, {"zones": 3}, 0.1)],
 )
-def test_holding_what_binds_often_finds_what_the_interior_point_method_does(limit, more, share):
+def test_active_set_method_agrees_with_the_interior_point_method(limit, more, share):
     found = []
     for seed in range(100):
         p = problem(np.random.default_rng(seed), 15, limit, **more)
-        at, iterations = solve_active_set(p, unconstrained_velocities(p), 1e-8, 200)
+        point, iterations = solve_active_set(p, unconstrained_velocities(p), 1e-8, 200)
         found.append(iterations >= 0)
         if iterations >= 0:
             plan = HolonomicSolution.of(
-                p, at.velocities, at.multipliers, iterations, Exit.CONVERGED
+                p, point.velocities, point.multipliers, iterations, Exit.CONVERGED
             )
             assert plan.residual <= 1e-8
             assert plan.violation <= 0.0
             search = initialize(p, unconstrained_velocities(p), 1e-8)
             assert iterate(p, search, 1e-8, 200) == CONVERGED
-            if "places" not in more:
-                np.testing.assert_allclose(at.velocities, search.point.velocities, atol=1e-5)
-            else:  # there may be several optima
+            if "zones" not in more:
+                np.testing.assert_allclose(point.velocities, search.point.velocities, atol=1e-5)
+            else:  # several local optima may exist
                 other = search.point.velocities
                 assert plan.cost <= 1.01 * cost(p, roll_out(p, other), other)
     assert np.mean(found) > share
 
 
-IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "places": 3}]
+IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "zones": 3}]
 
 
 @pytest.mark.parametrize("more", IPOPTS)
 @given(SEEDS, st.floats(4.0, 20.0))
 @settings(max_examples=25, deadline=None)
-def test_ipopt_finds_nothing_better(more, seed, limit):
-    """With keep-outs there may be several optima: then each holds by the other's account."""
+def test_ipopt_does_not_find_a_lower_cost(more, seed, limit):
+    """Keep-out zones may cause several local optima: then IPOPT's is checked for optimality."""
     pytest.importorskip("casadi")
     from omnidrive.control.nmpc.holonomic import HolonomicIpopt
 
@@ -287,17 +288,17 @@ def test_ipopt_finds_nothing_better(more, seed, limit):
     found = HolonomicSolver().solve(p)
     theirs = HolonomicIpopt().solve(p)
     assert theirs.exit is Exit.CONVERGED
-    if "places" in more and not np.allclose(found.velocities, theirs.velocities, atol=1e-3):
+    if "zones" in more and not np.allclose(found.velocities, theirs.velocities, atol=1e-3):
         assert theirs.residual < 1e-2
         return
-    assert theirs.residual < (1e-2 if "places" in more else 1e-4)
+    assert theirs.residual < (1e-2 if "zones" in more else 1e-4)
     assert found.cost <= theirs.cost * (1 + 1e-6) + 1e-9
     np.testing.assert_allclose(found.velocities, theirs.velocities, atol=1e-4)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5, 3.0])
-def test_a_robot_faster_than_its_limits_brakes_as_hard_as_it_may(factor):
-    """No plan can keep the wheels' speed at once: the least is violated, and later nothing."""
+def test_robot_above_its_speed_limit_brakes_at_the_rate_limit(factor):
+    """The speed limit is infeasible initially: the violation is as small as possible."""
     rates = rate_limits(CHASSIS.jacobian, 40.0, 0.1)
     p = problem(np.random.default_rng(3), 20)
     fast = np.array([0.6, 0.2, 0.5])
@@ -315,14 +316,14 @@ def test_a_robot_faster_than_its_limits_brakes_as_hard_as_it_may(factor):
 
 @pytest.mark.parametrize("corners", [None, SQUARE])
 @pytest.mark.parametrize("weight", [1e3, 1e5])
-def test_a_start_inside_a_keep_out_is_left_and_a_reference_through_it_evaded(corners, weight):
+def test_plan_leaves_and_avoids_keep_out_zones(corners, weight):
     p = problem(np.random.default_rng(2), 30, kick=0.0)
     inside = KeepOutZone(p.start[:2] + np.array([0.05, 0.02]), 0.3, corners, weight)
     across = KeepOutZone(p.targets[20, :2] + np.array([0.03, 0.05]), 0.25, corners, weight)
     p = p._replace(keep_outs=stack_keep_outs([inside, across], 31))
     found = HolonomicSolver().solve(p)
     assert found.exit is Exit.CONVERGED
-    far = np.array(
+    distance = np.array(
         [
             [
                 signed_distance(p.keep_outs, j, k, *found.states[k, :2].tolist())[0]
@@ -332,26 +333,26 @@ def test_a_start_inside_a_keep_out_is_left_and_a_reference_through_it_evaded(cor
         ]
     )
     allowed = 30.0 / weight**0.75
-    assert far[0, 0] < 0.3
-    assert far[0, 6:].min() > 0.3 - allowed
-    assert far[1].min() > 0.25 - allowed
+    assert distance[0, 0] < 0.3
+    assert distance[0, 6:].min() > 0.3 - allowed
+    assert distance[1].min() > 0.25 - allowed
 
 
 @given(SEEDS)
 @settings(max_examples=50, deadline=None)
-def test_the_distance_to_a_keep_out_and_its_derivatives(seed):
+def test_signed_distance_and_its_derivatives(seed):
     rng = np.random.default_rng(seed)
     corners = [None, SQUARE, SQUARE[:2]][seed % 3]
-    places = stack_keep_outs([KeepOutZone(np.array([0.3, -0.2]), 0.2, corners)], 1)
+    zones = stack_keep_outs([KeepOutZone(np.array([0.3, -0.2]), 0.2, corners)], 1)
     x, y = rng.normal(size=2)
-    far, nx, ny, curvature = signed_distance(places, 0, 0, x, y)
+    distance, nx, ny, curvature = signed_distance(zones, 0, 0, x, y)
     if corners is None:
-        assert far == pytest.approx(np.hypot(x - 0.3, y + 0.2))
-    if far > 1e-3:
+        assert distance == pytest.approx(np.hypot(x - 0.3, y + 0.2))
+    if distance > 1e-3:
         assert np.hypot(nx, ny) == pytest.approx(1.0)
         for dx, dy in ((1e-6, 0.0), (0.0, 1e-6)):
-            above, ax, ay, _ = signed_distance(places, 0, 0, x + dx, y + dy)
-            below, bx, by, _ = signed_distance(places, 0, 0, x - dx, y - dy)
+            above, ax, ay, _ = signed_distance(zones, 0, 0, x + dx, y + dy)
+            below, bx, by, _ = signed_distance(zones, 0, 0, x - dx, y - dy)
             assert (above - below) / 2e-6 == pytest.approx((nx * dx + ny * dy) * 1e6, abs=1e-5)
             expected = [
                 curvature * (dx - nx * (nx * dx + ny * dy)) * 1e6,
@@ -360,15 +361,15 @@ def test_the_distance_to_a_keep_out_and_its_derivatives(seed):
             np.testing.assert_allclose([(ax - bx) / 2e-6, (ay - by) / 2e-6], expected, atol=1e-3)
 
 
-def test_inside_a_polygon_the_distance_is_negative():
-    places = stack_keep_outs([KeepOutZone(np.zeros(2), 0.1, SQUARE)], 1)
-    assert signed_distance(places, 0, 0, 0.15, 0.0)[:3] == pytest.approx((-0.05, 1.0, 0.0))
-    assert keep_out_cost(places, np.array([[0.15, 0.0, 0.0]])) == pytest.approx(1e4 * 0.15**2)
+def test_signed_distance_is_negative_inside_a_polygon():
+    zones = stack_keep_outs([KeepOutZone(np.zeros(2), 0.1, SQUARE)], 1)
+    assert signed_distance(zones, 0, 0, 0.15, 0.0)[:3] == pytest.approx((-0.05, 1.0, 0.0))
+    assert keep_out_cost(zones, np.array([[0.15, 0.0, 0.0]])) == pytest.approx(1e4 * 0.15**2)
 
 
 @given(SEEDS, st.floats(-pi, pi))
 @settings(max_examples=40, deadline=None)
-def test_turning_the_world_turns_the_plan(seed, angle):
+def test_plan_is_equivariant_under_rotation_of_the_world(seed, angle):
     p = problem(np.random.default_rng(seed), limit=10.0)
     isotropic = np.array([p.state_weights[0, 0], p.state_weights[0, 0], p.state_weights[0, 2]])
     p = p._replace(
@@ -387,7 +388,7 @@ def test_turning_the_world_turns_the_plan(seed, angle):
     np.testing.assert_allclose(there.velocities, here.velocities @ turn.T, atol=1e-5)
 
 
-def test_many_at_once_are_the_same_as_one_by_one():
+def test_solve_many_equals_single_solves():
     rng = np.random.default_rng(5)
     weights = problem(rng)
     each = [problem(rng, limit=8.0, rate=50.0) for _ in range(20)]
@@ -404,7 +405,7 @@ def test_many_at_once_are_the_same_as_one_by_one():
         assert one.iterations == iterations[k]
 
 
-def test_of_many_those_that_found_nothing_are_told():
+def test_solve_many_reports_problems_that_did_not_converge():
     p = problem(np.random.default_rng(5), limit=8.0)
     fields = ("start", "previous", "targets", "feedforward")
     two = p._replace(**{f: np.array([getattr(p, f)] * 2) for f in fields})
@@ -417,7 +418,7 @@ def test_of_many_those_that_found_nothing_are_told():
 
 @pytest.mark.parametrize("field", ["start", "previous", "targets", "feedforward"])
 @pytest.mark.parametrize("deadline", [None, 1.0])
-def test_what_is_not_finite_is_unusable(field, deadline):
+def test_problem_that_is_not_finite_is_unusable(field, deadline):
     p = problem(np.random.default_rng(1), rate=50.0)
     bad = getattr(p, field).copy()
     bad.flat[1] = np.nan
@@ -426,14 +427,14 @@ def test_what_is_not_finite_is_unusable(field, deadline):
     )
 
 
-def test_a_cap_is_said():
+def test_maximum_of_iterations_is_reported():
     p = problem(np.random.default_rng(2), limit=3.0)
     found = HolonomicSolver(HolonomicSolverSettings(max_iterations=2)).solve(p)
     assert found.exit is Exit.CAPPED
     assert found.iterations == 2
 
 
-def test_the_twist_of_a_plan_is_within_the_chassis_limits():
+def test_first_twist_of_a_plan_keeps_the_chassis_limits():
     p = problem(np.random.default_rng(4), limit=6.0)
     found = HolonomicSolver().solve(p)
     twist = twist_between(Pose(*p.start), Pose(*found.states[1]), p.dt)
@@ -441,8 +442,8 @@ def test_the_twist_of_a_plan_is_within_the_chassis_limits():
     assert np.abs(CHASSIS.wheel_speeds(twist)).max() <= 6.0 * (1 + 1e-7)
 
 
-def test_a_deadline_is_kept_by_a_plan_within_the_limits():
-    p = problem(np.random.default_rng(2), 40, 3.0, rate=30.0, places=3)
+def test_deadline_yields_a_feasible_plan():
+    p = problem(np.random.default_rng(2), 40, 3.0, rate=30.0, zones=3)
     late = HolonomicSolver(deadline=0.0).solve(p)
     assert late.exit is Exit.LATE
     assert late.iterations == 0
@@ -455,8 +456,8 @@ def test_a_deadline_is_kept_by_a_plan_within_the_limits():
         HolonomicSolver(deadline=-1.0)
 
 
-def test_the_same_problem_has_the_same_solution_bit_for_bit():
-    p = problem(np.random.default_rng(2), 30, 6.0, rate=50.0, lag=0.05, places=3)
+def test_solution_is_deterministic():
+    p = problem(np.random.default_rng(2), 30, 6.0, rate=50.0, lag=0.05, zones=3)
     one, other = HolonomicSolver().solve(p), HolonomicSolver().solve(p)
     assert np.array_equal(one.velocities, other.velocities)
     assert np.array_equal(one.multipliers, other.multipliers)
@@ -485,6 +486,6 @@ def test_the_same_problem_has_the_same_solution_bit_for_bit():
         ),
     ],
 )  # fmt: skip
-def test_bad_limits_and_keep_outs_are_refused(make, message):
+def test_invalid_limits_and_keep_out_zones_are_rejected(make, message):
     with pytest.raises(InvalidInput, match=message):
         make()

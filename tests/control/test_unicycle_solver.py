@@ -1,4 +1,4 @@
-"""The kernels against finite differences, the solvers against each other."""
+"""Kernels compared with finite differences, and solvers with each other."""
 
 import sys
 
@@ -27,11 +27,11 @@ HOLD = Hold(Pose(0.0, 0.0, 0.0), 10.0)
 
 
 def paper_like(duration):
-    """A diagonal, a bend and a straight, 9 m; the first heading is left at 0, as in the paper."""
+    """A diagonal, a bend and a straight, 9 m; the first heading is 0, as in the paper."""
     steps = np.array([[0.2, 0.2]] * 12 + [[0.0, 0.2]] * 10 + [[0.2, 0.0]] * 15 + [[0.2, 0.2]] * 6)
-    way = np.cumsum(np.vstack([[1.0, 1.0], steps]), axis=0)
+    positions = np.cumsum(np.vstack([[1.0, 1.0], steps]), axis=0)
     yaw = np.concatenate([[0.0], np.arctan2(steps[:, 1], steps[:, 0])])
-    return UniformReference(SplinePath(np.column_stack([way, yaw])), duration)
+    return UniformReference(SplinePath(np.column_stack([positions, yaw])), duration)
 
 
 def problem_at(t, offset=(0.0, 0.0, 0.0), preset="paper", duration=20.0, horizon=15):
@@ -67,21 +67,21 @@ def cost_of(problem: UnicycleProblem, controls):
 def numeric_jacobian(function, controls, step):
     columns = []
     for i in range(controls.size):
-        nudge = np.zeros(controls.size)
-        nudge[i] = step
-        ahead = function(controls + nudge.reshape(controls.shape))
-        back = function(controls - nudge.reshape(controls.shape))
-        columns.append((np.ravel(ahead) - np.ravel(back)) / (2.0 * step))
+        change = np.zeros(controls.size)
+        change[i] = step
+        forward = function(controls + change.reshape(controls.shape))
+        backward = function(controls - change.reshape(controls.shape))
+        columns.append((np.ravel(forward) - np.ravel(backward)) / (2.0 * step))
     return np.array(columns)
 
 
-def test_gradient_is_that_of_the_cost():
+def test_gradient_matches_finite_differences():
     rng = np.random.default_rng(0)
     for problem in [problem_at(3.0, (0.1, -0.2, 0.3)), problem_at(8.0, preset="published-code")]:
         controls = rng.normal(size=(15, 2))
         numeric = numeric_jacobian(lambda u, p=problem: cost_of(p, u), controls, 1e-5)
-        slope = gradient_of(problem, controls)
-        np.testing.assert_allclose(slope.ravel(), numeric.ravel(), rtol=1e-6, atol=1e-6)
+        gradient = gradient_of(problem, controls)
+        np.testing.assert_allclose(gradient.ravel(), numeric.ravel(), rtol=1e-6, atol=1e-6)
 
 
 def test_newton_step_solves_the_exact_newton_system():
@@ -95,7 +95,7 @@ def test_newton_step_solves_the_exact_newton_system():
     np.testing.assert_allclose(step.ravel(), expected, rtol=1e-5, atol=1e-7)
 
 
-def test_newton_step_holds_the_controls_at_their_limits():
+def test_newton_step_fixes_controls_at_active_limits():
     problem = problem_at(0.0, (-0.5, -0.5, 0.0))
     point, _ = evaluate(problem, np.tile(problem.limits, (15, 1)))
     assert not point.free.all()
@@ -123,7 +123,7 @@ def test_residual_is_small_and_limits_hold_at_any_horizon(horizon):
         assert (np.abs(solution.controls) <= problem.limits).all()
 
 
-def test_solution_is_what_its_controls_lead_to():
+def test_solution_is_consistent_with_its_controls():
     problem = problem_at(5.0, (0.1, 0.1, 0.1))
     solution = UnicycleSolver().solve(problem, problem.feedforward)
     np.testing.assert_array_equal(solution.states[0], problem.start)
@@ -135,10 +135,10 @@ def test_solution_is_what_its_controls_lead_to():
 
 def test_agrees_with_ipopt():
     pytest.importorskip("casadi")
-    ours, theirs = UnicycleSolver(), UnicycleIpopt()
+    sqp, ipopt = UnicycleSolver(), UnicycleIpopt()
     for problem in problems():
-        a = ours.solve(problem, problem.feedforward)
-        b = theirs.solve(problem, problem.feedforward)
+        a = sqp.solve(problem, problem.feedforward)
+        b = ipopt.solve(problem, problem.feedforward)
         assert a.exit is b.exit is Exit.CONVERGED
         assert a.residual <= 1e-7
         assert (np.abs(a.controls) <= problem.limits).all()
@@ -152,32 +152,32 @@ def test_warm_and_cold_starts_agree():
     for problem in problems():
         cold = solver.solve(problem, problem.feedforward)
         warm = solver.solve(problem, cold.controls + 0.05)
-        again = solver.solve(problem, cold.controls)
+        restarted = solver.solve(problem, cold.controls)
         assert warm.cost == pytest.approx(cold.cost, rel=1e-9, abs=1e-12)
         np.testing.assert_allclose(warm.controls, cold.controls, atol=1e-6)
-        assert again.iterations == 0
+        assert restarted.iterations == 0
 
 
-def test_leaves_the_saddle_beside_the_target():
-    """Standing still is stationary; far from the target it is not a minimum."""
+def test_solver_leaves_the_saddle_beside_the_target():
+    """Rest is stationary; far from the target it is not a minimum."""
     problem = beside(0.8)
-    still = cost_of(problem, np.zeros((15, 2)))
+    cost_at_rest = cost_of(problem, np.zeros((15, 2)))
     solution = UnicycleSolver().solve(problem, np.zeros((15, 2)))
     assert solution.exit is Exit.CONVERGED
-    assert solution.cost < 0.95 * still
+    assert solution.cost < 0.95 * cost_at_rest
 
 
-def test_stays_where_standing_still_is_optimal():
-    """Nearer than that it is the optimum: 50 random starts find nothing better."""
+def test_rest_near_the_target_is_optimal():
+    """Near the target rest is the optimum: no solution from 50 random guesses is better."""
     problem = beside(0.5)
-    still = cost_of(problem, np.zeros((15, 2)))
+    cost_at_rest = cost_of(problem, np.zeros((15, 2)))
     rng = np.random.default_rng(1)
     for _ in range(50):
         guess = rng.uniform(-1.0, 1.0, (15, 2)) * problem.limits
-        assert UnicycleSolver().solve(problem, guess).cost >= still * (1.0 - 1e-9)
+        assert UnicycleSolver().solve(problem, guess).cost >= cost_at_rest * (1.0 - 1e-9)
 
 
-def test_cap_returns_the_best_plan_so_far():
+def test_maximum_of_iterations_returns_decreasing_costs():
     problem = problem_at(0.0, (-0.5, 0.5, 2.0))
     guess = clip_controls(problem, problem.feedforward)
     costs = [cost_of(problem, guess)]
@@ -190,7 +190,7 @@ def test_cap_returns_the_best_plan_so_far():
     assert costs[0] > costs[-1]
 
 
-def test_capped_ipopt_is_no_worse_than_its_guess():
+def test_ipopt_result_is_no_worse_than_its_guess():
     pytest.importorskip("casadi")
     problem = problem_at(0.0, (-0.5, 0.5, 2.0))
     guess = clip_controls(problem, problem.feedforward)
@@ -200,7 +200,7 @@ def test_capped_ipopt_is_no_worse_than_its_guess():
     assert solution.cost <= cost_of(problem, guess)
 
 
-def test_missing_casadi_says_how_to_get_it(monkeypatch):
+def test_missing_casadi_names_the_installation_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[casadi\]'"):
         UnicycleIpopt()
