@@ -19,12 +19,18 @@ from omnidrive.reference import (
     transcription,
 )
 from omnidrive.reference.free_heading import free_heading
-from omnidrive.reference.heading_guess import with_end_headings
+from omnidrive.reference.initial_headings import with_end_headings
 from omnidrive.reference.limits import limit_rows
 from omnidrive.reference.spline_basis import bezier_basis
-from omnidrive.reference.transcription import Guess, Optimised, Transcription, _held_back, optimised
+from omnidrive.reference.transcription import (
+    InitialGuess,
+    OptimisedPath,
+    Transcription,
+    _limit_step,
+    optimise_path,
+)
 from omnidrive.robot import Chassis, named_robot
-from tests.reference.courses import CROSS, FOUR, straight, turning, wandering, worst_shares
+from tests.reference.sample_paths import CROSS, FOUR, straight, turning, wandering, worst_shares
 
 MODULE = import_module("omnidrive.reference.minimum_time")  # the package names the function so
 
@@ -125,11 +131,11 @@ def test_end_headings_are_kept_where_nothing_is_faster(grid, monkeypatch):
     """Without a corridor, and with one whose best motion is said to be slow."""
     path, asked = straight(4.0, yaw=0.3), (1.0, -2.5)
     bent = with_end_headings(path, *asked)
-    slow = time_within_limits(bent, FOUR, LIMITS).slowed(1e3)
+    slow = time_within_limits(bent, FOUR, LIMITS).with_duration(1e3)
     monkeypatch.setattr(
         MODULE,
-        "optimised",
-        lambda guesses, *_: Optimised(slow, guesses[0].path, "guess"),
+        "optimise_path",
+        lambda guesses, *_: OptimisedPath(slow, guesses[0].path, "guess"),
     )
     monkeypatch.setattr(MODULE, "_GAIN", 0.9)
     free = OccupancyGrid(grid, 0.1, (-2.0, -2.0))
@@ -148,8 +154,8 @@ def test_what_is_not_faster_is_a_fallback(monkeypatch):
     for source in ("guess", "converged", "capped"):
         monkeypatch.setattr(
             MODULE,
-            "optimised",
-            lambda *_, source=source: Optimised(
+            "optimise_path",
+            lambda *_, source=source: OptimisedPath(
                 start, SplinePath(np.add(path.control_points, [2.0, 2.0, 0.0])), source
             ),
         )
@@ -180,9 +186,9 @@ def test_what_leaves_the_corridor_is_not_returned(monkeypatch):
     def astray(guesses, *_):
         points = guesses[0].path.control_points.copy()
         points[20, 1] = 50.0
-        return Optimised(start, SplinePath(points), "converged")
+        return OptimisedPath(start, SplinePath(points), "converged")
 
-    monkeypatch.setattr(MODULE, "optimised", astray)
+    monkeypatch.setattr(MODULE, "optimise_path", astray)
     found = minimum_time(path, FOUR, LIMITS, free)
     assert found.status == "fallback"
     assert "leaves the corridor" in found.message
@@ -269,8 +275,8 @@ def test_boxes_of_a_corridor_are_free_and_overlap(yaw):
         assert not grid.occupied_at(corridor.to_world(inside)[:, :2]).any()
     a, b = corridor.boxes[:-1], corridor.boxes[1:]
     assert (np.minimum(a[:, [1, 3]], b[:, [1, 3]]) > np.maximum(a[:, [0, 2]], b[:, [0, 2]])).all()
-    assert (np.diff(corridor.ends) > 0.0).all()
-    low, high = corridor.bounds(corridor.pieces(48))
+    assert (np.diff(corridor.box_ends) > 0.0).all()
+    low, high = corridor.control_point_bounds(corridor.pieces(48))
     assert (low < high).all()
 
 
@@ -327,11 +333,11 @@ def test_what_a_solver_leaves_outside_is_held_back(astray):
     reached = bezier_basis(10) @ found[:, :2]
     most = (reached / [1.0, 1.0 + astray]).max(axis=0)
     hull = np.tile([0.0, 0.0, *most], (len(reached), 1))
-    held = _held_back(start, found, hull)
+    held = _limit_step(start, found, hull)
     kept = bezier_basis(10) @ held[:, :2]
     assert kept.max(axis=0) == pytest.approx(most, abs=1e-12)
     assert held[5] == pytest.approx([start[5, 0], 1.0, 0.5 / (1.0 + astray)])
-    assert _held_back(start, found, None) is found
+    assert _limit_step(start, found, None) is found
 
 
 def test_through_doors_it_is_faster_than_the_start_path():
@@ -363,8 +369,8 @@ def test_of_many_control_points_one_guess_is_optimised(monkeypatch):
     rows = limit_rows(FOUR, LIMITS)
     for points, starts in ((200, 2), (201, 1)):
         path = straight(10.0, points=points)
-        guesses = [Guess(path, path.control_points, path.control_points)] * 3
-        optimised(guesses, path.length, rows)
+        guesses = [InitialGuess(path, path.control_points, path.control_points)] * 3
+        optimise_path(guesses, path.length, rows)
         assert len(solved) == starts
         solved.clear()
 

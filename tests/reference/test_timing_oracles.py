@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from omnidrive.reference import MotionLimits, time_within_limits
-from tests.reference.courses import CHASSIS, wandering
+from tests.reference.sample_paths import CHASSIS, wandering
 
 ALPHA = 25.0
 NODES = 2001

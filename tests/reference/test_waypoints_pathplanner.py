@@ -11,7 +11,7 @@ from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference import SampledReference, UniformReference, load_waypoints, save_waypoints
-from omnidrive.reference.waypoints.bezier import even_parameters, fit, points_at
+from omnidrive.reference.waypoints.bezier_chain import chain_points, fit_chain, step_counts
 
 CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [1, 3, 4], [0, 3, 4.0]])
 
@@ -156,11 +156,11 @@ def test_a_file_of_2024(tmp_path):
         ),
         (
             pathplanner([waypoint((1, 1), after=(1, 1)), waypoint((1, 1), (1, 1))]),
-            r"waypoints\[1\] is where waypoints\[0\] is; remove one",
+            r"waypoints\[1\] has the position of waypoints\[0\]; remove",
         ),
         (
             pathplanner([waypoint((1e9, 1), after=(1, 1)), waypoint((1, 1), (1, 1))]),
-            "waypoints need 866,026 samples to be followed, more than 100,000; are they",
+            "waypoints need 866,026 samples, more than 100,000; are they",
         ),
         (pathplanner(STRAIGHT, goalEndState=None), "the file does not set 'goalEndState'"),
         (
@@ -304,23 +304,23 @@ def test_a_hundred_kilometres_are_sampled_sparsely(tmp_path):
 )
 def test_points_of_a_curve_are_those_of_de_casteljau(controls, u):
     controls = np.array(controls)
-    assert points_at(controls[None], np.array([u]))[0] == pytest.approx(casteljau(controls, u))
+    assert chain_points(controls[None], np.array([u]))[0] == pytest.approx(casteljau(controls, u))
 
 
 @given(controls=st.lists(st.tuples(*[st.floats(-2, 2)] * 2), min_size=4, max_size=4))
 def test_samples_are_near_enough_to_each_other_and_to_the_curve(controls):
     controls = np.array([controls])
-    (count,) = even_parameters(controls, 1e-2, 0.2)
-    polyline = points_at(controls, np.linspace(0, 1, count + 1))
+    (count,) = step_counts(controls, 1e-2, 0.2)
+    polyline = chain_points(controls, np.linspace(0, 1, count + 1))
     assert np.linalg.norm(np.diff(polyline, axis=0), axis=1).max() <= 0.2 + 1e-9
-    fine = points_at(controls, np.linspace(0, 1, 301))
+    fine = chain_points(controls, np.linspace(0, 1, 301))
     assert distance(fine, polyline).max() <= 1e-2 + 1e-9
 
 
 def test_one_curve_is_found_again():
     controls = np.array([[[0, 0], [1, 0], [2, 1], [2, 2.0]]])
-    points = points_at(controls, np.linspace(0, 1, 100))
-    chain = fit(points, 1e-3)
+    points = chain_points(controls, np.linspace(0, 1, 100))
+    chain = fit_chain(points, 1e-3)
     assert len(chain.controls) == 1
     assert chain.controls == pytest.approx(controls, abs=0.02)
 
@@ -328,6 +328,6 @@ def test_one_curve_is_found_again():
 def test_noise_is_fitted_as_well():
     """Points of noise: no curve fits more than a few of them."""
     rng = np.random.default_rng(5)
-    chain = fit(np.cumsum(rng.normal(size=(3_000, 2)), axis=0), 1e-3)
+    chain = fit_chain(np.cumsum(rng.normal(size=(3_000, 2)), axis=0), 1e-3)
     assert chain.parameters[-1] == len(chain.controls)
     assert (np.diff(chain.parameters) >= 0).all()

@@ -1,19 +1,19 @@
-"""What the robot should do, as a function of time."""
+"""Reference motions: desired pose and twist as functions of time."""
 
 from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.limits import MotionLimits
 from omnidrive.reference.minimum_time import MinimumTime, minimum_time
+from omnidrive.reference.path_timing import Heading, time_within_limits
 from omnidrive.reference.reference import Hold, Reference, Setpoint
-from omnidrive.reference.sampled import SampledReference
-from omnidrive.reference.timed import TimedReference
-from omnidrive.reference.uniform import (
+from omnidrive.reference.sampled_reference import SampledReference
+from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.uniform_reference import (
     UniformReference,
     shortest_duration,
     time_uniformly,
     wheel_speed_used,
 )
 from omnidrive.reference.waypoints import load_waypoints, save_waypoints
-from omnidrive.reference.within_limits import Heading, time_within_limits
 
 __all__ = [
     "Corridor",

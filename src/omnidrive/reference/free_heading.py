@@ -1,4 +1,4 @@
-"""Headings chosen for time along a path that is given."""
+"""Headings optimised for time along a given path."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import SplinePath
-from omnidrive.reference.course import check_moves
-from omnidrive.reference.heading_guess import heading_guesses
+from omnidrive.reference.initial_headings import initial_headings
 from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.transcription import Guess, optimised
+from omnidrive.reference.piecewise_path import check_path_moves
+from omnidrive.reference.transcription import InitialGuess, optimise_path
 
 MAX_POINTS = 1000
-"""Most control points for which all headings are optimised together."""
+"""Largest number of control points whose headings are optimised together."""
 
 
 def free_heading(
@@ -21,34 +21,36 @@ def free_heading(
     start_yaw: float | None = None,
     goal_yaw: float | None = None,
 ) -> SplinePath:
-    """The same positions with the headings that make the motion from rest to rest fastest.
+    """Return the path with the headings of the fastest motion from rest to rest.
 
-    A local optimum from one of three guesses, the path's own headings among them, or a guess.
+    The result is a local optimum from one of three initial guesses, among them the path's own
+    headings, or one of these guesses.
 
     Args:
-        path: Where to go.
-        limits: What the motion keeps.
-        start_yaw: Heading at the start, in rad; None leaves it open.
-        goal_yaw: Heading at the goal, in rad; None leaves it open.
+        path: Path to follow; its positions are kept.
+        limits: Limits of the motion.
+        start_yaw: Heading at the start, in rad; None: free.
+        goal_yaw: Heading at the goal, in rad; None: free.
 
     Raises:
         InvalidInput: An end heading is not finite.
-        InvalidReference: The path has more than 1000 control points, or does not travel.
+        InvalidReference: The path has more than 1000 control points, or its position does not
+            change.
         MissingExtra: CasADi is not installed.
     """
-    check_moves(path, 2)
+    check_path_moves(path, 2)
     points = path.control_points
     if len(points) > MAX_POINTS:
         raise InvalidReference(
-            f"headings can be optimised along at most {MAX_POINTS} control points, the path has "
-            f"{len(points)}; choose another heading, or a path with fewer"
+            f"headings can be optimised for at most {MAX_POINTS} control points, the path has "
+            f"{len(points)}; choose another heading, or a path with fewer control points"
         )
     guesses = [
-        Guess(
+        InitialGuess(
             SplinePath(np.column_stack([points[:, :2], guess.yaw])),
             np.column_stack([points[:, :2], guess.low]),
             np.column_stack([points[:, :2], guess.high]),
         )
-        for guess in heading_guesses(path, limits, start_yaw, goal_yaw)
+        for guess in initial_headings(path, limits, start_yaw, goal_yaw)
     ]
-    return optimised(guesses, path.length, limits).path
+    return optimise_path(guesses, path.length, limits).path

@@ -1,4 +1,4 @@
-"""What a timed reference may ask of the robot."""
+"""Limits of speed and acceleration of a reference."""
 
 from __future__ import annotations
 
@@ -16,24 +16,28 @@ from omnidrive.robot import Chassis, Robot
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MotionLimits:
-    """Limits of a motion; ``inf`` is no limit. Every wheel has the same.
+    """Limits of the magnitude of speeds and accelerations; ``inf`` means no limit.
 
-    The wheels' top speed is the chassis's, or :attr:`wheel_speed` if that is less.
+    Wheel limits hold for every wheel. The limit of the wheel speed is the lower of
+    :attr:`wheel_speed` and that of the chassis.
 
     Attributes:
-        wheel_acceleration: Of every wheel, in rad/s^2.
-        wheel_speed: Of every wheel, in rad/s.
-        speed: Of the origin of B in any direction, in m/s.
-        forward_speed: Along B's x axis, both ways, in m/s.
-        sideways_speed: Along B's y axis, both ways, in m/s.
-        yaw_rate: In rad/s, both ways.
-        acceleration: Of the origin of B in any direction, in m/s^2.
-        yaw_acceleration: In rad/s^2, both ways.
-        acceleration_faces: Rows with ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1``, as
-            :attr:`omnidrive.robot.Robot.acceleration_faces`; in s^2/m, s^2/m and s^2/rad.
+        wheel_acceleration: Acceleration of each wheel, in rad/s^2.
+        wheel_speed: Speed of each wheel, in rad/s.
+        speed: Speed of the origin of B, in m/s.
+        forward_speed: Speed along the x axis of B, in m/s.
+        sideways_speed: Speed along the y axis of B, in m/s.
+        yaw_rate: Yaw rate, in rad/s.
+        acceleration: Acceleration of the origin of B, in m/s^2.
+        yaw_acceleration: Yaw acceleration, in rad/s^2.
+        acceleration_faces: Acceleration polytope
+            ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1`` in B, as
+            :attr:`omnidrive.robot.Robot.acceleration_faces`; in s^2/m, s^2/m and s^2/rad. None: no
+            limit.
 
     Raises:
-        InvalidInput: A limit is zero, negative or not a number, or nothing limits acceleration.
+        InvalidInput: A limit is not a positive number, or neither the wheels' acceleration nor
+            the acceleration polytope is limited.
     """
 
     wheel_acceleration: float = inf
@@ -58,16 +62,24 @@ class MotionLimits:
             np.isfinite(self.acceleration_faces).all()
             and np.linalg.matrix_rank(self.acceleration_faces) == 3
         ):
-            raise InvalidInput("acceleration_faces must be finite and limit every acceleration")
+            raise InvalidInput("acceleration_faces must be finite and have rank 3")
         if not (isfinite(self.wheel_acceleration) or self.acceleration_faces is not None):
             raise InvalidInput(
-                "nothing limits the wheels' acceleration, so that the motion could jump into its "
-                "top speed; give wheel_acceleration in rad/s^2, or acceleration_faces"
+                "the acceleration is not limited; set wheel_acceleration in rad/s^2, or "
+                "acceleration_faces"
             )
 
     @classmethod
     def of_robot(cls, robot: Robot, *, share: float = 0.85) -> MotionLimits:
-        """What the motors reach and the wheels can push, the latter up to ``share`` of it."""
+        """Return the limits of a robot: its wheel speed and a share of its acceleration polytope.
+
+        Args:
+            robot: Robot with motors and friction.
+            share: Usable share of the accelerations that friction and motors allow; positive.
+
+        Raises:
+            InvalidInput: ``share`` is not a positive number.
+        """
         if not (isfinite(share) and share > 0.0):
             raise InvalidInput(f"the share of traction must be positive, got {share:g}")
         return cls(
@@ -88,26 +100,30 @@ _UNITS = {
 
 
 class LimitRows(NamedTuple):
-    """One limit as ``|rows @ vector| <= 1``, every row or, if ``round``, their Euclidean norm.
+    """One limit ``|rows @ vector| <= 1``, for each row or for the Euclidean norm of all rows.
 
-    The vector is, by kind: ``speed``: the twist, written in B; ``twist rate``: its time
-    derivative, which is what a wheel's acceleration depends on; ``acceleration``: the second
-    derivatives of x, y and yaw in W, turned into B.
+    Attributes:
+        name: Name of the limit.
+        kind: Kind of the vector. ``speed``: body twist; ``twist rate``: time derivative of the body
+            twist, on which the wheels' accelerations depend; ``acceleration``: second derivatives
+            of x, y and yaw in W, rotated into B.
+        rows: Rows, divided by the limit.
+        euclidean: Whether the Euclidean norm is limited, instead of each row.
     """
 
     name: str
     kind: Literal["speed", "twist rate", "acceleration"]
     rows: Float[Array, "rows 3"]
-    round: bool = False
+    euclidean: bool = False
 
 
 def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
-    """Every finite limit; wheel limits are those of ``chassis``'s own wheel matrix."""
+    """Return every finite limit as rows, wheel limits by the Jacobian of ``chassis``."""
     top = min(chassis.max_wheel_speed, limits.wheel_speed)
     x, y, yaw = np.eye(3)[:, None]
     groups: list[tuple[LimitRows, float]] = [
         (LimitRows("wheel speed", "speed", chassis.jacobian), top),
-        (LimitRows("speed", "speed", np.eye(3)[:2], round=True), limits.speed),
+        (LimitRows("speed", "speed", np.eye(3)[:2], euclidean=True), limits.speed),
         (LimitRows("forward speed", "speed", x), limits.forward_speed),
         (LimitRows("sideways speed", "speed", y), limits.sideways_speed),
         (LimitRows("yaw rate", "speed", yaw), limits.yaw_rate),
@@ -116,7 +132,7 @@ def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
             limits.wheel_acceleration,
         ),
         (
-            LimitRows("acceleration", "acceleration", np.eye(3)[:2], round=True),
+            LimitRows("acceleration", "acceleration", np.eye(3)[:2], euclidean=True),
             limits.acceleration,
         ),
         (LimitRows("yaw acceleration", "acceleration", yaw), limits.yaw_acceleration),

@@ -1,4 +1,4 @@
-"""Minimum time: the path may move within a corridor, the heading is free."""
+"""Minimum-time motion with a path that is free within a corridor, and free headings."""
 
 from __future__ import annotations
 
@@ -14,36 +14,37 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference.corridor import Corridor
-from omnidrive.reference.course import Course
-from omnidrive.reference.course_timing import time_course
-from omnidrive.reference.heading_guess import heading_guesses, with_end_headings
+from omnidrive.reference.initial_headings import initial_headings, with_end_headings
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
-from omnidrive.reference.timed import TimedReference
-from omnidrive.reference.transcription import Guess, casadi, optimised
+from omnidrive.reference.piecewise_path import PiecewisePath
+from omnidrive.reference.time_parameterization import time_optimal_reference
+from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.transcription import InitialGuess, casadi, optimise_path
 from omnidrive.robot import Chassis
 
 _PIECES = 48
-"""Of the new spline, along all of the way, or more if there are many boxes."""
+"""Number of pieces of the new spline; more if the corridor has many boxes."""
 
 _MAX_PIECES = 600
+"""Largest number of pieces of the new spline."""
 
 _GAIN = 1e-6
-"""Share of the time that a faster motion has to save: less is rounding."""
+"""Share of the duration that a faster motion must save; less counts as rounding."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MinimumTime:
-    """The fastest motion found.
+    """Fastest motion found.
 
     Attributes:
-        reference: It.
-        path: Its path.
-        status: ``converged``: a local optimum of the discretised problem; ``capped``: the solver
-            stopped before, with a faster motion all the same; ``guess``: so is what the solver
-            began with, and it found nothing better; ``fallback``: nothing faster than the start
-            path was found, which is returned.
-        message: What happened, in a sentence.
-        corridor: Where the path could move; None if there was none.
+        reference: Fastest motion.
+        path: Path of the motion.
+        status: Origin of the motion. ``converged``: a local optimum of the discretised problem;
+            ``capped``: the solver stopped before convergence with a faster motion; ``guess``: an
+            initial guess is faster than the start path, and the solver found no faster motion;
+            ``fallback``: the start path, because no faster motion was found.
+        message: One sentence on the result.
+        corridor: Corridor of the path; None if there is none.
     """
 
     reference: TimedReference
@@ -57,53 +58,53 @@ def minimum_time(
     path: SplinePath,
     chassis: Chassis,
     limits: MotionLimits,
-    free: OccupancyGrid,
+    free_space: OccupancyGrid,
     *,
     start_yaw: float | None = None,
     goal_yaw: float | None = None,
 ) -> MinimumTime:
-    """Fastest motion from the start of ``path`` to its end through a corridor around it.
+    """Return the fastest motion from the start of ``path`` to its end in a corridor around it.
 
-    The corridor is boxes of free cells. Every piece of the new path has its Bezier points in one
-    box, so that it cannot leave it. Times are optimised together with the path, then
-    computed exactly along it. The result is never slower than :func:`time_within_limits` along
-    the start path, which is ``path`` with its own headings, bent to those given at the ends: if
-    nothing faster is found, it is that.
+    The corridor consists of boxes of free cells. Each piece of the new path has its Bezier points
+    in one box, and therefore stays in the box. Path and speeds are optimised together; then the
+    timing along the new path is computed exactly. The start path is ``path`` with its own headings,
+    changed near the ends to meet given end headings. The result is never slower than
+    :func:`time_within_limits` along the start path, which is returned if no faster motion is found.
 
     Args:
-        path: A way that stays in free cells.
-        chassis: Its wheel matrix and its wheels' top speed.
+        path: Path in free cells.
+        chassis: Wheel kinematics and wheel speed limit.
         limits: All other limits.
-        free: Where the robot's centre may be: obstacles inflated by its size.
-        start_yaw: Heading at the start, in rad; None leaves it open.
-        goal_yaw: Heading at the goal, in rad, modulo whole turns; None leaves it open.
+        free_space: Free cells for the centre of the robot: obstacles are inflated by its size.
+        start_yaw: Heading at the start, in rad; None: free.
+        goal_yaw: Heading at the goal, in rad, modulo whole turns; None: free.
 
     Raises:
         InvalidInput: An end heading is not finite.
-        InvalidReference: The path stands still.
+        InvalidReference: The path does not move.
         MissingExtra: CasADi is not installed.
     """
     casadi()
     rows = limit_rows(chassis, limits)
     path = with_end_headings(path, start_yaw, goal_yaw)
-    start = time_course(Course.of(path), rows)
+    start = time_optimal_reference(PiecewisePath.of(path), rows)
     if path.length == 0.0:
-        return _fallback(path, start, None, "the path only turns")
+        return _fallback(path, start, None, "the path only turns on the spot")
     try:
-        corridor = Corridor.along(path.poses(_fine(path))[:, :2], free)
+        corridor = Corridor.along(path.poses(_fine_parameters(path))[:, :2], free_space)
     except NoPathFound as error:
         return _fallback(path, start, None, f"there is no corridor around the path: {error}")
     pieces = corridor.pieces(_PIECES)
     if len(pieces) > _MAX_PIECES:
         return _fallback(
-            path, start, corridor, f"the corridor has {len(corridor.boxes)} boxes, too many"
+            path, start, corridor, f"the corridor has too many boxes: {len(corridor.boxes)}"
         )
     guesses = _guesses(path, corridor, pieces, rows, (start_yaw, goal_yaw))
-    found = optimised(guesses, path.length, rows)
+    found = optimise_path(guesses, path.length, rows)
     faster = SplinePath(corridor.to_world(found.path.control_points))
     if not corridor.contains(faster.control_points, pieces):
         return _fallback(path, start, corridor, "the motion found leaves the corridor")
-    reference = time_course(Course.of(faster), rows)
+    reference = time_optimal_reference(PiecewisePath.of(faster), rows)
     if reference.duration >= start.duration * (1.0 - _GAIN):
         message = f"the best motion in the corridor takes {reference.duration:.3f} s"
         return _fallback(path, start, corridor, message)
@@ -117,12 +118,12 @@ def minimum_time(
 def _fallback(
     path: SplinePath, start: TimedReference, corridor: Corridor | None, why: str
 ) -> MinimumTime:
-    message = f"the start path at its limits, in {start.duration:.3f} s: {why}"
+    message = f"start path at the limits, {start.duration:.3f} s: {why}"
     return MinimumTime(start, path, "fallback", message, corridor)
 
 
-def _fine(path: SplinePath) -> Float[Array, " samples"]:
-    """Parameters close enough for straight lines between: 20 on every piece."""
+def _fine_parameters(path: SplinePath) -> Float[Array, " samples"]:
+    """Return 20 parameters per piece, for which straight lines approximate the path."""
     return np.linspace(0.0, 1.0, 20 * (len(path.control_points) - 3) + 1)
 
 
@@ -132,50 +133,51 @@ def _guesses(
     pieces: Int[Array, " pieces"],
     rows: tuple[LimitRows, ...],
     yaws: tuple[float | None, float | None],
-) -> list[Guess]:
-    """Splines near the path and in the corridor, with three kinds of headings, and their bounds.
+) -> list[InitialGuess]:
+    """Return splines near the path and in the corridor, with three kinds of headings.
 
-    They are in the frame of the corridor's grid; limits are the robot's, so that nothing else
-    changes with it.
+    The splines and their bounds are in the frame of the corridor's grid. The limits hold in B and
+    do not depend on the frame.
     """
-    control = corridor.from_world(_refitted(path, corridor, pieces))
+    control = corridor.from_world(_refit(path, corridor, pieces))
     start, goal = (None if yaw is None else yaw - corridor.frame.yaw for yaw in yaws)
     ends = control[[0, -1], :2]
-    control[1:-1, :2] = np.clip(control[:, :2], *corridor.bounds(pieces))[1:-1]
+    control[1:-1, :2] = np.clip(control[:, :2], *corridor.control_point_bounds(pieces))[1:-1]
     low, high = np.full_like(control[:, :2], -np.inf), np.full_like(control[:, :2], np.inf)
     low[[0, -1]] = high[[0, -1]] = ends
-    hull = corridor.hull(pieces)
-    hull[[0, -1], :2] = np.minimum(hull[[0, -1], :2], ends)  # they may be on a side
+    hull = corridor.bezier_bounds(pieces)
+    hull[[0, -1], :2] = np.minimum(hull[[0, -1], :2], ends)  # the ends may be on a side
     hull[[0, -1], 2:] = np.maximum(hull[[0, -1], 2:], ends)
     return [
-        Guess(
+        InitialGuess(
             SplinePath(np.column_stack([control[:, :2], guess.yaw])),
             np.column_stack([low, guess.low]),
             np.column_stack([high, guess.high]),
             hull,
         )
-        for guess in heading_guesses(SplinePath(control), rows, start, goal)
+        for guess in initial_headings(SplinePath(control), rows, start, goal)
     ]
 
 
-def _refitted(
+def _refit(
     path: SplinePath, corridor: Corridor, pieces: Int[Array, " pieces"]
 ) -> Float[Array, "points 3"]:
-    """Control points on the path, those of each box spread evenly over its part of the way.
+    """Return control points on the path, those of each box spread evenly over its part.
 
-    A control point belongs at the mean of its three inner knots (de Boor, ch. XI, Greville sites).
+    A control point is placed at the mean of its three inner knots (Greville sites; de Boor, "A
+    Practical Guide to Splines", ch. XI).
     """
-    poses = path.poses(_fine(path))
+    poses = path.poses(_fine_parameters(path))
     distance = cumulative_length(poses[:, :2])
-    starts = np.concatenate([[0.0], corridor.ends[:-1]])
+    starts = np.concatenate([[0.0], corridor.box_ends[:-1]])
     counts = np.bincount(pieces)
     knots = np.concatenate(
         [
             *(
                 a + (b - a) * np.arange(n) / n
-                for a, b, n in zip(starts, corridor.ends, counts, strict=True)
+                for a, b, n in zip(starts, corridor.box_ends, counts, strict=True)
             ),
-            corridor.ends[-1:],
+            corridor.box_ends[-1:],
         ]
     )
     padded = np.concatenate([[knots[0]] * 2, knots, [knots[-1]] * 2])

@@ -1,4 +1,4 @@
-"""Timed references: what the robot should do, as a function of time."""
+"""Protocol of reference motions: desired pose and twist as functions of time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnidrive.geometry import Pose, WorldTwist
 
 
 class Setpoint(NamedTuple):
-    """Where the robot should be at one instant, and how fast it should be moving."""
+    """Desired pose and twist at one time, both in W."""
 
     pose: Pose
     twist: WorldTwist
@@ -21,36 +21,36 @@ class Setpoint(NamedTuple):
 
 @runtime_checkable
 class Reference(Protocol):
-    """A motion defined on [0, duration]; before and after, it holds its end poses at rest."""
+    """Motion defined on [0, duration]; before and after, the reference is an end pose at rest."""
 
     @property
     def duration(self) -> float:
-        """Length of the motion in s."""
+        """Duration of the motion, in s."""
         ...
 
     def at(self, t: float) -> Setpoint:
-        """Setpoint at time ``t`` in s."""
+        """Return the setpoint at time ``t`` in s."""
         ...
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
-        """Setpoints at ``t + k * dt`` for k = 0..n-1.
+        """Return the setpoints at ``t + k * dt`` for k = 0..n-1.
 
-        Columns: x, y in m, yaw in rad, then their derivatives in m/s, m/s, rad/s, all in W.
+        Columns: x, y in m, yaw in rad, then their derivatives in m/s, m/s and rad/s, all in W.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Stand at one pose for ``duration`` seconds: the target of a step response."""
+    """Constant pose for ``duration`` seconds; the reference of a step response."""
 
     pose: Pose
     duration: float
 
     def at(self, t: float) -> Setpoint:
-        """Setpoint at time ``t`` in s: always the same."""
+        """Return the constant setpoint."""
         return Setpoint(self.pose, WorldTwist(0.0, 0.0, 0.0))
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
-        """``n`` times the same setpoint."""
+        """Return ``n`` rows with the constant setpoint."""
         return np.tile([*self.pose, 0.0, 0.0, 0.0], (n, 1))

@@ -1,4 +1,4 @@
-"""Basis of clamped uniform cubic B-splines, as matrices on their control points."""
+"""Basis matrices of clamped uniform cubic B-splines."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from omnidrive.arrays import Array
 
 
 def spline_basis(points: int) -> BSpline:
-    """All basis functions of splines of ``points`` control points; s grows by 1 on every piece."""
+    """Return all basis functions for ``points`` control points; s increases by 1 on each piece."""
     pieces = points - 3
     knots = np.concatenate([[0.0] * 3, np.arange(pieces + 1.0), [pieces] * 3])
     return BSpline(knots, np.eye(points), 3)
 
 
 def bezier_basis(points: int) -> Float[Array, "bezier points"]:
-    """What makes the Bezier points of all pieces from the spline's control points.
+    """Return the matrix that maps a spline's control points to the Bezier points of its pieces.
 
-    Piece k has those from 3 k to 3 k + 3: its ends, and a third of its slopes from there (Farin,
-    "Curves and surfaces for CAGD", ch. 5). It lies in their convex hull, which lies in that of its
-    control points.
+    Piece k has the Bezier points 3 k to 3 k + 3: its ends, and the points a third of the end
+    derivatives from there (Farin, "Curves and surfaces for CAGD", ch. 5). The piece is within their
+    convex hull, which is within that of its control points.
     """
     basis, nodes = spline_basis(points), np.arange(points - 2.0)
     ends, thirds = basis(nodes), basis.derivative()(nodes) / 3.0

@@ -79,7 +79,7 @@ class Prepared:
             InvalidReference: The robot cannot follow it that fast.
         """
         if self.fastest is not None:
-            return self.fastest.slowed(duration)
+            return self.fastest.with_duration(duration)
         return time_uniformly(self.path, duration, self.robot.chassis)
 
 

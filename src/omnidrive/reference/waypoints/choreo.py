@@ -17,10 +17,10 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
-from omnidrive.reference.sampled import SampledReference
+from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.waypoints.field import Field, read_json
 from omnidrive.reference.waypoints.text_file import write_text
-from omnidrive.reference.waypoints.waypoints import Waypoints, timed
+from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints
 
 _VERSION = 3
 # Choreo's optimiser ends with samples less than a microsecond apart, and its files round to 1e-5 m:
@@ -47,7 +47,7 @@ def read_choreo(file: pathlib.Path) -> SampledReference:
     differential = kind is not None and kind.value == "Differential"
     samples = trajectory["samples"].items()
     if not samples:
-        raise trajectory["samples"].refusal(
+        raise trajectory["samples"].error(
             "is empty: the trajectory was never generated; generate it in Choreo and save it"
         )
     known = names[:4] if differential else names
@@ -55,7 +55,9 @@ def read_choreo(file: pathlib.Path) -> SampledReference:
     kept = _apart(samples, table[:, 0])
     table = table[kept]
     twists = None if differential else table[:, 4:]
-    return timed(root.file, lambda i: samples[kept[i]].name, table[:, 0], table[:, 1:4], twists)
+    return timed_waypoints(
+        root.file, lambda i: samples[kept[i]].name, table[:, 0], table[:, 1:4], twists
+    )
 
 
 def write_choreo(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
@@ -92,7 +94,7 @@ def _apart(samples: list[Field], times: Float[Array, " samples"]) -> Int[Array, 
     kept = [0]
     for i, (before, now) in enumerate(zip(times[:-1].tolist(), times[1:].tolist(), strict=True), 1):
         if now < before:
-            raise samples[i].refusal(f"has the time {now:.9g} s, before {before:.9g} s; sort them")
+            raise samples[i].error(f"has the time {now:.9g} s, before {before:.9g} s; sort them")
         if now - times[kept[-1]] >= _NEAREST:
             kept.append(i)
     if len(kept) > 1:

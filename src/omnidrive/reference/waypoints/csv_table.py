@@ -19,9 +19,9 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.planning import Path
-from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
+from omnidrive.reference.sampled_reference import MAX_SAMPLES, MAX_VALUE
 from omnidrive.reference.waypoints.text_file import read_text, write_text
-from omnidrive.reference.waypoints.waypoints import Waypoints, timed, untimed
+from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints, untimed_waypoints
 
 _POSE, _TWIST = ("x", "y", "yaw"), ("vx", "vy", "yaw_rate")
 _DEGREE = pi / 180.0
@@ -36,7 +36,7 @@ _UNITS = {
 }  # fmt: skip
 _OTHER_NAMES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
 _LONGEST_TITLE = 60
-_MOST_LINES = 2 * MOST_SAMPLES  # remarks and empty lines among them
+_MOST_LINES = 2 * MAX_SAMPLES  # remarks and empty lines among them
 _PATH_HEADER = "x_m,y_m,yaw_rad"
 _TIMED_HEADER = f"t_s,{_PATH_HEADER},vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
 
@@ -99,9 +99,9 @@ def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " row
 
     poses = np.column_stack([column[key] for key in _POSE])
     if "t" not in column:
-        return untimed(name, place, poses)
+        return untimed_waypoints(name, place, poses)
     twists = np.column_stack([column[key] for key in _TWIST]) if "vx" in column else None
-    return timed(name, place, column["t"], poses, twists)
+    return timed_waypoints(name, place, column["t"], poses, twists)
 
 
 def _column(title: str) -> tuple[str, str] | None:
@@ -148,13 +148,13 @@ def _factors(name: str, columns: dict[str, float], units: list[str]) -> Float[Ar
         raise InvalidReference(f"{name}: {len(units)} units for {len(columns)} columns")
     factors = []
     for i, (quantity, factor) in enumerate(columns.items()):
-        said = _column(f"{quantity} {units[i]}") if units else None
-        if units and said is None:
+        description = _column(f"{quantity} {units[i]}") if units else None
+        if units and description is None:
             known = ", ".join(_UNITS[quantity])
             raise InvalidReference(
                 f"{name}: unknown unit {short_repr(units[i])} of {quantity}; there are {known}"
             )
-        factors.append(factor or _UNITS[quantity].get(said[1] if said else "", 1.0))
+        factors.append(factor or _UNITS[quantity].get(description[1] if description else "", 1.0))
     return np.array(factors)
 
 
@@ -171,10 +171,10 @@ def _numbers(where: str, cells: list[str], count: int) -> list[float]:
 
 
 def _check_size(name: str, lines: list[int], table: Float[Array, "rows columns"]) -> None:
-    beyond = np.argwhere(~(np.abs(table) <= LARGEST_NUMBER))  # also finds NaN
+    beyond = np.argwhere(~(np.abs(table) <= MAX_VALUE))  # also finds NaN
     if len(beyond):
         i, j = beyond[0]
         raise InvalidReference(
             f"{name}, line {lines[i]}: {table[i, j]:g} is not a finite number of at most "
-            f"{LARGEST_NUMBER:g}"
+            f"{MAX_VALUE:g}"
         )

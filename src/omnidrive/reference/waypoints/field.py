@@ -9,7 +9,7 @@ from typing import Any
 
 from omnidrive.errors import InvalidReference, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
-from omnidrive.reference.sampled import LARGEST_NUMBER, MOST_SAMPLES
+from omnidrive.reference.sampled_reference import MAX_SAMPLES, MAX_VALUE
 from omnidrive.reference.waypoints.text_file import read_text
 
 
@@ -31,13 +31,13 @@ class Field:
         """The field ``key`` of a mapping; refused if this is none or does not have it."""
         found = self.get(key)
         if found is None:
-            raise self.refusal(f"does not set '{key}'")
+            raise self.error(f"does not set '{key}'")
         return found
 
     def get(self, key: str) -> Field | None:
         """The field ``key`` of a mapping; None if it is absent or null."""
         if not isinstance(self.value, dict):
-            raise self.refusal(f"is {self.said}, need a mapping")
+            raise self.error(f"is {self.description}, need a mapping")
         value = self.value.get(key)
         name = f"{self.name}.{key}" if self.name else key
         return None if value is None else Field(value, name, self.file)
@@ -46,7 +46,7 @@ class Field:
         """This mapping, refused if it has other keys than these."""
         for key in self.value if isinstance(self.value, dict) else ():
             if key not in keys:
-                raise self.refusal(
+                raise self.error(
                     f"has the unknown key {short_repr(key)}{suggestion(str(key), keys)}"
                 )
         return self
@@ -54,30 +54,30 @@ class Field:
     def items(self) -> list[Field]:
         """The fields of a list; no more than 100,000."""
         if not isinstance(self.value, list):
-            raise self.refusal(f"is {self.said}, need a list")
-        if len(self.value) > MOST_SAMPLES:
-            raise self.refusal(f"has {len(self.value):,} entries, more than {MOST_SAMPLES:,}")
+            raise self.error(f"is {self.description}, need a list")
+        if len(self.value) > MAX_SAMPLES:
+            raise self.error(f"has {len(self.value):,} entries, more than {MAX_SAMPLES:,}")
         return [Field(v, f"{self.name}[{i}]", self.file) for i, v in enumerate(self.value)]
 
     def number(self) -> float:
         """The value as a finite number of at most 1e10."""
         value = self.value
         if not isinstance(value, (int, float)) or isinstance(value, bool):
-            raise self.refusal(f"is {self.said}, need a number")
-        if not -LARGEST_NUMBER <= value <= LARGEST_NUMBER:  # also catches NaN
-            raise self.refusal(
-                f"is {self.said}, need a finite number of at most {LARGEST_NUMBER:g}"
+            raise self.error(f"is {self.description}, need a number")
+        if not -MAX_VALUE <= value <= MAX_VALUE:  # also catches NaN
+            raise self.error(
+                f"is {self.description}, need a finite number of at most {MAX_VALUE:g}"
             )
         return float(value)
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """The value in a few words, for messages."""
         if isinstance(self.value, dict):
             return "a mapping"
         return "a list" if isinstance(self.value, list) else short_repr(self.value)
 
-    def refusal(self, fact: str) -> InvalidReference:
+    def error(self, fact: str) -> InvalidReference:
         """An error that says where, and what is wrong there."""
         return InvalidReference(f"{self.file}: {self.name or 'the file'} {fact}")
 

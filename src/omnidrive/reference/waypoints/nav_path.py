@@ -19,7 +19,7 @@ from omnidrive.files.yaml_file import read_yaml_documents
 from omnidrive.planning import Path
 from omnidrive.reference.waypoints.field import Field
 from omnidrive.reference.waypoints.text_file import MAX_BYTES, write_text
-from omnidrive.reference.waypoints.waypoints import Waypoints, timed, untimed
+from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints, untimed_waypoints
 
 _NORM_TOLERANCE = 0.01  # of a quaternion, which should be 1
 _TILT_TOLERANCE = 0.01  # of its x and y, which should be 0 on the ground
@@ -38,18 +38,18 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
     name = one_line(str(file))
     root = Field(_message(file, name), "", name)
     if isinstance(root.value, dict) and {"image", "resolution"} <= root.value.keys():
-        raise root.refusal("is a Nav2 map, not a path; load it with load_nav2_map")
+        raise root.error("is a Nav2 map, not a path; load it with load_nav2_map")
     poses = root.only("header", "poses")["poses"].items()
     for pose in poses:
         if pose.value == "...":
-            raise pose.refusal("is where ros2 topic echo cut the list off; add --full-length")
+            raise pose.error("is where ros2 topic echo cut the list off; add --full-length")
     _check_header(root)
     stamps = np.array([_stamp(pose) for pose in poses], dtype=np.int64)
     table = np.array([_pose(pose) for pose in poses], dtype=float).reshape(-1, 3)
     if len(set(stamps.tolist())) <= 1:
-        return untimed(name, lambda i: poses[i].name, table)
+        return untimed_waypoints(name, lambda i: poses[i].name, table)
     times = (stamps - stamps[0]) / 1e9
-    return timed(name, lambda i: f"{poses[i].name}.header.stamp", times, table, None)
+    return timed_waypoints(name, lambda i: f"{poses[i].name}.header.stamp", times, table, None)
 
 
 def write_nav_path(file: pathlib.Path, waypoints: Waypoints, frame_id: str) -> None:
@@ -109,7 +109,7 @@ def _whole(field: Field | None, limit: int) -> int:
         return 0
     value = field.value
     if not isinstance(value, float) or not 0.0 <= value < limit or not value.is_integer():
-        raise field.refusal(f"is {field.said}, need a whole number from 0 to {limit - 1:,}")
+        raise field.error(f"is {field.description}, need a whole number from 0 to {limit - 1:,}")
     return int(value)
 
 
@@ -130,9 +130,9 @@ def _yaw(pose: Field) -> float:
     w = _number(orientation, "w", 1.0)
     norm = hypot(x, y, z, w)
     if abs(norm - 1.0) > _NORM_TOLERANCE:
-        raise orientation.refusal(f"is a quaternion of norm {norm:.6g}, need 1")
+        raise orientation.error(f"is a quaternion of norm {norm:.6g}, need 1")
     if hypot(x, y) > _TILT_TOLERANCE:
-        raise orientation.refusal(
+        raise orientation.error(
             f"tilts the robot: x {x:g} and y {y:g} must be 0, it drives on level ground"
         )
     return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)

@@ -12,12 +12,12 @@ from omnidrive.errors import InvalidReference
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.planning import Path
 from omnidrive.reference.reference import Reference
-from omnidrive.reference.sampled import MOST_SAMPLES, SampledReference
+from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
 from omnidrive.reference.waypoints.choreo import read_choreo, write_choreo
 from omnidrive.reference.waypoints.csv_table import read_csv, write_csv
 from omnidrive.reference.waypoints.nav_path import read_nav_path, write_nav_path
 from omnidrive.reference.waypoints.pathplanner import read_pathplanner, write_pathplanner
-from omnidrive.reference.waypoints.waypoints import Waypoints, untimed
+from omnidrive.reference.waypoints.waypoints import Waypoints, untimed_waypoints
 
 _USUAL_STEP = 0.02  # s, the period at which most robots' loops run
 
@@ -80,7 +80,7 @@ def save_waypoints(
         if dt is not None:
             raise InvalidReference("a path has no times: leave dt out, or make a reference of it")
         _check_turns(waypoints)
-        waypoints = untimed("the path", lambda i: f"pose {i}", waypoints.poses)
+        waypoints = untimed_waypoints("the path", lambda i: f"pose {i}", waypoints.poses)
     elif not isinstance(waypoints, Reference):
         raise InvalidReference(
             f"cannot save a {type(waypoints).__name__} as waypoints, only a Path or a Reference"
@@ -88,9 +88,9 @@ def save_waypoints(
     elif dt is not None or not isinstance(waypoints, SampledReference):
         step = _USUAL_STEP if dt is None else dt
         waypoints = _turning_short(waypoints, SampledReference.of(waypoints, step), step)
-    elif len(waypoints.times) > MOST_SAMPLES:
+    elif len(waypoints.times) > MAX_SAMPLES:
         raise InvalidReference(
-            f"{len(waypoints.times):,} samples are more than {MOST_SAMPLES:,}; choose a dt"
+            f"{len(waypoints.times):,} samples are more than {MAX_SAMPLES:,}; choose a dt"
         )
     else:
         longest = float(np.diff(waypoints.times).max())
@@ -122,9 +122,9 @@ def _turning_short(reference: Reference, samples: SampledReference, dt: float) -
     finer, step = samples, dt
     while not _turns_short(finer):
         step = float(f"{0.5 * step:.2g}")
-        if reference.duration > step * MOST_SAMPLES:
+        if reference.duration > step * MAX_SAMPLES:
             raise InvalidReference(
-                f"the motion turns so often that {MOST_SAMPLES:,} samples cannot tell how far"
+                f"the motion turns so often that {MAX_SAMPLES:,} samples cannot tell how far"
             )
         finer = SampledReference.of(reference, step)
     raise InvalidReference(

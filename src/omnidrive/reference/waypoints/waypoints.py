@@ -11,18 +11,18 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path
-from omnidrive.reference.sampled import (
-    LARGEST_NUMBER,
-    MOST_SAMPLES,
-    SHORTEST_STEP,
+from omnidrive.reference.sampled_reference import (
+    MAX_SAMPLES,
+    MAX_VALUE,
+    MIN_STEP,
     SampledReference,
-    first_step_back,
+    first_nonincreasing,
 )
 
 Waypoints: TypeAlias = Path | SampledReference
 
 
-def timed(
+def timed_waypoints(
     file: str,
     place: Callable[[int], str],
     times: Float[Array, " samples"],
@@ -42,28 +42,30 @@ def timed(
         InvalidReference: Fewer than two samples, or times that do not grow.
     """
     _check_count(file, len(poses))
-    i = first_step_back(times)
+    i = first_nonincreasing(times)
     if i is not None:
         raise InvalidReference(
             f"{file}, {place(i)}: the time {times[i]:.9g} s does not come after {times[i - 1]:.9g} "
-            f"s; times must grow by at least {SHORTEST_STEP:g} s from one sample to the next"
+            f"s; times must increase by at least {MIN_STEP:g} s from one sample to the next"
         )
     if twists is None:
         return SampledReference.through(times, poses)
     return SampledReference(times, poses, twists)
 
 
-def untimed(file: str, place: Callable[[int], str], poses: Float[Array, "points 3"]) -> Path:
-    """The path through poses, with the yaw unwrapped; arguments as for :func:`timed`.
+def untimed_waypoints(
+    file: str, place: Callable[[int], str], poses: Float[Array, "points 3"]
+) -> Path:
+    """The path through poses, with the yaw unwrapped; arguments as for :func:`timed_waypoints`.
 
     Raises:
         InvalidReference: Fewer than two poses, the same one twice in a row, or a number that is
             not finite or beyond 1e10.
     """
     _check_count(file, len(poses))
-    if not (np.abs(poses) <= LARGEST_NUMBER).all():  # also catches NaN
+    if not (np.abs(poses) <= MAX_VALUE).all():  # also catches NaN
         raise InvalidReference(
-            f"{file}: a waypoint is not made of finite numbers of at most {LARGEST_NUMBER:g}"
+            f"{file}: a waypoint is not made of finite numbers of at most {MAX_VALUE:g}"
         )
     poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
     same = np.flatnonzero((np.diff(poses, axis=0) == 0.0).all(axis=1))
@@ -82,5 +84,5 @@ def _check_count(file: str, count: int) -> None:
             f"{file}: a way needs at least 2 waypoints, and here {'is' if count == 1 else 'are'} "
             f"{count}"
         )
-    if count > MOST_SAMPLES:
-        raise InvalidReference(f"{file}: {count:,} waypoints are more than {MOST_SAMPLES:,}")
+    if count > MAX_SAMPLES:
+        raise InvalidReference(f"{file}: {count:,} waypoints are more than {MAX_SAMPLES:,}")

@@ -1,9 +1,9 @@
-"""Fastest squared speeds along a course under rows of limits: reachability analysis.
+"""Largest squared speeds along a path under linear limits, by reachability analysis.
 
 Pham & Pham, "A new approach to time-optimal path parameterization based on reachability analysis",
-IEEE Trans. Robotics 34(3), 2018. On every interval the acceleration u = d2s/dt2 is constant, so
-that the squared speed x = (ds/dt)^2 is linear in s: x + 2 u (s - s_i). All limits are rows
-``|a u + b x| <= 1``, and rest (u = x = 0) meets them all.
+IEEE Trans. Robotics 34(3), 2018. On each interval the path acceleration u = d2s/dt2 is constant,
+so that the squared speed x = (ds/dt)^2 is linear in s: x + 2 u (s - s_i). All limits are rows
+``|a u + b x| <= 1``; rest (u = x = 0) satisfies them.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _FLAT = 1e-14
 
 
 @inlined
-def _range(
+def _acceleration_range(
     x: float, ahead: float, double: float, a: Float[Array, " rows"], b: Float[Array, " rows"]
 ) -> tuple[float, float, float, float]:
-    """Least and greatest u at ``x`` that reach [0, ahead], and their derivatives by x."""
+    """Return the least and largest u at ``x`` that lead into [0, ahead], and their derivatives."""
     slope = -1.0 / double
     low, high, low_slope, high_slope = slope * x, (ahead - x) / double, slope, slope
     for r in range(a.size):
@@ -37,20 +37,20 @@ def _range(
 
 
 @inlined
-def _largest(
+def _max_controllable(
     top: float, ahead: float, double: float, a: Float[Array, " rows"], b: Float[Array, " rows"]
 ) -> float:
-    """Largest x up to ``top`` from which some u leads into [0, ahead].
+    """Return the largest x up to ``top`` from which some u leads into [0, ahead].
 
-    The gap between greatest and least u is concave in x and not negative at 0. Newton's method
-    from above, on the two lines that bound the gap, ends after finitely many steps.
+    The difference of the largest and the least u is concave in x and not negative at 0. Newton's
+    method from above, on the two lines that bound the difference, ends after finitely many steps.
     """
     x = top
     for r in range(a.size):
         if abs(a[r]) <= _FLAT * abs(b[r]) and abs(b[r]) * x > 1.0:
             x = 1.0 / abs(b[r])
     for _ in range(4 * a.size + 8):
-        low, high, low_slope, high_slope = _range(x, ahead, double, a, b)
+        low, high, low_slope, high_slope = _acceleration_range(x, ahead, double, a, b)
         slope = high_slope - low_slope
         if high >= low or slope >= 0.0:  # the latter by rounding: no two lines cross below 0
             break
@@ -59,31 +59,33 @@ def _largest(
 
 
 @compiled
-def fastest(
+def max_squared_speeds(
     a: Float[Array, "intervals rows"],
     b: Float[Array, "intervals rows"],
     width: float,
     top: float,
     ends: tuple[float, float],
 ) -> Float[Array, " nodes"]:
-    """Greatest squared speeds at the ends of all intervals.
+    """Return the largest feasible squared speeds at the ends of all intervals.
+
+    A backward pass computes the controllable sets, a forward pass the largest speeds in them.
 
     Args:
-        a: Factor of u in each row, in s^2 (s counted in units of the course's parameter).
-        b: Factor of x at the interval's start, in s^2.
-        width: Of every interval, in units of s.
-        top: Bound on x, in 1/s^2, where no row gives one.
-        ends: Most that x may be at the start and at the end; 0 for rest.
+        a: Factor of u in each row, in s^2 (the path parameter has no unit).
+        b: Factor of x at the start of the interval, in s^2.
+        width: Width of every interval in the path parameter.
+        top: Upper bound of x, in 1/s^2, where no row gives one.
+        ends: Largest x at the start and at the end; 0 for rest.
     """
     count, double = len(a), 2.0 * width
     most = np.empty(count + 1)
     most[count] = min(ends[1], top)
     for i in range(count - 1, -1, -1):
-        most[i] = _largest(top, most[i + 1], double, a[i], b[i])
+        most[i] = _max_controllable(top, most[i + 1], double, a[i], b[i])
     x = np.empty(count + 1)
     x[0] = min(ends[0], most[0])
     for i in range(count):
-        low, high, _, _ = _range(x[i], most[i + 1], double, a[i], b[i])
+        low, high, _, _ = _acceleration_range(x[i], most[i + 1], double, a[i], b[i])
         u = high if high >= low else 0.5 * (low + high)
         x[i + 1] = min(max(x[i] + double * u, 0.0), most[i + 1])
     return x

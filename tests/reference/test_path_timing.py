@@ -13,7 +13,7 @@ from omnidrive.geometry import WorldTwist
 from omnidrive.planning import SplinePath
 from omnidrive.reference import MotionLimits, Reference, time_within_limits
 from omnidrive.robot import Chassis, named_robot
-from tests.reference.courses import (
+from tests.reference.sample_paths import (
     CHASSIS,
     CROSS,
     FOUR,
@@ -161,7 +161,7 @@ def test_some_limit_is_always_used_in_full(heading):
 
 def test_limit_usage_is_what_the_wheels_do():
     reference = time_within_limits(wandering(8), FOUR, LIMITS)
-    slow = reference.slowed(3.0 * reference.duration)
+    slow = reference.with_duration(3.0 * reference.duration)
     speed, acceleration = worst_shares(slow, FOUR, ALPHA)
     assert slow.limit_usage["wheel speed"] == pytest.approx(speed, rel=2e-3)
     assert slow.limit_usage["wheel acceleration"] == pytest.approx(acceleration, rel=2e-2)
@@ -253,10 +253,10 @@ def test_a_fixed_heading_is_by_default_the_one_asked_for_at_an_end():
     ("heading", "ends", "message"),
     [
         ("fixed", {"start_yaw": 0.5, "goal_yaw": 0.50001}, "at the goal"),
-        ("fixed", {"yaw": 0.1, "start_yaw": 0.5}, "to 0.100 rad at the start"),
+        ("fixed", {"yaw": 0.1, "start_yaw": 0.5}, "at the start is 0.100 rad, not 0.500 rad"),
         ("tangent", {"start_yaw": 2.0}, "at the start"),
         ("tangent", {"goal_yaw": 2.0}, "at the goal"),
-        ("path", {"goal_yaw": 9.0}, "not to the 9.000 rad asked for"),
+        ("path", {"goal_yaw": 9.0}, "not 9.000 rad as required"),
     ],
 )
 def test_end_headings_that_cannot_be_kept_are_refused(heading, ends, message):
@@ -325,7 +325,9 @@ def test_limits_of_zero_are_refused(name, value):
 
 
 def test_something_has_to_limit_acceleration():
-    with pytest.raises(InvalidInput, match="nothing limits the wheels' acceleration"):
+    with pytest.raises(
+        InvalidInput, match="the acceleration is not limited; set wheel_acceleration"
+    ):
         MotionLimits(wheel_speed=3.0, acceleration=1.0)
 
 
@@ -345,7 +347,7 @@ def test_paths_that_stand_still_are_refused(heading):
 
 @pytest.mark.parametrize("heading", ["tangent", "fixed", "free"])
 def test_turning_on_the_spot_needs_the_paths_heading(heading):
-    with pytest.raises(InvalidReference, match=r"only turns at \(2, -1\) m"):
+    with pytest.raises(InvalidReference, match=r"only turns on the spot at \(2, -1\) m"):
         time_within_limits(turning(1.0), FOUR, LIMITS, heading=heading)
 
 

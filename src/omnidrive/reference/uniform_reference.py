@@ -1,4 +1,4 @@
-"""Timing in which the spline's parameter grows uniformly, as in the paper."""
+"""References whose spline parameter grows uniformly with time, as in the paper."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.planning import SplinePath
-from omnidrive.reference.course import turned_into_body
+from omnidrive.reference.piecewise_path import rotate_into_body
 from omnidrive.reference.reference import Setpoint
 from omnidrive.robot import Chassis
 
 
 @dataclass(frozen=True, eq=False)
 class UniformReference:
-    """A spline path whose parameter is ``t / duration``.
+    """Motion along a spline path with the parameter ``t / duration``.
 
     Attributes:
-        path: The way.
-        duration: Time from its start to its end, in s.
+        path: Path to follow.
+        duration: Duration of the motion, in s.
+
+    Raises:
+        InvalidReference: ``duration`` is not a positive number.
     """
 
     path: SplinePath
@@ -34,12 +37,12 @@ class UniformReference:
             raise InvalidReference(f"duration must be positive, got {self.duration:g} s")
 
     def at(self, t: float) -> Setpoint:
-        """Setpoint at time ``t`` in s; outside [0, duration] an end pose, at rest."""
+        """Return the setpoint at time ``t`` in s; outside [0, duration] an end pose, at rest."""
         x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
         return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
-        """Setpoints at ``t + k * dt`` for k = 0..n-1, columns as in :class:`Reference`."""
+        """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""
         u = (t + dt * np.arange(n)) / self.duration
         inside = (u >= 0.0) & (u <= 1.0 + 1e-12)  # k * dt / duration may round past 1
         u = np.clip(u, 0.0, 1.0)
@@ -48,26 +51,28 @@ class UniformReference:
 
 
 def wheel_speed_used(path: SplinePath, duration: float, chassis: Chassis) -> float:
-    """Peak of any wheel's speed as a share of its limit, for ``path`` in ``duration`` s.
+    """Return the peak wheel speed on ``path`` in ``duration`` s, as a share of the speed limit.
 
-    Wheel speeds are proportional to 1 / duration, so one sweep along the path finds their peak.
+    Wheel speeds are proportional to 1 / duration, so that one evaluation of the path gives the
+    peak for every duration.
     """
     u = np.linspace(0.0, 1.0, 20 * len(path.control_points) + 1)
-    slopes = turned_into_body(path.first_derivatives(u), path.poses(u)[:, 2])
-    peak = float(np.abs(slopes @ chassis.jacobian.T).max())
+    derivatives = rotate_into_body(path.first_derivatives(u), path.poses(u)[:, 2])
+    peak = float(np.abs(derivatives @ chassis.jacobian.T).max())
     return peak / (duration * chassis.max_wheel_speed)
 
 
 def shortest_duration(path: SplinePath, chassis: Chassis) -> float:
-    """Least duration in s, to 0.1 s, at which uniform timing keeps every wheel within its limit."""
+    """Return the shortest duration, in s, rounded up to 0.1 s, within the wheel speed limit."""
     return ceil(wheel_speed_used(path, 1.0, chassis) * 10.0) / 10.0
 
 
 def time_uniformly(path: SplinePath, duration: float, chassis: Chassis) -> UniformReference:
-    """Reference along ``path`` that the wheels of ``chassis`` can follow.
+    """Return the uniform reference along ``path`` in ``duration`` s.
 
     Raises:
-        InvalidReference: ``duration`` (s) is too short; the message says the shortest that is not.
+        InvalidReference: A wheel would exceed its speed limit; the message gives the shortest
+            duration.
     """
     reference = UniformReference(path, duration)
     shortest = shortest_duration(path, chassis)

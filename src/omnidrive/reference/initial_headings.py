@@ -1,4 +1,4 @@
-"""Headings from which an optimiser may start."""
+"""Initial headings for the optimisation of a path."""
 
 from __future__ import annotations
 
@@ -14,30 +14,33 @@ from omnidrive.planning import SplinePath
 from omnidrive.reference.limits import LimitRows
 
 _TURN_WITHIN = 0.2
-"""Share of the control points over which a guess turns away from a given end heading."""
+"""Share of the control points over which the headings change to a given end heading."""
 
 
-class HeadingGuess(NamedTuple):
-    """Headings of all control points, in rad, unwrapped, and the bounds that they stay in."""
+class InitialHeadings(NamedTuple):
+    """Headings of all control points and their bounds, in rad, unwrapped."""
 
     yaw: Float[Array, " points"]
     low: Float[Array, " points"]
     high: Float[Array, " points"]
 
 
-def heading_guesses(
+def initial_headings(
     path: SplinePath,
     limits: tuple[LimitRows, ...],
     start_yaw: float | None = None,
     goal_yaw: float | None = None,
-) -> list[HeadingGuess]:
-    """Three guesses: the path's own headings, one heading, and the robot's fastest side ahead.
+) -> list[InitialHeadings]:
+    """Return three initial guesses of the headings along ``path``.
+
+    They are the path's own headings, one constant heading, and the headings with the robot's
+    fastest direction along the direction of travel.
 
     Args:
-        path: Where to go.
-        limits: They say in which direction the robot is fastest.
-        start_yaw: Heading at the start, in rad; None leaves it open.
-        goal_yaw: Heading at the goal, in rad, modulo whole turns; None leaves it open.
+        path: Path to follow.
+        limits: Limits that give the fastest direction of the robot.
+        start_yaw: Heading at the start, in rad; None: free.
+        goal_yaw: Heading at the goal, in rad, modulo whole turns; None: free.
 
     Raises:
         InvalidInput: An end heading is not finite.
@@ -45,15 +48,15 @@ def heading_guesses(
     check_end_headings(start_yaw, goal_yaw)
     own = path.control_points[:, 2]
     travel = _directions(path)
-    side = _fastest_side(limits, travel[0] - (own[0] if start_yaw is None else start_yaw))
+    side = _fastest_direction(limits, travel[0] - (own[0] if start_yaw is None else start_yaw))
     shapes = [own, np.full_like(own, own[0] if start_yaw is None else start_yaw), travel - side]
-    return [_held(shape, start_yaw, goal_yaw) for shape in shapes]
+    return [_meet_ends(shape, start_yaw, goal_yaw) for shape in shapes]
 
 
 def with_end_headings(
     path: SplinePath, start_yaw: float | None, goal_yaw: float | None
 ) -> SplinePath:
-    """The path with its own headings bent to those at the ends; as it is where none is given.
+    """Return the path with its headings changed near the ends to meet the given end headings.
 
     Raises:
         InvalidInput: An end heading is not finite.
@@ -61,25 +64,25 @@ def with_end_headings(
     check_end_headings(start_yaw, goal_yaw)
     if start_yaw is None and goal_yaw is None:
         return path
-    yaw = _held(path.control_points[:, 2], start_yaw, goal_yaw).yaw
+    yaw = _meet_ends(path.control_points[:, 2], start_yaw, goal_yaw).yaw
     return SplinePath(np.column_stack([path.control_points[:, :2], yaw]))
 
 
 def check_end_headings(start_yaw: float | None, goal_yaw: float | None) -> None:
-    """Refuse headings at the ends, in rad, that are no angles; None is none.
+    """Check that given end headings, in rad, are finite.
 
     Raises:
-        InvalidInput: One is not finite.
+        InvalidInput: One is not.
     """
     for name, yaw in (("start", start_yaw), ("goal", goal_yaw)):
         if yaw is not None and not np.isfinite(yaw):
             raise InvalidInput(f"the heading at the {name} must be a finite angle, got {yaw:g} rad")
 
 
-def _held(
+def _meet_ends(
     yaw: Float[Array, " points"], start_yaw: float | None, goal_yaw: float | None
-) -> HeadingGuess:
-    """The guess shifted by whole turns toward the start, and bent to the given end headings."""
+) -> InitialHeadings:
+    """Shift headings by whole turns to the start, and change them to meet the end headings."""
     if start_yaw is not None:
         yaw = yaw + 2.0 * pi * np.round((start_yaw - yaw[0]) / (2.0 * pi))
     share = np.linspace(0.0, 1.0, len(yaw)) / _TURN_WITHIN
@@ -91,11 +94,14 @@ def _held(
         goal_yaw = goal_yaw + 2.0 * pi * float(np.round((yaw[-1] - goal_yaw) / (2.0 * pi)))
         yaw = yaw + (goal_yaw - yaw[-1]) * np.maximum(1.0 - share[::-1], 0.0)
         low[-1] = high[-1] = goal_yaw
-    return HeadingGuess(yaw, low, high)
+    return InitialHeadings(yaw, low, high)
 
 
 def _directions(path: SplinePath) -> Float[Array, " points"]:
-    """Direction of travel at every control point, in rad, unwrapped; as before where it rests."""
+    """Return the direction of travel at each control point, in rad, unwrapped.
+
+    At a control point without motion it is that of the one before.
+    """
     points = path.control_points[:, :2]
     chords = np.vstack([points[1] - points[0], points[2:] - points[:-2], points[-1] - points[-2]])
     moving = np.linalg.norm(chords, axis=1) > 1e-9
@@ -105,8 +111,8 @@ def _directions(path: SplinePath) -> Float[Array, " points"]:
     return np.unwrap(np.arctan2(chords[latest, 1], chords[latest, 0]))
 
 
-def _fastest_side(limits: tuple[LimitRows, ...], wanted: float) -> float:
-    """Direction in B, in rad, where the robot is fastest; of equal ones the nearest ``wanted``."""
+def _fastest_direction(limits: tuple[LimitRows, ...], preferred: float) -> float:
+    """Return the direction in B, in rad, of highest speed; among equals the nearest to one."""
     kind = "speed" if any(group.kind == "speed" for group in limits) else "twist rate"
     angles = np.arange(360) * pi / 180.0
     vectors = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles])
@@ -114,7 +120,7 @@ def _fastest_side(limits: tuple[LimitRows, ...], wanted: float) -> float:
     for group in limits:
         if group.kind == kind:
             shares = group.rows @ vectors
-            peak = np.linalg.norm(shares, axis=0) if group.round else np.abs(shares).max(axis=0)
+            peak = np.linalg.norm(shares, axis=0) if group.euclidean else np.abs(shares).max(axis=0)
             load = np.maximum(load, peak)
     best = angles[load <= 1.001 * load.min()]
-    return float(best[np.argmax(np.cos(best - wanted))])
+    return float(best[np.argmax(np.cos(best - preferred))])

@@ -1,0 +1,82 @@
+"""Fastest motion within limits along a given path, from rest to rest."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from omnidrive.errors import InvalidReference
+from omnidrive.geometry import wrap
+from omnidrive.planning import SplinePath
+from omnidrive.reference.free_heading import free_heading
+from omnidrive.reference.initial_headings import check_end_headings
+from omnidrive.reference.limits import MotionLimits, limit_rows
+from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
+from omnidrive.reference.time_parameterization import time_optimal_reference
+from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.robot import Chassis
+
+Heading = Literal["path", "tangent", "fixed", "free"]
+"""Headings of the path; direction of travel; one constant heading; headings optimised for time."""
+
+_TOLERANCE = 1e-6
+"""Largest difference of headings that count as equal, in rad."""
+
+
+def time_within_limits(
+    path: SplinePath,
+    chassis: Chassis,
+    limits: MotionLimits,
+    *,
+    heading: Heading = "path",
+    yaw: float | None = None,
+    start_yaw: float | None = None,
+    goal_yaw: float | None = None,
+    duration: float | None = None,
+) -> TimedReference:
+    """Return the fastest motion along ``path`` within ``limits``, from rest to rest.
+
+    Args:
+        path: Path to follow; it may consist of a turn on the spot.
+        chassis: Wheel kinematics and wheel speed limit.
+        limits: All other limits.
+        heading: Kind of heading; ``free`` needs the extra ``casadi``.
+        yaw: Heading for ``fixed``, in rad; None: the heading at the start or, if that is free, at
+            the goal or, if both are free, the first heading of the path.
+        start_yaw: Heading at the start, in rad, modulo whole turns; None: free.
+        goal_yaw: Heading at the goal, likewise.
+        duration: Duration to which the whole motion is slowed, in s; None: the shortest.
+
+    Raises:
+        InvalidInput: A limit or a heading is outside its domain.
+        InvalidReference: The path does not move, has no direction of travel for heading
+            ``tangent``, cannot be followed in ``duration``, or contradicts an end heading.
+        MissingExtra: Heading ``free`` without CasADi.
+    """
+    rows = limit_rows(chassis, limits)
+    check_end_headings(start_yaw, goal_yaw)
+    kind: FixedHeading = "path" if heading == "free" else heading
+    if heading == "free":
+        path = free_heading(path, rows, start_yaw, goal_yaw)
+    elif heading == "fixed" and yaw is None:
+        yaw = goal_yaw if start_yaw is None else start_yaw
+    pieces = PiecewisePath.of(path, kind, yaw)
+    _check_ends(pieces, heading, (start_yaw, goal_yaw))
+    reference = time_optimal_reference(pieces, rows)
+    return reference if duration is None else reference.with_duration(duration)
+
+
+def _check_ends(
+    path: PiecewisePath, heading: Heading, required: tuple[float | None, float | None]
+) -> None:
+    """Raise an error if the path has other headings at its ends than required."""
+    ends = np.array([0, len(path.pieces) - 1])
+    headings = path.at(ends, np.array([0.0, 1.0])).poses[:, 2].tolist()
+    for name, own, yaw in zip(("start", "goal"), headings, required, strict=True):
+        if yaw is not None and abs(wrap(own - yaw)) > _TOLERANCE:
+            raise InvalidReference(
+                f"with heading '{heading}' the robot's heading at the {name} is {wrap(own):.3f} "
+                f"rad, not {yaw:.3f} rad as required; choose heading 'free', or 'path' on a path "
+                f"with that heading, or leave the heading at the {name} free"
+            )

@@ -1,0 +1,141 @@
+"""Time-optimal parameterization of a path on an adaptive grid."""
+
+from __future__ import annotations
+
+from math import ceil, cos, log2, pi
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidReference
+from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.piecewise_path import PiecewisePath
+from omnidrive.reference.reachability import max_squared_speeds
+from omnidrive.reference.timed_reference import TimedReference
+
+_SHARES = (0.0, 0.5, 1.0)
+"""Collocation points of an interval: the limits hold there by construction."""
+
+_FIRST_NODES, _MAX_NODES = 400, 20_000
+"""Intervals of the first and of the finest grid. Each piece has at least 4 intervals, or 2 on a
+path of more than :data:`_LONG` pieces."""
+
+_LONG = 100_000
+"""Number of pieces above which each has 2 intervals, which bounds the memory."""
+
+_EXCESS, _GAIN = 1e-3, 1e-3
+"""Tolerated relative violation of a limit, and tolerated relative loss of time to the grid."""
+
+_TRIES = 3
+"""Largest number of times that limits are tightened."""
+
+_ANGLES = np.arange(16) * pi / 16
+_POLYGON = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / cos(pi / 32)
+"""``|_POLYGON @ a| <= 1`` is a polygon of 32 sides in the circle ``|a| <= 1``, 0.5 % smaller."""
+
+
+def time_optimal_reference(path: PiecewisePath, limits: tuple[LimitRows, ...]) -> TimedReference:
+    """Return the fastest motion along ``path`` within ``limits``, from rest to rest.
+
+    The time lost to the grid decreases with its width, so that the durations on two grids give the
+    width required. Limits that are violated between the collocation points, for example next to a
+    corner, are tightened. A remaining violation is removed by slowing the whole motion.
+    """
+    pieces = len(path.pieces)
+    most = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
+    per_piece = min(max(2, -(-_FIRST_NODES // pieces)), most)
+    if 2 * per_piece < most:
+        coarse = _on_grid(path, limits, per_piece)
+        fine = _on_grid(path, limits, 2 * per_piece)
+        gain = abs(coarse.duration / fine.duration - 1.0)
+        per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), most)
+    else:
+        per_piece = most
+    factors = np.ones(per_piece * pieces)
+    reference = _on_grid(path, limits, per_piece)
+    for _ in range(_TRIES):
+        usage = _peak_usage(reference)
+        if usage.max() <= 1.0 + _EXCESS:
+            break
+        factors *= np.maximum(usage, 1.0)
+        reference = _on_grid(path, limits, per_piece, factors)
+    usage = _peak_usage(reference).max()
+    return reference.with_duration(reference.duration * usage**0.5) if usage > 1.0 else reference
+
+
+def _on_grid(
+    path: PiecewisePath,
+    limits: tuple[LimitRows, ...],
+    per_piece: int,
+    factors: Float[Array, " intervals"] | None = None,
+) -> TimedReference:
+    """Return the fastest motion whose path acceleration is constant on each interval.
+
+    Args:
+        path: Path to follow.
+        limits: Limits of the motion.
+        per_piece: Number of intervals on each piece.
+        factors: Divisor of the limits in each interval; speed limits are divided by its root.
+    """
+    a, b, still = interval_rows(path, limits, per_piece)
+    # where nothing moves (three equal control points) no row bounds x; this value does
+    scale = np.abs(a).max(axis=1)
+    top = 1e6 * float(np.median(2.0 * len(path.pieces) / scale[scale > 0.0]))
+    if factors is not None:
+        a *= factors[:, None]
+        b *= factors[:, None]
+    ends = top if still[0] else 0.0, top if still[1] else 0.0
+    x = max_squared_speeds(a, b, 1.0 / per_piece, top, ends)
+    reference = TimedReference(path, limits, x)
+    if not np.isfinite(reference.duration):
+        raise InvalidReference(
+            "the limits differ by too many orders of magnitude to time this path: check their units"
+        )
+    return reference
+
+
+def _peak_usage(reference: TimedReference) -> Float[Array, " intervals"]:
+    """Return the peak share of the squared speed and acceleration limits in each interval."""
+    usage = reference.interval_usage
+    shares = [usage[g.name] ** (2.0 if g.kind == "speed" else 1.0) for g in reference.limits]
+    peak: Float[Array, " intervals"] = np.max(shares, axis=0)
+    return peak
+
+
+def interval_rows(
+    path: PiecewisePath, limits: tuple[LimitRows, ...], per_piece: int
+) -> tuple[Float[Array, "intervals rows"], Float[Array, "intervals rows"], tuple[bool, bool]]:
+    """Return all limits as rows ``|a u + b x| <= 1`` at start, middle and end of each interval.
+
+    x is the squared path speed at the start of the interval, u the path acceleration; the squared
+    speed at a distance d from the start is x + 2 u d.
+
+    Returns:
+        a, b, and whether the first derivative is zero at the start and at the end of the path, so
+        that the robot is at rest there for every ds/dt.
+    """
+    count = len(path.pieces) * per_piece
+    piece, part = np.divmod(np.arange(count), per_piece)
+    a, b, size = [], [], []
+    for share in _SHARES:
+        first, change, second = path.in_body(path.at(piece, (part + share) / per_piece))
+        distance = 2.0 * share / per_piece
+        square = np.zeros(count)
+        for group in limits:
+            if group.kind == "speed":
+                values = (first @ group.rows.T) ** 2
+                top = values.sum(axis=1) if group.euclidean else values.max(axis=1)
+                square = np.maximum(square, top)
+                continue
+            rows = _POLYGON @ group.rows if group.euclidean else group.rows
+            along = first @ rows.T
+            across = (change if group.kind == "twist rate" else second) @ rows.T
+            a.append(along + distance * across)
+            b.append(across)
+        a.append(distance * square[:, None])
+        b.append(square[:, None])
+        size.append(np.abs(first).max(axis=1))
+    least = 1e-9 * float(np.max(size))
+    ends = (bool(size[0][0] <= least), bool(size[-1][-1] <= least))
+    return np.hstack(a), np.hstack(b), ends
