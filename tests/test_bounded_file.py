@@ -1,4 +1,4 @@
-"""Files within a bound, and text from them on one line."""
+"""Bounded reading of files, and one-line texts for messages."""
 
 import os
 
@@ -7,20 +7,20 @@ import pytest
 from omnidrive.files.bounded_file import one_line, open_file, read_bounded, read_head, short_repr
 
 
-class Refused(ValueError):
+class InvalidPlan(ValueError):
     pass
 
 
 def read(path, most=4):
-    return read_bounded(path, most, "plan", Refused, excess="is too large")
+    return read_bounded(path, most, "plan", InvalidPlan, excess="is too large")
 
 
-def test_a_file_is_read_up_to_its_bound(tmp_path):
+def test_file_is_read_up_to_the_limit(tmp_path):
     file = tmp_path / "a"
     file.write_bytes(b"1234")
     assert read(file) == b"1234"
-    assert read_head(file, 2, "plan", Refused) == b"12"
-    with pytest.raises(Refused, match=r"^[^ ]*/a is too large$"):
+    assert read_head(file, 2, "plan", InvalidPlan) == b"12"
+    with pytest.raises(InvalidPlan, match=r"^[^ ]*/a is too large$"):
         read(file, 3)
 
 
@@ -35,27 +35,27 @@ def test_a_file_is_read_up_to_its_bound(tmp_path):
         ("a/b", "Not a directory"),
     ],
 )
-def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, name, fact):
+def test_unreadable_file_gives_a_one_line_error(tmp_path, name, fact):
     (tmp_path / "a").touch()
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(InvalidPlan) as caught:
         read(tmp_path / name)
-    assert str(refused.value).startswith(f"cannot read the plan {tmp_path}")
-    assert str(refused.value).endswith(f": {fact}")
-    assert "\n" not in str(refused.value)
+    assert str(caught.value).startswith(f"cannot read the plan {tmp_path}")
+    assert str(caught.value).endswith(f": {fact}")
+    assert "\n" not in str(caught.value)
 
 
-def test_errors_of_reading_are_refused_and_others_are_left_alone(tmp_path):
+def test_read_errors_are_converted_and_others_propagate(tmp_path):
     (tmp_path / "a").touch()
-    with pytest.raises(Refused, match=r"cannot read the plan .*/a: torn"):  # noqa: SIM117
-        with open_file(tmp_path / "a", "plan", Refused):
+    with pytest.raises(InvalidPlan, match=r"cannot read the plan .*/a: torn"):  # noqa: SIM117
+        with open_file(tmp_path / "a", "plan", InvalidPlan):
             raise OSError("torn")
     with pytest.raises(ZeroDivisionError):  # noqa: SIM117
-        with open_file(tmp_path / "a", "plan", Refused):
+        with open_file(tmp_path / "a", "plan", InvalidPlan):
             raise ZeroDivisionError
 
 
-def test_text_is_shown_on_one_line():
+def test_text_is_escaped_to_one_line():
     assert one_line("a\nb\x1b") == "a\\nb\\x1b"
     assert one_line("x" * 400, 10) == "xxxxxxx..."
     assert short_repr(["a\n"]) == "['a\\n']"

@@ -1,4 +1,4 @@
-"""The array type in shape annotations such as ``Float[Array, "rows 3"]``."""
+"""Array type of shape annotations such as ``Float[Array, "rows 3"]``."""
 
 from __future__ import annotations
 

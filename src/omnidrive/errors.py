@@ -1,24 +1,24 @@
-"""Every exception this package raises on purpose.
+"""Exceptions of the package.
 
 OmnidriveError
-├── InvalidInput(ValueError)      a caller passed a value the docs forbid
-│   ├── InvalidFuzzyFile          a fuzzy system's file that is missing, malformed or too large
-│   ├── InvalidGeometry           a chassis whose wheels cannot produce every twist
-│   ├── InvalidMap                a map file that is missing, malformed or too large
-│   ├── InvalidWaypoint           a start or goal outside the map or inside an obstacle
-│   ├── InvalidReference          times not increasing, shapes that disagree, too fast for the
-│   │                             robot, a waypoint file that is missing, malformed or too large
-│   ├── InvalidScenario           a scenario with an unknown key, a wrong unit, sign or range
-│   └── InvalidScene              a simulator's scene without what the settings name
-├── NoPathFound                   the planner proved there is none
+├── InvalidInput(ValueError)      an argument outside its documented domain
+│   ├── InvalidFuzzyFile          a missing, malformed or too large file of a fuzzy system
+│   ├── InvalidGeometry           wheels that cannot produce every planar twist
+│   ├── InvalidMap                a missing, malformed or too large map file
+│   ├── InvalidWaypoint           a start or goal outside the map or in collision
+│   ├── InvalidReference          times that do not increase, inconsistent shapes, a motion too
+│   │                             fast for the robot, a bad waypoint file
+│   ├── InvalidScenario           an unknown key, or a value of wrong type, unit or range
+│   └── InvalidScene              a simulator scene without an object that the settings name
+├── NoPathFound                   no path from start to goal exists
 ├── MissingExtra                  an optional dependency is not installed
-├── PlantLost                     a simulator behind a plant cannot be reached, or went away
-├── CannotWrite                   the run folder cannot be made or has no room left
-├── CannotDraw                    no OpenGL to draw with, or no display for a window
-├── WorkerLost                    a process that did some of the runs was killed
-└── RunFailed                     raised only on request, by ``Run.raise_if_failed()``
+├── PlantLost                     the connection to the simulator of a plant failed
+├── CannotWrite                   results cannot be written
+├── CannotDraw                    OpenGL or a display is missing
+├── WorkerLost                    a worker process was killed
+└── RunFailed                     a run failed; raised only by ``Run.raise_if_failed()``
 
-All but ``RunFailed`` are the user's to mend; their messages name the fact and the way out.
+Messages state the fact and how to correct it.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from difflib import get_close_matches
 
 
 class OmnidriveError(Exception):
-    """Base class: ``except OmnidriveError`` catches everything raised on purpose."""
+    """Base class of all exceptions of the package."""
 
 
 class InvalidInput(OmnidriveError, ValueError):
-    """A caller passed a value outside its documented domain."""
+    """An argument is outside its documented domain."""
 
 
 class InvalidFuzzyFile(InvalidInput):
-    """A file that does not hold a fuzzy system."""
+    """A file does not contain a valid fuzzy system."""
 
 
 class InvalidGeometry(InvalidInput):
@@ -49,42 +49,42 @@ class InvalidGeometry(InvalidInput):
         self.rank = rank
 
     def __reduce__(self) -> tuple[type[InvalidGeometry], tuple[int]]:
-        """Pickle by the argument, so that the error survives the way from a worker process."""
+        """Pickle the constructor argument, so that the error can be sent between processes."""
         return type(self), (self.rank,)
 
 
 class InvalidMap(InvalidInput):
-    """A map that cannot be read."""
+    """A map cannot be read."""
 
 
 class InvalidWaypoint(InvalidInput):
-    """A start or goal where the robot cannot stand."""
+    """A start or goal lies outside the map or collides with an obstacle."""
 
 
 class InvalidReference(InvalidInput):
-    """A reference that contradicts itself, or that the robot cannot follow."""
+    """A reference is inconsistent, or the robot cannot follow it."""
 
 
 class InvalidScenario(InvalidInput):
-    """A scenario that does not say what it means."""
+    """A scenario has an unknown key or an invalid value."""
 
 
 class InvalidScene(InvalidInput):
-    """A simulator's scene that does not hold what the settings name."""
+    """A simulator scene lacks an object that the settings name."""
 
 
 class NoPathFound(OmnidriveError):
-    """There is no way from start to goal."""
+    """There is no path from start to goal."""
 
 
 class MissingExtra(OmnidriveError):
-    """An optional dependency is needed and not installed."""
+    """A required optional dependency is not installed."""
 
 
 class PlantLost(OmnidriveError):
-    """The simulator or robot behind a plant cannot be reached, or went away.
+    """The simulator or robot of a plant cannot be reached, or the connection was lost.
 
-    Raised by a plant's ``step`` it ends the run, whose log is kept.
+    Raised by ``step`` of a plant, it ends the run; the log of the run is kept.
     """
 
 
@@ -93,28 +93,28 @@ class CannotWrite(OmnidriveError):
 
 
 class CannotDraw(OmnidriveError):
-    """There is nothing to draw a picture with, or nowhere to show it."""
+    """OpenGL, or a display for the window, is not available."""
 
 
 class WorkerLost(OmnidriveError):
-    """A worker process ended before its run did."""
+    """A worker process was killed during a run."""
 
     def __init__(self) -> None:
         super().__init__(
-            "a worker process was killed, perhaps for want of memory; what was finished before is "
+            "a worker process was killed, possibly because memory ran out; finished runs are "
             "kept. One run at a time needs the least memory: --jobs 1 (in Python: processes=1). "
-            "Scripts that use several processes do so under: if __name__ == '__main__'"
+            "A script that uses several processes must guard them by: if __name__ == '__main__'"
         )
 
 
 class RunFailed(OmnidriveError):
-    """A run did not reach its end."""
+    """A run did not finish."""
 
 
 def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:
-    """The known name most similar to ``name``, or None if the similarity ratio is below ``cutoff``.
+    """Return the known name most similar to ``name``, None if the ratio is below ``cutoff``.
 
-    The ratio is difflib's, 0 to 1; case is ignored.
+    The similarity ratio, 0 to 1, is that of difflib; case is ignored.
     """
     names = {each.lower(): each for each in reversed(list(known))}
     found = get_close_matches(name[:100].lower(), names, n=1, cutoff=cutoff)
@@ -122,10 +122,10 @@ def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | No
 
 
 def suggestion(name: str, known: Iterable[str], *, most: int = 12) -> str:
-    """End of an error message about an unknown name.
+    """Return the end of an error message about an unknown name.
 
-    ``; did you mean 'a'?`` if a name is similar, else ``; there are a, b`` with at most ``most``
-    names.
+    It is ``; did you mean 'a'?`` if a known name is similar, otherwise ``; there are a, b`` with at
+    most ``most`` names.
     """
     names = list(known)
     near = closest(name, names)

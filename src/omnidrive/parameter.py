@@ -1,4 +1,4 @@
-"""What a tunable number means: its range and unit, written once with ``Annotated``."""
+"""Range and unit of tunable parameters, attached to fields with ``Annotated``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omnidrive.errors import InvalidInput
 class Bounds(NamedTuple):
     """Closed range and unit of one tunable parameter, attached with ``Annotated``.
 
-    Scenario files are checked against it: pydantic reads it from the annotation.
+    Pydantic checks the values in scenario files against it.
     """
 
     low: float
@@ -22,7 +22,7 @@ class Bounds(NamedTuple):
     unit: str
 
     def check(self, value: float) -> float:
-        """Return ``value``; raise ValueError if it is out of range or not a number."""
+        """Return ``value``; raise ValueError if it is out of range or NaN."""
         if not self.low <= value <= self.high:  # also catches NaN
             unit = "" if self.unit in {"", "1"} else f" {self.unit}"  # 1: a ratio
             raise ValueError(f"is {value:g}{unit}, need {self.low:g} to {self.high:g}{unit}")
@@ -31,12 +31,12 @@ class Bounds(NamedTuple):
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Let pydantic check the value after its type."""
+        """Return the schema by which pydantic checks the value after its type."""
         return core_schema.no_info_after_validator_function(self.check, handler(source))
 
 
 def bounds_of(params: type[Any]) -> dict[str, Bounds]:
-    """Bounds of every annotated field of a parameter class, in field order."""
+    """Return the bounds of all annotated fields of a parameter class, in field order."""
     hints = get_type_hints(params, include_extras=True)
     return {
         name: meta

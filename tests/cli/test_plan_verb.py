@@ -1,4 +1,4 @@
-"""`omnidrive plan`, in this process: maps in, facts, pictures and waypoint files out."""
+"""`omnidrive plan`, run in this process: output, figures, waypoint files and errors."""
 
 import json
 import os
@@ -27,21 +27,21 @@ SCENARIOS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20
 
 
 def plan(capsys, *args):
-    """What the verb prints."""
+    """Return the output of the command."""
     load_verb("plan")([*map(str, args)], standalone_mode=False)
     return capsys.readouterr().out
 
 
 @pytest.fixture
 def room(tmp_path):
-    """A Nav2 map of 8 m x 6 m with a wall that is open at one end, and places on both sides."""
+    """Arguments for a Nav2 map of 8 m x 6 m with a wall between start and goal."""
     occupied = np.zeros((120, 160), bool)
     occupied[:80, 78:82] = True
     save_nav2_map(OccupancyGrid(occupied, 0.05, (-1.0, 2.0)), tmp_path / "room.yaml")
     return [tmp_path / "room.yaml", "--start", "0,3", "--goal", "6,3,1.5", "--robot", "small"]
 
 
-def test_facts_for_people_and_machines(capsys, room):
+def test_text_and_json_output_agree(capsys, room):
     lines = plan(capsys, *room).splitlines()
     facts = json.loads(plan(capsys, *room, "--json"))
     assert f"{'length':<20}{facts['length_m']:.3f} m" in lines
@@ -56,7 +56,7 @@ def test_facts_for_people_and_machines(capsys, room):
 
 @pytest.mark.parametrize("ending", ["csv", "traj", "path", "yaml"])
 def test_waypoint_files(capsys, room, tmp_path, ending):
-    file = tmp_path / f"way.{ending}"
+    file = tmp_path / f"path.{ending}"
     facts = json.loads(plan(capsys, *room, "--json", "--out", file))
     waypoints = load_waypoints(file)
     if ending in {"csv", "traj"}:
@@ -71,7 +71,7 @@ def test_waypoint_files(capsys, room, tmp_path, ending):
         assert poses[-1, :2] == pytest.approx((6.0, 3.0), abs=1e-3)
 
 
-def test_a_folder_drives_again(capsys, room, tmp_path):
+def test_saved_folder_reproduces_the_reference(capsys, room, tmp_path):
     plan(capsys, *room, "--out", tmp_path / "p")
     assert {path.name for path in (tmp_path / "p").iterdir()} == {
         "map.pgm", "map.yaml", "path.png", "reference.csv", "scenario.yaml",
@@ -84,7 +84,7 @@ def test_a_folder_drives_again(capsys, room, tmp_path):
     assert window[0] == pytest.approx(window[1], abs=1e-6)
 
 
-def test_the_picture_shows_the_path(capsys, room, tmp_path):
+def test_figure_shows_the_path(capsys, room, tmp_path):
     plan(capsys, *room, "--png", tmp_path / "p.png")
     with Image.open(tmp_path / "p.png") as picture:
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
@@ -92,7 +92,7 @@ def test_the_picture_shows_the_path(capsys, room, tmp_path):
     assert blue > 500
 
 
-def test_a_duration_slows_the_motion_down(capsys, room):
+def test_duration_scales_the_wheel_speed(capsys, room):
     fast = json.loads(plan(capsys, *room, "--json"))
     slow = json.loads(plan(capsys, *room, "--json", "--duration", "20"))
     assert slow["duration_s"] == pytest.approx(20.0)
@@ -101,7 +101,7 @@ def test_a_duration_slows_the_motion_down(capsys, room):
     assert slow["wheel_speed_used_percent"] == pytest.approx(expected, rel=1e-6)
 
 
-def test_minimum_time_is_faster(capsys, room):
+def test_minimum_time_is_shorter_than_limits(capsys, room):
     pytest.importorskip("casadi")
     fast = json.loads(plan(capsys, *room, "--json"))
     faster = json.loads(plan(capsys, *room, "--json", "--timing", "minimum-time"))
@@ -113,7 +113,7 @@ def test_minimum_time_is_faster(capsys, room):
 
 @pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize("method", ["astar", "jump-point"])
-def test_every_query_of_every_scenario_file(name, method):
+def test_all_queries_of_scenario_files_match(name, method):
     grid = load_map(shared(f"maps/movingai/{name}.map"))
     queries = load_queries(shared(f"maps/movingai/{name}.map.scen"), grid)
     solved = solve_queries(grid, queries, method=method)
@@ -121,7 +121,7 @@ def test_every_query_of_every_scenario_file(name, method):
     assert solved["differing"] == []
 
 
-def test_lengths_that_differ_are_named(capsys, tmp_path):
+def test_differing_lengths_are_listed(capsys, tmp_path):
     (tmp_path / "a.map").write_text("type octile\nheight 2\nwidth 4\nmap\n....\n..@.\n")
     row = "0\ta.map\t4\t2\t0\t0\t{}\t{}\t{}\n"
     (tmp_path / "a.scen").write_text(
@@ -139,7 +139,7 @@ def test_lengths_that_differ_are_named(capsys, tmp_path):
     assert "query 1: 3.00000000 cells in the file, 4.00000000 found" in text
 
 
-def test_the_papers_plan_is_as_it_was(capsys):
+def test_plan_of_the_paper_is_unchanged(capsys):
     assert "shortest duration   16.400 s" in plan(capsys)
     assert prepare(paper_scenario()).plan.search_result.cells.shape == (42, 2)
 
@@ -148,8 +148,8 @@ def test_the_papers_plan_is_as_it_was(capsys):
     ("args", "message"),
     [
         (["no.map", "--start", "1,1", "--goal", "2,2"], "no.map"),
-        (["--scen", "a.scen"], "--scen needs the map's file"),
-        (["a.map", "--scen", "a.scen", "--png", "a.png"], "--scen only searches: leave out --png"),
+        (["--scen", "a.scen"], "--scen needs the map file"),
+        (["a.map", "--scen", "a.scen", "--png", "a.png"], "--scen only searches: omit --png"),
         (["a.map", "--map", "b.map", "--scen", "a.scen"], "or --map, not both"),
         (["ROOM", "--start", "0,3", "--goal", "6,3", "--unknown", "x"], "map.unknown"),
         (["ROOM", "--start", "1,3"], "a map needs --start X,Y and --goal X,Y"),
@@ -162,7 +162,7 @@ def test_the_papers_plan_is_as_it_was(capsys):
         (["--resolution", "2"], "map resolution is for maps whose file does not say it"),
     ],
 )
-def test_a_mistake_is_named(room, args, message, monkeypatch, tmp_path):
+def test_invalid_arguments_are_reported(room, args, message, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     words = [str(room[0]) if word == "ROOM" else word for word in args]
     small = ["--robot", "small"] if "ROOM" in args else []
@@ -171,7 +171,7 @@ def test_a_mistake_is_named(room, args, message, monkeypatch, tmp_path):
     assert message in str(refused.value)
 
 
-def test_a_goal_that_cannot_be_reached_says_how_far_the_start_reaches(tmp_path):
+def test_unreachable_goal_reports_the_size_of_the_region(tmp_path):
     occupied = np.zeros((60, 60), bool)
     occupied[:, 30] = True
     save_nav2_map(OccupancyGrid(occupied, 0.1), tmp_path / "two.yaml")
@@ -182,8 +182,8 @@ def test_a_goal_that_cannot_be_reached_says_how_far_the_start_reaches(tmp_path):
         )
 
 
-def test_planning_loads_no_physics_and_draws_nothing(room):
-    """So that it answers soon."""
+def test_planning_imports_no_simulator_and_no_plotting(room):
+    """Slow imports would delay every call."""
     code = f"import sys; sys.argv = ['omnidrive', 'plan', *{[str(word) for word in room]}]\n"
     code += "from omnidrive.cli import main\ntry: main()\nfinally: "
     code += "print([name for name in ('mujoco', 'matplotlib', 'pyarrow') if name in sys.modules])"
@@ -195,7 +195,7 @@ def test_planning_loads_no_physics_and_draws_nothing(room):
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_turning_nowhere_is_refused_wherever_that_is(tmp_path, room):
+def test_equal_start_and_goal_are_rejected(tmp_path, room):
     for x in ("0,3", "0.025,3.025"):
         with pytest.raises(OmnidriveError, match="stands still"):
             load_verb("plan")(
@@ -204,14 +204,14 @@ def test_turning_nowhere_is_refused_wherever_that_is(tmp_path, room):
             )
 
 
-def test_a_folder_is_taken_for_the_scenario_in_it(capsys, room, tmp_path):
+def test_folder_stands_for_its_scenario(capsys, room, tmp_path):
     plan(capsys, *room, "--out", tmp_path / "p")
     by_folder = json.loads(plan(capsys, tmp_path / "p", "--json"))
     by_file = json.loads(plan(capsys, tmp_path / "p" / "scenario.yaml", "--json"))
     assert by_folder["length_m"] == by_file["length_m"]
 
 
-def test_the_papers_path_in_minimum_time(capsys):
+def test_minimum_time_on_the_papers_map(capsys):
     pytest.importorskip("casadi")
     options = ["--search", "astar", "--no-cut-corners", "--smooth", "certified"]
     fast = json.loads(plan(capsys, *options, "--timing", "limits", "--json"))
@@ -220,7 +220,7 @@ def test_the_papers_path_in_minimum_time(capsys):
     assert faster["shortest_duration_s"] < fast["shortest_duration_s"] < 16.4
 
 
-def test_another_ending_is_refused_and_makes_nothing(room, tmp_path):
+def test_unknown_suffix_is_rejected_and_creates_nothing(room, tmp_path):
     with pytest.raises(OmnidriveError, match=r"waypoint files end in \.csv"):
         load_verb("plan")(
             [*map(str, room), "--out", str(tmp_path / "o.png")], standalone_mode=False
@@ -246,10 +246,8 @@ def test_another_ending_is_refused_and_makes_nothing(room, tmp_path):
         (["--out", "new", "--png", "newer/a.png"], "there is no folder newer"),
     ],
 )
-def test_where_nothing_can_be_written_is_said_before_planning(
-    tmp_path, monkeypatch, options, message
-):
-    """A map that is not there would be named, were it looked for."""
+def test_unwritable_targets_are_reported_before_planning(tmp_path, monkeypatch, options, message):
+    """The map does not exist; it would be reported if it were opened first."""
     monkeypatch.chdir(tmp_path)
     for name in ("folder.png", "folder.csv"):
         (tmp_path / name).mkdir()
@@ -266,7 +264,7 @@ def test_where_nothing_can_be_written_is_said_before_planning(
 
 
 @pytest.mark.parametrize("verb", ["run", "compare"])
-def test_a_folder_in_use_is_refused_before_planning(tmp_path, verb):
+def test_nonempty_folder_is_rejected_before_planning(tmp_path, verb):
     (tmp_path / "file").touch()
     with pytest.raises(CannotWrite, match="is not empty; name a new folder"):
         load_verb(verb)(
@@ -275,26 +273,26 @@ def test_a_folder_in_use_is_refused_before_planning(tmp_path, verb):
         )
 
 
-def test_a_name_that_no_file_can_have_is_refused(tmp_path):
+def test_name_with_nul_is_rejected(tmp_path):
     for name in ("new\0", "new\0.csv"):
         with pytest.raises(CannotWrite, match=r"new\\x00.*: embedded null"):
             check_plan_targets(tmp_path / name, None)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_is_closed_is_refused(tmp_path):
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_folder_without_write_permission_is_rejected(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(CannotWrite, match="Permission denied"):
         check_plan_targets(tmp_path / "a.csv", None)
 
 
-def test_the_picture_may_go_into_the_new_folder(capsys, room, tmp_path):
+def test_figure_may_be_written_into_the_new_folder(capsys, room, tmp_path):
     plan(capsys, *room, "--out", tmp_path / "a" / "b", "--png", tmp_path / "a" / "p.png")
     assert (tmp_path / "a" / "p.png").stat().st_size > 10_000
     assert (tmp_path / "a" / "b" / "reference.csv").exists()
 
 
-def test_every_verb_that_drives_plans_as_it_is_told(tmp_path):
+def test_planning_options_exist_for_every_verb(tmp_path):
     options = {
         "search": "lazy-theta", "cut-corners": None, "smooth": "spline", "timing": "limits",
         "heading": "fixed", "margin": "0.2", "unknown": "free", "resolution": "0.5",
@@ -314,7 +312,7 @@ def test_every_verb_that_drives_plans_as_it_is_told(tmp_path):
     assert (found.map.margin, found.map.unknown) == (0.2, "free")
 
 
-def test_a_run_takes_the_options_of_planning(room, tmp_path):
+def test_run_uses_the_planning_options(room, tmp_path):
     options = ["--search", "lazy-theta", "--heading", "tangent", "--margin", "0.1"]
     load_verb("run")(
         [*map(str, room[:4]), "6,3", *room[5:], *options, "--plant", "kinematic",
@@ -329,8 +327,8 @@ def test_a_run_takes_the_options_of_planning(room, tmp_path):
     assert runs[0]["min_clearance"] > 0.05
 
 
-@pytest.mark.parametrize(("resolution", "said"), [(1.0, True), (0.05, False)])
-def test_half_a_cells_diagonal_is_named_where_it_decides(tmp_path, resolution, said):
+@pytest.mark.parametrize(("resolution", "named"), [(1.0, True), (0.05, False)])
+def test_message_names_half_the_cell_diagonal_if_it_decides(tmp_path, resolution, named):
     occupied = np.zeros((30, 30), bool)
     occupied[15, 10] = True
     np.save(tmp_path / "a.npy", occupied)
@@ -344,4 +342,4 @@ def test_half_a_cells_diagonal_is_named_where_it_decides(tmp_path, resolution, s
     message = str(refused.value)
     assert "from an obstacle; the robot's centre must keep" in message
     fact = "half a cell's diagonal, 0.707 m, which is more than the margin of 0.05 m), also"
-    assert (fact in message) == said
+    assert (fact in message) == named

@@ -1,4 +1,4 @@
-"""Laws of planar motion."""
+"""Properties of planar rigid-body motion."""
 
 from math import cos, pi, sin
 
@@ -25,7 +25,7 @@ length = st.floats(-10, 10)
 
 
 @given(a=angle)
-def test_wrap_is_idempotent_in_range_and_keeps_the_direction(a):
+def test_wrap_is_idempotent_and_preserves_the_direction(a):
     assert -pi <= wrap(a) < pi
     assert wrap(wrap(a)) == pytest.approx(wrap(a))
     assert (cos(wrap(a)), sin(wrap(a))) == pytest.approx((cos(a), sin(a)), abs=1e-12)
@@ -57,7 +57,7 @@ def test_twist_between_inverts_move(x, y, yaw, vx, vy, w, dt):
 
 
 @given(turn=st.sampled_from([0.0, 1e-9, 9.9e-5, 1.01e-4, -2e-4, 1e-3]))
-def test_small_turns_are_as_exact_as_large_ones(turn):
+def test_small_turns_are_accurate(turn):
     twist = BodyTwist(1.0, -2.0, turn)
     halves = move(move(Pose(0, 0, 0), twist, 0.5), twist, 0.5)
     assert move(Pose(0, 0, 0), twist, 1.0) == pytest.approx(halves, abs=4e-15)

@@ -1,4 +1,4 @@
-"""Grids inflated by a robot's outline."""
+"""Inflation of grids by the footprint of a robot."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,13 @@ ASIDE = np.array([[0.4, 0.3], [0.9, 0.35], [0.5, 0.8]])
 STAR = np.array([[0.5, 0], [-0.4, 0.3], [0.15, -0.48], [0.15, 0.48], [-0.4, -0.3]])
 
 small_grids = arrays(bool, (6, 8), elements=st.sampled_from([False, False, False, True]))
-outlines = st.sampled_from([SQUARE, CHEVRON, ASIDE, SQUARE[::-1], STAR])
+footprints = st.sampled_from([SQUARE, CHEVRON, ASIDE, SQUARE[::-1], STAR])
 
 
 def clipped_area(corners, left, bottom):
-    """Area that a polygon shares with a cell, by cutting it to the cell side after side.
+    """Return the area of the intersection of a polygon and a cell.
 
-    Sutherland & Hodgman 1974; the area by the shoelace formula.
+    Clipping by Sutherland & Hodgman 1974; area by the shoelace formula.
     """
     for axis, edge, sign in ((0, left, 1), (0, left + SIDE, -1), (1, bottom, 1),
                              (1, bottom + SIDE, -1)):  # fmt: skip
@@ -40,10 +40,10 @@ def clipped_area(corners, left, bottom):
     return abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
 
 
-def brute(grid, outline, yaw):
-    """Free where the outline shares no area with an obstacle, cell by cell."""
+def brute(grid, footprint, yaw):
+    """Return the inflated occupancy by the area shared with obstacles, cell by cell."""
     rows, cols = grid.occupied.shape
-    turned = outline @ (1, 1j) * np.exp(1j * (yaw - grid.yaw))
+    turned = footprint @ (1, 1j) * np.exp(1j * (yaw - grid.yaw))
     taken = grid.occupied.copy()
     for row, col in np.ndindex(rows, cols):
         at = turned + complex(col + 0.5, row + 0.5) * SIDE
@@ -58,21 +58,19 @@ def brute(grid, outline, yaw):
 
 @settings(max_examples=15, deadline=None)
 @given(
-    occupied=small_grids, outline=st.sampled_from([SQUARE, CHEVRON, ASIDE, SQUARE[::-1]]),
+    occupied=small_grids, footprint=st.sampled_from([SQUARE, CHEVRON, ASIDE, SQUARE[::-1]]),
     yaw=st.floats(-4, 4) | st.sampled_from([0.0, np.pi / 2]),
     turn=st.sampled_from([0.0, 0.7]), walled=st.booleans(),
 )  # fmt: skip
-def test_a_cell_is_free_if_and_only_if_the_outline_on_it_hits_nothing(
-    occupied, outline, yaw, turn, walled
-):
+def test_cell_is_free_exactly_if_the_footprint_is_free(occupied, footprint, yaw, turn, walled):
     grid = OccupancyGrid(occupied, SIDE, (3.0, 1.0), walled, turn)
-    inflated = grid.inflated_by(outline, yaw)
+    inflated = grid.inflated_by(footprint, yaw)
     assert inflated.yaw == turn
-    np.testing.assert_array_equal(inflated.occupied, brute(grid, outline, yaw))
+    np.testing.assert_array_equal(inflated.occupied, brute(grid, footprint, yaw))
 
 
-def test_sides_that_run_along_the_cells_only_touch():
-    """A robot of exactly three cells by one, in a corridor of one cell."""
+def test_contact_along_cell_edges_is_free():
+    """A footprint of exactly three cells by one in a corridor of one cell."""
     occupied = np.ones((3, 9), bool)
     occupied[1] = False
     grid = OccupancyGrid(occupied, 0.1)
@@ -83,8 +81,8 @@ def test_sides_that_run_along_the_cells_only_touch():
     assert grid.inflated_by(half, np.pi / 2).occupied.all()
 
 
-def test_a_polygon_that_crosses_itself_has_no_hole():
-    """An obstacle in the middle of a five-pointed star."""
+def test_self_intersecting_polygon_has_no_hole():
+    """An obstacle in the centre of a five-pointed star."""
     occupied = np.zeros((60, 60), bool)
     occupied[30, 30] = True
     grid = OccupancyGrid(occupied, 0.02, walled=False)
@@ -93,15 +91,15 @@ def test_a_polygon_that_crosses_itself_has_no_hole():
 
 
 @settings(max_examples=20, deadline=None)
-@given(occupied=small_grids, outline=outlines, yaw=st.floats(-4, 4))
-def test_for_any_heading_it_is_the_disc_through_the_furthest_corner(occupied, outline, yaw):
+@given(occupied=small_grids, footprint=footprints, yaw=st.floats(-4, 4))
+def test_without_heading_the_disc_through_the_farthest_corner_is_used(occupied, footprint, yaw):
     grid = OccupancyGrid(occupied, SIDE)
-    disc = grid.inflated_by(outline).occupied
-    assert (disc == grid.inflated(np.hypot(*outline.T).max()).occupied).all()
-    assert (disc | ~grid.inflated_by(outline, yaw).occupied).all()
+    disc = grid.inflated_by(footprint).occupied
+    assert (disc == grid.inflated(np.hypot(*footprint.T).max()).occupied).all()
+    assert (disc | ~grid.inflated_by(footprint, yaw).occupied).all()
 
 
-def test_an_outline_with_many_corners_is_nearly_a_disc():
+def test_polygon_with_many_corners_approximates_a_disc():
     occupied = np.zeros((41, 41), bool)
     occupied[20, 20] = True
     grid = OccupancyGrid(occupied, 0.05, walled=False)
@@ -113,7 +111,7 @@ def test_an_outline_with_many_corners_is_nearly_a_disc():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e3, 1e200])
-def test_outlines_of_any_size(scale):
+def test_footprint_sizes(scale):
     occupied = np.zeros((5, 7), bool)
     occupied[2, 3] = True
     grown = OccupancyGrid(occupied, 0.1, walled=False).inflated_by(SQUARE * scale, 0.2).occupied
@@ -129,11 +127,11 @@ def test_outlines_of_any_size(scale):
         ([[0, 0], [1, 0], [0, np.nan]], "must be finite"),
     ],
 )
-def test_what_is_no_outline_is_refused(corners, message):
+def test_invalid_footprint_is_rejected(corners, message):
     with pytest.raises(InvalidInput, match=message):
         OccupancyGrid(np.zeros((2, 2), bool), 0.1).inflated_by(np.array(corners, float), 0.0)
 
 
-def test_a_heading_that_is_not_finite_is_refused():
+def test_nonfinite_heading_is_rejected():
     with pytest.raises(InvalidInput, match="heading must be finite"):
         OccupancyGrid(np.zeros((2, 2), bool), 0.1).inflated_by(SQUARE, np.inf)

@@ -17,13 +17,13 @@ turns = st.sampled_from([0.0, 0.5, np.pi / 2, 3.0, -1.1])
 
 
 def in_grid_frame(grid, x, y):
-    """A point of W in the grid's own axes, in m, by complex numbers."""
+    """Transform a point from W to the axes of the grid, in m, by complex numbers."""
     turned = complex(x - grid.origin[0], y - grid.origin[1]) * np.exp(-1j * grid.yaw)
     return turned.real, turned.imag
 
 
 def to_square(grid, x, y, row, col):
-    """Distance from a point of W to the square of one cell."""
+    """Return the distance from a point in W to the square of one cell."""
     side = grid.resolution
     u, v = in_grid_frame(grid, x, y)
     across = max(col * side - u, u - (col + 1) * side, 0.0)
@@ -32,7 +32,7 @@ def to_square(grid, x, y, row, col):
 
 
 def brute_distance(grid, x, y, *, kind=True):
-    """Distance to the nearest square that is taken, or free; the ring outside counts."""
+    """Return the distance to the nearest occupied or free square, also around the grid."""
     rows, cols = grid.occupied.shape
     return min(
         (
@@ -66,7 +66,7 @@ def test_clearance_is_exact(occupied, x, y, yaw, walled):
     assert clearance == pytest.approx(expected, abs=1e-12)
 
 
-def test_clearance_outside_of_the_grid():
+def test_clearance_outside_the_grid():
     occupied = np.zeros((4, 6), bool)
     occupied[1, 2] = True
     points = np.array([[0.25, -3.0], [-3.0, 0.15], [9.0, 9.0], [0.25, 0.15], [np.nan, 0.0]])
@@ -78,7 +78,7 @@ def test_clearance_outside_of_the_grid():
     np.testing.assert_allclose(walled.clearance(points), expected, atol=1e-12)
 
 
-def test_clearance_where_nothing_is_taken_or_nothing_free():
+def test_clearance_on_empty_and_full_grids():
     points = np.array([[0.5, 0.5], [7.0, 7.0], [1e300, np.inf]])
     empty = OccupancyGrid(np.zeros((3, 3), bool), 1.0, walled=False)
     assert empty.clearance(points)[:2].tolist() == [np.inf, np.inf]
@@ -93,7 +93,7 @@ def test_clearance_where_nothing_is_taken_or_nothing_free():
     occupied=small_grids, radius=st.floats(0.01, 0.8) | st.sampled_from([0.125, 0.25, 0.375, 0.5]),
     yaw=turns, walled=st.booleans(),
 )  # fmt: skip
-def test_a_disc_on_a_cell_is_free_if_and_only_if_it_touches_nothing(occupied, radius, yaw, walled):
+def test_cell_is_free_exactly_if_the_disc_is_free(occupied, radius, yaw, walled):
     grid = OccupancyGrid(occupied, 0.25, (-1.0, 3.0), walled, yaw)
     inflated = grid.inflated(radius)
     assert (inflated.origin, inflated.walled, inflated.yaw) == (grid.origin, walled, yaw)
@@ -103,8 +103,8 @@ def test_a_disc_on_a_cell_is_free_if_and_only_if_it_touches_nothing(occupied, ra
 
 
 @pytest.mark.parametrize("density", [0.0003, 0.01, 0.2])
-def test_large_grids_against_scipys_distance_transform(density):
-    """On a lattice of half cells, a square is all its points, so that distances to it are exact."""
+def test_large_grids_against_the_distance_transform_of_scipy(density):
+    """A square is represented by all its points on a lattice of half cells: exact distances."""
     occupied = np.random.default_rng(7).random((230, 410)) < density
     squares = np.zeros((461, 821), bool)
     for down in range(3):
@@ -120,9 +120,7 @@ def test_large_grids_against_scipys_distance_transform(density):
 
 @settings(max_examples=20, deadline=None)
 @given(occupied=small_grids, radius=st.floats(0.01, 0.8), seed=st.integers(0, 99))
-def test_on_any_point_of_a_free_cell_a_disc_reaches_in_by_half_a_diagonal_at_most(
-    occupied, radius, seed
-):
+def test_overlap_inside_a_free_cell_is_at_most_half_the_diagonal(occupied, radius, seed):
     grid = OccupancyGrid(occupied, 0.25)
     points = np.random.default_rng(seed).uniform((0, 0), (2.0, 1.5), (200, 2))
     points = points[~grid.inflated(radius).occupied_at(points)]
@@ -130,13 +128,13 @@ def test_on_any_point_of_a_free_cell_a_disc_reaches_in_by_half_a_diagonal_at_mos
 
 
 @pytest.mark.parametrize("radius", [np.nan, np.inf, -0.1])
-def test_a_radius_that_is_negative_or_not_finite_is_refused(radius):
+def test_invalid_radius_is_rejected(radius):
     with pytest.raises(InvalidInput, match="finite radius"):
         paper_map().inflated(radius)
 
 
 @pytest.mark.parametrize("radius", [1e-200, 1e12, 1e200])
-def test_radii_of_any_size(radius):
+def test_radius_sizes(radius):
     occupied = np.zeros((3, 4), bool)
     occupied[0, 0] = True
     inflated = OccupancyGrid(occupied, 0.1, walled=False).inflated(radius).occupied
@@ -152,8 +150,8 @@ def test_cell_and_centre_are_inverse(row, col, yaw):
     assert grid.cells_of(centres).tolist() == [[row, col], [0, 0]]
 
 
-def test_a_turned_grid_lies_where_nav2_puts_it():
-    """Turned by 90 degrees about its origin, the columns run along y and the rows along -x."""
+def test_pose_of_a_rotated_grid_matches_nav2():
+    """Rotated by 90 degrees about its origin: columns run along y, rows along -x."""
     grid = OccupancyGrid(np.zeros((2, 3), bool), 0.5, (10.0, 20.0), yaw=np.pi / 2)
     assert grid.centre(0, 2) == pytest.approx((9.75, 21.25))
     assert grid.extent == pytest.approx((9.0, 10.0, 20.0, 21.5))
@@ -163,7 +161,7 @@ def test_a_turned_grid_lies_where_nav2_puts_it():
 
 @settings(max_examples=30, deadline=None)
 @given(occupied=small_grids, yaw=st.floats(-7, 7), seed=st.integers(0, 99))
-def test_turning_map_and_points_together_changes_nothing(occupied, yaw, seed):
+def test_clearance_is_invariant_under_rotation(occupied, yaw, seed):
     points = np.random.default_rng(seed).uniform((-1, -1), (3, 2.5), (50, 2))
     turned = (points @ (1, 1j)) * np.exp(1j * yaw) + 2 - 1j
     turned = np.column_stack([turned.real, turned.imag])
@@ -178,7 +176,7 @@ def test_turning_map_and_points_together_changes_nothing(occupied, yaw, seed):
     assert (inside <= (right, top)).all()
 
 
-def test_many_points_are_looked_up_as_one():
+def test_vectorised_lookup_matches_single_points():
     grid = paper_wall()
     points = np.random.default_rng(3).uniform(-1, 11, (300, 2))
     alone = [grid.is_occupied(x, y) for x, y in points.tolist()]
@@ -187,7 +185,7 @@ def test_many_points_are_looked_up_as_one():
     assert grid.cells_of(np.array([[1e300, -1e300]])).tolist() == [[-(2**62), 2**62]]
 
 
-def test_the_papers_map():
+def test_map_of_the_paper():
     """Cell (i, j), counted from 1, is the point (j / 5, i / 5) m; the gap is two cells wide."""
     grid = paper_map()
     assert grid.occupied.shape == (50, 50)
@@ -198,25 +196,25 @@ def test_the_papers_map():
 
 
 @pytest.mark.parametrize("resolution", [0.0, -0.05, np.nan])
-def test_a_resolution_that_is_not_positive_is_refused(resolution):
+def test_nonpositive_resolution_is_rejected(resolution):
     with pytest.raises(InvalidMap, match="resolution must be positive"):
         OccupancyGrid(np.zeros((2, 2), bool), resolution)
 
 
-def test_a_grid_needs_cells():
+def test_empty_grid_is_rejected():
     with pytest.raises(InvalidMap, match="needs a two-dimensional array of booleans"):
         OccupancyGrid(np.zeros((0, 3), bool), 0.1)
 
 
-@pytest.mark.parametrize("place", [{"origin": (0.0, np.inf)}, {"yaw": np.nan}])
-def test_a_place_that_is_not_finite_is_refused(place):
+@pytest.mark.parametrize("pose", [{"origin": (0.0, np.inf)}, {"yaw": np.nan}])
+def test_nonfinite_origin_is_rejected(pose):
     with pytest.raises(InvalidMap, match="origin must be finite"):
-        OccupancyGrid(np.zeros((2, 2), bool), 0.1, **place)
+        OccupancyGrid(np.zeros((2, 2), bool), 0.1, **pose)
 
 
 @settings(max_examples=100, deadline=None)
 @given(occupied=small_grids, x=st.floats(-3, 5), y=st.floats(-3, 5), yaw=turns)
-def test_the_nearest_free_cell(occupied, x, y, yaw):
+def test_nearest_free_cell(occupied, x, y, yaw):
     grid = OccupancyGrid(occupied, 0.25, (1.0, 2.0), yaw=yaw)
     free = np.argwhere(~occupied)
     found = grid.nearest_free(x, y)
@@ -230,7 +228,7 @@ def test_the_nearest_free_cell(occupied, x, y, yaw):
     assert distance == pytest.approx(np.hypot(*np.subtract(grid.centre(*cell), (x, y))))
 
 
-def test_the_nearest_free_cell_of_a_point_far_away():
+def test_nearest_free_cell_of_a_distant_point():
     occupied = np.ones((30, 40), bool)
     occupied[3, 39] = False
     grid = OccupancyGrid(occupied, 0.1)
@@ -239,9 +237,9 @@ def test_the_nearest_free_cell_of_a_point_far_away():
 
 
 @pytest.mark.parametrize(("cut_corners", "sizes"), [(False, [3, 8, 2]), (True, [13, 13, 13])])
-def test_the_size_of_a_region(cut_corners, sizes):
-    picture = ["..#..", ".#..#", "##.#.", "...#."]
-    grid = OccupancyGrid(np.array([[c == "#" for c in line] for line in picture]), 1.0)
+def test_region_size(cut_corners, sizes):
+    rows = ["..#..", ".#..#", "##.#.", "...#."]
+    grid = OccupancyGrid(np.array([[c == "#" for c in line] for line in rows]), 1.0)
     for cell, size in zip([(0, 0), (0, 3), (3, 4)], sizes, strict=True):
         assert grid.region_size(*cell, cut_corners=cut_corners) == size
     assert grid.region_size(0, 2) == grid.region_size(9, 9) == 0
@@ -249,7 +247,7 @@ def test_the_size_of_a_region(cut_corners, sizes):
 
 @settings(max_examples=60, deadline=None)
 @given(occupied=small_grids, row=st.integers(0, 5), col=st.integers(0, 7), cut=st.booleans())
-def test_the_size_of_a_region_is_that_of_scipys_label(occupied, row, col, cut):
+def test_region_size_matches_the_labels_of_scipy(occupied, row, col, cut):
     regions, _ = label(~occupied, np.ones((3, 3)) if cut else None)
     expected = 0 if occupied[row, col] else np.count_nonzero(regions == regions[row, col])
     assert OccupancyGrid(occupied, 1.0).region_size(row, col, cut_corners=cut) == expected
@@ -260,35 +258,35 @@ def test_the_size_of_a_region_is_that_of_scipys_label(occupied, row, col, cut):
     occupied=small_grids, x=st.floats(-1, 1), y=st.floats(-1, 1), side=st.floats(0.05, 0.5),
     yaw=turns,
 )  # fmt: skip
-def test_one_grid_seen_through_the_cells_of_another(occupied, x, y, side, yaw):
+def test_occupied_on_the_cells_of_another_grid(occupied, x, y, side, yaw):
     here = OccupancyGrid(occupied, 0.25, (0.3, 0.1), yaw=0.4)
     other = OccupancyGrid(np.zeros((5, 7), bool), side, (x, y), yaw=yaw)
-    seen = here.occupied_on(other)
+    found = here.occupied_on(other)
     for row in range(5):
         for col in range(7):
-            assert seen[row, col] == here.is_occupied(*other.centre(row, col))
+            assert found[row, col] == here.is_occupied(*other.centre(row, col))
 
 
-def test_the_papers_wall_lies_inside_its_inflation():
-    """A robot of 0.75 m on a free cell of the paper's map at most touches the wall."""
-    wall, keepout = paper_wall(), paper_map()
-    assert (keepout.occupied_on(wall) | ~wall.occupied).all()
-    rows, cols = np.nonzero(~keepout.occupied)
-    inside = [keepout.centre(r, c) for r, c in zip(rows.tolist(), cols.tolist(), strict=True)]
+def test_wall_of_the_paper_lies_inside_its_inflation():
+    """A robot of 0.75 m at the centre of a free cell at most touches the wall."""
+    wall, inflated = paper_wall(), paper_map()
+    assert (inflated.occupied_on(wall) | ~wall.occupied).all()
+    rows, cols = np.nonzero(~inflated.occupied)
+    inside = [inflated.centre(r, c) for r, c in zip(rows.tolist(), cols.tolist(), strict=True)]
     inner = np.array([p for p in inside if 1.0 < p[0] < 9.0 and 1.0 < p[1] < 9.0])
     assert wall.clearance(inner).min() >= 0.75 - 1e-12
     left, right, bottom, top = wall.extent
-    assert (left, right, bottom, top) == pytest.approx(keepout.extent)
+    assert (left, right, bottom, top) == pytest.approx(inflated.extent)
     assert wall.is_occupied(3.9, 3.0)
     assert not wall.is_occupied(4.1, 3.0)
 
 
-def test_occupied_on_its_own_frame_is_what_is_occupied():
+def test_occupied_on_equal_frames_is_a_copy():
     occupied = np.random.default_rng(5).random((7, 9)) < 0.4
     grid = OccupancyGrid(occupied, 0.3, (1.0, -2.0), yaw=0.4)
     other = OccupancyGrid(~occupied, 0.3, (1.0, -2.0), yaw=0.4)
     moved = OccupancyGrid(~occupied, 0.3, (1.0 + 1e-9, -2.0), yaw=0.4)
-    for asked in (other, moved):
-        found = grid.occupied_on(asked)
+    for frame in (other, moved):
+        found = grid.occupied_on(frame)
         np.testing.assert_array_equal(found, occupied)
         assert found is not grid.occupied

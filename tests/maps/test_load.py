@@ -1,4 +1,4 @@
-"""Maps by suffix and content: NumPy arrays, text, and what is refused."""
+"""Loading of maps by suffix and content: NumPy arrays, text and malformed files."""
 
 import io
 import os
@@ -40,7 +40,7 @@ def write(folder, content, name):
     return path
 
 
-def test_text_is_drawn_as_it_is_seen(tmp_path):
+def test_text_map_shows_the_top_row_first(tmp_path):
     path = write(tmp_path, "..#\r\n0 @\r\n?1.\r\n", "m.txt")
     grid = load_ascii_map(path, resolution=0.5)
     assert grid.occupied.tolist() == [[1, 1, 0], [0, 0, 1], [0, 0, 1]]
@@ -61,7 +61,7 @@ def test_text_is_drawn_as_it_is_seen(tmp_path):
         (b"\n" * 10_000_000 + b".", "has no cells"),
     ],
 )
-def test_bad_text_says_what_is_wrong(tmp_path, content, message):
+def test_malformed_text_is_reported(tmp_path, content, message):
     with pytest.raises(InvalidMap, match=message.replace("?", r"\?")):
         load_ascii_map(write(tmp_path, content, "m.txt"))
 
@@ -78,7 +78,7 @@ def test_bad_text_says_what_is_wrong(tmp_path, content, message):
         np.asfortranarray([[0, 100, -1], [0, 0, 1]]),
     ],
 )
-def test_arrays_of_every_kind(tmp_path, values):
+def test_array_types(tmp_path, values):
     path = write(tmp_path, npy(values), "m.npy")
     grid = load_numpy_map(path, resolution=0.1)
     assert grid.occupied.tolist() == [[False, True, True], [False, False, True]]
@@ -90,7 +90,7 @@ def test_arrays_of_every_kind(tmp_path, values):
 
 @settings(max_examples=20, deadline=None)
 @given(occupied=arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))))
-def test_a_grid_saved_by_numpy_is_read_again(tmp_path_factory, occupied):
+def test_numpy_round_trip(tmp_path_factory, occupied):
     path = write(tmp_path_factory.mktemp("map"), npy(occupied), "m.npy")
     assert (load_map(path).occupied == occupied).all()
 
@@ -121,12 +121,12 @@ def test_a_grid_saved_by_numpy_is_read_again(tmp_path_factory, occupied):
         (header("(" * 110), "is not a NumPy array"),
     ],
 )  # fmt: skip
-def test_a_bad_array_says_what_is_wrong(tmp_path, content, message):
+def test_malformed_array_is_reported(tmp_path, content, message):
     with pytest.raises(InvalidMap, match=message):
         load_numpy_map(write(tmp_path, content, "m.npy"))
 
 
-def test_the_format_is_known_by_suffix_or_content(tmp_path):
+def test_format_is_detected_by_suffix_or_content(tmp_path):
     plain = np.zeros((2, 3), bool)
     save_nav2_map(OccupancyGrid(plain, 0.1), tmp_path / "m.yaml")
     octile = b"type octile\nheight 2\nwidth 3\nmap\n...\n...\n"
@@ -142,7 +142,7 @@ def test_the_format_is_known_by_suffix_or_content(tmp_path):
     assert load_map(tmp_path / "m.yaml").resolution == 0.1
 
 
-def test_unknown_cells_are_the_callers_choice(tmp_path):
+def test_treatment_of_unknown_cells(tmp_path):
     for name, content in {"m.txt": b"?\n", "m.npy": npy(np.array([[-1]]))}.items():
         path = write(tmp_path, content, name)
         assert load_map(path).occupied.all()
@@ -161,13 +161,13 @@ def test_unknown_cells_are_the_callers_choice(tmp_path):
         ("m.yaml", b"image: x", "m.yaml does not set"),
     ],
 )
-def test_what_is_no_map_is_refused(tmp_path, name, content, message):
+def test_file_that_is_not_a_map_is_rejected(tmp_path, name, content, message):
     with pytest.raises(InvalidMap, match=message):
         load_map(write(tmp_path, content, name))
 
 
 @pytest.mark.parametrize("name", ["m.txt", "m.npy", "m.map", "m", "m.yaml"])
-def test_what_is_no_file_is_refused(tmp_path, name):
+def test_path_that_is_not_a_file_is_rejected(tmp_path, name):
     os.mkfifo(tmp_path / name)
     with pytest.raises(InvalidMap, match="it is not a file"):
         load_map(tmp_path / name)
@@ -183,12 +183,12 @@ def test_what_is_no_file_is_refused(tmp_path, name):
 
 @pytest.mark.parametrize("resolution", [0.0, -1.0, 1e-9, 1e6, np.nan, np.inf])
 @pytest.mark.parametrize("name", ["m.txt", "m.npy", "m.map"])
-def test_an_absurd_resolution_is_refused(tmp_path, name, resolution):
+def test_resolution_out_of_range_is_rejected(tmp_path, name, resolution):
     with pytest.raises(InvalidMap, match=r"m per cell, need 0\.001 to 10 m per cell"):
         load_map(tmp_path / name, resolution=resolution)
 
 
-def test_a_resolution_beside_the_files_own_is_refused(tmp_path):
+def test_second_resolution_is_rejected(tmp_path):
     save_nav2_map(paper_map(), tmp_path / "m.yaml")
     with pytest.raises(InvalidMap, match="states its own resolution"):
         load_map(tmp_path / "m.yaml", resolution=0.1)
@@ -202,8 +202,8 @@ def test_a_resolution_beside_the_files_own_is_refused(tmp_path):
         ("m.map", b"type octile\nheight 20000\nwidth 20000\nmap\n...\n"),
     ],
 )
-def test_a_header_alone_takes_no_memory(tmp_path, name, content):
-    """What a file claims is checked before room is made for it; the read buffer is the most."""
+def test_header_alone_allocates_no_map(tmp_path, name, content):
+    """The stated size is checked before allocation; the read buffer dominates the memory."""
     path = write(tmp_path, content, name)
     tracemalloc.start()
     with pytest.raises(InvalidMap):
@@ -224,7 +224,7 @@ SEEDS = [
     new=st.binary() | st.sampled_from([b"9" * 12, b"\n", b"(", b"'", b"<O", b"\0"]),
     name=st.sampled_from(["m", "m.npy", "m.txt", "m.map", "m.yaml", "m.png"]),
 )  # fmt: skip
-def test_no_file_breaks_the_readers(tmp_path_factory, content, at, cut, new, name):
+def test_mutated_files_raise_only_invalid_map(tmp_path_factory, content, at, cut, new, name):
     path = write(tmp_path_factory.mktemp("map"), content[:at] + new + content[at + cut :], name)
     with suppress(InvalidMap):
         load_map(path)

@@ -1,4 +1,4 @@
-"""MovingAI's maps and scenarios: real ones, what they mean, and hostile files."""
+"""MovingAI maps and scenario files: benchmark files, semantics and malformed files."""
 
 from contextlib import suppress
 
@@ -21,7 +21,7 @@ def write(folder, content, name="m.map"):
     return path
 
 
-def refused(read, *args):
+def error_message(read, *args):
     with pytest.raises(InvalidMap) as caught:
         read(*args)
     message = str(caught.value)
@@ -31,16 +31,16 @@ def refused(read, *args):
 
 
 @pytest.mark.parametrize("content", [MAP, MAP.replace(b"\n", b"\r\n"), MAP[:-1], MAP + b"\n\n"])
-def test_the_first_line_is_the_top_of_the_map(tmp_path, content):
+def test_first_line_is_the_top_of_the_map(tmp_path, content):
     grid = load_movingai_map(write(tmp_path, content), resolution=0.5)
     assert grid.occupied.tolist() == [[False, True, True], [False, True, False]]
     assert (grid.resolution, grid.origin, grid.yaw) == (0.5, (0.0, 0.0), 0.0)
 
 
-def test_which_terrain_is_free(tmp_path):
+def test_free_terrain(tmp_path):
     content = b"type octile\nheight 1\nwidth 7\nmap\n.GS@OTW\n"
-    taken = load_movingai_map(write(tmp_path, content)).occupied
-    assert taken.tolist() == [[False] * 3 + [True] * 4]
+    occupied = load_movingai_map(write(tmp_path, content)).occupied
+    assert occupied.tolist() == [[False] * 3 + [True] * 4]
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_which_terrain_is_free(tmp_path):
         ("warehouse-10-20-10-2-1", (63, 161), 5699, 450, 40407.30713341),
     ],
 )
-def test_real_maps(name, shape, free, queries, total):
+def test_benchmark_files(name, shape, free, queries, total):
     grid = load_movingai_map(shared(f"maps/movingai/{name}.map"))
     assert grid.occupied.shape == shape
     assert np.count_nonzero(~grid.occupied) == free
@@ -65,7 +65,7 @@ def test_real_maps(name, shape, free, queries, total):
         assert query.length >= max(away) + (2**0.5 - 1) * min(away) - 1e-6
 
 
-def test_what_a_query_says(tmp_path):
+def test_queries_are_parsed(tmp_path):
     grid = load_movingai_map(write(tmp_path, MAP))
     lines = [b"version 1.0", b"3 m.map 3 2 2 0 0 1 1.5e0", b"", b"3\tmy map\t3\t2\t0\t1\t0\t0\t1\r"]
     queries = load_queries(write(tmp_path, b"\n".join(lines), "m.scen"), grid)
@@ -93,8 +93,10 @@ def test_what_a_query_says(tmp_path):
         (b"type octile\n" + b"x " * 500_000, "is not a MovingAI map"),
     ],
 )
-def test_a_bad_map_says_what_is_wrong(tmp_path, content, message):
-    assert message.replace("\\\\", "\\") in refused(load_movingai_map, write(tmp_path, content))
+def test_malformed_map_is_reported(tmp_path, content, message):
+    assert message.replace("\\\\", "\\") in error_message(
+        load_movingai_map, write(tmp_path, content)
+    )
 
 
 @pytest.mark.parametrize(
@@ -115,9 +117,9 @@ def test_a_bad_map_says_what_is_wrong(tmp_path, content, message):
         (SCEN.replace(b"2.0", b"-2.0"), "is not the length of a path"),
     ],
 )
-def test_a_bad_scenario_says_what_is_wrong(tmp_path, content, message):
+def test_malformed_scenario_is_reported(tmp_path, content, message):
     grid = OccupancyGrid(np.zeros((2, 3), bool), 1.0)
-    assert message in refused(load_queries, write(tmp_path, content, "m.scen"), grid)
+    assert message in error_message(load_queries, write(tmp_path, content, "m.scen"), grid)
 
 
 @settings(max_examples=200, deadline=None)
@@ -125,7 +127,7 @@ def test_a_bad_scenario_says_what_is_wrong(tmp_path, content, message):
     content=st.sampled_from([MAP, SCEN]), at=st.integers(0, 60), cut=st.integers(0, 9),
     new=st.binary() | st.sampled_from([b"99999999", b"\n", b"\t", b"\r\n", b" 20000"]),
 )  # fmt: skip
-def test_no_file_breaks_the_readers(tmp_path_factory, content, at, cut, new):
+def test_mutated_files_raise_only_invalid_map(tmp_path_factory, content, at, cut, new):
     path = write(tmp_path_factory.mktemp("map"), content[:at] + new + content[at + cut :])
     with suppress(InvalidMap):
         load_movingai_map(path)

@@ -1,4 +1,4 @@
-"""Nav2 maps: the rules of its map server, real maps, and hostile files."""
+"""Nav2 maps: rules of the map server, real maps and malformed files."""
 
 import os
 import struct
@@ -44,7 +44,7 @@ def is_short_line(folder, error):
     return text.encode() and text.isprintable() and len(text) < 600
 
 
-def test_the_last_row_of_the_picture_is_the_first_of_the_map(tmp_path):
+def test_last_image_row_is_row_0_of_the_grid(tmp_path):
     grid = load_nav2_map(write(tmp_path, [[254, 254], [254, 254], [0, 254]]))
     assert grid.occupied.tolist() == [[True, False], [False, False], [False, False]]
     assert grid.centre(0, 0) == pytest.approx((1.05, -1.95))
@@ -52,10 +52,17 @@ def test_the_last_row_of_the_picture_is_the_first_of_the_map(tmp_path):
 
 @pytest.mark.parametrize(
     ("mode", "negate", "free_thresh", "occupied_thresh", "free", "taken"),
-    # by hand: the greys that are free and those that are obstacles; the others are unknown
+    # computed by hand: ranges of free and of occupied grey values; the others are unknown
     [
         ("trinary", 0, 0.25, 0.65, (192, 255), (0, 89)),  # 63.75 and 165.75 less than 255
-        ("trinary", 0, 0.196, 0.65, (206, 255), (0, 89)),  # 205, the grey of unknown cells: 0.19608
+        (
+            "trinary",
+            0,
+            0.196,
+            0.65,
+            (206, 255),
+            (0, 89),
+        ),  # 205, the usual grey of unknown cells: 0.19608
         ("trinary", 0, 0.1, 0.65, (230, 255), (0, 89)),
         ("trinary", 0, 0.2, 0.8, (204, 255), (0, 51)),  # 204 and 51 meet the thresholds
         ("trinary", 0, 0.0, 1.0, (255, 255), (0, 0)),
@@ -64,13 +71,13 @@ def test_the_last_row_of_the_picture_is_the_first_of_the_map(tmp_path):
         ("scale", 0, 0.196, 0.65, (206, 255), (0, 89)),
         ("scale", 1, 0.25, 0.65, (0, 63), (166, 255)),
         ("raw", 0, 0.25, 0.65, (0, 25), (65, 100)),
-        ("raw", 1, 0.25, 0.65, (0, 25), (65, 100)),  # raw knows no negate
+        ("raw", 1, 0.25, 0.65, (0, 25), (65, 100)),  # raw ignores negate
         ("raw", 0, 0.196, 0.9, (0, 20), (90, 100)),  # in whole percent
         ("raw", 0, 0.0, 1.0, (0, 0), (100, 100)),
     ],
 )
 @pytest.mark.parametrize("unknown", ["occupied", "free"])
-def test_what_every_grey_means(
+def test_kinds_of_grey_values(
     tmp_path, mode, negate, free_thresh, occupied_thresh, free, taken, unknown
 ):
     path = write(
@@ -83,7 +90,7 @@ def test_what_every_grey_means(
     assert load_nav2_map(path, unknown=unknown).occupied[0].tolist() == expected
 
 
-def test_the_mode_is_trinary_and_not_negated_unless_said(tmp_path):
+def test_default_mode_is_trinary_without_negation(tmp_path):
     path = write(tmp_path, [[0, 100, 255]], mode=None, negate=None)
     assert load_nav2_map(path).occupied.tolist() == [[True, True, False]]
 
@@ -93,8 +100,8 @@ def test_the_mode_is_trinary_and_not_negated_unless_said(tmp_path):
     negate=st.booleans(), low=st.floats(0, 1), high=st.floats(0, 1),
     mode=st.sampled_from(["trinary", "scale"]),
 )  # fmt: skip
-def test_greys_against_exact_fractions(negate, low, high, mode):
-    """Where a grey is not within single precision of a threshold, the rule in exact numbers."""
+def test_grey_values_against_exact_fractions(negate, low, high, mode):
+    """Exact arithmetic, except within single precision of a threshold."""
     low, high = sorted((low, high))
     assume(high - low > 1e-6)
     kinds = kinds_of_greys(mode, negate=negate, free_thresh=low, occupied_thresh=high)
@@ -106,13 +113,13 @@ def test_greys_against_exact_fractions(negate, low, high, mode):
         assert kinds[grey] == expected
 
 
-def test_unknown_cells_are_one_or_the_other():
+def test_invalid_treatment_of_unknown_cells_is_rejected():
     with pytest.raises(InvalidInput, match="can count as 'occupied' or 'free', got 'grey'"):
         unwrap(occupied)(np.zeros((1, 1), np.uint8), "grey")
 
 
-def test_colours_count_by_their_luma(tmp_path):
-    """Yellow: 0.299 + 0.587 of white."""
+def test_colours_are_reduced_to_luma(tmp_path):
+    """Yellow has the luma 0.299 + 0.587 of white."""
     Image.fromarray(np.array([[[255, 255, 0]]], np.uint8)).save(tmp_path / "map.png")
     path = write(tmp_path, image="map.png", free_thresh=0.12)
     assert not load_nav2_map(path).occupied[0, 0]
@@ -120,7 +127,7 @@ def test_colours_count_by_their_luma(tmp_path):
     assert load_nav2_map(path).occupied[0, 0]
 
 
-def test_a_turned_map(tmp_path):
+def test_rotated_map(tmp_path):
     grid = load_nav2_map(write(tmp_path, [[254, 0], [254, 254]], origin=[1.0, 2.0, 0.5]))
     assert grid.yaw == 0.5
     corner = complex(1.0, 2.0) + complex(0.15, 0.15) * np.exp(0.5j)
@@ -133,10 +140,10 @@ def test_a_turned_map(tmp_path):
     occupied=arrays(bool, (3, 5)), x=st.floats(-50, 50), y=st.floats(-50, 50), yaw=st.floats(-7, 7),
     unknown=st.sampled_from(["occupied", "free"]),
 )  # fmt: skip
-def test_what_is_saved_is_read_again(tmp_path_factory, occupied, x, y, yaw, unknown):
+def test_round_trip(tmp_path_factory, occupied, x, y, yaw, unknown):
     path = tmp_path_factory.mktemp("map") / "saved.yaml"
-    place = np.array([x, y])
-    save_nav2_map(OccupancyGrid(occupied, 0.05, (place[0], place[1]), yaw=yaw), path)
+    origin = np.array([x, y])
+    save_nav2_map(OccupancyGrid(occupied, 0.05, (origin[0], origin[1]), yaw=yaw), path)
     again = load_nav2_map(path, unknown=unknown)
     assert (again.occupied == occupied).all()
     assert (again.resolution, again.origin, again.yaw) == (0.05, (x, y), yaw)
@@ -190,12 +197,12 @@ def test_real_maps(name, shape, free, taken):
         ({"origin": "123"}, r"origin must be \[x, y, yaw\]"),
     ],
 )
-def test_a_bad_map_says_what_is_wrong(tmp_path, changes, message):
+def test_malformed_map_is_reported(tmp_path, changes, message):
     (tmp_path / "loop.pgm").symlink_to("loop.pgm")
     os.mkfifo(tmp_path / "pipe.pgm")
-    with pytest.raises(InvalidMap, match=message) as refused:
+    with pytest.raises(InvalidMap, match=message) as caught:
         load_nav2_map(write(tmp_path, **changes))
-    assert is_short_line(tmp_path, refused.value)
+    assert is_short_line(tmp_path, caught.value)
 
 
 @pytest.mark.parametrize(
@@ -217,18 +224,18 @@ def test_a_bad_map_says_what_is_wrong(tmp_path, changes, message):
         ("a: &a [1]\n" + "x" * 200_000, "too large"),
     ],
 )
-def test_hostile_yaml_is_refused(tmp_path, text, message):
+def test_malformed_yaml_is_rejected(tmp_path, text, message):
     path = tmp_path / "map.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(InvalidMap, match=message) as refused:
+    with pytest.raises(InvalidMap, match=message) as caught:
         load_nav2_map(path)
-    assert is_short_line(tmp_path, refused.value)
+    assert is_short_line(tmp_path, caught.value)
 
 
-def test_a_cut_picture_is_refused(tmp_path):
+def test_truncated_image_is_rejected(tmp_path):
     path = write(tmp_path)
     (tmp_path / "map.pgm").write_bytes((tmp_path / "map.pgm").read_bytes()[:-5])
-    with pytest.raises(InvalidMap, match="picture"):
+    with pytest.raises(InvalidMap, match="image"):
         load_nav2_map(path)
 
 
@@ -240,15 +247,15 @@ def test_a_cut_picture_is_refused(tmp_path):
         ("a\0b", r"cannot read the map .*a\\x00b: embedded null byte"),
     ],
 )
-def test_what_is_no_file_is_refused(tmp_path, name, message):
+def test_path_that_is_not_a_file_is_rejected(tmp_path, name, message):
     (tmp_path / "folder").mkdir()
     (tmp_path / "loop").symlink_to("loop")
     with pytest.raises(InvalidMap, match=message):
         load_nav2_map(tmp_path / name)
 
 
-def test_numbers_as_nav2_reads_them(tmp_path):
-    """YAML 1.1 takes a number without a point but with an exponent for text."""
+def test_numbers_with_exponent_but_without_point(tmp_path):
+    """YAML 1.1 reads such a number as text."""
     path = write(tmp_path)
     text = path.read_text().replace("0.1", "5e-2").replace("- -2.0", "- -2e0")
     assert "5e-2" in text
@@ -258,15 +265,15 @@ def test_numbers_as_nav2_reads_them(tmp_path):
     assert load_nav2_map(path).origin == (1.0, -2.0)
 
 
-def picture(folder, content):
-    """A map whose picture holds these bytes."""
-    path = write(folder, image="map.picture")
-    (folder / "map.picture").write_bytes(content)
+def image_map(folder, content):
+    """Write a map whose image file has these bytes."""
+    path = write(folder, image="map.image")
+    (folder / "map.image").write_bytes(content)
     return path
 
 
 def png(depth, kind, row, *chunks):
-    """A PNG of one row of two pixels."""
+    """Create a PNG of one row of two pixels."""
 
     def chunk(name, data):
         crc = struct.pack(">I", zlib.crc32(name + data))
@@ -285,14 +292,14 @@ BLACK_WHITE = (b"PLTE", b"\0\0\0\xff\xff\xff")
 @pytest.mark.parametrize(
     ("content", "occupied"),
     [
-        # two shades, 10 % and 90 % white, in 16 bits
+        # two grey values, 10 % and 90 % white, in 16 bits
         (b"P5 2 1 65535 " + struct.pack(">HH", 6554, 58982), [True, False]),
         (b"P5 2 1 1000 " + struct.pack(">HH", 100, 900), [True, False]),
         (b"P2 2 1 65535 6554 58982\n", [True, False]),
         (b"P6 2 1 65535 " + struct.pack(">6H", *[6554] * 3, *[58982] * 3), [True, False]),
         (png(16, GREY, struct.pack(">HH", 6554, 58982)), [True, False]),
         (png(16, RGB, struct.pack(">6H", *[6554] * 3, *[58982] * 3)), [True, False]),
-        # black and white in few bits
+        # black and white in less than 8 bits
         (b"P4 2 1 \x80", [True, False]),
         (png(1, GREY, b"\x40"), [True, False]),
         (png(4, GREY, b"\x0f"), [True, False]),
@@ -311,22 +318,22 @@ BLACK_WHITE = (b"PLTE", b"\0\0\0\xff\xff\xff")
         (png(8, RGB, b"\xff" * 5 + b"\xfe", (b"tRNS", b"\0\xff" * 3)), [True, False]),
     ],
 )
-def test_pixels_of_every_kind(tmp_path, content, occupied):
-    assert load_nav2_map(picture(tmp_path, content)).occupied.tolist() == [occupied]
+def test_pixel_formats(tmp_path, content, occupied):
+    assert load_nav2_map(image_map(tmp_path, content)).occupied.tolist() == [occupied]
 
 
 @pytest.mark.parametrize("negate", [0, 1])
 @pytest.mark.parametrize("mode", ["trinary", "scale"])
-def test_a_cell_that_is_not_opaque_is_unknown(tmp_path, mode, negate):
+def test_transparent_cell_is_unknown(tmp_path, mode, negate):
     for grey in (b"\0", b"\xff"):
-        path = picture(tmp_path, png(8, GREY_ALPHA, (grey + b"\x80") * 2))
+        path = image_map(tmp_path, png(8, GREY_ALPHA, (grey + b"\x80") * 2))
         path.write_text(path.read_text().replace("negate: 0", f"negate: {negate}\nmode: {mode}"))
         assert load_nav2_map(path).occupied.all()
         assert not load_nav2_map(path, unknown="free").occupied.any()
 
 
-def test_opacity_means_nothing_to_raw(tmp_path):
-    path = picture(tmp_path, png(8, GREY_ALPHA, b"\x00\x80\x64\x80"))
+def test_raw_mode_ignores_opacity(tmp_path):
+    path = image_map(tmp_path, png(8, GREY_ALPHA, b"\x00\x80\x64\x80"))
     path.write_text(path.read_text() + "mode: raw\n")
     assert load_nav2_map(path).occupied.tolist() == [[False, True]]
 
@@ -334,7 +341,7 @@ def test_opacity_means_nothing_to_raw(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"P5 20000 20000 255\n", "has more than 50,000,000 cells"),  # Pillow refuses
+        (b"P5 20000 20000 255\n", "has more than 50,000,000 cells"),  # Pillow raises an error
         (b"P5 10000 10000 255\n", "has more than 50,000,000 cells"),  # Pillow warns
         (b"P5 8000 8000 255\n", "has more than 50,000,000 cells"),
         (b"P5 0 1 255\n", "is not an image .* or it is empty"),
@@ -344,12 +351,12 @@ def test_opacity_means_nothing_to_raw(tmp_path):
         (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n", "is not an image"),
     ],
 )
-def test_a_bad_picture_says_what_is_wrong(tmp_path, content, message):
+def test_malformed_image_is_reported(tmp_path, content, message):
     with pytest.raises(InvalidMap, match=message):
-        load_nav2_map(picture(tmp_path, content))
+        load_nav2_map(image_map(tmp_path, content))
 
 
-NASTY = st.one_of(
+ODD_VALUES = st.one_of(
     st.none(),
     st.booleans(),
     st.integers(),
@@ -359,21 +366,23 @@ NASTY = st.one_of(
     st.binary(),
     st.sampled_from([10**400, "5e-2", "\0", "a\nb", "\x1b[2J", "map.pgm", "raw", "."]),
 )
-NASTIER = st.recursive(
-    NASTY, lambda v: st.lists(v, max_size=4) | st.dictionaries(NASTY, v, max_size=3), max_leaves=6
+ODD_STRUCTURES = st.recursive(
+    ODD_VALUES,
+    lambda v: st.lists(v, max_size=4) | st.dictionaries(ODD_VALUES, v, max_size=3),
+    max_leaves=6,
 )
 
 
 @st.composite
 def mutated(draw):
-    """The text of a valid map's YAML file with one value, key or piece of text exchanged."""
+    """Draw a valid YAML file with one value, key or piece of text replaced."""
     meta = dict(META)
     key = draw(st.sampled_from(sorted(meta)))
     change = draw(st.sampled_from(["value", "key", "text"]))
     if change == "value":
-        meta[key] = draw(NASTIER)
+        meta[key] = draw(ODD_STRUCTURES)
     elif change == "key":
-        meta[draw(NASTY)] = meta.pop(key)
+        meta[draw(ODD_VALUES)] = meta.pop(key)
     text = yaml.safe_dump(meta)
     if change == "text":
         a, b = sorted(draw(st.tuples(*[st.integers(0, len(text))] * 2)))
@@ -387,7 +396,7 @@ def mutated(draw):
 
 @settings(max_examples=200, deadline=None)
 @given(content=mutated() | st.binary() | st.text().map(str.encode))
-def test_no_yaml_breaks_the_reader(tmp_path_factory, content):
+def test_mutated_yaml_raises_only_invalid_map(tmp_path_factory, content):
     path = write(tmp_path_factory.mktemp("map"))
     path.write_bytes(content)
     try:
@@ -396,7 +405,7 @@ def test_no_yaml_breaks_the_reader(tmp_path_factory, content):
         assert is_short_line(path.parent, error)  # noqa: PT017
 
 
-PICTURES = [
+IMAGES = [
     b"P5 3 2 255\n" + b"\xfe" * 6,
     b"P2 3 2 9 1 2 3 4 5 6\n",
     png(8, GREY_ALPHA, b"\xff\xfe\xff\xff"),
@@ -409,14 +418,14 @@ PICTURES = [
 
 @settings(max_examples=200, deadline=None)
 @given(
-    content=st.sampled_from(PICTURES), at=st.integers(0, 99), cut=st.integers(0, 9), new=st.binary()
+    content=st.sampled_from(IMAGES), at=st.integers(0, 99), cut=st.integers(0, 9), new=st.binary()
 )
-def test_no_picture_breaks_the_reader(tmp_path_factory, content, at, cut, new):
+def test_mutated_images_raise_only_invalid_map(tmp_path_factory, content, at, cut, new):
     folder = tmp_path_factory.mktemp("map")
     with suppress(InvalidMap):
-        load_nav2_map(picture(folder, content[:at] + new + content[at + cut :]))
+        load_nav2_map(image_map(folder, content[:at] + new + content[at + cut :]))
 
 
-def test_a_missing_map_is_named(tmp_path):
+def test_missing_map_is_reported(tmp_path):
     with pytest.raises(InvalidMap, match=r"cannot read the map .*none.yaml: No such file"):
         load_nav2_map(tmp_path / "none.yaml")

@@ -1,4 +1,4 @@
-"""Worlds made by chance."""
+"""Randomly generated maps."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ MAKERS = {
 
 
 @pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
-def test_the_seed_decides(make):
+def test_seed_determines_the_map(make):
     first, again, other = (make(np.random.default_rng(seed)) for seed in (5, 5, 6))
     assert (first.occupied == again.occupied).all()
     assert (first.occupied != other.occupied).any()
@@ -26,7 +26,7 @@ def test_the_seed_decides(make):
     assert first.occupied.shape in {(40, 60), (41, 61)}
 
 
-def test_as_many_obstacles_as_asked():
+def test_density_of_obstacles():
     for density in (0.0, 0.1, 0.2, 1.0):
         share = random_map(500, 400, density, np.random.default_rng(1)).occupied.mean()
         assert share == pytest.approx(density, abs=0.004)
@@ -37,17 +37,17 @@ def test_as_many_obstacles_as_asked():
     rows=st.integers(3, 40), cols=st.integers(3, 40), corridor=st.integers(1, 5),
     seed=st.integers(0, 99),
 )  # fmt: skip
-def test_a_maze_is_perfect(rows, cols, corridor, seed):
-    """Its places are one tree: all connected, and one passage fewer than places."""
+def test_maze_is_perfect(rows, cols, corridor, seed):
+    """Its junctions form a tree: connected, with one passage fewer than junctions."""
     if corridor > min(rows, cols) - 2:
         return
     grid = maze_map(rows, cols, corridor, np.random.default_rng(seed))
     free = ~grid.occupied
     assert free.shape == (rows, cols)
     assert label(free)[1] == 1
-    places = ((rows - 1) // (corridor + 1)) * ((cols - 1) // (corridor + 1))
-    passages = places - 1
-    assert free.sum() == places * corridor**2 + passages * corridor
+    junctions = ((rows - 1) // (corridor + 1)) * ((cols - 1) // (corridor + 1))
+    passages = junctions - 1
+    assert free.sum() == junctions * corridor**2 + passages * corridor
     assert not free[0].any()
     assert not free[:, -1].any()
 
@@ -57,7 +57,7 @@ def test_a_maze_is_perfect(rows, cols, corridor, seed):
     rows=st.integers(1, 40), cols=st.integers(1, 40), room=st.integers(1, 9),
     door=st.integers(1, 9), seed=st.integers(0, 99),
 )  # fmt: skip
-def test_all_rooms_are_connected(rows, cols, room, door, seed):
+def test_rooms_are_connected(rows, cols, room, door, seed):
     if door > room or min(rows, cols) < door:
         return
     occupied = rooms_map(rows, cols, room, np.random.default_rng(seed), door=door).occupied
@@ -68,11 +68,13 @@ def test_all_rooms_are_connected(rows, cols, room, door, seed):
     assert (~occupied).sum() == sum(across) * sum(along) + doors * door
 
 
-def test_shelves_stand_in_rows():
+def test_shelves_are_arranged_in_rows():
     grid = warehouse_map(9, 26, np.random.default_rng(0), shelf=(2, 10), aisle=2, filled=1.0)
-    picture = np.zeros((9, 26), bool)
-    picture[2:4, 2:12] = picture[2:4, 14:24] = True  # no second row: an aisle must fit behind
-    assert (grid.occupied == picture).all()
+    expected = np.zeros((9, 26), bool)
+    expected[2:4, 2:12] = expected[2:4, 14:24] = (
+        True  # no second row, because its aisle does not fit
+    )
+    assert (grid.occupied == expected).all()
     full = warehouse_map(50, 60, np.random.default_rng(0), filled=1.0).occupied.sum()
     some = warehouse_map(50, 60, np.random.default_rng(0), filled=0.5).occupied
     assert not warehouse_map(50, 60, np.random.default_rng(0), filled=0.0).occupied.any()
@@ -95,6 +97,6 @@ def test_shelves_stand_in_rows():
         (lambda rng: warehouse_map(9, 9, rng, filled=-0.1), "must be from 0 to 1"),
     ],
 )
-def test_what_cannot_be_made_is_refused(make, message):
+def test_invalid_arguments_are_rejected(make, message):
     with pytest.raises(InvalidInput, match=message):
         make(np.random.default_rng(0))

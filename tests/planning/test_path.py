@@ -1,4 +1,4 @@
-"""What a spline path knows of itself, against dense samples and by hand."""
+"""Geometry of spline paths: bounds against dense samples and analytic values."""
 
 from itertools import product
 
@@ -38,8 +38,8 @@ def samples(path, count=4001):
 
 @given(points=control_points())
 @settings(max_examples=60, deadline=None)
-def test_a_spline_lies_in_the_hull_of_four_neighbours(points):
-    """In every direction a piece reaches no further than the furthest of its control points."""
+def test_piece_lies_in_the_hull_of_four_control_points(points):
+    """In every direction a piece extends at most to the farthest of its control points."""
     path, count = spline(points), len(points) - 3
     directions = np.stack([np.cos(np.arange(24) / 3.8), np.sin(np.arange(24) / 3.8)])
     for j in range(count):
@@ -51,7 +51,7 @@ def test_a_spline_lies_in_the_hull_of_four_neighbours(points):
         assert (reach <= limit + 1e-9).all()
 
 
-def test_three_control_points_in_one_place_make_a_sharp_corner():
+def test_three_coincident_control_points_make_a_corner():
     path = spline([(0, 0), (1, 0), (2, 0), (2, 0), (2, 0), (2, 1), (2, 2)])
     _, curve = samples(path)
     assert np.minimum(np.abs(curve[:, 1]), np.abs(curve[:, 0] - 2.0)).max() < 1e-12
@@ -65,19 +65,19 @@ def test_three_control_points_in_one_place_make_a_sharp_corner():
 
 @given(points=control_points())
 @settings(max_examples=60, deadline=None)
-def test_length_bounds_bracket_a_fine_polyline(points):
+def test_length_bounds_contain_a_fine_polyline(points):
     path = spline(points)
     _, curve = samples(path, 60_001)
     fine = np.linalg.norm(np.diff(curve, axis=0), axis=1).sum()
     shortest, longest = path.length_bounds
     assert shortest <= path.length <= longest
     assert fine <= longest
-    assert fine >= shortest * (1.0 - 1e-5) - 1e-9  # the polyline is a little short itself
+    assert fine >= shortest * (1.0 - 1e-5) - 1e-9  # the polyline is slightly shorter than the curve
     assert longest - shortest <= 1.01e-6 * longest + 1e-12
 
 
-def test_length_of_a_path_that_turns_back():
-    """Out and back along a line, where the speed has a kink that Simpson's rule cannot see."""
+def test_length_of_a_path_that_reverses():
+    """Back and forth along a line: the speed has a kink, which limits Simpson's rule."""
     path = spline([(0, 0), (5, 0), (5, 0), (1, 0)])
     travelled = np.abs(np.diff(path.poses(np.linspace(0.0, 1.0, 200_001))[:, 0])).sum()
     assert path.length_bounds[0] - 1e-9 <= travelled <= path.length_bounds[1]
@@ -89,7 +89,7 @@ def test_length_of_a_path_that_turns_back():
 
 @given(points=control_points())
 @settings(max_examples=50, deadline=None)
-def test_curvature_bounds_bracket_samples(points):
+def test_curvature_bounds_contain_samples(points):
     path = spline(points)
     attained, proved = path.max_curvature
     u, _ = samples(path)
@@ -99,10 +99,10 @@ def test_curvature_bounds_bracket_samples(points):
         assert dense <= proved * (1.0 + 1e-9) + 1e-9
         assert proved <= 1.0011 * attained + 0.0011 / max(path.length_bounds[0], 1e-12)
     else:
-        assert dense > 10.0 / path.length  # it stands still somewhere between samples, or at one
+        assert dense > 10.0 / path.length  # the path comes to rest at or between samples
 
 
-def test_curvature_is_that_of_the_circle_through_three_near_points():
+def test_curvature_matches_the_circle_through_three_points():
     path = spline([(0, 0), (1, 0.2), (2, 1), (2.2, 2), (1.5, 3), (2, 4)])
     for u in (0.1, 0.35, 0.5, 0.8):
         a, b, c = path.poses(np.array([u - 1e-4, u, u + 1e-4]))[:, :2]
@@ -111,15 +111,15 @@ def test_curvature_is_that_of_the_circle_through_three_near_points():
         assert path.curvature(u) == pytest.approx(2.0 * area / sides, rel=1e-4)
 
 
-def test_a_circle_has_the_curvature_of_its_radius():
+def test_curvature_of_a_circle():
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
     path = spline(3.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
     assert path.curvature(np.linspace(0.1, 0.9, 9)) == pytest.approx(1 / 3, rel=1e-3)
     assert spline(path.control_points[::-1, :2]).curvature(0.5) == pytest.approx(-1 / 3, rel=1e-3)
 
 
-def test_a_cusp_has_infinite_curvature():
-    loop = spline([(0, 0), (3, 2), (-1, 2), (2, 0)])  # Bezier curves, both
+def test_curvature_of_a_cusp_is_infinite():
+    loop = spline([(0, 0), (3, 2), (-1, 2), (2, 0)])  # both are Bezier curves
     assert np.isfinite(loop.max_curvature[1])
     cusp = spline([(0, 0), (1, 1), (0, 1), (1, 0)])
     assert cusp.first_derivatives(0.5)[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
@@ -127,13 +127,13 @@ def test_a_cusp_has_infinite_curvature():
     assert cusp.curvature(0.5) == np.inf
 
 
-def test_a_straight_path_and_one_without_length_have_no_curvature():
+def test_curvature_of_straight_and_zero_length_paths_is_zero():
     line = spline([(0, 0), (1, 2), (2, 4), (3, 6), (5, 10)])
     assert max(line.max_curvature) < 1e-9
-    place = spline([(1, 1)] * 5)
-    assert place.max_curvature == (0.0, 0.0)
-    assert (place.curvature(np.linspace(0.0, 1.0, 5)) == 0.0).all()
-    assert place.length == 0.0
+    point = spline([(1, 1)] * 5)
+    assert point.max_curvature == (0.0, 0.0)
+    assert (point.curvature(np.linspace(0.0, 1.0, 5)) == 0.0).all()
+    assert point.length == 0.0
 
 
 # ---- clearance
@@ -145,7 +145,7 @@ def test_a_straight_path_and_one_without_length_have_no_curvature():
     walled=st.booleans(),
 )
 @settings(max_examples=40, deadline=None)
-def test_clearance_bounds_bracket_samples(occupied, points, walled):
+def test_clearance_bounds_contain_samples(occupied, points, walled):
     grid = OccupancyGrid(occupied, 1.0, walled=walled)
     path = spline(points)
     lower, upper = path.clearance(grid)
@@ -160,7 +160,7 @@ def test_clearance_bounds_bracket_samples(occupied, points, walled):
     assert 0.0 <= upper - lower <= 4.1e-3
 
 
-def test_clearance_of_a_line_beside_a_square():
+def test_clearance_of_a_line_next_to_a_square():
     grid = OccupancyGrid(np.array([[False, False, True]]), 0.5, (1.0, 2.0), walled=False)
     path = spline([(0.0, 2.25), (0.5, 2.25), (1.0, 2.25), (1.7, 2.25)])
     lower, upper = path.clearance(grid)
@@ -171,36 +171,36 @@ def test_clearance_of_a_line_beside_a_square():
     assert upper - lower < 2.1e-3
 
 
-def test_without_obstacles_the_clearance_is_infinite():
+def test_clearance_without_obstacles_is_infinite():
     grid = OccupancyGrid(np.zeros((3, 3), bool), 1.0, walled=False)
     assert spline([(0, 0), (1, 1), (2, 2), (30, 3)]).clearance(grid) == (np.inf, np.inf)
 
 
-def test_a_tolerance_must_be_positive():
+def test_nonpositive_tolerance_is_rejected():
     with pytest.raises(InvalidInput, match="tolerance must be positive, got 0 cells"):
         spline([(0, 0), (1, 1), (2, 2), (3, 3)]).clearance(
             OccupancyGrid(np.zeros((3, 3), bool), 1.0), 0.0
         )
 
 
-# ---- the cells of a way as control points
+# ---- the cells of a grid path as control points
 
 KINDS = [(n, j) for n in range(4, 9) for j in range(n - 3)]
-"""Number of control points and of the piece: a piece is shaped by the six knots around it, and
-with eight control points every kind has occurred."""
+"""Number of control points and index of the piece: six knots determine the shape of a piece, and
+eight control points cover all shapes."""
 
 
 def weights(n, j):
-    """Weights of four neighbours at 101 places along piece j of a spline on n control points."""
+    """Return the weights of four control points at 101 positions of piece j of n - 3."""
     knots = np.concatenate([[0.0] * 3, np.arange(n - 2), [n - 3.0] * 3])
     u = np.minimum(np.linspace(j, j + 1, 101), j + 1 - 1e-13)
     return BSpline(knots, np.eye(n), 3)(u)[:, j : j + 4]
 
 
-def ways_of_three_moves(cut_corners):
-    """Every four cells in a row, and the cells that are free for sure.
+def sequences_of_three_moves(cut_corners):
+    """Yield all sequences of four cells, and the cells that are necessarily free.
 
-    But for turning and mirroring: the first move is (1, 0) or (1, 1).
+    Up to rotation and reflection: the first move is (1, 0) or (1, 1).
     """
     for moves in product(MOVES[:2], MOVES, MOVES):
         cells = np.cumsum([(0, 0), *moves], axis=0)
@@ -212,30 +212,31 @@ def ways_of_three_moves(cut_corners):
 
 
 def distances(positions, free):
-    """From every place to the nearest square that is not in ``free``."""
+    """Return the distance from every position to the nearest square that is not in ``free``."""
     squares = np.array([c for c in product(range(-5, 6), repeat=2) if c not in free])
     gaps = np.maximum(np.abs(positions[..., None, :] - squares) - 0.5, 0.0)
     return np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=-1)
 
 
 def closest(kinds, cut_corners):
-    """Least distance in cells over all pieces and moves, in the places sampled."""
+    """Return the least sampled distance in cells over all pieces and moves."""
     shapes = np.stack([weights(*kind) for kind in kinds])
     return min(
-        distances(shapes @ cells, free).min() for cells, free in ways_of_three_moves(cut_corners)
+        distances(shapes @ cells, free).min()
+        for cells, free in sequences_of_three_moves(cut_corners)
     )
 
 
 @pytest.mark.parametrize(("cells", "least"), [(4, 0.2854), (5, 0.3535), (6, 0.40896), (8, 0.40896)])
-def test_without_corner_cutting_a_spline_keeps_its_distance(cells, least):
-    """The same for all longer ways: they have no other pieces."""
+def test_spline_distance_without_corner_cutting(cells, least):
+    """The values hold for all longer paths, which have no other pieces."""
     kinds = [kind for kind in KINDS if kind[0] == cells]
     assert least <= closest(kinds, cut_corners=False) <= least + 2e-4
 
 
-def test_between_the_samples_a_spline_keeps_0409_of_a_cell():
-    """By proof instead of samples, for every piece of a way of six cells or more."""
-    for cells, free in ways_of_three_moves(cut_corners=False):
+def test_spline_distance_of_0409_cells_is_proved():
+    """Proved bounds for every piece of a path of six cells or more."""
+    for cells, free in sequences_of_three_moves(cut_corners=False):
         occupied = np.ones((11, 11), bool)
         for x, y in free:
             occupied[y + 5, x + 5] = False
@@ -252,5 +253,5 @@ def test_between_the_samples_a_spline_keeps_0409_of_a_cell():
             assert bounds[j] >= 0.40896
 
 
-def test_with_corner_cutting_a_spline_may_enter_an_obstacle():
+def test_spline_with_corner_cutting_may_enter_an_obstacle():
     assert closest(KINDS, cut_corners=True) == 0.0

@@ -1,4 +1,4 @@
-"""Smoothing and the checks on start and goal."""
+"""Planning from start to goal: end poses, headings and rejected waypoints."""
 
 from math import pi
 
@@ -22,7 +22,7 @@ def room(*walls):
     return OccupancyGrid(occupied, 0.1)
 
 
-def go(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, **options):
+def plan_path(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, **options):
     return plan(
         grid, Waypoint(*start), Waypoint(*goal), inflation=inflation, options=PathOptions(**options)
     )
@@ -33,11 +33,11 @@ def go(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, **options):
     occupied=arrays(bool, (12, 14), elements=st.sampled_from([False, False, False, True])),
     inflation=st.sampled_from([0.0, 0.05, 0.12]),
 )
-def test_a_smooth_path_stays_in_free_cells(occupied, inflation):
+def test_path_stays_in_free_cells(occupied, inflation):
     occupied[1, 1] = occupied[10, 12] = False
     grid = OccupancyGrid(np.kron(occupied, np.ones((2, 2))).astype(bool), 0.1)
     try:
-        spline = go(grid, (0.3, 0.3), (2.5, 2.1), inflation).spline
+        spline = plan_path(grid, (0.3, 0.3), (2.5, 2.1), inflation).spline
     except (NoPathFound, InvalidWaypoint):
         return
     free = grid.inflated(inflation)
@@ -45,8 +45,8 @@ def test_a_smooth_path_stays_in_free_cells(occupied, inflation):
     assert not any(map(free.is_occupied, x.tolist(), y.tolist()))
 
 
-def test_ends_are_exactly_where_asked():
-    plan = go(ROOM, (1.03, 1.07), (5.02, 3.01, 1.0))
+def test_path_ends_at_start_and_goal():
+    plan = plan_path(ROOM, (1.03, 1.07), (5.02, 3.01, 1.0))
     assert plan.spline.poses(0.0)[:2] == pytest.approx((1.03, 1.07))
     assert plan.spline.poses(1.0) == pytest.approx((5.02, 3.01, 1.0))
     assert plan.grid_path.poses[0, :2] == pytest.approx((1.03, 1.07))
@@ -54,9 +54,9 @@ def test_ends_are_exactly_where_asked():
 
 @given(start=st.floats(-6.2, 6.2), goal=st.floats(-6.2, 6.2), x=st.sampled_from([1, 1.2, 2, 5]))
 @settings(max_examples=60, deadline=None)
-def test_headings_are_continuous_and_meet_those_asked_for(start, goal, x):
-    """Also on a path shorter than the distance to turn in, and on the spot."""
-    spline = go(ROOM, (1.0, 1.0, start), (x, 1.0, goal)).spline
+def test_headings_are_continuous_and_match_the_ends(start, goal, x):
+    """Also for a path shorter than ``turn_within``, and for a turn on the spot."""
+    spline = plan_path(ROOM, (1.0, 1.0, start), (x, 1.0, goal)).spline
     yaw = spline.poses(np.linspace(0.0, 1.0, 1000))[:, 2]
     assert yaw[0] == pytest.approx(start)
     assert np.cos(yaw[-1] - goal) == pytest.approx(1.0)
@@ -64,13 +64,13 @@ def test_headings_are_continuous_and_meet_those_asked_for(start, goal, x):
     assert np.ptp(yaw) < 2.1 * pi
 
 
-def test_start_and_goal_may_be_the_same_place():
-    spline = go(ROOM, (2.0, 2.0), (2.0, 2.0)).spline
+def test_start_and_goal_may_coincide():
+    spline = plan_path(ROOM, (2.0, 2.0), (2.0, 2.0)).spline
     assert spline.length == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("place", "message"),
+    ("waypoint", "message"),
     [
         ((7.0, 1.0), "outside the map, which spans x 0 to 6 m and y 0 to 4 m"),
         ((3.05, 1.0), r"inside an obstacle, .*nearest valid position is \(2\.\d+, 0?\.?\d*"),
@@ -80,33 +80,33 @@ def test_start_and_goal_may_be_the_same_place():
     ],
 )
 @pytest.mark.parametrize("end", ["start", "goal"])
-def test_a_place_where_the_robot_cannot_stand(end, place, message):
+def test_invalid_waypoint_is_rejected(end, waypoint, message):
     grid = room((slice(0, 30), slice(30, 32)))
-    with pytest.raises(InvalidWaypoint, match=message) as refused:
-        go(grid, **{end: place})
-    assert end in str(refused.value)
+    with pytest.raises(InvalidWaypoint, match=message) as caught:
+        plan_path(grid, **{end: waypoint})
+    assert end in str(caught.value)
 
 
-def test_the_place_that_a_message_proposes_is_one_to_stand():
+def test_proposed_position_is_valid():
     grid = room((slice(0, 30), slice(30, 32)))
-    with pytest.raises(InvalidWaypoint) as refused:
-        go(grid, start=(3.05, 1.0))
-    x, y = map(float, str(refused.value).rsplit("(", 1)[1].split(")")[0].split(","))
-    assert f"{np.hypot(x - 3.05, y - 1.0):.2g} m away" in str(refused.value)
-    go(grid, start=(x, y))
+    with pytest.raises(InvalidWaypoint) as caught:
+        plan_path(grid, start=(3.05, 1.0))
+    x, y = map(float, str(caught.value).rsplit("(", 1)[1].split(")")[0].split(","))
+    assert f"{np.hypot(x - 3.05, y - 1.0):.2g} m away" in str(caught.value)
+    plan_path(grid, start=(x, y))
 
 
-def test_a_wall_across_leaves_no_path():
+def test_wall_across_the_map_leaves_no_path():
     with pytest.raises(NoPathFound, match="no path from start to goal"):
-        go(room((slice(0, 40), slice(30, 32))))
+        plan_path(room((slice(0, 40), slice(30, 32))))
 
 
-def test_a_map_without_room_says_so():
+def test_map_without_free_cells_is_reported():
     with pytest.raises(InvalidWaypoint, match="choose a smaller robot or margin"):
-        go(ROOM, inflation=3.0)
+        plan_path(ROOM, inflation=3.0)
 
 
-def test_a_spline_needs_four_finite_points():
+def test_spline_needs_four_finite_control_points():
     with pytest.raises(InvalidInput, match="needs at least 4 control points, got 3"):
         SplinePath(np.zeros((3, 3)))
     with pytest.raises(InvalidInput, match="must be finite"):
@@ -119,29 +119,29 @@ def test_spline_length_of_a_straight_line():
 
 
 @pytest.mark.parametrize(
-    "place",
+    "waypoint",
     [Waypoint("a", 1.0), Waypoint(1.0, None), Waypoint(1.0, 1.0, "east"), Waypoint([1.0], 1.0)],
 )
-def test_a_place_that_is_no_numbers_is_refused(place):
+def test_non_numeric_waypoint_is_rejected(waypoint):
     with pytest.raises(
         InvalidWaypoint, match=r"the goal must be two or three numbers, x and y in m"
     ):
-        go(room(), goal=place)
+        plan_path(room(), goal=waypoint)
 
 
-def test_a_place_may_hold_numbers_of_any_kind():
-    found = go(room(), start=(np.float32(1.0), np.int64(1)), goal=(5, 3))
-    assert (found.grid_path.poses == go(room()).grid_path.poses).all()
+def test_waypoint_accepts_any_numeric_type():
+    found = plan_path(room(), start=(np.float32(1.0), np.int64(1)), goal=(5, 3))
+    assert (found.grid_path.poses == plan_path(room()).grid_path.poses).all()
 
 
 @pytest.mark.parametrize("inflation", [-0.1, np.nan, np.inf])
-def test_an_inflation_that_is_none_is_refused(inflation):
+def test_invalid_inflation_is_rejected(inflation):
     with pytest.raises(InvalidInput, match="a finite radius of 0 m or more, got"):
-        go(room(), inflation=inflation)
+        plan_path(room(), inflation=inflation)
 
 
 @pytest.mark.parametrize("inflation", [0.3, 9.0])
-def test_a_message_says_what_the_inflation_is_made_of(inflation):
+def test_message_contains_the_inflation_note(inflation):
     with pytest.raises(InvalidWaypoint, match=r"keeps? (0\.3|9) m \(this and that\)"):
         plan(
             room((slice(0, 30), slice(30, 32))),

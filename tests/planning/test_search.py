@@ -1,4 +1,4 @@
-"""Grid search: against the published path, and laws over random maps."""
+"""Grid search: the published path, and properties over random maps."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def length(cells):
 
 
 def move_lengths(occupied, neighbours=8, cut_corners=False):
-    """Every allowed move as a sparse matrix, written without the search's code."""
+    """Return every allowed move as a sparse matrix, independent of the code under test."""
     rows, cols = occupied.shape
     a, b, w = [], [], []
     for r, c in np.argwhere(~occupied):
@@ -50,8 +50,8 @@ def shortest(occupied, start, goal, **moves):
     return found[goal[0] * cols + goal[1]]
 
 
-def steps_are_moves(occupied, cells, neighbours, cut_corners):
-    """Whether every step of a way is an allowed move over free cells."""
+def check_moves(occupied, cells, neighbours, cut_corners):
+    """Check that every step of a path is an allowed move over free cells."""
     assert not occupied[tuple(cells.T)].any()
     steps = np.diff(cells, axis=0)
     assert np.abs(steps).max(initial=0) <= 1
@@ -65,7 +65,7 @@ def steps_are_moves(occupied, cells, neighbours, cut_corners):
 
 @st.composite
 def maps_with_ends(draw, rows=ROWS, cols=COLS):
-    """A map of any shape, words of 64 cells included, with a free start and goal."""
+    """Draw a map of any shape, wider than a 64-bit word included, with a free start and goal."""
     shape = draw(rows), draw(cols)
     if draw(st.booleans()):
         shape = shape[::-1]
@@ -77,7 +77,7 @@ def maps_with_ends(draw, rows=ROWS, cols=COLS):
     return occupied, *ends
 
 
-def test_greedy_search_finds_the_published_cells():
+def test_greedy_search_reproduces_the_published_cells():
     theirs = shared_table("reference/path_paper_cells.csv") - 1
     ours = search(paper_map(), START, GOAL, method="greedy", cut_corners=True)
     assert (ours.cells == theirs).all()
@@ -110,7 +110,7 @@ def test_astar_is_as_short_as_dijkstra(case, neighbours, cut_corners, heuristic)
     assert length(found.cells) == pytest.approx(best, abs=1e-9)
     assert tuple(found.cells[0]) == start
     assert tuple(found.cells[-1]) == goal
-    steps_are_moves(occupied, found.cells, neighbours, cut_corners)
+    check_moves(occupied, found.cells, neighbours, cut_corners)
 
 
 @settings(max_examples=300, deadline=None)
@@ -120,26 +120,26 @@ def test_astar_is_as_short_as_dijkstra(case, neighbours, cut_corners, heuristic)
 )
 def test_jump_point_search_is_as_short_as_astar(case, heuristic):
     occupied, start, goal = case
-    on = GridSearch(OccupancyGrid(occupied, 0.1))
+    grid_search = GridSearch(OccupancyGrid(occupied, 0.1))
     try:
-        theirs = on.search(start, goal)
+        theirs = grid_search.search(start, goal)
     except NoPathFound as none:
         with pytest.raises(NoPathFound, match=str(none).replace(".", r"\.")):
-            on.search(start, goal, method="jump-point", heuristic=heuristic)
+            grid_search.search(start, goal, method="jump-point", heuristic=heuristic)
         return
-    ours = on.search(start, goal, method="jump-point", heuristic=heuristic)
-    assert ours.cost == theirs.cost  # counted moves: the same to the last digit
+    ours = grid_search.search(start, goal, method="jump-point", heuristic=heuristic)
+    assert ours.cost == theirs.cost  # counted in moves, hence exactly equal
     assert tuple(ours.cells[0]) == start
     assert tuple(ours.cells[-1]) == goal
-    steps_are_moves(occupied, ours.cells, 8, cut_corners=False)
+    check_moves(occupied, ours.cells, 8, cut_corners=False)
 
 
 @settings(max_examples=100, deadline=None)
 @given(case=maps_with_ends(), neighbours=st.sampled_from([4, 8]), cut_corners=st.booleans())
 @pytest.mark.parametrize("heuristic", ["manhattan", "octile"])
 @pytest.mark.parametrize("method", ["astar", "greedy"])
-def test_a_way_is_found_when_there_is_one(method, heuristic, case, neighbours, cut_corners):
-    """Also by searches that do not look for the shortest."""
+def test_path_is_found_if_one_exists(method, heuristic, case, neighbours, cut_corners):
+    """Also by searches that are not optimal."""
     occupied, start, goal = case
     moves = {"neighbours": neighbours, "cut_corners": cut_corners}
     best, grid = shortest(occupied, start, goal, **moves), OccupancyGrid(occupied, 0.1)
@@ -150,7 +150,7 @@ def test_a_way_is_found_when_there_is_one(method, heuristic, case, neighbours, c
         return
     found = search(grid, start, goal, **options)
     assert found.cost >= best - 1e-9
-    steps_are_moves(occupied, found.cells, neighbours, cut_corners)
+    check_moves(occupied, found.cells, neighbours, cut_corners)
     if method == "astar":
         assert found.cost <= best * 2**0.5 + 1e-9
     if neighbours == 4 and method == "astar":
@@ -178,7 +178,7 @@ def line_is_clear(occupied, one, other):
 @settings(max_examples=80, deadline=None)
 @given(case=maps_with_ends(st.integers(1, 9), st.integers(1, 9)))
 @example(case=(np.zeros((9, 9), bool), (0, 0), (5, 8)))
-def test_any_angle_ways_touch_no_obstacle_and_are_short(case):
+def test_any_angle_paths_touch_no_obstacle_and_are_short(case):
     occupied, start, goal = case
     grid = OccupancyGrid(occupied, 0.1)
     try:
@@ -204,7 +204,7 @@ def test_any_angle_ways_touch_no_obstacle_and_are_short(case):
 
 @settings(max_examples=100, deadline=None)
 @given(case=maps_with_ends())
-def test_a_search_without_a_way_says_how_large_the_region_is(case):
+def test_unreachable_goal_reports_the_size_of_the_region(case):
     occupied, start, goal = case
     graph = move_lengths(occupied)
     _, labels = connected_components(graph, directed=False)
@@ -218,46 +218,46 @@ def test_a_search_without_a_way_says_how_large_the_region_is(case):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_start_and_goal_may_be_the_same(method):
+def test_start_and_goal_may_coincide(method):
     found = search(ROOM, (3, 4), (3, 4), method=method)
     assert found.cells.tolist() == [[3, 4]]
     assert found.cost == 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_searches_are_repeatable(method):
+def test_search_is_repeatable(method):
     occupied = np.random.default_rng(3).random((70, 90)) < 0.2
     occupied[1, 2] = occupied[66, 81] = False
-    on = GridSearch(OccupancyGrid(occupied, 0.1))
-    first, second = (on.search((1, 2), (66, 81), method=method) for _ in range(2))
-    fresh = search(on.grid, (1, 2), (66, 81), method=method)
+    grid_search = GridSearch(OccupancyGrid(occupied, 0.1))
+    first, second = (grid_search.search((1, 2), (66, 81), method=method) for _ in range(2))
+    fresh = search(grid_search.grid, (1, 2), (66, 81), method=method)
     assert first.cells.tolist() == second.cells.tolist() == fresh.cells.tolist()
     assert first.expansions == second.expansions == fresh.expansions > 0
     assert first.seconds > 0.0
 
 
-def test_what_each_option_costs():
-    """As the documentation says."""
+def test_costs_of_the_options():
+    """The order of lengths and expansions stated in the documentation."""
     occupied = np.random.default_rng(5).random((150, 150)) < 0.2
     occupied[2, 3] = occupied[140, 100] = False
     grid = OccupancyGrid(occupied, 0.1)
 
-    def go(**options):
+    def run(**options):
         return search(grid, (2, 3), (140, 100), **options)
 
     octile, euclidean, zero, manhattan = (
-        go(heuristic=name) for name in ("octile", "euclidean", "zero", "manhattan")
+        run(heuristic=name) for name in ("octile", "euclidean", "zero", "manhattan")
     )
     assert octile.cost == euclidean.cost == zero.cost < manhattan.cost <= octile.cost * 2**0.5
     assert octile.expansions < euclidean.expansions < zero.expansions
-    four, four_octile = go(neighbours=4), go(neighbours=4, heuristic="octile")
+    four, four_octile = run(neighbours=4), run(neighbours=4, heuristic="octile")
     assert octile.cost < four.cost == four_octile.cost <= octile.cost * 2**0.5
     assert four.expansions < four_octile.expansions
-    assert go(cut_corners=True).cost < octile.cost
-    assert go(method="lazy-theta").cost < octile.cost
-    assert go(method="greedy").expansions < octile.expansions
-    assert go(method="greedy").cost > octile.cost
-    assert go(method="jump-point").expansions < octile.expansions
+    assert run(cut_corners=True).cost < octile.cost
+    assert run(method="lazy-theta").cost < octile.cost
+    assert run(method="greedy").expansions < octile.expansions
+    assert run(method="greedy").cost > octile.cost
+    assert run(method="jump-point").expansions < octile.expansions
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_what_each_option_costs():
         ((10, 9), r"\(10, 9\) is occupied; the nearest free cell is \(9, 9\), 1 cells away"),
     ],
 )
-def test_places_that_cannot_be(cell, message):
+def test_invalid_cells_are_rejected(cell, message):
     occupied = np.zeros((20, 30), bool)
     occupied[10] = True
     grid = OccupancyGrid(occupied, 0.1)
@@ -278,7 +278,7 @@ def test_places_that_cannot_be(cell, message):
         search(grid, (3, 3), cell)
 
 
-def test_a_map_without_a_free_cell_says_so():
+def test_map_without_free_cells_is_reported():
     with pytest.raises(InvalidWaypoint, match="no cell is free"):
         search(OccupancyGrid(np.ones((3, 4), bool), 0.1), (1, 1), (2, 2))
 
@@ -294,6 +294,6 @@ def test_a_map_without_a_free_cell_says_so():
         ({"method": "lazy-theta", "cut_corners": True}, "lazy-theta .* use astar"),
     ],
 )
-def test_options_that_do_not_fit(options, message):
+def test_invalid_options_are_rejected(options, message):
     with pytest.raises(InvalidInput, match=message):
         search(ROOM, (1, 1), (5, 5), **options)

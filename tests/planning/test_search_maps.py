@@ -1,4 +1,4 @@
-"""Grid search on the benchmark maps beside the repository, and on large ones."""
+"""Grid search on the shared benchmark maps and on large maps."""
 
 import tracemalloc
 
@@ -14,26 +14,26 @@ MAPS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20-10-2
 
 
 def benchmark(name):
-    """A map and its queries."""
+    """Load a map and its queries."""
     grid = load_map(shared(f"maps/movingai/{name}.map"))
     return grid, load_queries(shared(f"maps/movingai/{name}.map.scen"), grid)
 
 
 @pytest.mark.parametrize("method", ["astar", "jump-point"])
 @pytest.mark.parametrize("name", MAPS)
-def test_every_query_has_the_files_length(name, method):
+def test_lengths_match_the_benchmark_files(name, method):
     grid, queries = benchmark(name)
-    on = GridSearch(grid)
+    grid_search = GridSearch(grid)
     assert len(queries) >= 100
     for start, goal, cost in queries:
-        assert on.search(start, goal, method=method).cost == pytest.approx(cost, abs=1e-6)
+        assert grid_search.search(start, goal, method=method).cost == pytest.approx(cost, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_any_angle_ways_are_shorter(name):
+def test_any_angle_paths_are_shorter(name):
     grid, queries = benchmark(name)
-    on = GridSearch(grid)
-    found = [on.search(a, b, method="lazy-theta").cost for a, b, _ in queries]
+    grid_search = GridSearch(grid)
+    found = [grid_search.search(a, b, method="lazy-theta").cost for a, b, _ in queries]
     lengths = np.array([cost for *_, cost in queries])
     straight = [np.hypot(a[0] - b[0], a[1] - b[1]) for a, b, _ in queries]
     assert (found >= np.array(straight) - 1e-9).all()
@@ -42,8 +42,8 @@ def test_any_angle_ways_are_shorter(name):
 
 
 @pytest.mark.parametrize("method", ["astar", "jump-point", "lazy-theta", "greedy"])
-def test_a_large_map_takes_bounded_memory(method):
-    """Of 4096 x 4096 cells, also if every one is looked at in vain."""
+def test_memory_on_a_large_map_is_bounded(method):
+    """On 4096 x 4096 cells without a path, where every reachable cell is expanded."""
     occupied = np.zeros((4096, 4096), bool)
     occupied[:, 4000] = True
     grid = OccupancyGrid(occupied, 0.05)
@@ -58,7 +58,7 @@ def test_a_large_map_takes_bounded_memory(method):
 
 @pytest.mark.parametrize("shape", [(1, 5_000_000), (5_000_000, 1), (2_500_000, 2)])
 @pytest.mark.parametrize("method", ["astar", "jump-point"])
-def test_narrow_maps_take_no_more(shape, method):
+def test_memory_on_narrow_maps_is_bounded(shape, method):
     grid = OccupancyGrid(np.zeros(shape, bool), 1.0)
     tracemalloc.start()
     try:

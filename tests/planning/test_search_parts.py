@@ -1,4 +1,4 @@
-"""The parts of the grid search: boards, whole-number lengths, lines of sight."""
+"""Parts of the grid search: bitmaps, integer lengths, jump points, lines of sight."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ SHAPES = st.tuples(st.integers(1, 140), st.integers(1, 140))
 
 @settings(max_examples=60, deadline=None)
 @given(shape=SHAPES, seed=st.integers(0, 99))
-def test_a_board_holds_its_grid(shape, seed):
+def test_bitgrid_matches_its_grid(shape, seed):
     occupied = random_map(shape, seed)
     bitgrid = BitGrid.of(occupied)
     bits = np.unpackbits(bitgrid.bits, bitorder="little")
@@ -37,7 +37,7 @@ def test_a_board_holds_its_grid(shape, seed):
 
 
 def first_end(occupied, row, col, move):
-    """Cells to where a move ends: at a forced neighbour; 0 if at a wall; cell by cell."""
+    """Count the cells to the next forced neighbour, cell by cell; 0 if the run ends at a wall."""
     padded = np.pad(occupied, 1, constant_values=True)
     r, c, run = row + 1, col + 1, 0
     side = move[::-1]
@@ -52,7 +52,7 @@ def first_end(occupied, row, col, move):
 
 
 def jumps_of(occupied, bitgrid, cells, move):
-    """What a move leads to from each cell: cells, lengths and last moves; and so cell by cell."""
+    """Yield the jump points of a move from each cell, as found and as expected cell by cell."""
     jump_grid, found = JumpGrid.of(bitgrid), np.zeros((4 * sum(occupied.shape), 3), int)
     steps, nowhere = [np.array(m[:: -1 if bitgrid.transposed else 1]) for m in MOVES], 0
     padded = np.pad(occupied, 1, constant_values=True)
@@ -71,7 +71,7 @@ def jumps_of(occupied, bitgrid, cells, move):
                 expected |= {(there, diagonal + run * STRAIGHT, m)} if run else set()
             if move < 4:
                 break
-        if move < 4 or diagonal > 0:  # others are not allowed
+        if move < 4 or diagonal > 0:  # other diagonal moves are not allowed
             index_of = bitgrid.index_of(tuple(cell))
             count = jumps(jump_grid, bitgrid.stride, index_of, nowhere, 1 << move, found)
             yield sorted(map(tuple, found[:count].tolist())), sorted(expected)
@@ -82,7 +82,7 @@ DENSITIES = st.one_of(st.floats(0.0, 0.5), st.floats(0.0, 0.01))
 
 @settings(max_examples=60, deadline=None)
 @given(shape=SHAPES, seed=st.integers(0, 99), density=DENSITIES, move=st.integers(0, 7))
-def test_moves_end_where_a_turn_may_be_needed(shape, seed, density, move):
+def test_jump_points_match_a_scan_cell_by_cell(shape, seed, density, move):
     occupied = random_map(shape, seed, density)
     occupied[0, 0] = False
     cells = np.random.default_rng(seed).permutation(np.argwhere(~occupied))[:10].tolist()
@@ -91,8 +91,8 @@ def test_moves_end_where_a_turn_may_be_needed(shape, seed, density, move):
 
 
 @pytest.mark.parametrize("move", range(4))
-def test_runs_of_every_length_are_seen(move):
-    """64 bits are read at once, from any of a byte's, and then those that follow."""
+def test_jump_points_at_every_distance(move):
+    """A run starts at any bit of a byte and continues over words of 64 bits."""
     occupied = np.zeros((20, 260), bool)
     occupied[10, 130] = True
     cells = [(9, col) for col in range(260)]
@@ -104,14 +104,14 @@ def test_runs_of_every_length_are_seen(move):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (64, 65), (600, 1100), (1100, 600)])
-def test_columns_are_the_rows_of_the_turned_map(shape):
+def test_columns_are_the_rows_of_the_transposed_map(shape):
     occupied = random_map(shape, 1)
     columns = JumpGrid.of(BitGrid.of(occupied)).columns
     assert (columns[::8] == BitGrid.of(occupied.T).words).all()
 
 
 @given(seed=st.integers(0, 99), row=st.integers(0, 8), col=st.integers(0, 129))
-def test_surroundings(seed, row, col):
+def test_neighbourhood(seed, row, col):
     occupied = random_map((9, 130), seed)
     bitgrid = BitGrid.of(occupied)
     around = np.pad(occupied, 1, constant_values=True)[row : row + 3, col : col + 3]
@@ -123,8 +123,8 @@ COUNTS = st.integers(0, 400_000)
 
 
 @given(one=st.tuples(COUNTS, COUNTS), apart=st.tuples(st.integers(-9, 9), st.integers(-9, 9)))
-def test_whole_numbers_compare_as_lengths_do(one, apart):
-    """For close pairs: straight moves are exchanged for diagonal ones in a ratio near sqrt(2)."""
+def test_integer_lengths_compare_like_true_lengths(one, apart):
+    """For close pairs: straight moves replace diagonal moves in a ratio close to sqrt(2)."""
     diagonal = apart[0] * 33461 + apart[1] * 985
     straight = apart[0] * -47321 + apart[1] * -1393
     sign = (straight > 0) - (straight < 0)
@@ -156,14 +156,14 @@ def test_lines_of_sight(shape, seed, ends, density):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 64), (64, 1), (65, 65), (200, 3)])
-def test_boards_are_not_much_larger_than_their_grids(shape):
+def test_bitgrid_size_is_bounded(shape):
     bitgrid = BitGrid.of(np.zeros(shape, bool))
     assert bitgrid.size <= 3 * (shape[0] + 63) * (shape[1] + 128)
 
 
 @pytest.mark.parametrize("wide", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1), (3, 70), (140, 9), (61, 130)])
-def test_every_cell_has_a_word_of_its_own(shape, wide):
+def test_every_cell_has_its_own_word(shape, wide):
     bitgrid = BitGrid.of(np.zeros(shape, bool))
     words = empty_tiles(bitgrid, wide)
     assert not words.any()
@@ -175,14 +175,14 @@ def test_every_cell_has_a_word_of_its_own(shape, wide):
 
 
 @pytest.mark.parametrize("shape", [(4096, 4096), (1, 5_000_000), (2_500_000, 2)])
-def test_words_take_bounded_memory(shape):
+def test_memory_of_words_is_bounded(shape):
     bitgrid = BitGrid.of(np.zeros(shape, bool))
     assert empty_tiles(bitgrid, wide=False).nbytes < 200e6
     assert empty_tiles(bitgrid, wide=True).nbytes < 400e6
 
 
 def serpentine():
-    """A way of some 20,000 cells, far more than the low bits of a length can count."""
+    """Create a map with a path of about 20,000 cells, longer than the stored low bits span."""
     occupied = np.zeros((150, 300), bool)
     occupied[1::2] = True
     occupied[1::4, -1] = occupied[3::4, 0] = False
@@ -192,8 +192,8 @@ def serpentine():
 @pytest.mark.parametrize("heuristic", ["octile", "euclidean", "zero"])
 @pytest.mark.parametrize("cut_corners", [False, True])
 @pytest.mark.parametrize("neighbours", [4, 8])
-def test_low_bits_of_lengths_are_enough(monkeypatch, heuristic, cut_corners, neighbours):
-    """With a consistent heuristic, the search does the same as with whole lengths."""
+def test_low_bits_of_lengths_suffice(monkeypatch, heuristic, cut_corners, neighbours):
+    """With a consistent heuristic, the search equals that with full lengths."""
     maps = [serpentine(), *(random_map((700, 600), seed, seed / 10) for seed in (1, 2, 3))]
     move_table = pruned_moves(neighbours, cut_corners)
     for occupied in maps:

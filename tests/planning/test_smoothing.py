@@ -1,4 +1,4 @@
-"""Smoothing with a certificate: nothing is ever hit, nothing is ever refused."""
+"""Certified smoothing: no collisions, lower curvature, and degenerate grid paths."""
 
 from dataclasses import replace
 from itertools import pairwise, product
@@ -22,9 +22,10 @@ def centres(grid, cells):
 
 
 def enters(grid, path, per_cell=40):
-    """Whether a dense sample of the path lies in an occupied cell: cell by cell, no distances.
+    """Whether a dense sample of the path lies in an occupied cell, by lookup of cells.
 
-    A point on a cell's edge is in none: it is tried 1e-7 cells off its place in every direction.
+    A point on the edge of a cell is in none: points shifted by 1e-7 cells in every diagonal
+    direction must all lie in occupied cells.
     """
     count = 2 + int(per_cell * path.length / grid.resolution)
     places = (path.poses(np.linspace(0.0, 1.0, count))[:, :2] - grid.origin) / grid.resolution
@@ -38,7 +39,7 @@ def enters(grid, path, per_cell=40):
 
 
 def sampled_clearance(grid, path, per_cell=40):
-    """Least distance in m at samples, by the grid's own exact distances."""
+    """Return the least distance in m at samples, by the exact distances of the grid."""
     count = 2 + int(per_cell * path.length / grid.resolution)
     return grid.clearance(path.poses(np.linspace(0.0, 1.0, count))[:, :2]).min()
 
@@ -58,8 +59,8 @@ def _compiled():
 
 
 @st.composite
-def ways(draw, cut_corners=None):
-    """A random map with a way through it, its ends anywhere in their cells."""
+def grid_paths(draw, cut_corners=None):
+    """Draw a random map and a grid path whose ends lie anywhere in their cells."""
     occupied = draw(arrays(bool, (9, 10), elements=st.sampled_from(MAPS.tolist())))
     occupied[0, 0] = occupied[8, 9] = False
     grid = OccupancyGrid(occupied, 0.2, (-3.0, 1.0), walled=draw(st.booleans()))
@@ -74,8 +75,8 @@ def ways(draw, cut_corners=None):
 
 
 @st.composite
-def walks(draw):
-    """A walk of any-angle steps in a map that is free around it and nowhere else."""
+def any_angle_paths(draw):
+    """Draw a path of any-angle steps in a map that is free only along it."""
     steps = draw(
         st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), min_size=1, max_size=8)
     )
@@ -88,48 +89,48 @@ def walks(draw):
     return grid, centres(grid, corners)
 
 
-# ---- nothing is hit
+# ---- collisions
 
 
-@given(way=ways(), clearance=st.sampled_from([0.0, 0.03, 0.07, 0.5]))
+@given(case=grid_paths(), clearance=st.sampled_from([0.0, 0.03, 0.07, 0.5]))
 @settings(max_examples=150, deadline=None)
-def test_a_certified_path_enters_no_obstacle(way, clearance):
-    grid, points = way
+def test_certified_path_enters_no_obstacle(case, clearance):
+    grid, points = case
     smoothed = smooth(grid, points, clearance=clearance)
     assert not enters(grid, smoothed.path)
     assert 0.0 <= smoothed.clearance <= sampled_clearance(grid, smoothed.path) + 1e-12
 
 
-@given(walk=walks(), clearance=st.sampled_from([0.0, 0.2, 0.4]))
+@given(case=any_angle_paths(), clearance=st.sampled_from([0.0, 0.2, 0.4]))
 @settings(max_examples=100, deadline=None)
-def test_any_angle_walks_through_tunnels_are_smoothed(walk, clearance):
-    """The polygon touches the corners of the tunnel, which is one cell wide."""
-    grid, points = walk
+def test_any_angle_path_through_a_tunnel_is_smoothed(case, clearance):
+    """The polygon touches the corners of a tunnel one cell wide."""
+    grid, points = case
     smoothed = smooth(grid, points, clearance=clearance)
     assert not enters(grid, smoothed.path)
 
 
-@given(way=ways(False), clearance=st.floats(0.0, 0.1))
+@given(case=grid_paths(False), clearance=st.floats(0.0, 0.1))
 @settings(max_examples=100, deadline=None)
-def test_the_clearance_asked_for_is_kept_where_the_polygon_keeps_more(way, clearance):
-    grid, points = way
+def test_required_or_attainable_clearance_is_kept(case, clearance):
+    grid, points = case
     smoothed = smooth(grid, points, clearance=clearance)
-    had = polygon_clearance(grid, points)
-    assert smoothed.clearance >= min(clearance, 0.8 * had) - 1e-8
-    assert sampled_clearance(grid, smoothed.path) >= min(clearance, 0.8 * had) - 1e-8
+    available = polygon_clearance(grid, points)
+    assert smoothed.clearance >= min(clearance, 0.8 * available) - 1e-8
+    assert sampled_clearance(grid, smoothed.path) >= min(clearance, 0.8 * available) - 1e-8
 
 
-@given(way=ways(), method=st.sampled_from(["spline", "certified"]))
+@given(case=grid_paths(), method=st.sampled_from(["spline", "certified"]))
 @settings(max_examples=60, deadline=None)
-def test_the_certificate_holds_for_either_method(way, method):
-    grid, points = way
+def test_proved_clearance_holds_for_either_method(case, method):
+    grid, points = case
     smoothed = smooth(grid, points, method=method)
     assert smoothed.clearance <= sampled_clearance(grid, smoothed.path) + 1e-12
     assert (smoothed.path.poses(0.0)[:2] == points[0]).all()
     assert smoothed.path.poses(1.0)[:2] == pytest.approx(points[-1], abs=1e-12)
 
 
-def test_clearance_in_an_open_room_is_what_is_asked_for():
+def test_clearance_in_an_open_room_is_the_required_one():
     occupied = np.zeros((30, 30), bool)
     occupied[10:20, 12:14] = True
     grid = OccupancyGrid(occupied, 0.1)
@@ -137,14 +138,14 @@ def test_clearance_in_an_open_room_is_what_is_asked_for():
     near, far = (smooth(grid, points, clearance=m).clearance for m in (0.0, 0.04))
     assert 0.0 < near < 0.01
     assert 0.04 <= far < 0.05
-    # the search's way keeps half a cell: no smoothing brings it further off than that for sure
+    # the grid path keeps half a cell, which bounds the attainable clearance
     assert smooth(grid, points, clearance=1.0).clearance >= 0.04
 
 
-# ---- it is smoother
+# ---- curvature
 
 
-def test_curvature_is_less_than_half_of_the_plain_splines():
+def test_curvature_is_less_than_half_that_of_the_plain_spline():
     rng, ratios = np.random.default_rng(3), []
     for _ in range(40):
         grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1)
@@ -159,8 +160,8 @@ def test_curvature_is_less_than_half_of_the_plain_splines():
     assert np.median(ratios) > 2.0
 
 
-def test_far_from_obstacles_the_clearance_makes_no_difference():
-    """To the last bit: no move is refused for want of a rounded digit."""
+def test_clearance_has_no_effect_far_from_obstacles():
+    """Results are bitwise equal: rounding rejects no move."""
     grid = OccupancyGrid(np.zeros((60, 60), bool), 0.1, walled=False)
     points = centres(grid, search(grid, (10, 10), (30, 50)).cells)
     first, *others = (
@@ -178,14 +179,14 @@ def test_smoothing_is_repeatable():
     assert (first == second).all()
 
 
-def test_a_plain_spline_has_the_cells_as_control_points():
+def test_plain_spline_has_the_cells_as_control_points():
     grid = paper_map()
     points = centres(grid, search(grid, (4, 4), (29, 39)).cells)
     path = smooth(grid, points, method="spline").path
     assert (path.control_points[:, :2] == points).all()
 
 
-def test_a_turned_grid_turns_the_path():
+def test_rotated_grid_rotates_the_path():
     flat = paper_map()
     turned = replace(flat, origin=(3.0, -2.0), yaw=0.7)
     cells = search(flat, (4, 4), (29, 39)).cells
@@ -196,7 +197,7 @@ def test_a_turned_grid_turns_the_path():
     assert there.clearance == pytest.approx(here.clearance, abs=1e-9)
 
 
-# ---- degenerate ways
+# ---- degenerate grid paths
 
 ROOM = OccupancyGrid(np.zeros((8, 8), bool), 1.0)
 
@@ -216,7 +217,7 @@ ROOM = OccupancyGrid(np.zeros((8, 8), bool), 1.0)
         [(0.0, 0.0), (8.0, 8.0)],
     ],
 )
-def test_short_and_repeated_points(points, method):
+def test_short_paths_and_repeated_points(points, method):
     points = np.array(points)
     smoothed = smooth(ROOM, points, method=method)
     assert isinstance(smoothed.path, SplinePath)
@@ -226,7 +227,7 @@ def test_short_and_repeated_points(points, method):
     assert smoothed.path.clearance(ROOM)[1] >= 0.0
 
 
-def test_a_corridor_one_cell_wide():
+def test_corridor_one_cell_wide():
     occupied = np.ones((7, 9), bool)
     occupied[1, 1:8] = occupied[1:6, 7] = occupied[5, 2:8] = False
     grid = OccupancyGrid(occupied, 0.3)
@@ -237,12 +238,12 @@ def test_a_corridor_one_cell_wide():
         smoothed.path.max_curvature[1]
         < 0.7 * smooth(grid, points, method="spline").path.max_curvature[0]
     )
-    # as much as the polygon keeps, to four fifths
+    # four fifths of the clearance of the polygon
     assert smooth(grid, points, clearance=0.15).clearance >= 0.8 * 0.15
 
 
-def test_a_way_through_touching_corners():
-    """Diagonal moves between squares that meet in a corner: only the polygon itself gets by."""
+def test_path_between_touching_corners():
+    """Diagonal moves between squares that touch in a corner: only the polygon is free."""
     occupied = ~np.eye(6, dtype=bool)
     occupied[5, 4] = False
     grid = OccupancyGrid(occupied, 1.0)
@@ -253,8 +254,8 @@ def test_a_way_through_touching_corners():
     assert np.ptp(smoothed.path.control_points[:, 2]) == pytest.approx(0.75 * np.pi)
 
 
-def test_a_way_around_the_very_corner_of_an_obstacle():
-    """Nothing but the polygon gets by: the path stops and turns on the spot."""
+def test_path_through_the_corner_of_an_obstacle():
+    """Only the polygon is free: the path stops and turns on the spot."""
     occupied = np.zeros((5, 5), bool)
     occupied[1, 2] = True
     grid = OccupancyGrid(occupied, 1.0)
@@ -269,8 +270,8 @@ def test_a_way_around_the_very_corner_of_an_obstacle():
     assert plain.clearance < 0.0
 
 
-def test_a_start_from_which_the_next_centre_is_not_seen():
-    """With corner cutting a step from the edge of the first cell crosses the obstacle."""
+def test_start_without_line_of_sight_to_the_next_centre():
+    """With corner cutting, a step from the edge of the first cell crosses the obstacle."""
     occupied = np.zeros((3, 3), bool)
     occupied[1, 0] = True
     grid = OccupancyGrid(occupied, 1.0)
@@ -280,18 +281,18 @@ def test_a_start_from_which_the_next_centre_is_not_seen():
     assert (smoothed.path.control_points[0, :2] == points[0]).all()
 
 
-def test_headings_run_along_the_path_and_meet_those_asked_for():
+def test_headings_follow_the_path_and_match_the_ends():
     points = np.array([(1.5, 1.5), (6.5, 1.5), (6.5, 6.5)])
     free = smooth(ROOM, points).path.control_points
     along = np.diff(free[:, :2] @ (1.0, 1j))
     assert np.exp(1j * free[1:, 2]) == pytest.approx(along / np.abs(along))
     assert free[0, 2] == free[1, 2]
-    asked = smooth(ROOM, points, yaws=(1.0, -1.0)).path.poses(np.array([0.0, 1.0]))[:, 2]
-    assert asked[0] == pytest.approx(1.0)
-    assert np.cos(asked[1] + 1.0) == pytest.approx(1.0)
+    given = smooth(ROOM, points, yaws=(1.0, -1.0)).path.poses(np.array([0.0, 1.0]))[:, 2]
+    assert given[0] == pytest.approx(1.0)
+    assert np.cos(given[1] + 1.0) == pytest.approx(1.0)
 
 
-# ---- what is refused
+# ---- errors
 
 
 @pytest.mark.parametrize(
@@ -306,15 +307,15 @@ def test_headings_run_along_the_path_and_meet_those_asked_for():
         ([(0.5, 4.5), (7.5, 4.5)], {}, "enters an obstacle near the cell in row 4, column 3"),
     ],
 )
-def test_what_cannot_be_smoothed(points, options, message):
+def test_invalid_input_is_rejected(points, options, message):
     occupied = np.zeros((8, 8), bool)
     occupied[4, 4] = True
     with pytest.raises(InvalidInput, match=message):
         smooth(OccupancyGrid(occupied, 1.0), np.asarray(points, float), **options)
 
 
-def test_a_long_hall_and_a_vast_clearance_are_no_matter():
-    """Far squares are found by blocks: seconds at most, not hours."""
+def test_large_map_and_large_clearance_are_fast():
+    """The search for distant squares uses blocks: seconds instead of hours."""
     grid = OccupancyGrid(np.zeros((2000, 2000), bool), 1.0)
     points = np.array([(900.5, 1000.5), (1100.5, 1000.5)])
     assert smooth(grid, points, clearance=1e12).clearance == pytest.approx(899.5, abs=1.1)
@@ -340,8 +341,8 @@ def real_maps():
         yield movingai(name)
 
 
-def smooth_random_ways(grid, rng, count, **options):
-    """Certified and plain splines along ways between random free cells."""
+def smooth_random_paths(grid, rng, count, **options):
+    """Smooth grid paths between random free cells."""
     free = np.argwhere(~grid.occupied)
     for _ in range(count):
         (a, b), (c, d) = free[rng.integers(0, len(free), 2)].tolist()
@@ -355,7 +356,7 @@ def smooth_random_ways(grid, rng, count, **options):
 def check_real_maps(count):
     rng, plain, ours = np.random.default_rng(11), [], []
     for grid in real_maps():
-        for points, smoothed in smooth_random_ways(grid, rng, count):
+        for points, smoothed in smooth_random_paths(grid, rng, count):
             assert not enters(grid, smoothed.path)
             assert smoothed.clearance > 0.0
             if len(points) >= 12:
@@ -366,10 +367,10 @@ def check_real_maps(count):
     return len(plain)
 
 
-def test_random_ways_over_real_maps():
+def test_random_paths_on_real_maps():
     assert check_real_maps(8) > 40
 
 
 @pytest.mark.long
-def test_thousands_of_random_ways_over_real_maps():
+def test_thousands_of_random_paths_on_real_maps():
     assert check_real_maps(600) > 3000

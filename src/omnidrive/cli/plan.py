@@ -1,4 +1,4 @@
-"""`omnidrive plan`: from a map to a timed reference, without driving."""
+"""`omnidrive plan`: plan a path and its timing without simulation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from omnidrive.study import (
     solve_queries,
 )
 
-_SHOWN = 10  # queries whose lengths differ
+_MAX_LISTED = 10  # queries listed in the text output
 _OF_SEARCHES = {"scenario", "map", "search", "unknown"}
 
 
@@ -41,8 +41,8 @@ def plan(
         Path | None,
         option(
             "FILE.scen",
-            "Search every query of a MovingAI scenario file on its map instead, and report the "
-            "lengths that differ from the file's.",
+            "Instead, search every query of a MovingAI scenario file on its map and list the "
+            "lengths that differ from those in the file.",
             PATH_PANEL,
         ),
     ] = None,
@@ -50,21 +50,22 @@ def plan(
         Path | None,
         option(
             "FILE|FOLDER",
-            "Waypoint file for the reference: .csv, .path (PathPlanner), .traj (Choreo), .yaml "
-            "(ROS nav_msgs/Path); or else a new folder for scenario.yaml, reference.csv and "
-            "path.png.",
+            "Write the reference to a waypoint file: .csv, .path (PathPlanner), .traj (Choreo) or "
+            ".yaml (ROS nav_msgs/Path); any other name is a new folder for scenario.yaml, "
+            "reference.csv and path.png.",
             RESULTS_PANEL,
         ),
     ] = None,
     png: Annotated[
-        Path | None, option("FILE.png", "Draw map, path and speeds; .svg too.", RESULTS_PANEL)
+        Path | None,
+        option("FILE.png", "Draw map, path and speeds; .svg is supported too.", RESULTS_PANEL),
     ] = None,
-    json: Annotated[bool, flag("Print JSON, for machines.", RESULTS_PANEL, "--json")] = False,
+    json: Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")] = False,
 ) -> None:
-    """Search a path, smooth it, time it; say what it asks of the robot.
+    """Search, smooth and time a path, and report its use of the robot's limits.
 
-    On a map, or with a timing from rest to rest, the robot goes as fast as its wheels allow, in a
-    whole number of samples, unless a duration or a speed is given.
+    On a map, or with a timing from rest to rest, the duration is the shortest that the wheels
+    allow, rounded up to whole sample times, unless a duration or a speed is given.
 
     For example:
 
@@ -74,12 +75,12 @@ def plan(
     * `omnidrive plan maze.map --scen maze.map.scen --json`
     """
     if scen is not None:
-        _refuse_needless(demand, out=out, png=png)
+        _check_search_options(demand, out=out, png=png)
         _solve(demand, scen, json)
         return
     check_plan_targets(out, png)
     if not kernels_are_kept():
-        typer.echo("compiling, the first time only: up to a minute", err=True)
+        typer.echo("compiling, the first time only; this takes up to a minute", err=True)
     at_best = demand.map_file is not None or demand.timing in {"limits", "minimum-time"}
     if at_best and demand.duration is None:
         prepared = plan_at(demand.resolve(retimed=False), demand.speed)
@@ -89,7 +90,7 @@ def plan(
 
 
 def _report(prepared: Prepared, out: Path | None, png: Path | None, json: bool) -> None:
-    """Print the facts, and write what was asked for."""
+    """Print the results and write the requested files."""
     reference = prepared.reference(planned_duration(prepared))
     facts = plan_facts(prepared, reference)
     if json:
@@ -106,9 +107,10 @@ def _report(prepared: Prepared, out: Path | None, png: Path | None, json: bool) 
 
 
 def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
-    """A fact for machines: the unit is part of the name, as in ``mean_speed_m_per_s``.
+    """Return key and value of a result for JSON; the key contains the unit.
 
-    What is not finite, such as the curvature of a sharp corner, is null, as JSON has it.
+    For example ``mean_speed_m_per_s``. A value that is not finite, such as the curvature of a sharp
+    corner, becomes null.
     """
     unit = fact.unit.replace("1/", "per ").replace("/", " per ").replace("%", "percent")
     return re.sub(r"\W+", "_", f"{name} {unit}".strip()), (
@@ -116,22 +118,22 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
     )
 
 
-def _refuse_needless(demand: Demand, **options: object) -> None:
-    """Refuse options that have nothing to do with searches alone."""
+def _check_search_options(demand: Demand, **options: object) -> None:
+    """Raise InvalidInput for options without effect on searches."""
     options = {field.name: getattr(demand, field.name) for field in fields(demand)} | options
-    needless = [
+    unused = [
         "--" + name.replace("_", "-")
         for name, value in options.items()
         if value is not None and name not in _OF_SEARCHES
     ]
-    if needless:
-        raise InvalidInput(f"--scen only searches: leave out {', '.join(needless)}")
+    if unused:
+        raise InvalidInput(f"--scen only searches: omit {', '.join(unused)}")
 
 
 def _solve(demand: Demand, scen: Path, json: bool) -> None:
-    """Search a scenario file's queries and print how that went."""
+    """Search the queries of a scenario file and print the results."""
     if demand.map_file is None:
-        raise InvalidInput("--scen needs the map's file: omnidrive plan FILE.map --scen FILE.scen")
+        raise InvalidInput("--scen needs the map file: omnidrive plan FILE.map --scen FILE.scen")
     method = choose_one("search", demand.search or "astar", get_args(MethodName))
     unknown = choose_one("kind", demand.unknown or "occupied", get_args(Unknown))
     grid = load_map(demand.map_file, unknown=unknown)
@@ -144,7 +146,7 @@ def _solve(demand: Demand, scen: Path, json: bool) -> None:
 
 
 def _lines(solved: dict[str, Any]) -> list[str]:
-    """How the searches went, for people."""
+    """Format the results of the searches as text."""
     differing = solved["differing"]
     lines = [
         f"{'search':<20}{solved['search']}",
@@ -157,7 +159,7 @@ def _lines(solved: dict[str, Any]) -> list[str]:
     lines += [
         f"query {each['query']}: {each['length_in_file']:.8f} cells in the file, "
         + (each["why"] if each["length"] is None else f"{each['length']:.8f} found")
-        for each in differing[:_SHOWN]
+        for each in differing[:_MAX_LISTED]
     ]
-    more = len(differing) - _SHOWN
+    more = len(differing) - _MAX_LISTED
     return [*lines, f"and {more} more: --json lists them"] if more > 0 else lines

@@ -1,4 +1,4 @@
-"""Planar rigid motion: poses, twists and the frames they live in."""
+"""Planar rigid-body motion: poses, twists and frames."""
 
 from omnidrive.geometry.planar import (
     BodyTwist,

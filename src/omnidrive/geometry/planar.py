@@ -1,7 +1,7 @@
-"""Poses and twists of the plane.
+"""Poses and twists in the plane.
 
-Frames: W is fixed to the map (x east, y north); B is fixed to the robot (x forward, y left).
-Angles are in rad, counter-clockwise positive. All other units are SI.
+Frames: W is fixed to the world (x east, y north); B is fixed to the robot (x forward, y left).
+Angles are in rad, counter-clockwise positive; all other quantities are in SI units.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Pose(NamedTuple):
 
 
 class WorldTwist(NamedTuple):
-    """Velocity of B with respect to W, written in W: m/s, m/s, rad/s."""
+    """Velocity of B with respect to W, expressed in W: m/s, m/s, rad/s."""
 
     vx: float
     vy: float
@@ -29,7 +29,7 @@ class WorldTwist(NamedTuple):
 
 
 class BodyTwist(NamedTuple):
-    """Velocity of B with respect to W, written in B: m/s, m/s, rad/s."""
+    """Velocity of B with respect to W, expressed in B: m/s, m/s, rad/s."""
 
     vx: float
     vy: float
@@ -40,34 +40,34 @@ Angle = TypeVar("Angle", float, np.ndarray)
 
 
 def wrap(angle: Angle) -> Angle:
-    """Return the angle in [-pi, pi) equal to ``angle`` modulo one turn; arrays one by one."""
+    """Return the angle in [-pi, pi) equal to ``angle`` modulo 2 pi; arrays element-wise."""
     wrapped = (angle + pi) % (2.0 * pi) - pi
-    return wrapped - 2.0 * pi * (wrapped >= pi)  # rounding can give exactly pi
+    return wrapped - 2.0 * pi * (wrapped >= pi)  # rounding can yield exactly pi
 
 
 def to_body(twist: WorldTwist, yaw: float) -> BodyTwist:
-    """Rewrite a world-frame twist in the frame of a robot with heading ``yaw``."""
+    """Transform a twist from W to B, whose heading is ``yaw`` (rad)."""
     c, s = cos(yaw), sin(yaw)
     return BodyTwist(c * twist.vx + s * twist.vy, -s * twist.vx + c * twist.vy, twist.yaw_rate)
 
 
 def to_world(twist: BodyTwist, yaw: float) -> WorldTwist:
-    """Inverse of :func:`to_body`."""
+    """Transform a twist from B, whose heading is ``yaw`` (rad), to W."""
     c, s = cos(yaw), sin(yaw)
     return WorldTwist(c * twist.vx - s * twist.vy, s * twist.vx + c * twist.vy, twist.yaw_rate)
 
 
 def move(pose: Pose, twist: BodyTwist, dt: float) -> Pose:
-    """Pose after holding ``twist`` for ``dt`` seconds: the SE(2) exponential.
+    """Return the pose after a constant ``twist`` over ``dt`` s: the exponential map of SE(2).
 
-    The path is an arc: Sola, Deray & Atchuthan, "A micro Lie theory", 2018, eq. 156-158.
+    The path is a circular arc (Sola, Deray & Atchuthan, "A micro Lie theory", 2018, eq. 156-158).
     The yaw is not wrapped.
     """
     turn = twist.yaw_rate * dt
     half = 0.5 * turn
     if abs(turn) < 1e-4:  # series of sin(a) / a and (1 - cos(a)) / a; error below 1e-17
         along, across = 1.0 - turn * turn / 6.0, half * (1.0 - turn * turn / 12.0)
-    else:  # 1 - cos(a) = 2 sin(a / 2)^2, which does not cancel
+    else:  # 1 - cos(a) = 2 sin(a / 2)^2, without cancellation
         along, across = sin(turn) / turn, sin(half) ** 2 / half
     bx = (along * twist.vx - across * twist.vy) * dt
     by = (across * twist.vx + along * twist.vy) * dt
@@ -76,10 +76,10 @@ def move(pose: Pose, twist: BodyTwist, dt: float) -> Pose:
 
 
 def twist_between(pose: Pose, goal: Pose, dt: float) -> BodyTwist:
-    """Constant body twist that leads from ``pose`` to ``goal`` in ``dt`` s: the SE(2) logarithm.
+    """Return the constant body twist from ``pose`` to ``goal`` in ``dt`` s: the logarithm of SE(2).
 
-    Inverse of :func:`move`; turns the short way. Sola, Deray & Atchuthan, 2018, eq. 159-160, with
-    V^-1 written by half-angle: V^-1 = (a/2) [[cot(a/2), 1], [-1, cot(a/2)]].
+    Inverse of :func:`move`, with the turn wrapped to [-pi, pi). Sola, Deray & Atchuthan, 2018,
+    eq. 159-160, with the half-angle form V^-1 = (a/2) [[cot(a/2), 1], [-1, cot(a/2)]].
     """
     turn = wrap(goal.yaw - pose.yaw)
     half = 0.5 * turn

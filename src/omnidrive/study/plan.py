@@ -1,4 +1,4 @@
-"""A scenario's path by itself: facts about it, and files for other programs."""
+"""Results of planning a scenario: facts for display, figures and waypoint files."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ _SAMPLES = 2001
 
 
 class Fact(NamedTuple):
-    """One thing to say of a plan."""
+    """One named result of planning."""
 
     value: float | str
     unit: str = ""
     digits: int = 3
-    """After the point, for people."""
+    """Decimals of a number in text output."""
 
     def __str__(self) -> str:
-        """For people, with the unit."""
+        """Format the value with its unit."""
         value = self.value if isinstance(self.value, str) else f"{self.value:.{self.digits}f}"
         return f"{value} {self.unit}".rstrip()
 
 
 def planned_duration(prepared: Prepared) -> float:
-    """The scenario's shortest duration, or the robot's if the scenario follows no path; in s."""
+    """Return the scenario's first path duration, in s; without one, the shortest feasible."""
     following = prepared.scenario.tasks.following
     return following[0] if following else prepared.shortest
 
 
 def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
-    """What there is to say of a plan, by name.
+    """Return the results of planning, by name.
 
     Args:
-        prepared: The plan.
-        reference: It in time, see :meth:`~omnidrive.study.Prepared.reference`.
+        prepared: The planned scenario.
+        reference: The path in time.
     """
     found, path = prepared.plan.search_result, prepared.path
     attained, proved = path.max_curvature
@@ -68,7 +68,7 @@ def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
 
 
 def _limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
-    """Peak share of every limit that the reference uses, by name."""
+    """Return the peak utilisation of every limit by the reference, by name."""
     if isinstance(reference, TimedReference):
         return reference.limit_usage
     share = wheel_speed_used(prepared.path, reference.duration, prepared.robot.chassis)
@@ -76,10 +76,10 @@ def _limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
 
 
 def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
-    """Draw map, way, path and headings, and below them the speeds over time: PNG or SVG.
+    """Draw map, grid path, path and headings, and the speeds over time, as PNG or SVG.
 
     Raises:
-        InvalidInput: The name has another ending.
+        InvalidInput: The file name has another suffix.
         CannotWrite: The file cannot be written.
     """
     from omnidrive.evaluation.figures import plan_figure, save  # noqa: PLC0415 - takes a second
@@ -102,16 +102,16 @@ def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
 
 
 def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
-    """Write the reference to a waypoint file, one row per sample time, or a whole folder.
+    """Write the reference to a waypoint file, one row per sample time, or to a folder.
 
     Args:
-        prepared: The plan.
-        reference: It in time.
-        path: A waypoint file, or else a new folder for scenario.yaml, reference.csv and path.png.
+        prepared: The planned scenario.
+        reference: The path in time.
+        path: A waypoint file, or a new folder for scenario.yaml, reference.csv and path.png.
 
     Raises:
-        InvalidInput: The name ends as that of another kind of file.
-        CannotWrite: The file or folder cannot be made, or the folder holds something already.
+        InvalidInput: The suffix is that of another kind of file.
+        CannotWrite: The file or folder cannot be created, or the folder is not empty.
     """
     if is_waypoint_file(path):
         save_waypoints(path, reference, dt=prepared.scenario.sample_time)
@@ -124,5 +124,5 @@ def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
 
 
 def _window(reference: Reference) -> np.ndarray:
-    """Setpoints at equal times over the whole reference."""
+    """Return setpoints at equally spaced times over the whole reference."""
     return reference.window(0.0, _SAMPLES, reference.duration / (_SAMPLES - 1))

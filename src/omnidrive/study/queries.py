@@ -1,4 +1,4 @@
-"""Searches of a whole scenario file of the MovingAI benchmarks."""
+"""Solution of all queries of a MovingAI scenario file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from omnidrive.errors import InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, Query
 from omnidrive.planning import GridSearch, HeuristicName, MethodName
 
-_ROUNDING = 1e-6  # cells; the files give eight decimals, some of single precision
+_ROUNDING = 1e-6  # cells; the files state eight decimals, some computed in single precision
 
 
 def solve_queries(
@@ -19,12 +19,19 @@ def solve_queries(
     method: MethodName = "astar",
     heuristic: HeuristicName | None = None,
 ) -> dict[str, Any]:
-    """Search every query; lengths are in cells, times in s.
+    """Search every query and compare the lengths with those of the file.
+
+    Args:
+        grid: The map of the queries.
+        queries: The queries.
+        method: Search method, see :func:`~omnidrive.planning.search`.
+        heuristic: Heuristic of the search; None for the default of the method.
 
     Returns:
-        Their number, how many were solved, expansions and seconds in all, and ``differing``: for
-        every query whose length is not the file's, its number from 0, start and goal (row, column),
-        the file's length and ours, or None and why.
+        The method, the number of queries and of solved queries, the total expansions and seconds,
+        and ``differing``: for every query whose length differs from the file's, its number (from
+        0), start and goal (row, column), both lengths in cells, and the error message if no path
+        was found (``length`` is then None).
     """
     search, differing = GridSearch(grid), []
     expansions, seconds, solved = 0, 0.0, 0

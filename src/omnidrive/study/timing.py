@@ -1,4 +1,4 @@
-"""Choosing how long the robot gets for its path."""
+"""Durations of the path-following tasks of a scenario."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.tasks import DurationsTask, FaultsTask, TaskName, Tasks
 
 USUAL_SPEED = 0.5
-"""Mean speed in m/s when the user names none: the paper's at 20 s."""
+"""Default mean speed in m/s: that of the paper's path in 20 s."""
 
-_LEAST_SAMPLES = 10  # of a run whose start is its goal
+_LEAST_SAMPLES = 10  # also if the start is the goal
 
 
 def retime(
     scenario: Scenario, *, duration: float | None = None, speed: float | None = None
 ) -> Scenario:
-    """The scenario with its tasks' durations scaled, so that the shortest suits the path.
+    """Return the scenario with the durations of its tasks scaled to the path.
 
     Args:
-        scenario: Its step response keeps its own duration.
-        duration: Shortest time for the whole path, in s.
-        speed: Mean speed in m/s instead; with neither, the usual speed, or the robot's best if
-            that is less.
+        scenario: The scenario; the duration of its step response is unchanged.
+        duration: First (shortest) duration of the path, in s.
+        speed: Mean speed in m/s that determines this duration instead. If neither is given, the
+            speed is :data:`USUAL_SPEED`, or the greatest feasible mean speed if that is lower.
 
     Raises:
-        InvalidInput: Both are given, one is not positive, or a time is out of range.
+        InvalidInput: Both are given, one is not positive, or a scaled time is out of range.
     """
     if duration is not None and speed is not None:
         raise InvalidInput(
-            "a duration and a speed were given; the path's length ties one to the other: give "
-            "one of them"
+            "a duration and a speed were given, but the length of the path determines one from "
+            "the other; give only one of them"
         )
     _refuse_unless_positive("duration", duration, "s")
     _refuse_unless_positive("speed", speed, "m/s")
@@ -46,38 +46,38 @@ def retime(
 
 
 def plan_at(scenario: Scenario, speed: float | None = None) -> Prepared:
-    """Plan, and give the robot the time that suits the path, in whole samples.
+    """Plan the scenario and scale its durations to the path, in whole sample times.
 
     Args:
-        scenario: Its tasks' durations are scaled.
-        speed: Mean speed in m/s; without one, as fast as the robot can follow.
+        scenario: The scenario.
+        speed: Mean speed in m/s; None for the shortest feasible duration.
 
     Raises:
-        InvalidInput: The speed is not positive, or a time is out of range.
-        InvalidReference: The robot is not that fast.
+        InvalidInput: The speed is not positive, or a scaled time is out of range.
+        InvalidReference: The speed exceeds the limits of the robot.
     """
     _refuse_unless_positive("speed", speed, "m/s")
     prepared = lay_out(scenario)
     following = scenario.tasks.following
     if not following:
         return prepared
-    wanted = prepared.shortest if speed is None else prepared.path.length / speed
-    duration = _whole(wanted, scenario.sample_time)
+    desired = prepared.shortest if speed is None else prepared.path.length / speed
+    duration = _whole(desired, scenario.sample_time)
     prepared.reference(duration)
     return replace(prepared, scenario=_scaled(scenario, duration / following[0]))
 
 
 def _suitable(scenario: Scenario, speed: float | None) -> float:
-    """Duration in s at ``speed`` or the usual one, a whole number of samples."""
+    """Return the duration in s at ``speed`` or the default speed, in whole sample times."""
     prepared = lay_out(scenario)
-    wanted = prepared.path.length / (speed or USUAL_SPEED)
+    desired = prepared.path.length / (speed or USUAL_SPEED)
     if speed is None:
-        wanted = max(wanted, prepared.shortest)
-    return _whole(wanted, scenario.sample_time)
+        desired = max(desired, prepared.shortest)
+    return _whole(desired, scenario.sample_time)
 
 
 def _whole(duration: float, dt: float) -> float:
-    """At least a duration (s), in whole samples, and not too few."""
+    """Round a duration (s) up to whole sample times, at least :data:`_LEAST_SAMPLES`."""
     return ceil(max(duration / dt, _LEAST_SAMPLES) - 1e-9) * dt
 
 
@@ -87,7 +87,7 @@ def _refuse_unless_positive(name: str, value: float | None, unit: str) -> None:
 
 
 def _scaled(scenario: Scenario, factor: float) -> Scenario:
-    """Every time for the path multiplied by ``factor``."""
+    """Return the scenario with every duration of the path multiplied by ``factor``."""
     tasks = scenario_data(scenario)["tasks"]
     for name in ("track", "noise"):
         if tasks[name]:
@@ -100,9 +100,9 @@ def _scaled(scenario: Scenario, factor: float) -> Scenario:
 
 
 def with_task(scenario: Scenario, names: Sequence[str]) -> Scenario:
-    """The scenario with the task `faults`, if that is among the names and it has none.
+    """Return the scenario with the task `faults` added if it is named and missing.
 
-    It takes the shortest time in which the path is followed.
+    Its duration is the first duration of the path.
     """
     following = scenario.tasks.following
     if "faults" not in names or scenario.tasks.faults is not None or not following:
@@ -113,10 +113,10 @@ def with_task(scenario: Scenario, names: Sequence[str]) -> Scenario:
 
 
 def one_task(tasks: Tasks, name: TaskName) -> Tasks:
-    """One task alone, once, with the first of its durations.
+    """Return the tasks reduced to one task with the first of its durations.
 
     Raises:
-        InvalidInput: The scenario does not have it.
+        InvalidInput: The scenario does not have this task.
     """
     task = getattr(tasks, name)
     if task is None:
