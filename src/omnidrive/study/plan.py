@@ -14,6 +14,7 @@ from omnidrive.study.destination import check_picture_name, is_waypoint_file
 from omnidrive.study.prepared import Prepared
 
 _SAMPLES = 2001
+_STABLE_NAMES = {"wheel force": "traction"}  # names of limits in the output
 
 
 class Fact(NamedTuple):
@@ -60,7 +61,7 @@ def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
         "duration": Fact(reference.duration, "s"),
         "mean speed": Fact(path.length / reference.duration, "m/s"),
         **{
-            f"{name} used": Fact(100.0 * share, "%", 1)
+            f"{_STABLE_NAMES.get(name, name)} used": Fact(100.0 * share, "%", 1)
             for name, share in _limit_usage(prepared, reference).items()
         },
     }
