@@ -55,7 +55,7 @@ def compare(
         int | None,
         option(
             "N",
-            "Runs at the same time; changes no number [default: every core].",
+            "Number of parallel runs; does not affect results [default: all cores].",
             RUN_PANEL,
             least=1,
         ),

@@ -40,14 +40,14 @@ from omnidrive.study import (
 )
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
-_HEAD = 65_536  # bytes of a YAML file in which a map names its picture
-_PICTURE = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
+_HEAD = 65_536  # bytes of a YAML file that are searched for the key `image` of a map
+_IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
 _KEYS = {
     "search": "path.search", "cut_corners": "path.cut_corners", "smooth": "path.smooth",
     "timing": "timing.law", "heading": "timing.heading", "margin": "map.margin",
     "unknown": "map.unknown", "resolution": "map.resolution",
 }  # fmt: skip
-"""Options that stand for a key of the scenario each."""
+"""Scenario key of each option that sets a single key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,32 +57,32 @@ class Demand:
     scenario: Annotated[
         str,
         typer.Argument(
-            help="`paper`, or a scenario's YAML file, or the folder that it is in, or a map's "
-            "file: of Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
+            help="`paper`, a scenario file (.yaml), the folder of a scenario, or a map file: Nav2 "
+            "(.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
         ),
     ] = "paper"
-    map: Annotated[Path | None, option("FILE", "The same for a map's file.", PATH_PANEL)] = None
-    start: Annotated[str | None, option("X,Y[,HEADING]", "Start in m, m, rad.", PATH_PANEL)] = None
-    goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal in m, m, rad.", PATH_PANEL)] = None
-    duration: Annotated[float | None, option("S", "Time for the path, in s.", PATH_PANEL)] = None
-    speed: Annotated[float | None, option("M/S", "Mean speed instead, in m/s.", PATH_PANEL)] = None
+    map: Annotated[Path | None, option("FILE", "Map file.", PATH_PANEL)] = None
+    start: Annotated[str | None, option("X,Y[,HEADING]", "Start, m, m, rad.", PATH_PANEL)] = None
+    goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal, m, m, rad.", PATH_PANEL)] = None
+    duration: Annotated[float | None, option("S", "Duration of the path, s.", PATH_PANEL)] = None
+    speed: Annotated[float | None, option("M/S", "Mean speed, m/s.", PATH_PANEL)] = None
     margin: Annotated[
-        float | None, option("M", "Room between robot and obstacles, in m.", PATH_PANEL)
+        float | None, option("M", "Clearance between robot and obstacles, m.", PATH_PANEL)
     ] = None
     unknown: Annotated[
-        str | None, choice(get_args(Unknown), "What unknown cells count as.", PATH_PANEL)
+        str | None, choice(get_args(Unknown), "Treatment of unknown cells.", PATH_PANEL)
     ] = None
     resolution: Annotated[
         float | None,
-        option("M", "Side of a cell in m, where the map does not say it [default: 1].", PATH_PANEL),
+        option("M", "Cell size, m, if the map file does not define it [default: 1].", PATH_PANEL),
     ] = None
-    robot: Annotated[str | None, choice(ROBOTS, "Which robot drives.", RUN_PANEL)] = None
+    robot: Annotated[str | None, choice(ROBOTS, "Robot.", RUN_PANEL)] = None
     plant: Annotated[
         str | None,
         choice(
             get_args(PlantName),
-            "What simulates it: MuJoCo with rollers or with balls, a rigid body on the plane with "
-            "friction at its wheels, kinematics alone, or a running CoppeliaSim.",
+            "Simulated plant: MuJoCo with rollers or with balls, a planar rigid body with wheel "
+            "friction, kinematics only, or a running CoppeliaSim.",
             RUN_PANEL,
         ),
     ] = None
@@ -90,8 +90,8 @@ class Demand:
         str | None,
         choice(
             get_args(PresetName),
-            "Take the paper's controllers from its text, from its published code with its slip in "
-            "the wheel matrix, or as we would build them.",
+            "Parameters of the controllers: from the text of the paper, from its published code "
+            "(including the error in its wheel matrix), or recommended values.",
             RUN_PANEL,
         ),
     ] = None
@@ -99,16 +99,16 @@ class Demand:
         str | None,
         choice(
             get_args(MethodName),
-            "How a way over the cells is searched: the shortest way (astar, and sooner on open or "
-            "narrow maps jump-point), to any angle (lazy-theta), or greedy as in the paper.",
-            RUN_PANEL,
+            "Grid search: shortest path (astar; jump-point, faster on open or narrow maps), "
+            "any-angle path (lazy-theta), or greedy best-first as in the paper.",
+            PATH_PANEL,
         ),
     ] = None
     cut_corners: Annotated[
         bool | None,
         flag(
-            "Whether diagonal moves may pass obstacles' corners, as in the paper.",
-            RUN_PANEL,
+            "Whether diagonal moves may cut the corners of obstacles, as in the paper.",
+            PATH_PANEL,
             "--cut-corners/--no-cut-corners",
         ),
     ] = None
@@ -116,28 +116,28 @@ class Demand:
         str | None,
         choice(
             get_args(SmoothingName),
-            "Smooth the way with a proof that nothing is hit, or plainly as in the paper.",
-            RUN_PANEL,
+            "Smoothing with certified clearance, or without checks as in the paper.",
+            PATH_PANEL,
         ),
     ] = None
     timing: Annotated[
         str | None,
         choice(
             get_args(TimingName),
-            "Travel evenly as in the paper; from rest to rest within the wheels' limits; or also "
-            "move the path and turn freely to save time.",
-            RUN_PANEL,
+            "Timing: uniform as in the paper; from rest to rest within the wheel limits; or a "
+            "minimum-time trajectory, which also changes path and heading.",
+            PATH_PANEL,
         ),
     ] = None
     heading: Annotated[
         str | None,
-        choice(get_args(Heading), "Where the robot looks, with the timing `limits`.", RUN_PANEL),
+        choice(get_args(Heading), "Heading of the robot, with the timing `limits`.", PATH_PANEL),
     ] = None
     estimator: Annotated[
         bool | None,
         flag(
-            "Whether the controllers see what an estimator makes of wheel encoders, a gyro and a "
-            "measured pose, or as in the paper the pose as it is measured.",
+            "Whether the controllers receive the pose estimated from wheel encoders, a gyro and a "
+            "measured pose, or, as in the paper, the measured pose.",
             RUN_PANEL,
             "--estimator/--no-estimator",
         ),
@@ -146,21 +146,24 @@ class Demand:
 
     @property
     def map_file(self) -> Path | None:
-        """The map that is named, in one way or the other."""
+        """Map file given as argument or by ``--map``; None: no map file."""
         if self.map is not None and self.scenario != "paper":
-            raise InvalidInput("give a scenario or map, or --map, not both")
+            raise InvalidInput(
+                "a scenario or map argument and --map exclude each other; give one of them"
+            )
         if self.map is None and self.scenario != "paper" and _is_map(Path(self.scenario)):
             return Path(self.scenario)
         return self.map
 
     def resolve(self, *, retimed: bool = True) -> Scenario:
-        """The scenario that the options add up to.
+        """Return the scenario defined by the options.
 
         Args:
-            retimed: Give it times that suit the path, where the path is the user's.
+            retimed: Adapt the durations of the tasks to the path if the user defines the path.
 
         Raises:
-            OmnidriveError: They contradict each other or name something that is not there.
+            OmnidriveError: The options contradict each other or name something that does not
+                exist.
         """
         preset = (
             choose_one("preset", self.preset, get_args(PresetName))
@@ -189,13 +192,13 @@ class Demand:
         if self.estimator is not None:
             changes["sensors"] = (scenario.sensors or SensorsSection()) if self.estimator else None
         scenario = scenario.model_copy(update=changes)
-        scenario = parse_scenario(self._detailed(scenario_data(scenario)), "with these options")
+        scenario = parse_scenario(self._with_keys(scenario_data(scenario)), "with these options")
         if retimed and (on_map or self.duration is not None or self.speed is not None):
             scenario = retime(scenario, duration=self.duration, speed=self.speed)
         return scenario
 
-    def _detailed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """The scenario's data with the options put in that stand for a key each."""
+    def _with_keys(self, data: dict[str, Any]) -> dict[str, Any]:
+        """Return the scenario data with the options of ``_KEYS`` applied."""
         for field, key in _KEYS.items():
             value = getattr(self, field)
             if value is not None:
@@ -207,13 +210,13 @@ class Demand:
         file = self.map_file
         if file is not None:
             if self.start is None or self.goal is None:
-                raise InvalidInput("a map needs --start X,Y and --goal X,Y (metres in the map)")
+                raise InvalidInput("a map needs --start X,Y and --goal X,Y (m, in the map frame)")
             return map_scenario(
                 str(file),
                 parse_waypoint("start", self.start),
                 parse_waypoint("goal", self.goal),
                 robot=choose_one("robot", self.robot or "paper", ROBOTS),
-                name=_plain_name(file.stem),
+                name=_scenario_name(file.stem),
                 preset=preset or "paper",
             )
         if self.scenario == "paper":
@@ -258,26 +261,26 @@ def with_demand(*left_out: str) -> Callable[[Callable[..., None]], Callable[...,
 
 
 def _is_map(path: Path) -> bool:
-    """Whether a file is a map and no scenario; one that cannot be read is no map."""
+    """Return whether a file is a map, not a scenario; an unreadable YAML file counts as no map."""
     if path.suffix.lower() not in {".yaml", ".yml"}:
         return path.suffix != "" or path.is_file()
     if not path.is_file():
         return False
     try:
         with path.open("rb") as file:
-            return _PICTURE.search(file.read(_HEAD)) is not None
+            return _IMAGE_KEY.search(file.read(_HEAD)) is not None
     except OSError:
         return False
 
 
-def _plain_name(text: str) -> str:
-    """``text`` as a scenario may be called."""
+def _scenario_name(text: str) -> str:
+    """Return ``text`` as a valid scenario name."""
     plain = "".join(c if c.isascii() and (c.isalnum() or c in "_.-") else "_" for c in text)
     return plain.lstrip("_.-")[:60] or "map"
 
 
 def parse_waypoint(name: str, text: str) -> Waypoint:
-    """Read ``X,Y`` or ``X,Y,HEADING``."""
+    """Parse ``X,Y`` or ``X,Y,HEADING``."""
     numbers = parse_coordinates(text)
     if not numbers:
         raise InvalidInput(

@@ -12,7 +12,7 @@ import typer
 
 from omnidrive.errors import InvalidInput, closest
 
-PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Robot and controller", "Results"
+PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Simulation", "Results"
 """Panels of the help text."""
 
 
