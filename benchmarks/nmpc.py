@@ -1,11 +1,11 @@
-"""How much faster predictive controllers plan here than with CasADi and IPOPT, or with do-mpc.
+"""Speed of the NMPC solvers compared with CasADi and IPOPT, and with do-mpc.
 
-Every case is a stream of problems that a robot met one after the other (nmpc_streams.py). All take
-turns in one run, on the same problems in the same order; each time is that of a whole Python call,
-warm, and includes the shift of the last plan that begins the search, where there is one. The ratios
-are of medians over the steps, and a peer's time counts only if its plans are the same. Where a
-limit or an obstacle is in the way of less than half of the steps, the median is one of the others:
-the ratio over those steps stands beside it.
+Every case is a stream of consecutive problems of one robot (nmpc_streams.py). The solvers alternate
+in one run, on the same problems in the same order; each time is that of a whole Python call,
+warm, including the shift of the last plan if that is the guess. The ratios are of medians over the
+steps, and a peer's time counts only if its plans are equal. If constraints are active in less than
+half of the steps, the median is that of an unconstrained step: the ratio over the constrained steps
+is a separate row.
 """
 
 from __future__ import annotations
@@ -25,7 +25,16 @@ from typing import Any
 
 import numpy as np
 from figures import at_least, at_most, console, publish, ratio, row
-from nmpc_contest import BLOCK, ROUNDS, Here, Holonomic, Outcome, ShiftedSqp, There, contest
+from nmpc_comparison import (
+    BLOCK,
+    ROUNDS,
+    HolonomicStream,
+    LocalSolver,
+    Outcome,
+    PeerSolver,
+    UnicycleStream,
+    compare,
+)
 from nmpc_ipopt import PAPERS_OPTIONS, TIGHT_OPTIONS, Ipopt
 from nmpc_streams import (
     HEADING_NOISE,
@@ -50,39 +59,52 @@ from omnidrive.control.nmpc.holonomic import (
 )
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 
-KICKED, SLOW = 28.0, 15.0  # rad/s: wheels that are at their limit after kicks only; throughout
-SAME, SAME_SHARE = 1e-3, 0.95  # m/s and rad/s of the first control; of the steps
-BINDS, CHEAPER = 1e-6, 1e-7  # least multiplier; least difference of costs, as a part
+KICKED, SLOW = 28.0, 15.0  # rad/s: wheel speed limit active after displacements only; always active
+SAME, SAME_SHARE = (
+    1e-3,
+    0.95,
+)  # tolerance of the first control in m/s and rad/s; required share of steps
+ACTIVE, CHEAPER = 1e-6, 1e-7  # least multiplier; least relative difference of costs
 BATCH, BATCH_ROUNDS, FIRST_CALLS = 20_000, 5, 3
 
 
 @dataclass(frozen=True)
 class Case:
-    """A stream of problems and who solves it."""
+    """A stream of problems and its solvers."""
 
     name: str
     stream: Callable[[], list[AnyProblem]]
-    ours: Callable[[], ShiftedSqp | Holonomic]
+    ours: Callable[[], UnicycleStream | HolonomicStream]
     target: float
-    """Least ratio of IPOPT's median to ours."""
+    """Required ratio of IPOPT's median to omnidrive's."""
     p99_target: float | None = None
-    """Least ratio of IPOPT's median to our 99th percentile."""
+    """Required ratio of IPOPT's median to omnidrive's 99th percentile."""
     limited_target: float | None = None
-    """Least share of steps in which a wheel is at its limit."""
+    """Required share of steps with an active wheel speed limit."""
     peers: tuple[str, ...] = ("do-mpc",)
 
 
+HolonomicCase = partial(Case, ours=HolonomicStream)
+
 CASES = (
-    Case("unicycle, N = 15", partial(unicycle_stream, 15), ShiftedSqp, 100.0),
-    Case("wheels, N = 15", partial(holonomic_stream, 15, KICKED), Holonomic, 150.0, p99_target=5.0),
-    Case("wheels, N = 50", partial(holonomic_stream, 50, KICKED), Holonomic, 100.0),
-    Case("wheels always limited, N = 15", partial(holonomic_stream, 15, SLOW), Holonomic, 15.0,
-         limited_target=0.9),
-    Case("wheels + rates + 3 obstacles, N = 15", partial(obstacle_stream, 15, KICKED), Holonomic,
-         60.0),
-    Case("wheels + rates + 3 obstacles, N = 30", partial(obstacle_stream, 30, KICKED), Holonomic,
-         40.0),
-)  # fmt: skip
+    Case("unicycle, N = 15", partial(unicycle_stream, 15), UnicycleStream, target=100.0),
+    HolonomicCase(
+        "wheels, N = 15", partial(holonomic_stream, 15, KICKED), target=150.0, p99_target=5.0
+    ),
+    HolonomicCase("wheels, N = 50", partial(holonomic_stream, 50, KICKED), target=100.0),
+    HolonomicCase(
+        "wheels always limited, N = 15",
+        partial(holonomic_stream, 15, SLOW),
+        target=15.0,
+        limited_target=0.9,
+    ),
+    HolonomicCase(
+        "wheels + rates + 3 obstacles, N = 15", partial(obstacle_stream, 15, KICKED), target=60.0
+    ),
+    HolonomicCase(
+        "wheels + rates + 3 obstacles, N = 30", partial(obstacle_stream, 30, KICKED), target=40.0
+    ),
+)
 
 
 def case_rows(
@@ -90,10 +112,13 @@ def case_rows(
 ) -> Iterator[dict]:
     stream = case.stream()
     common = statement(stream[0])
-    solvers = {"ours": Here(case.ours()), "IPOPT": Here(Ipopt(common, PAPERS_OPTIONS))}
+    solvers = {
+        "ours": LocalSolver(case.ours()),
+        "IPOPT": LocalSolver(Ipopt(common, PAPERS_OPTIONS)),
+    }
     if process is not None:
-        solvers |= {name: There(name, case.name, process) for name in case.peers}
-    outcomes = contest(solvers, stream, advance)
+        solvers |= {name: PeerSolver(name, case.name, process) for name in case.peers}
+    outcomes = compare(solvers, stream, advance)
     tight = Ipopt(common, TIGHT_OPTIONS)
     optima = [tight(problem) for problem in stream]
     ours = case.ours()
@@ -101,7 +126,7 @@ def case_rows(
     yield from speed_rows(case, outcomes, [plan[0] for plan in optima])
     yield from exit_rows(case, solutions)
     if isinstance(solutions[0], HolonomicSolution):
-        yield from obstruction_rows(case, stream, solutions, outcomes)
+        yield from constraint_rows(case, stream, solutions, outcomes)
     yield from agreement_rows(case, stream, solutions, optima)
 
 
@@ -111,8 +136,8 @@ def speed_rows(case: Case, outcomes: dict[str, Outcome], optima: list) -> Iterat
         title, times = f"{case.name}: faster than {name}", outcome.typical / ours.typical
         same = 1.0 if name == "ours" else np.mean(differences(outcome.firsts, optima) <= SAME)
         if same < SAME_SHARE:
-            yield row(f"{title}: not fair, {same:.0%} of its plans are the same", 0.0, "1", "fair",
-                      False)  # fmt: skip
+            title = f"{title}: not comparable, {same:.0%} of its plans are equal"
+            yield row(title, 0.0, "1", "comparable", False)
         elif name == "IPOPT":
             yield ratio(title, times, case.target)
         elif name != "ours":
@@ -121,7 +146,7 @@ def speed_rows(case: Case, outcomes: dict[str, Outcome], optima: list) -> Iterat
             "undisturbed": outcome.typical,
             "median of calls": median(outcome.seconds),
             "99th percentile": np.percentile(outcome.seconds, 99),
-            "after the others' turn": median(outcome.seconds[::BLOCK]),
+            "first call of a block": median(outcome.seconds[::BLOCK]),
         }.items():
             yield row(f"{case.name}: {name}, {what}", seconds * 1e6, "us")
     if case.p99_target is not None:
@@ -138,85 +163,85 @@ def exit_rows(case: Case, solutions: list[Any]) -> Iterator[dict]:
     yield row(f"{case.name}: capped", exits[Exit.CAPPED], "steps")
 
 
-def obstruction_rows(
+def constraint_rows(
     case: Case,
     stream: list[HolonomicProblem],
     solutions: list[HolonomicSolution],
     outcomes: dict[str, Outcome],
 ) -> Iterator[dict]:
-    """In how many steps something is in the way of the plan, and how fast these are."""
+    """Yield the share of steps with active constraints, and the times of these."""
     rates = stream[0].limits.before.any(axis=1)
-    name = f"{case.name}: a wheel of the plan is at its limit"
-    share = share_of(binds(solution, ~rates) for solution in solutions)
+    name = f"{case.name}: a wheel speed limit is active"
+    share = share_of(is_active(solution, ~rates) for solution in solutions)
     if case.limited_target is None:
         yield row(name, share, "of steps")
     else:
         yield at_least(name, share, "of steps", case.limited_target)
     if rates.any():
-        share = share_of(binds(solution, rates) for solution in solutions)
-        yield row(f"{case.name}: a wheel accelerates as it can", share, "of steps")
+        share = share_of(is_active(solution, rates) for solution in solutions)
+        yield row(f"{case.name}: a wheel acceleration limit is active", share, "of steps")
     if len(stream[0].keep_outs.radii):
         share = share_of(map(is_near, stream, solutions))
-        yield row(f"{case.name}: a plan gives way to an obstacle", share, "of steps")
-    obstructed = np.array([solution.iterations > 0 for solution in solutions])
-    yield row(f"{case.name}: something is in the way", np.mean(obstructed), "of steps")
-    typical = {k: median(outcome.undisturbed[obstructed]) for k, outcome in outcomes.items()}
+        yield row(f"{case.name}: a plan is near an obstacle", share, "of steps")
+    constrained = np.array([solution.iterations > 0 for solution in solutions])
+    yield row(f"{case.name}: constraints are active", np.mean(constrained), "of steps")
+    typical = {k: median(outcome.undisturbed[constrained]) for k, outcome in outcomes.items()}
     for name, seconds in typical.items():
         if name != "ours":
-            yield row(f"{case.name}: where something is in the way, faster than {name}",
+            yield row(f"{case.name}: with active constraints, faster than {name}",
                       seconds / typical["ours"], "1")  # fmt: skip
-        yield row(f"{case.name}: where something is in the way, {name}, undisturbed",
+        yield row(f"{case.name}: with active constraints, {name}, undisturbed",
                   seconds * 1e6, "us")  # fmt: skip
 
 
-def share_of(answers: Iterable[bool]) -> float:
-    return float(np.mean(list(answers)))
+def share_of(flags: Iterable[bool]) -> float:
+    return float(np.mean(list(flags)))
 
 
-def binds(solution: HolonomicSolution, limits: np.ndarray) -> bool:
-    return bool(np.abs(solution.multipliers[:, limits]).max() > BINDS)
+def is_active(solution: HolonomicSolution, limits: np.ndarray) -> bool:
+    return bool(np.abs(solution.multipliers[:, limits]).max() > ACTIVE)
 
 
 def is_near(problem: HolonomicProblem, solution: HolonomicSolution) -> bool:
-    """Whether the plan comes nearer to a disc than it should, as all that are evaded at a cost."""
-    places = problem.keep_outs
-    distances = np.linalg.norm(solution.states[:, :2] - places.centres, axis=2)
-    return bool((distances < places.radii[:, None]).any())
+    """Return whether the plan violates the distance to a disc: all constraints are soft."""
+    zones = problem.keep_outs
+    distances = np.linalg.norm(solution.states[:, :2] - zones.centres, axis=2)
+    return bool((distances < zones.radii[:, None]).any())
 
 
 def agreement_rows(
     case: Case, stream: list[AnyProblem], solutions: list[Any], optima: list[np.ndarray]
 ) -> Iterator[dict]:
-    """How near our first controls are to the optimum, and who is better where they are not."""
+    """Compare the first controls with the optimum, and the costs where they differ."""
     firsts = [first_control(*each) for each in zip(stream, solutions, strict=True)]
-    apart = differences(firsts, [controls[0] for controls in optima])
+    errors = differences(firsts, [controls[0] for controls in optima])
     yield at_least(
         f"{case.name}: first control within 1e-5 of IPOPT's to 1e-10",
-        np.mean(apart <= 1e-5), "of steps", 0.99,
+        np.mean(errors <= 1e-5), "of steps", 0.99,
     )  # fmt: skip
-    yield row(f"{case.name}: greatest difference of it", apart.max(), "m/s, rad/s")
+    yield row(f"{case.name}: largest difference of the first control", errors.max(), "m/s, rad/s")
     costs = np.array([solution.cost for solution in solutions])
     gains = np.array([cost_of(*each) for each in zip(stream, optima, strict=True)]) / costs - 1.0
-    other = np.count_nonzero(apart > 1e-5)
-    yield row(f"{case.name}: first controls that are not IPOPT's", other, "steps")
+    other = np.count_nonzero(errors > 1e-5)
+    yield row(f"{case.name}: first controls that differ from IPOPT's", other, "steps")
     yield row(f"{case.name}: ours costs less", np.count_nonzero(gains > CHEAPER), "steps")
     yield row(f"{case.name}: IPOPT's costs less", np.count_nonzero(gains < -CHEAPER), "steps")
     yield row(f"{case.name}: IPOPT's costs less by at most", -100.0 * min(gains.min(), 0.0), "%")
 
 
-def differences(some: list, others: list) -> np.ndarray:
-    """Largest difference of the controls of every step."""
-    return np.abs(np.array(some) - np.array(others)).max(axis=1)
+def differences(first: list, second: list) -> np.ndarray:
+    """Return the largest difference of the controls of every step."""
+    return np.abs(np.array(first) - np.array(second)).max(axis=1)
 
 
 def first_control(
     problem: AnyProblem, solution: UnicycleSolution | HolonomicSolution
 ) -> np.ndarray:
-    """As in nmpc_models.py: of the holonomic robot the body twist."""
+    """Return the first control as in nmpc_models.py: the body twist of a holonomic robot."""
     if isinstance(solution, UnicycleSolution):
         return solution.controls[0]
-    here, there = solution.states[:2].tolist()
-    return np.array(twist_between(Pose(*here), Pose(*there), problem.dt))
+    start, end = solution.states[:2].tolist()
+    return np.array(twist_between(Pose(*start), Pose(*end), problem.dt))
 
 
 def cost_of(problem: AnyProblem, controls: np.ndarray) -> float:
@@ -226,8 +251,8 @@ def cost_of(problem: AnyProblem, controls: np.ndarray) -> float:
     for twist in controls.tolist():
         poses.append(move(poses[-1], BodyTwist(*twist), problem.dt))
     velocities = np.diff(poses, axis=0) / problem.dt
-    none = np.zeros((len(controls), len(problem.limits.bounds)))
-    return HolonomicSolution.of(problem, velocities, none, 0, Exit.CAPPED).cost
+    multipliers = np.zeros((len(controls), len(problem.limits.bounds)))
+    return HolonomicSolution.of(problem, velocities, multipliers, 0, Exit.CAPPED).cost
 
 
 def closed_loop_rows() -> Iterator[dict]:
@@ -239,7 +264,7 @@ def closed_loop_rows() -> Iterator[dict]:
 
 
 def batch_rows() -> Iterator[dict]:
-    """The stream many times over, each time with other noise."""
+    """Yield the throughput on copies of the stream with different noise."""
     stream = holonomic_stream(15, KICKED)
     rng, picked = np.random.default_rng(2), np.resize(np.arange(len(stream)), BATCH)
     noise = rng.normal(0.0, (POSITION_NOISE, POSITION_NOISE, HEADING_NOISE), (BATCH, 3))
@@ -257,7 +282,7 @@ def batch_rows() -> Iterator[dict]:
         rates.append(np.count_nonzero(iterations >= 0) / (perf_counter() - began))
     yield at_least("wheels, N = 15, batch: converged, one thread", median(rates), "1/s", 75_000)
     yield row("wheels, N = 15, batch: converged", np.mean(iterations >= 0), "of problems")
-    yield row("wheels, N = 15, batch: a wheel is at its limit", np.mean(iterations != 0),
+    yield row("wheels, N = 15, batch: constraints are active", np.mean(iterations != 0),
               "of problems")  # fmt: skip
 
 
@@ -273,26 +298,28 @@ print(imported - began, perf_counter() - imported)
 
 
 def first_call_rows() -> Iterator[dict]:
-    """In processes of their own: kernels compiled, and then taken from where they are kept."""
+    """Yield the times of first calls in new processes, with and without cached kernels."""
     unicycle, holonomic = unicycle_stream(15)[0], holonomic_stream(15, KICKED)[0]
     calls = {
         "unicycle": (UnicycleSolver().solve, (unicycle, unicycle.feedforward)),
         "wheels": (HolonomicSolver().solve, (holonomic,)),
     }
     for name, call in calls.items():
-        with TemporaryDirectory() as kept:
-            _, cold = first_call(call, kept)
-            imports, warm = zip(*(first_call(call, kept) for _ in range(FIRST_CALLS)), strict=True)
-        yield at_most(f"{name}: first call, kernels kept, after the import", median(warm), "s", 1.0)
-        yield row(f"{name}: first call, nothing kept, after the import", cold, "s")
+        with TemporaryDirectory() as cache:
+            _, cold = first_call(call, cache)
+            imports, warm = zip(*(first_call(call, cache) for _ in range(FIRST_CALLS)), strict=True)
+        yield at_most(
+            f"{name}: first call, cached kernels, after the import", median(warm), "s", 1.0
+        )
+        yield row(f"{name}: first call, empty cache, after the import", cold, "s")
         yield row(f"{name}: the import", median(imports), "s")
 
 
-def first_call(call: tuple, kept: str) -> tuple[float, float]:
-    """Seconds of the import and of the call, with kernels kept in the folder ``kept``."""
+def first_call(call: tuple, cache: str) -> tuple[float, float]:
+    """Return the seconds of the import and of the call, with the kernel cache in ``cache``."""
     run = subprocess.run(
         [sys.executable, "-c", FIRST_CALL], input=pickle.dumps(call), capture_output=True,
-        check=True, env=os.environ | {"NUMBA_CACHE_DIR": kept},
+        check=True, env=os.environ | {"NUMBA_CACHE_DIR": cache},
     )  # fmt: skip
     imported, called = map(float, run.stdout.split())
     return imported, called
@@ -300,7 +327,7 @@ def first_call(call: tuple, kept: str) -> tuple[float, float]:
 
 def main() -> None:
     process, rows = PeerProcess.if_available("nmpc"), []
-    # drawn between turns: a thread that draws would be in the times
+    # refreshed between blocks: a refresh thread would distort the times
     with Progress(console=console, transient=True, auto_refresh=False) as progress:
 
         def advance(task: int) -> None:

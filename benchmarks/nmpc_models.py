@@ -1,20 +1,21 @@
-"""The robots of the NMPC benchmark in CasADi, for the solvers that ours are compared with.
+"""CasADi models of the robots of the NMPC benchmark, for the solvers in the comparison.
 
-It imports nothing else, because it is also read in the environment of the peers. A statement is
-what all problems of a stream have in common, in plain numbers and lists:
+It imports nothing else, because it is also imported in the environment of the peers. A statement
+holds the data that all problems of a stream have in common, as plain numbers and lists:
 
     model, stages, dt, stage_weights, terminal_weights, control_weights
     unicycle:  limits
-    holonomic: now, before, bounds of its limits; radii, weights of its keep-outs
+    holonomic: now, before, bounds of its limits; radii, weights of its keep-out zones
 
-A problem has its own start, targets and feedforward; that of the holonomic robot also the twist
-``previous`` before it and ``centres``: of every state a row, x and y of all keep-outs, all discs.
+Each problem has its own start, targets and feedforward; that of the holonomic robot also the twist
+``previous`` before the first stage and ``centres``: for every state a row with x and y of all
+keep-out zones, which are discs.
 
-The holonomic robot's controls are here the body twists: then its limits are linear, and IPOPT is
-2 to 10 % faster than with velocities in W. Being too near stands in the cost, which for IPOPT is
-faster than a slack s with ``distance + s >= radius`` and cost ``weight s^2``: of the steps among
-obstacles the median takes 4.0 ms against 4.7 ms with N = 15, 8.3 ms against 9.0 ms with N = 30,
-and over 10 ms and 15 ms if also ``s >= 0`` is asked, which holds anyway.
+The holonomic robot's controls are the body twists here: then its limits are linear, and IPOPT is
+2 to 10 % faster than with velocities in W. The violation of a zone is part of the cost, which is
+faster for IPOPT than a slack s with ``distance + s >= radius`` and cost ``weight s^2``: among
+obstacles the median step takes 4.0 ms instead of 4.7 ms with N = 15, and 8.3 ms instead of 9.0 ms
+with N = 30; with the redundant constraint ``s >= 0`` it takes over 10 ms and 15 ms.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from typing import NamedTuple
 import casadi as ca
 
 
-class Ahead(NamedTuple):
-    """What a stage is given."""
+class StageData(NamedTuple):
+    """Reference and zones of a stage."""
 
     target: ca.SX
     feedforward: ca.SX
@@ -33,7 +34,7 @@ class Ahead(NamedTuple):
 
 
 def bounds(s: dict) -> list[float] | None:
-    """Largest absolute value of every control, where these are boxes."""
+    """Return the largest absolute value of every control; None if the limits are not boxes."""
     return s["limits"] if s["model"] == "unicycle" else None
 
 
@@ -41,12 +42,12 @@ def controls(s: dict) -> int:
     return len(s["control_weights"])
 
 
-def places(s: dict) -> int:
+def zones(s: dict) -> int:
     return len(s.get("radii", []))
 
 
 def has_rates(s: dict) -> bool:
-    """Whether the controls before the first matter."""
+    """Return whether the limits depend on the controls of the previous stage."""
     return any(map(any, s.get("before", [])))
 
 
@@ -57,39 +58,39 @@ def next_state(s: dict, x: ca.SX, u: ca.SX) -> ca.SX:
 
 
 def velocity(s: dict, x: ca.SX, twist: ca.SX) -> ca.SX:
-    """Mean velocity in W while a twist is held: along an arc."""
+    """Return the mean velocity in W of a constant twist: along an arc."""
     half = 0.5 * s["dt"] * twist[2]
     heading = x[2] + half
-    # chord over arc: sin(h) / h, which is 0 / 0 if the robot does not turn
-    shrink = ca.if_else(ca.fabs(half) < 1e-4, 1.0 - half**2 / 6.0, ca.sin(half) / half)
+    # chord over arc: sin(h) / h, which is 0 / 0 without rotation
+    factor = ca.if_else(ca.fabs(half) < 1e-4, 1.0 - half**2 / 6.0, ca.sin(half) / half)
     along_x = ca.cos(heading) * twist[0] - ca.sin(heading) * twist[1]
     along_y = ca.sin(heading) * twist[0] + ca.cos(heading) * twist[1]
-    return ca.vertcat(shrink * along_x, shrink * along_y, twist[2])
+    return ca.vertcat(factor * along_x, factor * along_y, twist[2])
 
 
-def limited(s: dict, u: ca.SX, before: ca.SX) -> ca.SX:
-    """What may not exceed 1 or fall below -1, of the controls and those of the stage before."""
+def limit_values(s: dict, u: ca.SX, before: ca.SX) -> ca.SX:
+    """Return the values that the limits bound to [-1, 1]."""
     if s["model"] == "unicycle":
         return ca.SX(0, 1)
     return (ca.DM(s["now"]) @ u - ca.DM(s["before"]) @ before) / ca.DM(s["bounds"])
 
 
-def stage_cost(s: dict, x: ca.SX, u: ca.SX, ahead: Ahead) -> ca.SX:
-    moves = u if s["model"] == "unicycle" else velocity(s, x, u)
+def stage_cost(s: dict, x: ca.SX, u: ca.SX, stage: StageData) -> ca.SX:
+    rates = u if s["model"] == "unicycle" else velocity(s, x, u)
     return (
-        squares(s["stage_weights"], x - ahead.target)
-        + squares(s["control_weights"], moves - ahead.feedforward)
-        + nearness_cost(s, x, ahead.centres)
+        squares(s["stage_weights"], x - stage.target)
+        + squares(s["control_weights"], rates - stage.feedforward)
+        + keep_out_cost(s, x, stage.centres)
     )
 
 
 def terminal_cost(s: dict, x: ca.SX, target: ca.SX, centres: ca.SX) -> ca.SX:
-    return squares(s["terminal_weights"], x - target) + nearness_cost(s, x, centres)
+    return squares(s["terminal_weights"], x - target) + keep_out_cost(s, x, centres)
 
 
-def nearness_cost(s: dict, x: ca.SX, centres: ca.SX) -> ca.SX:
+def keep_out_cost(s: dict, x: ca.SX, centres: ca.SX) -> ca.SX:
     cost = ca.SX(0)
-    for j in range(places(s)):
+    for j in range(zones(s)):
         distance = ca.norm_2(x[:2] - centres[2 * j : 2 * j + 2])
         cost += s["weights"][j] * ca.fmax(s["radii"][j] - distance, 0.0) ** 2
     return cost

@@ -1,4 +1,4 @@
-"""The problems that a robot meets on an S-shaped way, with noise and kicks: the NMPC streams."""
+"""Streams of NMPC problems: a robot on a curved path, with noise and displacements."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ SPEED, YAW_RATE, ARC = 0.7, 0.5, 6.0  # m/s, rad/s, seconds from one bend to the
 ADVANCE, WAVE, WAVE_RATE = 0.5, 0.6, 0.8  # m/s, m, rad/s
 POSITION_NOISE, HEADING_NOISE, SEED = 0.01, 0.02, 1  # m, rad
 KICKS = {60: (0.3, 0.27, 0.5), 150: (-0.1, -0.39, -0.5), 240: (-0.4, 0.0, 0.5)}  # m, m, rad
-"""By how much the robot is displaced before a step."""
+"""Displacements of the robot before a step."""
 MAX_WHEEL_ACCELERATION = 60.0  # rad/s^2
 
 
 class Disc(NamedTuple):
-    """An obstacle that the reference meets."""
+    """An obstacle on the reference."""
 
-    met: float
-    """When the reference passes it, in s."""
+    t: float
+    """Time at which the reference passes it, in s."""
     left: float
-    """How far to the left of the reference its centre is then, in m."""
+    """Distance of its centre to the left of the reference at that time, in m."""
     drift: float = 0.0
-    """Its velocity to the left, in m/s."""
+    """Velocity to the left, in m/s."""
     distance: float = 0.3
-    """To keep from its centre, in m."""
+    """Distance to keep from its centre, in m."""
 
 
 OBSTACLES = (Disc(9.0, 0.15), Disc(18.0, -0.1, drift=-0.15), Disc(27.0, -0.15))
@@ -57,9 +57,9 @@ AnyProblem = UnicycleProblem | HolonomicProblem
 
 
 class Bends:
-    """An S and another: arcs, left and right in turn, driven at one speed along the heading."""
+    """Arcs, left and right alternately, at constant speed along the heading."""
 
-    duration = 1e4  # it goes on beyond the stream, so that no horizon sees its end
+    duration = 1e4  # longer than the stream, so that no horizon contains its end
 
     def at(self, t: float) -> Setpoint:
         x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
@@ -79,20 +79,23 @@ class Bends:
 
 
 def obstacles(t: float, points: int, dt: float) -> list[KeepOutZone]:
-    """Where :data:`OBSTACLES` are at the times t, t + dt, ..."""
+    """Return the zones of :data:`OBSTACLES` at the times t, t + dt, ..."""
     return [
-        KeepOutZone(_on_the_left(met, left + drift * (t - met + dt * np.arange(points))), distance)
-        for met, left, drift, distance in OBSTACLES
+        KeepOutZone(
+            _left_of_reference(passed, left + drift * (t - passed + dt * np.arange(points))),
+            distance,
+        )
+        for passed, left, drift, distance in OBSTACLES
     ]
 
 
-def _on_the_left(met: float, left: np.ndarray) -> np.ndarray:
-    x, y, yaw = Waves().at(met).pose
+def _left_of_reference(t: float, left: np.ndarray) -> np.ndarray:
+    x, y, yaw = Waves().at(t).pose
     return np.array([x, y]) + np.outer(left, [-np.sin(yaw), np.cos(yaw)])
 
 
 class Waves:
-    """A sine along x, driven along the heading: unlike :class:`Bends`, nothing of it jumps."""
+    """A sine along x, driven along the heading; unlike in :class:`Bends`, velocities are smooth."""
 
     duration = 1e4
 
@@ -110,12 +113,12 @@ class Waves:
 
 @dataclass
 class Recorder:
-    """A solver that keeps the problems it was given, within other ``limits`` if there are some."""
+    """A solver that records its problems, with ``limits`` in place of theirs if given."""
 
     solver: Any
     limits: Limits | None = None
     problems: deque[Any] = field(default_factory=lambda: deque(maxlen=STEPS))
-    """The last of them: a controller warms up with another."""
+    """The last problems: the first calls of a controller only compile its kernels."""
 
     def solve(self, problem: AnyProblem, *guess: np.ndarray) -> Any:
         if self.limits is not None:
@@ -125,21 +128,21 @@ class Recorder:
 
 
 def unicycle_stream(stages: int) -> list[UnicycleProblem]:
-    """What the paper's controller is asked in every step."""
+    """Return the problems of the paper's controller."""
     recorder = Recorder(UnicycleSolver())
     drive(UnicycleController(DT, stages, PRESETS["paper"], recorder), Bends())
     return list(recorder.problems)
 
 
 def holonomic_stream(stages: int, max_wheel_speed: float) -> list[HolonomicProblem]:
-    """What the controller within the wheels' limits is asked; robot ``paper``, slower wheels."""
+    """Return the problems of the holonomic controller; robot ``paper``, slower wheels."""
     recorder = Recorder(HolonomicSolver())
     drive(holonomic_controller(stages, max_wheel_speed, recorder), Bends())
     return list(recorder.problems)
 
 
 def obstacle_stream(stages: int, max_wheel_speed: float) -> list[HolonomicProblem]:
-    """What it is asked among :data:`OBSTACLES`, if the wheels do not accelerate at once either."""
+    """Return its problems among :data:`OBSTACLES`, with limited wheel accelerations."""
     wheels = named_robot("paper").chassis.jacobian
     limits = stack_limits(
         speed_limits(wheels, max_wheel_speed, DT), rate_limits(wheels, MAX_WHEEL_ACCELERATION, DT)
@@ -150,7 +153,7 @@ def obstacle_stream(stages: int, max_wheel_speed: float) -> list[HolonomicProble
 
 
 def statement(problem: AnyProblem) -> dict[str, object]:
-    """What all problems of its stream have in common: see nmpc_models.py."""
+    """Return the data that all problems of a stream have in common: see nmpc_models.py."""
     common: dict[str, object] = {
         "model": "unicycle",
         "stages": len(problem.feedforward),
@@ -161,14 +164,14 @@ def statement(problem: AnyProblem) -> dict[str, object]:
     }
     if isinstance(problem, UnicycleProblem):
         return common | {"limits": problem.limits.tolist()}
-    limits, places = problem.limits._asdict(), problem.keep_outs
+    limits, zones = problem.limits._asdict(), problem.keep_outs
     rows = {name: part.tolist() for name, part in limits.items()}
-    kept = {"radii": places.radii.tolist(), "weights": places.weights.tolist()}
-    return common | {"model": "holonomic"} | rows | kept
+    zone_data = {"radii": zones.radii.tolist(), "weights": zones.weights.tolist()}
+    return common | {"model": "holonomic"} | rows | zone_data
 
 
 def numbers(problem: AnyProblem) -> dict[str, np.ndarray]:
-    """What problems of a stream do not have in common: see nmpc_models.py."""
+    """Return the data that differ between the problems of a stream: see nmpc_models.py."""
     own = {name: getattr(problem, name) for name in ("start", "targets", "feedforward")}
     if isinstance(problem, UnicycleProblem):
         return own
@@ -177,7 +180,7 @@ def numbers(problem: AnyProblem) -> dict[str, np.ndarray]:
 
 
 def closed_loop_cost(stages: int, max_wheel_speed: float, solver: HolonomicOptimizer) -> float:
-    """Sum of the stage costs of what the robot truly did."""
+    """Return the sum of the stage costs of the true motion."""
     controller = holonomic_controller(stages, max_wheel_speed, solver)
     p, states = controller.parameters, drive(controller, Bends())
     targets = Bends().window(0.0, len(states), DT)[:, :3]
@@ -204,7 +207,7 @@ def holonomic_controller(
 def drive(
     controller: UnicycleController | HolonomicController, reference: Bends | Waves
 ) -> np.ndarray:
-    """True poses of a robot that moves as it is told, measured with noise, and kicked."""
+    """Return the true poses of a robot with ideal actuators, noise and displacements."""
     rng = np.random.default_rng(SEED)
     pose = reference.at(0.0).pose
     controller.reset(pose)

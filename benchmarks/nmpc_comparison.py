@@ -1,4 +1,4 @@
-"""Several solvers on one stream of problems, block by block in turn."""
+"""Comparison of solvers on one stream of problems, in alternating blocks."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from timed import timed
 from omnidrive.control.nmpc import UnicycleSolution, UnicycleSolver
 from omnidrive.control.nmpc.holonomic import HolonomicSolution, HolonomicSolver
 
-ROUNDS, BLOCK = 5, 20  # of the whole stream; steps of one solver in a turn
+ROUNDS, BLOCK = 5, 20  # repetitions of the stream; consecutive steps of one solver
 
 
-class Planner(Protocol):
-    """A solver and its memory; it is given the problems of a stream in their order."""
+class StreamSolver(Protocol):
+    """Solver with memory, called with the problems of a stream in their order."""
 
     def reset(self) -> None: ...
 
     def __call__(self, problem: Any) -> np.ndarray:
-        """Controls of the plan; ours of the holonomic robot are velocities in W, others twists."""
+        """Return the controls: velocities in W from ``HolonomicStream``, twists from peers."""
         ...
 
 
 @dataclass
-class ShiftedSqp:
-    """Ours for the unicycle, begun as in its controller: from the last plan, shifted by a stage."""
+class UnicycleStream:
+    """omnidrive's unicycle solver, with the shifted last plan as guess, as in its controller."""
 
     solver: UnicycleSolver = field(default_factory=UnicycleSolver)
     solution: UnicycleSolution | None = None
@@ -46,8 +46,8 @@ class ShiftedSqp:
 
 
 @dataclass
-class Holonomic:
-    """Ours for the holonomic robot, which needs no memory."""
+class HolonomicStream:
+    """omnidrive's holonomic solver, which needs no guess."""
 
     solver: HolonomicSolver = field(default_factory=HolonomicSolver)
     solution: HolonomicSolution | None = None
@@ -61,29 +61,29 @@ class Holonomic:
 
 
 @dataclass
-class Here:
-    """A planner in this process."""
+class LocalSolver:
+    """A solver in this process."""
 
-    planner: Planner
+    solver: StreamSolver
 
     def block(self, problems: list[AnyProblem], fresh: bool) -> tuple[list[float], list]:
-        """Seconds of every call, and first controls."""
+        """Return the seconds of every call, and the first controls."""
         if fresh:
-            self.planner.reset()
-        seconds, plans = timed(self.planner, ((problem,) for problem in problems))
+            self.solver.reset()
+        seconds, plans = timed(self.solver, ((problem,) for problem in problems))
         return seconds, [plan[0] for plan in plans]
 
 
 @dataclass
-class There:
-    """A planner in the peers' process, which times its calls itself."""
+class PeerSolver:
+    """A solver in the peers' process, which times its calls itself."""
 
     peer: str
     case: str
     process: PeerProcess
 
     def block(self, problems: list[AnyProblem], fresh: bool) -> tuple[list[float], list]:
-        """Seconds of every call, and first controls."""
+        """Return the seconds of every call, and the first controls."""
         parts = [{name: a.tolist() for name, a in numbers(p).items()} for p in problems]
         request = {"peer": self.peer, "case": self.case, "statement": statement(problems[0])}
         answer = self.process.request(request | {"reset": fresh, "problems": parts})
@@ -92,32 +92,34 @@ class There:
 
 @dataclass
 class Outcome:
-    """What one solver did."""
+    """Times and results of one solver."""
 
     seconds: list[float] = field(default_factory=list)
-    """Of every call, in all rounds."""
+    """Of every call, in all rounds, in s."""
     firsts: list = field(default_factory=list)
-    """First controls of every step, of the last round."""
+    """First controls of every step of the last round."""
 
     @property
     def typical(self) -> float:
-        """Median over the steps of :attr:`undisturbed`."""
+        """Median over the steps of :attr:`undisturbed`, in s."""
         return float(np.median(self.undisturbed))
 
     @property
     def undisturbed(self) -> np.ndarray:
-        """Seconds of every step: the least of its rounds.
+        """Shortest time of every step over the rounds, in s.
 
-        The median of all calls would not do: where others use the machine too, a long call is
-        interrupted more often than a short one, which flatters whoever is faster.
+        The median of all calls would be biased: on a shared machine a long call is interrupted
+        more often than a short one, which favours the faster solver.
         """
         return np.reshape(self.seconds, (ROUNDS, -1)).min(axis=0)
 
 
-def contest(
-    solvers: dict[str, Here | There], stream: list[AnyProblem], advance: Callable[[], None]
+def compare(
+    solvers: dict[str, LocalSolver | PeerSolver],
+    stream: list[AnyProblem],
+    advance: Callable[[], None],
 ) -> dict[str, Outcome]:
-    """All solvers on the same problems, after a block that only warms them."""
+    """Run all solvers on the same problems, after a block that warms them up."""
     for solver in solvers.values():
         solver.block(stream[:BLOCK], fresh=True)
     outcomes = {name: Outcome() for name in solvers}
