@@ -129,7 +129,7 @@ def _with_repeats(scenario: Scenario, seeds: int) -> Scenario:
     data = scenario_data(scenario)
     if data["tasks"]["noise"] is None:
         raise InvalidInput(
-            "--noise-seeds needs the task noise; add it to --tasks, or omit --noise-seeds"
+            "--noise-seeds needs the task noise; add noise to --tasks, or omit --noise-seeds"
         )
     data["tasks"]["noise"]["repeats"] = seeds
     return parse_scenario(data, "with these options")

@@ -19,7 +19,7 @@ from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
 
 VERBS = {
     "compare": "Run a whole study: plan, simulate every controller, evaluate, report.",
-    "plan": "Search a path, smooth it, time it; say what it asks of the robot.",
+    "plan": "Search, smooth and time a path, and report its use of the robot's limits.",
     "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
     "warmup": "Compile all numerical kernels in advance.",
     "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",

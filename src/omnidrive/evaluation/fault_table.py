@@ -14,10 +14,11 @@ from omnidrive.simulation.faults import FAULTS
 def fault_table(results: StudyResults) -> Table:
     """Return a table of recovery, maximum error and recovery time by fault and controller."""
     rows = [
-        (f"{r.number} {_fault_text(r)}", r.controller, _verdict(r, found), f"{found.max_error:.3f}",
-         f"{found.time_to_recover:.1f}" if isfinite(found.time_to_recover) else "–",
+        (f"{r.number} {_fault_text(r)}", r.controller, _verdict(r, recovery),
+         f"{recovery.max_error:.3f}",
+         f"{recovery.time_to_recover:.1f}" if isfinite(recovery.time_to_recover) else "–",
          f"{r.metrics.me:.4f}", _first_detection(r))
-        for r, found in results.recoveries
+        for r, recovery in results.recoveries
     ]  # fmt: skip
     return Table(
         "Disturbances and faults",
@@ -41,17 +42,17 @@ def _fault_text(result: FaultResult) -> str:
     return f"{fault.kind} at {fault.at:g} s" + ("" if wheel is None else f", wheel {wheel}")
 
 
-def _verdict(result: FaultResult, found: Recovery) -> str:
-    if found.recovered:
+def _verdict(result: FaultResult, recovery: Recovery) -> str:
+    if recovery.recovered:
         return "yes"
     if result.run.outcome is Outcome.FINISHED:
         return "no"
-    verdict = "stopped" if found.stopped else "failed"
+    verdict = "stopped" if recovery.stopped else "failed"
     return f"{verdict} at {result.run.t[-1]:g} s"
 
 
 def _first_detection(result: FaultResult) -> str:
     """Return the first event that the supervision reported, with its time."""
-    known = {f"{kind} {does}" for kind in FAULTS for does in ("begins", "ends")}
-    found = [event for event in result.run.events if event.what not in known]
-    return f"{found[0].t:.2f} s: {found[0].what}" if found else ""
+    scheduled = {f"{kind} {change}" for kind in FAULTS for change in ("begins", "ends")}
+    detected = [event for event in result.run.events if event.what not in scheduled]
+    return f"{detected[0].t:.2f} s: {detected[0].what}" if detected else ""

@@ -165,8 +165,8 @@ def _repeated_name(group: RepeatedRuns) -> str:
 
 
 def _mean(group: RepeatedRuns, measure: str) -> str:
-    found = group.estimate_mean(measure)
-    return f"{_format(found.mean, 5)} ± {_format(found.margin, 5)}"
+    estimate = group.estimate_mean(measure)
+    return f"{_format(estimate.mean, 5)} ± {_format(estimate.margin, 5)}"
 
 
 def _mean_cost_cells(group: RepeatedRuns) -> tuple[str, ...]:
@@ -191,13 +191,13 @@ def _mean_cost_cells(group: RepeatedRuns) -> tuple[str, ...]:
 
 def paired_table(results: StudyResults) -> Table:
     """Return a table of the mean error differences of all pairs of controllers."""
-    found = paired_differences(results)
-    order = {key: k for k, key in enumerate(dict.fromkeys(map(_pair, found)))}
+    differences = paired_differences(results)
+    order = {key: k for k, key in enumerate(dict.fromkeys(map(_pair, differences)))}
     return Table(
         "Paired differences with noise",
         ("controllers", "time", "error", "mean difference", "95 % interval", "p", "seeds",
          "first is"),
-        tuple(_paired_row(d) for d in sorted(found, key=lambda d: order[_pair(d)])),
+        tuple(_paired_row(d) for d in sorted(differences, key=lambda d: order[_pair(d)])),
         "Error of the first minus error of the second controller for the same random numbers; "
         "negative if the first is more accurate. Intervals: Student's t for the differences, "
         "separately for each pair, without correction for the number of pairs. p and result: "
