@@ -1,4 +1,4 @@
-"""`omnidrive fuzzy` as a user meets it."""
+"""Command `omnidrive fuzzy`."""
 
 import os
 import re
@@ -58,13 +58,13 @@ SUGENO = FuzzySystem(
 
 @pytest.fixture(scope="module", autouse=True)
 def _kernels():
-    """Whichever test comes first need not say that it compiles."""
+    """Compile the kernels before the first test, so that no test prints the notice."""
     Inference(TIPPER).batch(np.zeros((1, 2)))
 
 
 @pytest.fixture
 def fuzzy(monkeypatch, capsys, tmp_path):
-    """Run the command in this process; gives status, standard output and standard error."""
+    """Run the command in this process; return status, standard output and standard error."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     save(TIPPER, "tipper.fis")
@@ -75,8 +75,8 @@ def fuzzy(monkeypatch, capsys, tmp_path):
             status = app([*map(str, args)], prog_name="omnidrive fuzzy", standalone_mode=False)
         except Exception as error:
             status = sys.modules["omnidrive.cli.main"]._explain(error)
-        said = capsys.readouterr()
-        return int(status or 0), said.out, said.err
+        printed = capsys.readouterr()
+        return int(status or 0), printed.out, printed.err
 
     return run
 
@@ -90,7 +90,7 @@ def write(text, name="in.csv"):
         stream.write(text)
 
 
-def test_the_command_as_it_is_installed(tmp_path):
+def test_installed_command(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "omnidrive", "fuzzy", "show", "no.fis"],
         cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
@@ -111,15 +111,15 @@ def test_show_describes_variables_sets_and_rules(fuzzy):
     assert "3  if service is high and food is not low then tip is high with 0.9" in out
 
 
-def test_who_has_to_wait_for_the_compiler_is_told(fuzzy, monkeypatch):
-    asked = []
-    monkeypatch.setattr("omnidrive.cli.fuzzy.kernels_are_kept", asked.append)
+def test_compilation_is_announced(fuzzy, monkeypatch):
+    names = []
+    monkeypatch.setattr("omnidrive.cli.fuzzy.kernels_are_kept", names.append)
     assert "compiling" not in fuzzy("show", "tipper.fis")[2]
-    assert "compiling, the first time only" in fuzzy("show", "tipper.fis", "--inputs", "3,8")[2]
-    assert asked == ["infer_rows"]
+    assert "compiling, only the first time" in fuzzy("show", "tipper.fis", "--inputs", "3,8")[2]
+    assert names == ["infer_rows"]
 
 
-def test_show_a_sugeno_system(fuzzy):
+def test_show_sugeno_system(fuzzy):
     status, out, _ = fuzzy("show", "linear.fis", "--inputs", "x=0.25")
     assert status == 0
     assert "linear: Sugeno, type 1; 1 input, 1 output, 2 rules" in out
@@ -127,16 +127,16 @@ def test_show_a_sugeno_system(fuzzy):
     assert repr(Inference(SUGENO)({"x": 0.25})["y"]) in out
 
 
-def test_show_answers_for_given_inputs(fuzzy):
+def test_show_outputs_for_given_inputs(fuzzy):
     status, out, err = fuzzy("show", "tipper.fis", "--inputs", "food=8, service=12")
     assert status == 0
-    assert "service = 12 is out of range: taken as 10" in err
+    assert "service = 12 is out of range: clamped to 10" in err
     assert re.search(r"^3  0\.9000  if service is high", out, re.MULTILINE)
     assert repr(float(Inference(TIPPER)(10, 8)[0])) in out
     assert fuzzy("show", "tipper.fis", "--inputs", "12,8")[1] == out
 
 
-def test_show_a_type_2_system_with_intervals(fuzzy):
+def test_show_type_2_system_with_intervals(fuzzy):
     status, out, _ = fuzzy("show", "tipper.fis", "--type2", "0.8,0.1,0.3", "--inputs", "3,8")
     assert status == 0
     assert "interval type 2" in out
@@ -146,7 +146,7 @@ def test_show_a_type_2_system_with_intervals(fuzzy):
     assert repr(float(greatest[0])) in out
 
 
-def test_show_the_papers_rules_as_a_table(fuzzy):
+def test_show_paper_rules_as_table(fuzzy):
     status, out, _ = fuzzy("show", shared("paper/IT1FUZZY.fis"))
     assert status == 0
     assert "Rules: kp/ki/kd, for each error (down) and derror (across)" in out
@@ -158,7 +158,7 @@ def test_show_the_papers_rules_as_a_table(fuzzy):
     ]
 
 
-def test_show_bounds_what_it_prints(fuzzy, tmp_path):
+def test_show_limits_its_output(fuzzy, tmp_path):
     many = tuple(
         parse_rule(f"if service is low then tip is low with {k / 999}") for k in range(999)
     )
@@ -180,44 +180,44 @@ def test_show_warns_of_gaps(fuzzy, tmp_path):
     assert "no set of 'service' covers" in err
 
 
-def test_show_draws_pictures_in_a_new_folder(fuzzy, tmp_path):
-    status, out, err = fuzzy("show", "tipper.fis", "--inputs", "3,8", "--out", "a/pictures")
+def test_show_saves_figures_in_new_folder(fuzzy, tmp_path):
+    status, out, err = fuzzy("show", "tipper.fis", "--inputs", "3,8", "--out", "a/figures")
     assert (status, err) == (0, "")
-    assert "7 pictures written to a/pictures" in out
-    assert sorted(path.name for path in (tmp_path / "a/pictures").iterdir()) == [
+    assert "7 figures written to a/figures" in out
+    assert sorted(path.name for path in (tmp_path / "a/figures").iterdir()) == [
         "rules.png", "sets-1-service.png", "sets-2-food.png", "sets-3-tip.png",
         "sets-4-slow-ok.png", "surface-1-tip.png", "surface-2-slow-ok.png",
     ]  # fmt: skip
-    assert fuzzy("show", "tipper.fis", "--out", "a/pictures")[0] == 2
+    assert fuzzy("show", "tipper.fis", "--out", "a/figures")[0] == 2
 
 
-def test_convert_keeps_the_system_and_overwrites_only_by_force(fuzzy):
+def test_convert_is_lossless_and_overwrites_only_with_force(fuzzy):
     assert fuzzy("convert", "linear.fis", "linear.fll") == (0, "written to linear.fll\n", "")
     assert load("linear.fll") == load("linear.fis")
     status, out, err = fuzzy("convert", "linear.fis", "linear.fll")
     assert (status, out) == (2, "")
-    assert "linear.fll is there already; name another, or add --force" in err
+    assert "linear.fll already exists; choose another, or add --force" in err
     assert fuzzy("convert", "linear.fis", "linear.fll", "--force")[0] == 0
 
 
-def test_convert_makes_type_2(fuzzy):
+def test_convert_to_type_2(fuzzy):
     assert fuzzy("convert", "tipper.fis", "tipper2.fis", "--type2", "0.8,0.2")[0] == 0
     assert load("tipper2.fis").outputs == TIPPER.with_footprint(Footprint(0.8, 0.2)).outputs
 
 
-def test_eval_takes_columns_by_name_and_loses_no_bit(fuzzy):
+def test_eval_matches_columns_by_name_and_is_exact(fuzzy):
     x = np.random.default_rng(0).uniform(-1, 11, (500, 2))
     write("food,t,service\n" + "".join(f"{b!r},now,{a!r}\n" for a, b in x.tolist()))
     status, out, err = fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")
     assert (status, out) == (0, "500 rows written to out.csv\n")
-    assert "columns that name no input, not used: t" in err
+    assert "columns ignored, because they are not inputs: t" in err
     with open("out.csv", encoding="utf-8") as stream:
         assert stream.readline() == 'tip,"slow, ok"\n'
     assert (table("out.csv") == Inference(TIPPER).batch(x)[0]).all()
 
 
 @pytest.mark.parametrize(
-    ("words", "options"),
+    ("arguments", "options"),
     [
         ("--centroid matlab --samples 51", {"centroid": "matlab", "samples": 51}),
         ("--reduction cos --algorithm eiasc", {"reduction": "cos", "algorithm": "eiasc"}),
@@ -225,10 +225,10 @@ def test_eval_takes_columns_by_name_and_loses_no_bit(fuzzy):
         ("--out-of-range matlab", {"out_of_range": "matlab"}),
     ],
 )
-def test_eval_of_type_2_with_options(fuzzy, words, options):
+def test_eval_of_type_2_with_options(fuzzy, arguments, options):
     x = np.random.default_rng(1).uniform(-1, 11, (50, 2))
     write("service,food\n" + "".join(f"{a!r},{b!r}\n" for a, b in x.tolist()))
-    args = ["--in", "in.csv", "--out", "out.csv", "--type2", "0.8,0.2", *words.split()]
+    args = ["--in", "in.csv", "--out", "out.csv", "--type2", "0.8,0.2", *arguments.split()]
     assert fuzzy("eval", "tipper.fis", *args)[0] == 0
     with open("out.csv", encoding="utf-8") as stream:
         assert stream.readline().startswith("tip,tip_lower,tip_upper,")
@@ -236,7 +236,7 @@ def test_eval_of_type_2_with_options(fuzzy, words, options):
     assert (table("out.csv").reshape(50, 2, 3) == found.transpose(1, 2, 0)).all()
 
 
-def test_eval_of_a_sugeno_system_whose_inputs_are_of_type_2(fuzzy):
+def test_eval_sugeno_system_with_type_2_inputs(fuzzy):
     write("x\n0.3\n")
     args = ["--in", "in.csv", "--out", "out.csv", "--type2", "0.8,0.2"]
     assert fuzzy("eval", "linear.fis", *args)[0] == 0
@@ -252,13 +252,13 @@ def test_eval_of_a_sugeno_system_whose_inputs_are_of_type_2(fuzzy):
         "service , food\n1.,2\n3.5e0,.4E1",
     ],
 )
-def test_eval_reads_what_spreadsheets_write(fuzzy, text):
+def test_eval_reads_csv_variants(fuzzy, text):
     write(text)
     assert fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")[0] == 0
     assert (table("out.csv") == Inference(TIPPER).batch(np.array([[1, 2], [3.5, 4]]))[0]).all()
 
 
-def test_eval_without_rows_has_headings(fuzzy):
+def test_eval_without_rows_writes_header(fuzzy):
     write("service,food\n")
     assert fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")[0] == 0
     with open("out.csv", encoding="utf-8") as stream:
@@ -272,10 +272,10 @@ def test_eval_without_rows_has_headings(fuzzy):
         ("service\n1\n", "line 1: there is no column 'food'"),
         ("service,foot\n1,2\n", "there is no column 'food'; did you mean 'foot'?"),
         ("service;food\n1;2\n", "the separator must be a comma, not ';'"),
-        ("food,service,food\n1,2,3\n", "line 1: the column 'food' is there twice"),
+        ("food,service,food\n1,2,3\n", "line 1: the column 'food' appears twice"),
         ("service,food\n1,2\n\n3\n", "line 4: expected 2 values, as in line 1, got 1"),
         ("service,food\n1,2\n1,2,3\n", "line 3: expected 2 values, as in line 1, got 3"),
-        ("service,food\n1,\n", "line 2, column 'food': expected a number, got nothing"),
+        ("service,food\n1,\n", "line 2, column 'food': expected a number, got an empty field"),
         (
             "service,food\n1,2\n1,two\n",
             "line 3, column 'food': expected a finite number, got 'two'",
@@ -291,7 +291,7 @@ def test_eval_without_rows_has_headings(fuzzy):
         ("service,food\n1," + "1" * 2_000_000, "line 2: is not comma-separated values"),
     ],
 )
-def test_a_bad_table_is_refused_with_its_place_and_leaves_nothing(fuzzy, text, message):
+def test_invalid_table_error_names_position_and_writes_nothing(fuzzy, text, message):
     write(text)
     status, out, err = fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")
     assert (status, out) == (2, "")
@@ -299,7 +299,7 @@ def test_a_bad_table_is_refused_with_its_place_and_leaves_nothing(fuzzy, text, m
     assert not [name for name in os.listdir() if "out.csv" in name]
 
 
-def test_rows_are_refused_by_choice(fuzzy):
+def test_policies_that_raise(fuzzy):
     write("service,food\n" + "1,1\n" * 50 + "\n11,1\n")
     args = ("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")
     status, _, err = fuzzy(*args, "--out-of-range", "raise")
@@ -310,7 +310,7 @@ def test_rows_are_refused_by_choice(fuzzy):
     assert "in.csv: line 53: no rule fires for service = 11, food = 1" in err
 
 
-def test_a_fault_far_into_the_file_leaves_the_old_output(fuzzy, monkeypatch, tmp_path):
+def test_late_error_keeps_old_output(fuzzy, monkeypatch, tmp_path):
     monkeypatch.setattr("omnidrive.fuzzy.csv_rows._BLOCK", 1000)
     write("old", "out.csv")
     write("service,food\n" + "1.25,2\n" * 5000 + "1,x\n")
@@ -338,7 +338,7 @@ SHOW, EVAL = ("show", "tipper.fis"), ("eval", "tipper.fis", "--in", "in.csv", "-
         ((*SHOW, "--type2", "2,0"), "a footprint's scale must lie in [0, 1], got 2"),
         ((*SHOW, "--inputs", "food=1"), "the input 'service' is missing"),
         ((*SHOW, "--inputs", "fod=1"), "no input 'fod'; did you mean 'food'?"),
-        ((*SHOW, "--inputs", "food=1,food=2"), "the input 'food' is there twice"),
+        ((*SHOW, "--inputs", "food=1,food=2"), "the input 'food' appears twice"),
         ((*SHOW, "--inputs", "1"), "--inputs needs 2 numbers (service, food), got 1"),
         ((*SHOW, "--inputs", "food=1,service=2+3"), "expected a number for 'service', got '2+3'"),
         ((*SHOW, "--inputs", "nan,1"), "the input 'service' is nan"),
@@ -346,18 +346,18 @@ SHOW, EVAL = ("show", "tipper.fis"), ("eval", "tipper.fis", "--in", "in.csv", "-
         (("convert", "tipper.fis", "a.doc"), "its suffix must be one of"),
         (("convert", "tipper.fis", "a.fll", "--type2", "1,0"), "does not support sets of type 2"),
         (("convert", "tipper.fis", "no/a.fis"), "cannot write no/a.fis"),
-        ((*EVAL, "in.csv"), "in.csv is there already; name another, or add --force"),
+        ((*EVAL, "in.csv"), "in.csv already exists; choose another, or add --force"),
         ((*EVAL, "/dev/null", "--force"), "/dev/null is not a plain file"),
         ((*EVAL, "no/out.csv"), "cannot write no/out.csv: No such file"),
         ((*EVAL, "o.csv", "--centroid", "exat"), "no --centroid 'exat'; there are exact, matlab"),
-        ((*EVAL, "o.csv", "--samples", "9"), "--samples is for --centroid matlab"),
-        ((*EVAL, "o.csv", "--algorithm", "km"), "--algorithm is for type-2 systems"),
+        ((*EVAL, "o.csv", "--samples", "9"), "--samples applies to --centroid matlab"),
+        ((*EVAL, "o.csv", "--algorithm", "km"), "--algorithm applies to type-2 systems"),
         ((*EVAL, "o.csv", "--threads", "0"), "threads"),
         (("eval", "tipper.fis", "--in", "no.csv", "--out", "o.csv"), "no.csv: cannot be read: No"),
-        (("eval", "type2.fis", *EVAL[2:], "o.csv", "--type2", "1,0"), "of type 2 already"),
+        (("eval", "type2.fis", *EVAL[2:], "o.csv", "--type2", "1,0"), "type2.fis is of type 2"),
     ],
 )  # fmt: skip
-def test_a_mistake_gets_one_paragraph_and_status_2(fuzzy, args, message):
+def test_errors_are_one_paragraph_with_status_2(fuzzy, args, message):
     write("service,food\n1,2\n")
     write("nonsense\n", "bad.fis")
     save(TIPPER.with_footprint(Footprint(0.8, 0.2)), "type2.fis")
@@ -370,13 +370,13 @@ def test_a_mistake_gets_one_paragraph_and_status_2(fuzzy, args, message):
 
 
 @pytest.mark.parametrize("verb", ["show", "convert", "eval"])
-def test_help_has_an_example(fuzzy, verb):
+def test_help_has_example(fuzzy, verb):
     status, out, _ = fuzzy(verb, "--help")
     assert status == 0
     assert f"omnidrive fuzzy {verb} tipper.fis" in out
 
 
-def test_the_guides_python_and_commands_run(fuzzy, tmp_path):
+def test_guide_examples_run(fuzzy, tmp_path):
     guide = (Path(__file__).resolve().parents[2] / "docs" / "fuzzy.md").read_text(encoding="utf-8")
     code = "".join(re.findall(r"```python\n(.*?)```", guide, re.DOTALL))
     exec(compile(code, "fuzzy.md", "exec"), {})

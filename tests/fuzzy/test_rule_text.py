@@ -1,4 +1,4 @@
-"""Rules as text: lossless, bounded, and with errors that say where."""
+"""Rules as text: lossless round trips, limits, and errors with positions."""
 
 import pytest
 from hypothesis import example, given, settings
@@ -23,7 +23,7 @@ RULES = st.tuples(VARIABLES, VARIABLES).flatmap(lambda known: rules(*known, nest
 
 @given(RULES)
 @settings(max_examples=80, deadline=None)
-def test_text_of_a_rule_reads_as_the_rule(rule):
+def test_round_trip(rule):
     text = rule_text(rule)
     assert parse_rule(text) == rule
     assert rule_text(parse_rule(text)) == text
@@ -74,19 +74,19 @@ def test_grammar(text, rule):
         (Rule(Is("a b", "IS"), OUT, 0.25), "if 'a b' is 'IS' then out is big with 0.25"),
     ],
 )
-def test_written_with_parentheses_only_where_needed(rule, text):
+def test_text_has_only_necessary_parentheses(rule, text):
     assert rule_text(rule) == text
     assert parse_rule(text).antecedent == normalised(rule.antecedent)
 
 
 @pytest.mark.parametrize(
-    ("text", "column", "said"),
+    ("text", "column", "expected"),
     [
         ("", 1, "expected 'if', got the end"),
         ("when a is b", 1, "expected 'if', got 'when'"),
         ("if", 3, "expected the name of an input, got the end"),
         ("if a iz b then c is d", 6, "expected 'is' after 'a', got 'iz'"),
-        ("if a is then c is d", 9, "expected the name of a set of 'a', got 'then'; a name that is"),
+        ("if a is then c is d", 9, "expected the name of a set of 'a', got 'then'; quote a name"),
         ("if a is any b then c is d", 13, "expected no set after 'any', got 'b'"),
         ("if a is b c is d", 11, "expected 'and', 'or' or 'then', got 'c'"),
         ("if (a is b then c is d", 12, "expected 'and', 'or' or ')', got 'then'"),
@@ -97,7 +97,7 @@ def test_written_with_parentheses_only_where_needed(rule, text):
         ("if a is b then c is d (1", 25, "expected ')', got the end"),
         ("if a is b then c is d with 1 1", 30, "expected the end of the rule, got '1'"),
         ("if a is b then c is d;", 22, "expected a name or keyword, got ';'"),
-        ("if a is 'b then c is d", 9, "a quoted name does not end"),
+        ("if a is 'b then c is d", 9, "the quoted name is not closed"),
         ("if a is '' then c is d", 9, "a name has 1 to 200 printable characters, got ''"),
         ("if a is \x07 then c is d", 9, "a name has 1 to 200 printable characters"),
         (f"if a is {'b' * 201} then c is d", 9, "a name has 1 to 200 printable characters"),
@@ -109,19 +109,19 @@ def test_written_with_parentheses_only_where_needed(rule, text):
         ),
     ],
 )
-def test_errors_say_where_and_what(text, column, said):
+def test_errors_name_position_and_cause(text, column, expected):
     with pytest.raises(InvalidInput) as caught:
         parse_rule(text, Position(7, 1))
     assert str(caught.value).startswith(f"line 7, column {column}: ")
-    assert said in str(caught.value)
+    assert expected in str(caught.value)
 
 
-def test_place_of_an_error_on_a_later_line():
+def test_error_position_on_later_line():
     with pytest.raises(InvalidInput, match=r"^line 4, column 9: expected 'is' after 'c', got 'iz'"):
         parse_rule("if a is b\n then c iz d", Position(3, 20))
 
 
-def test_bounds():
+def test_limits():
     with pytest.raises(InvalidInput, match=f"at most {MAX_LENGTH} characters"):
         parse_rule("if " + "(" * 100_000)
     with pytest.raises(InvalidInput, match="nested more than"):
@@ -139,14 +139,14 @@ def test_bounds():
     assert parse_rule(rule_text(Rule(deep, OUT))) == Rule(deep, OUT)
 
 
-WORDS = ["if", "then", "is", "and", "or", "not", "any", "very", "with", "(", ")", ",", "'", "a",
+TOKENS = ["if", "then", "is", "and", "or", "not", "any", "very", "with", "(", ")", ",", "'", "a",
          "out", "low", "0.5", "nan", "1e999", ":", ";", '"', "\n", "\x00", "''", "é"]  # fmt: skip
 
 
-@given(st.text() | st.lists(st.sampled_from(WORDS), max_size=40).map(" ".join))
+@given(st.text() | st.lists(st.sampled_from(TOKENS), max_size=40).map(" ".join))
 @example("if a is b then c is d with 1_0")
 @settings(max_examples=300, deadline=None)
-def test_any_text_is_a_rule_or_refused(text):
+def test_arbitrary_text_is_read_or_refused(text):
     try:
         rule = parse_rule(text)
     except InvalidInput:
@@ -157,6 +157,6 @@ def test_any_text_is_a_rule_or_refused(text):
 
 @given(systems())
 @settings(max_examples=25, deadline=None)
-def test_rules_of_a_system_survive(system):
+def test_rules_of_systems_round_trip(system):
     for rule in system.rules:
         assert parse_rule(rule_text(rule)) == rule

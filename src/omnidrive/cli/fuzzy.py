@@ -1,4 +1,4 @@
-"""`omnidrive fuzzy`: look at fuzzy systems in files, convert them, evaluate them."""
+"""Command `omnidrive fuzzy`: show, convert and evaluate fuzzy systems in files."""
 
 from __future__ import annotations
 
@@ -40,16 +40,17 @@ fuzzy = typer.Typer(
 )
 
 FileArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A fuzzy system: .fis, .fll, .fcl, .fml or .xml.")
+    Path,
+    typer.Argument(metavar="FILE", help="File of a fuzzy system: .fis, .fll, .fcl, .fml or .xml."),
 ]
 Type2Option = Annotated[
     str | None,
     typer.Option(
         "--type2",
         metavar="SCALE,LAG[,LAG]",
-        help="Make a type-1 system interval type-2: peak of every lower function, 0 to 1, and the "
-        "degree up to which it is zero, on the left and the right side. A Sugeno system's outputs "
-        "have no sets: its inputs alone become uncertain.",
+        help="Convert a type-1 system to interval type 2: peak of every lower function, 0 to 1, "
+        "and the degree up to which it is zero, for the left and the right side. The outputs of a "
+        "Sugeno system have no fuzzy sets and are not changed.",
     ),
 ]
 InOption = Annotated[
@@ -57,8 +58,8 @@ InOption = Annotated[
     typer.Option(
         "--in",
         metavar="INPUTS.csv",
-        help="One row per evaluation; columns named after the inputs, in any order. Others are "
-        "left alone.",
+        help="One row per evaluation; columns have the names of the inputs, in any order. Other "
+        "columns are ignored.",
     ),
 ]
 OutOption = Annotated[
@@ -66,50 +67,55 @@ OutOption = Annotated[
     typer.Option(
         "--out",
         metavar="OUTPUTS.csv",
-        help="One column per output; in type 2 also NAME_lower and NAME_upper.",
+        help="One column per output; for type 2 also NAME_lower and NAME_upper.",
     ),
 ]
 CentroidOption = Annotated[
     str | None,
     typer.Option(
         metavar="exact|matlab",
-        help="In closed form, or on samples as Matlab does [default: exact where it applies].",
+        help="Closed form, or sums over samples as in Matlab [default: exact if possible].",
     ),
 ]
 SamplesOption = Annotated[
     int | None,
-    typer.Option(metavar="N", help="How many samples --centroid matlab takes [default: 101]."),
+    typer.Option(metavar="N", help="Number of samples for --centroid matlab [default: 101]."),
 ]
 ReductionOption = Annotated[
-    str, typer.Option(metavar="centroid|cos", help="Centroid, or centre of sets.")
+    str, typer.Option(metavar="centroid|cos", help="Type reduction: centroid, or centre of sets.")
 ]
 AlgorithmOption = Annotated[
     str | None,
     typer.Option(
         metavar="|".join(ALGORITHMS),
-        help="Type reduction of a type-2 system [default: as the file says, else km].",
+        help="Algorithm of type reduction for type 2 [default: that of the file, else km].",
     ),
 ]
 OutOfRangeOption = Annotated[
     str,
     typer.Option(
         metavar="clamp|matlab|raise",
-        help="Beyond its range an input is taken at the end of it, as it is, or is refused.",
+        help="Policy for an input out of its range: clamp to the range, use unchanged, or raise an "
+        "error.",
     ),
 ]
 NoRuleOption = Annotated[
     str,
     typer.Option(
         metavar="default|raise",
-        help="Where no rule fires the output has its default (else the middle of its range), "
-        "or the row is refused.",
+        help="Policy if no rule fires: the default of the output (or else the middle of its "
+        "range), or an error.",
     ),
 ]
 ThreadsOption = Annotated[
     int | None,
-    typer.Option(metavar="N", min=1, help="Cores to use; changes no number [default: every core]."),
+    typer.Option(
+        metavar="N",
+        min=1,
+        help="Number of threads; does not change the results [default: one per core].",
+    ),
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 
 
 @fuzzy.command()
@@ -119,8 +125,8 @@ def show(
         str | None,
         typer.Option(
             metavar="NAME=X,NAME=Y",
-            help="Also show what the system answers here, and the rules that fire; beyond a range, "
-            "its end is taken. Plain numbers are taken in the order of the inputs.",
+            help="Also show the outputs for these inputs and the rules that fire; inputs are "
+            "clamped to their ranges. Numbers without names are in the order of the inputs.",
         ),
     ] = None,
     type2: Type2Option = None,
@@ -128,51 +134,51 @@ def show(
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="New folder for pictures: sets, control surfaces and, for the inputs given or the "
-            "middles of the ranges, the rule viewer.",
+            help="New folder for figures: sets, control surfaces and the rule viewer (for the "
+            "given inputs or the middles of the ranges).",
         ),
     ] = None,
 ) -> None:
-    """Print a system's variables, sets and rules; draw them.
+    """Print the variables, sets and rules of a system; optionally draw them.
 
     For example:
 
     * `omnidrive fuzzy show tipper.fis`
-    * `omnidrive fuzzy show tipper.fis --inputs "service=3,food=8" --out pictures`
+    * `omnidrive fuzzy show tipper.fis --inputs "service=3,food=8" --out figures`
     """
     system = _load(file, type2)
     inference = Inference(system)
-    if inputs is not None or out is not None:  # the system alone needs no kernel
-        _say_compiling()
+    if inputs is not None or out is not None:  # printing the system requires no kernel
+        _announce_compilation()
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
-        inference.interval(*given)  # refuses what has to be refused, before anything is printed
+        inference.interval(*given)  # raises errors before anything is printed
     if out is not None:
-        _new_folder(out)
-    _print(system)
+        _create_folder(out)
+    _print_system(system)
     if given is not None:
         for variable, value in zip(system.inputs, given, strict=True):
             if not variable.low <= value <= variable.high:
                 end = variable.low if value < variable.low else variable.high
-                _warn(f"{variable.name} = {value:g} is out of range: taken as {end:g}")
+                _warn(f"{variable.name} = {value:g} is out of range: clamped to {end:g}")
         for line in [*fired_lines(inference, given), ""]:
             typer.echo(line)
         print_tables([outputs_table(inference, given)])
     if out is not None:
-        count = _draw(inference, given, out)
-        typer.echo(f"{count} pictures written to {one_line(str(out))}")
+        count = _save_figures(inference, given, out)
+        typer.echo(f"{count} figures written to {one_line(str(out))}")
 
 
 @fuzzy.command()
 def convert(
     file: FileArgument,
     out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="File to write; its suffix names the format.")
+        Path, typer.Argument(metavar="OUT", help="File to write; its suffix selects the format.")
     ],
     type2: Type2Option = None,
     force: ForceOption = False,
 ) -> None:
-    """Write a system in another format, exactly; what a format cannot say is refused.
+    """Convert a system to another format without loss; unsupported parts are an error.
 
     For example:
 
@@ -180,7 +186,7 @@ def convert(
     * `omnidrive fuzzy convert tipper.fll tipper2.fis --type2 0.8,0.2`
     """
     system = _load(file, type2)
-    _free(out, force)
+    _check_overwrite(out, force)
     save(system, out)
     typer.echo(f"written to {one_line(str(out))}")
 
@@ -202,8 +208,8 @@ def evaluate(
 ) -> None:
     """Evaluate a system for every row of a table.
 
-    Numbers are written so that the same ones are read. A value that is none ends it with the line
-    and the column, and leaves no file.
+    Numbers are written with the digits that are needed to read the same number. For an invalid
+    value, the error names the line and the column, and no file is written.
 
     For example:
 
@@ -221,16 +227,16 @@ def evaluate(
         choices["algorithm"] = choose_one("--algorithm", algorithm, ALGORITHMS)
     system = _load(file, type2)
     if algorithm is not None and system.type == 1:
-        raise InvalidInput("--algorithm is for type-2 systems, and this one is of type 1")
+        raise InvalidInput("--algorithm applies to type-2 systems, and this system is of type 1")
     inference = Inference(system, samples=101 if samples is None else samples, **choices)
     if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
-        raise InvalidInput("--samples is for --centroid matlab, and this centroid is exact")
-    _free(target, force)
-    _say_compiling()
+        raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
+    _check_overwrite(target, force)
+    _announce_compilation()
     done = evaluate_csv(inference, source, target, threads=threads or available_cores())
     if done.unused:
         shown = ", ".join(done.unused[:6]) + (", ..." if len(done.unused) > 6 else "")
-        _warn(f"columns that name no input, not used: {shown}")
+        _warn(f"columns ignored, because they are not inputs: {shown}")
     typer.echo(f"{done.rows} rows written to {one_line(str(target))}")
 
 
@@ -239,7 +245,7 @@ def _choice(option: str, value: str, names: Any) -> Any:
 
 
 def _load(file: Path, type2: str | None) -> FuzzySystem:
-    """The system in a file, made uncertain if that is asked; gaps are told on standard error."""
+    """Load a system, convert it to type 2 if ``type2`` is given, and print warnings."""
     footprint = None if type2 is None else _parse_footprint(type2)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -250,7 +256,7 @@ def _load(file: Path, type2: str | None) -> FuzzySystem:
         return system
     if system.type > 1:
         raise InvalidInput(
-            f"--type2 is for type-1 systems; {one_line(str(file))} is of type {system.type} already"
+            f"--type2 applies to type-1 systems; {one_line(str(file))} is of type {system.type}"
         )
     return system.with_footprint(footprint)
 
@@ -266,7 +272,7 @@ def _parse_footprint(text: str) -> Footprint:
 
 
 def _parse_inputs(text: str, system: FuzzySystem) -> list[float]:
-    """Read ``NAME=X,NAME=Y`` in any order, or numbers in the order of the inputs."""
+    """Parse ``NAME=X,NAME=Y`` in any order, or numbers in the order of the inputs."""
     names = [variable.name for variable in system.inputs]
     parts = text.split(",")
     if "=" not in text:
@@ -284,7 +290,7 @@ def _parse_inputs(text: str, system: FuzzySystem) -> list[float]:
                 f"--inputs: there is no input {one_line(name, 60)!r}{suggestion(name, names)}"
             )
         if name in given:
-            raise InvalidInput(f"--inputs: the input {name!r} is there twice")
+            raise InvalidInput(f"--inputs: the input {name!r} appears twice")
         given[name] = _number(name, value)
     missing = [name for name in names if name not in given]
     if missing:
@@ -301,26 +307,26 @@ def _number(name: str, text: str) -> float:
         ) from None
 
 
-def _free(path: Path, force: bool) -> None:
-    """Refuse to write where something is."""
+def _check_overwrite(path: Path, force: bool) -> None:
+    """Raise unless the path is free, or a plain file and ``force`` is set."""
     if path.is_symlink() or (path.exists() and not path.is_file()):  # such as /dev/stdout
-        raise CannotWrite(f"{one_line(str(path))} is not a plain file; name another")
+        raise CannotWrite(f"{one_line(str(path))} is not a plain file; choose another")
     if path.exists() and not force:
-        raise CannotWrite(f"{one_line(str(path))} is there already; name another, or add --force")
+        raise CannotWrite(f"{one_line(str(path))} already exists; choose another, or add --force")
 
 
-def _new_folder(path: Path) -> None:
+def _create_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
         empty = not any(path.iterdir())
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = getattr(error, "strerror", None) or error
         raise CannotWrite(f"cannot write to {one_line(str(path))}: {reason}") from None
     if not empty:
-        raise CannotWrite(f"{one_line(str(path))} is not empty; name a new folder with --out")
+        raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
 
 
-def _print(system: FuzzySystem) -> None:
+def _print_system(system: FuzzySystem) -> None:
     for line in [*headline(system), *variable_lines(system), ""]:
         typer.echo(line)
     table = rules_table(system)
@@ -331,38 +337,38 @@ def _print(system: FuzzySystem) -> None:
         typer.echo(line)
 
 
-def _draw(inference: Inference, given: list[float] | None, folder: Path) -> int:
-    """Write every picture of a system; returns how many."""
+def _save_figures(inference: Inference, given: list[float] | None, folder: Path) -> int:
+    """Write all figures of a system and return their number."""
     system = inference.system
-    pictures: dict[str, Callable[[], Figure]] = {}
+    figures: dict[str, Callable[[], Figure]] = {}
     for k, variable in enumerate(system.variables, 1):
-        pictures[f"sets-{k}-{_plain(variable.name)}"] = partial(membership_figure, variable)
+        figures[f"sets-{k}-{_file_name_part(variable.name)}"] = partial(membership_figure, variable)
     for k, output in enumerate(system.outputs, 1):
         name = output.name
-        pictures[f"surface-{k}-{_plain(name)}"] = partial(control_surface, inference, name)
-    pictures["rules"] = partial(rule_viewer, inference, given)
+        figures[f"surface-{k}-{_file_name_part(name)}"] = partial(control_surface, inference, name)
+    figures["rules"] = partial(rule_viewer, inference, given)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")  # a name in a script that our font has not
-        # BLAS may leave floating-point flags that mean nothing; Matplotlib's projection shows them
+        warnings.filterwarnings("ignore", "Glyph")  # characters that the font does not have
+        # BLAS may set floating-point flags without an error; Matplotlib's projection reports them
         warnings.filterwarnings("ignore", "overflow encountered in dot")
-        for name, draw in pictures.items():
+        for name, draw in figures.items():
             path = folder / f"{name}.png"
             try:
                 save_figure(draw(), path)
             except OSError as error:
                 reason = error.strerror or error
                 raise CannotWrite(f"cannot write {one_line(str(path))}: {reason}") from None
-    return len(pictures)
+    return len(figures)
 
 
-def _plain(name: str) -> str:
-    """A name as part of a file's name."""
+def _file_name_part(name: str) -> str:
+    """Return a name with the characters that are safe in file names."""
     return re.sub(r"[^A-Za-z0-9_]+", "-", name)[:40].strip("-") or "variable"
 
 
-def _say_compiling() -> None:
+def _announce_compilation() -> None:
     if not kernels_are_kept("infer_rows"):
-        _warn("compiling, the first time only; it takes about half a minute")
+        _warn("compiling, only the first time; this takes about half a minute")
 
 
 def _warn(message: str) -> None:

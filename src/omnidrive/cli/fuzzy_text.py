@@ -1,4 +1,4 @@
-"""A fuzzy system in words and tables, for the terminal."""
+"""Text and tables that describe a fuzzy system, for the terminal."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from omnidrive.fuzzy import (
     rule_text,
 )
 
-_SETS, _RULES, _FIRED, _COLUMNS = 60, 60, 20, 20  # most that are shown
-_CELL = 40  # characters of a cell
-_WIDTH = 300  # characters of a rule
+_SETS, _RULES, _FIRED, _COLUMNS = 60, 60, 20, 20  # maximum numbers shown
+_CELL = 40  # maximum characters of a cell
+_WIDTH = 300  # maximum characters of a rule
 
 
 def headline(system: FuzzySystem) -> list[str]:
-    """Kind, type, sizes and operators of a system, one fact a line."""
+    """Return lines with the name, kind, type, sizes and operators of a system."""
     kind = "Sugeno" if system.is_sugeno else "Mamdani"
     names = {1: "type 1", 2: "interval type 2", 3: "interval type 3"}
     counts = ", ".join(
@@ -45,28 +45,29 @@ def headline(system: FuzzySystem) -> list[str]:
 
 
 def variable_lines(system: FuzzySystem) -> list[str]:
-    """Every variable with its range, and its sets with parameters and footprints."""
+    """Return lines with each variable, its range, and its sets with parameters and footprints."""
     lines: list[str] = []
     for variable in system.variables:
         span = f"[{variable.low:g}, {variable.high:g}]"
         if isinstance(variable, OutputVariable):
-            how = [] if variable.is_sugeno else [f"aggregation = {variable.aggregation}"]
-            how.append(f"defuzzifier = {variable.defuzzifier}")
+            operators = [] if variable.is_sugeno else [f"aggregation = {variable.aggregation}"]
+            operators.append(f"defuzzifier = {variable.defuzzifier}")
             if variable.default is not None:
-                how.append(f"default = {variable.default:g}")
-            lines += ["", f"output {variable.name} in {span}, {', '.join(how)}"]
+                operators.append(f"default = {variable.default:g}")
+            lines += ["", f"output {variable.name} in {span}, {', '.join(operators)}"]
         else:
             lines += ["", f"input {variable.name} in {span}"]
         width = min(max(len(each.name) for each in variable.sets), 20)
         lines += [
-            f"  {each.name:<{width}}  {_described(each, system)}" for each in variable.sets[:_SETS]
+            f"  {each.name:<{width}}  {_description(each, system)}"
+            for each in variable.sets[:_SETS]
         ]
         lines += filter(None, [_more(len(variable.sets), _SETS, "set")])
     return lines
 
 
 def rules_table(system: FuzzySystem) -> Table | None:
-    """Rules as a table, rows and columns the sets of two inputs; None where they are no such."""
+    """Return the rules of a complete two-input rule base as a table, or None for other rules."""
     if len(system.inputs) != 2 or max(len(v.sets) for v in system.inputs) > _COLUMNS:
         return None
     down, across = system.inputs
@@ -75,7 +76,7 @@ def rules_table(system: FuzzySystem) -> Table | None:
         pair = _pair(rule, down.name, across.name)
         if pair is None or pair in cells or rule.weight != 1.0:
             return None
-        cells[pair] = "/".join(_concluded(rule, output.name) for output in system.outputs)
+        cells[pair] = "/".join(_consequent_text(rule, output.name) for output in system.outputs)
     if len(cells) != len(down.sets) * len(across.sets) or max(map(len, cells.values())) > _CELL:
         return None
     rows = tuple(
@@ -90,7 +91,7 @@ def rules_table(system: FuzzySystem) -> Table | None:
 
 
 def rule_lines(system: FuzzySystem) -> list[str]:
-    """Rules as text, with their numbers; how many more there are, if not all are shown."""
+    """Return the rules as text with their numbers, and the number of rules not shown."""
     width = len(str(len(system.rules)))
     lines = [
         f"{number:>{width}}  {shortened_rule(rule)}"
@@ -100,7 +101,7 @@ def rule_lines(system: FuzzySystem) -> list[str]:
 
 
 def fired_lines(inference: Inference, inputs: Sequence[float]) -> list[str]:
-    """The rules that fire, the strongest first."""
+    """Return lines with the rules that fire, strongest first."""
     fired = inference.fired_rules(*inputs)
     if not fired:
         return ["No rule fires."]
@@ -116,44 +117,48 @@ def fired_lines(inference: Inference, inputs: Sequence[float]) -> list[str]:
         for each, strength in zip(fired, strengths, strict=False)
     ]
     more = _more(len(fired), _FIRED, "weaker rule")
-    return ["Rules that fire, with their strength", *lines, *filter(None, [more])]
+    return ["Rules that fire, with their firing strengths", *lines, *filter(None, [more])]
 
 
 def outputs_table(inference: Inference, inputs: Sequence[float]) -> Table:
-    """Value of every output, with its interval in a system of type 2 or 3."""
+    """Return a table of the outputs; for type 2 or 3 with their intervals."""
     system = inference.system
     values = inference(dict(zip((v.name for v in system.inputs), inputs, strict=True)))
     least, greatest = inference.interval(*inputs)
-    typed = system.type > 1
+    has_interval = system.type > 1
     rows = tuple(
-        (name[:_CELL], repr(value), *[repr(float(end[o])) for end in (least, greatest)] * typed)
+        (
+            name[:_CELL],
+            repr(value),
+            *[repr(float(end[o])) for end in (least, greatest)] * has_interval,
+        )
         for o, (name, value) in enumerate(values.items())
     )
-    headings = ("output", "value", *("least", "greatest") * typed)
+    headings = ("output", "value", *("least", "greatest") * has_interval)
     return Table("Outputs", headings, rows)
 
 
 def shortened_rule(rule: Rule) -> str:
-    """Text of a rule, cut if it is long."""
+    """Return the text of a rule, truncated if it is long."""
     try:
         text = rule_text(rule)
     except InvalidInput:
-        return "(a rule too long to show)"
+        return "(rule too long to show)"
     return text if len(text) <= _WIDTH else text[: _WIDTH - 3] + "..."
 
 
 def _pair(rule: Rule, down: str, across: str) -> tuple[str, str] | None:
-    """Sets of two inputs that a rule joins by "and"; None if it does otherwise."""
+    """Return the sets of two inputs that a rule combines by "and"; None for other rules."""
     parts = rule.antecedent.parts if isinstance(rule.antecedent, And) else ()
-    terms = {part.variable: part.set for part in parts if isinstance(part, Is) and not part.hedges}
-    if len(parts) != 2 or set(terms) != {down, across}:
+    sets = {part.variable: part.set for part in parts if isinstance(part, Is) and not part.hedges}
+    if len(parts) != 2 or set(sets) != {down, across}:
         return None
-    return terms[down], terms[across]
+    return sets[down], sets[across]
 
 
-def _concluded(rule: Rule, output: str) -> str:
-    term = next((each for each in rule.consequents if each.variable == output), None)
-    return " ".join((*term.hedges, term.set)) if term else "-"
+def _consequent_text(rule: Rule, output: str) -> str:
+    found = next((each for each in rule.consequents if each.variable == output), None)
+    return " ".join((*found.hedges, found.set)) if found else "-"
 
 
 def _linear(function: LinearFunction, system: FuzzySystem) -> str:
@@ -164,8 +169,8 @@ def _linear(function: LinearFunction, system: FuzzySystem) -> str:
     return shown.replace("+ -", "- ")
 
 
-def _described(each: FuzzySet | LinearFunction, system: FuzzySystem) -> str:
-    """Parameters of a set, and what makes it type-2 or type-3."""
+def _description(each: FuzzySet | LinearFunction, system: FuzzySystem) -> str:
+    """Return the parameters of a set, its footprint and its secondary membership."""
     if isinstance(each, LinearFunction):
         return _linear(each, system)
     text = str(each.upper)
@@ -176,8 +181,8 @@ def _described(each: FuzzySet | LinearFunction, system: FuzzySystem) -> str:
     elif each.lower is not None:
         text += f", lower: {each.lower}"
     if each.secondary is not None:
-        third = each.secondary
-        text += f", secondary: spread {third.spread:g}, scale {third.scale:g}, lag {third.lag:g}"
+        spread, scale, lag = each.secondary.spread, each.secondary.scale, each.secondary.lag
+        text += f", secondary: spread {spread:g}, scale {scale:g}, lag {lag:g}"
     return text
 
 

@@ -1,4 +1,4 @@
-"""Tables of inputs in CSV files, evaluated block by block: a million rows in little memory."""
+"""Evaluation of CSV files of inputs, in blocks of rows of bounded memory."""
 
 from __future__ import annotations
 
@@ -22,47 +22,49 @@ from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.fuzzy.inference import Inference
 
 MAX_LINE = 1_000_000
-"""Most bytes of one line."""
+"""Maximum number of bytes of a line."""
 
-_BLOCK = 8_000_000  # bytes read at a time
+_BLOCK = 8_000_000  # bytes read at once
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 
 
-class Evaluated(NamedTuple):
-    """What became of a table."""
+class EvaluatedTable(NamedTuple):
+    """Result of :func:`evaluate_csv`."""
 
     rows: int
+    """Number of rows written."""
     unused: tuple[str, ...]
-    """Columns that name no input."""
+    """Columns of the source that are not inputs."""
 
 
 class _Block(NamedTuple):
-    """Some whole lines of a file."""
+    """Consecutive complete lines of a file."""
 
     first_line: int
-    """Number of the first, from 1."""
+    """Number of the first line, from 1."""
     data: bytes
 
 
 def evaluate_csv(
     inference: Inference, source: Path, target: Path, *, threads: int = 1
-) -> Evaluated:
-    """Evaluate a system for every row of a CSV file and write another.
+) -> EvaluatedTable:
+    """Evaluate a system for every row of a CSV file and write the outputs to another.
 
-    The columns of ``source`` are named after the inputs, in any order; others are left alone, and
-    so are empty lines. Those of ``target`` are the outputs, each followed by NAME_lower and
-    NAME_upper in a system of type 2 or 3; every number is written so that the same one is read.
+    The columns of ``source`` have the names of the inputs, in any order; other columns and empty
+    lines are ignored. The columns of ``target`` are the outputs, each followed by NAME_lower and
+    NAME_upper in a system of type 2 or 3. Every number is written with the digits that are needed
+    to read the same number.
 
     Args:
-        inference: The system.
-        source: Comma-separated, in UTF-8, with one line of headings.
-        target: Replaced when the last row is done; untouched if any is refused.
-        threads: How many processor cores to use; changes no number.
+        inference: The compiled system.
+        source: Comma-separated file in UTF-8 with one header line.
+        target: File to write; it is replaced only when all rows are written.
+        threads: Number of threads; does not change the results.
 
     Raises:
-        InvalidInput: The file cannot be read, a column is missing, or a value is; the message
-            says in which line and column.
-        CannotWrite: There is no room, or no permission.
+        InvalidInput: The source cannot be read, or a column or value is missing or invalid; the
+            message names the line and the column.
+        CannotWrite: The target cannot be written.
     """
     name = one_line(str(source))
     rows = 0
@@ -70,36 +72,38 @@ def evaluate_csv(
         with source.open("rb") as stream:
             blocks = _blocks(stream)
             columns, unused = _columns(next(blocks, _Block(1, b"")), inference)
-            headings = _headings(inference)
-            with _whole(target) as out:
+            header = _header(inference)
+            with _replacement(target) as out:
                 with _writing(target):
-                    out.write(headings)
+                    out.write(header)
                 for block in blocks:
                     inputs = _inputs(block, columns)
-                    found = _evaluated(inference, inputs, block, threads)
+                    results = _evaluate(inference, inputs, block, threads)
                     with _writing(target):
-                        _write_rows(out, found, inference)
+                        _write_rows(out, results, inference)
                     rows += len(inputs)
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = getattr(error, "strerror", None) or error
         raise InvalidInput(f"{name}: cannot be read: {reason}") from None
-    return Evaluated(rows, unused)
+    return EvaluatedTable(rows, unused)
 
 
 class _Columns(NamedTuple):
+    """Columns of the source."""
+
     names: tuple[str, ...]
-    """Of all columns, in the file's order."""
+    """Names of all columns of the file."""
     inputs: tuple[int, ...]
-    """Where in the file each input stands."""
+    """Index of the column of each input."""
 
 
 def _blocks(stream: IO[bytes]) -> Iterator[_Block]:
-    """The first line of a file, then the others, many at a time."""
+    """Yield the header line, then blocks of lines."""
     line = stream.readline(MAX_LINE + 1).removeprefix(b"\xef\xbb\xbf")
     if len(line) > MAX_LINE:
-        raise InvalidInput(f"line 1 is longer than {MAX_LINE} bytes, the most that is read")
+        raise InvalidInput(f"line 1 is longer than {MAX_LINE} bytes")
     yield _Block(1, line)
     number = 2
     while data := stream.read(_BLOCK):
@@ -116,29 +120,29 @@ def _blocks(stream: IO[bytes]) -> Iterator[_Block]:
 
 
 def _columns(block: _Block, inference: Inference) -> tuple[_Columns, tuple[str, ...]]:
-    """Where the inputs stand, by the first line; and which columns are none."""
+    """Return the columns that the header names, and the names that are not inputs."""
     try:
         text = block.data.decode("utf-8")
     except UnicodeDecodeError:
-        raise InvalidInput("line 1: expected the names of columns in UTF-8") from None
+        raise InvalidInput("line 1: expected column names in UTF-8") from None
     names = tuple(name.strip() for name in _fields(text, 1))
     wanted = [variable.name for variable in inference.system.inputs]
     if not any(names):
         raise InvalidInput(f"line 1: expected the columns {', '.join(wanted)}, got an empty line")
     for name in wanted:
         if names.count(name) > 1:
-            raise InvalidInput(f"line 1: the column {name!r} is there twice")
+            raise InvalidInput(f"line 1: the column {name!r} appears twice")
         if name not in names:
-            there = suggestion(name, [one_line(each, 60) for each in names])
+            hint = suggestion(name, [one_line(each, 60) for each in names])
             if len(names) == 1 and (other := next((s for s in ";\t" if s in names[0]), None)):
-                there = f"; the separator must be a comma, not {other!r}"
-            raise InvalidInput(f"line 1: there is no column {name!r}{there}")
+                hint = f"; the separator must be a comma, not {other!r}"
+            raise InvalidInput(f"line 1: there is no column {name!r}{hint}")
     unused = tuple(one_line(each, 60) for each in names if each not in wanted)
     return _Columns(names, tuple(map(names.index, wanted))), unused
 
 
 def _inputs(block: _Block, columns: _Columns) -> Float[Array, "rows inputs"]:
-    """Numbers of a block: by Arrow; where it stumbles, line by line, to say where, and why."""
+    """Return the inputs of a block; after an error of Arrow, parse by line to locate the error."""
     keys = [str(k) for k in range(len(columns.names))]
     picked = [keys[k] for k in columns.inputs]
     if _is_plain(block):
@@ -156,20 +160,23 @@ def _inputs(block: _Block, columns: _Columns) -> Float[Array, "rows inputs"]:
         except pa.ArrowInvalid:
             pass
         else:
-            found = np.column_stack([table.column(key).to_numpy() for key in picked])
-            if np.isfinite(found).all():
-                return found
+            inputs = np.column_stack([table.column(key).to_numpy() for key in picked])
+            if np.isfinite(inputs).all():
+                return inputs
     return np.array([_numbers(*each, columns) for each in _lines(block)]).reshape(-1, len(picked))
 
 
 def _is_plain(block: _Block) -> bool:
-    """Whether Arrow sees the same rows as :func:`_lines`: no quotes, no lone carriage returns."""
+    """Return whether Arrow reads the same rows as :func:`_lines`.
+
+    Quotes and carriage returns without line feeds may be read differently.
+    """
     data = block.data
     return b'"' not in data and data.count(b"\r") == data.count(b"\r\n")
 
 
 def _lines(block: _Block) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that is not empty."""
+    """Yield the number and the text of each line that is not empty."""
     for number, line in enumerate(block.data.split(b"\n"), block.first_line):
         text = line.removesuffix(b"\r").decode("utf-8", errors="replace")
         if text:
@@ -177,7 +184,7 @@ def _lines(block: _Block) -> Iterator[tuple[int, str]]:
 
 
 def _numbers(number: int, line: str, columns: _Columns) -> list[float]:
-    """Inputs in one line."""
+    """Return the inputs of one line."""
     fields = _fields(line, number)
     if len(fields) != len(columns.names):
         raise InvalidInput(
@@ -187,7 +194,7 @@ def _numbers(number: int, line: str, columns: _Columns) -> list[float]:
     for k in columns.inputs:
         where, text = f"line {number}, column {columns.names[k]!r}", fields[k]
         if not text.strip():
-            raise InvalidInput(f"{where}: expected a number, got nothing")
+            raise InvalidInput(f"{where}: expected a number, got an empty field")
         if not _NUMBER.fullmatch(text) or not np.isfinite(float(text)):
             raise InvalidInput(f"{where}: expected a finite number, got {short_repr(text)}")
         found.append(float(text))
@@ -195,14 +202,14 @@ def _numbers(number: int, line: str, columns: _Columns) -> list[float]:
 
 
 def _fields(line: str, number: int) -> list[str]:
-    """Values of one line; a quoted value ends on it."""
+    """Return the fields of one line; a quoted field cannot contain a line break."""
     try:
         return next(csv.reader([line.rstrip("\r\n")], strict=True), [])
     except csv.Error as error:
         raise InvalidInput(f"line {number}: is not comma-separated values: {error}") from None
 
 
-def _evaluated(
+def _evaluate(
     inference: Inference, inputs: Float[Array, "rows inputs"], block: _Block, threads: int
 ) -> Float[Array, "3 rows outputs"]:
     try:
@@ -216,7 +223,7 @@ def _evaluated(
         raise
 
 
-def _headings(inference: Inference) -> bytes:
+def _header(inference: Inference) -> bytes:
     names = [
         name
         for output in inference.system.outputs
@@ -228,7 +235,7 @@ def _headings(inference: Inference) -> bytes:
     ]
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInput(f"two output columns would be called {name!r}; rename an output")
+            raise InvalidInput(f"two output columns would have the name {name!r}; rename an output")
     return ",".join(
         f'"{name.replace(chr(34), 2 * chr(34))}"' if re.search(r'[",]', name) else name
         for name in names
@@ -236,24 +243,24 @@ def _headings(inference: Inference) -> bytes:
 
 
 def _write_rows(
-    out: IO[bytes], found: Float[Array, "3 rows outputs"], inference: Inference
+    out: IO[bytes], results: Float[Array, "3 rows outputs"], inference: Inference
 ) -> None:
-    """Append rows; Arrow writes the shortest text from which the same number is read."""
-    if not found.shape[1]:
+    """Append rows; Arrow writes the shortest text that reads as the same number."""
+    if not results.shape[1]:
         return
-    several = 3 if inference.system.type > 1 else 1
+    count = 3 if inference.system.type > 1 else 1
     columns = [
-        pa.array(np.ascontiguousarray(found[k, :, o]))
-        for o in range(found.shape[2])
-        for k in range(several)
+        pa.array(np.ascontiguousarray(results[k, :, o]))
+        for o in range(results.shape[2])
+        for k in range(count)
     ]
     table = pa.table(columns, names=[str(k) for k in range(len(columns))])
     arrow.write_csv(table, out, arrow.WriteOptions(include_header=False))
 
 
 @contextmanager
-def _whole(target: Path) -> Iterator[IO[bytes]]:
-    """A stream whose content takes the place of ``target`` when all of it is there."""
+def _replacement(target: Path) -> Iterator[IO[bytes]]:
+    """Open a temporary file that replaces ``target`` if the block ends without an error."""
     with _writing(target):
         part = target.with_name(f".{target.name}.{os.getpid()}.part")
         stream = part.open("wb")
@@ -270,9 +277,9 @@ def _whole(target: Path) -> Iterator[IO[bytes]]:
 
 @contextmanager
 def _writing(target: Path) -> Iterator[None]:
-    """Turn the system's errors into :class:`CannotWrite`."""
+    """Convert errors of the operating system to :class:`CannotWrite`."""
     try:
         yield
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = getattr(error, "strerror", None) or error
         raise CannotWrite(f"cannot write {one_line(str(target))}: {reason}") from None

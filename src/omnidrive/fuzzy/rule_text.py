@@ -21,43 +21,46 @@ from omnidrive.fuzzy.rules import (
 )
 
 MAX_LENGTH = 10_000
-"""Most characters of one rule."""
+"""Maximum number of characters of a rule."""
 
 MAX_NAME = 200
-"""Most characters of a name."""
+"""Maximum number of characters of a name."""
 
 RESERVED = frozenset({"if", "then", "is", "and", "or", "with", *HEDGES})
-"""Words that are names only in quotes; in any case, upper or lower."""
+"""Keywords, in lower case; as names they must be quoted."""
 
 _PLAIN = r"""[^\s,():;'"]+"""
 _TOKEN = re.compile(rf"\s*(?:(?P<quoted>'(?:[^']|'')*')|(?P<mark>[,()])|(?P<word>{_PLAIN}))")
 
 
 def parse_rule(text: str, position: Position | None = None) -> Rule:
-    """Rule that a text says.
+    """Return the rule that a text denotes.
 
-    ``if CONDITION then CONCLUSIONS [with WEIGHT]``, where
+    The grammar is ``if ANTECEDENT then CONSEQUENTS [with WEIGHT]``, where
 
-    - a antecedent joins ``VARIABLE is [HEDGES] SET`` by ``and``, ``or`` and parentheses; ``and``
-      binds tighter;
-    - hedges are not, very, somewhat, extremely, seldom, and apply from the right; ``any`` stands
-      for them and the set: ``x is any`` always holds, and is ``Is("x", "", ("any",))``;
-    - ``not`` may also stand before the variable, though not before a group of several;
-    - consequents, ``VARIABLE is [not] SET``, are joined by ``and`` or a comma;
-    - the weight may also be written as Matlab does, ``(0.5)``.
+    - the antecedent combines propositions ``VARIABLE is [HEDGES] SET`` by ``and``, ``or`` and
+      parentheses; ``and`` binds tighter than ``or``;
+    - hedges are not, very, somewhat, extremely and seldom, and apply from the right; ``any``
+      replaces the set: ``x is any`` is always true, and is read as ``Is("x", "", ("any",))``;
+    - ``not`` may also precede the variable, but not a group of several propositions;
+    - consequents, ``VARIABLE is [not] SET``, are separated by ``and`` or a comma;
+    - the weight may also be written in Matlab's notation, ``(0.5)``.
 
-    Keywords are read in any case. A name is made of any characters but spaces, commas,
-    parentheses, colons, semicolons and quotes; other names, and those that are keywords, are
+    Keywords are accepted in any case. A name consists of any characters except spaces, commas,
+    parentheses, colons, semicolons and quotes; other names, and names equal to keywords, are
     written in single quotes, with ``''`` for a quote.
 
-    What is nested in its own kind is joined: "a and (b and c)" is one :class:`And` of three.
+    Nested groups with the same connective are merged: "a and (b and c)" is one :class:`And` of
+    three parts.
 
     Args:
-        text: At most :data:`MAX_LENGTH` characters; may have several lines.
-        position: Of its first character, for messages; None: line 1, column 1.
+        text: At most :data:`MAX_LENGTH` characters, on one or several lines.
+        position: Position of the first character in its file, for messages; None: line 1,
+            column 1.
 
     Raises:
-        InvalidFuzzyFile: The text is no rule; the message says where, and what was expected.
+        InvalidFuzzyFile: The text is not a rule; the message names the position and what was
+            expected.
     """
     start = position or Position(1, 1)
     if len(text) > MAX_LENGTH:
@@ -66,28 +69,31 @@ def parse_rule(text: str, position: Position | None = None) -> Rule:
 
 
 def rule_text(rule: Rule) -> str:
-    """Text of a rule, from which :func:`parse_rule` makes the same rule, :func:`normalised`.
+    """Return the text of a rule, which :func:`parse_rule` reads as the same rule.
+
+    The antecedent is :func:`normalised`.
 
     Raises:
-        InvalidInput: It is longer than :data:`MAX_LENGTH`, or nested too deeply.
+        InvalidInput: The text is longer than :data:`MAX_LENGTH`, or the antecedent is nested too
+            deeply.
     """
-    consequents = " and ".join(map(_is_text, rule.consequents))
+    consequents = " and ".join(map(_proposition_text, rule.consequents))
     text = f"if {_text(normalised(rule.antecedent))} then {consequents}"
     if rule.weight != 1.0:
         text += f" with {float(rule.weight)!r}"
     if len(text) > MAX_LENGTH:
         raise InvalidInput(
-            f"the rule {text[:40]!r}... has {len(text)} characters, more than the {MAX_LENGTH} "
-            "that are read; split it at an 'or'"
+            f"the rule {text[:40]!r}... has {len(text)} characters, more than the maximum of "
+            f"{MAX_LENGTH}; split it at an 'or'"
         )
     return text
 
 
 def normalised(antecedent: Antecedent) -> Antecedent:
-    """The same antecedent with what is nested in its own kind joined, and no group of one.
+    """Return the equivalent antecedent without groups of one and nested equal connectives.
 
     Raises:
-        InvalidInput: It is nested more than ``MAX_DEPTH`` deep, or a group is empty.
+        InvalidInput: The antecedent is nested more than ``MAX_DEPTH`` deep, or a group is empty.
     """
     for _ in propositions(antecedent):
         pass
@@ -106,7 +112,7 @@ def _flat(antecedent: Antecedent) -> Antecedent:
 
 def _text(antecedent: Antecedent) -> str:
     if isinstance(antecedent, Is):
-        return _is_text(antecedent)
+        return _proposition_text(antecedent)
     if isinstance(antecedent, Or):
         return " or ".join(map(_text, antecedent.parts))
     return " and ".join(
@@ -114,9 +120,9 @@ def _text(antecedent: Antecedent) -> str:
     )
 
 
-def _is_text(term: Is) -> str:
-    named = (_name_text(term.set),) if term.set else ()
-    return " ".join((_name_text(term.variable), "is", *term.hedges, *named))
+def _proposition_text(proposition: Is) -> str:
+    name = (_name_text(proposition.set),) if proposition.set else ()
+    return " ".join((_name_text(proposition.variable), "is", *proposition.hedges, *name))
 
 
 def _name_text(name: str) -> str:
@@ -127,9 +133,9 @@ def _name_text(name: str) -> str:
 
 class _Token(NamedTuple):
     key: str
-    """Keyword in lower case, mark, or ``end``; empty: a name."""
+    """Keyword in lower case, punctuation mark or ``end``; empty for a name."""
     text: str
-    """As written; of a quoted name what is in the quotes."""
+    """Text as written; for a quoted name, without the quotes."""
     offset: int
 
     def __str__(self) -> str:
@@ -137,23 +143,23 @@ class _Token(NamedTuple):
 
 
 class _Parser:
-    """Recursive descent; parentheses bound its depth."""
+    """Recursive descent parser; the nesting of parentheses is bounded."""
 
     def __init__(self, text: str, start: Position) -> None:
         self._text = text
         self._start = start
-        self._tokens = list(self._split())
+        self._tokens = list(self._tokenize())
         self._next = 0
 
     def rule(self) -> Rule:
-        """The rule that the text is, to its end."""
+        """Parse the whole text."""
         self._expect("if", "'if'")
-        antecedent = self._any_of(0)
+        antecedent = self._disjunction(0)
         if not self._accept("then"):
-            self._refuse("'and', 'or' or 'then'")
-        consequents = [self._term("an output")]
+            self._fail_at_next("'and', 'or' or 'then'")
+        consequents = [self._proposition("an output")]
         while self._accept("and", ","):
-            consequents.append(self._term("an output"))
+            consequents.append(self._proposition("an output"))
         weight = self._weight()
         self._expect("end", "the end of the rule")
         try:
@@ -161,42 +167,42 @@ class _Parser:
         except InvalidInput as error:
             raise malformed(self._start, str(error)) from None
 
-    def _any_of(self, depth: int) -> Antecedent:
-        parts = [self._all_of(depth)]
+    def _disjunction(self, depth: int) -> Antecedent:
+        parts = [self._conjunction(depth)]
         while self._accept("or"):
-            parts.append(self._all_of(depth))
+            parts.append(self._conjunction(depth))
         return parts[0] if len(parts) == 1 else Or(tuple(parts))
 
-    def _all_of(self, depth: int) -> Antecedent:
-        parts = [self._part(depth)]
+    def _conjunction(self, depth: int) -> Antecedent:
+        parts = [self._operand(depth)]
         while self._accept("and"):
-            parts.append(self._part(depth))
+            parts.append(self._operand(depth))
         return parts[0] if len(parts) == 1 else And(tuple(parts))
 
-    def _part(self, depth: int) -> Antecedent:
+    def _operand(self, depth: int) -> Antecedent:
         negation: tuple[Hedge, ...] = ()
         while self._accept("not"):
             negation += ("not",)
         opening = self._tokens[self._next]
         if not self._accept("("):
-            term = self._term("an input")
-            return Is(term.variable, term.set, negation + term.hedges)
+            proposition = self._proposition("an input")
+            return Is(proposition.variable, proposition.set, negation + proposition.hedges)
         if depth >= MAX_DEPTH:
             self._fail(opening, f"parentheses are nested more than {MAX_DEPTH} deep")
-        inner = self._any_of(depth + 1)
+        inner = self._disjunction(depth + 1)
         if not self._accept(")"):
-            self._refuse("'and', 'or' or ')'")
+            self._fail_at_next("'and', 'or' or ')'")
         if not negation:
             return inner
         if not isinstance(inner, Is):
             self._fail(
                 opening,
-                "'not' before a group cannot be read, since it would need the 'or' to be the dual "
-                "of the 'and'; write it before each set: not (A and B) is not A or not B",
+                "'not' before a group is not supported, because 'or' may differ from the dual of "
+                "'and'; write it before each set: not (A and B) is not A or not B",
             )
         return Is(inner.variable, inner.set, negation + inner.hedges)
 
-    def _term(self, what: str) -> Is:
+    def _proposition(self, what: str) -> Is:
         variable = self._name(what)
         self._expect("is", f"'is' after {variable[:40]!r}")
         hedges: list[Hedge] = []
@@ -205,7 +211,7 @@ class _Parser:
             hedges.append(key)
             if key == "any":
                 if self._tokens[self._next].key == "":
-                    self._refuse("no set after 'any'")
+                    self._fail_at_next("no set after 'any'")
                 return Is(variable, "", tuple(hedges))
         return Is(variable, self._name(f"a set of {variable[:40]!r}"), tuple(hedges))
 
@@ -222,7 +228,7 @@ class _Parser:
         opened = self._accept("(")
         if not (opened or self._accept("with")):
             if self._tokens[self._next].key != "end":
-                self._refuse("'and', 'with' or the end of the rule")
+                self._fail_at_next("'and', 'with' or the end of the rule")
             return 1.0
         token = self._expect("", "a weight")
         weight = parse_number(token.text, self._position(token))
@@ -240,14 +246,14 @@ class _Parser:
     def _expect(self, key: str, what: str) -> _Token:
         token = self._tokens[self._next]
         if not self._accept(key):
-            self._refuse(what)
+            self._fail_at_next(what)
         return token
 
-    def _refuse(self, expected: str) -> NoReturn:
+    def _fail_at_next(self, expected: str) -> NoReturn:
         token = self._tokens[self._next]
         hint = ""
         if token.key in RESERVED and expected.startswith("the name"):
-            hint = "; a name that is a keyword is written in single quotes"
+            hint = "; quote a name that is a keyword"
         self._fail(token, f"expected {expected}, got {token}{hint}")
 
     def _fail(self, token: _Token, what: str) -> NoReturn:
@@ -256,7 +262,7 @@ class _Parser:
     def _position(self, token: _Token) -> Position:
         return self._start.after(self._text[: token.offset])
 
-    def _split(self) -> Iterator[_Token]:
+    def _tokenize(self) -> Iterator[_Token]:
         text = self._text.rstrip()
         at = 0
         while at < len(text):
@@ -265,7 +271,7 @@ class _Parser:
                 at += len(text[at:]) - len(text[at:].lstrip())
                 token = _Token("", text[at], at)
                 if text[at] == "'":
-                    self._fail(token, 'a quoted name does not end: expected another "\'"')
+                    self._fail(token, 'the quoted name is not closed: expected another "\'"')
                 self._fail(token, f"expected a name or keyword, got {token}")
             at = match.end()
             offset = match.start(match.lastgroup or 0)
