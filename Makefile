@@ -1,22 +1,22 @@
-# Everything a newcomer needs: `make demo` and `make test`. The rest serves those who change the code.
+# Main targets: `make demo` and `make test`; the others are for development.
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .PHONY: help demo env test lint types contract test-long peers-if-possible lock clean
 
-help:  ## say what each target does
+help:  ## list the targets
 	@grep -hE '^[a-z%-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
 
-demo: .venv/ready  ## run the paper's whole study on physics and write its report
+demo: .venv/ready  ## run the paper's study with physics and write its report
 	$(BIN)/omnidrive compare
 
-env: .venv/ready  ## make the environment in .venv from the lock file
+env: .venv/ready  ## create the environment in .venv from the lock file
 
 test: .venv/ready-dev lint types contract  ## lint, types, import contract and every quick test
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not long"
 
-test-long: .venv/ready-dev  ## the checks that take minutes, and property tests on examples never seen before
+test-long: .venv/ready-dev  ## tests that take minutes, and property tests with new examples
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m long
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "hypothesis and not long" --hypothesis-profile=fresh
 
@@ -37,14 +37,14 @@ bench-nmpc bench-planning: peers-if-possible
 peers-if-possible: | .venv/made
 	-@$(MAKE) --no-print-directory .venv/peers/ready
 
-bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints ratios and writes benchmarks/out/NAME.json
+bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints its results and writes benchmarks/out/NAME.json
 	$(BIN)/python benchmarks/$*.py
 
 .venv/made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-	  || { echo "omnidrive needs Python 3.11 or newer; name one with: make PYTHON=python3.12 demo" >&2; exit 2; }
+	  || { echo "omnidrive needs Python 3.11 or newer; select one with: make PYTHON=python3.12 demo" >&2; exit 2; }
 	@$(PYTHON) -m venv --clear .venv \
-	  || { echo "$(PYTHON) cannot make an environment; on Debian and Ubuntu: apt install python3-venv" >&2; exit 2; }
+	  || { echo "$(PYTHON) cannot create an environment; on Debian and Ubuntu: apt install python3-venv" >&2; exit 2; }
 	@touch $@
 
 .venv/ready: requirements.lock pyproject.toml | .venv/made
@@ -61,7 +61,7 @@ bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints ratios and wri
 	.venv/peers/bin/python -m pip --disable-pip-version-check --quiet install --require-hashes -r benchmarks/peers.lock
 	@touch $@
 
-lock:  ## resolve the lock files anew (needs uv)
+lock:  ## update the lock files (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group build pyproject.toml -o requirements.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
