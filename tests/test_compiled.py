@@ -2,14 +2,21 @@
 
 import importlib
 import logging
+import os
+import subprocess
 import sys
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
-from omnidrive import kernel_cache
+import omnidrive
 from omnidrive.compiled import _kernels, kernels_are_kept
+from omnidrive.compiled import cache as kernel_cache
+from omnidrive.compiled.key import kernel_key
 
+PACKAGE = Path(omnidrive.__file__).parent
 CALLER = '''
 """Module docstring."""
 from typing import NamedTuple
@@ -49,6 +56,16 @@ def later(x):
 
 LATER = 3.0
 '''
+PROCESS = """
+import numpy as np
+from omnidrive.compiled import compiled
+
+@compiled
+def total(x):
+    return np.sort(x).sum() + np.median(x) - 1.0
+
+print(total(np.array([1.0, 2.0, 2.0])), len(total.stats.cache_misses))
+"""
 CALLEE = '''
 from enum import IntEnum
 
@@ -105,7 +122,7 @@ def build(tmp_path, monkeypatch):
 
 
 def key(module):
-    return kernel_cache.kernel_key(module.caller)
+    return kernel_key(module.caller)
 
 
 @pytest.mark.parametrize(
@@ -146,8 +163,8 @@ def test_edit_of_what_a_kernel_reaches_changes_its_key(build, old, new):
 
 
 def test_global_defined_below_the_kernel_is_part_of_the_key(build):
-    before = kernel_cache.kernel_key(build().later)
-    assert kernel_cache.kernel_key(build(("LATER = 3.0", "LATER = 4.0")).later) != before
+    before = kernel_key(build().later)
+    assert kernel_key(build(("LATER = 3.0", "LATER = 4.0")).later) != before
 
 
 def test_entry_is_loaded_after_a_harmless_edit_and_compiled_after_another(build):
@@ -175,14 +192,14 @@ def test_fields_of_a_named_tuple_argument_are_part_of_the_entry(build):
 def test_damaged_entry_is_replaced_and_reported_once(build, caplog, monkeypatch, damage):
     monkeypatch.setattr(kernel_cache, "_warned", set())
     build().caller(1.0)
-    paths = sorted(kernel_cache.cache_folder().iterdir())
+    paths = sorted(kernel_cache.cache_folder().glob("*.nbc"))
     sound = {path: path.read_bytes() for path in paths}
     for path in paths:
         path.write_bytes(damage(sound[path]))
     with caplog.at_level(logging.WARNING, logger="omnidrive"):
         assert build().caller(1.0) == 10.0
     assert [record.message.split(" is ")[1][:7] for record in caplog.records] == ["damaged"]
-    assert sorted(kernel_cache.cache_folder().iterdir()) == paths
+    assert sorted(kernel_cache.cache_folder().glob("*.nbc")) == paths
     again = build()
     assert again.caller(1.0) == 10.0
     assert not again.caller.stats.cache_misses
@@ -223,14 +240,87 @@ def test_kept_kernels_are_known_by_name(build):
 def test_unknown_kind_of_global_is_refused(build):
     module = build(("LATER = 3.0", "class Own: pass\n\nLATER = Own()"))
     with pytest.raises(TypeError, match=r"cannot refer to .*Own"):
-        kernel_cache.kernel_key(module.later)
+        kernel_key(module.later)
 
 
 def test_every_kernel_of_the_package_has_a_key():
-    for path in Path(kernel_cache.__file__).parent.rglob("*.py"):
+    for path in PACKAGE.rglob("*.py"):
         if "@compiled" in path.read_text() or "@inlined" in path.read_text():
-            parts = path.relative_to(Path(kernel_cache.__file__).parents[1]).with_suffix("").parts
+            parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
             importlib.import_module(".".join(parts))
     kernels = [kernel for group in _kernels.values() for kernel in group]
     assert len(kernels) > 200
-    assert len({kernel_cache.kernel_key(kernel) for kernel in kernels}) == len(kernels)
+    assert len({kernel_key(kernel) for kernel in kernels}) == len(kernels)
+
+
+def test_callee_is_compiled_within_its_caller_and_for_python_on_demand(build):
+    module = build()
+    callee = sys.modules[module.callee.py_func.__module__].callee
+    module.caller(1.0)
+    cached = sorted(path.name.split("-")[0] for path in kernel_cache.cache_folder().glob("*.nbc"))
+    assert cached == ["kernels_of_a_test.caller.caller"]
+    assert callee(3.0) == 3.0
+    assert len(list(kernel_cache.entries(callee))) == 1
+    again = build()
+    assert again.callee(3.0) == 3.0
+    assert not again.callee.stats.cache_misses
+    assert again.caller(1.0) == 10.0
+
+
+def test_callee_that_is_on_disk_is_linked_into_a_new_caller(build):
+    build().callee(3.0)
+    module = build()
+    assert module.caller(1.0) == 10.0
+    assert module.callee(3.0) == 3.0
+    assert not module.callee.stats.cache_misses
+
+
+def test_error_of_a_callee_arrives_with_its_message(build):
+    error = "if x > 1.5:\n        raise ValueError('too large')\n    return x"
+    for _ in range(2):  # compiled, and from disk
+        with pytest.raises(ValueError, match=r"^too large$"):
+            build(("return x * scale", error)).caller(1.0)
+
+
+def test_recursive_callee_is_linked(build):
+    recursive = "    if x > 10.0:\n        return callee(x - 1.0)\n    return x * scale"
+    edits = (("    return x * scale", recursive), ("FACTOR = 2.0", "FACTOR = 20.0"))
+    for _ in range(2):
+        assert build(*edits).caller(1.0) == 10.0 + 2.0 + 5.0 + 1.0
+
+
+def test_other_numba_functions_can_call_a_kernel_and_its_callees(build):
+    module = build()
+    module.caller(1.0)
+    caller, callee = module.caller, module.callee
+
+    @numba.njit
+    def foreign(x):
+        return caller(x) + callee(x) + np.zeros(3).sum()
+
+    assert foreign(1.0) == 11.0
+
+
+def test_processes_compile_a_kernel_once(tmp_path):
+    (tmp_path / "kernels.py").write_text(PROCESS)
+    command = [sys.executable, str(tmp_path / "kernels.py")]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    started = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    printed = [process.communicate()[0].split() for process in started]
+    assert [value for value, _ in printed] == ["6.0", "6.0"]
+    assert sorted(misses for _, misses in printed) == ["0", "1"]
+
+
+def test_kernels_are_plain_functions_without_compiler(tmp_path):
+    (tmp_path / "kernels.py").write_text(PROCESS.replace("len(total.stats.cache_misses)", "'none'"))
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "kernels.py")],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["6.0", "none"]

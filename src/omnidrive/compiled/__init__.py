@@ -1,4 +1,10 @@
-"""Compilation of the numerical kernels."""
+"""Compilation of the numerical kernels.
+
+This package is the only part of omnidrive that depends on internals of Numba: the cache interface
+of a dispatcher (``_cache`` with ``load_overload`` and ``save_overload``), ``CompileResult._reduce``
+and ``_rebuild``, ``serialize.dumps``, the code library and ``get_executable`` of the CPU target,
+and ``config``. The bounds of Numba in ``pyproject.toml`` are the versions that it is tested with.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +14,17 @@ from collections.abc import Callable
 from inspect import unwrap
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import njit, typeof
+from numba import typeof
+from numba.core import config
 
-from omnidrive.kernel_cache import attach_cache, cache_folder, entries
+from omnidrive.compiled.cache import cache_folder, entries
+from omnidrive.compiled.dispatcher import Kernel
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _log = logging.getLogger("omnidrive")
+_config: Any = config  # its attributes are set at run time
 _kernels: defaultdict[str, list[Any]] = defaultdict(list)
 
 
@@ -23,7 +32,7 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     """Compile ``kernel`` to machine code on its first call, and keep the result on disk.
 
     A kept result is used as long as no code changes that the kernel can reach:
-    :mod:`omnidrive.kernel_cache`.
+    :mod:`omnidrive.compiled.key`.
 
     A kernel runs without the interpreter's lock, so that threads can share the work.
 
@@ -50,9 +59,11 @@ def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
-    machine = njit(error_model="numpy", nogil=True, **options)(unwrap(kernel))
-    if attach_cache(machine):
-        _kernels[machine.__name__].append(machine)
+    function = unwrap(kernel)
+    if _config.DISABLE_JIT:
+        return cast("Callable[P, R]", function)
+    machine = Kernel(function, {"error_model": "numpy", "nogil": True, **options})
+    _kernels[function.__name__].append(machine)
     return cast("Callable[P, R]", machine)
 
 

@@ -1,175 +1,44 @@
-"""Disk cache of compiled kernels, keyed by the code that a kernel can reach.
+"""Key of a compiled kernel: a hash of everything that determines its machine code.
 
 Numba's own cache renews an entry when the file of a kernel changes, but not when a kernel that it
-calls, or a constant of another module, changes. Here the key of an entry is a hash of everything
-that determines the machine code:
+calls, or a constant of another module, changes. The key made here covers
 
 * the byte code and the constants of the kernel, without docstring, file name and line numbers;
 * its default arguments and compiler options;
 * every global and closure value that the code refers to: other kernels and functions with all that
   they refer to in turn, numbers, strings, tuples, arrays, enumerations, and the fields of named
   tuples;
-* the types of the arguments;
-* the processor, and the versions of Python, Numba, llvmlite and NumPy.
+* the versions of Python, Numba, llvmlite and NumPy, and the settings of the compiler.
 
-So an edit of a docstring, of a comment or of an unrelated file leaves every entry valid. The line
-numbers in the traceback of an error that a kernel raises are those at the time of compilation.
-
-This is the only file that depends on internals of Numba: the cache interface of a dispatcher
-(``Dispatcher._cache`` with ``load_overload`` and ``save_overload``), ``CompileResult._reduce`` and
-``_rebuild``, ``numba.core.serialize.dumps``, ``_Intrinsic._defn``, and ``config``, whose attributes
-are set at run time. The bounds of Numba in ``pyproject.toml`` are the versions that provide them.
+So an edit of a docstring, of a comment or of an unrelated file leaves a key as it is. Globals are
+read when the key is first needed, not when the kernel is defined.
 """
 
 from __future__ import annotations
 
-import logging
-import os
-import pickle
 import sys
-import time
 from collections.abc import Collection, Iterator
-from contextlib import suppress
 from dis import opmap
 from enum import Enum
 from functools import cache
 from hashlib import sha256
 from inspect import CO_GENERATOR, CO_VARARGS, CO_VARKEYWORDS
-from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, NamedTuple, cast
-from uuid import uuid4
+from typing import Any, NamedTuple
 
 import llvmlite
 import numba
 import numpy as np
-from numba.core import compiler, config, sigutils, types
+from numba.core import config, types
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
-from numba.core.serialize import dumps
 
-_log = logging.getLogger("omnidrive")
-_config: Any = config  # none of these has complete types
-_compiler: Any = compiler
-_signatures: Any = sigutils
-_dumps: Any = dumps
+_config: Any = config  # its attributes are set at run time
 
 _LOAD_GLOBAL, _EXTENDED_ARG = opmap["LOAD_GLOBAL"], opmap["EXTENDED_ARG"]
 _CALL_FLAGS = CO_VARARGS | CO_VARKEYWORDS | CO_GENERATOR
 _CHECKS = {"jaxtyping", "beartype"}  # they wrap functions in tests; no machine code depends on them
 _FOREIGN = {"numba", "numpy", "llvmlite", *_CHECKS, *sys.stdlib_module_names} - {"__main__"}
-_DAY = 86400.0
-_UNUSED_DAYS, _MOST_ENTRIES = 60, 4000
-
-
-class KernelCache:
-    """Cache of one kernel: a file per key and signature."""
-
-    def __init__(self, kernel: Dispatcher) -> None:
-        self._kernel = kernel
-
-    @property
-    def cache_path(self) -> str:
-        """Folder of the entries."""
-        return str(cache_folder())
-
-    def enable(self) -> None:
-        """Do nothing: the cache is always on."""
-
-    def disable(self) -> None:
-        """Do nothing: the cache is always on."""
-
-    def flush(self) -> None:
-        """Remove all entries of this kernel."""
-        for path in entries(self._kernel):
-            path.unlink(missing_ok=True)
-
-    def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """Return the compiled kernel for a signature; None: absent or unreadable."""
-        target_context.refresh()
-        path = self._path(signature, target_context.codegen())
-        try:
-            content = path.read_bytes()
-        except (FileNotFoundError, NotADirectoryError):
-            return None
-        except OSError as error:
-            _warn_once(f"cannot read the compiled kernel {path}: {error}; compiling it again")
-            return None
-        try:
-            result = _compiler.CompileResult._rebuild(target_context, *_checked(content))
-        except Exception as error:
-            _warn_once(f"the compiled kernel {path} is damaged ({error}); compiling it again")
-            return None
-        _mark_used(path)
-        return result
-
-    def save_overload(self, signature: Any, result: Any) -> None:
-        """Write a compiled kernel, in place of an older entry; in one step for other processes."""
-        if result.library.has_dynamic_globals or any(not part.can_cache for part in result.lifted):
-            return
-        path = self._path(signature, result.codegen)
-        data = _dumps(result._reduce())
-        unfinished = path.with_name(f"{path.name}.{uuid4().hex[:16]}.tmp")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.write_bytes(sha256(data).digest() + data)
-            os.replace(unfinished, path)
-            _remove_unused(path.parent)
-        except OSError as error:
-            with suppress(OSError):
-                unfinished.unlink(missing_ok=True)
-            _warn_once(f"compiled kernels cannot be kept in {path.parent}: {error}")
-
-    def _path(self, signature: Any, codegen: Any) -> Path:
-        arguments, result = _signatures.normalize_signature(signature)
-        told = "\n".join(
-            [*map(_type_text, arguments), str(result), *map(str, codegen.magic_tuple())]
-        )
-        return cache_folder() / f"{_entry_name(self._kernel)}-{_short(told)}.nbc"
-
-
-def _checked(content: bytes) -> tuple[Any, ...]:
-    """Contents of an entry, whose first bytes are the checksum of the others."""
-    digest, data = content[:32], content[32:]
-    if sha256(data).digest() != digest:
-        raise ValueError("its checksum is wrong")
-    return cast("tuple[Any, ...]", pickle.loads(data))
-
-
-def attach_cache(kernel: Any) -> bool:
-    """Keep the machine code of a kernel on disk; False: NUMBA_DISABLE_JIT is set."""
-    if not isinstance(kernel, Dispatcher):
-        return False
-    dispatcher: Any = kernel
-    dispatcher._cache = KernelCache(kernel)
-    return True
-
-
-def entries(kernel: Any) -> Iterator[Path]:
-    """Files of a kernel as it is now, one for each signature."""
-    return cache_folder().glob(f"{_entry_name(kernel)}-*.nbc")
-
-
-def cache_folder() -> Path:
-    """Folder of the entries: the user's choice, beside the package, or in the user's cache."""
-    return _folder(_config.CACHE_DIR)
-
-
-@cache
-def _folder(chosen: str) -> Path:
-    package = Path(__file__).parent
-    if chosen:
-        return Path(chosen) / "omnidrive-kernels"
-    if os.access(package, os.W_OK):
-        return package / "__pycache__" / "kernels"
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return home / "omnidrive" / "kernels"
-
-
-def _entry_name(kernel: Any) -> str:
-    function = kernel.py_func
-    name = f"{function.__module__}.{function.__qualname__}".replace("<", "").replace(">", "")
-    return f"{name[-150:]}-{kernel_key(kernel)}"
 
 
 def kernel_key(kernel: Any) -> str:
@@ -181,7 +50,7 @@ def kernel_key(kernel: Any) -> str:
         if part not in reached:
             reached[part], uses = _described(part)
             waiting += uses
-    return _short("\n".join([reached[kernel], *sorted(reached.values()), *_compiler_text()]))
+    return short_hash("\n".join([reached[kernel], *sorted(reached.values()), *_compiler_text()]))
 
 
 def _compiler_text() -> list[str]:
@@ -221,7 +90,7 @@ def _described(part: Any) -> _Description:
             texts.append(f"{name} = {_text(function.__globals__[name], uses, attributes)}")
         else:
             texts.append(f"{name}: built in")
-    return _Description(_short("\n".join(texts)), tuple(uses))
+    return _Description(short_hash("\n".join(texts)), tuple(uses))
 
 
 def _code_texts(code: CodeType, docstring: str | None, uses: list[Any]) -> Iterator[str]:
@@ -338,10 +207,10 @@ def _is_foreign(value: Any) -> bool:
     return name.split(".")[0] in _FOREIGN
 
 
-def _type_text(kind: Any) -> str:
+def type_text(kind: Any) -> str:
     """Text of the type of an argument; with the fields of the named tuples within it."""
     parts = getattr(kind, "types", None) or (getattr(kind, "dtype", None),)
-    inner = [_type_text(part) for part in parts if isinstance(part, types.Type)]
+    inner = [type_text(part) for part in parts if isinstance(part, types.Type)]
     cls = getattr(kind, "instance_class", None)
     own = f"{kind} {_class_text(cls, [])}" if isinstance(cls, type) else str(kind)
     return f"{own}[{', '.join(inner)}]" if inner else own
@@ -351,34 +220,6 @@ def _name(value: Any) -> str:
     return f"{value.__module__}.{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
-def _short(text: str) -> str:
+def short_hash(text: str) -> str:
+    """Return the first 80 bits of the SHA-256 of a text."""
     return sha256(text.encode()).hexdigest()[:20]
-
-
-def _mark_used(path: Path) -> None:
-    """Renew the time of an entry, at most once a day."""
-    with suppress(OSError):
-        if time.time() - path.stat().st_mtime > _DAY:
-            os.utime(path)
-
-
-@cache
-def _remove_unused(folder: Path) -> None:
-    """Remove what was not used for long, and the oldest beyond a number; once per process."""
-    ages: list[tuple[float, Path]] = []
-    for path in folder.iterdir():
-        with suppress(OSError):
-            ages.append((time.time() - path.stat().st_mtime, path))
-    for number, (age, path) in enumerate(sorted(ages)):
-        if age > _UNUSED_DAYS * _DAY or number >= _MOST_ENTRIES:
-            with suppress(OSError):
-                path.unlink()
-
-
-_warned: set[str] = set()
-
-
-def _warn_once(message: str) -> None:
-    if not _warned:
-        _log.warning(message)
-    _warned.add(message)
