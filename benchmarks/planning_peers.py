@@ -1,9 +1,8 @@
-"""The queries of the planning benchmark in other libraries, timed on request.
+"""Service that times the queries of the planning benchmark in other libraries.
 
-Runs in an environment of its own. A request is ``{"peer": name, "map": file, "queries": [[start,
-goal], ...]}``, which it answers with the seconds and the paths' lengths in cells, diagonal moves
-counting sqrt(2), of each. What a peer makes of a map once, its array or its graph, is made before
-and not timed.
+It runs in a separate environment. A request is ``{"peer": name, "map": file, "queries": [[start,
+goal], ...]}``; the answer contains the seconds and the path lengths in cells (a diagonal move
+counts sqrt(2)) of all queries. The preparation of a map, an array or a graph, is not timed.
 """
 
 import sys
@@ -34,7 +33,7 @@ def octile(a, b):
 
 
 def moves(occupied):
-    """Pairs of cells and lengths of all moves of eight neighbours without cutting corners."""
+    """Return the moves over eight neighbours without cutting corners: cell pairs and lengths."""
     free, number = ~occupied, np.arange(occupied.size).reshape(occupied.shape)
     right, down = free[:, :-1] & free[:, 1:], free[:-1] & free[1:]
     block = free[:-1, :-1] & free[:-1, 1:] & free[1:, :-1] & free[1:, 1:]
@@ -47,7 +46,7 @@ def moves(occupied):
 
 
 class PyAStar2D:
-    """Its diagonal moves cost as much as the others, and cut corners."""
+    """A* in which diagonal moves cost as much as straight ones and cut corners."""
 
     def __init__(self, occupied):
         self.weights = np.where(occupied, np.inf, 1.0).astype(np.float32)
@@ -57,7 +56,7 @@ class PyAStar2D:
 
 
 class Tcod:
-    """A* on lengths 70 and 99; cuts corners."""
+    """A* with integer lengths 70 and 99; cuts corners."""
 
     def __init__(self, occupied):
         self.cost = (~occupied).astype(np.int8)
@@ -81,7 +80,7 @@ class OldTcod:
 
 
 class ScikitImage:
-    """Dijkstra's search; cuts corners."""
+    """Dijkstra's algorithm; cuts corners."""
 
     def __init__(self, occupied):
         self.costs = np.where(occupied, -1.0, 1.0)
@@ -91,7 +90,7 @@ class ScikitImage:
 
 
 class Rustworkx:
-    """A* with lengths and heuristic in Python, as it asks for them."""
+    """A* with lengths and heuristic as Python callbacks, as its interface requires."""
 
     def __init__(self, occupied):
         self.cols = occupied.shape[1]
@@ -112,7 +111,7 @@ class Rustworkx:
 
 
 class RustworkxDijkstra(Rustworkx):
-    """Dijkstra's search, which asks Python for lengths only."""
+    """Dijkstra's algorithm, with lengths as a Python callback."""
 
     def __call__(self, start, goal):
         first, last = (r * self.cols + c for r, c in (start, goal))
@@ -157,17 +156,17 @@ PEERS = {
 }
 
 
-made = {}
+prepared = {}
 
 
 def answer(request):
     key = request["peer"], request["map"]
-    if key not in made:
-        if any(map_ != request["map"] for _, map_ in made):
-            made.clear()
-        made[key] = PEERS[request["peer"]](np.load(request["map"]))
+    if key not in prepared:
+        if any(map_ != request["map"] for _, map_ in prepared):
+            prepared.clear()
+        prepared[key] = PEERS[request["peer"]](np.load(request["map"]))
     queries = [(tuple(start), tuple(goal)) for start, goal in request["queries"]]
-    seconds, paths = timed(made[key], queries)
+    seconds, paths = timed(prepared[key], queries)
     return {"seconds": seconds, "lengths": list(map(length, paths, queries))}
 
 

@@ -1,4 +1,4 @@
-"""An S in the plane: one period of a sine, driven from rest to rest."""
+"""S-shaped reference: one period of a sine, from rest to rest."""
 
 from __future__ import annotations
 
@@ -9,40 +9,40 @@ import numpy as np
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, twist_between
 from omnidrive.reference import Setpoint
 
-LENGTH, WIDTH = 4.0, 0.5  # m, of the sine's period and amplitude
+LENGTH, WIDTH = 4.0, 0.5  # m, period and amplitude of the sine
 SPEED = 0.7  # m/s
 
 
 class SPath:
-    """A reference along the S at :data:`SPEED`.
+    """Reference along the S at :data:`SPEED`.
 
     Args:
-        turning: Whether the robot heads along the path; else it keeps the heading 0.
-        gaining: Time in s from rest to the full speed, and back; 0: at once.
+        turning: Whether the heading follows the path; otherwise it is 0.
+        ramp: Duration of the acceleration and of the deceleration, in s; 0 for none.
     """
 
-    def __init__(self, turning: bool, gaining: float) -> None:
+    def __init__(self, turning: bool, ramp: float) -> None:
         x = np.linspace(0.0, LENGTH, 20_001)
         rate = 2.0 * np.pi / LENGTH
         y = WIDTH * np.sin(rate * x)
         heading = np.arctan2(WIDTH * rate * np.cos(rate * x), 1.0) * turning
         self._along = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
         self._columns = x, y, heading
-        self._gaining = gaining
-        self.duration = float(self._along[-1]) / SPEED + gaining
+        self._ramp = ramp
+        self.duration = float(self._along[-1]) / SPEED + ramp
 
-    def _way(self, t: float) -> float:
-        """Distance driven after t s, in m."""
+    def _distance(self, t: float) -> float:
+        """Return the distance travelled after t s, in m."""
         t = min(max(t, 0.0), self.duration)
         if t > 0.5 * self.duration:
-            return float(self._along[-1]) - self._way(self.duration - t)
-        if t < self._gaining:
-            return 0.5 * SPEED * t * t / self._gaining
-        return SPEED * (t - 0.5 * self._gaining)
+            return float(self._along[-1]) - self._distance(self.duration - t)
+        if t < self._ramp:
+            return 0.5 * SPEED * t * t / self._ramp
+        return SPEED * (t - 0.5 * self._ramp)
 
     def pose(self, t: float) -> Pose:
-        way = self._way(t)
-        return Pose(*(float(np.interp(way, self._along, column)) for column in self._columns))
+        distance = self._distance(t)
+        return Pose(*(float(np.interp(distance, self._along, column)) for column in self._columns))
 
     def at(self, t: float) -> Setpoint:
         e = 1e-3
@@ -54,6 +54,6 @@ class SPath:
         return np.array([[*point.pose, *point.twist] for point in points])
 
     def commands(self, dt: float) -> list[BodyTwist]:
-        """Twists that would lead from pose to pose, for each ``dt`` s."""
+        """Return the constant twists between the poses, one per ``dt`` s."""
         poses = [self.pose(k * dt) for k in range(round(self.duration / dt) + 1)]
         return [twist_between(a, b, dt) for a, b in pairwise(poses)]

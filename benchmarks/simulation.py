@@ -149,8 +149,8 @@ def agreement_rows() -> Iterator[dict[str, object]]:
         robot = replace(ROBOTS["small"], friction=friction)
         limit = LIMITS[friction]
         for turning, heading in ((True, "along it"), (False, "kept")):
-            for gaining, start in ((0.0, "at once"), (1.0, "in 1 s"), (2.0, "in 2 s")):
-                path = SPath(turning, gaining)
+            for ramp, start in ((0.0, "at once"), (1.0, "in 1 s"), (2.0, "in 2 s")):
+                path = SPath(turning, ramp)
                 where = f"S at 0.7 m/s {start}, heading {heading}, friction {friction:g}"
                 rollers = open_loop(MujocoPlant(robot), path)
                 for name in ("planar", "ball"):
@@ -161,8 +161,8 @@ def agreement_rows() -> Iterator[dict[str, object]]:
                         if name == "planar"
                         else row(title, apart, "cm")
                     )
-                if gaining != 1.0:
-                    yield from closed_loop_rows(robot, path, where, limit, hard=gaining == 0.0)
+                if ramp != 1.0:
+                    yield from closed_loop_rows(robot, path, where, limit, hard=ramp == 0.0)
 
 
 def closed_loop_rows(

@@ -1,13 +1,12 @@
-"""How smooth, how safe and how fast paths are: ours, SciPy's splines and gradient smoothing.
+"""Curvature, collisions and times of smoothed paths: ours, SciPy's splines, gradient smoothing.
 
-All smooth the same shortest ways between random free cells of the shared maps. A path collides if
-a sample of it, 40 a cell, lies in an occupied cell. Curvatures are the greatest of each path, in
-1 / cell, of ours the proved bound and of the others what is attained. Times are those of the
-process: of a call, warm. SciPy's
-``splprep`` is asked for its default smoothness, and for a tenth of it. Gradient smoothing is that
-of Nav2's simple smoother with its default weights, refined twice: as it stands, and with its check
-that no point comes to lie in an obstacle; its points are the polygon that collides or not, and
-control points of a spline where it is asked for its curvature.
+All methods smooth the same shortest grid paths between random free cells of the shared maps. A path
+collides if one of its samples, 40 per cell, lies in an occupied cell. The curvature is the greatest
+of each path in 1 / cell: the proved bound for ours, the attained value for the others. Times are
+process times of warm calls. SciPy's ``splprep`` uses its default smoothness and a tenth of it.
+Gradient smoothing is that of Nav2's simple smoother with its default weights and two refinements,
+without and with its check that no point lies in an obstacle. Collisions are those of its polygon;
+its curvature is that of a spline with its points as control points.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ from omnidrive.planning import SplinePath, search, smooth
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "maps"
 NAV2 = {"depot": 0.25, "tb3_sandbox": 0.15, "smoothers_world": 0.25, "demo_map": 0.15}  # m
 MOVINGAI = ("random-32-32-20", "maze-32-32-4", "room-64-64-8", "warehouse-10-20-10-2-1")
-WAYS, SHORTEST = 400, 12  # per map; cells
+PATHS, SHORTEST = 400, 12  # per map; cells
 PER_CELL = 40
 DISTANCE = 0.2  # cells
-ABOUT_200 = (150, 250)  # cells of the ways that are timed
+ABOUT_200 = (150, 250)  # cells of the timed paths
 WEIGHT_OF_DATA, WEIGHT_OF_SMOOTHNESS, CHANGE, SWEEPS, REFINEMENTS = 0.2, 0.3, 1e-10, 1000, 2
 
-Way = tuple[OccupancyGrid, np.ndarray]
+GridPath = tuple[OccupancyGrid, np.ndarray]
 
 
 def grids() -> Iterator[OccupancyGrid]:
@@ -46,10 +45,10 @@ def grids() -> Iterator[OccupancyGrid]:
         yield OccupancyGrid(np.array([[c not in ".G" for c in line] for line in lines]), 1.0)
 
 
-def ways(grid: OccupancyGrid, rng: np.random.Generator) -> Iterator[Way]:
-    """Shortest ways between random free cells, as cell centres."""
+def grid_paths(grid: OccupancyGrid, rng: np.random.Generator) -> Iterator[GridPath]:
+    """Yield shortest paths between random free cells, as cell centres."""
     free = np.argwhere(~grid.occupied)
-    for _ in range(WAYS):
+    for _ in range(PATHS):
         start, goal = free[rng.integers(0, len(free), 2)].tolist()
         try:
             cells = search(grid, tuple(start), tuple(goal)).cells
@@ -77,11 +76,11 @@ def curvature(velocity: np.ndarray, acceleration: np.ndarray) -> float:
     return float(np.abs(cross / np.hypot(*velocity) ** 3).max())
 
 
-def scipys(share: float) -> Callable[[Way], tuple[np.ndarray, Callable[[], float]]]:
-    """SciPy's smoothing spline: samples and curvature."""
+def scipy_spline(share: float) -> Callable[[GridPath], tuple[np.ndarray, Callable[[], float]]]:
+    """Return a smoother by SciPy's spline, which returns samples and curvature."""
 
-    def smoothed(way: Way) -> tuple[np.ndarray, Callable[[], float]]:
-        grid, points = way
+    def smoothed(grid_path: GridPath) -> tuple[np.ndarray, Callable[[], float]]:
+        grid, points = grid_path
         m = len(points)
         scaled = points.T / grid.resolution
         spline, _ = splprep(scaled, s=share * (m - (2.0 * m) ** 0.5))
@@ -95,8 +94,8 @@ def scipys(share: float) -> Callable[[Way], tuple[np.ndarray, Callable[[], float
 
 
 @njit(cache=True)
-def relaxed(points, occupied, corner, resolution, checked):
-    """Sweeps of gradient smoothing; those before the first point in an obstacle, if checked."""
+def sweep_points(points, occupied, corner, resolution, checked):
+    """Run sweeps of gradient smoothing; if ``checked``, stop before a point enters an obstacle."""
     new, last = points.copy(), points.copy()
     for _ in range(SWEEPS):
         change = 0.0
@@ -118,14 +117,14 @@ def relaxed(points, occupied, corner, resolution, checked):
     return last, False
 
 
-def gradient(checked: bool) -> Callable[[Way], tuple[np.ndarray, Callable[[], float]]]:
-    """Gradient smoothing: samples of the polygon, and curvature of the spline on it."""
+def gradient(checked: bool) -> Callable[[GridPath], tuple[np.ndarray, Callable[[], float]]]:
+    """Return a gradient smoother, which returns samples of the polygon and spline curvature."""
 
-    def smoothed(way: Way) -> tuple[np.ndarray, Callable[[], float]]:
-        grid, points = way
+    def smoothed(grid_path: GridPath) -> tuple[np.ndarray, Callable[[], float]]:
+        grid, points = grid_path
         corner = np.array(grid.origin, float)
         for _ in range(1 + REFINEMENTS):
-            points, going = relaxed(points, grid.occupied, corner, grid.resolution, checked)
+            points, going = sweep_points(points, grid.occupied, corner, grid.resolution, checked)
             if not going:
                 break
         at = np.linspace(0.0, len(points) - 1.0, PER_CELL * len(points))
@@ -137,37 +136,37 @@ def gradient(checked: bool) -> Callable[[Way], tuple[np.ndarray, Callable[[], fl
 
 
 PEERS = {
-    "SciPy": scipys(1.0),
-    "SciPy, s a tenth": scipys(0.1),
+    "SciPy": scipy_spline(1.0),
+    "SciPy, s a tenth": scipy_spline(0.1),
     "gradient": gradient(checked=False),
     "gradient, points checked": gradient(checked=True),
 }
 
 
-def peer_rows(chosen: list[Way]) -> Iterator[dict]:
+def peer_rows(chosen: list[GridPath]) -> Iterator[dict]:
     for name, peer in PEERS.items():
         collisions, curvatures = 0, []
-        for way in chosen:
-            samples, bend = peer(way)
-            collisions += collides(way[0], samples)
-            curvatures.append(bend())
+        for grid_path in chosen:
+            samples, path_curvature = peer(grid_path)
+            collisions += collides(grid_path[0], samples)
+            curvatures.append(path_curvature())
         yield row(f"{name}: paths that collide", collisions / len(chosen), "of paths")
         yield row(f"{name}: median of the greatest curvature", median(curvatures), "1/cell")
 
 
-def distant_rows(chosen: list[Way]) -> Iterator[dict]:
-    """Certified paths that are asked to keep a distance."""
-    curvatures, kept = [], []
+def distant_rows(chosen: list[GridPath]) -> Iterator[dict]:
+    """Yield rows for certified paths with a required clearance."""
+    curvatures, clearances = [], []
     for grid, points in chosen:
         smoothed = smooth(grid, points, clearance=DISTANCE * grid.resolution)
         curvatures.append(smoothed.path.max_curvature[1] * grid.resolution)
-        kept.append(smoothed.clearance / grid.resolution)
+        clearances.append(smoothed.clearance / grid.resolution)
     name = f"certified, {DISTANCE:g} cells off"
-    yield at_least(f"{name}: least clearance that is proved", min(kept), "cells", DISTANCE - 1e-6)
+    yield at_least(f"{name}: least proved clearance", min(clearances), "cells", DISTANCE - 1e-6)
     yield row(f"{name}: median of the greatest curvature", median(curvatures), "1/cell")
 
 
-def our_rows(chosen: list[Way]) -> Iterator[dict]:
+def our_rows(chosen: list[GridPath]) -> Iterator[dict]:
     curvatures: dict[str, list[float]] = {"spline": [], "certified": []}
     collisions, closest, seconds = dict.fromkeys(curvatures, 0), np.inf, []
     smooth(*chosen[0])
@@ -184,7 +183,7 @@ def our_rows(chosen: list[Way]) -> Iterator[dict]:
     plain, certified = (median(found) for found in curvatures.values())
     yield row("paths", len(chosen), "1")
     yield at_most("certified: paths that collide", collisions["certified"], "1", 0)
-    yield at_least("certified: least clearance that is proved", closest, "cells", 0.0)
+    yield at_least("certified: least proved clearance", closest, "cells", 0.0)
     yield at_least(
         "certified: median curvature below the plain spline's", plain / certified, "1", 2.0
     )
@@ -200,7 +199,7 @@ def our_rows(chosen: list[Way]) -> Iterator[dict]:
 
 def main() -> None:
     rng = np.random.default_rng(5)
-    chosen = [way for grid in grids() for way in ways(grid, rng)]
+    chosen = [path for grid in grids() for path in grid_paths(grid, rng)]
     publish(
         "smoothing",
         [
