@@ -16,17 +16,10 @@ import mujoco
 import numpy as np
 from figures import at_most, publish, row
 
+from omnidrive.estimation import PoseEstimator, PoseFixSettings, SensorSettings
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
-from omnidrive.simulation import (
-    Lidar,
-    LidarSettings,
-    Measurement,
-    PoseEstimator,
-    PoseFixSettings,
-    Sensors,
-    SensorSettings,
-)
+from omnidrive.simulation import Lidar, LidarSettings, PlantState, SensorSuite
 
 STEPS, DT = 3000, 0.1
 START, TWIST = Pose(0.0, 0.0, 0.0), BodyTwist(0.4, 0.1, 0.3)
@@ -55,14 +48,14 @@ def updates(latency: float) -> float:
     """Of one update of the estimator, in us."""
     robot = named_robot("paper")
     settings = SensorSettings(fixes=PoseFixSettings(latency=latency))
-    sensors = Sensors(settings, robot.chassis, np.random.default_rng(0))
+    sensors = SensorSuite(settings, robot.chassis, np.random.default_rng(0))
     estimator = PoseEstimator(robot, settings)
     sensors.reset(START)
     estimator.reset(START)
     poses = [move(START, TWIST, DT * k) for k in range(STEPS)]
     wheels = robot.chassis.wheel_speeds(TWIST)
     states = [
-        Measurement(pose, TWIST, 0.0, tuple((wheels * DT * k).tolist()))
+        PlantState(pose, TWIST, 0.0, tuple((wheels * DT * k).tolist()))
         for k, pose in enumerate(poses)
     ]
     read = [sensors.read(DT * k, state) for k, state in enumerate(states)]

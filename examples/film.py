@@ -9,7 +9,7 @@ poses = np.array([[0.0, 0.0, 0.0], [0.5, 0.3, 0.5], [1.0, -0.3, 1.0], [1.5, 0.0,
 reference = od.SampledReference.through(np.array([0.0, 1.0, 2.0, 3.0]), poses)
 recorder = od.Recorder()
 run = od.simulate(
-    od.watched(od.MujocoPlant(robot, "ball"), robot, reference, [recorder]),
+    od.observe(od.MujocoPlant(robot, "ball"), robot, reference, [recorder]),
     od.FeedforwardController(dt=0.05),
     reference,
     start=reference.at(0.0).pose,

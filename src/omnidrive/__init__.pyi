@@ -37,19 +37,19 @@ from .reference import (
 from .robot import Chassis, Robot, named_robot
 from .simulation import (
     KinematicPlant,
-    Measurement,
     MujocoPlant,
     Outcome,
     PaperNoise,
     PlanarPlant,
     Plant,
+    PlantState,
     Run,
     identify_lag,
     roll_out,
     simulate,
 )
-from .simulation.show import Onlooker, Recorder, Recording, Viewer, film, replay, watched
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
+from .visualization import Observer, Recorder, Recording, Viewer, film, observe, replay
 
 __all__ = [
     "Actuation",
@@ -66,13 +66,12 @@ __all__ = [
     "HolonomicSolver",
     "KeepOutZone",
     "KinematicPlant",
-    "Measurement",
     "Metrics",
     "MotionLimits",
     "MujocoPlant",
+    "Observer",
     "OccupancyGrid",
     "OmnidriveError",
-    "Onlooker",
     "Outcome",
     "PaperNoise",
     "Path",
@@ -80,6 +79,7 @@ __all__ = [
     "Plan",
     "PlanarPlant",
     "Plant",
+    "PlantState",
     "Pose",
     "Recorder",
     "Recording",
@@ -112,6 +112,7 @@ __all__ = [
     "measure",
     "minimum_time",
     "named_robot",
+    "observe",
     "paper_map",
     "paper_scenario",
     "plan",
@@ -129,5 +130,4 @@ __all__ = [
     "to_body",
     "to_world",
     "unicycle_nmpc",
-    "watched",
 ]

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from omnidrive.cli.demand import Demand
+from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.study import paper_scenario, save_scenario
 from tests.shared_data import shared
 
@@ -66,10 +66,10 @@ def test_default_controllers_depend_on_preset(tmp_path):
         "feedforward",
         "recommended",
     )
-    assert Demand("paper").resolve().controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
-    assert Demand("paper", preset="recommended").resolve().controllers == all_seven
+    assert ScenarioOptions("paper").resolve().controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+    assert ScenarioOptions("paper", preset="recommended").resolve().controllers == all_seven
     save_scenario(paper_scenario(), tmp_path / "s.yaml")
-    demand = Demand(str(tmp_path / "s.yaml"), preset="recommended").resolve()
+    demand = ScenarioOptions(str(tmp_path / "s.yaml"), preset="recommended").resolve()
     assert demand.preset == "recommended"
     assert demand.controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
 
@@ -209,7 +209,7 @@ def test_assumed_radius_of_published_code_depends_on_preset(tmp_path, args, arm)
     files = [str(tmp_path / a) if a.endswith(".yaml") else a for a in args]
     scenario = files.pop(0) if files and files[0].endswith(".yaml") else "paper"
     named = dict(zip((f.removeprefix("--") for f in files[::2]), files[1::2], strict=True))
-    assert Demand(scenario, **named).resolve().robot.assumed_arm == arm
+    assert ScenarioOptions(scenario, **named).resolve().robot.assumed_arm == arm
 
 
 def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):

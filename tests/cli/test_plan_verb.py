@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from omnidrive.cli.demand import Demand
 from omnidrive.cli.main import load_verb
+from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.errors import CannotWrite, InvalidInput, OmnidriveError
 from omnidrive.maps import OccupancyGrid, load_map, load_queries, save_nav2_map
 from omnidrive.reference import load_waypoints
@@ -301,7 +301,7 @@ def test_planning_options_exist_for_every_verb(tmp_path):
     for verb in helps.values():
         names = {name for each in verb.params for name in each.opts}
         assert {"--" + name for name in options} <= names
-    found = Demand(
+    found = ScenarioOptions(
         search="jump-point", cut_corners=False, smooth="spline", timing="limits",
         heading="tangent", margin=0.2, unknown="free", seed=7,
     ).resolve()  # fmt: skip

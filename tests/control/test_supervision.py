@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from omnidrive.control import Command
 from omnidrive.control.supervision import (
     Finding,
-    Remaining,
     Seen,
     Supervisor,
     Watchdog,
@@ -19,7 +18,6 @@ from omnidrive.control.supervision import (
     WheelDefect,
     WheelMonitor,
 )
-from omnidrive.control.supervision.remaining import eased
 from omnidrive.errors import InvalidGeometry
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot, omni_ring

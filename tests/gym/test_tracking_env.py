@@ -21,9 +21,9 @@ from omnidrive.reference import Hold  # noqa: E402
 from omnidrive.robot import ROBOTS, named_robot  # noqa: E402
 from omnidrive.simulation import (  # noqa: E402
     KinematicPlant,
-    Measurement,
     MujocoPlant,
     PaperNoise,
+    PlantState,
     simulate,
 )
 from omnidrive.study import PlantName  # noqa: E402
@@ -162,7 +162,7 @@ def test_the_end_of_the_reference_truncates():
 def test_a_plant_that_fails_ends_the_run_with_finite_numbers():
     class Failing(KinematicPlant):
         def step(self, twist, dt):
-            return Measurement(Pose(nan, nan, nan), BodyTwist(nan, nan, nan), nan)
+            return PlantState(Pose(nan, nan, nan), BodyTwist(nan, nan, nan), nan)
 
     env = small(plant=Failing)
     env.reset(seed=1)

@@ -9,8 +9,8 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.robot import GRAVITY, named_robot
 from omnidrive.simulation import (
-    Conditions,
     DisturbablePlant,
+    Disturbances,
     KinematicPlant,
     Motor,
     MujocoPlant,
@@ -29,8 +29,8 @@ ROBOT = named_robot("paper")
 AT = Pose(0.2, -0.1, 0.4)
 STILL = BodyTwist(0.0, 0.0, 0.0)
 GOING = BodyTwist(0.4, 0.2, 0.3)
-ALL = {motor: Conditions((motor,) * len(ROBOT.mounts)) for motor in (Motor.DEAD, Motor.LOCKED)}
-EVERYTHING = Conditions(
+ALL = {motor: Disturbances((motor,) * len(ROBOT.mounts)) for motor in (Motor.DEAD, Motor.LOCKED)}
+EVERYTHING = Disturbances(
     (Motor.DEAD, Motor.LOCKED, Motor.WEAK, Motor.HEALTHY),
     (0.1, -0.05),
     Payload(10.0, 0.2, -0.3),
@@ -44,7 +44,7 @@ def broken(wheel, motor):
     """Conditions under which one motor is not healthy."""
     motors = [Motor.HEALTHY] * len(ROBOT.mounts)
     motors[wheel] = motor
-    return Conditions(tuple(motors))
+    return Disturbances(tuple(motors))
 
 
 def drive(plant, twist, steps=8, dt=0.1):
@@ -88,7 +88,7 @@ def test_nothing_changes_nothing(make):
     plant.reset(AT)
     fresh = repr(drive(plant, GOING))
     plant.reset(AT)
-    plant.impose(Conditions())
+    plant.impose(Disturbances())
     assert repr(drive(plant, GOING)) == fresh
 
 
@@ -97,9 +97,9 @@ def test_what_ends_is_over(make):
     """After conditions were taken back, the robot goes on as if they had never been."""
     plant, _ = begun(make, EVERYTHING._replace(impulse=WorldTwist(0, 0, 0)), GOING)
     drive(plant, GOING, 2)
-    plant.impose(Conditions())
+    plant.impose(Disturbances())
     after = drive(plant, GOING, 10)[-1]
-    healthy, _ = begun(make, Conditions(), GOING)
+    healthy, _ = begun(make, Disturbances(), GOING)
     assert np.array(after.twist) == pytest.approx(drive(healthy, GOING, 10)[-1].twist, abs=0.02)
 
 
@@ -137,7 +137,7 @@ def test_a_weak_motor_gives_half(make):
 def test_an_impulse_changes_the_velocity_by_itself_over_the_mass(make, angle):
     """2 ms later friction on the floor has had no time yet."""
     blow = 0.5 * ROBOT.mass * np.array([np.cos(angle), np.sin(angle)])
-    plant, before = begun(make, Conditions(impulse=WorldTwist(*blow.tolist(), 0.0)))
+    plant, before = begun(make, Disturbances(impulse=WorldTwist(*blow.tolist(), 0.0)))
     after = plant.step(STILL, 0.002)
     moved = np.subtract(after.pose, before.pose)[:2] / 0.002
     assert moved == pytest.approx(blow / ROBOT.mass, abs=0.06)
@@ -145,10 +145,10 @@ def test_an_impulse_changes_the_velocity_by_itself_over_the_mass(make, angle):
 
 @every_plant
 def test_a_payload_makes_it_heavier_and_lopsided(make):
-    plant, _ = begun(make, Conditions(payload=Payload(ROBOT.mass, 0.0, 0.5)))
+    plant, _ = begun(make, Disturbances(payload=Payload(ROBOT.mass, 0.0, 0.5)))
     drive(plant, STILL)
     blow = WorldTwist(0.5 * ROBOT.mass * np.cos(AT.yaw), 0.5 * ROBOT.mass * np.sin(AT.yaw), 0.0)
-    plant.impose(Conditions(payload=Payload(ROBOT.mass, 0.0, 0.5), impulse=blow))
+    plant.impose(Disturbances(payload=Payload(ROBOT.mass, 0.0, 0.5), impulse=blow))
     after = plant.step(STILL, 0.002)
     # the blow passes the common centre of mass, which lies 0.25 m to the left: it turns left
     assert after.twist.yaw_rate > 0.05
@@ -192,7 +192,7 @@ def test_a_patch_is_where_it_is_and_nowhere_else(make):
 @every_plant
 def test_it_is_carried_elsewhere_at_once(make):
     jump = WorldTwist(0.3, -0.4, 2.5)
-    plant, before = begun(make, Conditions(jump=jump), GOING)
+    plant, before = begun(make, Disturbances(jump=jump), GOING)
     after = plant.step(GOING, 0.002)
     assert np.subtract(after.pose, before.pose) == pytest.approx(jump, abs=0.002)
     assert np.array(after.twist) == pytest.approx(before.twist, abs=0.01)
@@ -203,14 +203,14 @@ def test_wheels_that_are_not_there_are_refused(make):
     plant = make(ROBOT)
     plant.reset(AT)
     with pytest.raises(InvalidInput, match="3 motors for 4 wheels"):
-        plant.impose(Conditions((Motor.DEAD,) * 3))
+        plant.impose(Disturbances((Motor.DEAD,) * 3))
 
 
 def test_without_forces_only_a_jump_means_something():
     plant = KinematicPlant(ROBOT)
     plant.reset(AT)
-    plant.impose(Conditions(jump=WorldTwist(0.3, -0.4, 2.5)))
+    plant.impose(Disturbances(jump=WorldTwist(0.3, -0.4, 2.5)))
     assert plant.step(STILL, 0.1).pose == pytest.approx((0.5, -0.5, 2.9))
-    for other in (EVERYTHING, ALL[Motor.DEAD], Conditions(slope=(0.1, 0.0))):
+    for other in (EVERYTHING, ALL[Motor.DEAD], Disturbances(slope=(0.1, 0.0))):
         with pytest.raises(InvalidInput, match="take the plant rollers, ball or planar"):
             plant.impose(other)

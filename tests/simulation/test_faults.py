@@ -15,10 +15,10 @@ from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
     FAULTS,
-    Conditions,
+    Disturbances,
     Motor,
     Schedule,
-    SensorConditions,
+    SensorFaults,
     default_faults,
     parse_fault,
 )
@@ -45,14 +45,14 @@ def test_what_lasts_holds_from_its_beginning_to_its_end(at, duration, dt):
     plan = schedule(f"wheel-dead:wheel=2,at={at!r},duration={duration!r}")
     for t, found in history(plan, dt, round(15.0 / dt)).items():
         inside = at - 1e-9 <= t < at + duration - 1e-9
-        assert found == (Conditions((0, 0, Motor.DEAD, 0)) if inside else Conditions())
+        assert found == (Disturbances((0, 0, Motor.DEAD, 0)) if inside else Disturbances())
 
 
 @few
 @given(st.floats(0.0, 9.0), st.sampled_from([0.02, 0.1, 0.25]))
 def test_what_is_at_once_happens_once(at, dt):
     plan = schedule(f"push:at={at!r},speed=2,direction=0", f"pose-jump:at={at!r}")
-    hits = [(t, c) for t, c in history(plan, dt, round(15.0 / dt)).items() if c != Conditions()]
+    hits = [(t, c) for t, c in history(plan, dt, round(15.0 / dt)).items() if c != Disturbances()]
     assert len(hits) == 1
     t, found = hits[0]
     assert at - 1e-9 <= t < at + dt
@@ -79,9 +79,9 @@ def test_sensors_and_timing():
         "encoder-dead:wheel=3,at=1", "sensor-silent:at=2,duration=1", "solver-overrun:at=4",
     )  # fmt: skip
     assert plan.on_the_plant == ()
-    assert plan.sensors(0.9) == SensorConditions()
-    assert plan.sensors(2.5) == SensorConditions((3,), fixes_silent=True)
-    assert plan.sensors(3.0) == SensorConditions((3,))
+    assert plan.sensors(0.9) == SensorFaults()
+    assert plan.sensors(2.5) == SensorFaults((3,), fixes_silent=True)
+    assert plan.sensors(3.0) == SensorFaults((3,))
     assert [plan.overrun(t) for t in (3.9, 4.0, 5.9, 6.0)] == [False, True, True, False]
 
 

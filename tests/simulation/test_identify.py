@@ -7,8 +7,8 @@ import pytest
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import ROBOTS
-from omnidrive.simulation import Measurement, MujocoPlant, identify_lag
-from omnidrive.simulation.mjcf import omni_model
+from omnidrive.simulation import MujocoPlant, PlantState, identify_lag
+from omnidrive.simulation.mujoco.mjcf import omni_model
 
 
 class Lagging:
@@ -19,13 +19,13 @@ class Lagging:
 
     def reset(self, pose):
         self.pose, self.twist = pose, np.zeros(3)
-        return Measurement(pose, BodyTwist(0.0, 0.0, 0.0), 0.0)
+        return PlantState(pose, BodyTwist(0.0, 0.0, 0.0), 0.0)
 
     def step(self, twist, dt):
         self.twist = self.twist + dt / (self.lag + dt) * (np.array(twist) - self.twist)
         done = BodyTwist(*self.twist.tolist())
         self.pose = move(self.pose, done, dt)
-        return Measurement(self.pose, done, 0.0)
+        return PlantState(self.pose, done, 0.0)
 
 
 @pytest.mark.parametrize("lag", [(0.0, 0.0), (0.02, 0.005), (0.3, 0.1)])
@@ -55,7 +55,7 @@ def test_mass_and_inertia_are_those_of_the_physics(name):
 def test_a_robot_that_stands_still_is_refused():
     class Stuck(Lagging):
         def step(self, twist, dt):
-            return Measurement(Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0), 0.0)
+            return PlantState(Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0), 0.0)
 
     with pytest.raises(InvalidInput, match="does not do what it is asked"):
         identify_lag(Stuck((0.0, 0.0)), np.random.default_rng(1))

@@ -14,8 +14,8 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, twist_between
 from omnidrive.robot import GRAVITY, ROBOTS, Robot, named_robot
 from omnidrive.simulation import (
-    Conditions,
     DisturbablePlant,
+    Disturbances,
     Motor,
     MujocoPlant,
     Patch,
@@ -23,7 +23,7 @@ from omnidrive.simulation import (
     PlanarPlant,
     roll_out,
 )
-from omnidrive.simulation.mjcf import omni_model
+from omnidrive.simulation.mujoco.mjcf import omni_model
 from omnidrive.simulation.planar.model import mass_matrix, model_of
 from omnidrive.simulation.planar.state import SPIN
 from omnidrive.simulation.planar.traction import twist_after
@@ -68,7 +68,7 @@ def diagonal(speed):
 
 
 def kick(speed):
-    return Conditions(impulse=WorldTwist(*(Small.robot.mass * speed * ALONG).tolist(), 0.0))
+    return Disturbances(impulse=WorldTwist(*(Small.robot.mass * speed * ALONG).tolist(), 0.0))
 
 
 def speed_along(state):
@@ -80,7 +80,7 @@ def test_inertias_are_those_of_the_mujoco_model(name):
     robot = ROBOTS[name]
     mujocos = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
     matrix = full_inertia(mujocos)
-    ours = model_of(robot, Conditions())
+    ours = model_of(robot, Disturbances())
     assert mass_matrix(ours.frame)[[0, 2], [0, 2]] == pytest.approx(
         matrix[[0, 5], [0, 5]], rel=1e-4
     )
@@ -97,7 +97,7 @@ def test_a_robot_off_its_centre_has_the_mass_matrix_of_the_mujoco_model():
     robot = small(com=(0.05, -0.03))
     model = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
     planar = full_inertia(model)[np.ix_([0, 1, 5], [0, 1, 5])]
-    assert mass_matrix(model_of(robot, Conditions()).frame) == pytest.approx(planar, abs=2e-4)
+    assert mass_matrix(model_of(robot, Disturbances()).frame) == pytest.approx(planar, abs=2e-4)
 
 
 def test_full_torque_gives_the_acceleration_of_mass_and_wheels():
@@ -142,10 +142,10 @@ def test_with_dead_motors_only_the_rollers_bearings_brake():
     plant.reset(ORIGIN)
     dead = (Motor.DEAD,) * 4
     plant.impose(kick(0.6)._replace(motors=dead))
-    plant.impose(Conditions(motors=dead))
+    plant.impose(Disturbances(motors=dead))
     first = plant.step(STILL, 0.1)
     last = plant.step(STILL, 1.0)
-    wheel = model_of(Small.robot, Conditions()).wheels[0]
+    wheel = model_of(Small.robot, Disturbances()).wheels[0]
     drag = 2.0 * wheel["roller_mass"] * wheel["roller_decay"]
     mass = Small.mass() + 2.0 * wheel["roller_mass"]
     lost = 1.0 - speed_along(last) / speed_along(first)
@@ -158,8 +158,8 @@ def test_without_friction_the_centre_of_mass_flies_straight_on():
     robot = small(friction=0.0, com=(0.06, -0.02))
     plant = PlanarPlant(robot, timestep=1e-3)
     plant.reset(Pose(0.3, 0.2, 0.5))
-    plant.impose(Conditions(impulse=WorldTwist(4.0, 2.0, 0.8)))
-    plant.impose(Conditions())
+    plant.impose(Disturbances(impulse=WorldTwist(4.0, 2.0, 0.8)))
+    plant.impose(Disturbances())
 
     def centre(state):
         return np.array(move(state.pose, BodyTwist(*robot.com, 0.0), 1.0)[:2])
@@ -171,7 +171,7 @@ def test_without_friction_the_centre_of_mass_flies_straight_on():
     )
     rates = [state.twist.yaw_rate for state in states]
     assert rates == pytest.approx([rates[0]] * 8, rel=1e-12)
-    inertia = mass_matrix(model_of(robot, Conditions()).frame)
+    inertia = mass_matrix(model_of(robot, Disturbances()).frame)
     turned = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]) @ [4.0, 2.0]
     assert rates[0] == pytest.approx(np.linalg.solve(inertia, [*turned, 0.8])[2], rel=1e-9)
 
@@ -188,7 +188,7 @@ def test_work_becomes_motion_and_is_never_made():
 
 def test_a_robot_rolls_down_a_slope_and_servos_let_it_creep():
     steep = 0.1
-    slope = Conditions(slope=tuple((steep * ALONG).tolist()))
+    slope = Disturbances(slope=tuple((steep * ALONG).tolist()))
     pull = GRAVITY * steep / hypot(1.0, steep) * Small.robot.mass
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
@@ -205,7 +205,7 @@ def test_a_robot_rolls_down_a_slope_and_servos_let_it_creep():
 def test_a_slope_is_fixed_to_the_world():
     turned = PlanarPlant(Small.robot)
     turned.reset(Pose(0.0, 0.0, 0.5 * pi))
-    turned.impose(Conditions(slope=(0.1, 0.0), motors=(Motor.DEAD,) * 4))
+    turned.impose(Disturbances(slope=(0.1, 0.0), motors=(Motor.DEAD,) * 4))
     state = turned.step(STILL, 0.5)
     assert state.pose.x < -0.1
     assert abs(state.pose.y) < 1e-3
@@ -213,12 +213,12 @@ def test_a_slope_is_fixed_to_the_world():
 
 def test_a_payload_is_carried_where_it_lies():
     payload = Payload(6.0, 0.1, -0.05)
-    loaded = model_of(Small.robot, Conditions(payload=payload)).wheels["load"]
+    loaded = model_of(Small.robot, Disturbances(payload=payload)).wheels["load"]
     together = small(mass=16.0, com=(6.0 * 0.1 / 16.0, -6.0 * 0.05 / 16.0))
     assert loaded == pytest.approx(together.loads, rel=1e-12)
     plant = PlanarPlant(small(servo_gain=1e3, friction=5.0, max_torque=1.0))
     plant.reset(ORIGIN)
-    plant.impose(Conditions(payload=Payload(Small.mass(), 0.0, 0.0)))
+    plant.impose(Disturbances(payload=Payload(Small.mass(), 0.0, 0.0)))
     state = plant.step(diagonal(2.0), 0.2)
     assert speed_along(state) == pytest.approx(0.2 * 40.0 / (2.0 * Small.mass()), rel=5e-3)
 
@@ -245,7 +245,7 @@ def test_a_patch_acts_on_the_wheels_that_stand_on_it():
     for radius in (0.05, 5.0):
         plant = PlanarPlant(robot)
         plant.reset(ORIGIN)
-        plant.impose(Conditions(patch=Patch(x, y, radius, 0.1)))
+        plant.impose(Disturbances(patch=Patch(x, y, radius, 0.1)))
         speeds[radius] = plant.step(diagonal(2.0), 0.05)
     push = 0.05 * GRAVITY / 4.0
     assert speed_along(speeds[5.0]) == pytest.approx(push * 0.2, rel=0.01)
@@ -255,7 +255,7 @@ def test_a_patch_acts_on_the_wheels_that_stand_on_it():
 def test_a_locked_wheel_stands_and_a_weak_motor_gives_half():
     plant = PlanarPlant(small(servo_gain=1e3))
     plant.reset(ORIGIN)
-    plant.impose(Conditions(motors=(Motor.LOCKED, Motor.WEAK, Motor.HEALTHY, Motor.DEAD)))
+    plant.impose(Disturbances(motors=(Motor.LOCKED, Motor.WEAK, Motor.HEALTHY, Motor.DEAD)))
     state = plant.step(BodyTwist(2.0, 0.0, 0.0), 0.02)
     assert state.wheel_angles[0] == 0.0
     assert abs(state.wheel_torques[1]) == pytest.approx(0.5 * Small.robot.max_torque)
@@ -266,12 +266,14 @@ def test_a_locked_wheel_stands_and_a_weak_motor_gives_half():
 def test_a_locked_wheel_lets_the_robot_go_only_across():
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
-    plant.impose(Conditions(motors=(Motor.LOCKED, *[Motor.HEALTHY] * 3)))
+    plant.impose(Disturbances(motors=(Motor.LOCKED, *[Motor.HEALTHY] * 3)))
     free = plant.step(diagonal(0.2), 1.0)  # along its axle its rollers turn
     assert speed_along(free) == pytest.approx(0.2, abs=2e-3)
-    plant.impose(Conditions(motors=(Motor.LOCKED, *[Motor.DEAD] * 3)))
+    plant.impose(Disturbances(motors=(Motor.LOCKED, *[Motor.DEAD] * 3)))
     plant.step(STILL, 0.1)
-    plant.impose(Conditions((Motor.LOCKED, *[Motor.DEAD] * 3), impulse=WorldTwist(-0.5, 0.5, 0.0)))
+    plant.impose(
+        Disturbances((Motor.LOCKED, *[Motor.DEAD] * 3), impulse=WorldTwist(-0.5, 0.5, 0.0))
+    )
     state = plant.step(STILL, 0.2)
     assert abs(Small.robot.rim_jacobian[0] @ state.twist) < 1e-5
     assert abs(state.twist.yaw_rate) > 0.01
@@ -283,7 +285,7 @@ def test_a_jump_moves_the_pose_alone_and_reset_takes_all_back():
     untouched = [plant.step(diagonal(0.3), 0.1) for _ in range(3)]
     load, patch = Payload(3.0, 0.1, 0.0), Patch(0.0, 0.0, 9.0, 0.01)
     jump = WorldTwist(0.5, -0.2, 0.7)
-    plant.impose(Conditions((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, jump=jump))
+    plant.impose(Disturbances((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, jump=jump))
     after = plant.step(diagonal(0.3), 1e-9)
     moved = np.subtract(after.pose, untouched[-1].pose)
     assert moved == pytest.approx([0.5, -0.2, 0.7], abs=1e-6)
@@ -296,7 +298,7 @@ def test_conditions_for_other_wheels_are_refused():
     plant = PlanarPlant(Small.robot)
     assert isinstance(plant, DisturbablePlant)
     with pytest.raises(InvalidInput, match="3 motors for 4 wheels"):
-        plant.impose(Conditions(motors=(Motor.DEAD,) * 3))
+        plant.impose(Disturbances(motors=(Motor.DEAD,) * 3))
 
 
 def wheels_own_answer(wheel, spin, v, h):
@@ -329,7 +331,7 @@ numbers = st.floats(-1.0, 1.0).map(lambda v: round(v, 3))
 def test_a_step_solves_what_bodies_wheels_and_servos_demand(draws, name):
     """Residual of Newton's law, every wheel's part of it found without the kernel."""
     h, robot = 0.002, replace(named_robot(name), com=(0.03, 0.01), friction=0.3)
-    model = model_of(robot, Conditions())
+    model = model_of(robot, Disturbances())
     count = len(robot.mounts)
     spins = np.zeros(count, SPIN)
     spins["speed"], spins["target"] = (np.array(draws[k : k + count]) * 40.0 for k in (0, 4))

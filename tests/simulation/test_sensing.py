@@ -9,25 +9,27 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import (
+    EncoderSettings,
+    GyroSettings,
+    LatestFix,
+    PoseEstimator,
+    PoseFixSettings,
+    SensorSettings,
+)
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
     DisturbableSensor,
-    EncoderSettings,
     EstimatingSensor,
-    GyroSettings,
     KinematicPlant,
-    LatestFix,
-    Measurement,
     MujocoPlant,
     PaperNoise,
-    PoseEstimator,
-    PoseFixSettings,
-    SensorConditions,
-    Sensors,
-    SensorSettings,
+    PlantState,
+    SensorFaults,
+    SensorSuite,
 )
-from omnidrive.simulation.sensing import Encoders, Gyro, PoseFixes
+from omnidrive.simulation.sensors import Encoders, Gyro, PoseFixes
 
 ROBOT = named_robot("paper")
 REST = BodyTwist(0.0, 0.0, 0.0)
@@ -35,7 +37,7 @@ START = Pose(1.0, -2.0, 0.5)
 
 
 def standing(pose=START, angles=()):
-    return Measurement(pose, REST, 0.0, angles)
+    return PlantState(pose, REST, 0.0, angles)
 
 
 def fixes(settings, seed=0):
@@ -133,7 +135,7 @@ def test_the_bias_begins_at_nothing_and_wanders_as_far_as_it_says(damping):
 
 def test_the_papers_preset_is_the_papers_noise():
     settings = SensorSettings(fixes=PoseFixSettings(law="paper"))
-    sensors = Sensors(settings, ROBOT.chassis, np.random.default_rng(3))
+    sensors = SensorSuite(settings, ROBOT.chassis, np.random.default_rng(3))
     paper = PaperNoise(np.random.default_rng(3))
     sensors.reset(START)
     for k in range(300):
@@ -197,10 +199,10 @@ def test_silence_loses_what_would_be_taken_but_not_what_is_on_its_way():
 
 
 def test_conditions_hold_until_the_next_reset():
-    sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
+    sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
     sensors.reset(START)
     sensors.read(0.0, standing())
-    sensors.impose(SensorConditions(dead_encoders=(1,), fixes_silent=True, gyro_silent=True))
+    sensors.impose(SensorFaults(dead_encoders=(1,), fixes_silent=True, gyro_silent=True))
     read = sensors.read(0.1, standing())
     assert [isnan(angle) for angle in read.wheel_angles] == [False, True, False, False]
     assert read.yaw_rate is None
@@ -214,7 +216,7 @@ def test_conditions_hold_until_the_next_reset():
 
 
 def test_who_can_be_disturbed():
-    sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
+    sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
     estimating = EstimatingSensor(sensors, PoseEstimator(ROBOT))
     assert isinstance(LatestFix(sensors), DisturbableSensor)
     assert isinstance(estimating, DisturbableSensor)
@@ -222,13 +224,13 @@ def test_who_can_be_disturbed():
 
 
 def test_conditions_of_wheels_that_are_not_there_are_refused():
-    sensors = Sensors(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
+    sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
     with pytest.raises(InvalidInput, match=r"there is no wheel 4 .* wheels 0 to 3"):
-        sensors.impose(SensorConditions(dead_encoders=(4,)))
+        sensors.impose(SensorFaults(dead_encoders=(4,)))
 
 
 def read_all(settings, seed):
-    sensors = Sensors(settings, ROBOT.chassis, np.random.default_rng(seed))
+    sensors = SensorSuite(settings, ROBOT.chassis, np.random.default_rng(seed))
     sensors.reset(START)
     return [sensors.read(0.1 * k, standing(move(START, BodyTwist(1, 0, 1), 0.1 * k)))
             for k in range(50)]  # fmt: skip
@@ -251,7 +253,7 @@ def test_one_sensors_settings_do_not_change_anothers_numbers():
 def test_the_latest_fix_counts_however_late_others_come():
     settings = SensorSettings(fixes=PoseFixSettings(rate=20.0, jitter=0.4, position_sigma=0.0,
                                                     yaw_sigma=0.0))  # fmt: skip
-    sensor = LatestFix(Sensors(settings, ROBOT.chassis, np.random.default_rng(2)))
+    sensor = LatestFix(SensorSuite(settings, ROBOT.chassis, np.random.default_rng(2)))
     sensor.reset(START)
     stamps = []
     for k in range(100):

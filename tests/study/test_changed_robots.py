@@ -7,7 +7,7 @@ from omnidrive.errors import InvalidInput, InvalidScenario, NoPathFound
 from omnidrive.planning import Waypoint
 from omnidrive.robot import named_robot
 from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
-from omnidrive.study.prepared import lay_out
+from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import (
     MapSection,
     MovingSection,
@@ -161,6 +161,6 @@ def test_walls_around_the_start_end_the_run(tmp_path):
         start=Waypoint(2.0, 6.0), goal=Waypoint(6.0, 2.0),
     )  # fmt: skip
     with pytest.raises(NoPathFound):
-        lay_out(closed)
+        plan_scenario(closed)
     with pytest.raises(NoPathFound):
         run_study(closed)

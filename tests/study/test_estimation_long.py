@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from omnidrive.simulation import Outcome, PoseFixSettings
+from omnidrive.estimation import PoseFixSettings
+from omnidrive.simulation import Outcome
 from omnidrive.study import Job, SensorsSection, paper_scenario, prepare, run_job
 
 pytestmark = pytest.mark.long

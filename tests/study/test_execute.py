@@ -13,7 +13,7 @@ import pytest
 from omnidrive.errors import WorkerLost
 from omnidrive.study.execute import execute
 from omnidrive.study.jobs import Job, jobs_of
-from omnidrive.study.prepared import prepare
+from omnidrive.study.planned_scenario import prepare
 from tests.study.small import small_scenario
 
 

@@ -6,19 +6,10 @@ import yaml
 
 from omnidrive.cli.main import load_verb
 from omnidrive.errors import InvalidScenario
+from omnidrive.estimation import EstimatorSettings, GyroSettings, LatestFix, PoseFixSettings
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
-from omnidrive.simulation import (
-    EstimatingSensor,
-    EstimatorSettings,
-    GyroSettings,
-    LatestFix,
-    Measurement,
-    Outcome,
-    PaperNoise,
-    PerfectSensor,
-    PoseFixSettings,
-)
+from omnidrive.simulation import EstimatingSensor, Outcome, PaperNoise, PerfectSensors, PlantState
 from omnidrive.study import (
     Job,
     SensorsSection,
@@ -94,7 +85,7 @@ def test_wrong_sensors_are_named(tmp_path, sensors, message):
 def test_what_the_controllers_see():
     robot, rng = named_robot("paper"), np.random.default_rng(0)
     plain = paper_scenario()
-    assert isinstance(make_sensor(plain, robot, rng), PerfectSensor)
+    assert isinstance(make_sensor(plain, robot, rng), PerfectSensors)
     assert isinstance(make_sensor(plain, robot, rng, noise=True), PaperNoise)
     assert isinstance(make_sensor(with_sensors(), robot, rng), EstimatingSensor)
     assert isinstance(make_sensor(with_sensors(estimator=None), robot, rng), LatestFix)
@@ -102,7 +93,7 @@ def test_what_the_controllers_see():
 
 def test_without_an_estimator_fixes_at_every_sample_are_the_papers_noise():
     robot, start = named_robot("paper"), Pose(0.0, 0.0, 0.0)
-    state = Measurement(start, BodyTwist(0.0, 0.0, 0.0), 0.0, (0.0,) * 4)
+    state = PlantState(start, BodyTwist(0.0, 0.0, 0.0), 0.0, (0.0,) * 4)
     seen = {}
     for name, scenario in (("plain", paper_scenario()), ("fix", with_sensors(estimator=None))):
         sensor = make_sensor(scenario, robot, np.random.default_rng(5), noise=True)

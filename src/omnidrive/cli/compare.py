@@ -7,7 +7,6 @@ from typing import Annotated, Any, get_args
 
 import typer
 
-from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RUN_PANEL,
@@ -19,6 +18,7 @@ from omnidrive.cli.options import (
     option,
 )
 from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
+from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
     PREDICTIVE,
@@ -37,9 +37,9 @@ def _selection(what: str, names: object) -> Any:
     return option("A,B,...", f"Only these {what}: {', '.join(get_args(names))}.", RUN_PANEL)
 
 
-@with_demand()
+@with_options()
 def compare(
-    demand: Demand,
+    demand: ScenarioOptions,
     controllers: Annotated[str | None, _selection("controllers", ControllerName)] = None,
     tasks: Annotated[str | None, _selection("tasks", TaskName)] = None,
     noise_seeds: Annotated[

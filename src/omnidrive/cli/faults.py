@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from omnidrive.cli.options import RUN_PANEL, option
-from omnidrive.simulation.faults import FAULTS, parse_fault
+from omnidrive.simulation.disturbances import FAULTS, parse_fault
 from omnidrive.study import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 

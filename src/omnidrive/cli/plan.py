@@ -11,15 +11,15 @@ from typing import Annotated, Any, get_args
 
 import typer
 
-from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
+from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.compiled import kernels_are_kept
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown, load_map, load_queries
 from omnidrive.planning import MethodName
 from omnidrive.study import (
     Fact,
-    Prepared,
+    PlannedScenario,
     check_plan_targets,
     plan_at,
     plan_facts,
@@ -34,9 +34,9 @@ _MAX_LISTED = 10  # queries listed in the text output
 _OF_SEARCHES = {"scenario", "map", "search", "unknown"}
 
 
-@with_demand("plant", "preset", "seed", "estimator")
+@with_options("plant", "preset", "seed", "estimator")
 def plan(
-    demand: Demand,
+    demand: ScenarioOptions,
     scen: Annotated[
         Path | None,
         option(
@@ -89,7 +89,7 @@ def plan(
     _report(prepared, out, png, json)
 
 
-def _report(prepared: Prepared, out: Path | None, png: Path | None, json: bool) -> None:
+def _report(prepared: PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:
     """Print the results and write the requested files."""
     reference = prepared.reference(planned_duration(prepared))
     facts = plan_facts(prepared, reference)
@@ -118,7 +118,7 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
     )
 
 
-def _check_search_options(demand: Demand, **options: object) -> None:
+def _check_search_options(demand: ScenarioOptions, **options: object) -> None:
     """Raise InvalidInput for options without effect on searches."""
     options = {field.name: getattr(demand, field.name) for field in fields(demand)} | options
     unused = [
@@ -130,7 +130,7 @@ def _check_search_options(demand: Demand, **options: object) -> None:
         raise InvalidInput(f"--scen only searches: omit {', '.join(unused)}")
 
 
-def _solve(demand: Demand, scen: Path, json: bool) -> None:
+def _solve(demand: ScenarioOptions, scen: Path, json: bool) -> None:
     """Search the queries of a scenario file and print the results."""
     if demand.map_file is None:
         raise InvalidInput("--scen needs the map file: omnidrive plan FILE.map --scen FILE.scen")

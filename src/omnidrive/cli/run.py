@@ -9,7 +9,6 @@ from typing import Annotated, get_args
 
 import typer
 
-from omnidrive.cli.demand import Demand, with_demand
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RESULTS_PANEL,
@@ -23,8 +22,8 @@ from omnidrive.cli.options import (
     option,
 )
 from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
+from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.errors import InvalidInput
-from omnidrive.simulation.show import Recorder, Viewer, check_film, film
 from omnidrive.study import (
     PREDICTIVE,
     ControllerName,
@@ -35,11 +34,12 @@ from omnidrive.study import (
     run_study,
     with_task,
 )
+from omnidrive.visualization import Recorder, Viewer, check_film, film
 
 
-@with_demand()
+@with_options()
 def run(
-    demand: Demand,
+    demand: ScenarioOptions,
     controller: Annotated[
         str, choice(get_args(ControllerName), "Controller.", RUN_PANEL)
     ] = "recommended",
@@ -80,7 +80,7 @@ def run(
         viewers = [stack.enter_context(Viewer())] if view else []
         recorders = [Recorder()] if video is not None else []
         progress = stack.enter_context(LiveProgress())
-        study = run_study(resolved, folder, watcher=progress, onlookers=[*viewers, *recorders])
+        study = run_study(resolved, folder, watcher=progress, observers=[*viewers, *recorders])
         videos = [_film(recorder, video, progress) for recorder in recorders if video is not None]
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))

@@ -1,4 +1,11 @@
-from .controller import Command, Controller, DetailedController, Status
+from .controller import (
+    Command,
+    Controller,
+    DetailedController,
+    PreparableController,
+    ReducibleController,
+    Status,
+)
 from .feedforward import FeedforwardController, FeedforwardGains
 from .nmpc import UnicycleController, unicycle_nmpc
 from .nmpc.holonomic import (
@@ -12,6 +19,8 @@ from .pid import (
     classical_pid,
     fuzzy_pid,
 )
+from .pipeline import Pipeline, PipelineStep
+from .reduced_drive import ReducedDrive
 
 __all__ = [
     "Command",
@@ -22,6 +31,11 @@ __all__ = [
     "FuzzyPidController",
     "HolonomicController",
     "HolonomicParameters",
+    "Pipeline",
+    "PipelineStep",
+    "PreparableController",
+    "ReducedDrive",
+    "ReducibleController",
     "Status",
     "TrackingPidController",
     "UnicycleController",

@@ -1,4 +1,4 @@
-"""The one interface that every controller satisfies."""
+"""The interface of every controller."""
 
 from __future__ import annotations
 
@@ -6,54 +6,85 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.control.reduced_drive import ReducedDrive
+from omnidrive.estimation import State
+from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 
 
 class Status(IntEnum):
-    """How the controller arrived at its command."""
+    """How the controller computed its command."""
 
     OK = 0
     FALLBACK = 1
-    """No converged solution in time: the best known plan is followed."""
+    """No converged solution in time; the command follows the best plan available."""
     FAILED = 2
-    """No usable command: the loop must stop the robot."""
+    """No usable command; the run ends and the robot must be stopped."""
 
 
 class Command(NamedTuple):
-    """What the controller asks of the robot until the next step."""
+    """Body twist to hold until the next sample."""
 
     twist: BodyTwist
+    """Commanded velocity of B in B; m/s, m/s, rad/s."""
     status: Status = Status.OK
     details: tuple[float, ...] = ()
-    """Inner numbers worth a log, in the order of :class:`DetailedController`'s ``detail_units``."""
+    """Internal quantities for the log, in the order of :class:`DetailedController`'s
+    ``detail_units``."""
+    message: str = ""
+    """Reason of the status ``FAILED``, or a traceback; may be empty."""
 
 
 @runtime_checkable
 class Controller(Protocol):
-    """Maps measured poses to commands, once every sample time.
+    """Maps state estimates to commands, once per sample.
 
-    ``reset`` then any number of ``step`` calls is one run. Two runs of the same inputs give
-    the same commands: all memory is cleared by ``reset`` and no other source of state exists.
+    ``reset`` and then any number of ``step`` calls is one run. Two runs with the same inputs give
+    the same commands: ``reset`` clears all memory, and there is no other source of state.
+
+    A controller may define, besides, any of:
+
+    - ``prepare()``: compile or factorise before the first sample, see
+      :class:`PreparableController`;
+    - ``detail_units``: see :class:`DetailedController`;
+    - ``with_reduced_drive(drive)``: see :class:`ReducibleController`.
     """
 
-    def reset(self, pose: Pose) -> None:
-        """Forget the past; the robot now stands at ``pose``."""
+    def reset(self, state: State) -> None:
+        """Clear all memory; the robot is at rest in ``state``."""
         ...
 
-    def step(self, t: float, pose: Pose, reference: Reference) -> Command:
-        """Command to hold on [t, t + dt), given the pose measured at ``t`` (s)."""
+    def step(self, t: float, state: State, reference: Reference) -> Command:
+        """Command to hold on [t, t + dt), t in s, for the state estimated at ``t``."""
+        ...
+
+
+@runtime_checkable
+class PreparableController(Controller, Protocol):
+    """A :class:`Controller` with work to do before its first sample."""
+
+    def prepare(self) -> None:
+        """Compile kernels and allocate memory, so that no later ``step`` has to.
+
+        It may be called more than once and leaves the controller as after ``reset``.
+        """
         ...
 
 
 @runtime_checkable
 class DetailedController(Controller, Protocol):
-    """A :class:`Controller` whose commands carry details, each of which becomes a column of a log.
-
-    A controller without details just leaves this out.
-    """
+    """A :class:`Controller` whose commands carry details, each of which is a column of the log."""
 
     @property
     def detail_units(self) -> Mapping[str, str]:
-        """Name and unit of each of ``Command.details``, in their order; ``1``: without unit."""
+        """Name and unit of each of ``Command.details``, in their order; ``1`` if dimensionless."""
+        ...
+
+
+@runtime_checkable
+class ReducibleController(Controller, Protocol):
+    """A :class:`Controller` that can take the loss of a driven wheel into account."""
+
+    def with_reduced_drive(self, drive: ReducedDrive) -> Controller:
+        """A controller in the same state that plans with the wheels that still drive."""
         ...

@@ -7,6 +7,7 @@ from math import exp
 from typing import Annotated, NamedTuple
 
 from omnidrive.control.controller import Command
+from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.parameter import Bounds, check_sample_time
 from omnidrive.reference import Reference
@@ -63,10 +64,11 @@ class FeedforwardController:
     def __post_init__(self) -> None:
         check_sample_time(self.dt)
 
-    def reset(self, pose: Pose) -> None:
+    def reset(self, state: State) -> None:
         """Do nothing: the law has no memory."""
 
-    def step(self, t: float, pose: Pose, reference: Reference) -> Command:
-        """Command for the pose measured at ``t`` (s)."""
+    def step(self, t: float, state: State, reference: Reference) -> Command:
+        """Command for the state estimated at ``t`` (s); only its pose is used."""
+        pose = state.pose
         now, soon = (Pose(*row) for row in reference.window(t, 2, self.dt)[:, :3].tolist())
         return Command(feedforward_law(self.gains, pose, now, soon, self.dt))

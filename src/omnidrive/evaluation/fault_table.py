@@ -8,7 +8,7 @@ from omnidrive.evaluation.recovery import Recovery
 from omnidrive.evaluation.results import FaultResult, StudyResults
 from omnidrive.evaluation.table import Table
 from omnidrive.simulation import Outcome
-from omnidrive.simulation.faults import FAULTS
+from omnidrive.simulation.disturbances import FAULTS
 
 
 def fault_table(results: StudyResults) -> Table:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from jaxtyping import UInt8
 
@@ -10,16 +12,17 @@ from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot
-from omnidrive.simulation import Measurement, MujocoPlant, Plant
-from omnidrive.simulation.show import (
+from omnidrive.simulation import Plant, PlantState
+from omnidrive.visualization import (
     Canvas,
-    Marks,
-    Puppet,
+    GhostModel,
+    Overlays,
     camera_of,
     follow,
     follows,
     path_of,
 )
+from omnidrive.visualization.observer import RenderedPlant
 
 _MOST = 20_000  # points of a trail
 
@@ -52,17 +55,17 @@ class Picture:
         self._plant, self._robot, self._reference = plant, robot, reference
         self._size, self._obstacles = size, obstacles
         self._canvas: Canvas | None = None
-        self._puppet: Puppet | None = None
-        self._state: Measurement | None = None
+        self._puppet: GhostModel | None = None
+        self._state: PlantState | None = None
         self._wheels = np.zeros(len(robot.mounts))
         self._trail: list[tuple[float, float]] = []
 
-    def begin(self, state: Measurement) -> None:
+    def begin(self, state: PlantState) -> None:
         """A run begins."""
         self._state, self._wheels = state, np.zeros(len(self._robot.mounts))
         self._trail = [state.pose[:2]]
 
-    def moved(self, state: Measurement, dt: float) -> None:
+    def moved(self, state: PlantState, dt: float) -> None:
         """The robot moved for ``dt`` s."""
         if self._puppet is not None and self._state is not None:
             self._wheels = self._puppet.rolled(self._state, state, self._wheels, dt)
@@ -78,14 +81,16 @@ class Picture:
             CannotDraw: There is no OpenGL.
         """
         assert self._state is not None
-        world = self._plant if isinstance(self._plant, MujocoPlant) else self._stand(t)
+        world = (
+            cast(RenderedPlant, self._plant) if self._plant.capabilities.renders else self._stand(t)
+        )
         if self._canvas is None:
             self._canvas = Canvas(world.model, *self._size)
         path, radius = path_of(self._reference), self._robot.body_radius
         camera = camera_of("auto", path, radius, self._size[0] / self._size[1])
         if follows("auto", path, radius):
             follow(camera, np.array(self._trail[-1]))
-        marks = Marks(path, np.array(self._trail), self._reference.at(t).pose, radius)
+        marks = Overlays(path, np.array(self._trail), self._reference.at(t).pose, radius)
         return self._canvas.draw(world.data, camera, marks)
 
     def close(self) -> None:
@@ -94,9 +99,9 @@ class Picture:
             self._canvas.close()
             self._canvas = None
 
-    def _stand(self, t: float) -> Puppet:
+    def _stand(self, t: float) -> GhostModel:
         assert self._state is not None
         if self._puppet is None:
-            self._puppet = Puppet(self._robot, obstacles=self._obstacles)
+            self._puppet = GhostModel(self._robot, obstacles=self._obstacles)
         self._puppet.put(t, self._state.pose, self._wheels)
         return self._puppet

@@ -14,6 +14,7 @@ from jaxtyping import Float32, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import LatestFix, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.gym.observation import ObservationLaw, top_speed
 from omnidrive.gym.picture import Picture
@@ -21,8 +22,8 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.reference import Reference, shortest_duration, time_uniformly
 from omnidrive.robot import Robot, named_robot
-from omnidrive.simulation import Measurement, PerfectSensor, Plant, Sensor
-from omnidrive.study import PlantName, lay_out, make_plant, paper_scenario
+from omnidrive.simulation import PerfectSensors, Plant, PlantState, Sensors
+from omnidrive.study import PlantName, make_plant, paper_scenario, plan_scenario
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 
@@ -61,7 +62,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         plant: str | Callable[[Robot], Plant] = "rollers",
         robot: str | Robot = "paper",
         reference: Reference | None = None,
-        sensor: Callable[[np.random.Generator], Sensor] | None = None,
+        sensors: Callable[[np.random.Generator], Sensors] | None = None,
+        estimator: Callable[[], StateEstimator] = LatestFix,
         obstacles: OccupancyGrid | None = None,
         dt: float = 0.1,
         preview: int = 5,
@@ -78,7 +80,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             plant: Its name, or what makes one.
             robot: Its name, or the robot itself.
             reference: What to track; by default the paper's path, in 20 s or as fast as it can.
-            sensor: Makes one, of random numbers for it to draw; by default nothing is wrong.
+            sensors: Makes the simulated sensors with a random generator; by default exact ones.
+            estimator: Makes the estimator of the pose from their readings.
             obstacles: A map that stands around the robot, where the plant has obstacles.
             dt: Sample time in s.
             preview: How many set points ahead are observed, 0 to 100.
@@ -102,7 +105,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )  # fmt: skip
         self._reference = reference or _usual_reference(self._robot)
         self._plant = _made(plant, self._robot, obstacles)
-        self._make_sensor, self._dt, self._effort = sensor, dt, effort
+        self._make_sensors, self._make_estimator = sensors, estimator
+        self._dt, self._effort = dt, effort
         self._spread, self._lost = spread, lost
         self._last = max(round(self._reference.duration / dt), 1)
         self.max_twist = np.array(max_twist or fastest_twist(self._robot), dtype=float)
@@ -134,9 +138,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._k, self._begun, self._running = 0, True, True
         self._action = np.zeros(3)
         self._state = self._plant.reset(start)
-        self._sensor = self._make_sensor(self.np_random) if self._make_sensor else PerfectSensor()
-        self._sensor.reset(start)
-        self._seen = self._sensor.sense(0.0, self._state).pose
+        make = self._make_sensors
+        self._sensors = make(self.np_random) if make else PerfectSensors()
+        self._sensors.reset(start)
+        self._estimator = self._make_estimator()
+        self._estimator.reset(start)
+        self._seen = self._estimator.update(self._sensors.read(0.0, self._state)).pose
         self._twist = _REST
         self._picture.begin(self._state)
         return self._observation(), self._info()
@@ -185,11 +192,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._picture.draw(self._time)
 
     def close(self) -> None:
-        """Give back what pictures are drawn with, and a plant that is to be given back."""
+        """Release the renderer and the plant."""
         self._picture.close()
-        give_back = getattr(self._plant, "close", None)
-        if callable(give_back):
-            give_back()
+        self._plant.close()
 
     @property
     def _time(self) -> float:
@@ -207,11 +212,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             raise InvalidInput(f"an offset is three numbers in m, m, rad; got {options['offset']}")
         return offset
 
-    def _take(self, state: Measurement) -> None:
-        """The plant moved: look at it through the sensor."""
-        seen = self._sensor.sense(self._time, state).pose
+    def _take(self, state: PlantState) -> None:
+        """Estimate the pose after a step of the plant."""
+        seen = self._estimator.update(self._sensors.read(self._time, state)).pose
         self._twist = (
-            twist_between(self._seen, seen, self._dt) if self._make_sensor else state.twist
+            twist_between(self._seen, seen, self._dt) if self._make_sensors else state.twist
         )
         self._state, self._seen = state, seen
         self._picture.moved(state, self._dt)
@@ -243,7 +248,7 @@ def fastest_twist(robot: Robot) -> BodyTwist:
 
 @cache
 def _paper_path() -> SplinePath:
-    return lay_out(paper_scenario()).path
+    return plan_scenario(paper_scenario()).path
 
 
 def _made(

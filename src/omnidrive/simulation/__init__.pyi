@@ -1,58 +1,42 @@
-from .conditions import Conditions, Motor, Patch, Payload, SensorConditions
 from .coppeliasim import CoppeliaSimPlant, CoppeliaSimScene
-from .estimation import EstimatingSensor, EstimatorSettings, PoseEstimator
-from .faults import (
-    FAULTS,
-    Fault,
-    Schedule,
-    default_faults,
-    parse_fault,
+from .disturbances import FAULTS, Fault, Schedule, default_faults, parse_fault
+from .disturbances.disturbances import (
+    Disturbances,
+    Impulse,
+    Motor,
+    Patch,
+    Payload,
+    PoseOffset,
+    SensorFaults,
 )
 from .identify import identify_lag
 from .kinematic import KinematicPlant
 from .loop import simulate
 from .moving_obstacle import MovingObstacle
-from .mujoco_plant import MujocoPlant
+from .mujoco.plant import MujocoPlant
 from .planar import PlanarPlant, roll_out
-from .plant import DisturbablePlant, Measurement, Plant
+from .plant import DisturbablePlant, Plant, PlantCapabilities, PlantState
 from .run import Outcome, Run
-from .sensing import (
-    DisturbableSensor,
-    EncoderSettings,
-    Estimate,
-    Fix,
-    GyroSettings,
-    LatestFix,
+from .sensors import (
     Lidar,
     LidarSettings,
     PaperNoise,
-    PerfectSensor,
-    PoseFixSettings,
-    Readings,
-    Sensor,
+    PerfectSensors,
     Sensors,
-    SensorSettings,
+    SensorSuite,
 )
 
 __all__ = [
     "FAULTS",
-    "Conditions",
     "CoppeliaSimPlant",
     "CoppeliaSimScene",
     "DisturbablePlant",
-    "DisturbableSensor",
-    "EncoderSettings",
-    "Estimate",
-    "EstimatingSensor",
-    "EstimatorSettings",
+    "Disturbances",
     "Fault",
-    "Fix",
-    "GyroSettings",
+    "Impulse",
     "KinematicPlant",
-    "LatestFix",
     "Lidar",
     "LidarSettings",
-    "Measurement",
     "Motor",
     "MovingObstacle",
     "MujocoPlant",
@@ -60,17 +44,16 @@ __all__ = [
     "PaperNoise",
     "Patch",
     "Payload",
-    "PerfectSensor",
+    "PerfectSensors",
     "PlanarPlant",
     "Plant",
-    "PoseEstimator",
-    "PoseFixSettings",
-    "Readings",
+    "PlantCapabilities",
+    "PlantState",
+    "PoseOffset",
     "Run",
     "Schedule",
-    "Sensor",
-    "SensorConditions",
-    "SensorSettings",
+    "SensorFaults",
+    "SensorSuite",
     "Sensors",
     "default_faults",
     "identify_lag",

@@ -1,4 +1,4 @@
-"""The kinematic plant: wheels that turn as told and never slip."""
+"""The kinematic plant: wheels execute their commanded speeds without slip."""
 
 from __future__ import annotations
 
@@ -8,46 +8,54 @@ from math import nan
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import Robot
-from omnidrive.simulation.conditions import Conditions
-from omnidrive.simulation.plant import Measurement
+from omnidrive.simulation.disturbances.disturbances import Disturbances
+from omnidrive.simulation.plant import PlantCapabilities, PlantState
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
 class KinematicPlant:
-    """Exact SE(2) motion under the wheel-speed limits; no mass, no slip.
+    """Exact SE(2) motion within the wheel-speed limits; no mass, no slip.
 
-    The command becomes wheel speeds by ``robot.drive``, the wheel speeds become motion by
-    ``robot.chassis``: the two differ on a miscalibrated robot.
+    ``robot.drive`` converts the command to wheel speeds, ``robot.chassis`` converts these to
+    motion; the two differ for a miscalibrated robot.
     """
 
     robot: Robot
     _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
 
-    def reset(self, pose: Pose) -> Measurement:
-        """Place the robot at ``pose``."""
-        self._pose = pose
-        return Measurement(pose, _REST, nan)
+    @property
+    def capabilities(self) -> PlantCapabilities:
+        """Disturbable by pose offsets only: there are no forces."""
+        return PlantCapabilities(disturbable=True)
 
-    def step(self, twist: BodyTwist, dt: float) -> Measurement:
-        """Hold ``twist``, cut to the wheels' limits, for ``dt`` seconds."""
+    def reset(self, pose: Pose) -> PlantState:
+        """Start at rest at ``pose``."""
+        self._pose = pose
+        return PlantState(pose, _REST, nan)
+
+    def step(self, twist: BodyTwist, dt: float) -> PlantState:
+        """Hold ``twist``, saturated in wheel space, for ``dt`` (s)."""
         drive = self.robot.drive
         actual = self.robot.chassis.twist(drive.wheel_speeds(drive.saturate(twist)))
         self._pose = move(self._pose, actual, dt)
-        return Measurement(self._pose, actual, nan)
+        return PlantState(self._pose, actual, nan)
 
-    def impose(self, conditions: Conditions) -> None:
-        """Carry the robot elsewhere; nothing else can act on one without forces.
+    def apply(self, disturbances: Disturbances) -> None:
+        """Add a pose offset.
 
         Raises:
-            InvalidInput: The conditions say anything else.
+            InvalidInput: There are other disturbances, which need forces.
         """
-        jump = conditions.jump
-        if conditions != Conditions(jump=jump):
+        offset = disturbances.offset
+        if disturbances != Disturbances(offset=offset):
             raise InvalidInput(
-                "on the plant kinematic, which knows no forces, only pose-jump, sensors and timing "
-                "can go wrong; take the plant rollers, ball or planar"
+                "a plant without forces accepts no disturbance but a pose offset; use a plant with "
+                "forces"
             )
         x, y, yaw = self._pose
-        self._pose = Pose(x + jump.vx, y + jump.vy, yaw + jump.yaw_rate)
+        self._pose = Pose(x + offset.x, y + offset.y, yaw + offset.yaw)
+
+    def close(self) -> None:
+        """Do nothing: the plant holds no resources."""

@@ -1,124 +1,165 @@
-"""The closed loop."""
+"""The closed loop in simulated time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
-from time import get_clock_info, perf_counter_ns, thread_time_ns
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.control import Command, Controller, DetailedController, Status
-from omnidrive.control.supervision import Event, Seen, Supervisor, Unsupervised
-from omnidrive.errors import InvalidInput, PlantLost
+from omnidrive.control import Controller, DetailedController, Pipeline, PipelineStep, Status
+from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
+from omnidrive.errors import InvalidInput, OmnidriveError, PlantLost
+from omnidrive.estimation import LatestFix, SensorReadings, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
-from omnidrive.simulation.conditions import Conditions, SensorConditions
-from omnidrive.simulation.faults import Schedule
-from omnidrive.simulation.faults.perception import Perception
-from omnidrive.simulation.plant import DisturbablePlant, Measurement, Plant
+from omnidrive.simulation.disturbances import Schedule
+from omnidrive.simulation.disturbances.disturbances import Disturbances
+from omnidrive.simulation.plant import DisturbablePlant, Plant, PlantState
 from omnidrive.simulation.run import Outcome, Run
-from omnidrive.simulation.sensing import Estimate, PerfectSensor, Sensor
+from omnidrive.simulation.sensors import PerfectSensors, Sensors
 
-# a thread's own time is not disturbed by other processes; some systems count it too coarsely
-_clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
-_STOP = Command(BodyTwist(0.0, 0.0, 0.0))
+T = TypeVar("T")
+
+_STOP = BodyTwist(0.0, 0.0, 0.0)
 _BEFORE = -1.0  # s; a time before the first sample
+_FAILED = {
+    "reference": Outcome.REFERENCE_FAILED,
+    "estimator": Outcome.ESTIMATOR_FAILED,
+    "supervisor": Outcome.SUPERVISOR_FAILED,
+    "controller": Outcome.CONTROLLER_FAILED,
+}
 
 
 def simulate(
     plant: Plant,
-    controller: Controller,
+    controller: Controller | Pipeline,
     reference: Reference,
     *,
     start: Pose,
     dt: float,
-    sensor: Sensor | None = None,
-    schedule: Schedule | None = None,
+    sensors: Sensors | None = None,
+    estimator: StateEstimator | None = None,
     supervisor: Supervisor | None = None,
+    schedule: Schedule | None = None,
     rng: np.random.Generator | None = None,
 ) -> Run:
     """Close the loop until the reference ends.
 
+    An exception or a malformed result of a part ends the run, not the program: the outcome, the
+    reason and the traceback are in the returned log.
+
     Args:
-        plant: What moves.
-        controller: What decides.
-        reference: What is wanted.
-        start: Pose at which the robot stands at t = 0.
-        dt: Sample time in s; the reference ends on the nearest multiple.
-        sensor: What the controller sees; the true pose by default.
-        schedule: What goes wrong, and when; nothing by default.
-        supervisor: Who stops the robot in time, and makes up for wheels that fail; nobody by
-            default.
-        rng: What jitter of the sample time is drawn from; without it there is none.
+        plant: The simulated robot; the caller closes it.
+        controller: The controller, or a whole pipeline.
+        reference: The motion to track.
+        start: Pose at t = 0, at rest.
+        dt: Sample time, s; the reference ends at the nearest multiple.
+        sensors: Simulated sensors; by default exact poses, encoders and currents.
+        estimator: By default the latest pose fix.
+        supervisor: By default none.
+        schedule: Faults and their times; by default none.
+        rng: Generator for jitter of the sample time; None: no jitter.
 
     Raises:
         InvalidInput: ``dt`` is not a positive number of seconds, a fault begins after the end or
-            befalls a plant that knows none, or a command holds more or fewer details than the
-            controller announces.
+            needs a plant with other capabilities, or a pipeline is combined with an estimator or a
+            supervisor.
+        OmnidriveError: The plant cannot start.
     """
     check_sample_time(dt)
-    guard = supervisor or Unsupervised()
-    around = _Surroundings(plant, Perception(sensor or PerfectSensor()), reference, schedule)
-    around.check()
-    controller.reset(start)
-    controller.step(0.0, start, reference)  # compiles what has to be, outside the measured time
-    state = plant.reset(start)
-    around.perception.sensor.reset(start)
-    controller.reset(start)
-    guard.reset()
-    return _driven(around, controller, guard, state, _samples(schedule, reference, dt, rng))
+    if isinstance(controller, Pipeline):
+        if estimator is not None or supervisor is not None:
+            raise InvalidInput("a pipeline holds its own estimator and supervisor; give only it")
+        pipeline = controller
+    else:
+        pipeline = Pipeline(controller, estimator or LatestFix(), supervisor or NullSupervisor())
+    environment = _Environment(plant, sensors or PerfectSensors(), reference, schedule)
+    environment.check()
+    log = _Log(pipeline)
+    samples = _samples(schedule, reference, dt, rng)
+    try:
+        _guarded(Outcome.CONTROLLER_FAILED, pipeline.prepare)
+        state = _guarded(Outcome.PLANT_FAILED, lambda: environment.reset(start))
+        _guarded(Outcome.CONTROLLER_FAILED, lambda: pipeline.reset(start))
+        _loop(environment, pipeline, state, samples, log)
+    except _Ended as end:
+        log.end = end
+        if not log.rows:
+            log.nothing(start, reference)
+    return log.run(environment.events)
 
 
-def _driven(
-    around: _Surroundings,
-    controller: Controller,
-    guard: Supervisor | Unsupervised,
-    state: Measurement,
+class _Ended(Exception):
+    """A run ends before its reference."""
+
+    def __init__(self, outcome: Outcome, reason: str = "", traceback_: str = "") -> None:
+        super().__init__(reason)
+        self.outcome, self.reason, self.traceback = outcome, reason, traceback_
+
+
+def _guarded(outcome: Outcome, call: Callable[[], T]) -> T:
+    """The result of a call of a user's part; what it raises ends the run."""
+    try:
+        return call()
+    except PlantLost as error:
+        raise _Ended(Outcome.PLANT_LOST, str(error)) from None
+    except OmnidriveError:
+        raise
+    except Exception as error:
+        raise _Ended(outcome, _line(error), traceback.format_exc(limit=-4).rstrip()) from None
+
+
+def _loop(
+    environment: _Environment,
+    pipeline: Pipeline,
+    state: PlantState,
     samples: Iterable[tuple[float, float, bool]],
-) -> Run:
-    """Sample by sample: perceive, judge, decide, act; all else is ready."""
-    log, outcome, lost = _Log(_units(controller)), Outcome.FINISHED, ""
-    before, asked, lasted = _BEFORE, _STOP.twist, 0.0
+    log: _Log,
+) -> None:
+    """Read, estimate and control, act; sample by sample."""
+    before, commanded = _BEFORE, _STOP
+    supervisor = pipeline.supervisor
     for t, h, ends in samples:
-        measured, seen = around.perceive(t, state)
-        target = around.reference.at(t).pose
-        if before != _BEFORE:
-            guard.feel(t, asked, lasted, seen)
-        shown = guard.look(t, seen, target)
-        command, step_time = _STOP, nan
-        if not (ends or guard.stopped):
-            pilot = guard.controller or controller
-            command, step_time = _timed_step(pilot, t, shown, around.reference)
-        if not ends:
-            command = guard.allow(around.in_time(t, command), h)
-        log.add(t, state, measured, target, command, step_time)
-        if command.status is Status.FAILED or not all(map(isfinite, command.twist)):
-            outcome = Outcome.CONTROLLER_FAILED
-            break
-        if ends or (guard.at_rest and asked == _STOP.twist):
-            break
-        around.impose(before, t)
-        try:
-            state = around.plant.step(command.twist, h)
-        except PlantLost as error:
-            outcome, lost = Outcome.PLANT_LOST, str(error)
-            break
-        before, asked, lasted = t, command.twist, h
+        readings = _guarded(Outcome.SENSORS_FAILED, lambda: environment.read(t, state))  # noqa: B023
+        if ends:
+            step = pipeline.observe(t, readings, environment.reference)
+        else:
+            late = environment.overrun(t)
+            step = pipeline.step(t, readings, environment.reference, h, late=late)
+        log.add(t, state, step)
+        if step.failed:
+            raise _Ended(_FAILED[step.failed], *_reason(step.command.message))
+        if ends or (supervisor.at_rest and commanded == _STOP):
+            return
+        environment.apply(before, t)
+        commanded = step.command.twist
+        state = _guarded(Outcome.PLANT_FAILED, lambda: environment.step(commanded, h))  # noqa: B023
+        before = t
         if not all(map(isfinite, (*state.pose, *state.twist))):
-            outcome = Outcome.PLANT_FAILED
-            break
-    return log.run((outcome, lost), around.events, guard)
+            raise _Ended(Outcome.PLANT_FAILED, "its state is not finite")
+
+
+def _reason(message: str) -> tuple[str, str]:
+    """One line, and the traceback that it summarises, if there is one."""
+    lines = message.splitlines()
+    return (lines[-1], message) if len(lines) > 1 else (message, "")
+
+
+def _line(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}".splitlines()[0]
 
 
 def _samples(
     schedule: Schedule | None, reference: Reference, dt: float, rng: np.random.Generator | None
 ) -> Iterator[tuple[float, float, bool]]:
-    """Time of every sample, time to the next, both in s, and whether it is the last."""
+    """Time of every sample (s), time to the next (s), and whether it is the last."""
     if schedule is not None:
         yield from schedule.samples(reference.duration, dt, rng)
         return
@@ -127,103 +168,103 @@ def _samples(
         yield k * dt, dt, k == last  # never a running sum: it drifts
 
 
-def _timed_step(
-    controller: Controller, t: float, pose: Pose, reference: Reference
-) -> tuple[Command, float]:
-    """The controller's command, and its computing time in us."""
-    began = _clock()
-    command = controller.step(t, pose, reference)
-    return command, (_clock() - began) * 1e-3
-
-
-def _units(controller: Controller) -> Mapping[str, str]:
-    return controller.detail_units if isinstance(controller, DetailedController) else {}
-
-
 @dataclass(slots=True)
-class _Surroundings:
-    """What befalls the robot and its sensors in a run."""
+class _Environment:
+    """Plant, sensors and the faults that act on them."""
 
     plant: Plant
-    perception: Perception
+    sensors: Sensors
     reference: Reference
     schedule: Schedule | None
     events: list[Event] = field(default_factory=list)
-    _holding: list[str] = field(default_factory=list)
-    _imposed: Conditions = field(default_factory=Conditions)
-    _late: Command = _STOP
+    _applied: Disturbances = field(default_factory=Disturbances)
 
     def check(self) -> None:
-        """Refuse faults that cannot be."""
+        """Refuse faults that cannot occur in this run."""
         if self.schedule is None:
             return
         self.schedule.check(self.reference.duration)
         if self.schedule.on_the_plant and not isinstance(self.plant, DisturbablePlant):
             raise InvalidInput(
-                f"nothing can befall this plant, so no {', '.join(self.schedule.on_the_plant)}; "
-                "take the plant rollers, ball or planar"
+                f"this plant is not disturbable, so no {', '.join(self.schedule.on_the_plant)}; "
+                "use a plant with the capability disturbable"
             )
 
-    def perceive(self, t: float, state: Measurement) -> tuple[Estimate, Seen]:
-        """What the robot believes of its pose, and all that it knows of itself."""
-        conditions = SensorConditions() if self.schedule is None else self.schedule.sensors(t)
-        found = self.perception.sense(t, state, conditions)
-        angles = self.perception.encoders(state, conditions)
-        seen = Seen(found.pose, found.position_sigma, found.age, angles, state.wheel_torques)
-        return found, seen
+    def reset(self, pose: Pose) -> PlantState:
+        """Start plant and sensors at rest at ``pose``."""
+        state = _is_state(self.plant.reset(pose))
+        self.sensors.reset(pose)
+        return state
 
-    def in_time(self, t: float, command: Command) -> Command:
-        """The command that acts from ``t`` (s) on: that of the sample before in an overrun."""
-        late, self._late = self._late, command
-        return late if self.schedule is not None and self.schedule.overrun(t) else command
+    def step(self, twist: BodyTwist, dt: float) -> PlantState:
+        """Let the plant execute ``twist`` for ``dt`` (s)."""
+        return _is_state(self.plant.step(twist, dt))
 
-    def impose(self, before: float, t: float) -> None:
-        """Let happen what happens at ``t`` (s), when the sample before was at ``before``."""
+    def read(self, t: float, state: PlantState) -> SensorReadings:
+        """The sensors' readings at ``t`` (s)."""
+        if self.schedule is not None:
+            self.sensors.apply(self.schedule.sensor_faults(t))
+        return self.sensors.read(t, state)
+
+    def overrun(self, t: float) -> bool:
+        """Whether the command of the sample at ``t`` (s) is late."""
+        return self.schedule is not None and self.schedule.overrun(t)
+
+    def apply(self, before: float, t: float) -> None:
+        """Apply the disturbances of the sample at ``t`` (s), the previous being at ``before``."""
         if self.schedule is None:
             return
         for fault in self.schedule.faults:
             if fault.holds(t) != fault.holds(before):
-                does = "begins" if fault.holds(t) else "ends"
-                self.events.append(Event(t, f"{fault.kind} {does}"))
-        conditions = self.schedule.conditions(before, t, self.reference)
-        at_once = any(conditions.impulse) or any(conditions.jump)
-        if (at_once or conditions != self._imposed) and isinstance(self.plant, DisturbablePlant):
-            self.plant.impose(conditions)
-            self._imposed = conditions
+                change = "begins" if fault.holds(t) else "ends"
+                self.events.append(Event(t, f"{fault.kind} {change}"))
+        disturbances = self.schedule.disturbances(before, t, self.reference)
+        at_once = any(disturbances.impulse) or any(disturbances.offset)
+        changed = at_once or disturbances != self._applied
+        if changed and isinstance(self.plant, DisturbablePlant):
+            self.plant.apply(disturbances)
+            self._applied = disturbances
+
+
+def _is_state(state: PlantState) -> PlantState:
+    if not isinstance(state, PlantState):
+        raise TypeError(f"the plant returned a {type(state).__name__}, not a PlantState")
+    return state
 
 
 @dataclass(slots=True)
 class _Log:
-    """Rows, as they come."""
+    """Rows of the log, one per sample."""
 
-    units: Mapping[str, str]
+    pipeline: Pipeline
     rows: list[tuple[float, ...]] = field(default_factory=list)
     details: list[tuple[float, ...]] = field(default_factory=list)
+    end: _Ended = field(default_factory=lambda: _Ended(Outcome.FINISHED))
 
-    def add(  # noqa: PLR0917 - a row is what it is
-        self,
-        t: float,
-        state: Measurement,
-        measured: Estimate,
-        target: Pose,
-        command: Command,
-        step_time: float,
-    ) -> None:
+    def add(self, t: float, state: PlantState, step: PipelineStep) -> None:
         """Append one sample."""
+        estimate, command = step.state, step.command
         self.rows.append(
-            (t, *state.pose, *measured.pose, *target, *command.twist, *state.twist, state.work,
-             step_time, command.status, state.collisions, measured.position_sigma,
-             measured.yaw_sigma)
+            (t, *state.pose, *estimate.pose, *step.target, *command.twist, *state.twist,
+             state.work, step.step_time, command.status, state.collisions,
+             estimate.position_sigma, estimate.yaw_sigma)
         )  # fmt: skip
         self.details.append(command.details)
 
-    def run(
-        self, ending: tuple[Outcome, str], events: Sequence[Event], guard: Supervisor | Unsupervised
-    ) -> Run:
+    def nothing(self, start: Pose, reference: Reference) -> None:
+        """The one row of a run that fails before its first sample: the robot stands at start."""
+        lost = Pose(nan, nan, nan)
+        self.rows.append(
+            (0.0, *start, *lost, *lost, *_STOP, *_STOP, nan, nan, Status.FAILED, 0, nan, nan)
+        )
+        self.details.append(())
+
+    def run(self, events: Sequence[Event]) -> Run:
         """All rows as columns."""
         rows = np.array(self.rows, dtype=float)
         pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
-        outcome, reason = ending[0], guard.stopped or ending[1]
+        supervisor, units = self.pipeline.supervisor, _units(self.pipeline.controller)
+        outcome, reason = self.end.outcome, supervisor.stopped or self.end.reason
         if reason and outcome is Outcome.FINISHED:
             outcome = Outcome.STOPPED
         return Run(
@@ -240,23 +281,23 @@ class _Log:
             status=rows[:, 18].astype(np.int64),
             collisions=rows[:, 19].astype(np.int64),
             outcome=outcome,
-            details=_detail_columns(self.details, self.units),
-            detail_units=dict(self.units),
-            events=tuple(sorted((*events, *guard.events), key=lambda event: event.t)),
+            details=_detail_columns(self.details, units),
+            detail_units=dict(units),
+            events=tuple(sorted((*events, *supervisor.events), key=lambda event: event.t)),
             reason=reason,
+            traceback=self.end.traceback,
         )
+
+
+def _units(controller: Controller) -> Mapping[str, str]:
+    return controller.detail_units if isinstance(controller, DetailedController) else {}
 
 
 def _detail_columns(
     details: Sequence[tuple[float, ...]], units: Mapping[str, str]
 ) -> dict[str, Float[Array, " rows"]]:
-    if not units:  # nobody says what they are
+    if not units:
         return {}
     none = (nan,) * len(units)
-    for row in details:
-        if row and len(row) != len(units):
-            raise InvalidInput(
-                f"the controller's commands hold {len(row)} details, its detail_units {len(units)}"
-            )
     columns = np.array([row or none for row in details], dtype=float)
     return {name: columns[:, i] for i, name in enumerate(units)}

@@ -13,11 +13,15 @@ from omnidrive.errors import RunFailed
 
 
 class Outcome(Enum):
-    """Why the loop stopped."""
+    """Why a run ended."""
 
     FINISHED = "reached the end of the reference"
     CONTROLLER_FAILED = "the controller had no usable command"
-    PLANT_FAILED = "the plant's state is not finite"
+    ESTIMATOR_FAILED = "the state estimator failed"
+    SUPERVISOR_FAILED = "the supervisor failed"
+    SENSORS_FAILED = "the sensors failed"
+    REFERENCE_FAILED = "the reference failed"
+    PLANT_FAILED = "the plant failed"
     PLANT_LOST = "the plant was lost"
     STOPPED = "the watchdog stopped the robot"
 
@@ -29,9 +33,10 @@ class Run:
     Attributes:
         t: Time of each row, in s.
         pose: True pose of B in W; x and y in m, yaw in rad, unwrapped.
-        measured: Pose that the controller saw, as ``pose``.
-        position_sigma: Standard deviation of its position as far as it is known, in m.
-        yaw_sigma: The same of its yaw, in rad.
+        measured: Estimated pose, as ``pose``.
+        position_sigma: Standard deviation of its position along the least certain direction, m;
+            NaN if unknown.
+        yaw_sigma: Standard deviation of its yaw, rad; NaN if unknown.
         target: Reference pose, as ``pose``.
         command: Commanded body twist held from ``t``, before the wheels' limits; m/s, m/s, rad/s.
         twist: True body twist, as ``command``.
@@ -39,12 +44,13 @@ class Run:
         step_time: Computing time of ``Controller.step`` in its thread, in us; NaN in the last row.
         status: :class:`~omnidrive.control.Status` of each command.
         collisions: How often the body has begun to touch an obstacle.
-        outcome: Why the loop stopped.
-        details: Inner numbers of a :class:`~omnidrive.control.DetailedController` at each sample,
-            by name; NaN where it gave none, as in the last row.
-        detail_units: The unit of each.
-        events: Faults that began or ended, and what a supervisor found and did, in order.
-        reason: More about the outcome; may be empty.
+        outcome: Why the run ended.
+        details: Details of a :class:`~omnidrive.control.DetailedController` at each sample, by
+            name; NaN where its command holds none, as in the last row.
+        detail_units: Unit of each detail.
+        events: Beginnings and ends of faults, findings and reactions of the supervisor, in order.
+        reason: Reason of the outcome in one line; may be empty.
+        traceback: Traceback of the exception that ended the run; empty without one.
     """
 
     t: Float[Array, " rows"]
@@ -64,14 +70,15 @@ class Run:
     detail_units: dict[str, str] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     reason: str = ""
+    traceback: str = ""
 
     @property
     def ending(self) -> str:
-        """Why the loop stopped, in words."""
+        """Outcome and reason in words."""
         return self.outcome.value + (f": {self.reason}" if self.reason else "")
 
     def raise_if_failed(self) -> Run:
-        """Return self, or raise :class:`RunFailed` if the loop stopped early."""
+        """Return self, or raise :class:`RunFailed` if the run ended before its reference."""
         if self.outcome is not Outcome.FINISHED:
             raise RunFailed(f"stopped at {self.t[-1]:g} s: {self.ending}")
         return self

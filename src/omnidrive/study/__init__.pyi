@@ -1,9 +1,9 @@
-from .destination import check_new_folder, check_plan_targets
 from .folder import RunFolder
-from .jobs import Job, faults_of, jobs_of, make_controller, make_sensor, run_job
+from .jobs import Job, faults_of, jobs_of, make_controller, make_estimator, make_sensors, run_job
+from .output_folder import check_new_folder, check_plan_targets
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
+from .planned_scenario import PlannedScenario, plan_scenario, prepare
 from .plants import make_plant
-from .prepared import Prepared, lay_out, prepare
 from .queries import solve_queries
 from .scenario import (
     PREDICTIVE,
@@ -20,7 +20,7 @@ from .scenario import (
     robot_section,
 )
 from .scenario_file import load_scenario, save_scenario
-from .study import Study, Watcher, run_study
+from .study import ProgressListener, Study, run_study
 from .supervision import make_supervisor
 from .tasks import TaskName, Tasks, study_tasks
 from .timing import one_task, plan_at, retime, with_task
@@ -32,9 +32,10 @@ __all__ = [
     "Fact",
     "Job",
     "MapSection",
+    "PlannedScenario",
     "PlantName",
-    "Prepared",
     "PresetName",
+    "ProgressListener",
     "RobotSection",
     "RunFolder",
     "Scenario",
@@ -43,22 +44,22 @@ __all__ = [
     "TaskName",
     "Tasks",
     "TimingName",
-    "Watcher",
     "check_new_folder",
     "check_plan_targets",
     "faults_of",
     "jobs_of",
-    "lay_out",
     "load_scenario",
     "make_controller",
+    "make_estimator",
     "make_plant",
-    "make_sensor",
+    "make_sensors",
     "make_supervisor",
     "map_scenario",
     "one_task",
     "paper_scenario",
     "plan_at",
     "plan_facts",
+    "plan_scenario",
     "planned_duration",
     "prepare",
     "retime",

@@ -19,35 +19,38 @@ from threading import Thread
 
 from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult
-from omnidrive.simulation.show import Onlooker
 from omnidrive.study.jobs import Job, run_job
-from omnidrive.study.prepared import Prepared
+from omnidrive.study.planned_scenario import PlannedScenario
+from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
 
-_shared: list[Prepared] = []  # in a worker process: what its runs share
+_shared: list[PlannedScenario] = []  # in a worker process: what its runs share
 
 _KEYBOARD = {getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)}
 _ENDINGS = _KEYBOARD | {signal.SIGTERM}
 
 
 def execute(
-    prepared: Prepared, jobs: Sequence[Job], processes: int, onlookers: Sequence[Onlooker] = ()
+    prepared: PlannedScenario,
+    jobs: Sequence[Job],
+    processes: int,
+    observers: Sequence[Observer] = (),
 ) -> Generator[tuple[Job, Result], None, None]:
     """Yield each job with its result as it finishes; the order depends on ``processes``.
 
     Every run owns its plant, controller and random numbers, so results do not depend on it.
-    Runs are started longest first; one by one where ``onlookers`` see them, and in CoppeliaSim,
+    Runs are started longest first; one by one where ``observers`` see them, and in CoppeliaSim,
     which holds one robot.
 
     Raises:
         WorkerLost: A worker process was killed; what was yielded before stands.
     """
     queue = sorted(jobs, key=lambda job: -job.duration)
-    alone = prepared.scenario.plant == "coppeliasim" or bool(onlookers)
+    alone = prepared.scenario.plant == "coppeliasim" or bool(observers)
     if alone or processes <= 1 or len(queue) <= 1:
         for job in queue:
-            yield job, run_job(prepared, job, onlookers)
+            yield job, run_job(prepared, job, observers)
         return
     data = pickle.dumps(prepared)
     shared = RawArray(c_char, len(data))  # a worker that cannot start would never read it from us

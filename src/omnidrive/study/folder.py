@@ -31,8 +31,8 @@ from omnidrive.evaluation import (
 )
 from omnidrive.maps import save_nav2_map
 from omnidrive.simulation import Outcome, Run
-from omnidrive.study.destination import check_new_folder
-from omnidrive.study.prepared import Prepared
+from omnidrive.study.output_folder import check_new_folder
+from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
 
@@ -59,7 +59,7 @@ class RunFolder:
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
 
-    def save_demand(self, prepared: Prepared) -> None:
+    def save_inputs(self, prepared: PlannedScenario) -> None:
         """Write the resolved scenario and, unless it is the paper's, the map."""
         if prepared.scenario.map.source != "paper":
             with writing(self.path):
@@ -74,7 +74,7 @@ class RunFolder:
             pq.write_table(series_table(run), path)
 
     def save_results(
-        self, prepared: Prepared, results: StudyResults, timing: dict[str, float]
+        self, prepared: PlannedScenario, results: StudyResults, timing: dict[str, float]
     ) -> None:
         """Write ``results.json``; see docs/run-folder.md for its schema."""
         data = {

@@ -17,31 +17,29 @@ from omnidrive.control import (
     unicycle_nmpc,
 )
 from omnidrive.control.nmpc.holonomic import Actuation
+from omnidrive.estimation import LatestFix, PoseEstimator, StateEstimator
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation import (
-    EstimatingSensor,
     Fault,
-    LatestFix,
     PaperNoise,
-    PerfectSensor,
+    PerfectSensors,
     Plant,
-    PoseEstimator,
     Run,
     Schedule,
-    Sensor,
     Sensors,
+    SensorSuite,
     default_faults,
     simulate,
 )
-from omnidrive.simulation.show import Onlooker
+from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import plant_of
-from omnidrive.study.prepared import Prepared
 from omnidrive.study.scenario import MOVED_BY_FORCES, PREDICTIVE, ControllerName, Scenario
 from omnidrive.study.supervision import make_supervisor
 from omnidrive.study.tasks import TaskName
+from omnidrive.visualization import Observer
 
 
 class Job(NamedTuple):
@@ -103,13 +101,13 @@ def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
 
 
 def run_job(
-    prepared: Prepared, job: Job, onlookers: Sequence[Onlooker] = ()
+    prepared: PlannedScenario, job: Job, observers: Sequence[Observer] = ()
 ) -> TrackResult | StepResult | FaultResult:
-    """Do one run and measure it, while ``onlookers`` see it."""
+    """Do one run and measure it, while ``observers`` see it."""
     if job.task == "faults":
-        return _fault(prepared, job, onlookers)
+        return _fault(prepared, job, observers)
     do = _step if job.task == "step" else _track
-    return do(prepared, job, onlookers)
+    return do(prepared, job, observers)
 
 
 def make_controller(
@@ -151,7 +149,7 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
 
 
 def _simulated(
-    prepared: Prepared,
+    prepared: PlannedScenario,
     job: Job,
     plant: Plant,
     reference: Reference,
@@ -170,51 +168,58 @@ def _simulated(
     every = (*scenario.faults, *faults)
     seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
     sensing, jitter = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
+    sensors = make_sensors(scenario, robot, sensing, noise=job.task == "noise")
     return simulate(
         plant,
         controller,
         reference,
         start=start or reference.at(0.0).pose,
         dt=scenario.sample_time,
-        sensor=make_sensor(scenario, robot, sensing, noise=job.task == "noise"),
+        sensors=sensors,
+        estimator=make_estimator(scenario, robot, sensors),
+        supervisor=make_supervisor(scenario, robot),
         schedule=Schedule(every, robot) if every else None,
-        supervisor=make_supervisor(scenario, robot, controller),
         rng=jitter,
     )
 
 
-def _fault(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> FaultResult:
+def _fault(prepared: PlannedScenario, job: Job, observers: Sequence[Observer]) -> FaultResult:
     """Follow the path with one fault of the task, or with none."""
     reference = prepared.reference(job.duration)
     fault = (None, *faults_of(prepared.scenario))[job.fault]
     faults = (fault,) if fault else ()
-    with plant_of(prepared, reference, onlookers=onlookers) as plant:
+    with plant_of(prepared, reference, observers=observers) as plant:
         run = _simulated(prepared, job, plant, reference, faults=faults)
     metrics = measure(run, prepared.robot.drive)
     return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
 
 
-def make_sensor(
+def make_sensors(
     scenario: Scenario, robot: Robot, rng: np.random.Generator, *, noise: bool = False
-) -> Sensor:
-    """What the controllers see, fresh; ``noise``: of a pose that is measured with the paper's."""
+) -> Sensors:
+    """New simulated sensors; ``noise``: with the paper's noise on the pose."""
     section = scenario.sensors
     if section is None:
-        return PaperNoise(rng) if noise else PerfectSensor()
+        return PaperNoise(rng) if noise else PerfectSensors()
     settings = section.settings
     if noise and settings.fixes:
         settings = replace(settings, fixes=replace(settings.fixes, law="paper"))
-    sensors = Sensors(settings, robot.chassis, rng)
-    if section.estimator is None:
-        return LatestFix(sensors)
+    return SensorSuite(settings, robot.chassis, rng)
+
+
+def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateEstimator:
+    """A new estimator for the readings of ``sensors``."""
+    section = scenario.sensors
+    if section is None or section.estimator is None or not isinstance(sensors, SensorSuite):
+        return LatestFix()
     slips = scenario.plant != "kinematic"
-    return EstimatingSensor(sensors, PoseEstimator(robot, settings, section.estimator, slips=slips))
+    return PoseEstimator(robot, sensors.settings, section.estimator, slips=slips)
 
 
-def _track(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> TrackResult:
+def _track(prepared: PlannedScenario, job: Job, observers: Sequence[Observer]) -> TrackResult:
     """Follow the path."""
     reference = prepared.reference(job.duration)
-    with plant_of(prepared, reference, job.repeat, onlookers=onlookers) as plant:
+    with plant_of(prepared, reference, job.repeat, observers=observers) as plant:
         run = _simulated(prepared, job, plant, reference)
     return TrackResult(
         job.controller, job.task, job.duration, job.task == "noise", job.horizon, run,
@@ -222,14 +227,14 @@ def _track(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> Track
     )  # fmt: skip
 
 
-def _step(prepared: Prepared, job: Job, onlookers: Sequence[Onlooker]) -> StepResult:
+def _step(prepared: PlannedScenario, job: Job, observers: Sequence[Observer]) -> StepResult:
     """Let the reference jump from the start pose, on an empty floor."""
     task = prepared.scenario.tasks.step
     assert task is not None
     start = prepared.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
     reference = Hold(goal, job.duration)
-    with plant_of(prepared, reference, on_map=False, onlookers=onlookers) as plant:
+    with plant_of(prepared, reference, on_map=False, observers=observers) as plant:
         run = _simulated(prepared, job, plant, reference, start=start)
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))

@@ -10,8 +10,8 @@ import numpy as np
 from omnidrive.errors import CannotWrite
 from omnidrive.files.bounded_file import one_line
 from omnidrive.reference import Reference, TimedReference, save_waypoints, wheel_speed_used
-from omnidrive.study.destination import check_picture_name, is_waypoint_file
-from omnidrive.study.prepared import Prepared
+from omnidrive.study.output_folder import check_picture_name, is_waypoint_file
+from omnidrive.study.planned_scenario import PlannedScenario
 
 _SAMPLES = 2001
 _STABLE_NAMES = {"wheel force": "traction"}  # names of limits in the output
@@ -31,13 +31,13 @@ class Fact(NamedTuple):
         return f"{value} {self.unit}".rstrip()
 
 
-def planned_duration(prepared: Prepared) -> float:
+def planned_duration(prepared: PlannedScenario) -> float:
     """Return the scenario's first path duration, in s; without one, the shortest feasible."""
     following = prepared.scenario.tasks.following
     return following[0] if following else prepared.shortest
 
 
-def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
+def plan_facts(prepared: PlannedScenario, reference: Reference) -> dict[str, Fact]:
     """Return the results of planning, by name.
 
     Args:
@@ -68,7 +68,7 @@ def plan_facts(prepared: Prepared, reference: Reference) -> dict[str, Fact]:
     return facts | ({"note": Fact(prepared.note)} if prepared.note else {})
 
 
-def _limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
+def _limit_usage(prepared: PlannedScenario, reference: Reference) -> dict[str, float]:
     """Return the peak utilisation of every limit by the reference, by name."""
     if isinstance(reference, TimedReference):
         return reference.limit_usage
@@ -76,7 +76,7 @@ def _limit_usage(prepared: Prepared, reference: Reference) -> dict[str, float]:
     return {"wheel speed": share}
 
 
-def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
+def save_figure(prepared: PlannedScenario, reference: Reference, path: Path) -> None:
     """Draw map, grid path, path and headings, and the speeds over time, as PNG or SVG.
 
     Raises:
@@ -102,7 +102,7 @@ def save_figure(prepared: Prepared, reference: Reference, path: Path) -> None:
         ) from None
 
 
-def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
+def save_plan(prepared: PlannedScenario, reference: Reference, path: Path) -> None:
     """Write the reference to a waypoint file, one row per sample time, or to a folder.
 
     Args:
@@ -119,7 +119,7 @@ def save_plan(prepared: Prepared, reference: Reference, path: Path) -> None:
         return
     from omnidrive.study.folder import RunFolder  # noqa: PLC0415 - takes a second
 
-    RunFolder(path).save_demand(prepared)
+    RunFolder(path).save_inputs(prepared)
     save_waypoints(path / "reference.csv", reference, dt=prepared.scenario.sample_time)
     save_figure(prepared, reference, path / "path.png")
 

@@ -19,9 +19,9 @@ from omnidrive.simulation import (
     PlanarPlant,
     Plant,
 )
-from omnidrive.simulation.show import Onlooker, watched
-from omnidrive.study.prepared import Prepared
+from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.scenario import PlantName
+from omnidrive.visualization import Observer, observe
 
 
 def make_plant(
@@ -55,12 +55,12 @@ def make_plant(
 
 @contextmanager
 def plant_of(
-    prepared: Prepared,
+    prepared: PlannedScenario,
     reference: Reference,
     repeat: int = 0,
     *,
     on_map: bool = True,
-    onlookers: Sequence[Onlooker] = (),
+    observers: Sequence[Observer] = (),
 ) -> Iterator[Plant]:
     """The scenario's plant, stopped at the end if it would go on by itself.
 
@@ -85,9 +85,8 @@ def plant_of(
         scene=CoppeliaSimScene(**scenario.coppeliasim.model_dump()),
     )
     try:
-        yield watched(
-            plant, prepared.robot, reference, onlookers, obstacles=obstacles, moving=moving
+        yield observe(
+            plant, prepared.robot, reference, observers, obstacles=obstacles, moving=moving
         )
     finally:
-        if isinstance(plant, CoppeliaSimPlant):
-            plant.close()
+        plant.close()

@@ -8,19 +8,19 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from omnidrive.control import FeedforwardGains, HolonomicParameters
-from omnidrive.maps import Unknown
-from omnidrive.parameter import Bounds
-from omnidrive.planning import PathOptions, Waypoint
-from omnidrive.reference import Heading
-from omnidrive.robot import Robot, named_robot
-from omnidrive.simulation import (
+from omnidrive.estimation import (
     EncoderSettings,
     EstimatorSettings,
     GyroSettings,
     PoseFixSettings,
     SensorSettings,
 )
-from omnidrive.simulation.faults import ON_THE_PLANT
+from omnidrive.maps import Unknown
+from omnidrive.parameter import Bounds
+from omnidrive.planning import PathOptions, Place
+from omnidrive.reference import Heading
+from omnidrive.robot import Robot, named_robot
+from omnidrive.simulation.disturbances import ON_THE_PLANT
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
 from omnidrive.study.coppeliasim import CoppeliaSimSection
 from omnidrive.study.section import Different, Section

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from omnidrive.errors import InvalidScenario, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.yaml_file import read_yaml
-from omnidrive.simulation.faults import FAULTS
+from omnidrive.simulation.disturbances import FAULTS
 from omnidrive.study.scenario import Scenario
 
 _MISSING = "'{key}' is missing"

@@ -21,17 +21,17 @@ from omnidrive.evaluation import (
     write_page,
 )
 from omnidrive.simulation import Outcome
-from omnidrive.simulation.show import Onlooker
-from omnidrive.study.destination import check_new_folder
 from omnidrive.study.execute import Result, execute
 from omnidrive.study.folder import RunFolder, writing
 from omnidrive.study.jobs import Job, jobs_of
-from omnidrive.study.prepared import Prepared, prepare
+from omnidrive.study.output_folder import check_new_folder
+from omnidrive.study.planned_scenario import PlannedScenario, prepare
 from omnidrive.study.scenario import Scenario, paper_scenario
+from omnidrive.visualization import Observer
 
 
 @runtime_checkable
-class Watcher(Protocol):
+class ProgressListener(Protocol):
     """Told what a study is doing."""
 
     def part(self, name: str, steps: int) -> None:
@@ -43,8 +43,8 @@ class Watcher(Protocol):
         ...
 
 
-class Unwatched:
-    """A :class:`Watcher` that says nothing."""
+class NullProgress:
+    """A :class:`ProgressListener` that says nothing."""
 
     def part(self, name: str, steps: int) -> None:
         """Say nothing."""
@@ -96,8 +96,8 @@ def run_study(
     folder: Path | None = None,
     *,
     processes: int = 1,
-    watcher: Watcher | None = None,
-    onlookers: Sequence[Onlooker] = (),
+    watcher: ProgressListener | None = None,
+    observers: Sequence[Observer] = (),
 ) -> Study:
     """Plan, run, measure and report.
 
@@ -117,17 +117,17 @@ def run_study(
     """
     if folder:
         check_new_folder(folder)
-    clock = _Clock(watcher or Unwatched())
+    clock = _Clock(watcher or NullProgress())
     with clock.part("plan", 0):
         prepared = prepare(scenario)
     store = RunFolder(folder) if folder else None
     if store:
-        store.save_demand(prepared)
+        store.save_inputs(prepared)
     jobs = jobs_of(scenario)
     finished: dict[Job, Result] = {}
     with (
         clock.part("simulate", len(jobs)),
-        closing(execute(prepared, jobs, processes, onlookers)) as done,  # an error ends the workers
+        closing(execute(prepared, jobs, processes, observers)) as done,  # an error ends the workers
     ):
         for job, result in done:
             finished[job] = result
@@ -151,7 +151,7 @@ def run_study(
 class _Clock:
     """Wall time per part, while a watcher looks on."""
 
-    watcher: Watcher
+    watcher: ProgressListener
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
@@ -187,7 +187,9 @@ def _is_papers(scenario: Scenario) -> bool:
     )
 
 
-def _collect(prepared: Prepared, jobs: Sequence[Job], finished: dict[Job, Result]) -> StudyResults:
+def _collect(
+    prepared: PlannedScenario, jobs: Sequence[Job], finished: dict[Job, Result]
+) -> StudyResults:
     """What is finished so far, in the order of ``jobs``."""
     done = [finished[job] for job in jobs if job in finished]
     scenario = prepared.scenario

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from omnidrive.parameter import Bounds
-from omnidrive.simulation.faults import Fault
+from omnidrive.simulation.disturbances import Fault
 from omnidrive.study.section import Different, Section
 
 TaskName = Literal["track", "noise", "step", "horizon", "faults"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import ceil, isfinite
 
 from omnidrive.errors import InvalidInput
-from omnidrive.study.prepared import Prepared, lay_out
+from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.tasks import DurationsTask, FaultsTask, TaskName, Tasks
@@ -45,7 +45,7 @@ def retime(
     return _scaled(scenario, duration / following[0]) if following else scenario
 
 
-def plan_at(scenario: Scenario, speed: float | None = None) -> Prepared:
+def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
     """Plan the scenario and scale its durations to the path, in whole sample times.
 
     Args:
@@ -57,7 +57,7 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> Prepared:
         InvalidReference: The speed exceeds the limits of the robot.
     """
     _refuse_unless_positive("speed", speed, "m/s")
-    prepared = lay_out(scenario)
+    prepared = plan_scenario(scenario)
     following = scenario.tasks.following
     if not following:
         return prepared
@@ -69,7 +69,7 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> Prepared:
 
 def _suitable(scenario: Scenario, speed: float | None) -> float:
     """Return the duration in s at ``speed`` or the default speed, in whole sample times."""
-    prepared = lay_out(scenario)
+    prepared = plan_scenario(scenario)
     desired = prepared.path.length / (speed or USUAL_SPEED)
     if speed is None:
         desired = max(desired, prepared.shortest)

@@ -8,30 +8,30 @@ import numpy as np
 
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
 from omnidrive.planning import MethodName, PathOptions, Waypoint, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
-from omnidrive.simulation import Fix, PoseEstimator, Readings
 from omnidrive.study.jobs import make_controller
-from omnidrive.study.prepared import lay_out
+from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import PresetName, paper_scenario
-from omnidrive.study.study import Unwatched, Watcher
+from omnidrive.study.study import NullProgress, ProgressListener
 
 
-def warm_up(watcher: Watcher | None = None) -> None:
+def warm_up(watcher: ProgressListener | None = None) -> None:
     """Plan in every way, let every controller of every preset command once, and solve in a batch.
 
     What is compiled is kept on disk: for this version of the package, and this processor.
     """
-    watch = watcher or Unwatched()
+    watch = watcher or NullProgress()
     scenarios = [paper_scenario(preset) for preset in get_args(PresetName)]
     watch.part("warm up", 3 + sum(len(scenario.controllers) for scenario in scenarios))
     _plans()
     watch.done("planning")
     for scenario in scenarios:
-        prepared = lay_out(scenario)
+        prepared = plan_scenario(scenario)
         reference = prepared.reference(20.0)
         for name in scenario.controllers:
             controller = make_controller(scenario, prepared.robot, name)
@@ -65,8 +65,8 @@ def _estimate() -> None:
     """Two readings and a fix."""
     estimator = PoseEstimator(named_robot("paper"))
     for k in range(2):
-        fix = Fix(0.1 * k, Pose(0.0, 0.0, 0.0), 0.01, 0.01)
-        estimator.update(Readings(0.1 * k, (0.0,) * 4, 0.0, (fix,)))
+        fix = PoseFix(0.1 * k, Pose(0.0, 0.0, 0.0), 0.01, 0.01)
+        estimator.update(SensorReadings(0.1 * k, (0.0,) * 4, 0.0, (fix,)))
 
 
 def _batch() -> None:

@@ -9,6 +9,7 @@ from math import cos, isfinite, sin
 from omnidrive.control.controller import Command, Status
 from omnidrive.control.pid.channel import Channel, TrackingChannel, tuning_units
 from omnidrive.control.pid.laws import cut
+from omnidrive.estimation import State
 from omnidrive.geometry import (
     BodyTwist,
     Pose,
@@ -57,13 +58,14 @@ class FuzzyPidController:
         """Gains in use and inputs of the fuzzy system, per channel."""
         return _detail_units({"position": self.position, "heading": self.heading})
 
-    def reset(self, pose: Pose) -> None:
+    def reset(self, state: State) -> None:
         """Forget the past."""
         self.position.reset()
         self.heading.reset()
 
-    def step(self, t: float, pose: Pose, reference: Reference) -> Command:
-        """Command for the pose measured at ``t`` (s)."""
+    def step(self, t: float, state: State, reference: Reference) -> Command:
+        """Command for the state estimated at ``t`` (s); only its pose is used."""
+        pose = state.pose
         goal = reference.at(t + self.dt).pose
         error = complex(goal.x - pose.x, goal.y - pose.y)
         turn = goal.yaw - pose.yaw
@@ -106,14 +108,15 @@ class TrackingPidController:
         """Gains in use and inputs of the fuzzy system, per channel."""
         return _detail_units({"x": self.x, "y": self.y, "heading": self.heading})
 
-    def reset(self, pose: Pose) -> None:
+    def reset(self, state: State) -> None:
         """Forget the past."""
         self._last = None
         for channel in (self.x, self.y, self.heading):
             channel.reset()
 
-    def step(self, t: float, pose: Pose, reference: Reference) -> Command:
-        """Command for the pose measured at ``t`` (s)."""
+    def step(self, t: float, state: State, reference: Reference) -> Command:
+        """Command for the state estimated at ``t`` (s); only its pose is used."""
+        pose = state.pose
         if not isfinite(pose.x + pose.y + pose.yaw):
             self._last = None
             return Command(_STOP, Status.FAILED)

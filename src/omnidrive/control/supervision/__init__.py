@@ -1,20 +1,16 @@
-"""Who watches over a controller: stops it in time, and makes up for wheels that fail."""
+"""Supervision of a robot: watchdog, wheel monitor, reaction to failed wheels."""
 
-from omnidrive.control.supervision.event import Event, Seen
-from omnidrive.control.supervision.remaining import Remaining
-from omnidrive.control.supervision.supervisor import Adapt, Supervisor
-from omnidrive.control.supervision.unsupervised import Unsupervised
+from omnidrive.control.supervision.safety_supervisor import SafetySupervisor
+from omnidrive.control.supervision.supervisor import Event, NullSupervisor, Supervisor
 from omnidrive.control.supervision.watchdog import Watchdog, WatchdogLimits
 from omnidrive.control.supervision.wheel_monitor import Finding, WheelDefect, WheelMonitor
 
 __all__ = [
-    "Adapt",
     "Event",
     "Finding",
-    "Remaining",
-    "Seen",
+    "NullSupervisor",
+    "SafetySupervisor",
     "Supervisor",
-    "Unsupervised",
     "Watchdog",
     "WatchdogLimits",
     "WheelDefect",

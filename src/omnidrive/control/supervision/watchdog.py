@@ -1,4 +1,4 @@
-"""The watchdog: says when a robot must be stopped."""
+"""The watchdog: decides when a robot must be stopped."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from math import hypot, inf, isfinite
 from typing import Annotated, NamedTuple
 
+from omnidrive.estimation import State
 from omnidrive.geometry import Pose
 from omnidrive.parameter import Bounds
 from omnidrive.robot import Robot
@@ -14,29 +15,29 @@ _ROUNDING = 1e-9  # s
 
 
 class WatchdogLimits(NamedTuple):
-    """Beyond which a robot must stop."""
+    """Limits beyond which a robot is stopped."""
 
     error: Annotated[float, Bounds(0.01, 1e6, "m")] = 1.5
-    """Distance to the reference, on top of that at the start."""
+    """Distance to the reference, in addition to that at the start."""
     position_sigma: Annotated[float, Bounds(1e-3, 1e6, "m")] = 0.5
-    """Standard deviation of the position."""
+    """Standard deviation of the estimated position."""
     age: Annotated[float, Bounds(0.01, 1e6, "s")] = 1.5
-    """Time since a pose was measured."""
+    """Age of the last pose fix."""
     patience: Annotated[float, Bounds(0.0, 60.0, "s")] = 0.3
-    """For which a limit has to be exceeded: one bad measurement is not a lost robot."""
+    """Time for which a limit must be exceeded before the robot is stopped."""
 
     @classmethod
     def of(cls, robot: Robot) -> WatchdogLimits:
-        """Of a robot: no less than a metre, and the larger the robot the more."""
+        """Limits for ``robot``: an error of its body's diameter, but at least 1 m."""
         return cls(error=max(1.0, 2.0 * robot.body_radius))
 
 
 @dataclass(slots=True)
 class Watchdog:
-    """Compares where a robot is believed to be with where it shall be, sample by sample.
+    """Compares the estimated state with the reference and with limits, sample by sample.
 
     Attributes:
-        limits: Beyond which it must stop.
+        limits: Limits beyond which the robot is stopped.
     """
 
     limits: WatchdogLimits
@@ -44,43 +45,40 @@ class Watchdog:
     _since: dict[str, float] = field(default_factory=dict, init=False)
 
     def reset(self) -> None:
-        """Forget the past: the next look is the first."""
+        """Start a run; the next check defines the initial error."""
         self._at_start = inf
         self._since.clear()
 
-    def look(
-        self, t: float, pose: Pose, target: Pose, position_sigma: float, age: float
-    ) -> str | None:
-        """Why the robot must stop now; None if it need not.
+    def check(self, t: float, state: State, target: Pose) -> str | None:
+        """Reason for which the robot must stop at ``t`` (s), or None.
 
         Args:
-            t: In s.
-            pose: Where it is believed to be.
-            target: Where it shall be.
-            position_sigma: In m; NaN if unknown.
-            age: Of the last measurement of the pose, in s.
+            t: Time, s.
+            state: Estimate; an unknown covariance is accepted.
+            target: Reference pose.
         """
+        pose, sigma, age = state.pose, state.position_sigma, state.fix_age
         if not all(map(isfinite, pose)):
             return "the measured pose is not finite"
         error = hypot(pose.x - target.x, pose.y - target.y)
         if self._at_start == inf:
             self._at_start = error
-        allowed = self.limits.error + self._at_start
         limits = self.limits
-        beyond = {
+        allowed = limits.error + self._at_start
+        exceeded = {
             "error": error > allowed,
-            "position_sigma": position_sigma > limits.position_sigma,
+            "position_sigma": sigma > limits.position_sigma,
             "age": age > limits.age + _ROUNDING,
         }
-        why = {
+        reasons = {
             "error": f"it is {error:.2f} m from the reference, more than {allowed:.2f} m",
-            "position_sigma": f"its pose is lost: uncertain by {position_sigma:.2f} m, more than "
+            "position_sigma": f"its pose is lost: standard deviation {sigma:.2f} m, more than "
             f"{limits.position_sigma:g} m",
-            "age": f"its pose is lost: measured {age:.2f} s ago, more than {limits.age:g} s",
+            "age": f"its pose is lost: last fix {age:.2f} s ago, more than {limits.age:g} s",
         }
-        for name, is_so in beyond.items():
-            if not is_so:
+        for name, is_exceeded in exceeded.items():
+            if not is_exceeded:
                 self._since.pop(name, None)
             elif t - self._since.setdefault(name, t) >= limits.patience - _ROUNDING:
-                return why[name]
+                return reasons[name]
         return None

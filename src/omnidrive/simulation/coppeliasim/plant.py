@@ -16,7 +16,7 @@ from omnidrive.simulation.coppeliasim.link import Link
 from omnidrive.simulation.coppeliasim.placing import moved, planar, seen_from, then, uprightness
 from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene, Interface
 from omnidrive.simulation.coppeliasim.signals import Signals
-from omnidrive.simulation.plant import Measurement
+from omnidrive.simulation.plant import PlantCapabilities, PlantState
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 _UPRIGHT = 0.9  # cosine of the tilt up to which a yaw means something
@@ -68,7 +68,12 @@ class CoppeliaSimPlant:
         self._frame = Pose(0.0, 0.0, scene.body_yaw) if isinstance(self._motors, Joints) else None
         self._home = list(link.numbers(7, "getObjectPose", self._base))
 
-    def reset(self, pose: Pose) -> Measurement:
+    @property
+    def capabilities(self) -> PlantCapabilities:
+        """One instance at a time, because a running CoppeliaSim has one scene; with forces."""
+        return PlantCapabilities(exclusive=True, forces=True)
+
+    def reset(self, pose: Pose) -> PlantState:
         """Stop the simulation, place the robot, start it and let it wait.
 
         An object may be moved at any time, but only a simulation's start sets everything back: the
@@ -87,7 +92,7 @@ class CoppeliaSimPlant:
             self.close()
             raise
 
-    def _reset(self, pose: Pose) -> Measurement:
+    def _reset(self, pose: Pose) -> PlantState:
         self._stop()
         if self._link.call("getSimulationState") != 0:
             raise InvalidInput(
@@ -114,7 +119,7 @@ class CoppeliaSimPlant:
         at, _ = self._motion()
         return self._measurement(at, _REST)
 
-    def step(self, twist: BodyTwist, dt: float) -> Measurement:
+    def step(self, twist: BodyTwist, dt: float) -> PlantState:
         """Turn the wheels for ``dt`` seconds, a multiple of the simulator's time step.
 
         Raises:
@@ -234,11 +239,11 @@ class CoppeliaSimPlant:
             raise PlantLost(f"CoppeliaSim answers {name} with no two vectors")
         return self._link.as_numbers(3, value[0], name), self._link.as_numbers(3, value[1], name)
 
-    def _measurement(self, at: Pose, twist: BodyTwist) -> Measurement:
+    def _measurement(self, at: Pose, twist: BodyTwist) -> PlantState:
         motors = self._motors
         if isinstance(motors, Joints):
-            return Measurement(at, twist, motors.work, motors.angles)
-        return Measurement(at, twist, nan)
+            return PlantState(at, twist, motors.work, motors.angles)
+        return PlantState(at, twist, nan)
 
     def _frame_of_signals(self) -> Pose:
         """B in the frame of the body's object: what the pose told by signal is of.

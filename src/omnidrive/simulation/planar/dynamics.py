@@ -46,7 +46,7 @@ def beside(wheel: Any, angle: float) -> float:
     passed = (angle + _DOWN) / wheel.pitch
     roller = round(passed)
     outer = min(5.0 - 10.0 * abs(passed - roller), 1.0) * (1.0 if roller % 2 == 1 else -1.0)
-    out: float = wheel.row * outer + wheel.wander * 2.0 * (passed - roller)
+    out: float = wheel.row * outer + wheel.gauss_markov * 2.0 * (passed - roller)
     return out
 
 

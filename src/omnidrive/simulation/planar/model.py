@@ -1,4 +1,4 @@
-"""The numbers by which the planar robot moves, under given conditions."""
+"""The numbers by which the planar robot moves, under given disturbances."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import GRAVITY, Mount, OmniWheel, Robot
-from omnidrive.simulation.conditions import WEAK, Conditions, Motor, Payload
-from omnidrive.simulation.mjcf_wheels import ROLLER_ARMATURE, ROLLER_DAMPING
+from omnidrive.simulation.disturbances.disturbances import WEAK, Disturbances, Motor, Payload
+from omnidrive.simulation.mujoco.mjcf_wheels import ROLLER_ARMATURE, ROLLER_DAMPING
 
 FRAME = np.dtype(
     [
@@ -44,7 +44,7 @@ WHEEL = np.dtype(
         ("axle_y", float),
         ("lever", float),  # moment of the push per contact's shift along the axle
         ("row", float),  # distance of two rows from the wheel's middle, m
-        ("wander", float),  # how far along the axle the contact gets on a tilted roller, m
+        ("gauss_markov", float),  # how far along the axle the contact gets on a tilted roller, m
         ("roll", float),  # speed of a roller's surface per wheel speed, m/rad
         ("roller_mass", float),  # what a roller's inertia counts for at the floor, kg
         ("roller_decay", float),  # rate at which rollers in the air come to rest, 1/s
@@ -78,26 +78,26 @@ class Model(NamedTuple):
     """A record of :data:`WHEEL` per wheel."""
 
 
-def model_of(robot: Robot, conditions: Conditions) -> Model:
-    """``robot`` as ``conditions`` let it move.
+def model_of(robot: Robot, disturbances: Disturbances) -> Model:
+    """``robot`` as ``disturbances`` let it move.
 
     A payload counts at the height of the robot's centre of mass. Poses on a slope are those seen
     along the floor's normal.
 
     Raises:
-        InvalidInput: The conditions speak of wheels that the robot does not have.
+        InvalidInput: The disturbances speak of wheels that the robot does not have.
     """
     frame, wheels = np.zeros(1, FRAME), np.zeros(len(robot.mounts), WHEEL)
-    rise = hypot(1.0, *conditions.slope)
-    _fill_frame(frame, robot, conditions, rise)
+    rise = hypot(1.0, *disturbances.slope)
+    _fill_frame(frame, robot, disturbances, rise)
     _fill_mounts(wheels, robot)
-    _fill_motors(wheels, robot, conditions.motors)
+    _fill_motors(wheels, robot, disturbances.motors)
     _fill_loads(wheels, robot, frame, GRAVITY / rise)
     return Model(frame, wheels)
 
 
-def _fill_frame(frame: Array, robot: Robot, conditions: Conditions, rise: float) -> None:
-    payload = conditions.payload or Payload(0.0, 0.0, 0.0)
+def _fill_frame(frame: Array, robot: Robot, disturbances: Disturbances, rise: float) -> None:
+    payload = disturbances.payload or Payload(0.0, 0.0, 0.0)
     mass = robot.mass + payload.mass
     frame["mass"] = mass
     frame["com_x"] = (robot.mass * robot.com[0] + payload.mass * payload.x) / mass
@@ -106,11 +106,11 @@ def _fill_frame(frame: Array, robot: Robot, conditions: Conditions, rise: float)
     wheels = sum(upright_inertia(robot.wheel, mount) for mount in robot.mounts)
     carried = payload.mass * (payload.x**2 + payload.y**2)
     frame["inertia"] = robot.yaw_inertia + wheels + carried
-    frame["pull_x"], frame["pull_y"] = (-GRAVITY * s / rise for s in conditions.slope)
+    frame["pull_x"], frame["pull_y"] = (-GRAVITY * s / rise for s in disturbances.slope)
     frame["max_wheel_speed"], frame["motor_lag"] = robot.max_wheel_speed, robot.motor_lag
     frame["patch_radius"] = -1.0
-    if conditions.patch is not None:
-        for name, value in conditions.patch._asdict().items():
+    if disturbances.patch is not None:
+        for name, value in disturbances.patch._asdict().items():
             frame[f"patch_{name}"] = value
 
 
@@ -136,7 +136,7 @@ def _fill_rollers(wheels: Array, robot: Robot) -> None:
     wheels["lever"] = np.cos(tilts)
     wheels["row"] = 0.5 * wheel.row_gap if wheel.rows == 2 else 0.0
     # ahead of the axle a tilted roller touches the floor behind its middle, so beside the wheel's
-    wheels["wander"] = (wheel.radius - wheel.roller_radius) * tan(0.5 * pitch) * np.tan(tilts)
+    wheels["gauss_markov"] = (wheel.radius - wheel.roller_radius) * tan(0.5 * pitch) * np.tan(tilts)
     wheels["roll"] = wheel.radius * np.sin(tilts)
     inertia = 0.5 * wheel.roller_mass * wheel.roller_radius**2 + ROLLER_ARMATURE
     radii = np.array([handing_over_radius(wheel, mount) for mount in mounts])
@@ -146,7 +146,7 @@ def _fill_rollers(wheels: Array, robot: Robot) -> None:
 
 def _fill_motors(wheels: Array, robot: Robot, motors: tuple[Motor, ...]) -> None:
     if motors and len(motors) != len(wheels):
-        raise InvalidInput(f"conditions of {len(motors)} motors for {len(wheels)} wheels")
+        raise InvalidInput(f"disturbances of {len(motors)} motors for {len(wheels)} wheels")
     states = motors or (Motor.HEALTHY,) * len(wheels)
     wheels["gain"] = robot.servo_gain
     wheels["limit"] = [robot.max_torque * _TORQUE[state] for state in states]

@@ -9,11 +9,11 @@ import numpy as np
 from omnidrive.compiled import entry_point
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import Robot
-from omnidrive.simulation.conditions import Conditions
+from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.planar.dynamics import drive
 from omnidrive.simulation.planar.model import mass_matrix, model_of
 from omnidrive.simulation.planar.state import State
-from omnidrive.simulation.plant import Measurement
+from omnidrive.simulation.plant import PlantCapabilities, PlantState
 
 TIMESTEP = 0.002
 """Longest step in s."""
@@ -52,17 +52,25 @@ class PlanarPlant:
         self.timestep = timestep
         count, pitch = len(robot.mounts), 2.0 * pi / robot.wheel.rollers_per_row
         self._phases = rng.uniform(0.0, pitch, count) if rng is not None else np.zeros(count)
-        self._model = model_of(robot, Conditions())
+        self._model = model_of(robot, Disturbances())
         self._state = self._at_rest(Pose(0.0, 0.0, 0.0))
         self._drive = entry_point(drive, *self._model, *self._state, 0.0, 0.0, 0.0, 0.1, 1)
 
-    def reset(self, pose: Pose) -> Measurement:
+    @property
+    def capabilities(self) -> PlantCapabilities:
+        """Disturbable; it has forces, but no obstacles."""
+        return PlantCapabilities(disturbable=True, forces=True)
+
+    def close(self) -> None:
+        """Do nothing: the plant holds no resources."""
+
+    def reset(self, pose: Pose) -> PlantState:
         """Stand at rest at ``pose``; nothing is imposed."""
-        self._model = model_of(self.robot, Conditions())
+        self._model = model_of(self.robot, Disturbances())
         self._state = self._at_rest(pose)
         return self._measure()
 
-    def step(self, twist: BodyTwist, dt: float) -> Measurement:
+    def step(self, twist: BodyTwist, dt: float) -> PlantState:
         """Servo the wheels to ``twist`` for ``dt`` seconds."""
         vx, vy, yaw_rate = twist
         steps = ceil(dt / self.timestep - 1e-9)
@@ -71,7 +79,7 @@ class PlanarPlant:
         )
         return self._measure()
 
-    def impose(self, conditions: Conditions) -> None:
+    def apply(self, disturbances: Disturbances) -> None:
         """Let ``conditions`` hold from now on; ``reset`` takes them back.
 
         A robot that is carried elsewhere keeps its velocity in B; a payload arrives with it.
@@ -79,13 +87,13 @@ class PlanarPlant:
         Raises:
             InvalidInput: They speak of wheels that the robot does not have.
         """
-        self._model = model_of(self.robot, conditions)
+        self._model = model_of(self.robot, disturbances)
         motion, spins = self._state.motion, self._state.spins
-        for name, change in zip(("x", "y", "yaw"), conditions.jump, strict=True):
+        for name, change in zip(("x", "y", "yaw"), disturbances.offset, strict=True):
             motion[name] += change
         spins["speed"][self._model.wheels["locked"]] = 0.0
         c, s = cos(float(motion["yaw"][0])), sin(float(motion["yaw"][0]))
-        x, y, turn = conditions.impulse
+        x, y, turn = disturbances.impulse
         kick = np.linalg.solve(mass_matrix(self._model.frame), [c * x + s * y, c * y - s * x, turn])
         for name, change in zip(("vx", "vy", "yaw_rate"), kick.tolist(), strict=True):
             motion[name] += change
@@ -95,10 +103,10 @@ class PlanarPlant:
         state.spins["angle"] = self._phases
         return state
 
-    def _measure(self) -> Measurement:
+    def _measure(self) -> PlantState:
         x, y, yaw, vx, vy, yaw_rate, work, _, _ = self._state.motion.item()
         spins = self._state.spins
-        return Measurement(
+        return PlantState(
             Pose(x, y, yaw),
             BodyTwist(vx, vy, yaw_rate),
             work,

@@ -13,7 +13,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
 from omnidrive.parameter import check_sample_time
 from omnidrive.robot import Robot
-from omnidrive.simulation.conditions import Conditions
+from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.planar.dynamics import drive
 from omnidrive.simulation.planar.model import model_of
 from omnidrive.simulation.planar.plant import TIMESTEP
@@ -53,7 +53,7 @@ def roll_out(
     poses, twists = np.empty(commands.shape), np.empty(commands.shape)
     state = State.at_rest(len(robot.mounts), robot.wheel.rollers, Pose(0.0, 0.0, 0.0))
     _roll_out(
-        *model_of(robot, Conditions()), *state,
+        *model_of(robot, Disturbances()), *state,
         starts, commands, dt / steps, steps, poses, twists,
     )  # fmt: skip
     return poses, twists

@@ -7,6 +7,7 @@ from typing import TypeVar
 from omnidrive.compiled import announce_compiling
 from omnidrive.control.controller import Controller
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import State
 from omnidrive.geometry import Pose
 from omnidrive.parameter import bounds_of, check_sample_time
 from omnidrive.reference import Hold
@@ -47,7 +48,8 @@ def precompile(controller: C, kernel: str) -> C:
         kernel: Name of a kernel that the step calls; a warning is logged if it is not compiled.
     """
     announce_compiling(kernel)
-    controller.reset(_START)
-    controller.step(0.0, _START, Hold(_FAR_TARGET, 1.0))
-    controller.reset(_START)
+    start = State(0.0, _START)
+    controller.reset(start)
+    controller.step(0.0, start, Hold(_FAR_TARGET, 1.0))
+    controller.reset(start)
     return controller

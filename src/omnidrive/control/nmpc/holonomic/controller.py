@@ -23,6 +23,7 @@ from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, Holono
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
 from omnidrive.control.nmpc.holonomic.tracking import tracking_problem
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Chassis
@@ -112,7 +113,7 @@ class HolonomicController:
         """Names and units of the details of a command."""
         return {"rung": "1", "solver_iterations": "1", "kkt_residual": "1"}
 
-    def reset(self, pose: Pose) -> None:
+    def reset(self, state: State) -> None:
         """Clear the last plan; the robot is at rest."""
         self._clear()
 
@@ -133,8 +134,9 @@ class HolonomicController:
         self.solution, self._age, self._final_twist = None, 0, _STOP
         self._twists.extend([_STOP] * (self._twists.maxlen or 0))
 
-    def step(self, t: float, pose: Pose, reference: Reference) -> Command:
-        """Return the command for the pose measured at ``t`` (s)."""
+    def step(self, t: float, state: State, reference: Reference) -> Command:
+        """Return the command for the state estimated at ``t`` (s); only its pose is used."""
+        pose = state.pose
         problem = self._problem(t + self.actuation.delay, self._predict(pose), reference)
         usable = isfinite(problem.start.sum() + problem.targets.sum())
         solution = self.solver.solve(problem) if usable else None

@@ -21,6 +21,7 @@ from omnidrive.control.nmpc.unicycle.solution import UnicycleOptimizer, Unicycle
 from omnidrive.control.nmpc.unicycle.solver import UnicycleSolver, UnicycleSolverSettings
 from omnidrive.control.nmpc.unicycle.tracking import tracking_problem
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
 from omnidrive.reference import Reference
 
@@ -97,12 +98,13 @@ class UnicycleController:
     def __post_init__(self) -> None:
         check_settings(self.dt, self.horizon, self.parameters)
 
-    def reset(self, pose: Pose) -> None:
+    def reset(self, state: State) -> None:
         """Clear the last plan."""
         self.solution = None
 
-    def step(self, t: float, pose: Pose, reference: Reference) -> Command:
-        """Return the command for the pose measured at ``t`` (s)."""
+    def step(self, t: float, state: State, reference: Reference) -> Command:
+        """Return the command for the state estimated at ``t`` (s); only its pose is used."""
+        pose = state.pose
         problem = tracking_problem(
             self.parameters, t, pose, reference, horizon=self.horizon, dt=self.dt
         )

@@ -1,0 +1,192 @@
+"""The pipeline from sensor readings to the command, the same in simulation and on a robot."""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import dataclass, field
+from math import isfinite, nan
+from time import get_clock_info, perf_counter_ns, thread_time_ns
+from typing import Literal, NamedTuple
+
+from omnidrive.control.controller import (
+    Command,
+    Controller,
+    DetailedController,
+    PreparableController,
+    Status,
+)
+from omnidrive.control.supervision import NullSupervisor, Supervisor
+from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.reference import Reference
+
+# a thread's own time is not disturbed by other processes; some systems count it too coarsely
+_clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
+_STOP = Command(BodyTwist(0.0, 0.0, 0.0))
+_FRAMES = 4  # calls shown of a traceback
+
+Part = Literal["reference", "estimator", "supervisor", "controller"]
+
+
+class PipelineStep(NamedTuple):
+    """Result of one sample."""
+
+    state: State
+    """Estimate at the sample."""
+    target: Pose
+    """Reference pose at the sample, in W; m, m, rad."""
+    command: Command
+    """Command to send; its status is ``FAILED`` if a part failed, and the robot must stop."""
+    step_time: float = nan
+    """Computing time of ``Controller.step`` in its thread, us; NaN if it was not called."""
+    failed: Part | None = None
+    """The part that failed; its message or traceback is ``command.message``."""
+
+
+@dataclass(slots=True)
+class Pipeline:
+    """Estimator, supervisor and controller in series: one call per sample.
+
+    Whatever a part raises or returns wrongly is reported in the step, never raised, so that the
+    caller can stop the robot.
+
+    Attributes:
+        controller: Computes the command.
+        estimator: Computes the state from the readings; by default the latest pose fix.
+        supervisor: Checks the state and limits the command; by default it does neither.
+    """
+
+    controller: Controller
+    estimator: StateEstimator = field(default_factory=LatestFix)
+    supervisor: Supervisor = field(default_factory=NullSupervisor)
+    _previous: Command = field(default=_STOP, init=False, repr=False)
+    """Command computed in the previous sample."""
+    _state: State = field(default=State(0.0, Pose(nan, nan, nan)), init=False, repr=False)
+    _details: int | None = field(default=None, init=False, repr=False)
+
+    def prepare(self) -> None:
+        """Let the controller compile and allocate; see ``PreparableController``."""
+        if isinstance(self.controller, PreparableController):
+            self.controller.prepare()
+
+    def reset(self, pose: Pose) -> None:
+        """Start a run at rest at ``pose``, which is known exactly."""
+        self._state = State(0.0, pose)
+        self._previous = _STOP
+        self.estimator.reset(pose)
+        self.controller.reset(self._state)
+        self.supervisor.reset(self.controller)
+        units = self.controller
+        self._details = len(units.detail_units) if isinstance(units, DetailedController) else None
+
+    def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
+        """Estimate and check at ``t`` (s) without computing a command, as at the end of a run."""
+        part: Part = "reference"
+        target = self._state.pose
+        try:
+            target = reference.at(t).pose
+            part = "estimator"
+            state = self.estimator.update(readings)
+            if not isinstance(state, State):
+                return self._failure(part, target, f"it returned {_named(state)}, not a State")
+            self._state = state
+            part = "supervisor"
+            self._state = self.supervisor.check(t, readings, state, target)
+        except Exception:
+            return self._failure(part, target, _traceback())
+        return PipelineStep(state, target, _STOP)
+
+    def step(
+        self,
+        t: float,
+        readings: SensorReadings,
+        reference: Reference,
+        dt: float,
+        *,
+        late: bool = False,
+    ) -> PipelineStep:
+        """Estimate the state at ``t`` (s) and compute the command for the next ``dt`` seconds.
+
+        Args:
+            t: Time of the sample, s.
+            readings: Readings up to ``t``.
+            reference: The motion to track.
+            dt: Time until the next sample, s.
+            late: Whether the new command is not ready in time, so that the one computed in the
+                previous sample is sent.
+        """
+        seen = self.observe(t, readings, reference)
+        if seen.failed:
+            return seen
+        command, step_time = _STOP, nan
+        if self.supervisor.stopped is None:
+            command, step_time = self._compute(t, reference)
+        command, self._previous = (self._previous if late else command), command
+        if command.status is Status.FAILED:
+            return PipelineStep(seen.state, seen.target, command, step_time, "controller")
+        try:
+            command = self.supervisor.limit(command, dt)
+        except Exception:
+            return self._failure("supervisor", seen.target, _traceback())
+        return PipelineStep(seen.state, seen.target, command, step_time)
+
+    def _compute(self, t: float, reference: Reference) -> tuple[Command, float]:
+        """The controller's command and its computing time, us."""
+        controller = self.supervisor.controller
+        began = _clock()
+        try:
+            command = controller.step(t, self._state, reference)
+        except Exception:
+            return _STOP._replace(status=Status.FAILED, message=_traceback()), nan
+        return _checked(command, self._details), (_clock() - began) * 1e-3
+
+    def _failure(self, part: Part, target: Pose, message: str) -> PipelineStep:
+        command = _STOP._replace(status=Status.FAILED, message=message)
+        return PipelineStep(self._state, target, command, nan, part)
+
+
+def _checked(command: Command, details: int | None) -> Command:
+    """``command``, or one with the status ``FAILED`` and a message if it is malformed."""
+    if (
+        type(command) is Command
+        and type(command.twist) is BodyTwist
+        and isfinite(sum(command.twist))
+        and (details is None or len(command.details) in {0, details})
+    ):
+        return command
+    return _refused(command, details)
+
+
+def _refused(command: object, details: int | None) -> Command:
+    """A failed command that says what is malformed."""
+    failed = _STOP._replace(status=Status.FAILED)
+    if not isinstance(command, Command):
+        return failed._replace(
+            message=f"it returned {_named(command)}, not a Command: "
+            "return Command(BodyTwist(vx, vy, yaw_rate))"
+        )
+    if command.status is Status.FAILED:
+        return command if isinstance(command.twist, BodyTwist) else failed
+    if not isinstance(command.twist, BodyTwist):
+        return failed._replace(
+            message=f"its command holds {_named(command.twist)}, not a BodyTwist"
+            + (": convert it with to_body" if hasattr(command.twist, "vx") else "")
+        )
+    if not all(isinstance(value, int | float) and isfinite(value) for value in command.twist):
+        return command._replace(
+            status=Status.FAILED, message=f"its twist is not finite: {command.twist}"
+        )
+    if details is not None and len(command.details) not in {0, details}:
+        return failed._replace(
+            message=f"its command holds {len(command.details)} details, its detail_units {details}"
+        )
+    return command
+
+
+def _named(value: object) -> str:
+    return "None" if value is None else f"a {type(value).__name__}"
+
+
+def _traceback() -> str:
+    """The present exception with its innermost calls."""
+    return traceback.format_exc(limit=-_FRAMES).rstrip()

@@ -1,0 +1,70 @@
+"""The drive of a robot after the failure of some of its wheels."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidGeometry
+from omnidrive.geometry import BodyTwist
+from omnidrive.robot import Chassis, Robot, acceleration_faces
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ReducedDrive:
+    """The wheels that still drive; the failed ones roll freely and carry their load.
+
+    Attributes:
+        wheels: Indices of the driving wheels, from 0.
+        chassis: Their rows of the wheel matrix, which allocate a twist to them.
+        rims: Their rows of the rim Jacobian: rim speed per body twist; 1, 1, m/rad.
+        pushes: Largest drive force of each, N.
+        acceleration_faces: Acceleration polytope ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1`` in B;
+            s^2/m, s^2/m, s^2/rad.
+        force_ratio: Smallest of ``force_limits`` over the whole robot's smallest, dimensionless.
+    """
+
+    wheels: tuple[int, ...]
+    chassis: Chassis
+    rim_jacobian: Float[Array, "wheels 3"]
+    force_limits: Float[Array, " wheels"]
+    acceleration_faces: Float[Array, "faces 3"]
+    force_ratio: float
+
+    @classmethod
+    def of(cls, robot: Robot, failed: Collection[int]) -> ReducedDrive:
+        """The drive of ``robot`` without the wheels ``failed`` (indices from 0).
+
+        Raises:
+            InvalidGeometry: The remaining wheels cannot produce every twist.
+        """
+        kept = [i for i in range(len(robot.mounts)) if i not in failed]
+        if len(kept) < 3:
+            raise InvalidGeometry(len(kept))
+        chassis = Chassis(robot.drive.jacobian[kept], robot.max_wheel_speed)
+        rim_jacobian, force_limits = robot.rim_jacobian[kept], robot.force_limits[kept]
+        faces = acceleration_faces(rim_jacobian, force_limits, robot.inertia)
+        ratio = float(force_limits.min() / robot.max_force)
+        return cls(tuple(kept), chassis, rim_jacobian, force_limits, faces, ratio)
+
+
+def limit_acceleration(
+    limits: Float[Array, "faces 3"], before: BodyTwist, desired: BodyTwist, dt: float
+) -> BodyTwist:
+    """The twist on the line from ``before`` to ``desired`` nearest to ``desired`` within limits.
+
+    Args:
+        limits: Acceleration polytope ``|limits @ acceleration| <= 1``; s^2/m, s^2/m, s^2/rad.
+        before: Twist commanded in the previous sample.
+        desired: Twist desired in this sample.
+        dt: Sample time, s.
+    """
+    change = np.subtract(desired, before)
+    used = float(np.abs(limits @ change).max()) / dt
+    if used <= 1.0:
+        return desired
+    return BodyTwist(*(np.asarray(before) + change / used).tolist())

@@ -1,0 +1,185 @@
+"""The supervisor that stops a robot and compensates for failed wheels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import hypot
+
+from omnidrive.control.controller import Command, Controller, ReducibleController
+from omnidrive.control.reduced_drive import ReducedDrive, limit_acceleration
+from omnidrive.control.supervision.supervisor import Event
+from omnidrive.control.supervision.watchdog import Watchdog
+from omnidrive.control.supervision.wheel_monitor import Finding, WheelDefect, WheelMonitor
+from omnidrive.errors import InvalidGeometry
+from omnidrive.estimation import SensorReadings, State
+from omnidrive.geometry import BodyTwist, Pose, move, twist_between
+from omnidrive.robot import Robot
+
+_STOP = BodyTwist(0.0, 0.0, 0.0)
+_SHARE = 0.85
+"""Share of the wheels' friction that commands use once a wheel has failed."""
+_LONGEST_STEP = 0.5
+"""Longest motion per sample of a robot with a locked wheel, as a multiple of that wheel's lever
+arm."""
+_ITERATIONS = 20
+"""Fixed-point iterations between rotation and translation; each leaves at most a quarter of the
+error."""
+
+
+@dataclass(slots=True)
+class SafetySupervisor:
+    """Stops the robot when a watchdog limit is exceeded, and compensates for failed wheels.
+
+    Dead wheel: the twist is allocated to the other wheels and limited to their speeds and forces; a
+    :class:`~omnidrive.control.ReducibleController` plans with them. Locked wheel: twists must lie
+    in the null space of its row of the wheel matrix, which leaves two degrees of freedom. These
+    control the position; the heading is not controlled, and the controller receives the reference
+    heading as the estimated one.
+
+    Attributes:
+        robot: The robot without failures.
+        watchdog: None: no watchdog.
+        monitor: None: wheels are not monitored.
+        controller: The controller in use.
+        events: Findings and reactions, in order.
+        stopped: Reason for which the robot is being stopped; None while it is not.
+    """
+
+    robot: Robot
+    watchdog: Watchdog | None = None
+    monitor: WheelMonitor | None = None
+    controller: Controller = field(init=False)
+    events: list[Event] = field(default_factory=list, init=False)
+    stopped: str | None = field(default=None, init=False)
+    _reduced: bool = field(default=False, init=False)
+    """Whether the controller plans with the reduced drive."""
+    _dead: set[int] = field(default_factory=set, init=False)
+    _locked: int | None = field(default=None, init=False)
+    _drive: ReducedDrive | None = field(default=None, init=False)
+    _commanded: BodyTwist = field(default=_STOP, init=False)
+    _held: float | None = field(default=None, init=False)
+    """Time for which the last command was held, s; None before the first."""
+    _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
+    _shown: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
+
+    def reset(self, controller: Controller) -> None:
+        """Start a run with ``controller`` and all wheels healthy."""
+        self.controller, self._reduced, self.stopped = controller, False, None
+        self.events = []
+        self._dead, self._locked, self._drive = set(), None, None
+        self._commanded, self._held = _STOP, None
+        for part in (self.watchdog, self.monitor):
+            if part is not None:
+                part.reset()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the robot has been stopped and its command is zero."""
+        return self.stopped is not None and self._commanded == _STOP
+
+    def check(self, t: float, readings: SensorReadings, state: State, target: Pose) -> State:
+        """Check wheels and estimate at ``t`` (s); returns the state that the controller receives.
+
+        Args:
+            t: Time, s.
+            readings: Wheel angles and motor torques of the sample that ends at ``t``.
+            state: The estimate at ``t``.
+            target: Reference pose at ``t``.
+        """
+        if self._held is not None and self.monitor is not None and self.stopped is None:
+            found = self.monitor.update(
+                self._commanded, self._held, readings.wheel_angles, readings.wheel_torques
+            )
+            for finding in found:
+                self._compensate(t, finding)
+        if self.watchdog is not None and self.stopped is None:
+            reason = self.watchdog.check(t, state, target)
+            if reason is not None:
+                self._stop(t, reason)
+        self._pose = self._shown = state.pose
+        if self._locked is None:
+            return state
+        self._shown = Pose(state.pose.x, state.pose.y, target.yaw)
+        return state._replace(pose=self._shown)
+
+    def limit(self, command: Command, dt: float) -> Command:
+        """The command that is sent to the robot for ``dt`` (s) instead of ``command``."""
+        twist = command.twist
+        if self.stopped is not None:
+            twist = self._braking(dt)
+        elif self._locked is not None:
+            twist = self._in_null_space(twist, dt)
+        elif self._drive is not None:
+            twist = self._drive.chassis.saturate(twist)
+            if not self._reduced:
+                limits = self._drive.acceleration_faces / _SHARE
+                twist = limit_acceleration(limits, self._commanded, twist, dt)
+        self._commanded, self._held = twist, dt
+        return command if twist is command.twist else command._replace(twist=twist)
+
+    def _stop(self, t: float, reason: str) -> None:
+        self.stopped = f"at {t:.2f} s {reason}"
+        self.events.append(Event(t, f"the watchdog stops the robot: {reason}"))
+
+    def _compensate(self, t: float, found: Finding) -> None:
+        name = f"wheel {found.wheel} {found.defect.value}"
+        if found.defect is WheelDefect.BLIND:
+            self.events.append(Event(t, name))
+        elif found.defect is WheelDefect.LOCKED:
+            self._release_heading(t, found.wheel, name)
+        else:
+            self._reduce_drive(t, found.wheel, name)
+
+    def _reduce_drive(self, t: float, wheel: int, name: str) -> None:
+        self._dead.add(wheel)
+        try:
+            drive = ReducedDrive.of(self.robot, self._dead)
+        except InvalidGeometry:
+            self._stop(t, f"{name}, and the others cannot compensate for it")
+            return
+        self._drive, reaction = drive, "commands are limited to them"
+        if isinstance(self.controller, ReducibleController) and self._locked is None:
+            self.controller, self._reduced = self.controller.with_reduced_drive(drive), True
+            reaction = "the controller plans with them"
+        others = f"the other {len(drive.wheels)} compensate for it"
+        self.events.append(Event(t, f"{name}; {others}, {reaction}"))
+
+    def _release_heading(self, t: float, wheel: int, name: str) -> None:
+        if self._locked is not None or abs(self._rim_row(wheel)[2]) < 1e-6 * self.robot.effective_radius:
+            self._stop(t, f"{name}, and the others cannot compensate for it")
+            return
+        self._locked = wheel
+        self.events.append(Event(t, f"{name}; the position is controlled, the heading is not"))
+
+    def _rim_row(self, wheel: int) -> tuple[float, float, float]:
+        """Rim speed of a wheel per body twist, 1, 1, m/rad, by the model that commands use."""
+        a, b, c = (self.robot.wheel.radius * self.robot.drive.jacobian[wheel]).tolist()
+        return a, b, c
+
+    def _braking(self, dt: float) -> BodyTwist:
+        """The next twist on the straight line to rest, with the largest deceleration allowed."""
+        limits = self.robot.acceleration_faces if self._drive is None else self._drive.acceleration_faces
+        return limit_acceleration(limits / _SHARE, self._commanded, _STOP, dt)
+
+    def _in_null_space(self, twist: BodyTwist, dt: float) -> BodyTwist:
+        """The twist that moves B as ``twist`` does while the locked wheel does not turn.
+
+        The locked wheel's row (a, b, c) of the rim Jacobian constrains the twist by
+        ``a vx + b vy + c yaw_rate = 0``. Because the robot rotates during the sample, the velocity
+        along the arc to the goal depends on the yaw rate and vice versa; a fixed-point iteration
+        solves for both.
+        """
+        assert self._locked is not None
+        a, b, c = self._rim_row(self._locked)
+        goal, here = move(self._shown, twist, dt), self._pose
+        dx, dy = goal.x - here.x, goal.y - here.y
+        part = min(1.0, _LONGEST_STEP * abs(c) / max(hypot(dx, dy), 1e-12))
+        vx, vy, turn = 0.0, 0.0, 0.0
+        for _ in range(_ITERATIONS):
+            there = Pose(here.x + part * dx, here.y + part * dy, here.yaw + turn * dt)
+            vx, vy, _ = twist_between(here, there, dt)
+            turn = -(a * vx + b * vy) / c
+        desired = self.robot.drive.saturate(BodyTwist(vx, vy, turn))
+        limits = self.robot.acceleration_faces / _SHARE
+        vx, vy, _ = limit_acceleration(limits, self._commanded, desired, dt)
+        return BodyTwist(vx, vy, -(a * vx + b * vy) / c)

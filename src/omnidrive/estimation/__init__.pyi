@@ -1,0 +1,20 @@
+from .pose_estimator import PoseEstimator
+from .readings import PoseFix, SensorReadings
+from .sensor_settings import EncoderSettings, GyroSettings, PoseFixSettings, SensorSettings
+from .settings import EstimatorSettings
+from .state import State
+from .state_estimator import LatestFix, StateEstimator
+
+__all__ = [
+    "EncoderSettings",
+    "EstimatorSettings",
+    "GyroSettings",
+    "LatestFix",
+    "PoseEstimator",
+    "PoseFix",
+    "PoseFixSettings",
+    "SensorReadings",
+    "SensorSettings",
+    "State",
+    "StateEstimator",
+]

@@ -1,0 +1,58 @@
+"""The interface of every state estimator, and the simplest one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite, pi
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from omnidrive.estimation.readings import PoseFix, SensorReadings
+from omnidrive.estimation.state import State
+from omnidrive.geometry import Pose
+
+
+@runtime_checkable
+class StateEstimator(Protocol):
+    """Computes a state estimate from sensor readings, once every sample.
+
+    ``reset`` and then any number of ``update`` calls is one run.
+    """
+
+    def reset(self, pose: Pose) -> None:
+        """Clear all memory; the robot stands at rest at ``pose``, which is known exactly."""
+        ...
+
+    def update(self, readings: SensorReadings) -> State:
+        """Estimate the state at ``readings.stamp``; stamps must not decrease."""
+        ...
+
+
+@dataclass(slots=True)
+class LatestFix:
+    """Returns the most recent pose fix, without odometry and without a filter."""
+
+    _latest: PoseFix = field(default=PoseFix(0.0, Pose(0.0, 0.0, 0.0), 0.0, 0.0), init=False)
+
+    def reset(self, pose: Pose) -> None:
+        """Return ``pose`` until a fix arrives."""
+        self._latest = PoseFix(0.0, pose, 0.0, 0.0)
+
+    def update(self, readings: SensorReadings) -> State:
+        """Return the fix with the latest stamp; whole turns are added to its yaw for continuity.
+
+        The covariance is None where the fix does not state its precision. The twist is not
+        estimated.
+        """
+        for fix in readings.fixes:
+            if fix.stamp >= self._latest.stamp:
+                before, yaw = self._latest.pose.yaw, fix.pose.yaw
+                if isfinite(yaw) and isfinite(before):
+                    yaw += 2.0 * pi * round((before - yaw) / (2.0 * pi))
+                self._latest = fix._replace(pose=fix.pose._replace(yaw=yaw))
+        stamp, pose, position_sigma, yaw_sigma = self._latest
+        covariance = None
+        if isfinite(position_sigma) and isfinite(yaw_sigma):
+            covariance = np.diag([position_sigma**2, position_sigma**2, yaw_sigma**2])
+        return State(readings.stamp, pose, None, covariance, readings.stamp - stamp)

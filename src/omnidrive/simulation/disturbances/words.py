@@ -1,0 +1,67 @@
+"""Faults as words of a command line: ``wheel-dead:wheel=2,at=5``."""
+
+from __future__ import annotations
+
+from math import isfinite, nan
+
+from pydantic import ValidationError
+
+from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.simulation.disturbances.fault import FAULTS, Fault, make_fault
+
+_LONGEST = 200  # characters
+_SHOWN = 60
+
+
+def parse_fault(text: str) -> Fault:
+    """Read ``KIND`` or ``KIND:NAME=VALUE,...``, where every value is a number.
+
+    Raises:
+        InvalidInput: There is no such kind, name or value; the message says what there is.
+    """
+    if len(text) > _LONGEST:
+        raise InvalidInput(f"a fault has at most {_LONGEST} characters, got {len(text)}")
+    kind, _, rest = text.partition(":")
+    kind = kind.strip()
+    if kind not in FAULTS:
+        raise InvalidInput(
+            f"there is no fault '{_short(kind)}'; there are {', '.join(FAULTS)}"
+            + suggestion(kind, list(FAULTS))
+        )
+    names = [name for name in FAULTS[kind].model_fields if name != "kind"]
+    values: dict[str, object] = {}
+    for part in filter(None, (part.strip() for part in rest.split(","))):
+        name, sign, value = (piece.strip() for piece in part.partition("="))
+        if not sign:
+            raise InvalidInput(f"fault {kind}: '{_short(part)}' is not NAME=VALUE, such as at=5")
+        if name not in names:
+            raise InvalidInput(
+                f"fault {kind}: there is no '{_short(name)}'; there are {', '.join(names)}"
+                + suggestion(name, names)
+            )
+        if name in values:
+            raise InvalidInput(f"fault {kind}: '{name}' is given twice")
+        values[name] = _number(kind, name, value)
+    try:
+        return make_fault(kind, values)
+    except ValidationError as error:
+        facts = "; ".join(
+            f"{problem['loc'][-1]} {problem['msg'].removeprefix('Value error, ')}"
+            for problem in error.errors()
+        )
+        raise InvalidInput(f"fault {kind}: {facts}") from None
+
+
+def _number(kind: str, name: str, value: str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = nan
+    if not isfinite(number):
+        raise InvalidInput(f"fault {kind}: {name} must be a plain number, got '{_short(value)}'")
+    return int(number) if number.is_integer() else number
+
+
+def _short(text: str) -> str:
+    plain = "".join(c if c.isprintable() else "?" for c in text)
+    return plain if len(plain) <= _SHOWN else plain[:_SHOWN] + "..."

@@ -1,0 +1,1 @@
+"""The robot in MuJoCo: models, plant, disturbances, obstacles."""

@@ -1,0 +1,5 @@
+"""Simulated sensors: readings from the true state of a plant."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

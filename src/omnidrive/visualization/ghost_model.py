@@ -1,0 +1,106 @@
+"""The robot's MuJoCo model, moved by hand: how plants without bodies are seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, sin
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.maps import OccupancyGrid
+from omnidrive.robot import Robot
+from omnidrive.simulation.moving_obstacle import MovingObstacle
+from omnidrive.simulation.mujoco.mjcf import omni_model
+from omnidrive.simulation.mujoco.walls import Walls
+from omnidrive.simulation.plant import PlantState
+
+
+class GhostModel:
+    """A robot that stands where it is put, its wheels turned as far as they are said to be.
+
+    Attributes:
+        model: The world as MuJoCo has it.
+        data: Its state, in which nothing but places means anything.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        obstacles: OccupancyGrid | None = None,
+        moving: Sequence[MovingObstacle] = (),
+    ) -> None:
+        """Build the world.
+
+        Args:
+            robot: What is seen.
+            obstacles: The map that stands around it.
+            moving: What moves there.
+        """
+        walls = Walls(obstacles) if obstacles is not None else None
+        xml = omni_model(robot, "rollers", walls=walls, moving=moving)
+        self.model = mujoco.MjModel.from_xml_string(xml)
+        self.data = mujoco.MjData(self.model)
+        self._chassis = robot.chassis
+        self._height = robot.wheel.radius
+        self._moving = tuple(moving)
+        wheels = range(len(robot.mounts))
+        self._joints = [int(self.model.joint(f"wheel{i}").qposadr[0]) for i in wheels]
+        self.put(0.0, Pose(0.0, 0.0, 0.0), np.zeros(len(wheels)))
+
+    def put(self, t: float, pose: Pose, wheels: Float[Array, " wheels"]) -> None:
+        """Stand at ``pose``, the wheels turned by so much (rad), as at time ``t`` (s)."""
+        x, y, yaw = pose
+        data = self.data
+        data.time = t
+        data.qpos[:7] = x, y, self._height, cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)
+        data.qpos[self._joints] = wheels
+        for k, obstacle in enumerate(self._moving):
+            data.mocap_pos[k, :2] = obstacle.at(t)
+        place(self.model, data)
+
+    def rolled(
+        self, before: PlantState, after: PlantState, angles: Float[Array, " wheels"], dt: float
+    ) -> Float[Array, " wheels"]:
+        """How far the wheels have turned ``dt`` s after they had turned by ``angles``, in rad.
+
+        As the plant says; where it does not, as wheels that do not slip would at the mean twist.
+        """
+        if len(after.wheel_angles) == len(angles):
+            return np.array(after.wheel_angles)
+        mean = BodyTwist(*(0.5 * (np.array(before.twist) + np.array(after.twist))).tolist())
+        turned: Float[Array, " wheels"] = angles + dt * self._chassis.wheel_speeds(mean)
+        return turned
+
+
+def place(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Compute where all bodies and lights are, and nothing else."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+
+
+def between(before: PlantState, after: PlantState, dt: float, part: float) -> Pose:
+    """Pose at ``part`` (0 to 1) of the ``dt`` s between two measurements.
+
+    The cubic in W that has their poses and velocities (Hermite).
+    """
+    first, last = np.array(before.pose), np.array(after.pose)
+    rates = [dt * _in_world(state) for state in (before, after)]
+    s = part
+    pose = (
+        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * first
+        + s * (1.0 - s) ** 2 * rates[0]
+        + s * s * (3.0 - 2.0 * s) * last
+        + s * s * (s - 1.0) * rates[1]
+    )
+    return Pose(*pose.tolist())
+
+
+def _in_world(state: PlantState) -> Float[Array, " 3"]:
+    c, s = cos(state.pose.yaw), sin(state.pose.yaw)
+    vx, vy, rate = state.twist
+    return np.array([c * vx - s * vy, s * vx + c * vy, rate])
