@@ -6,6 +6,8 @@ from .control import (
     FuzzyPidController,
     HolonomicController,
     HolonomicParameters,
+    NmpcController,
+    Pipeline,
     Status,
     TrackingPidController,
     UnicycleController,
@@ -16,6 +18,7 @@ from .control import (
 )
 from .control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOutZone
 from .errors import OmnidriveError
+from .estimation import PoseEstimator, PoseFix, SensorReadings, State, StateEstimator
 from .evaluation import Metrics, StepResponse, measure, step_response
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
 from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
@@ -40,10 +43,12 @@ from .simulation import (
     MujocoPlant,
     Outcome,
     PaperNoise,
+    PerfectSensors,
     PlanarPlant,
     Plant,
     PlantState,
     Run,
+    SensorSuite,
     identify_lag,
     roll_out,
     simulate,
@@ -76,11 +81,15 @@ __all__ = [
     "PaperNoise",
     "Path",
     "PathOptions",
+    "PerfectSensors",
+    "Pipeline",
     "Plan",
     "PlanarPlant",
     "Plant",
     "PlantState",
     "Pose",
+    "PoseEstimator",
+    "PoseFix",
     "Recorder",
     "Recording",
     "Reference",
@@ -88,8 +97,12 @@ __all__ = [
     "Run",
     "SampledReference",
     "Scenario",
+    "SensorReadings",
+    "SensorSuite",
     "Setpoint",
     "SplinePath",
+    "State",
+    "StateEstimator",
     "Status",
     "StepResponse",
     "Study",

@@ -216,7 +216,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
     code = (
         "import sys, omnidrive.control.nmpc.holonomic.controller as f, omnidrive.control as c\n"
         "real = f.HolonomicController.step\n"
-        "def step(self, t, pose, reference):\n"
+        "def step(self, t, state, reference):\n"
         "    command = real(self, t, pose, reference)\n"
         "    return command if t < 3 else command._replace(status=c.Status.FAILED)\n"
         "f.HolonomicController.step = step\n"

@@ -34,11 +34,12 @@ from omnidrive.control.pid.laws import (
     tuned_within_reach,
 )
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import Pose, to_world, wrap
 from omnidrive.parameter import bounds_of
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
-from omnidrive.simulation import Estimate, KinematicPlant, simulate
+from omnidrive.simulation import KinematicPlant, Outcome, simulate
 from tests.laws.motions import Circle
 
 DT = 0.1
@@ -57,8 +58,8 @@ def controller(request):
 
 
 def first_command(controller, pose, goal):
-    controller.reset(pose)
-    return controller.step(0.0, pose, Hold(goal, 1.0)).twist
+    controller.reset(State(0.0, pose))
+    return controller.step(0.0, State(0.0, pose), Hold(goal, 1.0)).twist
 
 
 def closed_loop(controller, start, goal, seconds=10.0):
@@ -135,8 +136,8 @@ class TestPublishedCode:
     @given(poses, poses)
     def test_has_no_memory(self, pose, goal):
         controller = fuzzy_pid("t1", "published-code", DT)
-        first = controller.step(0.0, pose, Hold(goal, 1.0))
-        assert controller.step(DT, pose, Hold(goal, 1.0)) == first
+        first = controller.step(0.0, State(0.0, pose), Hold(goal, 1.0))
+        assert controller.step(DT, State(DT, pose), Hold(goal, 1.0)) == first
 
     def test_does_not_wrap_the_heading(self):
         controller = fuzzy_pid("t1", "published-code", DT)
@@ -180,11 +181,14 @@ class TestPaper:
         controller = fuzzy_pid(kind, "paper", DT)
         goal = Hold(Pose(1.0, 0.0, 0.0), 1.0)
         pose = Pose(0.9, 0.0, 0.0)
-        controller.reset(pose)
-        first, second = controller.step(0.0, pose, goal), controller.step(DT, pose, goal)
+        controller.reset(State(0.0, pose))
+        first, second = (
+            controller.step(0.0, State(0.0, pose), goal),
+            controller.step(DT, State(DT, pose), goal),
+        )
         assert second != first
-        controller.reset(pose)
-        assert controller.step(0.0, pose, goal) == first
+        controller.reset(State(0.0, pose))
+        assert controller.step(0.0, State(0.0, pose), goal) == first
 
 
 class TestLaw:
@@ -246,9 +250,9 @@ def tracking_pid(parameters, dt=DT, tune=no_tuning):
     return TrackingPidController(dt, *(TrackingChannel(tune, dt, parameters) for _ in range(3)))
 
 
-def run_on(controller, reference, start, dt=DT, sensor=None, robot="paper"):
+def run_on(controller, reference, start, dt=DT, estimator=None, robot="paper"):
     plant = KinematicPlant(named_robot(robot))
-    return simulate(plant, controller, reference, start=start, dt=dt, sensor=sensor)
+    return simulate(plant, controller, reference, start=start, dt=dt, estimator=estimator)
 
 
 RECOMMENDED = {
@@ -294,9 +298,9 @@ class TestRecommended:
         """A robot held fast while the reference moves: rate is the reference's, filtered."""
         controller = tracking_pid(TrackingParameters(filter_time=0.0))
         pose = Circle().at(0.0).pose
-        controller.reset(pose)
+        controller.reset(State(0.0, pose))
         units = list(controller.detail_units)
-        seen = [controller.step(t, pose, Circle()).details for t in (0.0, DT)]
+        seen = [controller.step(t, State(t, pose), Circle()).details for t in (0.0, DT)]
         column = units.index("change_input_x")
         assert seen[0][column] == 0.0
         assert seen[1][column] == pytest.approx(2 * pi / 8.0, rel=0.01)
@@ -322,16 +326,14 @@ class TestRecommended:
     def test_a_wrapped_measurement_is_no_turn(self, make):
         """The heading's reading jumps by a whole turn; nothing else happens."""
 
-        class Wrapped:
-            def reset(self, pose):
-                pass
-
-            def sense(self, t, state):
-                return Estimate(state.pose._replace(yaw=wrap(state.pose.yaw)))
+        class Wrapped(LatestFix):
+            def update(self, readings):
+                state = super().update(readings)
+                return state._replace(pose=state.pose._replace(yaw=wrap(state.pose.yaw)))
 
         start = Circle().at(0.0).pose
         plain = run_on(make(DT), Circle(), start)
-        wrapped = run_on(make(DT), Circle(), start, sensor=Wrapped())
+        wrapped = run_on(make(DT), Circle(), start, estimator=Wrapped())
         assert wrapped.command == pytest.approx(plain.command, abs=1e-9)
 
     def test_removes_a_lasting_error(self, make):
@@ -349,10 +351,10 @@ class TestRecommended:
 
     def test_one_lost_measurement_fails_one_step(self, make):
         controller, pose = make(DT), Circle().at(0.0).pose
-        controller.reset(pose)
-        controller.step(0.0, pose, Circle())
-        lost = controller.step(DT, Pose(float("nan"), 0.0, 0.0), Circle())
-        after = controller.step(2 * DT, pose, Circle())
+        controller.reset(State(0.0, pose))
+        controller.step(0.0, State(0.0, pose), Circle())
+        lost = controller.step(DT, State(DT, Pose(float("nan"), 0.0, 0.0)), Circle())
+        after = controller.step(2 * DT, State(2 * DT, pose), Circle())
         assert lost.status is Status.FAILED
         assert after.status is Status.OK
         assert np.isfinite([*after.twist, *after.details]).all()
@@ -462,11 +464,11 @@ def test_a_wrapper_that_announces_no_details_logs_none():
         def __init__(self):
             self.inner = classical_pid("recommended", DT)
 
-        def reset(self, pose):
-            self.inner.reset(pose)
+        def reset(self, state):
+            self.inner.reset(state)
 
-        def step(self, t, pose, reference):
-            return self.inner.step(t, pose, reference)
+        def step(self, t, state, reference):
+            return self.inner.step(t, state, reference)
 
     assert run_on(Wrapper(), Circle(), Circle().at(0.0).pose).details == {}
 
@@ -477,11 +479,12 @@ def test_other_details_than_announced_are_refused():
         def detail_units(self):
             return {"a": "1"}
 
-        def step(self, t, pose, reference):
-            return super().step(t, pose, reference)._replace(details=(1.0, 2.0))
+        def step(self, t, state, reference):
+            return super().step(t, state, reference)._replace(details=(1.0, 2.0))
 
-    with pytest.raises(InvalidInput, match="hold 2 details, its detail_units 1"):
-        run_on(Talkative(DT), Circle(), Circle().at(0.0).pose)
+    run = run_on(Talkative(DT), Circle(), Circle().at(0.0).pose)
+    assert run.outcome is Outcome.CONTROLLER_FAILED
+    assert "holds 2 details, its detail_units 1" in run.reason
 
 
 @pytest.mark.parametrize(

@@ -1,24 +1,25 @@
 """Watchdog, wheel monitor and what is done about lost wheels, each by itself."""
 
 from dataclasses import replace
-from math import nan
+from math import isnan, nan
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omnidrive.control import Command
+from omnidrive.control import Command, FeedforwardController
+from omnidrive.control.reduced_drive import ReducedDrive, limit_acceleration
 from omnidrive.control.supervision import (
     Finding,
-    Seen,
-    Supervisor,
+    SafetySupervisor,
     Watchdog,
     WatchdogLimits,
     WheelDefect,
     WheelMonitor,
 )
 from omnidrive.errors import InvalidGeometry
+from omnidrive.estimation import EncoderSettings, SensorReadings, State
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot, omni_ring
 
@@ -29,11 +30,19 @@ DT = 0.1
 few = settings(max_examples=25, deadline=None)
 
 
+def estimate(pose, sigma=0.0, age=0.0):
+    covariance = None if isnan(sigma) else np.diag([sigma**2, 0.0, 0.0])
+    return State(0.0, pose, None, covariance, age)
+
+
 def looks(errors, sigma=0.0, age=0.0):
     """What the watchdog says, sample by sample, of a robot that is so far off."""
     dog = Watchdog(LIMITS)
     dog.reset()
-    return [dog.look(k * DT, Pose(e, 0.0, 0.0), HERE, sigma, age) for k, e in enumerate(errors)]
+    return [
+        dog.check(k * DT, estimate(Pose(e, 0.0, 0.0), sigma, age), HERE)
+        for k, e in enumerate(errors)
+    ]
 
 
 def test_a_robot_that_is_off_for_long_enough_is_stopped():
@@ -71,11 +80,16 @@ def test_limits_grow_with_the_robot():
     assert WatchdogLimits.of(named_robot("small")).error == 1.0
 
 
+FINE = EncoderSettings(2**24)
+USUAL = EncoderSettings()
+
+
 class Bench:
     """Wheels on a test bench, each of which follows its servo in its own way."""
 
-    def __init__(self, robot=ROBOT):
-        self.robot, self.monitor = robot, WheelMonitor(robot)
+    def __init__(self, robot=ROBOT, encoders=FINE):
+        self.robot, self.monitor = robot, WheelMonitor(robot, encoders)
+        self.step = encoders.step
         self.angles = np.zeros(len(robot.mounts))
 
     def sample(self, twist, slip, **ways):
@@ -86,7 +100,8 @@ class Bench:
         for name, way in ways.items():
             speeds, torques = way(int(name[1:]), speeds, torques)
         self.angles = self.angles + speeds * DT
-        return self.monitor.watch(twist, DT, tuple(self.angles), tuple(torques))
+        counted = self.step * np.round(self.angles / self.step)
+        return self.monitor.update(twist, DT, tuple(counted), tuple(torques))
 
     def dead(self, i, speeds, torques):
         torques[i] = 0.0
@@ -119,14 +134,35 @@ def test_a_defect_is_found_after_three_samples(wheel, defect):
 
 
 @few
-@given(st.integers(0, 2**32 - 1))
-def test_healthy_wheels_are_never_found_defective(seed):
+@given(st.integers(0, 2**32 - 1), st.sampled_from([FINE, USUAL, EncoderSettings(256)]))
+def test_healthy_wheels_are_never_found_defective(seed, encoders):
     """Any commands, any slip that the motors' torque explains, also at its limit."""
-    rng, bench = np.random.default_rng(seed), Bench()
+    rng, bench = np.random.default_rng(seed), Bench(encoders=encoders)
     for _ in range(60):
         twist = BodyTwist(*(rng.normal(size=3) * rng.choice([0.01, 0.3, 2.0])).tolist())
         slip = rng.normal(size=4) * rng.choice([0.001, 0.1, 2.0])
         assert bench.sample(twist, slip) == []
+
+
+@pytest.mark.parametrize("wheel", range(4))
+@pytest.mark.parametrize("defect", WheelDefect)
+def test_usual_encoders_resolve_a_defect(wheel, defect):
+    """The torque that is missing has to exceed the error of the measured speed."""
+    bench, slip = Bench(encoders=USUAL), np.full(4, 0.05)
+    for _ in range(5):
+        assert bench.sample(TWIST, slip) == []
+    way = {f"w{wheel}": getattr(bench, defect.name.lower())}
+    found = [finding for _ in range(8) for finding in bench.sample(TWIST, slip, **way)]
+    assert found == [Finding(wheel, defect)]
+
+
+def test_a_silent_encoder_counts_as_a_dead_one():
+    monitor, angles, found = WheelMonitor(ROBOT), np.zeros(4), []
+    for k in range(8):
+        angles = angles + ROBOT.chassis.wheel_speeds(TWIST) * DT
+        read = tuple(nan if i == 2 and k > 2 else angle for i, angle in enumerate(angles.tolist()))
+        found += monitor.update(TWIST, DT, read, (0.01,) * 4)
+    assert found == [Finding(2, WheelDefect.BLIND)]
 
 
 def test_who_is_not_called_upon_is_not_judged():
@@ -135,7 +171,7 @@ def test_who_is_not_called_upon_is_not_judged():
 
 
 def test_a_plant_that_does_not_tell_is_trusted():
-    assert WheelMonitor(ROBOT).watch(TWIST, DT, (), ()) == []
+    assert WheelMonitor(ROBOT).update(TWIST, DT, (), ()) == []
 
 
 def test_slow_motors_are_no_dead_ones():
@@ -149,11 +185,11 @@ def test_slow_motors_are_no_dead_ones():
             set_points += (told - set_points) * (1.0 - np.exp(-DT / 100 / 0.2))
             angles += (set_points - 0.1) * DT / 100
             torques += slow.servo_gain * 0.1 / 100
-        assert monitor.watch(twist, DT, tuple(angles), tuple(torques)) == []
+        assert monitor.update(twist, DT, tuple(angles), tuple(torques)) == []
 
 
 def test_three_wheels_carry_on():
-    left = Remaining.of(ROBOT, {1})
+    left = ReducedDrive.of(ROBOT, {1})
     assert left.wheels == (0, 2, 3)
     assert left.chassis.twist(left.chassis.wheel_speeds(TWIST)) == pytest.approx(TWIST)
     assert left.force_limits == pytest.approx(
@@ -169,10 +205,10 @@ def test_three_wheels_carry_on():
 def test_two_wheels_do_not():
     kiwi = replace(ROBOT, mounts=omni_ring((0.0, 2.1, 4.2), 0.5))
     with pytest.raises(InvalidGeometry):
-        Remaining.of(kiwi, {0})
+        ReducedDrive.of(kiwi, {0})
     guard = supervisor(kiwi)
-    guard._make_up_for(1.0, Finding(0, WheelDefect.DEAD))
-    assert guard.stopped == "at 1.00 s wheel 0 is dead, and the others cannot make up for it"
+    guard._compensate(1.0, Finding(0, WheelDefect.DEAD))
+    assert guard.stopped == "at 1.00 s wheel 0 is dead, and the others cannot compensate for it"
 
 
 twists = st.builds(BodyTwist, *[st.floats(-2.0, 2.0)] * 3)
@@ -181,7 +217,7 @@ twists = st.builds(BodyTwist, *[st.floats(-2.0, 2.0)] * 3)
 @few
 @given(twists, twists)
 def test_an_eased_twist_is_on_the_way_and_within_traction(before, wanted):
-    got = eased(ROBOT.acceleration_faces, before, wanted, DT)
+    got = limit_acceleration(ROBOT.acceleration_faces, before, wanted, DT)
     assert np.abs(ROBOT.acceleration_faces @ np.subtract(got, before)).max() <= DT * (1.0 + 1e-9)
     along, whole = np.subtract(got, before), np.subtract(wanted, before)
     assert np.linalg.norm(np.cross(along, whole)) == pytest.approx(0.0, abs=1e-9)
@@ -189,19 +225,19 @@ def test_an_eased_twist_is_on_the_way_and_within_traction(before, wanted):
 
 
 def supervisor(robot=ROBOT):
-    guard = Supervisor(robot, Watchdog(WatchdogLimits.of(robot)), WheelMonitor(robot))
-    guard.reset()
+    guard = SafetySupervisor(robot, Watchdog(WatchdogLimits.of(robot)), WheelMonitor(robot))
+    guard.reset(FeedforwardController(DT))
     return guard
 
 
-def seen(pose):
-    return Seen(pose, 0.0, 0.0)
+NO_READINGS = SensorReadings(0.0)
 
 
 def test_nothing_is_changed_while_nothing_is_wrong():
     guard, command = supervisor(), Command(BodyTwist(9.0, 9.0, 9.0))
-    assert guard.look(0.0, seen(HERE), HERE) == HERE
-    assert guard.allow(command, DT) is command
+    state = estimate(HERE)
+    assert guard.check(0.0, NO_READINGS, state, HERE) is state
+    assert guard.limit(command, DT) is command
 
 
 @few
@@ -212,12 +248,12 @@ def test_nothing_is_changed_while_nothing_is_wrong():
 )
 def test_a_locked_wheel_costs_the_heading_and_not_the_position(wheel, pose, twist):
     guard = supervisor()
-    guard._make_up_for(0.0, Finding(wheel, WheelDefect.LOCKED))
+    guard._compensate(0.0, Finding(wheel, WheelDefect.LOCKED))
     target = Pose(pose.x, pose.y, 1.0)
-    shown = guard.look(0.0, seen(pose), target)
+    shown = guard.check(0.0, NO_READINGS, estimate(pose), target).pose
     assert shown == target  # no error of heading to correct
     for _ in range(20):  # until it is as fast as it shall be
-        got = guard.allow(Command(twist), DT).twist
+        got = guard.limit(Command(twist), DT).twist
         assert ROBOT.rim_jacobian[wheel] @ np.array(got) == pytest.approx(0.0, abs=1e-12)
     there, asked = move(pose, got, DT), move(shown, twist, DT)
     assert there[:2] == pytest.approx(asked[:2], abs=1e-9)
@@ -225,21 +261,21 @@ def test_a_locked_wheel_costs_the_heading_and_not_the_position(wheel, pose, twis
 
 def test_a_second_locked_wheel_stops_it():
     guard = supervisor()
-    guard._make_up_for(1.0, Finding(0, WheelDefect.LOCKED))
-    guard._make_up_for(2.0, Finding(1, WheelDefect.LOCKED))
+    guard._compensate(1.0, Finding(0, WheelDefect.LOCKED))
+    guard._compensate(2.0, Finding(1, WheelDefect.LOCKED))
     assert guard.stopped.startswith("at 2.00 s wheel 1 is locked")
 
 
 def test_who_is_stopped_brakes_within_what_the_wheels_can_push():
     guard, before = supervisor(), BodyTwist(1.5, -0.5, 1.0)
-    guard.look(0.0, seen(HERE), HERE)
-    guard.allow(Command(before), DT)
+    guard.check(0.0, NO_READINGS, estimate(HERE), HERE)
+    guard.limit(Command(before), DT)
     for k in range(1, 6):
-        guard.look(k * DT, seen(Pose(9.0, 0.0, 0.0)), HERE)
+        guard.check(k * DT, NO_READINGS, estimate(Pose(9.0, 0.0, 0.0)), HERE)
     assert "9.00 m from the reference" in guard.stopped
     asked = [before]
     while not guard.at_rest:
-        asked.append(guard.allow(Command(BodyTwist(5.0, 5.0, 5.0)), DT).twist)
+        asked.append(guard.limit(Command(BodyTwist(5.0, 5.0, 5.0)), DT).twist)
         assert len(asked) < 30
     assert len(asked) > 3
     assert np.abs(np.diff(asked, axis=0) @ ROBOT.acceleration_faces.T).max() <= DT
@@ -248,9 +284,9 @@ def test_who_is_stopped_brakes_within_what_the_wheels_can_push():
 
 def test_reset_forgets():
     guard = supervisor()
-    guard._make_up_for(0.0, Finding(0, WheelDefect.DEAD))
-    guard._make_up_for(0.0, Finding(1, WheelDefect.LOCKED))
-    guard.reset()
+    guard._compensate(0.0, Finding(0, WheelDefect.DEAD))
+    guard._compensate(0.0, Finding(1, WheelDefect.LOCKED))
+    guard.reset(FeedforwardController(DT))
     command = Command(TWIST)
-    assert guard.allow(command, DT) is command
+    assert guard.limit(command, DT) is command
     assert guard.events == []

@@ -34,12 +34,12 @@ from omnidrive.estimation.slipping import slipped
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
 from omnidrive.robot import named_robot, omni_ring
 from omnidrive.simulation import (
-    EstimatingSensor,
     MujocoPlant,
     PlantState,
     SensorFaults,
     SensorSuite,
 )
+from tests.estimates import Perception
 from tests.laws.motions import turned
 
 ROBOT = named_robot("paper")
@@ -78,7 +78,7 @@ class Drive:
         self.robot, self.creep, self.rng = robot, creep, rng.spawn(1)[0]
         self.sensors = SensorSuite(sensors, robot.chassis, rng)
         self.estimator = PoseEstimator(robot, sensors, chosen, slips=False)
-        self.sensor = EstimatingSensor(self.sensors, self.estimator)
+        self.sensor = Perception(self.sensors, self.estimator)
         self.sensor.reset(start)
         self.pose, self.angles, self.k = start, np.zeros(len(robot.mounts)), 0
         self.fix_bias = np.zeros((2, 3))
@@ -92,7 +92,7 @@ class Drive:
         if self.sensors._fixes:
             self.fix_bias = self.sensors._fixes._bias.copy()  # of the fix that is taken now
         state = PlantState(self.pose, REST, 0.0, tuple(self.angles.tolist()))
-        return self.sensor.sense(self.t, state)
+        return self.sensor.update(self.t, state)
 
     def go(self, seconds, twist=swaying):
         for _ in range(round(seconds / DT)):
@@ -187,7 +187,7 @@ def test_with_sensors_that_hardly_err_it_hardly_errs():
     drive = Drive().go(10.0)
     assert drive.error < 2e-4
     assert drive.seen.yaw_sigma < 2e-4
-    assert drive.seen.age == pytest.approx(0.0, abs=1e-9)
+    assert drive.seen.fix_age == pytest.approx(0.0, abs=1e-9)
 
 
 def test_it_is_reproducible_to_the_last_bit():
@@ -229,16 +229,16 @@ def test_fixes_out_of_order_lead_where_fixes_in_order_lead():
         estimator.reset(START)
         before = -inf
         for readings in log:
-            now = tuple(fix for fix in fixes if before < fix.stamp <= readings.t)
+            now = tuple(fix for fix in fixes if before < fix.stamp <= readings.stamp)
             estimator.update(readings._replace(fixes=now) if in_order else readings)
-            before = readings.t
+            before = readings.stamp
             if in_order:
                 continue
         last = log[-1]
         missing = tuple(set(fixes) - {f for r in log for f in r.fixes})
         assert not missing
-        ends.append(estimator.update(last._replace(t=last.t + DT, fixes=())))
-    late = [fix for fix in fixes if fix.stamp > log[-1].t - 0.9]
+        ends.append(estimator.update(last._replace(stamp=last.stamp + DT, fixes=())))
+    late = [fix for fix in fixes if fix.stamp > log[-1].stamp - 0.9]
     assert late
     assert repr(ends[0]) == repr(ends[1])
 
@@ -248,7 +248,9 @@ def test_a_fix_far_off_is_not_believed():
     before = drive.estimator.rejected
     fix = PoseFix(drive.t, drive.pose._replace(x=drive.pose.x + 1.0), 0.02, 0.01)
     angles = tuple(drive.angles.tolist())
-    seen = drive.estimator.update(SensorReadings(drive.t + 1e-3, angles, 0.0, (fix,)))
+    seen = drive.estimator.update(
+        SensorReadings(drive.t + 1e-3, angles, yaw_rate=0.0, fixes=(fix,))
+    )
     assert drive.estimator.rejected == before + 1
     assert np.hypot(seen.pose.x - drive.pose.x, seen.pose.y - drive.pose.y) < 0.1
 
@@ -279,22 +281,22 @@ def test_a_robot_that_was_carried_away_is_found_again(jump, latency):
 
 def test_while_fixes_are_silent_it_knows_less_and_less():
     drive = Drive(MATCHED, None, creep=CREEP).go(3.0)
-    drive.sensor.impose(SensorFaults(fixes_silent=True))
+    drive.sensor.apply(SensorFaults(fixes_silent=True))
     sigmas, ages = [], []
     for _ in range(10):
         drive.go(0.5)
         sigmas.append(drive.seen.position_sigma)
-        ages.append(drive.seen.age)
+        ages.append(drive.seen.fix_age)
     assert max(sigmas) == sigmas[-1]
     assert ages == pytest.approx([0.5 * (k + 1) for k in range(10)])
-    drive.sensor.impose(SensorFaults())
+    drive.sensor.apply(SensorFaults())
     drive.go(1.0)
-    assert drive.seen.age == pytest.approx(0.0, abs=1e-9)
+    assert drive.seen.fix_age == pytest.approx(0.0, abs=1e-9)
 
 
 def test_without_gyro_the_wheels_tell_the_turn():
     drive = Drive().go(2.0)
-    drive.sensor.impose(SensorFaults(gyro_silent=True, fixes_silent=True))
+    drive.sensor.apply(SensorFaults(gyro_silent=True, fixes_silent=True))
     drive.go(5.0)
     assert drive.error < 1e-3
     assert abs(drive.seen.pose.yaw - drive.pose.yaw) < 1e-3
@@ -303,28 +305,28 @@ def test_without_gyro_the_wheels_tell_the_turn():
 @pytest.mark.parametrize("dead", [(0,), (3,), (0, 1)])
 def test_dead_encoders_are_left_out(dead):
     drive = Drive().go(2.0)
-    drive.sensor.impose(SensorFaults(dead_encoders=dead, fixes_silent=True))
+    drive.sensor.apply(SensorFaults(dead_encoders=dead, fixes_silent=True))
     drive.go(5.0)
     assert drive.error < 2e-3
-    drive.sensor.impose(SensorFaults(fixes_silent=True))  # encoders that live again
+    drive.sensor.apply(SensorFaults(fixes_silent=True))  # encoders that live again
     assert drive.go(2.0).error < 2e-3
 
 
 def test_three_wheels_of_which_one_is_dead_and_a_gyro_suffice():
     kiwi = replace(ROBOT, mounts=omni_ring((0.5, 2.6, 4.7), 0.5))
     drive = Drive(robot=kiwi).go(2.0)
-    drive.sensor.impose(SensorFaults(dead_encoders=(1,), fixes_silent=True))
+    drive.sensor.apply(SensorFaults(dead_encoders=(1,), fixes_silent=True))
     assert drive.go(5.0).error < 2e-3
 
 
 def test_without_odometry_it_soon_knows_nothing():
     drive = Drive().go(2.0)
-    drive.sensor.impose(SensorFaults((0, 1, 2, 3), fixes_silent=True, gyro_silent=True))
+    drive.sensor.apply(SensorFaults((0, 1, 2, 3), fixes_silent=True, gyro_silent=True))
     half = drive.go(0.5).seen.position_sigma
     whole = drive.go(0.5).seen.position_sigma
     assert 0.3 < half < 0.3 * whole * 1.2  # as the square of the time
     assert drive.error < 3.0 * whole
-    drive.sensor.impose(SensorFaults((0, 1, 2, 3)))
+    drive.sensor.apply(SensorFaults((0, 1, 2, 3)))
     assert drive.go(1.0).error < 0.05  # by fixes alone
 
 
@@ -360,7 +362,7 @@ def test_a_position_without_a_yaw_is_a_fix_too():
     estimator.reset(START)
     for k in range(11):
         fix = PoseFix(DT * k, START._replace(yaw=99.0), 0.01, inf)
-        seen = estimator.update(SensorReadings(DT * k, (nan,) * 4, None, (fix,)))
+        seen = estimator.update(SensorReadings(DT * k, (nan,) * 4, fixes=(fix,)))
     assert np.hypot(seen.pose.x - START.x, seen.pose.y - START.y) < 0.02
     assert seen.position_sigma < 0.05
     assert seen.yaw_sigma > 0.3
@@ -384,7 +386,7 @@ def test_whatever_is_read_the_covariance_is_one(rows, slips):
     estimator.reset(START)
     for k, (angles, rate, number) in enumerate(rows):
         fix = PoseFix(DT * k, Pose(number, 0.0, number), 0.02, 0.01)
-        seen = estimator.update(SensorReadings(DT * k, tuple(angles), rate, (fix,)))
+        seen = estimator.update(SensorReadings(DT * k, tuple(angles), yaw_rate=rate, fixes=(fix,)))
         covariance = estimator.belief.covariance
         assert np.isfinite(covariance).all()
         assert (covariance == covariance.T).all()
@@ -398,7 +400,7 @@ def test_fixes_of_the_future_and_of_long_ago_are_not_used(stamp):
     estimator = PoseEstimator(ROBOT, MATCHED, slips=False)
     estimator.reset(START)
     fix = PoseFix(stamp, Pose(START.x + 0.01, START.y, START.yaw), 0.02, 0.01)
-    seen = estimator.update(SensorReadings(0.0, (0.0,) * 4, None, (fix,)))
+    seen = estimator.update(SensorReadings(0.0, (0.0,) * 4, fixes=(fix,)))
     assert seen.pose == START
     assert estimator.rejected == 1
 
@@ -473,19 +475,17 @@ def test_odometry_is_as_uncertain_as_it_says_at_hard_starts():
     sensors, squares = SensorSettings(fixes=None), []
     for seed in range(30):
         rng = np.random.default_rng(seed)
-        sensor = EstimatingSensor(
-            SensorSuite(sensors, ROBOT.chassis, rng), PoseEstimator(ROBOT, sensors)
-        )
+        sensor = Perception(SensorSuite(sensors, ROBOT.chassis, rng), PoseEstimator(ROBOT, sensors))
         plant = MujocoPlant(ROBOT, "rollers", rng)
         most, heading, turn = rng.uniform([0.3, -pi, -2.0], [1.0, pi, 2.0])
         state = plant.reset(START)
         sensor.reset(START)
-        sensor.sense(0.0, state)
+        sensor.update(0.0, state)
         for k in range(1, 8):
             speed = most if k < 5 else 0.5 * most
             twist = BodyTwist(speed * np.cos(heading), speed * np.sin(heading), speed * turn)
             state = plant.step(twist, DT)
-            seen = sensor.sense(DT * k, state)
+            seen = sensor.update(DT * k, state)
         error = np.array(twist_between(seen.pose, state.pose, 1.0))
         covariance = sensor.estimator.belief.covariance[POSE, POSE]
         squares.append(error @ np.linalg.solve(covariance, error))
@@ -501,15 +501,15 @@ def test_odometry_that_knows_of_grip_is_better_at_a_hard_start(wheels):
         plant = MujocoPlant(ROBOT, wheels)
         chosen = EstimatorSettings() if slips else EstimatorSettings(slip_doubt=0.0)
         estimator = PoseEstimator(ROBOT, sensors, chosen, slips=slips)
-        sensor = EstimatingSensor(
+        sensor = Perception(
             SensorSuite(sensors, ROBOT.chassis, np.random.default_rng(0)), estimator
         )
         state = plant.reset(START)
         sensor.reset(START)
-        sensor.sense(0.0, state)
+        sensor.update(0.0, state)
         for k in range(1, 11):
             state = plant.step(BodyTwist(0.8, 0.4, 1.0), DT)
-            seen = sensor.sense(DT * k, state)
+            seen = sensor.update(DT * k, state)
         off[slips] = np.hypot(seen.pose.x - state.pose.x, seen.pose.y - state.pose.y)
         if slips:
             assert off[slips] < 3.0 * seen.position_sigma

@@ -28,11 +28,11 @@ class LaggingController:
         self.inner = FeedforwardController(DT, FeedforwardGains(gain, gain))
         self.share = gain / (gain + 0.8)
 
-    def reset(self, pose):
-        self.inner.reset(pose)
+    def reset(self, state):
+        self.inner.reset(state)
 
-    def step(self, t, pose, reference):
-        command = self.inner.step(t, pose, reference)
+    def step(self, t, state, reference):
+        command = self.inner.step(t, state, reference)
         return command._replace(twist=type(command.twist)(*(self.share * v for v in command.twist)))
 
 
@@ -61,7 +61,7 @@ def tracked(controller, task, duration, horizon=None):
         time_uniformly(path, duration, ROBOT.chassis),
         start=Pose(1.0, 1.0, 0.0),
         dt=DT,
-        sensor=noise,
+        sensors=noise,
     )
     clearance = float(grid().clearance(run.pose[:, :2]).min()) - ROBOT.body_radius
     metrics = measure(run, ROBOT.drive)

@@ -14,6 +14,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from omnidrive.control import FeedforwardController, holonomic_nmpc  # noqa: E402
 from omnidrive.control.nmpc.holonomic import Actuation  # noqa: E402
 from omnidrive.errors import InvalidInput  # noqa: E402
+from omnidrive.estimation import State  # noqa: E402
 from omnidrive.geometry import BodyTwist, Pose  # noqa: E402
 from omnidrive.gym import ENVIRONMENT, TrackingEnv  # noqa: E402
 from omnidrive.gym.tracking import fastest_twist  # noqa: E402
@@ -56,16 +57,16 @@ def test_every_robot_has_an_environment(robot):
 
 
 def test_noise_and_any_plant_pass_the_check():
-    check_env(make(plant=KinematicPlant, sensor=PaperNoise, render_size=(64, 48)).unwrapped)
+    check_env(make(plant=KinematicPlant, sensors=PaperNoise, render_size=(64, 48)).unwrapped)
 
 
 def through(env, controller, **reset):
     """Poses of a controller that drives in the environment."""
     _, info = env.reset(**reset)
-    controller.reset(Pose(*info["measured"]))
+    controller.reset(State(0.0, Pose(*info["measured"])))
     poses, over = [info["pose"]], False
     while not over:
-        twist = controller.step(info["t"], Pose(*info["measured"]), CIRCLE).twist
+        twist = controller.step(info["t"], State(info["t"], Pose(*info["measured"])), CIRCLE).twist
         _, _, lost, over, info = env.step(np.array(twist) / env.max_twist)
         assert not lost
         poses.append(info["pose"])
@@ -89,7 +90,7 @@ def test_a_controller_does_the_same_as_in_the_closed_loop(name):
 
 def test_the_noise_is_the_seeds():
     first, again, other = (
-        through(small(sensor=PaperNoise), FeedforwardController(0.1), seed=seed)
+        through(small(sensors=PaperNoise), FeedforwardController(0.1), seed=seed)
         for seed in (5, 5, 6)
     )
     assert np.array_equal(first, again)

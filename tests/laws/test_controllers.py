@@ -17,11 +17,12 @@ from omnidrive.control import (
     holonomic_nmpc,
     unicycle_nmpc,
 )
-from omnidrive.control.nmpc.holonomic.controller import OLD_PLAN_STEPS, RAMP_STEPS
+from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
+from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
-from omnidrive.simulation import Estimate, KinematicPlant, Outcome, simulate
+from omnidrive.simulation import KinematicPlant, Outcome, simulate
 from tests.laws.motions import Circle, turned
 
 DT = 0.1
@@ -95,11 +96,11 @@ def test_turning_the_world_turns_nothing(name, angle, whole_turns):
     pose = Pose(0.1, -1.1, 0.1)
     other = turned(pose, angle)
     other = other._replace(yaw=other.yaw + 2 * np.pi * whole_turns)
-    a.reset(pose)
-    b.reset(other)
+    a.reset(State(0.0, pose))
+    b.reset(State(0.0, other))
     for t in (0.0, DT):
-        one = a.step(t, pose, Circle()).twist
-        two = b.step(t, other, Circle(turn=angle)).twist
+        one = a.step(t, State(t, pose), Circle()).twist
+        two = b.step(t, State(t, other), Circle(turn=angle)).twist
         assert np.array(one) == pytest.approx(np.array(two), abs=1e-5)
 
 
@@ -119,19 +120,17 @@ def test_reaches_a_place_and_stays(name):
 @given(x=st.floats(-50, 50), y=st.floats(-50, 50), yaw=st.floats(-50, 50), t=st.floats(0.0, 20.0))
 def test_any_pose_gives_a_finite_command_or_says_that_it_failed(name, x, y, yaw, t):
     controller = CONTROLLERS[name]()
-    controller.reset(Pose(0.0, 0.0, 0.0))
-    command = controller.step(t, Pose(x, y, yaw), Circle())
+    controller.reset(State(0.0, Pose(0.0, 0.0, 0.0)))
+    command = controller.step(t, State(t, Pose(x, y, yaw)), Circle())
     assert command.status is Status.FAILED or all(map(isfinite, command.twist))
 
 
-class Blind:
-    """A sensor whose readings are lost."""
+class Lost(LatestFix):
+    """An estimator that has lost the pose."""
 
-    def reset(self, pose):
-        pass
-
-    def sense(self, t, state):
-        return Estimate(Pose(nan, nan, nan) if t > 0.35 else state.pose)
+    def update(self, readings):
+        state = super().update(readings)
+        return state._replace(pose=Pose(nan, nan, nan)) if readings.stamp > 0.35 else state
 
 
 @every_controller
@@ -142,7 +141,7 @@ def test_lost_measurements_end_the_run_as_a_value(name):
         Circle(),
         start=Circle().at(0.0).pose,
         dt=DT,
-        sensor=Blind(),
+        estimator=Lost(),
     )
     assert run.outcome is Outcome.CONTROLLER_FAILED
     assert len(run.t) == 5 + BRIDGES.get(name, 0)

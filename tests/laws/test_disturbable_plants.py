@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 
 from omnidrive.errors import InvalidInput
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist
+from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import GRAVITY, named_robot
 from omnidrive.simulation import (
     DisturbablePlant,
     Disturbances,
+    Impulse,
     KinematicPlant,
     Motor,
     MujocoPlant,
     Patch,
     Payload,
     PlanarPlant,
+    PoseOffset,
 )
 
 PLANTS = {
@@ -35,8 +37,8 @@ EVERYTHING = Disturbances(
     (0.1, -0.05),
     Payload(10.0, 0.2, -0.3),
     Patch(0.0, 0.0, 5.0, 0.05),
-    WorldTwist(20.0, 0.0, 3.0),
-    WorldTwist(0.3, 0.1, 1.0),
+    Impulse(20.0, 0.0, 3.0),
+    PoseOffset(0.3, 0.1, 1.0),
 )
 
 
@@ -56,7 +58,7 @@ def begun(make, conditions, twist=STILL, steps=8):
     plant = make(ROBOT)
     plant.reset(AT)
     state = drive(plant, twist, steps)[-1]
-    plant.impose(conditions)
+    plant.apply(conditions)
     return plant, state
 
 
@@ -76,7 +78,7 @@ def test_reset_takes_all_back_bit_for_bit(make):
     fresh = repr(drive(plant, GOING))
     plant.reset(AT)
     drive(plant, GOING, 4)
-    plant.impose(EVERYTHING)
+    plant.apply(EVERYTHING)
     drive(plant, GOING, 4)
     plant.reset(AT)
     assert repr(drive(plant, GOING)) == fresh
@@ -88,16 +90,16 @@ def test_nothing_changes_nothing(make):
     plant.reset(AT)
     fresh = repr(drive(plant, GOING))
     plant.reset(AT)
-    plant.impose(Disturbances())
+    plant.apply(Disturbances())
     assert repr(drive(plant, GOING)) == fresh
 
 
 @every_plant
 def test_what_ends_is_over(make):
     """After conditions were taken back, the robot goes on as if they had never been."""
-    plant, _ = begun(make, EVERYTHING._replace(impulse=WorldTwist(0, 0, 0)), GOING)
+    plant, _ = begun(make, EVERYTHING._replace(impulse=Impulse(0, 0, 0)), GOING)
     drive(plant, GOING, 2)
-    plant.impose(Disturbances())
+    plant.apply(Disturbances())
     after = drive(plant, GOING, 10)[-1]
     healthy, _ = begun(make, Disturbances(), GOING)
     assert np.array(after.twist) == pytest.approx(drive(healthy, GOING, 10)[-1].twist, abs=0.02)
@@ -137,7 +139,7 @@ def test_a_weak_motor_gives_half(make):
 def test_an_impulse_changes_the_velocity_by_itself_over_the_mass(make, angle):
     """2 ms later friction on the floor has had no time yet."""
     blow = 0.5 * ROBOT.mass * np.array([np.cos(angle), np.sin(angle)])
-    plant, before = begun(make, Disturbances(impulse=WorldTwist(*blow.tolist(), 0.0)))
+    plant, before = begun(make, Disturbances(impulse=Impulse(*blow.tolist(), 0.0)))
     after = plant.step(STILL, 0.002)
     moved = np.subtract(after.pose, before.pose)[:2] / 0.002
     assert moved == pytest.approx(blow / ROBOT.mass, abs=0.06)
@@ -147,8 +149,8 @@ def test_an_impulse_changes_the_velocity_by_itself_over_the_mass(make, angle):
 def test_a_payload_makes_it_heavier_and_lopsided(make):
     plant, _ = begun(make, Disturbances(payload=Payload(ROBOT.mass, 0.0, 0.5)))
     drive(plant, STILL)
-    blow = WorldTwist(0.5 * ROBOT.mass * np.cos(AT.yaw), 0.5 * ROBOT.mass * np.sin(AT.yaw), 0.0)
-    plant.impose(Disturbances(payload=Payload(ROBOT.mass, 0.0, 0.5), impulse=blow))
+    blow = Impulse(0.5 * ROBOT.mass * np.cos(AT.yaw), 0.5 * ROBOT.mass * np.sin(AT.yaw), 0.0)
+    plant.apply(Disturbances(payload=Payload(ROBOT.mass, 0.0, 0.5), impulse=blow))
     after = plant.step(STILL, 0.002)
     # the blow passes the common centre of mass, which lies 0.25 m to the left: it turns left
     assert after.twist.yaw_rate > 0.05
@@ -172,7 +174,7 @@ def test_with_dead_wheels_it_rolls_down_a_slope(make):
 def test_locked_wheels_slide_as_friction_says(make, friction):
     """Each resists along its rim only: friction acts with the cosine of 45 degrees."""
     patch = Patch(AT.x, AT.y, 5.0, friction)
-    blow = WorldTwist(ROBOT.mass * np.cos(AT.yaw), ROBOT.mass * np.sin(AT.yaw), 0.0)
+    blow = Impulse(ROBOT.mass * np.cos(AT.yaw), ROBOT.mass * np.sin(AT.yaw), 0.0)
     plant, _ = begun(make, ALL[Motor.LOCKED]._replace(patch=patch, impulse=blow))
     first, last = plant.step(STILL, 0.1), plant.step(STILL, 0.3)
     braking = (speed(first) - speed(last)) / 0.3
@@ -181,7 +183,7 @@ def test_locked_wheels_slide_as_friction_says(make, friction):
 
 @every_plant
 def test_a_patch_is_where_it_is_and_nowhere_else(make):
-    blow = WorldTwist(0.5 * ROBOT.mass * np.cos(AT.yaw), 0.5 * ROBOT.mass * np.sin(AT.yaw), 0.0)
+    blow = Impulse(0.5 * ROBOT.mass * np.cos(AT.yaw), 0.5 * ROBOT.mass * np.sin(AT.yaw), 0.0)
     far = ALL[Motor.LOCKED]._replace(patch=Patch(AT.x + 5.0, AT.y, 1.0, 0.05), impulse=blow)
     plant, _ = begun(make, far)
     away = speed(drive(plant, STILL, 2)[-1])
@@ -191,8 +193,8 @@ def test_a_patch_is_where_it_is_and_nowhere_else(make):
 
 @every_plant
 def test_it_is_carried_elsewhere_at_once(make):
-    jump = WorldTwist(0.3, -0.4, 2.5)
-    plant, before = begun(make, Disturbances(jump=jump), GOING)
+    jump = PoseOffset(0.3, -0.4, 2.5)
+    plant, before = begun(make, Disturbances(offset=jump), GOING)
     after = plant.step(GOING, 0.002)
     assert np.subtract(after.pose, before.pose) == pytest.approx(jump, abs=0.002)
     assert np.array(after.twist) == pytest.approx(before.twist, abs=0.01)
@@ -203,14 +205,14 @@ def test_wheels_that_are_not_there_are_refused(make):
     plant = make(ROBOT)
     plant.reset(AT)
     with pytest.raises(InvalidInput, match="3 motors for 4 wheels"):
-        plant.impose(Disturbances((Motor.DEAD,) * 3))
+        plant.apply(Disturbances((Motor.DEAD,) * 3))
 
 
 def test_without_forces_only_a_jump_means_something():
     plant = KinematicPlant(ROBOT)
     plant.reset(AT)
-    plant.impose(Disturbances(jump=WorldTwist(0.3, -0.4, 2.5)))
+    plant.apply(Disturbances(offset=PoseOffset(0.3, -0.4, 2.5)))
     assert plant.step(STILL, 0.1).pose == pytest.approx((0.5, -0.5, 2.9))
     for other in (EVERYTHING, ALL[Motor.DEAD], Disturbances(slope=(0.1, 0.0))):
         with pytest.raises(InvalidInput, match="take the plant rollers, ball or planar"):
-            plant.impose(other)
+            plant.apply(other)

@@ -36,7 +36,7 @@ def schedule(*texts):
 def history(plan, dt=0.1, steps=100):
     """Conditions at every sample."""
     times = [BEFORE, *(k * dt for k in range(steps))]
-    return {t: plan.conditions(b, t, PLACE) for b, t in pairwise(times)}
+    return {t: plan.disturbances(b, t, PLACE) for b, t in pairwise(times)}
 
 
 @few
@@ -57,7 +57,7 @@ def test_what_is_at_once_happens_once(at, dt):
     t, found = hits[0]
     assert at - 1e-9 <= t < at + dt
     assert found.impulse == pytest.approx((2.0 * ROBOT.mass, 0.0, 0.0))
-    assert hypot(*found.jump[:2]) == pytest.approx(0.5)
+    assert hypot(*found.offset[:2]) == pytest.approx(0.5)
 
 
 def test_what_holds_at_one_time_adds_up():
@@ -66,7 +66,7 @@ def test_what_holds_at_one_time_adds_up():
         "payload:at=0,share=0.1,x=1", "payload:at=0,share=0.3,x=-1",
         "wheel-weak:wheel=1,at=0", "wheel-locked:wheel=1,at=0", "patch:at=0,radius=0.4",
     )  # fmt: skip
-    found = plan.conditions(BEFORE, 0.0, PLACE)
+    found = plan.disturbances(BEFORE, 0.0, PLACE)
     assert found.slope == pytest.approx((0.0, 0.0), abs=1e-15)
     assert found.payload.mass == pytest.approx(0.4 * ROBOT.mass)
     assert found.payload.x == pytest.approx(-0.5 * ROBOT.mean_wheel_distance)
@@ -79,9 +79,9 @@ def test_sensors_and_timing():
         "encoder-dead:wheel=3,at=1", "sensor-silent:at=2,duration=1", "solver-overrun:at=4",
     )  # fmt: skip
     assert plan.on_the_plant == ()
-    assert plan.sensors(0.9) == SensorFaults()
-    assert plan.sensors(2.5) == SensorFaults((3,), fixes_silent=True)
-    assert plan.sensors(3.0) == SensorFaults((3,))
+    assert plan.sensor_faults(0.9) == SensorFaults()
+    assert plan.sensor_faults(2.5) == SensorFaults((3,), fixes_silent=True)
+    assert plan.sensor_faults(3.0) == SensorFaults((3,))
     assert [plan.overrun(t) for t in (3.9, 4.0, 5.9, 6.0)] == [False, True, True, False]
 
 
@@ -177,5 +177,5 @@ def test_any_text_is_a_fault_or_refused(text):
 
 
 def test_directions_are_bearings_in_w():
-    found = schedule(f"slope:at=0,angle=0.1,direction={pi / 2}").conditions(BEFORE, 0.0, PLACE)
+    found = schedule(f"slope:at=0,angle=0.1,direction={pi / 2}").disturbances(BEFORE, 0.0, PLACE)
     assert found.slope == pytest.approx((0.0, np.tan(0.1)), abs=1e-12)

@@ -7,12 +7,14 @@ import pytest
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import ROBOTS
-from omnidrive.simulation import MujocoPlant, PlantState, identify_lag
+from omnidrive.simulation import MujocoPlant, PlantCapabilities, PlantState, identify_lag
 from omnidrive.simulation.mujoco.mjcf import omni_model
 
 
 class Lagging:
     """A robot that follows with backward Euler of a lag, exactly."""
+
+    capabilities = PlantCapabilities()
 
     def __init__(self, lag):
         self.lag = np.array([lag[0], lag[0], lag[1]])
@@ -26,6 +28,9 @@ class Lagging:
         done = BodyTwist(*self.twist.tolist())
         self.pose = move(self.pose, done, dt)
         return PlantState(self.pose, done, 0.0)
+
+    def close(self):
+        pass
 
 
 @pytest.mark.parametrize("lag", [(0.0, 0.0), (0.02, 0.005), (0.3, 0.1)])

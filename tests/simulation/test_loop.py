@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnidrive.control import Command, FeedforwardController, Status
-from omnidrive.control.supervision import Supervisor, Watchdog, WatchdogLimits, WheelMonitor
+from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits, WheelMonitor
 from omnidrive.errors import InvalidInput, RunFailed
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Hold, SampledReference
@@ -16,6 +16,7 @@ from omnidrive.simulation import (
     MujocoPlant,
     Outcome,
     PaperNoise,
+    PlantCapabilities,
     Schedule,
     parse_fault,
     simulate,
@@ -40,10 +41,10 @@ CIRCLE = circle()
 
 
 def supervisor(robot=ROBOT):
-    return Supervisor(robot, Watchdog(WatchdogLimits.of(robot)), WheelMonitor(robot))
+    return SafetySupervisor(robot, Watchdog(WatchdogLimits.of(robot)), WheelMonitor(robot))
 
 
-def run(*faults, plant="ball", reference=CIRCLE, guarded=True, controller=None, sensor=None):
+def run(*faults, plant="ball", reference=CIRCLE, guarded=True, controller=None, sensors=None):
     made = KinematicPlant(ROBOT) if plant == "kinematic" else MujocoPlant(ROBOT, plant)
     return simulate(
         made,
@@ -51,7 +52,7 @@ def run(*faults, plant="ball", reference=CIRCLE, guarded=True, controller=None, 
         reference,
         start=reference.at(0.0).pose,
         dt=DT,
-        sensor=sensor,
+        sensors=sensors,
         schedule=Schedule(tuple(map(parse_fault, faults)), ROBOT) if faults else None,
         supervisor=supervisor() if guarded else None,
         rng=np.random.default_rng(1),
@@ -96,7 +97,7 @@ def test_a_locked_wheel_costs_the_heading_and_not_the_position(plant, wheel):
     fault = f"wheel-locked:at=3,wheel={wheel}"
     log = run(fault, plant=plant)
     found = log.events[1]
-    assert found.what == f"wheel {wheel} is locked; the position is kept, the heading given up"
+    assert found.what == f"wheel {wheel} is locked; the position is controlled, the heading is not"
     assert 3.2 <= found.t <= 3.6
     assert errors(log).max() < 0.1
     assert errors(log)[log.t > found.t + 1.5].max() < 0.02
@@ -111,7 +112,7 @@ def test_nobody_makes_up_for_it_without_a_supervisor():
 @pytest.mark.parametrize("plant", ["ball", "rollers"])
 def test_a_dead_wheel_is_found_and_made_up_for(plant):
     log = run("wheel-dead:at=3,wheel=1", plant=plant)
-    assert log.events[1].what.startswith("wheel 1 is dead; the other 3 make up for it")
+    assert log.events[1].what.startswith("wheel 1 is dead; the other 3 compensate for it")
     assert errors(log)[log.t > 3.0].max() < 0.02
     assert log.outcome is Outcome.FINISHED
 
@@ -138,14 +139,14 @@ def test_a_sensor_that_is_silent_says_the_same_for_a_second():
 def test_a_sensor_that_stays_silent_stops_the_robot():
     log = run("sensor-silent:at=2,duration=9", plant="kinematic")
     assert log.outcome is Outcome.STOPPED
-    assert "its pose is lost: measured 1.9" in log.reason
+    assert "its pose is lost: last fix 1.9" in log.reason
     assert 3.5 < log.t[-1] < 6.0
     assert np.abs(log.twist[-1]).max() == 0.0
 
 
 def test_noise_goes_on_when_the_sensor_does():
     noise = PaperNoise(np.random.default_rng(3))
-    log = run("sensor-silent:at=2,duration=1", plant="kinematic", sensor=noise)
+    log = run("sensor-silent:at=2,duration=1", plant="kinematic", sensors=noise)
     assert np.ptp(log.measured[20:30, 0]) == 0.0
     assert np.ptp((log.measured - log.pose)[30:, 0]) > 0.01
 
@@ -167,12 +168,12 @@ def test_jitter_is_in_the_log_and_the_reference_is_asked_for_the_true_time():
 
 
 class Runaway:
-    """A controller that has lost its mind at 2 s."""
+    """A controller that drives forward at full speed from 2 s on."""
 
-    def reset(self, pose):
+    def reset(self, state):
         pass
 
-    def step(self, t, pose, reference):
+    def step(self, t, state, reference):
         return Command(BodyTwist(2.0 if t >= 2.0 else 0.0, 0.0, 0.0), Status.OK)
 
 
@@ -195,12 +196,14 @@ def test_faults_after_the_end_and_on_plants_that_know_none_are_refused():
         run("push:at=3", reference=STANDING)
 
     class Other:
+        capabilities = PlantCapabilities()
+
         def reset(self, pose):
             raise AssertionError
 
-        step = reset
+        step = close = reset
 
-    with pytest.raises(InvalidInput, match="nothing can befall this plant, so no push"):
+    with pytest.raises(InvalidInput, match="this plant is not disturbable, so no push"):
         simulate(
             Other(), FeedforwardController(DT), STANDING, start=Pose(0.0, 0.0, 0.0), dt=DT,
             schedule=Schedule((parse_fault("push:at=1"),), ROBOT),

@@ -94,7 +94,7 @@ def test_a_robot_rubs_along_the_wall_to_which_it_presses(wheels, payload):
     grid = OccupancyGrid(np.zeros((80, 80), bool), 0.1, walled=True)
     plant = MujocoPlant(SMALL, wheels, obstacles=grid)
     plant.reset(Pose(7.9 - SMALL.body_radius, 2.0, 0.0))
-    plant.impose(Disturbances(payload=payload))
+    plant.apply(Disturbances(payload=payload))
     states = [plant.step(BodyTwist(0.5, 0.3, 0.0), 0.1) for _ in range(30)]
     assert states[-1].collisions > 0
     assert abs(states[-1].pose.y - 2.0) < 0.1

@@ -11,16 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, twist_between
+from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.robot import GRAVITY, ROBOTS, Robot, named_robot
 from omnidrive.simulation import (
     DisturbablePlant,
     Disturbances,
+    Impulse,
     Motor,
     MujocoPlant,
     Patch,
     Payload,
     PlanarPlant,
+    PoseOffset,
     roll_out,
 )
 from omnidrive.simulation.mujoco.mjcf import omni_model
@@ -68,7 +70,7 @@ def diagonal(speed):
 
 
 def kick(speed):
-    return Disturbances(impulse=WorldTwist(*(Small.robot.mass * speed * ALONG).tolist(), 0.0))
+    return Disturbances(impulse=Impulse(*(Small.robot.mass * speed * ALONG).tolist(), 0.0))
 
 
 def speed_along(state):
@@ -141,8 +143,8 @@ def test_with_dead_motors_only_the_rollers_bearings_brake():
     plant = PlanarPlant(Small.robot, np.random.default_rng(1))
     plant.reset(ORIGIN)
     dead = (Motor.DEAD,) * 4
-    plant.impose(kick(0.6)._replace(motors=dead))
-    plant.impose(Disturbances(motors=dead))
+    plant.apply(kick(0.6)._replace(motors=dead))
+    plant.apply(Disturbances(motors=dead))
     first = plant.step(STILL, 0.1)
     last = plant.step(STILL, 1.0)
     wheel = model_of(Small.robot, Disturbances()).wheels[0]
@@ -158,8 +160,8 @@ def test_without_friction_the_centre_of_mass_flies_straight_on():
     robot = small(friction=0.0, com=(0.06, -0.02))
     plant = PlanarPlant(robot, timestep=1e-3)
     plant.reset(Pose(0.3, 0.2, 0.5))
-    plant.impose(Disturbances(impulse=WorldTwist(4.0, 2.0, 0.8)))
-    plant.impose(Disturbances())
+    plant.apply(Disturbances(impulse=Impulse(4.0, 2.0, 0.8)))
+    plant.apply(Disturbances())
 
     def centre(state):
         return np.array(move(state.pose, BodyTwist(*robot.com, 0.0), 1.0)[:2])
@@ -192,11 +194,11 @@ def test_a_robot_rolls_down_a_slope_and_servos_let_it_creep():
     pull = GRAVITY * steep / hypot(1.0, steep) * Small.robot.mass
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
-    plant.impose(slope._replace(motors=(Motor.DEAD,) * 4))
+    plant.apply(slope._replace(motors=(Motor.DEAD,) * 4))
     rolling = plant.step(STILL, 0.3)
     assert speed_along(rolling) == pytest.approx(-0.3 * pull / Small.mass(), rel=5e-3)
     plant.reset(ORIGIN)
-    plant.impose(slope)
+    plant.apply(slope)
     creeping = plant.step(STILL, 1.0)
     r, gain = Small.robot.wheel.radius, Small.robot.servo_gain
     assert speed_along(creeping) == pytest.approx(-pull * r * r / (2.0 * gain), rel=5e-3)
@@ -205,7 +207,7 @@ def test_a_robot_rolls_down_a_slope_and_servos_let_it_creep():
 def test_a_slope_is_fixed_to_the_world():
     turned = PlanarPlant(Small.robot)
     turned.reset(Pose(0.0, 0.0, 0.5 * pi))
-    turned.impose(Disturbances(slope=(0.1, 0.0), motors=(Motor.DEAD,) * 4))
+    turned.apply(Disturbances(slope=(0.1, 0.0), motors=(Motor.DEAD,) * 4))
     state = turned.step(STILL, 0.5)
     assert state.pose.x < -0.1
     assert abs(state.pose.y) < 1e-3
@@ -218,7 +220,7 @@ def test_a_payload_is_carried_where_it_lies():
     assert loaded == pytest.approx(together.loads, rel=1e-12)
     plant = PlanarPlant(small(servo_gain=1e3, friction=5.0, max_torque=1.0))
     plant.reset(ORIGIN)
-    plant.impose(Disturbances(payload=Payload(Small.mass(), 0.0, 0.0)))
+    plant.apply(Disturbances(payload=Payload(Small.mass(), 0.0, 0.0)))
     state = plant.step(diagonal(2.0), 0.2)
     assert speed_along(state) == pytest.approx(0.2 * 40.0 / (2.0 * Small.mass()), rel=5e-3)
 
@@ -245,7 +247,7 @@ def test_a_patch_acts_on_the_wheels_that_stand_on_it():
     for radius in (0.05, 5.0):
         plant = PlanarPlant(robot)
         plant.reset(ORIGIN)
-        plant.impose(Disturbances(patch=Patch(x, y, radius, 0.1)))
+        plant.apply(Disturbances(patch=Patch(x, y, radius, 0.1)))
         speeds[radius] = plant.step(diagonal(2.0), 0.05)
     push = 0.05 * GRAVITY / 4.0
     assert speed_along(speeds[5.0]) == pytest.approx(push * 0.2, rel=0.01)
@@ -255,7 +257,7 @@ def test_a_patch_acts_on_the_wheels_that_stand_on_it():
 def test_a_locked_wheel_stands_and_a_weak_motor_gives_half():
     plant = PlanarPlant(small(servo_gain=1e3))
     plant.reset(ORIGIN)
-    plant.impose(Disturbances(motors=(Motor.LOCKED, Motor.WEAK, Motor.HEALTHY, Motor.DEAD)))
+    plant.apply(Disturbances(motors=(Motor.LOCKED, Motor.WEAK, Motor.HEALTHY, Motor.DEAD)))
     state = plant.step(BodyTwist(2.0, 0.0, 0.0), 0.02)
     assert state.wheel_angles[0] == 0.0
     assert abs(state.wheel_torques[1]) == pytest.approx(0.5 * Small.robot.max_torque)
@@ -266,14 +268,12 @@ def test_a_locked_wheel_stands_and_a_weak_motor_gives_half():
 def test_a_locked_wheel_lets_the_robot_go_only_across():
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
-    plant.impose(Disturbances(motors=(Motor.LOCKED, *[Motor.HEALTHY] * 3)))
+    plant.apply(Disturbances(motors=(Motor.LOCKED, *[Motor.HEALTHY] * 3)))
     free = plant.step(diagonal(0.2), 1.0)  # along its axle its rollers turn
     assert speed_along(free) == pytest.approx(0.2, abs=2e-3)
-    plant.impose(Disturbances(motors=(Motor.LOCKED, *[Motor.DEAD] * 3)))
+    plant.apply(Disturbances(motors=(Motor.LOCKED, *[Motor.DEAD] * 3)))
     plant.step(STILL, 0.1)
-    plant.impose(
-        Disturbances((Motor.LOCKED, *[Motor.DEAD] * 3), impulse=WorldTwist(-0.5, 0.5, 0.0))
-    )
+    plant.apply(Disturbances((Motor.LOCKED, *[Motor.DEAD] * 3), impulse=Impulse(-0.5, 0.5, 0.0)))
     state = plant.step(STILL, 0.2)
     assert abs(Small.robot.rim_jacobian[0] @ state.twist) < 1e-5
     assert abs(state.twist.yaw_rate) > 0.01
@@ -284,8 +284,8 @@ def test_a_jump_moves_the_pose_alone_and_reset_takes_all_back():
     plant.reset(ORIGIN)
     untouched = [plant.step(diagonal(0.3), 0.1) for _ in range(3)]
     load, patch = Payload(3.0, 0.1, 0.0), Patch(0.0, 0.0, 9.0, 0.01)
-    jump = WorldTwist(0.5, -0.2, 0.7)
-    plant.impose(Disturbances((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, jump=jump))
+    jump = PoseOffset(0.5, -0.2, 0.7)
+    plant.apply(Disturbances((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, offset=jump))
     after = plant.step(diagonal(0.3), 1e-9)
     moved = np.subtract(after.pose, untouched[-1].pose)
     assert moved == pytest.approx([0.5, -0.2, 0.7], abs=1e-6)
@@ -298,7 +298,7 @@ def test_conditions_for_other_wheels_are_refused():
     plant = PlanarPlant(Small.robot)
     assert isinstance(plant, DisturbablePlant)
     with pytest.raises(InvalidInput, match="3 motors for 4 wheels"):
-        plant.impose(Disturbances(motors=(Motor.DEAD,) * 3))
+        plant.apply(Disturbances(motors=(Motor.DEAD,) * 3))
 
 
 def wheels_own_answer(wheel, spin, v, h):

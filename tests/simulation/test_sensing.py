@@ -16,20 +16,23 @@ from omnidrive.estimation import (
     PoseEstimator,
     PoseFixSettings,
     SensorSettings,
+    State,
+    StateEstimator,
 )
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
-    DisturbableSensor,
-    EstimatingSensor,
     KinematicPlant,
     MujocoPlant,
     PaperNoise,
+    PerfectSensors,
     PlantState,
     SensorFaults,
+    Sensors,
     SensorSuite,
 )
 from omnidrive.simulation.sensors import Encoders, Gyro, PoseFixes
+from tests.estimates import Perception
 
 ROBOT = named_robot("paper")
 REST = BodyTwist(0.0, 0.0, 0.0)
@@ -140,7 +143,8 @@ def test_the_papers_preset_is_the_papers_noise():
     sensors.reset(START)
     for k in range(300):
         (fix,) = sensors.read(k * 0.1, standing()).fixes
-        assert np.array(fix.pose) == pytest.approx(paper.sense(k * 0.1, standing()).pose, abs=1e-12)
+        (noisy,) = paper.read(k * 0.1, standing()).fixes
+        assert np.array(fix.pose) == pytest.approx(noisy.pose, abs=1e-12)
 
 
 def test_the_papers_preset_tells_its_spread():
@@ -202,7 +206,7 @@ def test_conditions_hold_until_the_next_reset():
     sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
     sensors.reset(START)
     sensors.read(0.0, standing())
-    sensors.impose(SensorFaults(dead_encoders=(1,), fixes_silent=True, gyro_silent=True))
+    sensors.apply(SensorFaults(dead_encoders=(1,), fixes_silent=True, gyro_silent=True))
     read = sensors.read(0.1, standing())
     assert [isnan(angle) for angle in read.wheel_angles] == [False, True, False, False]
     assert read.yaw_rate is None
@@ -215,18 +219,41 @@ def test_conditions_hold_until_the_next_reset():
     assert len(read.fixes) == 1
 
 
-def test_who_can_be_disturbed():
-    sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
-    estimating = EstimatingSensor(sensors, PoseEstimator(ROBOT))
-    assert isinstance(LatestFix(sensors), DisturbableSensor)
-    assert isinstance(estimating, DisturbableSensor)
-    assert not isinstance(PaperNoise(np.random.default_rng(0)), DisturbableSensor)
+def test_sensors_and_estimators_satisfy_their_protocols():
+    rng = np.random.default_rng(0)
+    for sensors in (SensorSuite(SensorSettings(), ROBOT.chassis, rng), PaperNoise(rng)):
+        assert isinstance(sensors, Sensors)
+    for estimator in (LatestFix(), PoseEstimator(ROBOT)):
+        assert isinstance(estimator, StateEstimator)
+
+
+def test_perfect_sensors_quantize_wheel_angles_and_report_torques():
+    state = PlantState(START, REST, 0.0, (0.1, -7.3, 40.0, 1e-3), (1.0, 2.0, 3.0, 4.0))
+    sensors = PerfectSensors(EncoderSettings(counts_per_turn=100))
+    read = sensors.read(0.0, state)
+    assert read.wheel_torques == state.wheel_torques
+    assert np.abs(np.subtract(read.wheel_angles, state.wheel_angles)).max() <= pi / 100
+    counts = np.array(read.wheel_angles) * 100 / (2 * pi)
+    assert counts == pytest.approx(np.round(counts), abs=1e-9)
+    sensors.apply(SensorFaults(dead_encoders=(2,), fixes_silent=True))
+    read = sensors.read(0.1, state)
+    assert [isnan(angle) for angle in read.wheel_angles] == [False, False, True, False]
+    assert read.fixes == ()
+
+
+def test_a_state_derives_its_standard_deviations_from_the_covariance():
+    turn = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    state = State(0.0, START, None, turn @ np.diag([0.04, 0.01, 0.09]) @ turn.T)
+    assert state.position_sigma == pytest.approx(0.2)
+    assert state.yaw_sigma == pytest.approx(0.3)
+    assert isnan(State(0.0, START).position_sigma)
+    assert isnan(State(0.0, START).yaw_sigma)
 
 
 def test_conditions_of_wheels_that_are_not_there_are_refused():
     sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
-    with pytest.raises(InvalidInput, match=r"there is no wheel 4 .* wheels 0 to 3"):
-        sensors.impose(SensorFaults(dead_encoders=(4,)))
+    with pytest.raises(InvalidInput, match=r"there is no wheel 4; .* wheels 0 to 3"):
+        sensors.apply(SensorFaults(dead_encoders=(4,)))
 
 
 def read_all(settings, seed):
@@ -253,13 +280,14 @@ def test_one_sensors_settings_do_not_change_anothers_numbers():
 def test_the_latest_fix_counts_however_late_others_come():
     settings = SensorSettings(fixes=PoseFixSettings(rate=20.0, jitter=0.4, position_sigma=0.0,
                                                     yaw_sigma=0.0))  # fmt: skip
-    sensor = LatestFix(SensorSuite(settings, ROBOT.chassis, np.random.default_rng(2)))
+    suite = SensorSuite(settings, ROBOT.chassis, np.random.default_rng(2))
+    sensor = Perception(suite, LatestFix())
     sensor.reset(START)
     stamps = []
     for k in range(100):
         pose = move(START, BodyTwist(0.5, 0.0, 1.0), 0.1 * k)
-        seen = sensor.sense(0.1 * k, standing(pose))
-        stamps.append(0.1 * k - seen.age)
+        seen = sensor.update(0.1 * k, standing(pose))
+        stamps.append(0.1 * k - seen.fix_age)
         was = move(START, BodyTwist(0.5, 0.0, 1.0), stamps[-1])
         assert np.array(seen.pose) == pytest.approx(was, abs=1e-9)  # the yaw goes on, unwrapped
     assert stamps == sorted(stamps)

@@ -6,21 +6,29 @@ import yaml
 
 from omnidrive.cli.main import load_verb
 from omnidrive.errors import InvalidScenario
-from omnidrive.estimation import EstimatorSettings, GyroSettings, LatestFix, PoseFixSettings
+from omnidrive.estimation import (
+    EstimatorSettings,
+    GyroSettings,
+    LatestFix,
+    PoseEstimator,
+    PoseFixSettings,
+)
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
-from omnidrive.simulation import EstimatingSensor, Outcome, PaperNoise, PerfectSensors, PlantState
+from omnidrive.simulation import Outcome, PaperNoise, PerfectSensors, PlantState, SensorSuite
 from omnidrive.study import (
     Job,
     SensorsSection,
     load_scenario,
-    make_sensor,
+    make_estimator,
+    make_sensors,
     paper_scenario,
     prepare,
     run_job,
     save_scenario,
 )
 from omnidrive.study.tasks import NoiseTask, Tasks
+from tests.estimates import Perception
 from tests.study.small import small_scenario
 
 HARD = PoseFixSettings(latency=0.1, dropout=0.2, outliers=0.01, outlier_size=1.0)
@@ -85,10 +93,17 @@ def test_wrong_sensors_are_named(tmp_path, sensors, message):
 def test_what_the_controllers_see():
     robot, rng = named_robot("paper"), np.random.default_rng(0)
     plain = paper_scenario()
-    assert isinstance(make_sensor(plain, robot, rng), PerfectSensors)
-    assert isinstance(make_sensor(plain, robot, rng, noise=True), PaperNoise)
-    assert isinstance(make_sensor(with_sensors(), robot, rng), EstimatingSensor)
-    assert isinstance(make_sensor(with_sensors(estimator=None), robot, rng), LatestFix)
+    exact, noisy = (make_sensors(plain, robot, rng, noise=noise) for noise in (False, True))
+    assert type(exact) is PerfectSensors
+    assert type(noisy) is PaperNoise
+    assert isinstance(make_estimator(plain, robot, exact), LatestFix)
+    for scenario, kind in (
+        (with_sensors(), PoseEstimator),
+        (with_sensors(estimator=None), LatestFix),
+    ):
+        sensors = make_sensors(scenario, robot, rng)
+        assert isinstance(sensors, SensorSuite)
+        assert isinstance(make_estimator(scenario, robot, sensors), kind)
 
 
 def test_without_an_estimator_fixes_at_every_sample_are_the_papers_noise():
@@ -96,9 +111,10 @@ def test_without_an_estimator_fixes_at_every_sample_are_the_papers_noise():
     state = PlantState(start, BodyTwist(0.0, 0.0, 0.0), 0.0, (0.0,) * 4)
     seen = {}
     for name, scenario in (("plain", paper_scenario()), ("fix", with_sensors(estimator=None))):
-        sensor = make_sensor(scenario, robot, np.random.default_rng(5), noise=True)
-        sensor.reset(start)
-        seen[name] = [sensor.sense(0.1 * k, state).pose for k in range(100)]
+        sensors = make_sensors(scenario, robot, np.random.default_rng(5), noise=True)
+        perception = Perception(sensors, make_estimator(scenario, robot, sensors))
+        perception.reset(start)
+        seen[name] = [perception.update(0.1 * k, state).pose for k in range(100)]
     assert np.array(seen["fix"]) == pytest.approx(np.array(seen["plain"]), abs=1e-12)
 
 

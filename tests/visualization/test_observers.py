@@ -8,17 +8,19 @@ import pytest
 
 from omnidrive.control import FeedforwardController
 from omnidrive.errors import InvalidInput
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move
+from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
     DisturbablePlant,
     Disturbances,
+    Impulse,
     KinematicPlant,
     MovingObstacle,
     MujocoPlant,
     Plant,
+    PlantCapabilities,
     PlantState,
     simulate,
 )
@@ -165,21 +167,24 @@ def test_what_is_not_finite_is_not_recorded():
 
 def test_a_watched_plant_can_be_disturbed_if_it_could_before():
     class Undisturbed:
+        capabilities = PlantCapabilities()
+
         def __init__(self):
-            self.reset, self.step = KinematicPlant(ROBOT).reset, KinematicPlant(ROBOT).step
+            plant = KinematicPlant(ROBOT)
+            self.reset, self.step, self.close = plant.reset, plant.step, plant.close
 
     class Disturbable(KinematicPlant):
-        imposed = None
+        applied = None
 
-        def impose(self, conditions):
-            self.imposed = conditions
+        def apply(self, disturbances):
+            self.applied = disturbances
 
     plant = Disturbable(ROBOT)
     seen = observe(plant, ROBOT, CIRCLE, [Notes()])
     assert isinstance(seen, DisturbablePlant)
-    conditions = Disturbances(impulse=WorldTwist(1.0, 0.0, 0.0))
-    seen.impose(conditions)
-    assert plant.imposed == conditions
+    disturbances = Disturbances(impulse=Impulse(1.0, 0.0, 0.0))
+    seen.apply(disturbances)
+    assert plant.applied == disturbances
     alone = observe(Undisturbed(), ROBOT, CIRCLE, [Notes()])
     assert isinstance(alone, Plant)
     assert not isinstance(alone, DisturbablePlant)

@@ -132,7 +132,7 @@ class Pipeline:
 
     def _compute(self, t: float, reference: Reference) -> tuple[Command, float]:
         """The controller's command and its computing time, us."""
-        controller = self.supervisor.controller
+        controller = self.supervisor.controller or self.controller
         began = _clock()
         try:
             command = controller.step(t, self._state, reference)

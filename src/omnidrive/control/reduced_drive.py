@@ -11,7 +11,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidGeometry
 from omnidrive.geometry import BodyTwist
-from omnidrive.robot import Chassis, Robot, acceleration_faces
+from omnidrive.robot import Chassis, Robot, acceleration_polytope
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -21,10 +21,10 @@ class ReducedDrive:
     Attributes:
         wheels: Indices of the driving wheels, from 0.
         chassis: Their rows of the wheel matrix, which allocate a twist to them.
-        rims: Their rows of the rim Jacobian: rim speed per body twist; 1, 1, m/rad.
-        pushes: Largest drive force of each, N.
-        acceleration_faces: Acceleration polytope ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1`` in B;
-            s^2/m, s^2/m, s^2/rad.
+        rim_jacobian: Their rows of the rim Jacobian, rim speed per body twist; 1, 1, m/rad.
+        force_limits: Largest drive force of each, N.
+        acceleration_faces: Acceleration polytope ``|faces @ (ax, ay, yaw acceleration)| <= 1`` in
+            B; s^2/m, s^2/m, s^2/rad.
         force_ratio: Smallest of ``force_limits`` over the whole robot's smallest, dimensionless.
     """
 
@@ -47,7 +47,7 @@ class ReducedDrive:
             raise InvalidGeometry(len(kept))
         chassis = Chassis(robot.drive.jacobian[kept], robot.max_wheel_speed)
         rim_jacobian, force_limits = robot.rim_jacobian[kept], robot.force_limits[kept]
-        faces = acceleration_faces(rim_jacobian, force_limits, robot.inertia)
+        faces = acceleration_polytope(rim_jacobian, force_limits, robot.inertia)
         ratio = float(force_limits.min() / robot.max_force)
         return cls(tuple(kept), chassis, rim_jacobian, force_limits, faces, ratio)
 

@@ -228,7 +228,7 @@ def _model(
 ) -> MotionModel:
     gyro, fixes = sensors.gyro, sensors.fixes
     rim_jacobian, friction_limits = np.ascontiguousarray(robot.rim_jacobian), robot.friction_limits
-    time, damping = fixes.wandering if fixes else (1.0, 0.9)
+    time, damping = fixes.bias_dynamics if fixes else (1.0, 0.9)
     return MotionModel(
         rim_jacobian=rim_jacobian,
         friction_limits=friction_limits if slips else np.full_like(friction_limits, np.inf),

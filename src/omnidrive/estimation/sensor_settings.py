@@ -90,10 +90,10 @@ class PoseFixSettings:
         return np.array([self.position_bias, self.position_bias, self.yaw_bias])
 
     @property
-    def wandering(self) -> tuple[float, float]:
-        """Time in s and damping with which the bias goes on; see :func:`.gauss_markov.gauss_markov`.
+    def bias_dynamics(self) -> tuple[float, float]:
+        """Time constant (s) and damping ratio of the bias; see :func:`.gauss_markov`.
 
-        The paper's is ``sin(t / 5)``, which goes on so for ever.
+        The bias of the law `paper`, ``sin(t / 5)``, is undamped.
         """
         return (5.0, 0.0) if self.law == "paper" else (self.bias_time, self.bias_damping)
 

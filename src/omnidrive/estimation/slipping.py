@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.robot.slip import slip_velocity
 from omnidrive.estimation.motion_model import MotionModel, Odometry
+from omnidrive.robot.slip import slip_velocity
 
 _STEP = 1e-3
 """Of the integration, in s: well below the time in which a robot follows wheels that hold."""
@@ -40,3 +40,28 @@ def slipped(
     lost, mean, now = np.zeros(wheels), np.zeros(3), velocity.copy()
     if not isfinite(model.friction_limits[0]):
         return lost, mean, now
+    steps = ceil(odometry.duration / _STEP)
+    h = odometry.duration / steps
+    forces, limits = np.zeros(wheels), np.zeros(wheels)
+    twist, (fx, fy, _) = (now[0], now[1], now[2]), (0.0, 0.0, 0.0)
+    for _ in range(steps):
+        for i in range(wheels):
+            if isfinite(odometry.ways[i]):
+                gap = odometry.ways[i] / odometry.duration
+                for a in range(3):
+                    gap -= model.rim_jacobian[i, a] * twist[a]
+                lost[i] += gap * h
+                friction = (
+                    model.friction_limits[i]
+                    + model.load_transfer[i, 0] * fx
+                    + model.load_transfer[i, 1] * fy
+                )
+                forces[i] = model.stiffness * gap
+                limits[i] = min(max(friction, 0.0), model.motor)
+        twist, (fx, fy, _) = slip_velocity(
+            twist, forces, limits, model.rim_jacobian, model.inertia, h
+        )
+        for a in range(3):
+            mean[a] += twist[a] / steps
+    now[0], now[1], now[2] = twist
+    return lost, mean, now

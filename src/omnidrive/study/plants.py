@@ -69,7 +69,7 @@ def plant_of(
         reference: What it is to follow, for onlookers.
         repeat: Which of the random numbers; every controller meets the same ones.
         on_map: Whether the map's obstacles stand around it, or it is on an endless floor.
-        onlookers: Who sees the run.
+        observers: Observers of the run.
     """
     scenario = prepared.scenario
     # apart from the numbers of the noise

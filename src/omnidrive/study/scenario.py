@@ -17,7 +17,7 @@ from omnidrive.estimation import (
 )
 from omnidrive.maps import Unknown
 from omnidrive.parameter import Bounds
-from omnidrive.planning import PathOptions, Place
+from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation.disturbances import ON_THE_PLANT

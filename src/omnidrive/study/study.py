@@ -108,7 +108,7 @@ def run_study(
         folder: A new or empty folder for the results; None writes nothing.
         processes: Runs done at the same time; the numbers do not depend on it.
         watcher: Told how far the work is.
-        onlookers: See every run as it happens; the runs are then done one by one.
+        observers: Observers of every run; the runs are then done one by one.
 
     Raises:
         InvalidInput: The scenario cannot be done as it stands.

@@ -8,7 +8,7 @@ import numpy as np
 
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings
+from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings, State
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
 from omnidrive.planning import MethodName, PathOptions, Waypoint, plan, search
@@ -35,8 +35,9 @@ def warm_up(watcher: ProgressListener | None = None) -> None:
         reference = prepared.reference(20.0)
         for name in scenario.controllers:
             controller = make_controller(scenario, prepared.robot, name)
-            controller.reset(reference.at(0.0).pose)
-            controller.step(0.0, reference.at(0.1).pose, reference)
+            start = State(0.0, reference.at(0.0).pose)
+            controller.reset(start)
+            controller.step(0.0, start._replace(pose=reference.at(0.1).pose), reference)
             watch.done(name)
     _batch()
     watch.done("batches")
@@ -66,7 +67,7 @@ def _estimate() -> None:
     estimator = PoseEstimator(named_robot("paper"))
     for k in range(2):
         fix = PoseFix(0.1 * k, Pose(0.0, 0.0, 0.0), 0.01, 0.01)
-        estimator.update(SensorReadings(0.1 * k, (0.0,) * 4, 0.0, (fix,)))
+        estimator.update(SensorReadings(0.1 * k, (0.0,) * 4, yaw_rate=0.0, fixes=(fix,)))
 
 
 def _batch() -> None:

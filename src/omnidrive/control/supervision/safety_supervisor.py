@@ -40,7 +40,7 @@ class SafetySupervisor:
         robot: The robot without failures.
         watchdog: None: no watchdog.
         monitor: None: wheels are not monitored.
-        controller: The controller in use.
+        controller: The controller with a reduced drive; None while that of ``reset`` is in use.
         events: Findings and reactions, in order.
         stopped: Reason for which the robot is being stopped; None while it is not.
     """
@@ -48,11 +48,11 @@ class SafetySupervisor:
     robot: Robot
     watchdog: Watchdog | None = None
     monitor: WheelMonitor | None = None
-    controller: Controller = field(init=False)
+    controller: Controller | None = field(default=None, init=False)
     events: list[Event] = field(default_factory=list, init=False)
     stopped: str | None = field(default=None, init=False)
-    _reduced: bool = field(default=False, init=False)
-    """Whether the controller plans with the reduced drive."""
+    _original: Controller | None = field(default=None, init=False)
+    """The controller of ``reset``."""
     _dead: set[int] = field(default_factory=set, init=False)
     _locked: int | None = field(default=None, init=False)
     _drive: ReducedDrive | None = field(default=None, init=False)
@@ -64,7 +64,7 @@ class SafetySupervisor:
 
     def reset(self, controller: Controller) -> None:
         """Start a run with ``controller`` and all wheels healthy."""
-        self.controller, self._reduced, self.stopped = controller, False, None
+        self.controller, self._original, self.stopped = None, controller, None
         self.events = []
         self._dead, self._locked, self._drive = set(), None, None
         self._commanded, self._held = _STOP, None
@@ -111,7 +111,7 @@ class SafetySupervisor:
             twist = self._in_null_space(twist, dt)
         elif self._drive is not None:
             twist = self._drive.chassis.saturate(twist)
-            if not self._reduced:
+            if self.controller is None:
                 limits = self._drive.acceleration_faces / _SHARE
                 twist = limit_acceleration(limits, self._commanded, twist, dt)
         self._commanded, self._held = twist, dt
@@ -138,18 +138,24 @@ class SafetySupervisor:
             self._stop(t, f"{name}, and the others cannot compensate for it")
             return
         self._drive, reaction = drive, "commands are limited to them"
-        if isinstance(self.controller, ReducibleController) and self._locked is None:
-            self.controller, self._reduced = self.controller.with_reduced_drive(drive), True
+        current = self.controller or self._original
+        if isinstance(current, ReducibleController) and self._locked is None:
+            self.controller = current.with_reduced_drive(drive)
             reaction = "the controller plans with them"
         others = f"the other {len(drive.wheels)} compensate for it"
         self.events.append(Event(t, f"{name}; {others}, {reaction}"))
 
     def _release_heading(self, t: float, wheel: int, name: str) -> None:
-        if self._locked is not None or abs(self._rim_row(wheel)[2]) < 1e-6 * self.robot.effective_radius:
+        if self._locked is not None or abs(self._rim_row(wheel)[2]) < self._least_lever:
             self._stop(t, f"{name}, and the others cannot compensate for it")
             return
         self._locked = wheel
         self.events.append(Event(t, f"{name}; the position is controlled, the heading is not"))
+
+    @property
+    def _least_lever(self) -> float:
+        """Lever arm, m, below which a wheel cannot rotate the robot."""
+        return 1e-6 * self.robot.effective_radius
 
     def _rim_row(self, wheel: int) -> tuple[float, float, float]:
         """Rim speed of a wheel per body twist, 1, 1, m/rad, by the model that commands use."""
@@ -158,7 +164,7 @@ class SafetySupervisor:
 
     def _braking(self, dt: float) -> BodyTwist:
         """The next twist on the straight line to rest, with the largest deceleration allowed."""
-        limits = self.robot.acceleration_faces if self._drive is None else self._drive.acceleration_faces
+        limits = (self._drive or self.robot).acceleration_faces
         return limit_acceleration(limits / _SHARE, self._commanded, _STOP, dt)
 
     def _in_null_space(self, twist: BodyTwist, dt: float) -> BodyTwist:

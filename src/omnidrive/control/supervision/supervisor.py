@@ -27,8 +27,8 @@ class Supervisor(Protocol):
     """
 
     @property
-    def controller(self) -> Controller:
-        """The controller to use: that of ``reset``, or one with a reduced drive."""
+    def controller(self) -> Controller | None:
+        """The controller to use instead of that of ``reset``; None to go on with it."""
         ...
 
     @property
@@ -72,11 +72,10 @@ class NullSupervisor:
     stopped: str | None = None
     at_rest = False
     events: tuple[Event, ...] = ()
-    controller: Controller
+    controller: Controller | None = None
 
     def reset(self, controller: Controller) -> None:
-        """Use ``controller`` for the whole run."""
-        self.controller = controller
+        """Do nothing: there is no memory."""
 
     def check(self, t: float, readings: SensorReadings, state: State, target: Pose) -> State:
         """Return ``state``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from math import nan, sin
 from typing import Protocol, runtime_checkable
@@ -84,7 +84,9 @@ class PaperNoise(PerfectSensors):
         return PoseFix(t, Pose(pose.x + dx, pose.y + dy, pose.yaw + dyaw), nan, nan)
 
 
-def quantized(angles: Sequence[float], step: float, dead: Sequence[int] = ()) -> tuple[float, ...]:
+def quantized(
+    angles: Sequence[float], step: float, dead: Collection[int] = ()
+) -> tuple[float, ...]:
     """Angles (rad) rounded to multiples of ``step`` (rad); NaN for wheels with dead encoders."""
     counted = (step * np.round(np.asarray(angles, dtype=float) / step)).tolist()
     return tuple(nan if i in dead else angle for i, angle in enumerate(counted))
