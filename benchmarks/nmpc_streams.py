@@ -25,6 +25,7 @@ from omnidrive.control.nmpc.holonomic import (
     stack_limits,
 )
 from omnidrive.control.nmpc.holonomic.controller import KeepOutForecast
+from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move
 from omnidrive.reference import Setpoint
 from omnidrive.robot import named_robot
@@ -210,12 +211,12 @@ def drive(
     """Return the true poses of a robot with ideal actuators, noise and displacements."""
     rng = np.random.default_rng(SEED)
     pose = reference.at(0.0).pose
-    controller.reset(pose)
+    controller.reset(State(0.0, pose))
     poses = [pose]
     for k in range(STEPS):
         if k in KICKS:
             pose = Pose(*np.add(pose, KICKS[k]).tolist())
-        command = controller.step(k * DT, measured(pose, rng), reference)
+        command = controller.step(k * DT, State(k * DT, measured(pose, rng)), reference)
         pose = move(pose, command.twist, DT)
         poses.append(pose)
     return np.array(poses)

@@ -6,7 +6,6 @@ from .control import (
     FuzzyPidController,
     HolonomicController,
     HolonomicParameters,
-    NmpcController,
     Pipeline,
     Status,
     TrackingPidController,

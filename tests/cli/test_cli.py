@@ -66,7 +66,12 @@ def test_default_controllers_depend_on_preset(tmp_path):
         "feedforward",
         "recommended",
     )
-    assert ScenarioOptions("paper").resolve().controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+    assert ScenarioOptions("paper").resolve().controllers == (
+        "fuzzy_t1",
+        "fuzzy_t2",
+        "nmpc",
+        "recommended",
+    )
     assert ScenarioOptions("paper", preset="recommended").resolve().controllers == all_seven
     save_scenario(paper_scenario(), tmp_path / "s.yaml")
     demand = ScenarioOptions(str(tmp_path / "s.yaml"), preset="recommended").resolve()

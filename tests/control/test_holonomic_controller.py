@@ -16,8 +16,9 @@ from omnidrive.control.nmpc.holonomic import (
     KeepOutZone,
 )
 from omnidrive.control.nmpc.holonomic.controller import OLD_PLAN_STEPS, RAMP_STEPS
-from omnidrive.control.supervision import Remaining
+from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, move, wrap
 from omnidrive.reference import Hold
 from omnidrive.robot import Chassis, named_robot
@@ -31,8 +32,8 @@ INVALID = Pose(np.nan, 0.0, 0.0)
 def started(horizon=15):
     controller = holonomic_nmpc(CHASSIS, DT, horizon)
     start = Circle().at(0.0).pose
-    controller.reset(start)
-    return controller, controller.step(0.0, start, Circle())
+    controller.reset(State(0.0, start))
+    return controller, controller.step(0.0, State(0.0, start), Circle())
 
 
 def fallback_level(command):
@@ -52,18 +53,18 @@ def test_controller_with_reduced_drive_continues_its_state():
     robot = named_robot("small")
     usual = Actuation.of(robot)
     controller = holonomic_nmpc(CHASSIS, DT, actuation=usual)
-    controller.reset(Circle().at(0.0).pose)
+    controller.reset(State(0.0, Circle().at(0.0).pose))
     for k in range(5):
-        controller.step(DT * k, Circle().at(DT * k).pose, Circle())
-    left = Remaining.of(robot, {2})
-    same = controller.driving(CHASSIS, usual)
-    fewer = controller.driving(left.chassis, Actuation(left.acceleration_faces, robot.lag))
-    at = 0.5, Circle().at(0.5).pose, Circle()
+        controller.step(DT * k, State(DT * k, Circle().at(DT * k).pose), Circle())
+    left = ReducedDrive.of(robot, {2})
+    same = controller.with_reduced_drive(ReducedDrive.of(robot, ()))
+    fewer = controller.with_reduced_drive(left)
+    at = 0.5, State(0.5, Circle().at(0.5).pose), Circle()
     command = controller.step(*at)
     assert same.step(*at) == command
     far = Hold(Pose(9.0, 0.0, 0.0), 9.0)
     before = np.array(fewer._twists[-1])
-    hurried = fewer.step(0.6, Circle().at(0.6).pose, far).twist
+    hurried = fewer.step(0.6, State(0.6, Circle().at(0.6).pose), far).twist
     change = np.abs(left.acceleration_faces @ (np.array(fewer._twists[-1]) - before)).max()
     assert 0.99 * DT <= change <= DT * (1.0 + 1e-6)  # the friction limits of three wheels
     assert np.isfinite(hurried).all()
@@ -96,7 +97,9 @@ def test_invalid_measurement_does_not_affect_later_steps():
     controller.step(DT, INVALID, Circle())
     pose = Circle().at(2 * DT).pose
     fresh = holonomic_nmpc(CHASSIS, DT)
-    assert controller.step(2 * DT, pose, Circle()) == fresh.step(2 * DT, pose, Circle())
+    assert controller.step(2 * DT, State(2 * DT, pose), Circle()) == fresh.step(
+        2 * DT, State(2 * DT, pose), Circle()
+    )
 
 
 def test_lost_measurement_stops_the_robot_if_the_plan_is_too_short():
@@ -127,10 +130,10 @@ def test_lag_and_delay_are_compensated():
     controller = holonomic_nmpc(CHASSIS, DT, actuation=Actuation(lag=(lag, lag), delay=delay))
     reference = Circle()
     pose, twist, errors = reference.at(0.0).pose, np.zeros(3), []
-    controller.reset(pose)
+    controller.reset(State(0.0, pose))
     asked = [np.zeros(3)] * 3
     for k in range(60):
-        asked.append(np.array(controller.step(k * DT, pose, reference).twist))
+        asked.append(np.array(controller.step(k * DT, State(k * DT, pose), reference).twist))
         earlier = twist
         twist = earlier + DT / (lag + DT) * (asked[-4] - earlier)  # acts 0.25 s later:
         pose = move(pose, BodyTwist(*earlier.tolist()), 0.05)  # half a step of the one before
@@ -144,10 +147,10 @@ def test_acceleration_keeps_the_friction_limits():
     controller = holonomic_nmpc(
         robot.chassis, DT, actuation=Actuation(acceleration=robot.acceleration_faces)
     )
-    controller.reset(Pose(0.0, 0.0, 0.0))
+    controller.reset(State(0.0, Pose(0.0, 0.0, 0.0)))
     pose, twists = Pose(0.0, 0.0, 0.0), [np.zeros(3)]
     for k in range(20):
-        command = controller.step(k * DT, pose, Hold(Pose(1.0, 0.5, 1.0), 9.0))
+        command = controller.step(k * DT, State(k * DT, pose), Hold(Pose(1.0, 0.5, 1.0), 9.0))
         twists.append(np.array(command.twist))
         pose = move(pose, command.twist, DT)
     used = np.abs(np.diff(twists, axis=0) / DT @ robot.acceleration_faces.T)
@@ -167,10 +170,10 @@ def test_keep_out_zone_on_the_path_is_avoided(moving):
     fixed = [KeepOutZone(np.array([1.0, 0.02]), 0.4)]
     controller = holonomic_nmpc(CHASSIS, DT, 30, keep_outs=ahead if moving else fixed)
     pose = Pose(0.0, 0.0, 0.0)
-    controller.reset(pose)
+    controller.reset(State(0.0, pose))
     nearest, statuses = np.inf, set()
     for k in range(60):
-        command = controller.step(k * DT, pose, Hold(Pose(2.0, 0.0, 0.0), 9.0))
+        command = controller.step(k * DT, State(k * DT, pose), Hold(Pose(2.0, 0.0, 0.0), 9.0))
         statuses.add(command.status)
         pose = move(pose, command.twist, DT)
         centre = np.array([1.0, 0.02]) + ((k + 1) * DT - 2.0) * speed
@@ -196,9 +199,9 @@ def test_circle_is_tracked_across_the_jump_of_the_heading(sense, turns):
     reference, controller = Wrapped(), holonomic_nmpc(CHASSIS, DT)
     pose = Pose(*reference.window(0.0, 1, DT)[0, :3].tolist())
     pose = pose._replace(yaw=pose.yaw + turns)
-    controller.reset(pose)
+    controller.reset(State(0.0, pose))
     for k in range(80):
-        command = controller.step(k * DT, pose, reference)
+        command = controller.step(k * DT, State(k * DT, pose), reference)
         assert command.status is Status.OK
         pose = move(pose, command.twist, DT)
         x, y, yaw = reference.window((k + 1) * DT, 1, DT)[0, :3]
@@ -236,8 +239,8 @@ def test_solver_with_deadline_is_compiled_before_the_first_step(horizon):
 def test_commands_agree_with_ipopt():
     pytest.importorskip("casadi")
     pose = Pose(0.3, -0.2, 0.5)
-    ours = holonomic_nmpc(CHASSIS, DT).step(0.0, pose, Circle())
-    theirs = holonomic_nmpc(CHASSIS, DT, solver="casadi").step(0.0, pose, Circle())
+    ours = holonomic_nmpc(CHASSIS, DT).step(0.0, State(0.0, pose), Circle())
+    theirs = holonomic_nmpc(CHASSIS, DT, solver="casadi").step(0.0, State(0.0, pose), Circle())
     assert np.allclose(ours.twist, theirs.twist, atol=1e-5)
 
 

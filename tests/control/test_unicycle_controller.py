@@ -20,6 +20,7 @@ from omnidrive.control.nmpc import (
 from omnidrive.control.nmpc.common.unwrap import unwrap_near
 from omnidrive.control.nmpc.unicycle.tracking import finite_differences
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
 from omnidrive.planning import SplinePath
 from omnidrive.reference import Hold, UniformReference
@@ -166,12 +167,12 @@ def test_maximum_of_iterations_yields_a_fallback_command():
 @pytest.mark.parametrize("part", ["x", "y", "yaw"])
 def test_invalid_measurement_fails_without_affecting_later_steps(bad, part):
     controller = unicycle_nmpc("paper", DT)
-    controller.reset(START)
-    controller.step(0.0, START, CORNER)
-    command = controller.step(DT, START._replace(**{part: bad}), CORNER)
+    controller.reset(State(0.0, START))
+    controller.step(0.0, State(0.0, START), CORNER)
+    command = controller.step(DT, State(DT, START._replace(**{part: bad})), CORNER)
     assert command == Command(BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
-    after = controller.step(2 * DT, START, CORNER)
-    assert after == unicycle_nmpc("paper", DT).step(2 * DT, START, CORNER)
+    after = controller.step(2 * DT, State(2 * DT, START), CORNER)
+    assert after == unicycle_nmpc("paper", DT).step(2 * DT, State(2 * DT, START), CORNER)
 
 
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e200])
@@ -182,7 +183,9 @@ def test_far_target_yields_a_finite_command(far):
 
 
 def test_nan_reference_fails():
-    command = unicycle_nmpc("paper", DT).step(0.0, START, Hold(Pose(np.nan, 0.0, 0.0), 1.0))
+    command = unicycle_nmpc("paper", DT).step(
+        0.0, State(0.0, START), Hold(Pose(np.nan, 0.0, 0.0), 1.0)
+    )
     assert command.status is Status.FAILED
 
 

@@ -17,7 +17,7 @@ from omnidrive.control import (
     holonomic_nmpc,
     unicycle_nmpc,
 )
-from omnidrive.control.nmpc.holonomic.controller import FOLLOWED, RAMP
+from omnidrive.control.nmpc.holonomic.controller import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold

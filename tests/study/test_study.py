@@ -107,7 +107,12 @@ def test_the_gains_are_in_the_time_series(folder):
     distance = np.hypot(*(goal[:, 1:] - seen[:, :-1]))
     assert s["error_input_position"][:-1] == pytest.approx(0.5 * distance)
     plans = pq.read_table(folder / "series" / "track-recommended-20s.parquet")
-    assert plans.column_names[-4:] == ["step_time", "rung", "solver_iterations", "kkt_residual"]
+    assert plans.column_names[-4:] == [
+        "step_time",
+        "fallback_level",
+        "solver_iterations",
+        "kkt_residual",
+    ]
 
 
 def test_the_folder_holds_report_and_figures(folder):
@@ -186,7 +191,7 @@ def test_a_study_of_the_recommended_preset(tmp_path):
     study = run_study(scenario, tmp_path / "run")
     plans = [r.run for r in study.results.runs if r.controller == "recommended"]
     assert plans
-    assert all((run.details["rung"][:-1] == 0.0).all() for run in plans)
+    assert all((run.details["fallback_level"][:-1] == 0.0).all() for run in plans)
     pid, fuzzy = (r for r in study.results.select("noise") if r.controller in names[:2])
     assert list(pid.run.details) == list(fuzzy.run.details)
     assert np.ptp(pid.run.details["kp_x"][:-1]) == 0.0

@@ -226,7 +226,7 @@ class ScenarioOptions:
 
 
 def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a verb the fields of :class:`ScenarioOptions` as options; it is called with a ``demand``.
+    """Add the fields of :class:`ScenarioOptions` as options to a verb with the argument ``demand``.
 
     typer makes options of the parameters in a verb's signature: the fields stand there first.
 

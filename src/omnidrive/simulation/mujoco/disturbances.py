@@ -190,7 +190,7 @@ class MujocoDisturbances:
 def harden_body(model: mujoco.MjModel) -> None:
     """Let obstacles hold the body of a robot on balls harder, by what MuJoCo takes for its weight.
 
-    All first tangents of a model of balls are soft (:data:`omnidrive.simulation.mujoco.mjcf_wheels.FREE`):
+    All first tangents of a model of balls are soft (:data:`.mjcf_wheels.FREE`):
     without this, nothing would rub on the body. With it, a robot that presses to a wall rubs along
     it as one on rollers does.
     """

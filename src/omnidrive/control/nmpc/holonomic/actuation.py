@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.nmpc.holonomic.limits import rate_limits, speed_limits, stack_limits
 from omnidrive.control.nmpc.holonomic.problem import Limits
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import Chassis, Robot
 
@@ -30,6 +32,7 @@ class Actuation:
         slip_model: Model of wheel slip, with which the commanded twist is computed; the plan uses
             ``lag``. None: ``lag`` is used for both.
         delay: Time in s from a measurement until the resulting command takes effect.
+        traction: Share of the wheels' friction that ``acceleration`` uses.
 
     Raises:
         InvalidInput: A lag or the delay is negative or not finite.
@@ -39,6 +42,7 @@ class Actuation:
     lag: tuple[float, float] = (0.0, 0.0)
     slip_model: SlipModel | None = None
     delay: float = 0.0
+    traction: float = 1.0
 
     def __post_init__(self) -> None:
         for name, value in (*(("lag", each) for each in self.lag), ("delay", self.delay)):
@@ -66,7 +70,19 @@ class Actuation:
         if not 0.0 < traction < inf:
             raise InvalidInput(f"the traction must be positive, got {traction:g}")
         slip_model = SlipModel.of(robot, may_spin=may_spin)
-        return cls(robot.acceleration_faces / traction, robot.lag, slip_model, delay)
+        return cls(robot.acceleration_faces / traction, robot.lag, slip_model, delay, traction)
+
+    def with_reduced_drive(self, drive: ReducedDrive) -> Actuation:
+        """Return the response of the same robot with the wheels that still drive."""
+        acceleration, slip_model = self.acceleration, self.slip_model
+        if acceleration is not None:
+            acceleration = drive.acceleration_faces / self.traction
+        if slip_model is not None:
+            slip_model = slip_model._replace(
+                rim_jacobian=np.ascontiguousarray(drive.rim_jacobian),
+                max_force=drive.force_ratio * slip_model.max_force,
+            )
+        return replace(self, acceleration=acceleration, slip_model=slip_model)
 
     def limits(self, chassis: Chassis, dt: float) -> Limits:
         """Return the limits of wheel speeds and, if there are any, of accelerations.

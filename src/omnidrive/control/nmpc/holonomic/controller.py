@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from omnidrive.control.controller import Command, Status
-from omnidrive.control.nmpc.common.checks import check_settings, precompile
+from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
@@ -22,6 +22,8 @@ from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, Limits
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
 from omnidrive.control.nmpc.holonomic.tracking import tracking_problem
+from omnidrive.control.preparation import run_once
+from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
@@ -111,20 +113,23 @@ class HolonomicController:
     @property
     def detail_units(self) -> Mapping[str, str]:
         """Names and units of the details of a command."""
-        return {"rung": "1", "solver_iterations": "1", "kkt_residual": "1"}
+        return {"fallback_level": "1", "solver_iterations": "1", "kkt_residual": "1"}
 
     def reset(self, state: State) -> None:
         """Clear the last plan; the robot is at rest."""
         self._clear()
 
-    def driving(self, chassis: Chassis, actuation: Actuation) -> HolonomicController:
-        """Return a controller with another chassis and actuation that continues from this one.
+    def prepare(self) -> None:
+        """Compile the kernels of a step, also those of a solver with a deadline."""
+        run_once(self, "_solve_holonomic")
+        if isinstance(self.solver, HolonomicSolver) and self.solver.deadline is not None:
+            origin = Pose(0.0, 0.0, 0.0)
+            self.solver.precompile(self._problem(0.0, origin, Hold(origin, 1.0)))
 
-        Args:
-            chassis: The wheels and their maximum speed.
-            actuation: Response of the robot from now on, with the same delay.
-        """
-        other = replace(self, chassis=chassis, actuation=actuation)
+    def with_reduced_drive(self, drive: ReducedDrive) -> HolonomicController:
+        """Return a controller that continues from this one with the wheels that still drive."""
+        actuation = self.actuation.with_reduced_drive(drive)
+        other = replace(self, chassis=drive.chassis, actuation=actuation)
         other.solution, other._age = self.solution, self._age
         other._final_twist = self._final_twist
         other._twists.extend(self._twists)
@@ -253,10 +258,7 @@ def holonomic_nmpc(
         solver,
         keep_outs if callable(keep_outs) else _fixed(keep_outs),
     )
-    precompile(controller, "_solve_holonomic")
-    if isinstance(solver, HolonomicSolver) and solver.deadline is not None:
-        origin = Pose(0.0, 0.0, 0.0)
-        solver.precompile(controller._problem(0.0, origin, Hold(origin, 1.0)))
+    controller.prepare()
     return controller
 
 

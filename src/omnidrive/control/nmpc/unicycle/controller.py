@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import Command, Status
-from omnidrive.control.nmpc.common.checks import check_settings, precompile
+from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import Exit
 from omnidrive.control.nmpc.unicycle.ipopt import UnicycleIpopt
 from omnidrive.control.nmpc.unicycle.parameters import PRESETS, Preset, UnicycleParameters
@@ -20,9 +20,10 @@ from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
 from omnidrive.control.nmpc.unicycle.solution import UnicycleOptimizer, UnicycleSolution
 from omnidrive.control.nmpc.unicycle.solver import UnicycleSolver, UnicycleSolverSettings
 from omnidrive.control.nmpc.unicycle.tracking import tracking_problem
+from omnidrive.control.preparation import run_once
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body
+from omnidrive.geometry import BodyTwist, WorldTwist, to_body
 from omnidrive.reference import Reference
 
 SolverName = Literal["sqp", "rti", "casadi"]
@@ -102,6 +103,10 @@ class UnicycleController:
         """Clear the last plan."""
         self.solution = None
 
+    def prepare(self) -> None:
+        """Compile the kernels of a step."""
+        run_once(self, "_solve_unicycle")
+
     def step(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
@@ -153,4 +158,5 @@ def unicycle_nmpc(
         raise InvalidInput(f"there is no solver '{solver}'; there are {', '.join(_SOLVERS)}")
     parameters = PRESETS[preset] if isinstance(preset, str) else preset
     controller = UnicycleController(dt, horizon, parameters, _SOLVERS[solver]())
-    return precompile(controller, "_solve_unicycle")
+    controller.prepare()
+    return controller
