@@ -8,12 +8,12 @@ import omnidrive as od
 class PureProportional:
     """Proportional control towards the current reference pose."""
 
-    def reset(self, pose: od.Pose) -> None:
+    def reset(self, state: od.State) -> None:
         """Do nothing: the controller has no state."""
 
-    def step(self, t: float, pose: od.Pose, reference: od.Reference) -> od.Command:
+    def step(self, t: float, state: od.State, reference: od.Reference) -> od.Command:
         """Return a body twist of 3 1/s times the pose error."""
-        target = reference.at(t).pose
+        pose, target = state.pose, reference.at(t).pose
         velocity = od.WorldTwist(
             3.0 * (target.x - pose.x), 3.0 * (target.y - pose.y), 3.0 * (target.yaw - pose.yaw)
         )

@@ -74,7 +74,7 @@ def test_lost_measurements_descend_the_fallback_levels():
     controller, _ = started()
     planned = controller.solution
     commands = [
-        controller.step(DT * k, INVALID, Circle())
+        controller.step(DT * k, State(DT * k, INVALID), Circle())
         for k in range(1, OLD_PLAN_STEPS + RAMP_STEPS + 2)
     ]
     levels = [fallback_level(each) for each in commands]
@@ -94,7 +94,7 @@ def test_lost_measurements_descend_the_fallback_levels():
 
 def test_invalid_measurement_does_not_affect_later_steps():
     controller, _ = started()
-    controller.step(DT, INVALID, Circle())
+    controller.step(DT, State(DT, INVALID), Circle())
     pose = Circle().at(2 * DT).pose
     fresh = holonomic_nmpc(CHASSIS, DT)
     assert controller.step(2 * DT, State(2 * DT, pose), Circle()) == fresh.step(
@@ -104,13 +104,13 @@ def test_invalid_measurement_does_not_affect_later_steps():
 
 def test_lost_measurement_stops_the_robot_if_the_plan_is_too_short():
     controller, _ = started(horizon=1)
-    assert fallback_level(controller.step(DT, INVALID, Circle())) is FallbackLevel.STOP
+    assert fallback_level(controller.step(DT, State(DT, INVALID), Circle())) is FallbackLevel.STOP
 
 
 def test_plan_at_maximum_of_iterations_is_feasible_and_reported():
     controller, _ = started()
     controller.solver = HolonomicSolver(HolonomicSolverSettings(max_iterations=2))
-    command = controller.step(0.0, Pose(40.0, -30.0, 2.0), Circle())
+    command = controller.step(0.0, State(0.0, Pose(40.0, -30.0, 2.0)), Circle())
     assert fallback_level(command) is FallbackLevel.FEASIBLE
     assert command.status is Status.FALLBACK
     assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
@@ -118,7 +118,9 @@ def test_plan_at_maximum_of_iterations_is_feasible_and_reported():
 
 @pytest.mark.parametrize("far", [3.0, 1e3, 1e5])
 def test_far_target_is_approached_at_the_wheel_speed_limit(far):
-    command = holonomic_nmpc(CHASSIS, DT).step(0.0, Pose(0.0, 0.0, 0.3), Hold(Pose(far, 0, 0), 9.0))
+    command = holonomic_nmpc(CHASSIS, DT).step(
+        0.0, State(0.0, Pose(0.0, 0.0, 0.3)), Hold(Pose(far, 0, 0), 9.0)
+    )
     speeds = np.abs(CHASSIS.wheel_speeds(command.twist))
     assert speeds.max() == pytest.approx(CHASSIS.max_wheel_speed, rel=5e-3)
     assert speeds.max() <= CHASSIS.max_wheel_speed * (1 + 1e-6)
@@ -212,7 +214,7 @@ def test_circle_is_tracked_across_the_jump_of_the_heading(sense, turns):
 def test_expired_deadline_yields_a_feasible_plan():
     solver = HolonomicSolver(deadline=0.0)
     controller = holonomic_nmpc(CHASSIS, DT, solver=solver)
-    command = controller.step(0.0, Pose(40.0, -30.0, 2.0), Circle())
+    command = controller.step(0.0, State(0.0, Pose(40.0, -30.0, 2.0)), Circle())
     assert fallback_level(command) is FallbackLevel.FEASIBLE
     assert command.status is Status.FALLBACK
     assert np.abs(CHASSIS.wheel_speeds(command.twist)).max() <= CHASSIS.max_wheel_speed
@@ -280,9 +282,9 @@ def test_rti_plan_is_feasible_and_nearly_optimal():
     """Without active limits it is optimal."""
     near, far = Circle().at(0.0).pose, Pose(0.3, -0.2, 0.5)
     quick, full = holonomic_nmpc(CHASSIS, DT, solver="rti"), holonomic_nmpc(CHASSIS, DT)
-    assert quick.step(0.0, near, Circle()) == full.step(0.0, near, Circle())
-    command = quick.step(0.0, far, Circle())
-    full.step(0.0, far, Circle())
+    assert quick.step(0.0, State(0.0, near), Circle()) == full.step(0.0, State(0.0, near), Circle())
+    command = quick.step(0.0, State(0.0, far), Circle())
+    full.step(0.0, State(0.0, far), Circle())
     assert fallback_level(command) is FallbackLevel.FEASIBLE
     assert quick.solution.violation <= 0.0
     assert full.solution.cost < quick.solution.cost < 1.5 * full.solution.cost

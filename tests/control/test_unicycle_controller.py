@@ -118,9 +118,9 @@ def test_commands_are_equivariant_under_rotation_of_the_world(turn):
 def test_full_turns_of_the_measured_yaw_have_no_effect(turns):
     pose = Pose(0.1, 0.1, 3.1)
     reference = Hold(Pose(0.5, 0.1, -3.1), 5.0)
-    single = unicycle_nmpc("paper", DT).step(0.0, pose, reference)
+    single = unicycle_nmpc("paper", DT).step(0.0, State(0.0, pose), reference)
     turned = unicycle_nmpc("paper", DT).step(
-        0.0, pose._replace(yaw=pose.yaw + 2.0 * np.pi * turns), reference
+        0.0, State(0.0, pose._replace(yaw=pose.yaw + 2.0 * np.pi * turns)), reference
     )
     np.testing.assert_allclose(turned.twist, single.twist, atol=1e-6)
 
@@ -177,7 +177,9 @@ def test_invalid_measurement_fails_without_affecting_later_steps(bad, part):
 
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e200])
 def test_far_target_yields_a_finite_command(far):
-    command = unicycle_nmpc("paper", DT).step(0.0, START, Hold(Pose(far, -far, 0.0), 10.0))
+    command = unicycle_nmpc("paper", DT).step(
+        0.0, State(0.0, START), Hold(Pose(far, -far, 0.0), 10.0)
+    )
     assert np.isfinite(command.twist).all()
     assert np.hypot(*command.twist[:2]) <= 1.5 + 1e-12
 
