@@ -1,4 +1,4 @@
-"""Paths, chassis and checks that the tests of timed references share."""
+"""Shared paths, chassis and checks of the tests of timed references."""
 
 from math import pi
 
@@ -19,7 +19,7 @@ FIVE = Chassis.omni(
 
 
 def mecanum():
-    """Rollers at 45 degrees, half track and half wheelbase 0.2 and 0.3 m."""
+    """Return a chassis with rollers at 45 degrees, half track 0.2 m and half wheelbase 0.3 m."""
     rows = [[1, -1, -0.5], [1, 1, 0.5], [1, 1, -0.5], [1, -1, 0.5]]
     return Chassis(np.array(rows) / 0.05, 30.0)
 
@@ -34,13 +34,13 @@ def straight(length, angle=0.0, yaw=0.0, points=10):
 
 
 def turning(angle, points=8):
-    """On the spot."""
+    """Return a turn on the spot."""
     at = np.array([2.0, -1.0])
     return SplinePath(np.column_stack([np.tile(at, (points, 1)), np.linspace(0.0, angle, points)]))
 
 
 def wandering(seed, points=12, step=0.4, turn=0.6):
-    """A random walk whose heading wanders as well."""
+    """Return a random walk with random headings."""
     rng = np.random.default_rng(seed)
     direction = np.cumsum(rng.uniform(-turn, turn, points))
     steps = step * rng.uniform(0.5, 1.5, points)[:, None]
@@ -49,16 +49,16 @@ def wandering(seed, points=12, step=0.4, turn=0.6):
 
 
 def wheel_speeds(window, chassis):
-    """Wheel speeds of a window's rows, in rad/s, without the package's own frame changes."""
+    """Return wheel speeds of a window, in rad/s, independently of the package's transforms."""
     c, s = np.cos(window[:, 2]), np.sin(window[:, 2])
     vx, vy, turn = window[:, 3:].T
     return np.stack([c * vx + s * vy, -s * vx + c * vy, turn], axis=1) @ chassis.jacobian.T
 
 
 def worst_shares(reference, chassis, acceleration, samples=20_001):
-    """Peak shares of wheel speed and acceleration, by differences of what ``window`` gives.
+    """Return the peak usage of wheel speed and acceleration, by differences of ``window``.
 
-    A mean acceleration over a step is at most the greatest in it, however long the step.
+    The mean acceleration over a step is at most the largest within the step.
     """
     dt = reference.duration / (samples - 1)
     speeds = wheel_speeds(reference.window(0.0, samples, dt), chassis)

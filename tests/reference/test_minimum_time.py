@@ -1,4 +1,4 @@
-"""Minimum time: corridor, free headings, and the figures on the paper's map."""
+"""Minimum time: corridor, free headings, and durations on the paper's map."""
 
 import sys
 from importlib import import_module
@@ -32,7 +32,9 @@ from omnidrive.reference.transcription import (
 from omnidrive.robot import Chassis, named_robot
 from tests.reference.sample_paths import CROSS, FOUR, straight, turning, wandering, worst_shares
 
-MODULE = import_module("omnidrive.reference.minimum_time")  # the package names the function so
+MODULE = import_module(
+    "omnidrive.reference.minimum_time"
+)  # the package exports a function of this name
 
 ALPHA = 25.0
 LIMITS = MotionLimits(wheel_acceleration=ALPHA)
@@ -55,21 +57,21 @@ def papers_minimum(papers_path):
     return minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map())
 
 
-def test_the_papers_map(papers_path, papers_minimum):
-    """Free in a corridor, the robot needs two thirds of its time with tangent heading."""
+def test_minimum_time_on_paper_map(papers_path, papers_minimum):
+    """In the corridor the robot needs two thirds of the time with tangent heading."""
     tangent = time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="tangent")
     assert tangent.duration == pytest.approx(11.48, abs=0.02)
     assert papers_minimum.status == "converged"
     assert papers_minimum.reference.duration <= 7.55
 
 
-def test_the_minimum_keeps_the_limits(papers_minimum):
+def test_limits_hold(papers_minimum):
     reference = papers_minimum.reference
     assert max(worst_shares(reference, PAPER, 20.0)) <= 1.01
     assert max(reference.limit_usage.values()) <= 1.0 + 1e-9
 
 
-def test_the_minimum_stays_in_its_corridor(papers_minimum):
+def test_path_stays_in_corridor(papers_minimum):
     grid, corridor = paper_map(), papers_minimum.corridor
     pieces = corridor.pieces(48)
     assert corridor.contains(papers_minimum.path.control_points, pieces)
@@ -80,14 +82,14 @@ def test_the_minimum_stays_in_its_corridor(papers_minimum):
     assert ((left <= x) & (x <= right) & (bottom <= y) & (y <= top)).any(axis=1).all()
 
 
-def test_the_minimum_joins_start_and_goal(papers_path, papers_minimum):
+def test_path_joins_start_and_goal(papers_path, papers_minimum):
     reference = papers_minimum.reference
     ends = np.array([reference.at(0.0).pose, reference.at(reference.duration).pose])
     assert ends[:, :2] == pytest.approx(papers_path.control_points[[0, -1], :2], abs=1e-9)
 
 
 @pytest.mark.long
-def test_headings_at_the_ends_can_be_given(papers_path):
+def test_end_headings_are_met(papers_path):
     found = minimum_time(
         papers_path, PAPER, PAPER_LIMITS, paper_map(), start_yaw=0.0, goal_yaw=-2.0
     )
@@ -99,8 +101,8 @@ def test_headings_at_the_ends_can_be_given(papers_path):
 
 
 @pytest.mark.long
-def test_never_slower_than_the_start_path():
-    """In a corridor one cell wide there is little to gain, but nothing to lose."""
+def test_result_is_never_slower_than_start_path():
+    """In a corridor one cell wide the gain is small."""
     occupied = np.ones((40, 40), dtype=bool)
     occupied[20, 2:38] = occupied[20:38, 37] = False
     grid = OccupancyGrid(occupied, 0.1)
@@ -111,7 +113,7 @@ def test_never_slower_than_the_start_path():
     assert found.reference.duration <= start.duration
 
 
-def test_falls_back_where_the_path_is_not_free(papers_path):
+def test_fallback_if_path_is_not_free(papers_path):
     blank = paper_map()
     grid = OccupancyGrid(np.ones_like(blank.occupied), blank.resolution, blank.origin)
     found = minimum_time(papers_path, PAPER, PAPER_LIMITS, grid)
@@ -127,10 +129,10 @@ def ends_of(reference):
 
 
 @pytest.mark.parametrize("grid", [np.ones((90, 90), bool), np.zeros((90, 90), bool)])
-def test_end_headings_are_kept_where_nothing_is_faster(grid, monkeypatch):
-    """Without a corridor, and with one whose best motion is said to be slow."""
-    path, asked = straight(4.0, yaw=0.3), (1.0, -2.5)
-    bent = with_end_headings(path, *asked)
+def test_fallback_keeps_end_headings(grid, monkeypatch):
+    """Without a corridor, and with a corridor whose best motion is (by a stub) slow."""
+    path, yaws = straight(4.0, yaw=0.3), (1.0, -2.5)
+    bent = with_end_headings(path, *yaws)
     slow = time_within_limits(bent, FOUR, LIMITS).with_duration(1e3)
     monkeypatch.setattr(
         MODULE,
@@ -139,15 +141,15 @@ def test_end_headings_are_kept_where_nothing_is_faster(grid, monkeypatch):
     )
     monkeypatch.setattr(MODULE, "_GAIN", 0.9)
     free = OccupancyGrid(grid, 0.1, (-2.0, -2.0))
-    found = minimum_time(path, FOUR, LIMITS, free, start_yaw=asked[0], goal_yaw=asked[1])
+    found = minimum_time(path, FOUR, LIMITS, free, start_yaw=yaws[0], goal_yaw=yaws[1])
     assert found.status == "fallback"
-    assert np.cos(np.array(ends_of(found.reference)) - asked) == pytest.approx([1.0, 1.0])
+    assert np.cos(np.array(ends_of(found.reference)) - yaws) == pytest.approx([1.0, 1.0])
     assert found.path.control_points[:, :2] == pytest.approx(path.control_points[:, :2])
     assert max(worst_shares(found.reference, FOUR, ALPHA)) <= 1.01
 
 
-def test_what_is_not_faster_is_a_fallback(monkeypatch):
-    """One of the solver's guesses is the start path: as fast, but nothing was gained."""
+def test_fallback_if_nothing_is_faster(monkeypatch):
+    """One of the initial guesses is the start path, which is not faster than itself."""
     path, free = straight(4.0), OccupancyGrid(np.zeros((90, 90), bool), 0.1, (-2.0, -2.0))
     start = time_within_limits(path, FOUR, LIMITS)
     monkeypatch.setattr(Corridor, "contains", lambda *_: True)
@@ -164,21 +166,21 @@ def test_what_is_not_faster_is_a_fallback(monkeypatch):
         assert "instead of" not in found.message
 
 
-def test_the_status_says_where_the_motion_comes_from(monkeypatch):
-    """Here the headings of the start path are poor, and those of a guess are not."""
+def test_status_of_a_faster_guess(monkeypatch):
+    """The headings of the start path are poor, those of a guess are good."""
     points = straight(4.0).control_points
     points[:, 2] = 3.0 * np.sin(np.arange(len(points)))
     free = OccupancyGrid(np.zeros((90, 90), bool), 0.1, (-2.0, -2.0))
     monkeypatch.setattr(
         Transcription, "solve", lambda _self, guess, _timed: (guess.path, False)
-    )  # goes nowhere
+    )  # a path without motion
     found = minimum_time(SplinePath(points), FOUR, LIMITS, free)
     assert found.status == "guess"
     assert found.reference.duration < time_within_limits(SplinePath(points), FOUR, LIMITS).duration
 
 
-def test_what_leaves_the_corridor_is_not_returned(monkeypatch):
-    """Whatever an optimiser says: what is not in free boxes falls back."""
+def test_fallback_if_path_leaves_the_corridor(monkeypatch):
+    """A path outside the free boxes is never returned, whatever the optimiser's status."""
     path = straight(4.0)
     free = OccupancyGrid(np.zeros((90, 90), bool), 0.1, (-2.0, -2.0))
     start = time_within_limits(path, FOUR, LIMITS)
@@ -195,13 +197,13 @@ def test_what_leaves_the_corridor_is_not_returned(monkeypatch):
     assert found.path is path
 
 
-def test_turning_on_the_spot_is_left_as_it_is():
+def test_turn_on_the_spot_is_a_fallback():
     found = minimum_time(turning(1.0), FOUR, LIMITS, OccupancyGrid(np.zeros((9, 9), bool), 1.0))
     assert found.status == "fallback"
     assert "only turns" in found.message
 
 
-def test_free_headings_keep_those_at_the_ends():
+def test_free_headings_meet_end_headings():
     rows = limit_rows(FOUR, LIMITS)
     points = free_heading(wandering(0), rows, start_yaw=7.0, goal_yaw=-2.0).control_points
     assert points[0, 2] == 7.0
@@ -210,7 +212,7 @@ def test_free_headings_keep_those_at_the_ends():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_free_headings_are_at_least_as_fast(seed):
+def test_free_headings_are_never_slower(seed):
     path = wandering(seed)
     free = time_within_limits(path, FOUR, LIMITS, heading="free")
     for heading in ("path", "fixed"):
@@ -219,8 +221,8 @@ def test_free_headings_are_at_least_as_fast(seed):
     assert max(worst_shares(free, FOUR, ALPHA)) <= 1.01
 
 
-def test_the_free_heading_of_a_straight_line_turns_the_fast_side_ahead():
-    """Four wheels at 45 degrees are fastest along B's axes, by the square root of 2."""
+def test_free_heading_on_straight_line_is_the_fastest_direction():
+    """Four wheels at 45 degrees are fastest along the axes of B, by the square root of 2."""
     path = straight(20.0, angle=0.25 * np.pi)
     fixed = time_within_limits(path, FOUR, LIMITS, heading="fixed")
     free = time_within_limits(path, FOUR, LIMITS, heading="free")
@@ -229,17 +231,17 @@ def test_the_free_heading_of_a_straight_line_turns_the_fast_side_ahead():
 
 
 @pytest.mark.parametrize("heading", [inf, np.nan])
-def test_end_headings_have_to_be_angles(papers_path, heading):
+def test_end_headings_must_be_finite(papers_path, heading):
     with pytest.raises(InvalidInput, match="heading at the goal must be a finite angle"):
         minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map(), goal_yaw=heading)
 
 
-def test_too_many_headings_are_refused():
+def test_too_many_headings_are_rejected():
     with pytest.raises(InvalidReference, match="at most 1000 control points"):
         time_within_limits(straight(10.0, points=1001), FOUR, LIMITS, heading="free")
 
 
-def test_without_casadi_the_message_says_what_to_do(papers_path, monkeypatch):
+def test_message_without_casadi(papers_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(MissingExtra, match=r"omnidrive\[casadi\]"):
         minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map())
@@ -248,16 +250,16 @@ def test_without_casadi_the_message_says_what_to_do(papers_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("start", "goal"), [(1.0, None), (None, -2.0), (0.5, 3.0)])
-def test_free_headings_end_as_asked(start, goal):
+def test_free_headings_meet_required_ends(start, goal):
     reference = time_within_limits(
         wandering(1), FOUR, LIMITS, heading="free", start_yaw=start, goal_yaw=goal
     )
-    for own, asked in zip(ends_of(reference), (start, goal), strict=True):
-        assert asked is None or np.cos(own - asked) == pytest.approx(1.0)
+    for own, required in zip(ends_of(reference), (start, goal), strict=True):
+        assert required is None or np.cos(own - required) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, -2.0])
-def test_boxes_of_a_corridor_are_free_and_overlap(yaw):
+def test_corridor_boxes_are_free_and_overlap(yaw):
     rng = np.random.default_rng(4)
     grid = OccupancyGrid(rng.random((60, 60)) < 0.15, 0.1, (-1.0, 2.0), yaw=yaw)
     grid.occupied[[1, 58], [1, 58]] = False
@@ -280,8 +282,8 @@ def test_boxes_of_a_corridor_are_free_and_overlap(yaw):
     assert (low < high).all()
 
 
-def test_a_turned_map_gives_the_turned_motion():
-    """Round an obstacle, on the map as it is and on the map turned about its origin."""
+def test_rotated_map_gives_rotated_motion():
+    """A path around an obstacle, on a map and on the map rotated about its origin."""
     occupied = np.zeros((40, 60), bool)
     occupied[:26, 28:32] = True
     cells = np.array([[10, 10], [20, 16], [30, 24], [32, 30], [30, 36], [20, 44], [10, 50]])
@@ -301,7 +303,7 @@ def test_a_turned_map_gives_the_turned_motion():
     assert np.cos(ends_of(turned.reference)[1] - 1.7) == pytest.approx(1.0)
 
 
-def test_a_corridor_needs_a_free_way():
+def test_corridor_needs_a_free_path():
     grid = OccupancyGrid(np.zeros((10, 10), dtype=bool), 1.0)
     grid.occupied[5, 5] = True
     with pytest.raises(NoPathFound, match=r"not free at \(5.50, 5.50\) m"):
@@ -313,8 +315,8 @@ def test_a_corridor_needs_a_free_way():
 
 
 @pytest.mark.parametrize("points", [4, 5, 6, 9, 30])
-def test_bezier_points_make_the_same_curve(points):
-    """Of every piece, by de Casteljau's algorithm."""
+def test_bezier_points_give_the_same_curve(points):
+    """Each piece, evaluated by de Casteljau's algorithm."""
     path = SplinePath(np.random.default_rng(points).normal(size=(points, 3)))
     bezier = bezier_basis(points) @ path.control_points
     r = np.linspace(0.0, 1.0, 7)[:, None]
@@ -326,8 +328,8 @@ def test_bezier_points_make_the_same_curve(points):
 
 
 @pytest.mark.parametrize("astray", [0.0, 1e-5, 0.3])
-def test_what_a_solver_leaves_outside_is_held_back(astray):
-    """On the line to where it went, just as far as the bounds allow."""
+def test_step_is_limited_to_the_bounds(astray):
+    """The result is on the line to the solver's result, as far as the bounds allow."""
     start = np.column_stack([np.linspace(0.0, 9.0, 10), np.zeros((10, 2))])
     found = start + np.array([0.0, 1.0 + astray, 0.5]) * (np.arange(10) == 5)[:, None]
     reached = bezier_basis(10) @ found[:, :2]
@@ -340,8 +342,8 @@ def test_what_a_solver_leaves_outside_is_held_back(astray):
     assert _limit_step(start, found, None) is found
 
 
-def test_through_doors_it_is_faster_than_the_start_path():
-    """Rooms with narrow doors, crossed at an angle: boxes overlap little there."""
+def test_gain_through_narrow_doors():
+    """Rooms with narrow doors, crossed at an angle, where boxes overlap little."""
     robot = named_robot("small")
     grid = rooms_map(96, 96, 31, np.random.default_rng(0), door=6, resolution=0.25)
     room = robot.body_radius + grid.resolution * 0.5**0.5
@@ -356,7 +358,7 @@ def test_through_doors_it_is_faster_than_the_start_path():
     assert best.path.clearance(found.free_space)[0] >= 0.0
 
 
-def test_of_many_control_points_one_guess_is_optimised(monkeypatch):
+def test_one_guess_is_optimised_for_large_splines(monkeypatch):
     solved = []
 
     def solve(_self, guess, _timed):
@@ -375,7 +377,7 @@ def test_of_many_control_points_one_guess_is_optimised(monkeypatch):
         solved.clear()
 
 
-def test_a_spline_outside_its_boxes_is_noticed():
+def test_spline_outside_its_boxes_is_detected():
     grid = OccupancyGrid(np.zeros((10, 10), dtype=bool), 1.0)
     corridor = Corridor.along(np.array([[1.5, 5.5], [8.5, 5.5]]), grid)
     pieces = corridor.pieces(5)
@@ -391,8 +393,8 @@ def test_a_spline_outside_its_boxes_is_noticed():
 @pytest.mark.parametrize(
     ("seed", "yaw"), [*((seed, 0.0) for seed in range(8)), (1, 0.05), (2, 1.0), (3, -2.5)]
 )
-def test_no_minimum_enters_an_obstacle(seed, yaw):
-    """Over random maps: in free cells, within the limits, never slower than the start path."""
+def test_path_never_enters_an_obstacle(seed, yaw):
+    """On random maps: in free cells, within the limits, never slower than the start path."""
     rng = np.random.default_rng(seed)
     grid = OccupancyGrid(rng.random((50, 50)) < 0.12, 0.2, yaw=yaw)
     grid.occupied[[2, 46], [3, 45]] = False

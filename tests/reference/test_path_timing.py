@@ -1,4 +1,4 @@
-"""The fastest motion along a path: analytic cases, laws, bad input."""
+"""Fastest motion along a path: analytic cases, invariants, invalid input."""
 
 import tracemalloc
 from math import inf, nan, pi, sqrt
@@ -30,7 +30,7 @@ HEADINGS = ["path", "tangent", "fixed"]
 
 
 def trapezoid(length, speed, acceleration):
-    """Time from rest to rest over a distance."""
+    """Return the time from rest to rest over a distance."""
     if length >= speed**2 / acceleration:
         return length / speed + speed / acceleration
     return 2 * sqrt(length / acceleration)
@@ -43,7 +43,7 @@ def trapezoid(length, speed, acceleration):
     top=st.floats(2.0, 60.0),
     alpha=st.floats(1.0, 200.0),
 )
-def test_a_straight_line_takes_a_trapezoid(length, angle, top, alpha):
+def test_straight_line_has_trapezoidal_speed(length, angle, top, alpha):
     chassis = Chassis.omni(angles=CROSS, ring_radius=0.3, wheel_radius=0.05, max_wheel_speed=top)
     reference = time_within_limits(
         straight(length, angle), chassis, MotionLimits(wheel_acceleration=alpha)
@@ -54,7 +54,7 @@ def test_a_straight_line_takes_a_trapezoid(length, angle, top, alpha):
 
 
 @pytest.mark.parametrize("angle", [0.3, -2.0, 9.0, 40.0])
-def test_turning_on_the_spot_takes_a_trapezoid(angle):
+def test_turn_on_the_spot_has_trapezoidal_speed(angle):
     path = turning(angle)
     reference = time_within_limits(path, FOUR, LIMITS)
     best = trapezoid(abs(angle), 30.0 * 0.05 / 0.3, ALPHA * 0.05 / 0.3)
@@ -64,7 +64,7 @@ def test_turning_on_the_spot_takes_a_trapezoid(angle):
     assert window[[0, -1], 2] == pytest.approx([0.0, angle])
 
 
-def test_the_yaw_rate_alone_can_limit():
+def test_yaw_rate_limit_alone():
     chassis = Chassis(FOUR.jacobian, inf)
     limits = MotionLimits(wheel_acceleration=1e7, yaw_rate=0.5)
     reference = time_within_limits(turning(2.0), chassis, limits)
@@ -80,8 +80,8 @@ def test_the_yaw_rate_alone_can_limit():
         ({"sideways_speed": 0.2}, "sideways speed"),
     ],
 )
-def test_twist_limits_cap_the_cruise(limit, name):
-    """10 m in the direction (0.8, 0.6) of B, so long that starting and stopping hardly count."""
+def test_twist_limits_determine_cruise_speed(limit, name):
+    """10 m in the direction (0.8, 0.6) of B: start and stop take a small share of the time."""
     parts = {"speed": 1.0, "forward speed": 0.8, "sideways speed": 0.6}
     limits = MotionLimits(wheel_acceleration=1e5, **limit)
     path = straight(10.0, np.arctan2(0.6, 0.8))
@@ -104,7 +104,7 @@ def test_acceleration_limits(limits, acceleration):
 
 @pytest.mark.parametrize("name", CHASSIS)
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_no_wheel_limit_is_broken(name, heading):
+def test_wheel_limits_hold(name, heading):
     chassis = CHASSIS[name]
     for seed in range(4):
         reference = time_within_limits(wandering(seed), chassis, LIMITS, heading=heading)
@@ -123,13 +123,13 @@ def test_no_wheel_limit_is_broken(name, heading):
     heading=st.sampled_from(HEADINGS),
     name=st.sampled_from(sorted(CHASSIS)),
 )
-def test_no_wheel_limit_is_broken_on_any_path(seed, points, step, turn, top, alpha, heading, name):
+def test_wheel_limits_hold_on_any_path(seed, points, step, turn, top, alpha, heading, name):
     chassis = Chassis(CHASSIS[name].jacobian, top)
     path = wandering(seed, points, step, turn)
     limits = MotionLimits(wheel_acceleration=alpha)
     try:
         reference = time_within_limits(path, chassis, limits, heading=heading)
-    except InvalidReference:  # a cusp by chance
+    except InvalidReference:  # a random cusp
         with pytest.raises(InvalidReference, match="no direction"):
             time_within_limits(path, chassis, limits, heading="tangent")
         return
@@ -137,8 +137,8 @@ def test_no_wheel_limit_is_broken_on_any_path(seed, points, step, turn, top, alp
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_the_velocity_is_continuous(heading):
-    """Over ever shorter steps, wheel speeds change no faster than the wheels can."""
+def test_velocity_is_continuous(heading):
+    """Wheel accelerations over decreasing steps stay within the limit."""
     reference = time_within_limits(wandering(3), FOUR, LIMITS, heading=heading)
     for t in reference.times[:: len(reference.times) // 500]:
         for h in (1e-3, 1e-5, 1e-7):
@@ -147,7 +147,7 @@ def test_the_velocity_is_continuous(heading):
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_some_limit_is_always_used_in_full(heading):
+def test_one_limit_is_always_active(heading):
     """The fastest motion along a path is at a limit at every time (Bobrow et al. 1985)."""
     reference = time_within_limits(wandering(5), FOUR, LIMITS, heading=heading)
     dt = reference.duration / 20_000
@@ -159,7 +159,7 @@ def test_some_limit_is_always_used_in_full(heading):
     assert np.mean(use > 0.98) > 0.98
 
 
-def test_limit_usage_is_what_the_wheels_do():
+def test_limit_usage_matches_wheel_motion():
     reference = time_within_limits(wandering(8), FOUR, LIMITS)
     slow = reference.with_duration(3.0 * reference.duration)
     speed, acceleration = worst_shares(slow, FOUR, ALPHA)
@@ -172,7 +172,7 @@ def test_limit_usage_is_what_the_wheels_do():
 
 @pytest.mark.parametrize("heading", HEADINGS)
 def test_twist_columns_are_derivatives_of_the_pose_columns(heading):
-    """Central differences inside intervals of constant acceleration err by h^2."""
+    """Central differences within intervals of constant acceleration have errors of order h^2."""
     reference = time_within_limits(wandering(2), FOUR, LIMITS, heading=heading)
     middles = 0.5 * (reference.times[1:] + reference.times[:-1])
     longest = np.argsort(np.diff(reference.times))[-20:]
@@ -187,7 +187,7 @@ def test_twist_columns_are_derivatives_of_the_pose_columns(heading):
 
 @given(t=st.floats(-1.0, 9.0), n=st.integers(1, 30), dt=st.floats(0.0, 0.5))
 @settings(max_examples=50, deadline=None)
-def test_window_is_made_of_setpoints(t, n, dt):
+def test_window_matches_setpoints(t, n, dt):
     reference = _SAMPLE
     assert isinstance(reference, Reference)
     window = reference.window(t, n, dt)
@@ -199,21 +199,21 @@ _SAMPLE = time_within_limits(wandering(2), FOUR, LIMITS)
 
 
 @pytest.mark.parametrize("t", [-1.0, 0.0, _SAMPLE.duration, _SAMPLE.duration + 1.0, 1e9])
-def test_rests_at_its_ends_and_outside(t):
+def test_reference_is_at_rest_at_its_ends_and_outside(t):
     setpoint = _SAMPLE.at(t)
     assert setpoint.twist == pytest.approx(WorldTwist(0.0, 0.0, 0.0), abs=1e-6)
     end = wandering(2).control_points[0 if t <= 0.0 else -1]
     assert np.array(setpoint.pose) == pytest.approx(end, abs=1e-9)
 
 
-def test_stays_on_the_path():
+def test_reference_stays_on_the_path():
     path = wandering(2)
     samples = path.poses(np.linspace(0.0, 1.0, 200_001))
     for row in _SAMPLE.window(0.0, 60, _SAMPLE.duration / 59):
         assert np.abs(samples - row[:3]).max(axis=1).min() < 1e-4
 
 
-def test_tangent_heading_drives_forward():
+def test_tangent_heading_moves_forward():
     reference = time_within_limits(wandering(4), FOUR, LIMITS, heading="tangent")
     window = reference.window(0.0, 500, reference.duration / 499)
     c, s = np.cos(window[:, 2]), np.sin(window[:, 2])
@@ -222,7 +222,7 @@ def test_tangent_heading_drives_forward():
     assert np.abs(np.diff(window[:, 2])).max() < 0.5  # unwrapped
 
 
-def test_tangent_heading_of_a_spiral_is_not_wrapped():
+def test_tangent_heading_of_spiral_is_unwrapped():
     angles = np.linspace(0.0, 6 * pi, 60)
     xy = (1.0 + 0.1 * angles) * np.stack([np.cos(angles), np.sin(angles)])
     path = SplinePath(np.column_stack([*xy, np.zeros(60)]))
@@ -239,7 +239,7 @@ def test_fixed_heading():
         assert (window[:, 5] == 0.0).all()
 
 
-def test_a_fixed_heading_is_by_default_the_one_asked_for_at_an_end():
+def test_default_fixed_heading_is_the_required_end_heading():
     for ends in (
         {"start_yaw": 1.5},
         {"goal_yaw": 1.5},
@@ -259,13 +259,13 @@ def test_a_fixed_heading_is_by_default_the_one_asked_for_at_an_end():
         ("path", {"goal_yaw": 9.0}, "not 9.000 rad as required"),
     ],
 )
-def test_end_headings_that_cannot_be_kept_are_refused(heading, ends, message):
+def test_contradictory_end_headings_are_rejected(heading, ends, message):
     with pytest.raises(InvalidReference, match=message):
         time_within_limits(wandering(4), FOUR, LIMITS, heading=heading, **ends)
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_end_headings_that_are_kept_change_nothing(heading):
+def test_consistent_end_headings_change_nothing(heading):
     free = time_within_limits(wandering(4), FOUR, LIMITS, heading=heading)
     start, goal = (free.at(t).pose.yaw for t in (0.0, free.duration))
     ends = {"start_yaw": start, "goal_yaw": goal + 2 * pi}
@@ -274,12 +274,12 @@ def test_end_headings_that_are_kept_change_nothing(heading):
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_end_headings_are_angles(heading):
+def test_end_headings_must_be_finite(heading):
     with pytest.raises(InvalidInput, match="heading at the goal must be a finite angle"):
         time_within_limits(wandering(4), FOUR, LIMITS, heading=heading, goal_yaw=nan)
 
 
-def test_the_direction_of_the_path_does_not_matter():
+def test_duration_of_reversed_path_is_equal():
     path = wandering(6)
     there = time_within_limits(path, FOUR, LIMITS).duration
     back = time_within_limits(SplinePath(path.control_points[::-1]), FOUR, LIMITS).duration
@@ -287,7 +287,7 @@ def test_the_direction_of_the_path_does_not_matter():
 
 
 @pytest.mark.parametrize("name", ["paper", "small"])
-def test_limits_of_a_robot(name):
+def test_limits_of_robot(name):
     robot = named_robot(name)
     reference = time_within_limits(wandering(1), robot.chassis, MotionLimits.of_robot(robot))
     window = reference.window(0.0, 20_001, reference.duration / 20_000)
@@ -301,7 +301,7 @@ def test_limits_of_a_robot(name):
     assert max(worst_shares(reference, robot.chassis, inf)) <= 1.01
 
 
-def test_duration_slows_all_of_it_down():
+def test_duration_slows_the_whole_motion():
     fast = time_within_limits(wandering(7), FOUR, LIMITS)
     slow = time_within_limits(wandering(7), FOUR, LIMITS, duration=2.5 * fast.duration)
     assert slow.duration == pytest.approx(2.5 * fast.duration)
@@ -311,7 +311,7 @@ def test_duration_slows_all_of_it_down():
 
 
 @pytest.mark.parametrize("duration", [0.1, 0.0, -1.0, nan, inf])
-def test_too_short_a_duration_names_the_fastest(duration):
+def test_message_of_too_short_duration_gives_the_shortest(duration):
     fastest = time_within_limits(wandering(7), FOUR, LIMITS).duration
     with pytest.raises(InvalidReference, match=f"takes {fastest:.3f} s"):
         time_within_limits(wandering(7), FOUR, LIMITS, duration=duration)
@@ -319,12 +319,12 @@ def test_too_short_a_duration_names_the_fastest(duration):
 
 @pytest.mark.parametrize("value", [0.0, -1.0, nan])
 @pytest.mark.parametrize("name", ["wheel_acceleration", "speed", "yaw_rate", "acceleration"])
-def test_limits_of_zero_are_refused(name, value):
+def test_limits_must_be_positive(name, value):
     with pytest.raises(InvalidInput, match=f"{name.replace('_', ' ')} must be positive"):
         MotionLimits(**{"wheel_acceleration": 1.0, name: value})
 
 
-def test_something_has_to_limit_acceleration():
+def test_acceleration_must_be_limited():
     with pytest.raises(
         InvalidInput, match="the acceleration is not limited; set wheel_acceleration"
     ):
@@ -332,13 +332,13 @@ def test_something_has_to_limit_acceleration():
 
 
 @pytest.mark.parametrize("rows", [np.full((3, 3), nan), np.eye(3)[:2]])
-def test_traction_has_to_limit_everything(rows):
+def test_acceleration_faces_must_have_full_rank(rows):
     with pytest.raises(InvalidInput, match="acceleration_faces"):
         MotionLimits(acceleration_faces=rows)
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_paths_that_stand_still_are_refused(heading):
+def test_path_without_motion_is_rejected(heading):
     with pytest.raises(InvalidReference, match=r"stands still at \(1, 2\) m"):
         time_within_limits(
             SplinePath(np.tile([1.0, 2.0, 0.3], (5, 1))), FOUR, LIMITS, heading=heading
@@ -346,25 +346,25 @@ def test_paths_that_stand_still_are_refused(heading):
 
 
 @pytest.mark.parametrize("heading", ["tangent", "fixed", "free"])
-def test_turning_on_the_spot_needs_the_paths_heading(heading):
+def test_turn_on_the_spot_needs_heading_path(heading):
     with pytest.raises(InvalidReference, match=r"only turns on the spot at \(2, -1\) m"):
         time_within_limits(turning(1.0), FOUR, LIMITS, heading=heading)
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_paths_of_too_many_pieces_are_refused(heading):
+def test_path_with_too_many_pieces_is_rejected(heading):
     with pytest.raises(InvalidReference, match=r"250,007 pieces, .* choose timing 'uniform'"):
         time_within_limits(straight(1e4, points=250_010), FOUR, LIMITS, heading=heading)
 
 
-def test_paths_that_turn_too_often_are_refused():
+def test_path_that_turns_too_often_is_rejected():
     with pytest.raises(InvalidReference, match=r"turns too often .* \(2.000, -1.000\) m"):
         time_within_limits(turning(1e7), FOUR, LIMITS)
 
 
 @pytest.mark.long
-def test_a_way_of_200_000_cells_is_timed_in_bounded_memory():
-    """As through a maze: straight for 2 to 6 cells, then a right angle."""
+def test_grid_path_of_200_000_cells_is_timed_in_bounded_memory():
+    """A path as in a maze: straight for 2 to 6 cells, then a right angle."""
     rng = np.random.default_rng(0)
     turns = np.cumsum(rng.choice([-1, 1], 60_000)) * 0.5 * pi
     yaw = np.repeat(turns, rng.integers(2, 7, len(turns)))[:200_000]
@@ -377,10 +377,10 @@ def test_a_way_of_200_000_cells_is_timed_in_bounded_memory():
     assert peak < 1e9
     assert max(reference.limit_usage.values()) <= 1.0 + 1e-9
     few = time_within_limits(SplinePath(path.control_points[:2_000]), FOUR, LIMITS)
-    assert reference.duration < 1.3 * 100 * few.duration  # what coarser pieces may cost
+    assert reference.duration < 1.3 * 100 * few.duration  # tolerance for coarser pieces
 
 
-def test_a_cusp_has_no_tangent():
+def test_cusp_with_tangent_heading_is_rejected():
     points = np.zeros((9, 3))
     points[:, 0] = [0, 1, 2, 3, 4, 3, 2, 1, 0]
     with pytest.raises(InvalidReference, match=r"no direction.* at \(3"):
@@ -388,8 +388,8 @@ def test_a_cusp_has_no_tangent():
     assert time_within_limits(SplinePath(points), FOUR, LIMITS, heading="fixed").duration > 0.0
 
 
-def test_corners_of_repeated_control_points_are_stops():
-    """Three equal control points pin the spline to a corner, where the robot has to stop."""
+def test_robot_stops_at_corners_of_repeated_control_points():
+    """Three equal control points make a corner of the spline, where the robot must stop."""
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
     path = SplinePath(np.repeat(corners, 3, axis=0))
     limits = MotionLimits(wheel_acceleration=ALPHA)
@@ -400,6 +400,6 @@ def test_corners_of_repeated_control_points_are_stops():
     assert max(worst_shares(reference, FOUR, ALPHA)) <= 1.01
 
 
-def test_a_fixed_heading_is_an_angle():
+def test_fixed_heading_must_be_finite():
     with pytest.raises(InvalidInput, match="finite angle"):
         time_within_limits(straight(1.0), FOUR, LIMITS, heading="fixed", yaw=nan)

@@ -1,4 +1,4 @@
-"""References through samples: against polynomials, by order of convergence, and laws."""
+"""Sampled references: against polynomials, by order of convergence, and invariants."""
 
 import subprocess
 import sys
@@ -15,7 +15,7 @@ from omnidrive.reference import Hold, Reference, SampledReference, UniformRefere
 
 
 def cubic(t):
-    """A motion of third degree, and its derivative."""
+    """Return a cubic motion and its derivative."""
     t = np.asarray(t, dtype=float)
     poses = np.stack([1 + t - 0.2 * t**3, 0.5 * t**2 - 2, 0.1 * t**3 - 0.3 * t**2 + 3], axis=-1)
     twists = np.stack([1 - 0.6 * t**2, t, 0.3 * t**2 - 0.6 * t], axis=-1)
@@ -23,7 +23,7 @@ def cubic(t):
 
 
 def wave(t):
-    """A smooth motion from rest to rest on [0, 2 pi], and its derivative."""
+    """Return a smooth motion from rest to rest on [0, 2 pi] and its derivative."""
     t = np.asarray(t, dtype=float)
     poses = np.stack([np.cos(t), t - np.sin(t), 2 * np.sin(t / 2) ** 4], axis=-1)
     twists = [-np.sin(t), 1 - np.cos(t), 4 * np.sin(t / 2) ** 3 * np.cos(t / 2)]
@@ -37,7 +37,7 @@ times_strategy = st.lists(st.floats(0.01, 2.0), min_size=1, max_size=12).map(
 
 @st.composite
 def sampled(draw):
-    """Times, poses, and twists or None."""
+    """Draw times, poses, and twists or None."""
     times = draw(times_strategy)
     numbers = st.floats(-3.0, 3.0)
     rows = st.tuples(numbers, numbers, numbers)
@@ -54,12 +54,12 @@ def made(samples):
 
 
 @given(times=times_strategy, part=st.floats(0.0, 1.0))
-def test_a_cubic_motion_is_met_exactly_between_its_samples(times, part):
+def test_cubic_motion_is_reproduced_exactly(times, part):
     reference = SampledReference(times, *cubic(times))
     t = part * times[-1]
     poses, twists = cubic(t)
     size = 1.0 + times[-1] ** 3
-    # the yaw may differ by whole turns, where it turns more than half a one between two samples
+    # the yaw may differ by whole turns where it changes by more than half a turn per step
     turn = np.round((np.array(reference.at(t).pose)[2] - poses[2]) / (2 * np.pi))
     if np.abs(np.diff(cubic(times)[0][:, 2])).max() < np.pi:
         assert turn == 0
@@ -68,7 +68,7 @@ def test_a_cubic_motion_is_met_exactly_between_its_samples(times, part):
 
 
 @given(samples=sampled())
-def test_passes_through_its_samples(samples):
+def test_reference_passes_through_its_samples(samples):
     reference = made(samples)
     for t, pose, twist in zip(reference.times, reference.poses, reference.twists, strict=True):
         setpoint = reference.at(t)
@@ -83,7 +83,7 @@ def test_velocity_is_the_derivative_of_the_pose(samples, part):
     t = h + part * (reference.duration - 2 * h)
     ahead, behind = (np.array(reference.at(t + s).pose) for s in (h, -h))
     slope = (ahead - behind) / (2 * h)
-    # a cubic's second derivative jumps at a sample: by less than 1e6 h here, in 0.01 s or more
+    # the second derivative of the cubic jumps at a sample, here by less than 1e6 h in 0.01 s
     assert slope == pytest.approx(np.array(reference.at(t).twist), abs=0.5, rel=1e-3)
 
 
@@ -97,7 +97,7 @@ def test_velocity_is_continuous_at_the_samples(samples):
 
 
 @pytest.mark.parametrize("given_twists", [True, False])
-def test_error_falls_with_the_fourth_power_of_the_step(given_twists):
+def test_error_is_of_fourth_order_in_the_step(given_twists):
     t = np.linspace(0.0, 2 * np.pi, 2003)
     errors = []
     for count in (20, 40, 80):
@@ -114,7 +114,7 @@ def test_error_falls_with_the_fourth_power_of_the_step(given_twists):
     assert orders == pytest.approx([4.0, 4.0], abs=0.3)
 
 
-def test_without_velocities_it_starts_and_ends_at_rest_with_continuous_acceleration():
+def test_interpolation_without_velocities_is_smooth_from_rest_to_rest():
     times = np.array([0.0, 0.3, 1.0, 1.1, 2.5])
     poses = np.array([[0, 0, 0], [1, 0, 1], [1, 2, 2], [0, 2, 2], [3, 3, 0.0]])
     reference = SampledReference.through(times, poses)
@@ -127,14 +127,14 @@ def test_without_velocities_it_starts_and_ends_at_rest_with_continuous_accelerat
         assert left == pytest.approx(right, rel=1e-2, abs=0.05)
 
 
-def test_two_samples_without_velocities_are_joined_from_rest_to_rest():
+def test_two_samples_without_velocities():
     reference = SampledReference.through(np.array([0.0, 2.0]), np.array([[0, 0, 0], [1, -1, 2.0]]))
     assert reference.at(1.0).pose == pytest.approx((0.5, -0.5, 1.0))
-    assert reference.at(1.0).twist == pytest.approx((0.75, -0.75, 1.5))  # 3/2 of the mean
+    assert reference.at(1.0).twist == pytest.approx((0.75, -0.75, 1.5))  # 3/2 of the mean velocity
 
 
 @given(samples=sampled(), angle=st.floats(-3, 3), part=st.floats(0, 1))
-def test_turning_the_world_turns_the_curve(samples, angle, part):
+def test_rotation_of_the_world_rotates_the_curve(samples, angle, part):
     reference = made(samples)
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
@@ -146,7 +146,7 @@ def test_turning_the_world_turns_the_curve(samples, angle, part):
 
 
 @pytest.mark.parametrize("t", [-1.0, -1e-9, 3.0001, 1e9])
-def test_rests_outside_its_time(t):
+def test_reference_is_at_rest_outside_its_duration(t):
     times = np.linspace(0.0, 3.0, 4)
     reference = SampledReference(times, *cubic(times))
     setpoint = reference.at(t)
@@ -155,7 +155,7 @@ def test_rests_outside_its_time(t):
 
 
 @given(samples=sampled(), t=st.floats(-1, 25), n=st.integers(1, 40))
-def test_window_is_made_of_setpoints(samples, t, n):
+def test_window_matches_setpoints(samples, t, n):
     reference = made(samples)
     assert isinstance(reference, Reference)
     window = reference.window(t, n, 0.1)
@@ -163,7 +163,7 @@ def test_window_is_made_of_setpoints(samples, t, n):
     assert window == pytest.approx(np.array(rows), abs=1e-9)
 
 
-def test_yaw_is_unwrapped_before_it_is_splined():
+def test_yaw_is_unwrapped_before_interpolation():
     poses = np.array([[0, 0, 3.0], [1, 0, -3.0], [2, 0, -2.5], [3, 0, 3.0]])
     reference = SampledReference.through(np.arange(4.0), poses)
     turn = 2 * np.pi
@@ -171,7 +171,7 @@ def test_yaw_is_unwrapped_before_it_is_splined():
     assert reference.window(0.0, 301, 0.01)[:, 2].min() > 2.9
 
 
-def test_times_count_from_the_first():
+def test_times_are_relative_to_the_first():
     poses, twists = cubic(np.arange(3.0))
     reference = SampledReference(np.arange(3.0) + 1.7e9, poses, twists)
     assert reference.times.tolist() == [0.0, 1.0, 2.0]
@@ -184,7 +184,7 @@ CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [3, 3, 2.0]])
 
 @settings(max_examples=20, deadline=None)
 @given(duration=st.floats(0.5, 20), dt=st.floats(0.05, 30))
-def test_samples_of_another_reference(duration, dt):
+def test_sampling_another_reference(duration, dt):
     other = UniformReference(SplinePath(CONTROL), duration)
     sampled = SampledReference.of(other, dt)
     assert sampled.duration == duration
@@ -196,7 +196,7 @@ def test_samples_of_another_reference(duration, dt):
     assert sampled.twists[-1] == pytest.approx(np.array(other.at(duration).twist))
 
 
-def test_standing_still_can_be_sampled():
+def test_constant_reference_can_be_sampled():
     sampled = SampledReference.of(Hold(Pose(1, 2, 3), 5.0), 0.1)
     assert sampled.at(2.34) == Hold(Pose(1, 2, 3), 5.0).at(2.34)
 
@@ -218,14 +218,14 @@ def test_standing_still_can_be_sampled():
         ([0, 1], [[0, 0, 0], [0, 1e300, 0]], "poses must be finite numbers of at most 1e"),
     ],
 )
-def test_samples_that_make_no_motion_are_refused(times, poses, message):
+def test_invalid_samples_are_rejected(times, poses, message):
     times, poses = np.array(times, float), np.array(poses, float)
     with pytest.raises(InvalidReference, match=message):
         SampledReference(times, poses, np.zeros(poses.shape))
 
 
-def test_shapes_that_disagree_are_refused():
-    """In a process of its own: here, the types would be checked before."""
+def test_inconsistent_shapes_are_rejected():
+    """In a separate process, because the type checks of the tests would raise first."""
     code = (
         "import numpy as np; from omnidrive.reference import SampledReference\n"
         "SampledReference(np.arange(2.0), np.zeros((3, 3)), np.zeros((3, 3)))"
@@ -234,7 +234,7 @@ def test_shapes_that_disagree_are_refused():
     assert "InvalidReference: poses have the shape (3, 3), need (2, 3)" in done.stderr
 
 
-def test_twists_are_checked_as_well():
+def test_invalid_twists_are_rejected():
     with pytest.raises(InvalidReference, match="twists must be finite"):
         SampledReference(np.arange(2.0), np.zeros((2, 3)), np.full((2, 3), np.nan))
 
@@ -252,13 +252,13 @@ def test_twists_are_checked_as_well():
         (1e6, 0.1, "are 1e[+]07 samples, more than 100,000; choose a step of 10 s"),
     ],
 )
-def test_what_cannot_be_sampled_is_refused(duration, dt, message):
+def test_invalid_sampling_is_rejected(duration, dt, message):
     with pytest.raises(InvalidReference, match=message):
         SampledReference.of(Hold(Pose(0, 0, 0), duration), dt)
 
 
 def spinning(rate, duration=6.0):
-    """On the spot at an even rate of turn, in rad/s."""
+    """Turn on the spot at a constant rate, in rad/s."""
     return SampledReference(
         np.array([0.0, duration]),
         np.array([[0.0, 0.0, 0.0], [0.0, 0.0, rate * duration]]),
@@ -268,8 +268,8 @@ def spinning(rate, duration=6.0):
 
 
 @pytest.mark.parametrize("rate", [4.0, -7.0, 2 * np.pi])
-def test_samples_of_a_reference_turn_as_far_as_it_does(rate):
-    """Also where it turns by more than half a turn from one sample to the next."""
+def test_sampling_preserves_turns(rate):
+    """Turns of more than half a turn between two samples are preserved as well."""
     fast = spinning(rate)
     samples = SampledReference.of(fast, 1.0)
     assert np.diff(samples.poses[:, 2]) == pytest.approx(np.full(6, rate))
@@ -278,7 +278,7 @@ def test_samples_of_a_reference_turn_as_far_as_it_does(rate):
         assert samples.at(t).twist == pytest.approx(fast.at(t).twist, abs=1e-9)
 
 
-def test_a_reference_turns_the_short_way_unless_it_is_told():
+def test_yaw_is_unwrapped_unless_declared_unwrapped():
     times, poses, twists = (
         np.array([0.0, 1.0]),
         np.array([[0, 0, 3.0], [0, 0, -3.0]]),

@@ -1,4 +1,4 @@
-"""The fastest motion along a path against two independent solvers of the same problem."""
+"""Time-optimal parameterization against two independent solvers of the same problem."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ NODES = 2001
 
 
 def wheel_path(path, s, jacobian, tangent=False):
-    """First and second derivatives by s in [0, 1] of the wheels' angles, from SciPy's spline."""
+    """Return first and second derivatives of the wheel angles by s in [0, 1], by SciPy's spline."""
     points = path.control_points
     inner = np.arange(len(points) - 2) / (len(points) - 3)
     spline = BSpline(np.concatenate([[0.0] * 3, inner, [1.0] * 3]), points, 3)
@@ -32,8 +32,8 @@ def wheel_path(path, s, jacobian, tangent=False):
 @pytest.mark.parametrize("name", CHASSIS)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("heading", ["path", "tangent"])
-def test_as_fast_as_toppra(name, seed, heading):
-    """Wheel angles as joints: their velocity and acceleration limits are the wheels'."""
+def test_duration_matches_toppra(name, seed, heading):
+    """Wheel angles are the joints, with the velocity and acceleration limits of the wheels."""
     toppra = pytest.importorskip("toppra")
     from toppra import algorithm, constraint
     from toppra.interpolator import AbstractGeometricPath
@@ -70,7 +70,7 @@ def test_as_fast_as_toppra(name, seed, heading):
 
 
 @pytest.mark.parametrize("name", ["four", "three"])
-def test_as_fast_as_the_convex_program(name):
+def test_duration_matches_convex_program(name):
     """Verscheure et al. 2009: minimum time along a path is convex in the squared speeds."""
     ca = pytest.importorskip("casadi")
     chassis, path, nodes = CHASSIS[name], wandering(11), 1601

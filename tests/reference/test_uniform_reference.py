@@ -1,4 +1,4 @@
-"""Timed references: against the reference data, and laws."""
+"""Uniform references: against the reference data, and invariants."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ PREPARED = prepare(paper_scenario())
 
 
 @pytest.mark.parametrize("duration", [20.0, 30.0])
-def test_the_papers_references(duration):
+def test_paper_references(duration):
     theirs = shared_table(f"reference/ref_paper_T{duration:.0f}.csv")
     window = PREPARED.reference(duration).window(0.0, len(theirs), 0.1)
     assert window[:, :3] == pytest.approx(theirs[:, 1:4], abs=1e-6)
@@ -40,7 +40,7 @@ def test_velocity_is_the_derivative_of_the_pose(t):
 
 
 @pytest.mark.parametrize("t", [-1.0, 20.1, 100.0])
-def test_rests_outside_its_time(t):
+def test_reference_is_at_rest_outside_its_duration(t):
     reference = PREPARED.reference(20.0)
     setpoint = reference.at(t)
     assert setpoint.twist == WorldTwist(0.0, 0.0, 0.0)
@@ -48,7 +48,7 @@ def test_rests_outside_its_time(t):
 
 
 @given(t=st.floats(-1, 25), n=st.integers(1, 40))
-def test_window_is_made_of_setpoints(t, n):
+def test_window_matches_setpoints(t, n):
     for reference in (PREPARED.reference(20.0), Hold(PREPARED.reference(20.0).at(3.0).pose, 5.0)):
         assert isinstance(reference, Reference)
         window = reference.window(t, n, 0.1)
@@ -56,7 +56,7 @@ def test_window_is_made_of_setpoints(t, n):
         assert window == pytest.approx(np.array(rows), abs=1e-9)
 
 
-def test_shortest_duration_is_where_a_wheel_reaches_its_limit():
+def test_wheel_reaches_its_limit_at_shortest_duration():
     chassis = named_robot("paper").chassis
     shortest = shortest_duration(PREPARED.path, chassis)
     reference = UniformReference(PREPARED.path, shortest)
@@ -68,7 +68,7 @@ def test_shortest_duration_is_where_a_wheel_reaches_its_limit():
     assert peak >= 0.98 * chassis.max_wheel_speed  # rounded up to 0.1 s
 
 
-def test_the_wheel_speed_used_is_that_of_the_fastest_wheel():
+def test_wheel_speed_used_is_that_of_the_fastest_wheel():
     chassis, duration = PREPARED.robot.chassis, 25.0
     reference = UniformReference(PREPARED.path, duration)
     peak = max(
@@ -80,7 +80,7 @@ def test_the_wheel_speed_used_is_that_of_the_fastest_wheel():
     assert wheel_speed_used(PREPARED.path, 50.0, chassis) == pytest.approx(0.5 * used)
 
 
-def test_too_short_a_duration_names_the_shortest():
+def test_message_of_too_short_duration_gives_the_shortest():
     chassis = named_robot("paper").chassis
     shortest = shortest_duration(PREPARED.path, chassis)
     time_uniformly(PREPARED.path, shortest, chassis)
@@ -89,13 +89,13 @@ def test_too_short_a_duration_names_the_shortest():
 
 
 @pytest.mark.parametrize("duration", [0.0, -3.0, np.nan, np.inf])
-def test_a_duration_that_is_not_positive_is_refused(duration):
+def test_duration_must_be_positive(duration):
     with pytest.raises(InvalidReference, match="must be positive"):
         UniformReference(PREPARED.path, duration)
 
 
-def test_body_twist_of_the_reference_drives_along_it():
-    """At constant curvature nothing is sideways: the spline's middle runs straight along x."""
+def test_integrated_body_twist_follows_the_reference():
+    """The middle of the spline is straight along x, without sideways motion."""
     pose, twist = PREPARED.reference(20.0).at(5.0)
     body: BodyTwist = to_body(twist, pose.yaw)
     assert body.vy == pytest.approx(0.0, abs=0.05)

@@ -1,4 +1,4 @@
-"""Waypoint files: round trips, and what each format's fields mean."""
+"""Waypoint files: round trips, and the fields of each format."""
 
 import json
 import re
@@ -27,7 +27,7 @@ PATH = Path(SplinePath(CONTROL).poses(np.linspace(0, 1, 30)))
 
 
 def turned(yaw):
-    """An angle by its direction alone."""
+    """Return the direction of an angle, without whole turns."""
     return np.column_stack([np.cos(yaw), np.sin(yaw)])
 
 
@@ -41,7 +41,7 @@ def same(a, b):
 
 
 def fast_turn():
-    """3 rad/s for 6 s, and on the way 2 m ahead."""
+    """Turn at 3 rad/s for 6 s while moving 2 m forward."""
     return SampledReference(
         np.array([0.0, 6.0]),
         np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 18.0]]),
@@ -52,38 +52,38 @@ def fast_turn():
 
 @pytest.mark.parametrize("ending", [".csv", ".traj", ".yaml", ".path"])
 @pytest.mark.parametrize("dt", [2.0, None])
-def test_a_step_that_would_lose_a_turn_is_refused_with_one_that_does_not(tmp_path, ending, dt):
-    """A file's reader turns the short way from one waypoint to the next."""
+def test_step_that_loses_a_turn_is_rejected_with_a_suggestion(tmp_path, ending, dt):
+    """A reader assumes at most half a turn from one waypoint to the next."""
     file = tmp_path / f"spin{ending}"
-    with pytest.raises(InvalidReference, match="more than half a turn between samples") as refusal:
+    with pytest.raises(InvalidReference, match="more than half a turn between samples") as error:
         save_waypoints(file, fast_turn(), dt=dt)
     assert not file.exists()
-    step = float(re.search(r"a step of (\S+) s is short enough", str(refusal.value))[1])
+    step = float(re.search(r"choose dt = (\S+) s", str(error.value))[1])
     save_waypoints(file, fast_turn(), dt=step)
     again = load_waypoints(file)
     assert abs(again.poses[-1, 2] - again.poses[0, 2]) == pytest.approx(18.0, abs=0.05)
 
 
-def test_a_path_that_would_lose_a_turn_is_refused(tmp_path):
+def test_path_that_loses_a_turn_is_rejected(tmp_path):
     path = Path(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [2.0, 0.0, 5.0]]))
     with pytest.raises(InvalidReference, match=r"turns by 4.000 rad from pose 1 to pose 2"):
         save_waypoints(tmp_path / "a.csv", path)
 
 
-def test_a_motion_that_turns_without_end_is_refused(tmp_path):
+def test_motion_that_turns_too_fast_is_rejected(tmp_path):
     wild = SampledReference(
         np.array([0.0, 1.0]),
         np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e7]]),
         np.array([[0.0, 0.0, 1e7]] * 2),
         unwrapped=True,
     )
-    with pytest.raises(InvalidReference, match="100,000 samples cannot tell"):
+    with pytest.raises(InvalidReference, match="100,000 samples cannot represent"):
         save_waypoints(tmp_path / "a.csv", wild)
 
 
 @pytest.mark.parametrize("turn", [4.0, -6.0, 12.0])
-def test_pathplanner_turns_as_far_as_the_path(tmp_path, turn):
-    """Eased as PathPlanner itself eases: the headings at the ends alone would say so."""
+def test_pathplanner_preserves_the_total_turn(tmp_path, turn):
+    """The headings follow PathPlanner's interpolation, so that the end headings would suffice."""
     share = np.linspace(0.0, 1.0, 200)
     yaw = turn * 0.5 * (1.0 - np.cos(np.pi * share))
     save_waypoints(tmp_path / "a.path", Path(np.column_stack([3 * share, 0 * share, yaw])))
@@ -92,33 +92,33 @@ def test_pathplanner_turns_as_far_as_the_path(tmp_path, turn):
 
 
 @pytest.mark.parametrize("ending", [".csv", ".traj"])
-def test_a_reference_comes_back_bit_for_bit(tmp_path, ending):
+def test_reference_round_trip_is_exact(tmp_path, ending):
     file = tmp_path / f"drive{ending}"
     save_waypoints(file, REFERENCE, dt=0.05)
     again = load_waypoints(file)
     assert isinstance(again, SampledReference)
     assert same(again, SampledReference.of(REFERENCE, 0.05))
     text = file.read_text()
-    save_waypoints(file, again)  # without dt: its own samples
+    save_waypoints(file, again)  # without dt, its own samples are written
     assert file.read_text() == text
 
 
 @pytest.mark.parametrize("ending", [".csv", ".yaml"])
-def test_a_path_comes_back(tmp_path, ending):
-    file = tmp_path / f"way{ending}"
+def test_path_round_trip(tmp_path, ending):
+    file = tmp_path / f"path{ending}"
     save_waypoints(file, PATH)
     again = load_waypoints(file)
     assert isinstance(again, Path)
     assert again.poses == pytest.approx(PATH.poses, abs=1e-12)
 
 
-def test_a_message_keeps_poses_and_times_but_not_velocities(tmp_path):
+def test_nav_path_round_trip_keeps_poses_and_times_only(tmp_path):
     file = tmp_path / "drive.yaml"
     save_waypoints(file, REFERENCE, dt=0.05)
     again, sampled = load_waypoints(file), SampledReference.of(REFERENCE, 0.05)
     assert again.times == pytest.approx(sampled.times, abs=1e-9)
     assert again.poses == pytest.approx(sampled.poses, abs=1e-12)
-    # splined from rest to rest: away from the ends the velocities are found again
+    # interpolated from rest to rest: the velocities agree away from the ends
     assert again.twists[20:-20] == pytest.approx(sampled.twists[20:-20], abs=1e-3)
 
 
@@ -128,13 +128,13 @@ def test_a_message_keeps_poses_and_times_but_not_velocities(tmp_path):
     steps=st.lists(st.floats(1e-3, 10), min_size=1, max_size=8),
     data=st.data(),
 )
-def test_any_reference_comes_back(tmp_path_factory, ending, steps, data):
+def test_any_reference_round_trip(tmp_path_factory, ending, steps, data):
     count = len(steps) + 1
     number = st.floats(-1e6, 1e6)
     rows = st.lists(st.tuples(number, number, number), min_size=count, max_size=count)
     times = np.concatenate([[0.0], np.cumsum(steps)])
     reference = SampledReference(times, np.array(data.draw(rows)), np.array(data.draw(rows)))
-    file = tmp_path_factory.mktemp("way") / f"any{ending}"
+    file = tmp_path_factory.mktemp("path") / f"any{ending}"
     save_waypoints(file, reference)
     again = load_waypoints(file)
     if ending == ".yaml":
@@ -145,21 +145,21 @@ def test_any_reference_comes_back(tmp_path_factory, ending, steps, data):
         assert same(again, reference)
 
 
-def test_the_default_step_of_a_reference_is_20_ms(tmp_path):
+def test_default_step_is_20_ms(tmp_path):
     save_waypoints(tmp_path / "a.csv", REFERENCE)
     assert load_waypoints(tmp_path / "a.csv").times[1] == pytest.approx(0.02)
 
 
-def test_endings_may_be_in_capitals_and_names_plain_text(tmp_path):
+def test_upper_case_extension_and_string_file_name(tmp_path):
     save_waypoints(str(tmp_path / "A.CSV"), PATH)
     assert (load_waypoints(str(tmp_path / "A.CSV")).poses == PATH.poses).all()
 
 
 @pytest.mark.parametrize("name", ["a.json", "a", "a.csv.gz", "path"])
-def test_other_endings_are_refused(tmp_path, name):
-    with pytest.raises(InvalidReference, match=r"names no format of waypoints; use \.csv, \.path"):
+def test_unknown_extension_is_rejected(tmp_path, name):
+    with pytest.raises(InvalidReference, match=r"is not a waypoint format; use \.csv, \.path"):
         load_waypoints(tmp_path / name)
-    with pytest.raises(InvalidReference, match="names no format"):
+    with pytest.raises(InvalidReference, match="is not a waypoint format"):
         save_waypoints(tmp_path / name, PATH)
 
 
@@ -167,25 +167,42 @@ def test_other_endings_are_refused(tmp_path, name):
     ("name", "what", "options", "message"),
     [
         ("a.traj", PATH, {}, "a Choreo trajectory needs times, which a path does not have"),
-        ("a.csv", PATH, {"dt": 0.1}, "a path has no times: leave dt out"),
-        ("a.csv", Path(np.zeros((1, 3))), {}, "the path: a way needs at least 2 waypoints"),
-        ("a.yaml", Path(np.zeros((2, 3))), {}, "the path, pose 1: the same waypoint as before"),
-        ("a.csv", Path(np.array([[0, 0, 0], [np.nan, 1, 0]])), {}, "not made of finite numbers"),
+        ("a.csv", PATH, {"dt": 0.1}, "a path has no times: omit dt"),
+        (
+            "a.csv",
+            Path(np.zeros((1, 3))),
+            {},
+            "the path: a path needs at least 2 waypoints, and the file has 1",
+        ),
+        (
+            "a.yaml",
+            Path(np.zeros((2, 3))),
+            {},
+            "the path, pose 1: the same waypoint as the previous one",
+        ),
+        (
+            "a.csv",
+            Path(np.array([[0, 0, 0], [np.nan, 1, 0]])),
+            {},
+            "has a number that is not finite",
+        ),
         ("a.csv", Path(np.zeros((100_001, 3))), {}, "100,001 waypoints are more than 100,000"),
         ("a.csv", REFERENCE, {"dt": 0.0}, "must be positive, got 0 s"),
         ("a.traj", REFERENCE, {"dt": 1e-4}, "needs samples at least 0.0005 s apart"),
         ("a.csv", REFERENCE, {"dt": 1e-9}, "more than 100,000; choose a step of"),
         ("a.yaml", REFERENCE, {"dt": 1.4e-4}, r"more than 10,000,000; .* choose a longer dt"),
-        ("a.path", Hold(Pose(1, 2, 3), 1.0), {}, "the waypoints are all at one place"),
+        ("a.path", Hold(Pose(1, 2, 3), 1.0), {}, "the waypoints are all at the same position"),
     ],
 )
-def test_what_a_format_cannot_hold_is_refused(tmp_path, name, what, options, message):
+def test_waypoints_that_a_format_cannot_represent_are_rejected(
+    tmp_path, name, what, options, message
+):
     with pytest.raises(InvalidReference, match=message):
         save_waypoints(tmp_path / name, what, **options)
     assert not (tmp_path / name).exists()
 
 
-def test_a_file_that_cannot_be_written_says_so(tmp_path):
+def test_write_error_is_reported(tmp_path):
     with pytest.raises(CannotWrite, match=r"cannot write the waypoints .*: No such file"):
         save_waypoints(tmp_path / "no" / "a.csv", PATH)
 
@@ -206,14 +223,14 @@ def test_a_file_that_cannot_be_written_says_so(tmp_path):
         "# driven in hall 3, by night\nt,x,y,yaw\n5,1,2,0.5\n6,2,3,1",
     ],
 )
-def test_tables_of_many_hands(tmp_path, text):
+def test_table_variants(tmp_path, text):
     (tmp_path / "a.csv").write_text(text, encoding="utf-8")
     reference = load_waypoints(tmp_path / "a.csv")
     assert reference.times == pytest.approx([0.0, 1.0])
     assert reference.poses == pytest.approx(np.array([[1, 2, 0.5], [2, 3, 1.0]]))
 
 
-def test_velocities_in_a_table(tmp_path):
+def test_table_with_velocities(tmp_path):
     (tmp_path / "a.csv").write_text(
         "t,x,y,yaw,vx [m/s],vy [m/s],omega [deg/s]\n0,0,0,0,1,2,90\n1,1,2,1,3,4,180\n"
     )
@@ -221,29 +238,29 @@ def test_velocities_in_a_table(tmp_path):
     assert twists == pytest.approx(np.array([[1, 2, np.pi / 2], [3, 4, np.pi]]))
 
 
-def test_a_table_without_times_is_a_path_with_its_yaw_unwrapped(tmp_path):
+def test_table_without_times_is_a_path_with_unwrapped_yaw(tmp_path):
     (tmp_path / "a.csv").write_text("x,y,yaw\n0,0,3\n1,0,-3\n1,0,-2\n")
     path = load_waypoints(tmp_path / "a.csv")
     assert isinstance(path, Path)
     assert path.poses[:, 2] == pytest.approx([3.0, 2 * np.pi - 3, 2 * np.pi - 2])
 
 
-def test_the_papers_reference_as_a_table(tmp_path):
-    """The reference data's samples, taken as a file, give back its own finer motion."""
+def test_paper_reference_as_table(tmp_path):
+    """A table of the reference data's samples reproduces its motion between the samples."""
     theirs = shared_table("reference/ref_paper_T20.csv")
     rows = [",".join(map(repr, row)) for row in theirs[:, :4].tolist()]
     (tmp_path / "ref.csv").write_text("\n".join(["t,x,y,theta", *rows]))
     reference = load_waypoints(tmp_path / "ref.csv")
     window = reference.window(0.0, len(theirs), 0.1)
     assert window[:, :2] == pytest.approx(theirs[:, 1:3], abs=1e-12)
-    middle = slice(20, -20)  # at its ends the paper's motion does not rest
+    middle = slice(20, -20)  # the paper's motion is not at rest at its ends
     speed = np.hypot(window[middle, 3], window[middle, 4])
     assert speed == pytest.approx(theirs[middle, 4], abs=0.02)
 
 
 # ---- Choreo ----
 
-# written after the schema: heading wraps, the last two samples less than a microsecond apart
+# after the schema: the heading wraps, and the last two samples are less than 1 us apart
 SAMPLES = [
     {"t": 0.0, "x": 1.0, "y": 1.0, "heading": 3.0, "vx": 0.0, "vy": 0.0, "omega": 0.0},
     {"t": 0.5, "x": 1.5, "y": 1.0, "heading": -3.1, "vx": 2.0, "vy": 0.1, "omega": 0.4},
@@ -266,7 +283,7 @@ def read(folder, name, content):
     return load_waypoints(folder / name)
 
 
-def test_a_choreo_trajectory(tmp_path):
+def test_choreo_trajectory(tmp_path):
     reference = read(tmp_path, "a.traj", choreo())
     assert reference.times == pytest.approx([0.0, 0.5, 1.0000003])
     turn = 2 * np.pi
@@ -277,14 +294,14 @@ def test_a_choreo_trajectory(tmp_path):
     assert np.abs(reference.window(0.0, 1001, 0.001)[:, 3]).max() < 2.1
 
 
-def test_a_choreo_trajectory_of_2024(tmp_path):
+def test_choreo_trajectory_of_2024(tmp_path):
     names = {"t": "timestamp", "vx": "velocityX", "vy": "velocityY", "omega": "angularVelocity"}
     samples = [{names.get(k, k): v for k, v in s.items()} for s in SAMPLES]
     old = read(tmp_path, "old.traj", {"samples": samples, "eventMarkers": []})
     assert same(old, read(tmp_path, "new.traj", choreo()))
 
 
-def test_a_choreo_trajectory_of_a_differential_drive_has_poses_alone(tmp_path):
+def test_choreo_trajectory_of_differential_drive_has_poses_only(tmp_path):
     samples = [
         {"t": t, "x": t, "y": 0.0, "heading": 0.0, "vl": 1.0, "vr": 1.0} for t in (0.0, 1.0, 2.0)
     ]
@@ -293,8 +310,8 @@ def test_a_choreo_trajectory_of_a_differential_drive_has_poses_alone(tmp_path):
     assert reference.twists[:, 0] == pytest.approx([0.0, 1.5, 0.0])
 
 
-def test_what_choreolib_needs_is_written(tmp_path):
-    """The fields that ChoreoLib's loader and PathPlannerLib's take, by name, without defaults."""
+def test_written_choreo_trajectory_has_required_fields(tmp_path):
+    """The fields that the loaders of ChoreoLib and PathPlannerLib require."""
     save_waypoints(tmp_path / "drive.traj", REFERENCE, dt=0.5)
     data = json.loads((tmp_path / "drive.traj").read_text())
     assert (data["name"], data["version"], data["events"]) == ("drive", 3, [])
@@ -308,10 +325,10 @@ def test_what_choreolib_needs_is_written(tmp_path):
     first = trajectory["samples"][0]
     assert [w["x"]["val"] for w in data["params"]["waypoints"]] == [first["x"], CONTROL[-1, 0]]
     assert [w["x"] for w in data["snapshot"]["waypoints"]] == [first["x"], CONTROL[-1, 0]]
-    assert data["snapshot"]["constraints"] == []  # it does not rest at its ends
+    assert data["snapshot"]["constraints"] == []  # not at rest at its ends
 
 
-def test_accelerations_in_a_choreo_trajectory(tmp_path):
+def test_accelerations_in_choreo_trajectory(tmp_path):
     times = np.linspace(0.0, 2.0, 201)
     poses = np.column_stack([0.25 * times**2, -(times**2), 0.5 * times**2])
     twists = np.column_stack([0.5 * times, -2.0 * times, times])
@@ -323,7 +340,7 @@ def test_accelerations_in_a_choreo_trajectory(tmp_path):
         assert found == pytest.approx([0.5, -2.0, 1.0])
 
 
-def test_a_motion_that_rests_at_its_ends_has_stop_points(tmp_path):
+def test_motion_at_rest_at_its_ends_has_stop_points(tmp_path):
     reference = SampledReference.through(
         np.arange(3.0), np.array([[0, 0, 0], [1, 1, 1], [2, 0, 0.0]])
     )
@@ -376,13 +393,13 @@ poses:
 """
 
 
-def test_a_message_as_echo_prints_it(tmp_path):
+def test_nav_path_printed_by_echo(tmp_path):
     path = read(tmp_path, "plan.yaml", ECHO.format(s0=0, n0=0, s1=0, n1=0))
     assert isinstance(path, Path)
     assert path.poses == pytest.approx(np.array([[1, -2.5, np.pi / 2], [2, 1e-5, np.pi]]))
 
 
-def test_stamps_that_grow_are_times(tmp_path):
+def test_increasing_stamps_are_times(tmp_path):
     text = ECHO.format(s0=1_717_171_717, n0=900_000_000, s1=1_717_171_718, n1=150_000_001)
     reference = read(tmp_path, "plan.yaml", text)
     assert isinstance(reference, SampledReference)
@@ -390,7 +407,7 @@ def test_stamps_that_grow_are_times(tmp_path):
     assert reference.poses[:, 2] == pytest.approx([np.pi / 2, np.pi])
 
 
-def test_a_message_as_one_types_it_for_pub(tmp_path):
+def test_nav_path_typed_for_pub(tmp_path):
     path = read(
         tmp_path, "plan.yaml",
         "{header: {frame_id: map}, poses: [{pose: {position: {x: 1, y: 2}, orientation: {w: 1.0}}},"
@@ -399,7 +416,7 @@ def test_a_message_as_one_types_it_for_pub(tmp_path):
     assert path.poses.tolist() == [[1.0, 2.0, 0.0], [3.0, 0.0, 0.0]]
 
 
-def test_a_message_of_ros_1(tmp_path):
+def test_nav_path_of_ros_1(tmp_path):
     text = (
         ECHO.format(s0=1, n0=0, s1=2, n1=0).replace("nanosec:", "nsecs:").replace("sec:", "secs:")
     )
@@ -407,8 +424,8 @@ def test_a_message_of_ros_1(tmp_path):
     assert read(tmp_path, "plan.yaml", text).duration == 1.0
 
 
-def test_a_written_message_is_what_ros_expects(tmp_path):
-    """Loaded by PyYAML, as ros2 topic pub does: numbers are numbers, also the tiniest."""
+def test_written_nav_path_matches_ros_schema(tmp_path):
+    """PyYAML, which ros2 topic pub uses, reads all numbers as numbers, even tiny ones."""
     reference = SampledReference(
         np.array([0.0, 1.25]), np.array([[1e-7, 1e9, 0], [2, 1, np.pi]]), np.zeros((2, 3))
     )

@@ -1,4 +1,4 @@
-"""Waypoint files from strangers: refused in one short line, within bounds, whatever they hold."""
+"""Malformed waypoint files: rejected with a one-line message, within time and memory bounds."""
 
 import json
 import os
@@ -22,10 +22,10 @@ def write(folder, name, content):
     return folder / name
 
 
-def refuse(file, message):
-    with pytest.raises(InvalidReference, match=message) as refused:
+def check_rejected(file, message):
+    with pytest.raises(InvalidReference, match=message) as error:
         load_waypoints(file)
-    text = str(refused.value).replace(str(file.parent), "")
+    text = str(error.value).replace(str(file.parent), "")
     assert text.isprintable()
     assert file.stem[:20] in text
     assert len(text) < 500
@@ -34,31 +34,34 @@ def refuse(file, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is empty; a table of waypoints begins with x_m,y_m,yaw_rad"),
-        ("x,y,yaw\n", "a way needs at least 2 waypoints, and here are 0"),
-        ("x,y,yaw\n1,2,3\n", "a way needs at least 2 waypoints, and here is 1"),
+        ("", "is empty; a table of waypoints starts with x_m,y_m,yaw_rad"),
+        ("x,y,yaw\n", "a path needs at least 2 waypoints, and the file has 0"),
+        ("x,y,yaw\n1,2,3\n", "a path needs at least 2 waypoints, and the file has 1"),
         ("x,y\n1,2\n", "line 1: there is no column yaw"),
         ("t,yaw\n1,2\n", "line 1: there is no column x and no column y"),
         ("t,x,y,yaww\n", "line 1: unknown column 'yaww'; did you mean 'yaw'"),
         ("t,x,y,colour\n", "line 1: unknown column 'colour'; there are t, x, y, yaw, vx"),
         ("t;x;y;yaw\n0;1;2;3\n", "line 1: unknown column 't;x;y;yaw'"),
         ("0,1,2,3\n1,1,2,3\n", "line 1: unknown column '0'"),
-        ("x,y,yaw,x\n", "line 1: two columns hold x"),
-        ("x,y,yaw,theta\n", "line 1: two columns hold yaw"),
+        ("x,y,yaw,x\n", "line 1: two columns contain x"),
+        ("x,y,yaw,theta\n", "line 1: two columns contain yaw"),
         ("t,x,y,yaw,vx\n", "line 1: there is no column vy and no column yaw_rate"),
         ("x,y,yaw,vx,vy,omega\n", "line 1: there is no column t"),
         ("x_ft,y,yaw\n", "line 1: unknown column 'x_ft'"),
         ("# units: m,m\nx,y,yaw\n", "2 units for 3 columns"),
         ("# units: m,m,m\nx,y,yaw\n", "unknown unit 'm' of yaw; there are rad, deg"),
-        ("x,y,yaw\n1,2,3\n1,2\n", "line 3: 2 values, and the first line names 3"),
-        ("x,y,yaw\n1,2,3,\n", "line 2: 4 values, and the first line names 3"),
+        ("x,y,yaw\n1,2,3\n1,2\n", "line 3: 2 values, but the first line has 3 columns"),
+        ("x,y,yaw\n1,2,3,\n", "line 2: 4 values, but the first line has 3 columns"),
         ("x,y,yaw\n1,2,3\n\n1,two,3\n", "line 4: 'two' is not a number"),
         ("x,y,yaw\n1,,3\n", "line 2: '' is not a number"),
         ("x,y,yaw\n1,nan,3\n", "line 2: nan is not a finite number of at most 1e"),
         ("x,y,yaw\n1,-inf,3\n", "line 2: -inf is not a finite number"),
         ("x,y,yaw\n1,1e300,3\n", r"line 2: 1e\+300 is not a finite number of at most 1e"),
         ("x,y,yaw\n1," + "9" * 100_000 + ",3\n", "line 2: inf is not a finite"),
-        ("x,y,yaw\n1,2,3\n1,2,3\n", "line 3: the same waypoint as before, x 1 m, y 2 m; remove"),
+        (
+            "x,y,yaw\n1,2,3\n1,2,3\n",
+            "line 3: the same waypoint as the previous one, x 1 m, y 2 m; remove",
+        ),
         ("t,x,y,yaw\n0,1,2,3\n# so\n0,1,2,3\n", "line 4: the time 0 s does not come after 0 s"),
         (
             "t,x,y,yaw\n2,1,2,3\n1.5,1,2,3\n",
@@ -70,8 +73,8 @@ def refuse(file, message):
         ("\0\0\0", r"line 1: unknown column '\\x00"),
     ],
 )
-def test_a_bad_table_says_what_is_wrong(tmp_path, text, message):
-    refuse(write(tmp_path, "a.csv", text), message)
+def test_malformed_table_message(tmp_path, text, message):
+    check_rejected(write(tmp_path, "a.csv", text), message)
 
 
 def sample(**changes):
@@ -86,31 +89,34 @@ def choreo(*samples, **changes):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1: not JSON: Expecting value; is the file cut off"),
-        ('{\n"trajectory": {\n"samples": [', "line 3: not JSON: Expecting value; is the file cut"),
+        ("", "line 1: not JSON: Expecting value; is the file truncated"),
+        (
+            '{\n"trajectory": {\n"samples": [',
+            "line 3: not JSON: Expecting value; is the file trunc",
+        ),
         ("[]", "a.traj: the file is a list, need a mapping"),
         ("7", "the file is 7, need a mapping"),
-        ("{}", "the file does not set 'samples'"),
+        ("{}", "the file has no key 'samples'"),
         ('{"trajectory": 3}', "trajectory is 3, need a mapping"),
         ('{"trajectory": {"samples": {}}}', "trajectory.samples is a mapping, need a list"),
         (choreo(), "trajectory.samples is empty: the trajectory was never generated"),
-        (choreo(sample()), "a way needs at least 2 waypoints, and here is 1"),
-        (choreo(sample(), sample(t=1e-4)), "a way needs at least 2 waypoints"),
+        (choreo(sample()), "a path needs at least 2 waypoints, and the file has 1"),
+        (choreo(sample(), sample(t=1e-4)), "a path needs at least 2 waypoints"),
         (choreo(sample(t=1), sample()), r"samples\[1\] has the time 0 s, before 1 s; sort them"),
         (choreo(sample(), sample(t="1")), r"samples\[1\].t is '1', need a number"),
         (choreo(sample(), sample(t=True)), r"samples\[1\].t is True, need a number"),
-        (choreo(sample(), {"t": 1, "x": 1}), r"trajectory.samples\[1\] does not set 'y'"),
+        (choreo(sample(), {"t": 1, "x": 1}), r"trajectory.samples\[1\] has no key 'y'"),
         (choreo(sample(), 5), r"trajectory.samples\[1\] is 5, need a mapping"),
-        (choreo(sample(), sample(t=1, vx=None)), r"samples\[1\] does not set 'vx'"),
+        (choreo(sample(), sample(t=1, vx=None)), r"samples\[1\] has no key 'vx'"),
         (choreo(sample(), sample(t=1, x=1e99)), r"x is 1e\+99, need a finite number of at most"),
         (choreo(sample(), sample(t=1, x=10**4000)), r"x is 1000*\.\.\., need a finite number"),
         (choreo(sample(), sample(t=1, x=[[1]])), r"samples\[1\].x is a list, need a number"),
-        (choreo(sample(x=float("nan"))), "is not read: NaN is not a number that JSON allows"),
-        (choreo(sample(x=float("inf"))), "is not read: Infinity is not a number"),
-        ('{"a": 1, "b": 2, "a": 3}', "is not read: the key 'a' stands twice in one object"),
-        ('{"a": ' + "9" * 5000 + "}", "is not read: Exceeds the limit"),
-        ("[" * 100_000, "is not read: it is nested too deeply|not JSON"),
-        ('{"a":' * 100_000, "is not read: it is nested too deeply|not JSON"),
+        (choreo(sample(x=float("nan"))), "cannot be read: NaN is not a number in JSON"),
+        (choreo(sample(x=float("inf"))), "cannot be read: Infinity is not a number"),
+        ('{"a": 1, "b": 2, "a": 3}', "cannot be read: the key 'a' occurs twice in one object"),
+        ('{"a": ' + "9" * 5000 + "}", "cannot be read: Exceeds the limit"),
+        ("[" * 100_000, "cannot be read: it is nested too deeply|not JSON"),
+        ('{"a":' * 100_000, "cannot be read: it is nested too deeply|not JSON"),
         ("[" * 500 + "]" * 500, "the file is a list, need a mapping"),
         (b'{"a": "\xff"}', "line 1: not UTF-8 text"),
         (
@@ -120,8 +126,8 @@ def choreo(*samples, **changes):
         (choreo(*[7] * 100_001), "samples has 100,001 entries, more than 100,000"),
     ],
 )
-def test_a_bad_trajectory_says_what_is_wrong(tmp_path, text, message):
-    refuse(write(tmp_path, "a.traj", text), message)
+def test_malformed_trajectory_message(tmp_path, text, message):
+    check_rejected(write(tmp_path, "a.traj", text), message)
 
 
 def message(*poses):
@@ -138,24 +144,27 @@ def stamped(sec, **pose):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds 0 messages, need one; record it with ros2 topic echo --once"),
-        ("---\n---\n", "holds 0 messages"),
-        ("poses: []\n---\nposes: []\n---\n", "holds 2 messages, need one"),
+        ("", "contains 0 messages, need one; record it with ros2 topic echo --once"),
+        ("---\n---\n", "contains 0 messages"),
+        ("poses: []\n---\nposes: []\n---\n", "contains 2 messages, need one"),
         ("7", "the file is 7.0, need a mapping"),
-        ("{}", "the file does not set 'poses'"),
+        ("{}", "the file has no key 'poses'"),
         ("pose: []", "the file has the unknown key 'pose'; did you mean 'poses'"),
-        ("poses: []", "a way needs at least 2 waypoints, and here are 0"),
+        ("poses: []", "a path needs at least 2 waypoints, and the file has 0"),
         ("poses: {}", "poses is a mapping, need a list"),
         ("image: a.pgm\nresolution: 0.05", "is a Nav2 map, not a path; load it with load_nav2_map"),
-        (message(stamped(0), "..."), r"poses\[1\] is where ros2 topic echo cut the list off; add"),
-        (message(stamped(0), stamped(0)), r"poses\[1\]: the same waypoint as before"),
+        (
+            message(stamped(0), "..."),
+            r"poses\[1\] is where ros2 topic echo truncated the list; add",
+        ),
+        (message(stamped(0), stamped(0)), r"poses\[1\]: the same waypoint as the previous one"),
         (
             message(stamped(1), stamped(2), stamped(1.0)),
             r"poses\[2\].header.stamp: the time 0 s does not come after 1 s",
         ),
         (message(stamped(0), 3), r"poses\[1\] is 3.0, need a mapping"),
-        (message(stamped(0), {}), r"poses\[1\] does not set 'pose'"),
-        (message(stamped(0), {"pose": {}}), r"poses\[1\].pose does not set 'position'"),
+        (message(stamped(0), {}), r"poses\[1\] has no key 'pose'"),
+        (message(stamped(0), {"pose": {}}), r"poses\[1\].pose has no key 'position'"),
         (message({"position": {"x": 1}}), r"poses\[0\] has the unknown key 'position'"),
         (message(stamped(0.5)), r"sec is 0.5, need a whole number from 0 to 4,294,967,295"),
         (message(stamped(-1)), r"sec is -1.0, need a whole number"),
@@ -180,27 +189,29 @@ def stamped(sec, **pose):
         ("a: " + "x" * 10_000_000, "too large for a YAML path"),
     ],
 )
-def test_a_bad_message_says_what_is_wrong(tmp_path, text, message):
-    refuse(write(tmp_path, "a.yaml", text), message)
+def test_malformed_nav_path_message(tmp_path, text, message):
+    check_rejected(write(tmp_path, "a.yaml", text), message)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_what_is_no_file_is_refused(tmp_path, ending):
+def test_missing_file_or_folder_is_rejected(tmp_path, ending):
     (tmp_path / f"folder{ending}").mkdir()
     (tmp_path / f"loop{ending}").symlink_to(f"loop{ending}")
     os.mkfifo(tmp_path / f"pipe{ending}")
-    refuse(tmp_path / f"folder{ending}", "cannot read the waypoints .*: it is not a file")
-    refuse(tmp_path / f"pipe{ending}", "cannot read the waypoints .*: it is not a file")
-    refuse(tmp_path / f"loop{ending}", "cannot read the waypoints .*: Too many levels")
-    refuse(tmp_path / f"none{ending}", "cannot read the waypoints .*: No such file")
-    refuse(tmp_path / ("b" * 5000 + ending), "cannot read the waypoints .*: File name too long")
+    check_rejected(tmp_path / f"folder{ending}", "cannot read the waypoints .*: it is not a file")
+    check_rejected(tmp_path / f"pipe{ending}", "cannot read the waypoints .*: it is not a file")
+    check_rejected(tmp_path / f"loop{ending}", "cannot read the waypoints .*: Too many levels")
+    check_rejected(tmp_path / f"none{ending}", "cannot read the waypoints .*: No such file")
+    check_rejected(
+        tmp_path / ("b" * 5000 + ending), "cannot read the waypoints .*: File name too long"
+    )
 
 
 EXAMPLES = {}
 
 
 def examples(folder):
-    """One valid file of each format."""
+    """Write one valid file of each format."""
     if not EXAMPLES:
         path = Path(SplinePath(CONTROL).poses(np.linspace(0, 1, 7)))
         reference = UniformReference(SplinePath(CONTROL), 2.0)
@@ -211,7 +222,7 @@ def examples(folder):
     return EXAMPLES
 
 
-def reads_or_refuses(file):
+def check_read_or_rejected(file):
     try:
         found = load_waypoints(file)
     except InvalidReference as error:
@@ -236,13 +247,13 @@ def reads_or_refuses(file):
     at=st.integers(0, 6000),
     gone=st.integers(0, 30),
 )
-def test_a_damaged_file_is_read_or_refused(tmp_path_factory, ending, cut, insert, at, gone):
+def test_damaged_file_is_read_or_rejected(tmp_path_factory, ending, cut, insert, at, gone):
     folder = tmp_path_factory.mktemp("damaged")
     content = examples(folder)[ending]
     at %= len(content)
     damaged = content[:at] + insert + content[at + gone :]
-    reads_or_refuses(write(folder, f"a{ending}", damaged))
-    reads_or_refuses(write(folder, f"b{ending}", content[: cut % len(content)]))
+    check_read_or_rejected(write(folder, f"a{ending}", damaged))
+    check_read_or_rejected(write(folder, f"b{ending}", content[: cut % len(content)]))
 
 
 values = st.recursive(
@@ -254,9 +265,7 @@ values = st.recursive(
 
 @settings(max_examples=200, deadline=None)
 @given(ending=st.sampled_from([".path", ".traj"]), value=values, number=st.integers(0, 10_000))
-def test_any_value_in_the_place_of_another_is_read_or_refused(
-    tmp_path_factory, ending, value, number
-):
+def test_replaced_value_is_read_or_rejected(tmp_path_factory, ending, value, number):
     folder = tmp_path_factory.mktemp("odd")
     data = json.loads(examples(folder)[ending])
     places = []
@@ -270,7 +279,7 @@ def test_any_value_in_the_place_of_another_is_read_or_refused(
     visit(data)
     node, key = places[number % len(places)]
     node[key] = value
-    reads_or_refuses(write(folder, f"a{ending}", json.dumps(data)))
+    check_read_or_rejected(write(folder, f"a{ending}", json.dumps(data)))
 
 
 @settings(max_examples=150, deadline=None)
@@ -279,20 +288,18 @@ def test_any_value_in_the_place_of_another_is_read_or_refused(
     value=st.text(max_size=12) | st.floats().map(str) | st.integers().map(str),
     ending=st.sampled_from([".csv", ".yaml"]),
 )
-def test_any_word_in_the_place_of_a_number_is_read_or_refused(
-    tmp_path_factory, number, value, ending
-):
+def test_number_replaced_by_word_is_read_or_rejected(tmp_path_factory, number, value, ending):
     folder = tmp_path_factory.mktemp("odd")
     text = examples(folder)[ending].decode()
     found = list(re.finditer(r"-?\d+(\.\d+)?(e-?\d+)?", text))
     where = found[number % len(found)]
     damaged = text[: where.start()] + value + text[where.end() :]
-    reads_or_refuses(write(folder, f"a{ending}", damaged.encode("utf-8", "surrogatepass")))
+    check_read_or_rejected(write(folder, f"a{ending}", damaged.encode("utf-8", "surrogatepass")))
 
 
 @settings(max_examples=100, deadline=None)
 @given(ending=st.sampled_from(ENDINGS), content=st.binary(max_size=60) | st.text(max_size=60))
-def test_anything_at_all_is_read_or_refused(tmp_path_factory, ending, content):
+def test_arbitrary_content_is_read_or_rejected(tmp_path_factory, ending, content):
     folder = tmp_path_factory.mktemp("any")
     data = content if isinstance(content, bytes) else content.encode("utf-8", "surrogatepass")
-    reads_or_refuses(write(folder, f"a{ending}", data))
+    check_read_or_rejected(write(folder, f"a{ending}", data))

@@ -1,4 +1,4 @@
-"""PathPlanner files: the curves, the headings that PathPlannerLib gives, and curves fitted."""
+"""PathPlanner files: curves, headings as in PathPlannerLib, and curve fitting."""
 
 import json
 
@@ -31,7 +31,7 @@ def waypoint(anchor, before=None, after=None):
 
 
 def pathplanner(waypoints, **changes):
-    """A file after PathPlanner's schema of 2025."""
+    """Return a file by PathPlanner's schema of 2025."""
     return {
         "version": "2025.0",
         "waypoints": waypoints,
@@ -49,7 +49,7 @@ def pathplanner(waypoints, **changes):
     }
 
 
-STRAIGHT = [  # at even speed of its parameter, 6 m
+STRAIGHT = [  # 6 m, with constant derivative
     waypoint((0, 0), after=(1, 0)),
     waypoint((3, 0), (2, 0), (4, 0)),
     waypoint((6, 0), (5, 0)),
@@ -77,14 +77,14 @@ def casteljau(p, t):
 
 
 def distance(points, polyline):
-    """From each point to the nearest of a polyline, in m."""
+    """Return the distance of each point to a polyline, in m."""
     start, step = polyline[:-1], np.diff(polyline, axis=0)
     away = points[:, None] - start
     along = np.clip((away * step).sum(2) / np.maximum((step**2).sum(1), 1e-300), 0, 1)
     return np.linalg.norm(away - along[..., None] * step, axis=2).min(axis=1)
 
 
-def test_the_curve_is_bezier_and_met_within_a_millimetre(tmp_path):
+def test_samples_follow_bezier_curve_within_a_millimetre(tmp_path):
     path = read(tmp_path, pathplanner(CURVED))
     first = np.array([[1.4, 1.9], [3.8, 1.3], [5.9, 0.8], [7.7, 0.8]])
     second = np.array([[7.7, 0.8], [9.0, 0.8], [9.0, 4.3], [6.0, 4.1]])
@@ -95,28 +95,28 @@ def test_the_curve_is_bezier_and_met_within_a_millimetre(tmp_path):
     assert np.linalg.norm(np.diff(path.poses[:, :2], axis=0), axis=1).max() <= 0.05
 
 
-def test_headings_are_eased_from_start_to_end(tmp_path):
+def test_headings_are_interpolated_from_start_to_end(tmp_path):
     path = read(tmp_path, pathplanner(STRAIGHT))
     assert heading_at(path, 3.0) == pytest.approx(np.pi / 4, abs=1e-3)
     assert heading_at(path, 1.5) == pytest.approx(np.pi / 4 * (1 - np.sqrt(0.5)), abs=1e-3)
     assert path.poses[[0, -1], 2] == pytest.approx([0.0, np.pi / 2])
 
 
-def test_rotation_targets_hold_where_they_stand(tmp_path):
+def test_rotation_targets_hold_at_their_positions(tmp_path):
     targets = [
         {"waypointRelativePos": 1.5, "rotationDegrees": -170.0},
         {"waypointRelativePos": 0.5, "rotationDegrees": 170.0},
-        {"waypointRelativePos": 0.0, "rotationDegrees": 33.0},  # the start says 0
+        {"waypointRelativePos": 0.0, "rotationDegrees": 33.0},  # the starting state has 0
     ]
     path = read(tmp_path, pathplanner(STRAIGHT, rotationTargets=targets))
     assert heading_at(path, 1.5) == pytest.approx(np.deg2rad(170.0))
-    assert heading_at(path, 4.5) == pytest.approx(np.deg2rad(190.0))  # the short way
+    assert heading_at(path, 4.5) == pytest.approx(np.deg2rad(190.0))  # less than half a turn
     assert heading_at(path, 3.0) == pytest.approx(np.deg2rad(180.0), abs=1e-3)
     assert path.poses[0, 2] == 0.0
     assert path.poses[-1, 2] == pytest.approx(np.deg2rad(90.0))
 
 
-def test_zones_point_towards_a_place(tmp_path):
+def test_point_towards_zones(tmp_path):
     zone = {
         "name": "tower",
         "fieldPosition": point(3.0, 2.0),
@@ -131,7 +131,7 @@ def test_zones_point_towards_a_place(tmp_path):
     assert path.poses[0, 2] == 0.0
 
 
-def test_a_file_of_2024(tmp_path):
+def test_file_of_2024(tmp_path):
     content = pathplanner(STRAIGHT, version=1.0)
     for key in ("idealStartingState", "pointTowardsZones"):
         del content[key]
@@ -148,11 +148,11 @@ def test_a_file_of_2024(tmp_path):
         (pathplanner([]), "waypoints has 0 entries, need at least 2"),
         (
             pathplanner([STRAIGHT[0], waypoint((3, 0))]),
-            r"waypoints\[1\] does not set 'prevControl'",
+            r"waypoints\[1\] has no key 'prevControl'",
         ),
         (
             pathplanner([waypoint((3, 0)), STRAIGHT[2]]),
-            r"waypoints\[0\] does not set 'nextControl'",
+            r"waypoints\[0\] has no key 'nextControl'",
         ),
         (
             pathplanner([waypoint((1, 1), after=(1, 1)), waypoint((1, 1), (1, 1))]),
@@ -162,14 +162,14 @@ def test_a_file_of_2024(tmp_path):
             pathplanner([waypoint((1e9, 1), after=(1, 1)), waypoint((1, 1), (1, 1))]),
             "waypoints need 866,026 samples, more than 100,000; are they",
         ),
-        (pathplanner(STRAIGHT, goalEndState=None), "the file does not set 'goalEndState'"),
+        (pathplanner(STRAIGHT, goalEndState=None), "the file has no key 'goalEndState'"),
         (
             pathplanner(STRAIGHT, goalEndState={"velocity": 0, "rotation": "north"}),
             "goalEndState.rotation is 'north', need a number",
         ),
         (
             pathplanner(STRAIGHT, rotationTargets=[{"waypointRelativePos": 0.5}]),
-            r"rotationTargets\[0\] does not set 'rotationDegrees'",
+            r"rotationTargets\[0\] has no key 'rotationDegrees'",
         ),
         (pathplanner(STRAIGHT, rotationTargets=7), "rotationTargets is 7, need a list"),
         (
@@ -177,12 +177,12 @@ def test_a_file_of_2024(tmp_path):
             "pointTowardsZones has more than 1,000 entries",
         ),
         (
-            {"waypoints": [{"anchorPoint": point(0, 0)}] * 2},  # of 2023
-            r"a.path: waypoints\[0\] does not set 'anchor'",
+            {"waypoints": [{"anchorPoint": point(0, 0)}] * 2},  # schema of 2023
+            r"a.path: waypoints\[0\] has no key 'anchor'",
         ),
     ],
 )
-def test_a_bad_path_says_what_is_wrong(tmp_path, content, message):
+def test_malformed_path_message(tmp_path, content, message):
     with pytest.raises(InvalidReference, match=message):
         read(tmp_path, content)
 
@@ -198,7 +198,7 @@ def assert_near(path, again):
 
 
 def heading_misses(path, again):
-    """Difference of heading, in rad, of each pose to the nearest place on another path."""
+    """Return the difference of heading, in rad, of each pose to the nearest point of a path."""
     start, step = again.poses[:-1], np.diff(again.poses, axis=0)
     away = path.poses[:, None] - start
     along = np.clip((away * step)[..., :2].sum(2) / (step[:, :2] ** 2).sum(1), 0, 1)
@@ -207,7 +207,7 @@ def heading_misses(path, again):
     return np.abs(wrap(miss[np.arange(len(nearest)), nearest, 2]))
 
 
-def test_a_smooth_path_needs_few_curves(tmp_path):
+def test_smooth_path_needs_few_curves(tmp_path):
     path = Path(SplinePath(CONTROL).poses(np.linspace(0, 1, 200)))
     save_waypoints(tmp_path / "a.path", path)
     again = load_waypoints(tmp_path / "a.path")
@@ -216,7 +216,7 @@ def test_a_smooth_path_needs_few_curves(tmp_path):
     assert heading_misses(path, again).max() < 0.02
 
 
-def test_turning_all_the_way_needs_many_rotation_targets(tmp_path):
+def test_continuous_turning_needs_many_rotation_targets(tmp_path):
     s = np.linspace(0, 4, 400)
     path = Path(np.column_stack([s, np.zeros(400), 10 * s + np.sin(5 * s)]))
     save_waypoints(tmp_path / "a.path", path)
@@ -240,7 +240,7 @@ def test_corners_are_kept(tmp_path):
     points=st.lists(st.tuples(*[st.floats(-3, 3)] * 3), min_size=2, max_size=12),
     scale=st.sampled_from([0.01, 1.0]),
 )
-def test_any_path_comes_back_within_its_tolerance(tmp_path_factory, points, scale):
+def test_any_path_round_trip_within_tolerance(tmp_path_factory, points, scale):
     poses = np.array(points) * [scale, scale, 1.0]
     moving = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) > 1e-6
     poses = poses[np.concatenate([[True], moving])]
@@ -252,7 +252,7 @@ def test_any_path_comes_back_within_its_tolerance(tmp_path_factory, points, scal
     assert_near(Path(poses), load_waypoints(file))
 
 
-def test_a_reference_keeps_its_shape_and_the_speeds_at_its_ends(tmp_path):
+def test_reference_keeps_shape_and_end_speeds(tmp_path):
     reference = UniformReference(SplinePath(CONTROL), 6.0)
     save_waypoints(tmp_path / "a.path", reference)
     content = json.loads((tmp_path / "a.path").read_text())
@@ -264,8 +264,8 @@ def test_a_reference_keeps_its_shape_and_the_speeds_at_its_ends(tmp_path):
     assert_near(Path(window[:, :3]), load_waypoints(tmp_path / "a.path"))
 
 
-def test_what_pathplannerlib_needs_is_written(tmp_path):
-    """The fields that its loader takes by name, without defaults."""
+def test_written_path_has_required_fields(tmp_path):
+    """The fields that the loader of PathPlannerLib requires."""
     save_waypoints(tmp_path / "a.path", Path(np.array([[0, 0, 0], [1, 0, 1.0]])))
     content = json.loads((tmp_path / "a.path").read_text())
     assert set(pathplanner([])) == set(content)
@@ -278,7 +278,7 @@ def test_what_pathplannerlib_needs_is_written(tmp_path):
     assert positions == sorted(positions)
 
 
-def test_resting_is_left_out_and_turning_on_the_spot_refused(tmp_path):
+def test_rest_is_omitted_and_turn_on_the_spot_rejected(tmp_path):
     times = np.arange(5.0)
     poses = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 0, 0.0]])
     save_waypoints(tmp_path / "a.path", SampledReference.through(times, poses))
@@ -288,7 +288,7 @@ def test_resting_is_left_out_and_turning_on_the_spot_refused(tmp_path):
         save_waypoints(tmp_path / "b.path", SampledReference.through(times, poses))
 
 
-def test_a_hundred_kilometres_are_sampled_sparsely(tmp_path):
+def test_hundred_kilometres_are_sampled_sparsely(tmp_path):
     save_waypoints(tmp_path / "a.path", Path(np.array([[0, 0, 0], [1e5, 0, 1.0]])))
     again = load_waypoints(tmp_path / "a.path")
     assert len(again.poses) < 25_000
@@ -302,13 +302,13 @@ def test_a_hundred_kilometres_are_sampled_sparsely(tmp_path):
     controls=st.lists(st.tuples(*[st.floats(-5, 5)] * 2), min_size=4, max_size=4),
     u=st.floats(0, 1),
 )
-def test_points_of_a_curve_are_those_of_de_casteljau(controls, u):
+def test_chain_points_match_de_casteljau(controls, u):
     controls = np.array(controls)
     assert chain_points(controls[None], np.array([u]))[0] == pytest.approx(casteljau(controls, u))
 
 
 @given(controls=st.lists(st.tuples(*[st.floats(-2, 2)] * 2), min_size=4, max_size=4))
-def test_samples_are_near_enough_to_each_other_and_to_the_curve(controls):
+def test_step_counts_meet_spacing_and_tolerance(controls):
     controls = np.array([controls])
     (count,) = step_counts(controls, 1e-2, 0.2)
     polyline = chain_points(controls, np.linspace(0, 1, count + 1))
@@ -317,7 +317,7 @@ def test_samples_are_near_enough_to_each_other_and_to_the_curve(controls):
     assert distance(fine, polyline).max() <= 1e-2 + 1e-9
 
 
-def test_one_curve_is_found_again():
+def test_fit_recovers_one_curve():
     controls = np.array([[[0, 0], [1, 0], [2, 1], [2, 2.0]]])
     points = chain_points(controls, np.linspace(0, 1, 100))
     chain = fit_chain(points, 1e-3)
@@ -325,8 +325,8 @@ def test_one_curve_is_found_again():
     assert chain.controls == pytest.approx(controls, abs=0.02)
 
 
-def test_noise_is_fitted_as_well():
-    """Points of noise: no curve fits more than a few of them."""
+def test_fit_of_noise():
+    """Random points, of which one curve fits only a few."""
     rng = np.random.default_rng(5)
     chain = fit_chain(np.cumsum(rng.normal(size=(3_000, 2)), axis=0), 1e-3)
     assert chain.parameters[-1] == len(chain.controls)

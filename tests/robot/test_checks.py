@@ -1,4 +1,4 @@
-"""Robots that could not stand or move are refused, with the fact and the way out."""
+"""Invalid robots are rejected with a message; static loads."""
 
 from dataclasses import replace
 from math import inf, nan, pi
@@ -32,13 +32,13 @@ SMALL = named_robot("small")
         ({"mounts": (Mount(0.2, 0.2, 0.0, 0.5 * pi), *SMALL.mounts)}, "cannot drive the robot"),
     ],
 )
-def test_an_impossible_robot_is_refused(changes, message):
+def test_invalid_robot_is_rejected(changes, message):
     with pytest.raises(InvalidInput, match=message):
         replace(SMALL, **changes)
 
 
 @pytest.mark.parametrize("mounts", [(), omni_ring((0.0, pi), 0.2), (Mount(0.2, 0.0, 0.5),) * 5])
-def test_wheels_that_cannot_push_everywhere_are_refused(mounts):
+def test_singular_wheel_layout_is_rejected(mounts):
     with pytest.raises(InvalidGeometry, match="need 3: not omnidirectional; turn a wheel"):
         replace(SMALL, mounts=mounts)
 
@@ -55,13 +55,13 @@ def test_wheels_that_cannot_push_everywhere_are_refused(mounts):
         ({"rows": 0}, "0 rows"),
     ],
 )
-def test_an_impossible_wheel_is_refused(changes, message):
+def test_invalid_wheel_is_rejected(changes, message):
     with pytest.raises(InvalidInput, match=message):
         replace(SMALL.wheel, **changes)
 
 
 @pytest.mark.parametrize(("radius", "speed"), [(0.0, 1.0), (nan, 1.0), (0.05, 0.0), (0.05, nan)])
-def test_a_chassis_needs_finite_positive_numbers(radius, speed):
+def test_chassis_needs_finite_positive_numbers(radius, speed):
     with pytest.raises(InvalidInput, match="must be positive"):
         Chassis.of_mounts(SMALL.mounts, wheel_radius=radius, max_wheel_speed=speed)
     with pytest.raises(InvalidInput, match="must be positive"):
@@ -72,7 +72,7 @@ def test_a_chassis_needs_finite_positive_numbers(radius, speed):
 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 def test_loads_balance_the_weight(robot):
-    """By the equations of statics: forces and both moments."""
+    """The equations of static equilibrium hold: force and both moments."""
     shifted = replace(
         robot, com=(0.1 * robot.mean_wheel_distance, -0.2 * robot.mean_wheel_distance)
     )
@@ -84,16 +84,16 @@ def test_loads_balance_the_weight(robot):
 
 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
-def test_pushes_shift_loads_backwards(robot):
-    """By the moments of a push at the floor about the centre of mass; the weight stays."""
+def test_load_transfer_balances_moments(robot):
+    """Load transfer balances the moment of a floor force; the total load is constant."""
     rolling = np.array([np.cos(mount.roller_angle) for mount in robot.mounts])
     loads = robot.load_transfer / (robot.friction * rolling[:, None])
-    places = np.array([(mount.x, mount.y) for mount in robot.mounts])
+    positions = np.array([(mount.x, mount.y) for mount in robot.mounts])
     assert loads.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert places.T @ loads == pytest.approx(-robot.com_height * np.eye(2), abs=1e-12)
+    assert positions.T @ loads == pytest.approx(-robot.com_height * np.eye(2), abs=1e-12)
 
 
-def test_a_wheel_weighs_what_its_parts_do():
+def test_total_mass_of_wheel():
     wheel = OmniWheel(radius=0.08, mass=1.0, rotor_inertia=0.0, rows=1, rollers_per_row=10,
                       roller_mass=0.03)  # fmt: skip
     assert wheel.total_mass == pytest.approx(1.3)

@@ -1,4 +1,4 @@
-"""Wheel matrices and saturation."""
+"""Wheel kinematics, saturation and the acceleration polytope."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ every_robot = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 
 @every_robot
 @given(vx=speed, vy=speed, w=speed)
-def test_wheels_then_twist_is_identity(robot, vx, vy, w):
+def test_twist_inverts_wheel_speeds(robot, vx, vy, w):
     twist = BodyTwist(vx, vy, w)
     chassis = robot.chassis
     assert chassis.twist(chassis.wheel_speeds(twist)) == pytest.approx(twist, abs=1e-9)
@@ -32,8 +32,8 @@ def test_saturation_keeps_direction_and_limit(robot, vx, vy, w):
     assert chassis.saturate(cut) == pytest.approx(cut, rel=1e-12)
 
 
-def test_the_papers_wheel_equation():
-    """r w_i = -sin(a_i) vx + cos(a_i) vy + R wz at 45 degrees, by hand."""
+def test_wheel_equation_of_the_paper():
+    """r w_i = -sin(a_i) vx + cos(a_i) vy + R wz at 45 degrees, with values computed by hand."""
     robot = named_robot("paper")
     wheels = robot.chassis.wheel_speeds(BodyTwist(1.0, 0.0, 0.0)) * robot.wheel.radius
     assert wheels == pytest.approx(np.sqrt(0.5) * np.array([-1, -1, 1, 1]))
@@ -47,33 +47,33 @@ def test_two_wheels_are_not_omnidirectional():
 
 
 @every_robot
-@given(part=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), way=st.integers(0, 2**32 - 1))
-def test_traction_is_what_the_wheels_can_push_together(robot, part, way):
-    """Whatever they push is within, and in every direction they can push up to the limit."""
+@given(part=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), index=st.integers(0, 2**32 - 1))
+def test_acceleration_polytope_is_tight(robot, part, index):
+    """All feasible wheel forces are inside, and every face is reached."""
     count, roller = (
         len(robot.mounts),
         abs(robot.mounts[0].roller_angle),
-    )  # weight lies evenly on them
+    )  # equal loads
     grip = robot.friction * robot.mass * GRAVITY / count * np.cos(roller)
     most = min(grip, robot.max_torque / robot.wheel.radius)
     pushes = robot.wheel.radius * robot.chassis.jacobian
     inertia = np.array([robot.mass, robot.mass, robot.yaw_inertia])
     reached = most * np.array(part[:count]) @ pushes / inertia
     assert np.abs(robot.acceleration_faces @ reached).max() <= 1.0 + 1e-9
-    normal = robot.acceleration_faces[way % len(robot.acceleration_faces)]
+    normal = robot.acceleration_faces[index % len(robot.acceleration_faces)]
     furthest = most * np.sign(pushes @ (normal / inertia)) @ pushes / inertia
     assert np.abs(robot.acceleration_faces @ furthest).max() == pytest.approx(1.0)
 
 
-def test_traction_of_the_papers_robot_by_hand():
-    """Along a wheel's direction two of four wheels push: half of g; straight on, all of them."""
+def test_acceleration_polytope_of_paper_robot():
+    """Along a drive direction two of four wheels act: g / 2. Along x all four act: g / sqrt(2)."""
     rows = named_robot("paper").acceleration_faces
     diagonal = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0])
     assert 1.0 / np.abs(rows @ diagonal).max() == pytest.approx(0.5 * GRAVITY)
     assert 1.0 / np.abs(rows @ [1.0, 0.0, 0.0]).max() == pytest.approx(np.sqrt(0.5) * GRAVITY)
 
 
-def test_an_unknown_robot_is_named_with_those_that_exist():
+def test_message_of_unknown_robot():
     with pytest.raises(InvalidInput, match="no robot 'papr'; did you mean 'paper'"):
         named_robot("papr")
     with pytest.raises(InvalidInput, match="no robot 'x'; there are paper, small, kiwi, mecanum"):

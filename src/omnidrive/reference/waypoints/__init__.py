@@ -1,4 +1,4 @@
-"""Waypoint files of other programs, in and out."""
+"""Readers and writers of waypoint files of other programs."""
 
 from omnidrive.reference.waypoints.waypoint_file import load_waypoints, save_waypoints
 

@@ -1,8 +1,9 @@
 """Choreo trajectories (`.traj`): JSON, timed samples with velocities.
 
-Read are schema versions 0 to 4 (2025 and later) and the flat files of 2024. Written is version 3,
-as ChoreoLib and PathPlannerLib of 2026 want it. Source: Choreo, `src-core/src/spec/trajectory.rs`
-and ChoreoLib's loaders. Positions are in m, angles in rad, the frame is the field's: ours.
+The reader accepts schema versions 0 to 4 (2025 and later) and the flat files of 2024. The writer
+writes version 3, which ChoreoLib and PathPlannerLib of 2026 require. Positions are in m and angles
+in rad, in the frame of the field, which is W. Source: Choreo, `src-core/src/spec/trajectory.rs` and
+the loaders of ChoreoLib.
 """
 
 from __future__ import annotations
@@ -23,25 +24,26 @@ from omnidrive.reference.waypoints.text_file import write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints
 
 _VERSION = 3
-# Choreo's optimiser ends with samples less than a microsecond apart, and its files round to 1e-5 m:
-# nearer in time than this, a difference of two positions says nothing of the velocity
-_NEAREST = 5e-4  # s
+_MIN_SPACING = 5e-4
+"""Shortest time between samples, in s. Choreo's optimiser can end with samples less than 1 us
+apart, and its files are rounded to 1e-5 m: differences over a shorter time give no velocities."""
+
 _NAMES = ("t", "x", "y", "heading", "vx", "vy", "omega")
 _NAMES_2024 = ("timestamp", "x", "y", "heading", "velocityX", "velocityY", "angularVelocity")
 _NO_FORCE = [0.0, 0.0, 0.0, 0.0]
 
 
 def read_choreo(file: pathlib.Path) -> SampledReference:
-    """Read a trajectory, all of its splits in one.
+    """Read a trajectory, with all of its splits joined.
 
-    Of samples less than 0.5 ms apart the first is kept, at the end the last. The samples of a
-    differential drive have no velocities in W: they are splined from rest to rest.
+    Of samples less than 0.5 ms apart the first is kept, and at the end the last. The samples of a
+    differential drive have no velocities in W and are interpolated by a spline from rest to rest.
 
     Raises:
-        InvalidReference: The file is no generated trajectory; the message says where.
+        InvalidReference: The file is not a generated trajectory; the message gives the position.
     """
     root = read_json(file)
-    nested = root.get("trajectory")  # not in 2024
+    nested = root.get("trajectory")  # absent in files of 2024
     trajectory, names = (root, _NAMES_2024) if nested is None else (nested, _NAMES)
     kind = trajectory.get("sampleType")
     differential = kind is not None and kind.value == "Differential"
@@ -52,7 +54,7 @@ def read_choreo(file: pathlib.Path) -> SampledReference:
         )
     known = names[:4] if differential else names
     table = np.array([[sample[key].number() for key in known] for sample in samples])
-    kept = _apart(samples, table[:, 0])
+    kept = _spaced(samples, table[:, 0])
     table = table[kept]
     twists = None if differential else table[:, 4:]
     return timed_waypoints(
@@ -61,22 +63,24 @@ def read_choreo(file: pathlib.Path) -> SampledReference:
 
 
 def write_choreo(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
-    """Write a trajectory of a swerve drive that :func:`read_choreo` reads as exactly the same.
+    """Write a trajectory of a swerve drive, which :func:`read_choreo` restores exactly.
 
-    Choreo itself shows it with two waypoints, the ends. As there, an acceleration is the mean one
-    until the next sample, 0 at the last. The forces of the wheels are not known and are 0.
+    In Choreo the trajectory has two waypoints, its ends. As in Choreo's own files, the acceleration
+    of a sample is the mean until the next sample, and 0 at the last. Wheel forces are written as 0.
 
     Raises:
-        InvalidReference: A path, which has no times, or samples less than 0.5 ms apart.
+        InvalidReference: The waypoints are a path without times, or samples are less than 0.5 ms
+            apart.
     """
     if isinstance(waypoints, Path):
         raise InvalidReference(
-            "a Choreo trajectory needs times, which a path does not have: make a reference of it, "
-            "or save it as .csv, .path or .yaml"
+            "a Choreo trajectory needs times, which a path does not have: convert the path to a "
+            "reference, or save it as .csv, .path or .yaml"
         )
-    if np.diff(waypoints.times).min() < _NEAREST:
+    if np.diff(waypoints.times).min() < _MIN_SPACING:
         raise InvalidReference(
-            f"a Choreo trajectory needs samples at least {_NEAREST:g} s apart; choose a longer dt"
+            f"a Choreo trajectory needs samples at least {_MIN_SPACING:g} s apart; "
+            "choose a longer dt"
         )
     means = np.diff(waypoints.twists, axis=0) / np.diff(waypoints.times)[:, None]
     accelerations = np.vstack([means, np.zeros(3)])
@@ -89,13 +93,13 @@ def write_choreo(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> No
     write_text(file, _document(file.stem, samples) + "\n")
 
 
-def _apart(samples: list[Field], times: Float[Array, " samples"]) -> Int[Array, " kept"]:
-    """Indices of samples that stand at least 0.5 ms apart, the last among them."""
+def _spaced(samples: list[Field], times: Float[Array, " samples"]) -> Int[Array, " kept"]:
+    """Return indices of samples at least 0.5 ms apart, including the last one."""
     kept = [0]
     for i, (before, now) in enumerate(zip(times[:-1].tolist(), times[1:].tolist(), strict=True), 1):
         if now < before:
             raise samples[i].error(f"has the time {now:.9g} s, before {before:.9g} s; sort them")
-        if now - times[kept[-1]] >= _NEAREST:
+        if now - times[kept[-1]] >= _MIN_SPACING:
             kept.append(i)
     if len(kept) > 1:
         kept[-1] = len(times) - 1
@@ -103,7 +107,7 @@ def _apart(samples: list[Field], times: Float[Array, " samples"]) -> Int[Array, 
 
 
 def _document(name: str, samples: list[dict[str, Any]]) -> str:
-    """The file's text, one line per sample, as Choreo lays it out."""
+    """Return the text of the file, one line per sample, in Choreo's layout."""
     ends = (samples[0], samples[-1])
     duration = samples[-1]["t"]
     rest = [{"from": end, "to": None, "data": {"type": "StopPoint", "props": {}}, "enabled": True}

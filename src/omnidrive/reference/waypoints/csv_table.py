@@ -1,9 +1,9 @@
 """Waypoints as a table of comma-separated values.
 
-The first line names the columns: ``x``, ``y``, ``yaw``, for a timed file also ``t``, and if the
-velocities in W are known ``vx``, ``vy``, ``yaw_rate``, in any order. A name may carry its unit, as
-``yaw_deg``, ``yaw [deg]`` or ``vx_m_per_s``, or a line ``# units: s, m, m, deg`` names them all;
-otherwise they are s, m and rad. Other lines that begin with ``#`` are comments.
+The first line contains the column names, in any order: ``x``, ``y``, ``yaw``, in a timed file also
+``t``, and optionally the velocities in W ``vx``, ``vy``, ``yaw_rate``. A name may include its unit,
+as ``yaw_deg``, ``yaw [deg]`` or ``vx_m_per_s``, or a line ``# units: s, m, m, deg`` gives all
+units; the default units are s, m and rad. Other lines that begin with ``#`` are comments.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ _UNITS = {
     "t": _TIME, "x": _LENGTH, "y": _LENGTH, "yaw": _ANGLE,
     "vx": _SPEED, "vy": _SPEED, "yaw_rate": _YAW_RATE,
 }  # fmt: skip
-_OTHER_NAMES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
-_LONGEST_TITLE = 60
-_MOST_LINES = 2 * MAX_SAMPLES  # remarks and empty lines among them
+_ALIASES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
+_MAX_TITLE = 60
+_MAX_LINES = 2 * MAX_SAMPLES  # including comments and empty lines
 _PATH_HEADER = "x_m,y_m,yaw_rad"
 _TIMED_HEADER = f"t_s,{_PATH_HEADER},vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
 
 
 def read_csv(file: pathlib.Path) -> Waypoints:
-    """Read a table: a :class:`SampledReference` if it has times, else a :class:`Path`.
+    """Read a table as a :class:`SampledReference` if it has times, else as a :class:`Path`.
 
     Raises:
-        InvalidReference: The file is no such table; the message says where.
+        InvalidReference: The file is not a valid table; the message gives the position.
     """
     name, text = one_line(str(file)), read_text(file)
     columns: dict[str, float] = {}
@@ -66,15 +66,15 @@ def read_csv(file: pathlib.Path) -> Waypoints:
             rows.append(_numbers(where, cells, len(columns)))
             lines.append(number)
     if not columns:
-        raise InvalidReference(f"{name} is empty; a table of waypoints begins with {_PATH_HEADER}")
+        raise InvalidReference(f"{name} is empty; a table of waypoints starts with {_PATH_HEADER}")
     table = np.array(rows, dtype=float).reshape(-1, len(columns))
-    _check_size(name, lines, table)
+    _check_values(name, lines, table)
     table *= _factors(name, columns, units)
     return _waypoints(name, lines, dict(zip(columns, table.T, strict=True)))
 
 
 def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
-    """Write a table that :func:`read_csv` reads as exactly the same; it names no frame."""
+    """Write a table, which :func:`read_csv` restores exactly; it does not contain the frame."""
     if isinstance(waypoints, Path):
         header, table = _PATH_HEADER, waypoints.poses
     else:
@@ -85,32 +85,32 @@ def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
 
 
 def _lines(name: str, text: str) -> list[str]:
-    """The lines of a table, if they are few enough."""
+    """Return the lines of a table, or raise InvalidReference if there are too many."""
     lines = text.splitlines()
-    if len(lines) > _MOST_LINES:
-        raise InvalidReference(f"{name} has more than {_MOST_LINES:,} lines; thin them out")
+    if len(lines) > _MAX_LINES:
+        raise InvalidReference(f"{name} has more than {_MAX_LINES:,} lines; thin them out")
     return lines
 
 
 def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " rows"]]) -> Waypoints:
-    def place(i: int) -> str:
-        """Where waypoint i stands, for messages."""
+    def position(i: int) -> str:
+        """Return the line of waypoint i, for messages."""
         return f"line {lines[i]}"
 
     poses = np.column_stack([column[key] for key in _POSE])
     if "t" not in column:
-        return untimed_waypoints(name, place, poses)
+        return untimed_waypoints(name, position, poses)
     twists = np.column_stack([column[key] for key in _TWIST]) if "vx" in column else None
-    return timed_waypoints(name, place, column["t"], poses, twists)
+    return timed_waypoints(name, position, column["t"], poses, twists)
 
 
 def _column(title: str) -> tuple[str, str] | None:
-    """The quantity and unit that a title names; None if it names none, "" for no unit."""
-    if len(title) > _LONGEST_TITLE:
+    """Return the quantity and unit of a column title ("" for no unit), or None if unknown."""
+    if len(title) > _MAX_TITLE:
         return None
     words = re.sub(r"[^a-z0-9]+", "_", title.lower().replace("/", " per ")).strip("_")
-    for quantity in sorted((*_UNITS, *_OTHER_NAMES), key=len, reverse=True):
-        known = _OTHER_NAMES.get(quantity, quantity)
+    for quantity in sorted((*_UNITS, *_ALIASES), key=len, reverse=True):
+        known = _ALIASES.get(quantity, quantity)
         if words == quantity:
             return known, ""
         unit = words.removeprefix(f"{quantity}_")
@@ -120,16 +120,16 @@ def _column(title: str) -> tuple[str, str] | None:
 
 
 def _columns(where: str, titles: list[str]) -> dict[str, float]:
-    """Quantity of each column and the factor of its unit, 0 where the title has no unit."""
+    """Return the unit factor of each column by its quantity, 0 where the title has no unit."""
     columns: dict[str, float] = {}
     for title in titles:
         found = _column(title)
         if found is None:
-            hint = suggestion(title, [*_UNITS, *_OTHER_NAMES])
+            hint = suggestion(title, [*_UNITS, *_ALIASES])
             raise InvalidReference(f"{where}: unknown column {short_repr(title)}{hint}")
         quantity, unit = found
         if quantity in columns:
-            raise InvalidReference(f"{where}: two columns hold {quantity}; remove one")
+            raise InvalidReference(f"{where}: two columns contain {quantity}; remove one")
         columns[quantity] = _UNITS[quantity].get(unit, 0.0)
     missing = [key for key in _POSE if key not in columns]
     velocities = [key for key in _TWIST if key in columns]
@@ -143,24 +143,26 @@ def _columns(where: str, titles: list[str]) -> dict[str, float]:
 
 
 def _factors(name: str, columns: dict[str, float], units: list[str]) -> Float[Array, " columns"]:
-    """What to multiply each column by, to have it in SI units."""
+    """Return the factor of each column for SI units."""
     if units and len(units) != len(columns):
         raise InvalidReference(f"{name}: {len(units)} units for {len(columns)} columns")
     factors = []
     for i, (quantity, factor) in enumerate(columns.items()):
-        description = _column(f"{quantity} {units[i]}") if units else None
-        if units and description is None:
+        column = _column(f"{quantity} {units[i]}") if units else None
+        if units and column is None:
             known = ", ".join(_UNITS[quantity])
             raise InvalidReference(
                 f"{name}: unknown unit {short_repr(units[i])} of {quantity}; there are {known}"
             )
-        factors.append(factor or _UNITS[quantity].get(description[1] if description else "", 1.0))
+        factors.append(factor or _UNITS[quantity].get(column[1] if column else "", 1.0))
     return np.array(factors)
 
 
 def _numbers(where: str, cells: list[str], count: int) -> list[float]:
     if len(cells) != count:
-        raise InvalidReference(f"{where}: {len(cells)} values, and the first line names {count}")
+        raise InvalidReference(
+            f"{where}: {len(cells)} values, but the first line has {count} columns"
+        )
     numbers: list[float] = []
     for cell in cells:
         try:
@@ -170,8 +172,8 @@ def _numbers(where: str, cells: list[str], count: int) -> list[float]:
     return numbers
 
 
-def _check_size(name: str, lines: list[int], table: Float[Array, "rows columns"]) -> None:
-    beyond = np.argwhere(~(np.abs(table) <= MAX_VALUE))  # also finds NaN
+def _check_values(name: str, lines: list[int], table: Float[Array, "rows columns"]) -> None:
+    beyond = np.argwhere(~(np.abs(table) <= MAX_VALUE))  # NaN as well
     if len(beyond):
         i, j = beyond[0]
         raise InvalidReference(

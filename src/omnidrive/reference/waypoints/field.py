@@ -1,4 +1,4 @@
-"""One value inside a file of nested mappings and lists, which knows where it stands."""
+"""Values of nested mappings and lists in a file, with their position for error messages."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Field:
     """A value read from a file.
 
     Attributes:
-        value: Mapping, list, text, number, truth value or None.
-        name: Where it stands, as ``poses[3].pose``; empty for the whole file.
-        file: The file's name, for messages.
+        value: Mapping, list, string, number, boolean or None.
+        name: Position in the file, such as ``poses[3].pose``; empty for the whole file.
+        file: Name of the file, for messages.
     """
 
     value: Any
@@ -28,14 +28,14 @@ class Field:
     file: str
 
     def __getitem__(self, key: str) -> Field:
-        """The field ``key`` of a mapping; refused if this is none or does not have it."""
+        """Return the field ``key``; raise InvalidReference if there is none."""
         found = self.get(key)
         if found is None:
-            raise self.error(f"does not set '{key}'")
+            raise self.error(f"has no key '{key}'")
         return found
 
     def get(self, key: str) -> Field | None:
-        """The field ``key`` of a mapping; None if it is absent or null."""
+        """Return the field ``key`` of a mapping, or None if it is absent or null."""
         if not isinstance(self.value, dict):
             raise self.error(f"is {self.description}, need a mapping")
         value = self.value.get(key)
@@ -43,7 +43,7 @@ class Field:
         return None if value is None else Field(value, name, self.file)
 
     def only(self, *keys: str) -> Field:
-        """This mapping, refused if it has other keys than these."""
+        """Return this mapping; raise InvalidReference if it has other keys than these."""
         for key in self.value if isinstance(self.value, dict) else ():
             if key not in keys:
                 raise self.error(
@@ -52,7 +52,7 @@ class Field:
         return self
 
     def items(self) -> list[Field]:
-        """The fields of a list; no more than 100,000."""
+        """Return the fields of a list of at most 100,000 entries."""
         if not isinstance(self.value, list):
             raise self.error(f"is {self.description}, need a list")
         if len(self.value) > MAX_SAMPLES:
@@ -60,11 +60,11 @@ class Field:
         return [Field(v, f"{self.name}[{i}]", self.file) for i, v in enumerate(self.value)]
 
     def number(self) -> float:
-        """The value as a finite number of at most 1e10."""
+        """Return the value as a finite number of at most 1e10."""
         value = self.value
         if not isinstance(value, (int, float)) or isinstance(value, bool):
             raise self.error(f"is {self.description}, need a number")
-        if not -MAX_VALUE <= value <= MAX_VALUE:  # also catches NaN
+        if not -MAX_VALUE <= value <= MAX_VALUE:  # NaN as well
             raise self.error(
                 f"is {self.description}, need a finite number of at most {MAX_VALUE:g}"
             )
@@ -72,33 +72,34 @@ class Field:
 
     @property
     def description(self) -> str:
-        """The value in a few words, for messages."""
+        """Short description of the value, for messages."""
         if isinstance(self.value, dict):
             return "a mapping"
         return "a list" if isinstance(self.value, list) else short_repr(self.value)
 
     def error(self, fact: str) -> InvalidReference:
-        """An error that says where, and what is wrong there."""
+        """Return an error with the position of this field and the given fact."""
         return InvalidReference(f"{self.file}: {self.name or 'the file'} {fact}")
 
 
 def read_json(file: Path) -> Field:
-    """The JSON value in ``file``: without NaN, infinity or keys that stand twice.
+    """Read the JSON value in ``file``.
 
     Raises:
-        InvalidReference: It is something else, larger than 10 MB or nested too deeply.
+        InvalidReference: The file is not JSON, contains NaN, infinity or a duplicate key, is larger
+            than 10 MB, or is nested too deeply.
     """
     text, name = read_text(file), one_line(str(file))
     try:
         value = json.loads(text, object_pairs_hook=_mapping, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         raise InvalidReference(
-            f"{name}, line {error.lineno}: not JSON: {error.msg}; is the file cut off?"
+            f"{name}, line {error.lineno}: not JSON: {error.msg}; is the file truncated?"
         ) from None
     except RecursionError:
-        raise InvalidReference(f"{name} is not read: it is nested too deeply") from None
+        raise InvalidReference(f"{name} cannot be read: it is nested too deeply") from None
     except ValueError as error:
-        raise InvalidReference(f"{name} is not read: {one_line(str(error), 120)}") from None
+        raise InvalidReference(f"{name} cannot be read: {one_line(str(error), 120)}") from None
     return Field(value, "", name)
 
 
@@ -108,10 +109,10 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         seen: set[str] = set()
         for key, _ in pairs:
             if key in seen:
-                raise ValueError(f"the key {short_repr(key)} stands twice in one object")
+                raise ValueError(f"the key {short_repr(key)} occurs twice in one object")
             seen.add(key)
     return mapping
 
 
 def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number that JSON allows")
+    raise ValueError(f"{name} is not a number in JSON")

@@ -1,8 +1,8 @@
-"""ROS `nav_msgs/Path` messages as YAML: what `ros2 topic echo` prints and `ros2 topic pub` takes.
+"""ROS `nav_msgs/Path` messages as YAML, the format of `ros2 topic echo` and `ros2 topic pub`.
 
-Fields that are left out have the values that ROS gives them: 0, and 1 for the quaternion's w.
-Source: the message definitions of nav_msgs, geometry_msgs and std_msgs; ROS 1's `secs`, `nsecs`
-and `seq` are read as well.
+Absent fields have the default values of ROS: 0, and 1 for w of a quaternion. The fields `secs`,
+`nsecs` and `seq` of ROS 1 are accepted. Source: the message definitions of nav_msgs, geometry_msgs
+and std_msgs.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from omnidrive.reference.waypoints.field import Field
 from omnidrive.reference.waypoints.text_file import MAX_BYTES, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints, untimed_waypoints
 
-_NORM_TOLERANCE = 0.01  # of a quaternion, which should be 1
-_TILT_TOLERANCE = 0.01  # of its x and y, which should be 0 on the ground
+_NORM_TOLERANCE = 0.01  # of the norm of a quaternion from 1
+_TILT_TOLERANCE = 0.01  # of x and y of a quaternion from 0, the value on level ground
 
 
 def read_nav_path(file: pathlib.Path) -> Waypoints:
-    """Read one message: timed if the poses' stamps grow, a :class:`Path` if they are all equal.
+    """Read one message, as a :class:`Path` if all stamps are equal, else as a reference.
 
-    A timed one holds no velocities: it is splined from rest to rest. The frame, and heights above
-    the ground, are left out.
+    A message has no velocities: a timed one is interpolated by a spline from rest to rest. The
+    frame and z coordinates are ignored.
 
     Raises:
-        InvalidReference: The file is no such message; the message says where.
+        InvalidReference: The file is not a valid message; the error gives the position.
     """
     check_is_file(file, "waypoints", InvalidReference)
     name = one_line(str(file))
@@ -42,7 +42,7 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
     poses = root.only("header", "poses")["poses"].items()
     for pose in poses:
         if pose.value == "...":
-            raise pose.error("is where ros2 topic echo cut the list off; add --full-length")
+            raise pose.error("is where ros2 topic echo truncated the list; add --full-length")
     _check_header(root)
     stamps = np.array([_stamp(pose) for pose in poses], dtype=np.int64)
     table = np.array([_pose(pose) for pose in poses], dtype=float).reshape(-1, 3)
@@ -53,10 +53,10 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
 
 
 def write_nav_path(file: pathlib.Path, waypoints: Waypoints, frame_id: str) -> None:
-    """Write one message as `ros2 topic echo` prints it, for `ros2 topic pub --yaml-file`.
+    """Write one message in the format of `ros2 topic echo`, for `ros2 topic pub --yaml-file`.
 
-    The stamps are the times of a reference since its start, to 1 ns, and 0 for a path. A message
-    has no place for velocities.
+    The stamps are the times of a reference since its start, rounded to 1 ns, and 0 for a path.
+    Velocities are not written.
     """
     times = [0.0] * len(waypoints.poses)
     if not isinstance(waypoints, Path):
@@ -78,7 +78,7 @@ def _message(file: pathlib.Path, name: str) -> object:
     messages = [document for document in documents if document is not None]
     if len(messages) != 1:
         raise InvalidReference(
-            f"{name} holds {len(messages)} messages, need one; record it with "
+            f"{name} contains {len(messages)} messages, need one; record it with "
             "ros2 topic echo --once --full-length"
         )
     return messages[0]
@@ -90,7 +90,7 @@ def _check_header(field: Field) -> Field | None:
 
 
 def _stamp(pose: Field) -> int:
-    """The stamp of a PoseStamped, in ns."""
+    """Return the stamp of a PoseStamped, in ns."""
     header = _check_header(pose.only("header", "pose"))
     stamp = header.get("stamp") if header else None
     if stamp is None:
@@ -104,7 +104,7 @@ def _stamp(pose: Field) -> int:
 
 
 def _whole(field: Field | None, limit: int) -> int:
-    """A number that counts from 0 to below ``limit``."""
+    """Return a whole number from 0 to below ``limit``; 0 for an absent field."""
     if field is None:
         return 0
     value = field.value
@@ -121,7 +121,7 @@ def _pose(field: Field) -> tuple[float, float, float]:
 
 
 def _yaw(pose: Field) -> float:
-    """Heading of a quaternion: atan2(2 (w z + x y), w^2 + x^2 - y^2 - z^2)."""
+    """Return the yaw of a quaternion: atan2(2 (w z + x y), w^2 + x^2 - y^2 - z^2)."""
     orientation = pose.get("orientation")
     if orientation is None:
         return 0.0
@@ -132,9 +132,7 @@ def _yaw(pose: Field) -> float:
     if abs(norm - 1.0) > _NORM_TOLERANCE:
         raise orientation.error(f"is a quaternion of norm {norm:.6g}, need 1")
     if hypot(x, y) > _TILT_TOLERANCE:
-        raise orientation.error(
-            f"tilts the robot: x {x:g} and y {y:g} must be 0, it drives on level ground"
-        )
+        raise orientation.error(f"tilts the robot: x {x:g} and y {y:g} must be 0 on level ground")
     return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
@@ -153,6 +151,6 @@ def _header(t: float, frame: str, indent: str) -> str:
 
 
 def _float(value: float) -> str:
-    """A float as YAML 1.1 knows it: with a point even before an exponent."""
+    """Return a float in YAML 1.1 syntax, with a decimal point before an exponent."""
     text = repr(value)
     return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -1,4 +1,4 @@
-"""Text files from strangers: read within bounds; and written."""
+"""Bounded reading and writing of waypoint files as text."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from omnidrive.errors import CannotWrite, InvalidReference
 from omnidrive.files.bounded_file import one_line, read_bounded
 
 MAX_BYTES = 10_000_000
+"""Largest size of a waypoint file, in bytes."""
 
 
 def read_text(file: Path) -> str:
-    """The text in ``file``, in UTF-8 with or without a byte-order mark: no more than 10 MB.
+    """Read a UTF-8 file, with or without a byte-order mark, of at most 10 MB.
 
     Raises:
-        InvalidReference: It cannot be read, is too large or is not text.
+        InvalidReference: The file cannot be read, is too large or is not text.
     """
     excess = f"is too large for waypoints: more than {MAX_BYTES:,} bytes; thin them out"
     content = read_bounded(file, MAX_BYTES, "waypoints", InvalidReference, excess=excess)
@@ -28,7 +29,7 @@ def read_text(file: Path) -> str:
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write ``text`` in UTF-8; what :func:`read_text` would refuse is not written.
+    """Write ``text`` in UTF-8, unless it is too large for :func:`read_text`.
 
     Raises:
         InvalidReference: The text is larger than 10 MB.

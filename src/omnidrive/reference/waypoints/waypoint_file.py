@@ -1,4 +1,4 @@
-"""Waypoint files: which format a name's ending means."""
+"""Waypoint files in the format given by the file name extension."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from omnidrive.reference.waypoints.nav_path import read_nav_path, write_nav_path
 from omnidrive.reference.waypoints.pathplanner import read_pathplanner, write_pathplanner
 from omnidrive.reference.waypoints.waypoints import Waypoints, untimed_waypoints
 
-_USUAL_STEP = 0.02  # s, the period at which most robots' loops run
+_DEFAULT_STEP = 0.02  # s, a common control period
 
 
 class _Format(NamedTuple):
@@ -39,12 +39,12 @@ _FORMATS = {
 def load_waypoints(path: str | pathlib.Path) -> Path | SampledReference:
     """Read waypoints from a CSV, PathPlanner, Choreo or ROS `nav_msgs/Path` file.
 
-    The name's ending says which it is: `.csv`, `.path`, `.traj`, `.yaml`. A file with times gives
-    a reference, which starts at 0; one without gives a path. Files have at most 10 MB and 100,000
-    waypoints, numbers are at most 1e10.
+    The file name extension determines the format: `.csv`, `.path`, `.traj`, `.yaml` or `.yml`. A
+    file with times gives a reference that starts at 0, a file without times gives a path. Limits:
+    10 MB, 100,000 waypoints, numbers up to 1e10.
 
     Raises:
-        InvalidReference: The file is missing, malformed, too large or contradicts itself.
+        InvalidReference: The file is missing, malformed, too large or inconsistent.
     """
     file = pathlib.Path(path)
     return _format(file).read(file)
@@ -57,28 +57,31 @@ def save_waypoints(
     dt: float | None = None,
     frame_id: str = "map",
 ) -> None:
-    """Write a path or reference so that :func:`load_waypoints` reads it; the ending tells how.
+    """Write a path or reference in the format given by the file name extension.
 
-    Choreo files need times; PathPlanner files hold none. Each format's writer says how exactly it
-    keeps what it is given: tables and Choreo files keep all of a reference's samples.
+    Choreo files need times; PathPlanner files have none. CSV tables and Choreo files keep all
+    samples of a reference exactly; for the accuracy of the other formats see their writers.
 
     Args:
-        path: The file, which is overwritten.
-        waypoints: What to write.
-        dt: Time between a reference's samples, in s, rounded to a whole number of steps; by default
-            the samples that a :class:`SampledReference` has, and 0.02 s for others.
-        frame_id: Name of W, for ROS.
+        path: File name; an existing file is overwritten.
+        waypoints: Path or reference to write.
+        dt: Time between the samples of a reference, in s, rounded to a whole number of steps; None:
+            the samples of a :class:`SampledReference`, and 0.02 s for other references.
+        frame_id: Name of W in ROS.
 
     Raises:
-        InvalidReference: The format cannot hold the waypoints, their name has another ending, or
-            two neighbours are more than half a turn apart: a file's reader turns the short way.
+        InvalidReference: The format cannot represent the waypoints, the extension is unknown, or
+            two neighbouring waypoints are more than half a turn apart, which a reader cannot
+            restore.
         CannotWrite: The file cannot be written.
     """
     file = pathlib.Path(path)
     write = _format(file).write
     if isinstance(waypoints, Path):
         if dt is not None:
-            raise InvalidReference("a path has no times: leave dt out, or make a reference of it")
+            raise InvalidReference(
+                "a path has no times: omit dt, or convert the path to a reference"
+            )
         _check_turns(waypoints)
         waypoints = untimed_waypoints("the path", lambda i: f"pose {i}", waypoints.poses)
     elif not isinstance(waypoints, Reference):
@@ -86,50 +89,52 @@ def save_waypoints(
             f"cannot save a {type(waypoints).__name__} as waypoints, only a Path or a Reference"
         )
     elif dt is not None or not isinstance(waypoints, SampledReference):
-        step = _USUAL_STEP if dt is None else dt
-        waypoints = _turning_short(waypoints, SampledReference.of(waypoints, step), step)
+        step = _DEFAULT_STEP if dt is None else dt
+        waypoints = _check_sampled_turns(waypoints, SampledReference.of(waypoints, step), step)
     elif len(waypoints.times) > MAX_SAMPLES:
         raise InvalidReference(
             f"{len(waypoints.times):,} samples are more than {MAX_SAMPLES:,}; choose a dt"
         )
     else:
         longest = float(np.diff(waypoints.times).max())
-        waypoints = _turning_short(waypoints, waypoints, longest)
+        waypoints = _check_sampled_turns(waypoints, waypoints, longest)
     write(file, waypoints, frame_id)
 
 
-def _turns_short(waypoints: Waypoints) -> bool:
-    """Whether no two neighbours are more than half a turn apart, so that unwrapping keeps them."""
+def _turns_at_most_half(waypoints: Waypoints) -> bool:
+    """Return whether neighbours are at most half a turn apart, so that a reader restores them."""
     return bool((np.abs(np.diff(waypoints.poses[:, 2])) <= np.pi).all())
 
 
 def _check_turns(path: Path) -> None:
-    """Refuse a path that a file's reader would turn the other way."""
+    """Raise InvalidReference if a reader would not restore the turns of the path."""
     turns = np.abs(np.diff(path.poses[:, 2]))
-    if _turns_short(path):
+    if _turns_at_most_half(path):
         return
     i = int(np.argmax(turns))
     raise InvalidReference(
-        f"the path turns by {turns[i]:.3f} rad from pose {i} to pose {i + 1}, which a file would "
-        "turn back to less than half a turn: unwrap its yaw, or add poses in between"
+        f"the path turns by {turns[i]:.3f} rad from pose {i} to pose {i + 1}, and a file "
+        "represents at most half a turn: unwrap its yaw, or add poses in between"
     )
 
 
-def _turning_short(reference: Reference, samples: SampledReference, dt: float) -> SampledReference:
-    """The samples, ``dt`` s apart, unless a file's reader would turn some the other way."""
-    if _turns_short(samples):
+def _check_sampled_turns(
+    reference: Reference, samples: SampledReference, dt: float
+) -> SampledReference:
+    """Return the samples, ``dt`` s apart; raise InvalidReference if turns would be lost."""
+    if _turns_at_most_half(samples):
         return samples
     finer, step = samples, dt
-    while not _turns_short(finer):
+    while not _turns_at_most_half(finer):
         step = float(f"{0.5 * step:.2g}")
         if reference.duration > step * MAX_SAMPLES:
             raise InvalidReference(
-                f"the motion turns so often that {MAX_SAMPLES:,} samples cannot tell how far"
+                f"the motion turns so fast that {MAX_SAMPLES:,} samples cannot represent it"
             )
         finer = SampledReference.of(reference, step)
     raise InvalidReference(
         f"the motion turns by more than half a turn between samples {dt:g} s apart, which a file "
-        f"would lose; a step of {step:g} s is short enough: choose it as dt"
+        f"cannot represent; choose dt = {step:g} s"
     )
 
 
@@ -137,7 +142,7 @@ def _format(file: pathlib.Path) -> _Format:
     found = _FORMATS.get(file.suffix.lower())
     if found is None:
         raise InvalidReference(
-            f"{one_line(str(file))}: the ending {short_repr(file.suffix)} names no format of "
-            "waypoints; use .csv, .path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path)"
+            f"{one_line(str(file))}: the extension {short_repr(file.suffix)} is not a waypoint "
+            "format; use .csv, .path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path)"
         )
     return found

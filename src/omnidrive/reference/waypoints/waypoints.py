@@ -1,4 +1,4 @@
-"""From the numbers that a waypoint file holds to a path or a timed reference."""
+"""Conversion of the contents of a waypoint file to a path or a reference."""
 
 from __future__ import annotations
 
@@ -24,29 +24,30 @@ Waypoints: TypeAlias = Path | SampledReference
 
 def timed_waypoints(
     file: str,
-    place: Callable[[int], str],
+    position: Callable[[int], str],
     times: Float[Array, " samples"],
     poses: Float[Array, "samples 3"],
     twists: Float[Array, "samples 3"] | None,
 ) -> SampledReference:
-    """The reference through samples; without twists, from rest to rest on a cubic spline.
+    """Return the reference through samples; without twists, a cubic spline from rest to rest.
 
     Args:
-        file: Its name, for messages.
-        place: Where in the file a sample stands, for messages.
-        times: In s.
+        file: Name of the file, for messages.
+        position: Position of a sample in the file, for messages.
+        times: Times in s.
         poses: x and y in m, yaw in rad.
-        twists: In W; m/s, m/s, rad/s.
+        twists: Velocities in W, in m/s, m/s and rad/s; None: unknown.
 
     Raises:
-        InvalidReference: Fewer than two samples, or times that do not grow.
+        InvalidReference: There are fewer than two samples, or times do not increase.
     """
     _check_count(file, len(poses))
     i = first_nonincreasing(times)
     if i is not None:
         raise InvalidReference(
-            f"{file}, {place(i)}: the time {times[i]:.9g} s does not come after {times[i - 1]:.9g} "
-            f"s; times must increase by at least {MIN_STEP:g} s from one sample to the next"
+            f"{file}, {position(i)}: the time {times[i]:.9g} s does not come after "
+            f"{times[i - 1]:.9g} s; times must increase by at least "
+            f"{MIN_STEP:g} s from one sample to the next"
         )
     if twists is None:
         return SampledReference.through(times, poses)
@@ -54,26 +55,27 @@ def timed_waypoints(
 
 
 def untimed_waypoints(
-    file: str, place: Callable[[int], str], poses: Float[Array, "points 3"]
+    file: str, position: Callable[[int], str], poses: Float[Array, "points 3"]
 ) -> Path:
-    """The path through poses, with the yaw unwrapped; arguments as for :func:`timed_waypoints`.
+    """Return the path through poses, with the yaw unwrapped; see :func:`timed_waypoints`.
 
     Raises:
-        InvalidReference: Fewer than two poses, the same one twice in a row, or a number that is
-            not finite or beyond 1e10.
+        InvalidReference: There are fewer than two poses, two consecutive poses are equal, or a
+            number is not finite or beyond 1e10.
     """
     _check_count(file, len(poses))
-    if not (np.abs(poses) <= MAX_VALUE).all():  # also catches NaN
+    if not (np.abs(poses) <= MAX_VALUE).all():  # NaN as well
         raise InvalidReference(
-            f"{file}: a waypoint is not made of finite numbers of at most {MAX_VALUE:g}"
+            f"{file}: a waypoint has a number that is not finite or beyond {MAX_VALUE:g}"
         )
     poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
     same = np.flatnonzero((np.diff(poses, axis=0) == 0.0).all(axis=1))
     if len(same):
         i = int(same[0])
         raise InvalidReference(
-            f"{file}, {place(i + 1)}: the same waypoint as before, x {poses[i, 0]:g} m, "
-            f"y {poses[i, 1]:g} m; remove one of the two, or give times to stand there"
+            f"{file}, {position(i + 1)}: the same waypoint as the previous one, "
+            f"x {poses[i, 0]:g} m, y {poses[i, 1]:g} m; remove one of the two, "
+            "or add times to wait there"
         )
     return Path(poses)
 
@@ -81,8 +83,7 @@ def untimed_waypoints(
 def _check_count(file: str, count: int) -> None:
     if count < 2:
         raise InvalidReference(
-            f"{file}: a way needs at least 2 waypoints, and here {'is' if count == 1 else 'are'} "
-            f"{count}"
+            f"{file}: a path needs at least 2 waypoints, and the file has {count}"
         )
     if count > MAX_SAMPLES:
         raise InvalidReference(f"{file}: {count:,} waypoints are more than {MAX_SAMPLES:,}")
