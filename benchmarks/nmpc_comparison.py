@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from nmpc_streams import AnyProblem, numbers, statement
 from peer_process import PeerProcess
-from timed import timed
+from timing import time_calls
 
 from omnidrive.control.nmpc import UnicycleSolution, UnicycleSolver
 from omnidrive.control.nmpc.holonomic import HolonomicSolution, HolonomicSolver
@@ -70,7 +70,7 @@ class LocalSolver:
         """Return the seconds of every call, and the first controls."""
         if fresh:
             self.solver.reset()
-        seconds, plans = timed(self.solver, ((problem,) for problem in problems))
+        seconds, plans = time_calls(self.solver, ((problem,) for problem in problems))
         return seconds, [plan[0] for plan in plans]
 
 

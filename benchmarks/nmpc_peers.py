@@ -16,7 +16,7 @@ try:
     import nmpc_models as models
     import numpy as np
     from peer_service import serve
-    from timed import timed
+    from timing import time_calls
 except ImportError as error:
     sys.exit(str(error))
 
@@ -105,7 +105,7 @@ def answer(request):
     ]
     if request["reset"]:
         solvers[key].reset(problems[0])
-    seconds, controls = timed(solvers[key], ((problem,) for problem in problems))
+    seconds, controls = time_calls(solvers[key], ((problem,) for problem in problems))
     return {"seconds": seconds, "controls": controls}
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from figures import at_most, console, publish, ratio, row
 from peer_process import PeerProcess
 from scipy import ndimage
-from timed import timed
+from timing import time_calls
 
 from omnidrive.maps import OccupancyGrid, maze_map, random_map, rooms_map
 from omnidrive.planning import GridSearch, search
@@ -92,7 +92,7 @@ def own_solver(find: Callable) -> Solver:
     """Create a solver from a function of start and goal."""
 
     def solve(pairs: list) -> tuple[list[float], list[float]]:
-        seconds, found = timed(find, pairs)
+        seconds, found = time_calls(find, pairs)
         return seconds, [each.cost for each in found]
 
     return solve

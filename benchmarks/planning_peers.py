@@ -20,7 +20,7 @@ try:
     from pathfinding.finder.a_star import AStarFinder
     from peer_service import serve
     from skimage.graph import route_through_array
-    from timed import timed
+    from timing import time_calls
 except ImportError as error:
     sys.exit(str(error))
 
@@ -166,7 +166,7 @@ def answer(request):
             prepared.clear()
         prepared[key] = PEERS[request["peer"]](np.load(request["map"]))
     queries = [(tuple(start), tuple(goal)) for start, goal in request["queries"]]
-    seconds, paths = timed(prepared[key], queries)
+    seconds, paths = time_calls(prepared[key], queries)
     return {"seconds": seconds, "lengths": list(map(length, paths, queries))}
 
 

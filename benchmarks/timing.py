@@ -1,4 +1,4 @@
-"""Calls timed one by one, alike in this process and in the peers'; needs nothing installed."""
+"""Timing of single calls, for the benchmarks and the peers' services; standard library only."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from time import perf_counter
 from typing import Any
 
 
-def timed(call: Callable[..., Any], arguments: Iterable[tuple]) -> tuple[list[float], list]:
-    """Seconds and results of ``call(*each)`` for each of the arguments, in their order."""
+def time_calls(call: Callable[..., Any], arguments: Iterable[tuple]) -> tuple[list[float], list]:
+    """Return the seconds and results of ``call(*each)`` for each of the arguments, in order."""
     seconds, results = [], []
     for each in arguments:
         began = perf_counter()
