@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import isfinite, nan
 
 import numpy as np
@@ -296,13 +297,11 @@ def rule_table(*, published_rules: bool) -> Table:
 
 def _without_empty_columns(table: Table) -> Table:
     """Return the table without the columns whose cells are all empty or dashes."""
-    keep = [
-        i for i in range(len(table.columns)) if any(row[i] not in {"", "–"} for row in table.rows)
-    ]
-    return Table(
-        table.title,
-        tuple(table.columns[i] for i in keep),
-        tuple(tuple(row[i] for i in keep) for row in table.rows),
-        table.note,
-        table.keys,
+    last = len(table.columns) - 1
+    keep = [i for i in range(last + 1) if any(row[i] not in {"", "–"} for row in table.rows)]
+    return replace(
+        table,
+        columns=tuple(table.columns[i] for i in keep),
+        rows=tuple(tuple(row[i] for i in keep) for row in table.rows),
+        prose=table.prose and last in keep,
     )
