@@ -131,9 +131,8 @@ class Inference:
         return values
 
     def __getstate__(self) -> dict[str, object]:
-        return {
-            k: v for k, v in vars(self).items() if k != "_infer_one"
-        }  # valid only in its process
+        # the entry point is an address, valid only in its process
+        return {k: v for k, v in vars(self).items() if k != "_infer_one"}
 
     def interval(self, *inputs: float) -> tuple[Float[Array, " outputs"], Float[Array, " outputs"]]:
         """Return least and greatest value of every output, for one number per input.
