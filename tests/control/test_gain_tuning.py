@@ -1,4 +1,4 @@
-"""The paper's fuzzy system: its table, its published form, and the presets that use it."""
+"""The paper's fuzzy system: rule tables, published system, and presets."""
 
 import numpy as np
 import pytest
@@ -17,44 +17,44 @@ every_system = pytest.mark.parametrize(
 )
 
 
-def test_published_system_is_that_of_the_file():
+def test_published_system_equals_published_file():
     filed = load(shared("paper/IT1FUZZY.fis"))
     ours = gain_tuning_system(published_rules())
     np.testing.assert_array_equal(Inference(filed)(GRID), Inference(ours)(GRID))
 
 
-def test_the_two_rule_tables_differ_in_two_cells():
+def test_rule_tables_differ_in_two_cells():
     rows, columns = np.nonzero((paper_rules() != published_rules()).any(axis=2))
     cells = [(LABELS[i], LABELS[j]) for i, j in zip(rows, columns, strict=True)]
     assert cells == [("NS", "NM"), ("PS", "NM")]
 
 
 @every_system
-def test_changes_stay_in_their_range(kind, preset):
+def test_gain_changes_stay_in_range(kind, preset):
     changes = gain_inference(kind, preset)(GRID)
     assert np.abs(changes).max() <= 0.1
     assert np.abs(changes).max() > 0.05
 
 
 @every_system
-def test_kp_and_ki_are_odd_in_the_paper(kind, preset):
+def test_kp_is_odd_in_paper_preset(kind, preset):
     if preset == "paper":
         infer = gain_inference(kind, preset)
         np.testing.assert_allclose(infer(-GRID)[:, 0], -infer(GRID)[:, 0], atol=0.021)
 
 
 @every_system
-def test_an_input_out_of_range_tunes_nothing(kind, preset):
+def test_input_out_of_range_gives_no_change(kind, preset):
     assert fuzzy_tuner(kind, preset)(1.5, 0.0) == (0.0, 0.0, 0.0)
 
 
 @every_system
-def test_a_lost_measurement_is_no_exception(kind, preset):
+def test_lost_measurement_gives_nan(kind, preset):
     assert np.isnan(fuzzy_tuner(kind, preset)(np.nan, 0.0)).all()
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_types_differ_by_little(preset):
+def test_types_differ_slightly(preset):
     first, second, third = (gain_inference(kind, preset)(GRID) for kind in KINDS)
     assert 1e-3 < np.abs(second - first).max() < 0.06
     assert 1e-4 < np.abs(third - second).max() < 0.03

@@ -1,4 +1,4 @@
-"""The self-tuning PID: its laws, its presets and the loop they close."""
+"""Self-tuning PID: laws, presets and closed-loop behaviour."""
 
 import pickle
 from math import cos, hypot, pi, sin
@@ -22,16 +22,16 @@ from omnidrive.control.pid import (
 )
 from omnidrive.control.pid.laws import (
     Gains,
-    PidState,
-    filtered,
+    SelfTuningState,
+    back_calculate_bounded,
     fuzzy_inputs,
-    mirrored,
+    low_pass,
+    mirror_to_negative,
     self_tuning_law,
-    tracking_drained,
     tracking_integral,
     tracking_law,
-    tuned,
-    tuned_within_reach,
+    tune_bounded_gains,
+    tune_gains,
 )
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State
@@ -74,7 +74,7 @@ class TestEveryPreset:
 
     @relaxed
     @given(poses, poses)
-    def test_drives_towards_the_goal_in_the_world(self, controller, pose, goal):
+    def test_velocity_points_to_goal(self, controller, pose, goal):
         twist = to_world(first_command(controller, pose, goal), pose.yaw)
         dx, dy = goal.x - pose.x, goal.y - pose.y
         speed = hypot(twist.vx, twist.vy)
@@ -83,7 +83,7 @@ class TestEveryPreset:
 
     @relaxed
     @given(poses, poses, angles)
-    def test_turning_the_world_changes_nothing(self, controller, pose, goal, angle):
+    def test_command_is_invariant_to_world_rotation(self, controller, pose, goal, angle):
         def turn(p):
             c, s = cos(angle), sin(angle)
             return Pose(c * p.x - s * p.y, s * p.x + c * p.y, p.yaw + angle)
@@ -92,33 +92,33 @@ class TestEveryPreset:
         there = first_command(controller, turn(pose), turn(goal))
         assert there == pytest.approx(here, abs=1e-6)
 
-    def test_reaches_the_goal_and_stays(self, controller):
+    def test_reaches_and_holds_goal(self, controller):
         run = closed_loop(controller, Pose(1.0, 1.0, 0.0), Pose(2.0, 2.0, pi / 4))
         error = np.abs(run.pose - run.target)[-20:]
         assert (run.status == Status.OK).all()
         assert error[:, :2].max() < 1e-3
         assert error[:, 2].max() < 1e-3
 
-    def test_reset_forgets_and_runs_repeat(self, controller):
+    def test_runs_after_reset_are_identical(self, controller):
         runs = [
             closed_loop(controller, Pose(1.0, 1.0, 0.0), Pose(2.0, 1.5, -1.0), 2.0)
             for _ in range(2)
         ]
         assert (runs[0].command == runs[1].command).all()
 
-    def test_travels_to_another_process(self, controller):
+    def test_is_picklable(self, controller):
         pose, goal = Pose(1.0, 1.0, 0.0), Pose(1.3, 1.2, 0.2)
         copy = pickle.loads(pickle.dumps(controller))
         assert first_command(copy, pose, goal) == first_command(controller, pose, goal)
 
-    def test_stands_still_on_the_goal(self, controller):
+    def test_zero_command_at_goal(self, controller):
         pose = Pose(1.0, 2.0, 0.3)
         assert first_command(controller, pose, pose) == pytest.approx((0.0, 0.0, 0.0))
 
 
 class TestPublishedCode:
     @pytest.mark.parametrize(("kind", "most"), [("t1", 7.2231), ("t2", 7.2827)])
-    def test_is_proportional_with_a_slight_bend(self, kind, most):
+    def test_total_gain_is_nearly_constant(self, kind, most):
         controller = fuzzy_pid(kind, "published-code", DT)
         gains = [
             first_command(controller, Pose(-e, 0.0, 0.0), Pose(0.0, 0.0, 0.0)).vx / e
@@ -127,7 +127,7 @@ class TestPublishedCode:
         assert min(gains) > 6.999
         assert most - 1e-3 < max(gains) < most + 1e-3
 
-    def test_beyond_one_metre_nothing_tunes(self):
+    def test_gains_are_not_tuned_beyond_one_metre(self):
         controller = fuzzy_pid("t1", "published-code", DT)
         twist = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(1.5, 0.0, 0.0))
         assert twist.vx == pytest.approx(7.0 * 1.5)
@@ -139,7 +139,7 @@ class TestPublishedCode:
         first = controller.step(0.0, State(0.0, pose), Hold(goal, 1.0))
         assert controller.step(DT, State(DT, pose), Hold(goal, 1.0)) == first
 
-    def test_does_not_wrap_the_heading(self):
+    def test_heading_difference_is_not_wrapped(self):
         controller = fuzzy_pid("t1", "published-code", DT)
         twist = first_command(controller, Pose(0.0, 0.0, 3.0), Pose(0.0, 0.0, -3.0))
         assert twist.yaw_rate == pytest.approx(-7.0 * 6.0)
@@ -147,25 +147,25 @@ class TestPublishedCode:
 
 @pytest.mark.parametrize("kind", ["t1", "t2"])
 class TestPaper:
-    def test_turns_the_short_way(self, kind):
+    def test_heading_difference_is_wrapped(self, kind):
         controller = fuzzy_pid(kind, "paper", DT)
         run = closed_loop(controller, Pose(0.0, 0.0, 3.0), Pose(0.0, 0.0, -3.0))
         assert np.abs(np.diff(run.pose[:, 2])).sum() < 2.0 * abs(wrap(-6.0))
         assert abs(wrap(run.pose[-1, 2] + 3.0)) < 1e-3
 
-    def test_respects_its_limits(self, kind):
+    def test_command_respects_limits(self, kind):
         controller = fuzzy_pid(kind, "paper", DT)
         run = closed_loop(controller, Pose(0.0, 0.0, 0.0), Pose(10.0, -10.0, 3.0), 20.0)
         assert np.hypot(run.command[:, 0], run.command[:, 1]).max() <= 1.5 + 1e-9
         assert np.abs(run.command[:, 2]).max() <= 3.14 + 1e-9
 
-    def test_a_long_saturated_run_does_not_wind_up(self, kind):
+    def test_saturation_causes_no_windup(self, kind):
         controller = fuzzy_pid(kind, "paper", DT)
         run = closed_loop(controller, Pose(0.0, 0.0, 0.0), Pose(10.0, 0.0, 0.0), 20.0)
         assert run.pose[:, 0].max() < 10.02
 
-    def test_follows_a_moving_goal_without_lag(self, kind):
-        """The integral: a ramp leaves no error, where proportional control would."""
+    def test_follows_ramp_without_lag(self, kind):
+        """The integral removes the error on a ramp, which proportional control would leave."""
 
         class Ramp(Hold):
             def at(self, t):
@@ -174,10 +174,10 @@ class TestPaper:
         plant = KinematicPlant(named_robot("paper"))
         ramp = Ramp(Pose(0.0, 0.0, 0.0), 20.0)
         run = simulate(plant, fuzzy_pid(kind, "paper", DT), ramp, start=Pose(0.0, 0.0, 0.0), dt=DT)
-        # its goal is one sample ahead: it arrives there at once, half a decimetre early
+        # the goal is one sample ahead, so that the robot leads by 0.5 m/s for 0.1 s
         assert run.pose[-1, 0] - run.target[-1, 0] == pytest.approx(0.5 * DT, abs=2e-3)
 
-    def test_memory_is_cleared_by_reset(self, kind):
+    def test_reset_clears_integrator(self, kind):
         controller = fuzzy_pid(kind, "paper", DT)
         goal = Hold(Pose(1.0, 0.0, 0.0), 1.0)
         pose = Pose(0.9, 0.0, 0.0)
@@ -194,48 +194,48 @@ class TestPaper:
 class TestLaw:
     @relaxed
     @given(errors, errors, errors)
-    def test_is_cut_without_turning(self, integral, last, error):
+    def test_saturation_keeps_direction(self, integral, last, error):
         parameters = SelfTuningParameters()
         gains = Gains(4.0, 3.0, 0.2)
         free = parameters._replace(limit=1e9)
-        state = PidState(integral, last, abs(last))
+        state = SelfTuningState(integral, last, abs(last))
         command, _ = self_tuning_law(parameters, gains, state, error, DT)
-        wanted, _ = self_tuning_law(free, gains, state, error, DT)
+        desired, _ = self_tuning_law(free, gains, state, error, DT)
         assert abs(command) <= parameters.limit + 1e-12
-        assert (command * wanted.conjugate()).imag == pytest.approx(0.0, abs=1e-9)
-        assert (command * wanted.conjugate()).real >= -1e-12
+        assert (command * desired.conjugate()).imag == pytest.approx(0.0, abs=1e-9)
+        assert (command * desired.conjugate()).real >= -1e-12
 
-    def test_is_the_textbook_sum_while_free(self):
+    def test_unsaturated_law_is_textbook_pid(self):
         free = SelfTuningParameters(limit=20.0)
-        state = PidState(0.3, 0.1, 0.1)
+        state = SelfTuningState(0.3, 0.1, 0.1)
         command, integral = self_tuning_law(free, Gains(4.0, 3.0, 0.2), state, 0.15, DT)
         assert integral == pytest.approx(0.3 + 3.0 * 0.15 * DT)
         assert command == pytest.approx(4.0 * 0.15 + integral + 0.2 * (0.15 - 0.1) / DT)
 
-    def test_the_cut_part_drains_the_integral(self):
+    def test_saturation_corrects_integral(self):
         parameters = SelfTuningParameters(limit=1.0, tracking_time=0.5)
         command, integral = self_tuning_law(
-            parameters, Gains(2.0, 0.0, 0.0), PidState(0.0, 1.0, 1.0), 1.0, DT
+            parameters, Gains(2.0, 0.0, 0.0), SelfTuningState(0.0, 1.0, 1.0), 1.0, DT
         )
         assert command == pytest.approx(1.0)
         assert integral == pytest.approx(-0.2)
 
     @relaxed
     @given(*[st.floats(-0.1, 0.1)] * 3)
-    def test_gains_are_bounded_and_never_negative(self, dkp, dki, dkd):
-        gains = tuned(SelfTuningParameters(), (dkp, dki, dkd))
+    def test_gains_are_bounded_and_not_negative(self, dkp, dki, dkd):
+        gains = tune_gains(SelfTuningParameters(), (dkp, dki, dkd))
         assert 3.0 <= gains.kp <= 5.0
         assert 2.0 <= gains.ki <= 4.0
         assert 0.0 <= gains.kd <= 1.0
 
 
 class Jump(Hold):
-    """At rest; after 0.95 s somewhere else."""
+    """A constant reference that jumps to another pose at 0.95 s."""
 
     def pose_at(self, t):
         x, y, yaw = self.pose
-        late = t > 0.95
-        return Pose(x + late, y + late, yaw + 0.5 * late)
+        jumped = t > 0.95
+        return Pose(x + jumped, y + jumped, yaw + 0.5 * jumped)
 
     def at(self, t):
         return super().at(t)._replace(pose=self.pose_at(t))
@@ -269,7 +269,7 @@ def make(request):
 
 
 class TestRecommended:
-    def test_with_kp_alone_is_the_feedforward_controller(self):
+    def test_equals_feedforward_controller_with_kp_only(self):
         plain = TrackingParameters(ki=0.0, kd=0.0, limit=20.0)
         start = Pose(0.1, -1.1, 0.1)
         one = run_on(tracking_pid(plain), Circle(), start)
@@ -277,12 +277,12 @@ class TestRecommended:
         assert one.command == pytest.approx(two.command, abs=1e-5)
 
     @pytest.mark.parametrize("dt", [0.01, 0.1, 0.5])
-    def test_follows_a_circle_at_any_sample_time(self, make, dt):
+    def test_follows_circle_at_any_sample_time(self, make, dt):
         run = run_on(make(dt), Circle(), Circle().at(0.0).pose, dt)
         assert np.abs(run.pose - run.target)[-3:].max() < 0.01
 
-    def test_a_jump_of_the_reference_gives_no_kick(self, make):
-        """Neither before it, by feedforward, nor in the rate of the error at it."""
+    def test_reference_jump_gives_no_derivative_kick(self, make):
+        """Neither through the feedforward before it nor through the rate of the error."""
         start = Pose(0.0, 0.0, 0.0)
         run = run_on(make(DT), Jump(start, 2.0), start)
         jump = round(1.0 / DT)
@@ -294,37 +294,37 @@ class TestRecommended:
         assert np.hypot(run.command[:, 0], run.command[:, 1]).max() <= 1.05 * limit  # arc for chord
         assert np.abs(run.command[:, 2]).max() <= limit + 1e-9
 
-    def test_the_wheels_shortfall_is_the_rate_of_the_error(self):
-        """A robot held fast while the reference moves: rate is the reference's, filtered."""
+    def test_error_rate_of_blocked_robot_is_reference_velocity(self):
+        """The measured pose is constant while the reference moves."""
         controller = tracking_pid(TrackingParameters(filter_time=0.0))
         pose = Circle().at(0.0).pose
         controller.reset(State(0.0, pose))
         units = list(controller.detail_units)
-        seen = [controller.step(t, State(t, pose), Circle()).details for t in (0.0, DT)]
+        details = [controller.step(t, State(t, pose), Circle()).details for t in (0.0, DT)]
         column = units.index("change_input_x")
-        assert seen[0][column] == 0.0
-        assert seen[1][column] == pytest.approx(2 * pi / 8.0, rel=0.01)
+        assert details[0][column] == 0.0
+        assert details[1][column] == pytest.approx(2 * pi / 8.0, rel=0.01)
 
-    def test_a_long_saturated_run_does_not_wind_up(self, make):
+    def test_saturation_causes_no_windup(self, make):
         start = Pose(0.0, 0.0, 0.0)
         run = run_on(make(DT), Hold(Pose(10.0, -5.0, 3.0), 20.0), start)
         assert run.pose[:, 0].max() < 10.01
         assert run.pose[:, 1].min() > -5.01
         assert np.abs(run.pose - run.target)[-10:].max() < 1e-3
 
-    def test_x_and_y_are_cut_without_turning(self):
+    def test_saturation_of_x_and_y_keeps_direction(self):
         controller = tracking_pid(TrackingParameters())
         twist = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(4.0, 1.0, 0.0))
         assert twist.vy / twist.vx == pytest.approx(0.25)
         assert hypot(twist.vx, twist.vy) == pytest.approx(1.5)
 
-    def test_turns_the_short_way(self, make):
+    def test_heading_difference_is_wrapped(self, make):
         run = run_on(make(DT), Hold(Pose(0.0, 0.0, -3.0), 10.0), Pose(0.0, 0.0, 3.0))
         assert np.abs(np.diff(run.pose[:, 2])).sum() < 1.1 * abs(wrap(-6.0))
         assert abs(wrap(run.pose[-1, 2] + 3.0)) < 1e-3
 
-    def test_a_wrapped_measurement_is_no_turn(self, make):
-        """The heading's reading jumps by a whole turn; nothing else happens."""
+    def test_wrapped_measurement_has_no_effect(self, make):
+        """The measured heading jumps by 2 pi."""
 
         class Wrapped(LatestFix):
             def update(self, readings):
@@ -336,8 +336,8 @@ class TestRecommended:
         wrapped = run_on(make(DT), Circle(), start, estimator=Wrapped())
         assert wrapped.command == pytest.approx(plain.command, abs=1e-9)
 
-    def test_removes_a_lasting_error(self, make):
-        """A robot that drifts: proportional control would stay 0.1 / 5 m behind."""
+    def test_integral_removes_constant_error(self, make):
+        """A drift of 0.1 m/s: proportional control alone would leave an error of 0.1 / 5 m."""
 
         class Drifting(KinematicPlant):
             def step(self, twist, dt):
@@ -349,7 +349,7 @@ class TestRecommended:
         assert np.abs(run.pose[:, 0]).max() > 0.01
         assert abs(run.pose[-1, 0]) < 1e-3
 
-    def test_one_lost_measurement_fails_one_step(self, make):
+    def test_lost_measurement_fails_one_step(self, make):
         controller, pose = make(DT), Circle().at(0.0).pose
         controller.reset(State(0.0, pose))
         controller.step(0.0, State(0.0, pose), Circle())
@@ -359,20 +359,20 @@ class TestRecommended:
         assert after.status is Status.OK
         assert np.isfinite([*after.twist, *after.details]).all()
 
-    def test_the_fuzzy_system_tunes_within_reach(self):
+    def test_tuned_gains_stay_within_deviation(self):
         p = TrackingParameters()
         run = run_on(fuzzy_pid("t1", "recommended", DT), Circle(), Pose(0.1, -1.3, -0.2))
         for axis in ("x", "y", "heading"):
             for gain in ("kp", "ki", "kd"):
                 column = run.details[f"{gain}_{axis}"][:-1]
-                middle, reach = getattr(p, gain), getattr(p, f"{gain}_reach")
-                assert np.ptp(column) > 0.1 * reach
-                assert column.min() >= max(0.0, middle - reach)
-                assert column.max() <= middle + reach
+                middle, deviation = getattr(p, gain), getattr(p, f"{gain}_deviation")
+                assert np.ptp(column) > 0.1 * deviation
+                assert column.min() >= max(0.0, middle - deviation)
+                assert column.max() <= middle + deviation
             for name in ("error_input", "change_input"):
                 assert np.abs(run.details[f"{name}_{axis}"][:-1]).max() <= 1.0
 
-    def test_travels_to_another_process(self, make):
+    def test_is_picklable(self, make):
         controller, pose, goal = make(DT), Pose(1.0, 1.0, 0.0), Pose(1.03, 1.02, 0.2)
         copy = pickle.loads(pickle.dumps(controller))
         assert first_command(copy, pose, goal) == first_command(controller, pose, goal)
@@ -384,9 +384,9 @@ small = st.floats(-5.0, 5.0)
 
 class TestTrackingLaw:
     @given(changes)
-    def test_gains_are_bounded_and_never_negative(self, change):
+    def test_gains_are_bounded_and_not_negative(self, change):
         p = TrackingParameters(kd=0.02)
-        kp, ki, kd = tuned_within_reach(p, change)
+        kp, ki, kd = tune_bounded_gains(p, change)
         assert 4.0 - 1e-9 <= kp <= 6.0 + 1e-9
         assert 0.0 <= ki <= 2.0 + 1e-9
         assert 0.0 <= kd <= 0.07 + 1e-9
@@ -399,46 +399,46 @@ class TestTrackingLaw:
         assert b == pytest.approx(np.clip(rate / p.rate_range, -1.0, 1.0))
 
     @given(small, small)
-    def test_both_signs_of_an_error_are_tuned_alike(self, error, change):
-        assert mirrored(error, change) == mirrored(-error, -change)
-        assert mirrored(error, change)[0] == -abs(error)
-        assert set(np.abs(mirrored(error, change))) == set(np.abs((error, change)))
+    def test_tuning_is_symmetric_in_error_sign(self, error, change):
+        assert mirror_to_negative(error, change) == mirror_to_negative(-error, -change)
+        assert mirror_to_negative(error, change)[0] == -abs(error)
+        assert set(np.abs(mirror_to_negative(error, change))) == set(np.abs((error, change)))
 
-    def test_the_filter_has_its_time_constant(self):
+    def test_filter_has_time_constant(self):
         value, dt = 0.0, 1e-4
         for _ in range(2000):
-            value = filtered(0.2, value, 1.0, dt)
+            value = low_pass(0.2, value, 1.0, dt)
         assert value == pytest.approx(1.0 - np.exp(-1.0), abs=1e-3)
-        assert filtered(0.0, 5.0, 1.0, DT) == 1.0
+        assert low_pass(0.0, 5.0, 1.0, DT) == 1.0
 
     @pytest.mark.parametrize("dt", [0.001, 0.1, 1.0])
-    def test_the_proportional_part_decays_exactly(self, dt):
+    def test_proportional_part_decays_exactly(self, dt):
         left = 1.0 - dt * tracking_law(Gains(5.0, 0.0, 0.0), 0.0, 1.0, 0.0, dt)
         assert left == pytest.approx(np.exp(-5.0 * dt))
 
-    def test_is_the_sum_of_its_parts(self):
+    def test_law_is_sum_of_its_parts(self):
         law = tracking_law(Gains(5.0, 9.0, 0.2), 0.3, 0.1, -0.5, 1e-9)
         assert law == pytest.approx(5.0 * 0.1 + 0.3 - 0.2 * 0.5, rel=1e-6)
 
-    def test_the_integral_holds_beyond_its_range(self):
+    def test_integral_holds_beyond_error_range(self):
         p = TrackingParameters(error_range=0.05)
         assert tracking_integral(p, 2.0, 0.3, 0.05, DT) == pytest.approx(0.3 + 2.0 * 0.05 * DT)
         assert tracking_integral(p, 2.0, 0.3, 0.051, DT) == 0.3
 
     @given(small, small)
-    def test_a_cut_drains_the_integral_and_never_turns_it(self, integral, missing):
+    def test_saturation_reduces_integral_without_sign_change(self, integral, saturation_error):
         p = TrackingParameters(tracking_time=0.5)
-        left = tracking_drained(p, integral, missing, DT)
+        left = back_calculate_bounded(p, integral, saturation_error, DT)
         assert abs(left) <= abs(integral)
         assert left * integral >= 0.0
-        if integral * missing < 0.0 and abs(missing) * DT / 0.5 < abs(integral):
-            assert left == pytest.approx(integral + 0.2 * missing)
+        if integral * saturation_error < 0.0 and abs(saturation_error) * DT / 0.5 < abs(integral):
+            assert left == pytest.approx(integral + 0.2 * saturation_error)
 
 
 class TestClassical:
-    """The fuzzy PID without its fuzzy system."""
+    """The presets with constant gains."""
 
-    def test_paper_has_the_first_gains(self):
+    def test_paper_preset_has_initial_gains(self):
         run = run_on(classical_pid("paper", DT), Circle(), Pose(0.1, -1.2, 0.1))
         for axis in ("position", "heading"):
             gains = [run.details[f"{gain}_{axis}"][:-1] for gain in ("kp", "ki", "kd")]
@@ -446,10 +446,10 @@ class TestClassical:
 
     @relaxed
     @given(poses, poses)
-    def test_published_code_is_proportional(self, pose, goal):
+    def test_published_code_preset_is_proportional(self, pose, goal):
         twist = to_world(first_command(classical_pid("published-code", DT), pose, goal), pose.yaw)
-        wanted = [7.0 * (b - a) for a, b in zip(pose, goal, strict=True)]
-        assert list(twist) == pytest.approx(wanted, abs=1e-9)
+        desired = [7.0 * (b - a) for a, b in zip(pose, goal, strict=True)]
+        assert list(twist) == pytest.approx(desired, abs=1e-9)
 
     def test_units_of_the_gains(self):
         units = classical_pid("paper", DT).detail_units
@@ -459,7 +459,7 @@ class TestClassical:
         assert units["error_input_heading"] == "1"
 
 
-def test_a_wrapper_that_announces_no_details_logs_none():
+def test_controller_without_detail_units_logs_no_details():
     class Wrapper:
         def __init__(self):
             self.inner = classical_pid("recommended", DT)
@@ -473,8 +473,8 @@ def test_a_wrapper_that_announces_no_details_logs_none():
     assert run_on(Wrapper(), Circle(), Circle().at(0.0).pose).details == {}
 
 
-def test_other_details_than_announced_are_refused():
-    class Talkative(FeedforwardController):
+def test_details_that_do_not_match_units_are_refused():
+    class Mismatched(FeedforwardController):
         @property
         def detail_units(self):
             return {"a": "1"}
@@ -482,7 +482,7 @@ def test_other_details_than_announced_are_refused():
         def step(self, t, state, reference):
             return super().step(t, state, reference)._replace(details=(1.0, 2.0))
 
-    run = run_on(Talkative(DT), Circle(), Circle().at(0.0).pose)
+    run = run_on(Mismatched(DT), Circle(), Circle().at(0.0).pose)
     assert run.outcome is Outcome.CONTROLLER_FAILED
     assert "holds 2 details, its detail_units 1" in run.reason
 
@@ -490,7 +490,7 @@ def test_other_details_than_announced_are_refused():
 @pytest.mark.parametrize(
     "parameters", [SelfTuningParameters(), MemorylessParameters(), TrackingParameters()]
 )
-def test_defaults_lie_within_their_bounds(parameters):
+def test_defaults_lie_within_bounds(parameters):
     bounds = bounds_of(type(parameters))
     assert list(bounds) == list(parameters._fields)
     for name, bound in bounds.items():
@@ -498,7 +498,7 @@ def test_defaults_lie_within_their_bounds(parameters):
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.1, float("nan"), float("inf")])
-def test_a_sample_time_that_is_none_is_refused(dt):
+def test_invalid_sample_time_is_refused(dt):
     with pytest.raises(InvalidInput, match="positive"):
         fuzzy_pid("t1", "paper", dt)
     with pytest.raises(InvalidInput, match="positive"):

@@ -14,7 +14,7 @@ from omnidrive.reference import Reference
 
 
 class FeedforwardGains(NamedTuple):
-    """Rates at which errors decay."""
+    """Decay rates of the position and heading errors."""
 
     position: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0
     heading: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0
@@ -23,16 +23,16 @@ class FeedforwardGains(NamedTuple):
 def feedforward_law(
     gains: FeedforwardGains, pose: Pose, now: Pose, soon: Pose, dt: float
 ) -> BodyTwist:
-    """Body twist that follows the reference exactly and lets errors decay.
+    """Return the body twist that follows the reference exactly and makes errors decay.
 
     The continuous law ``twist_W = ref' + K (ref - pose)`` (Siciliano et al., "Robotics", 2009,
-    eq. 3.70) makes the error decay as ``e(t + dt) = exp(-K dt) e(t)``. Sampled and held, the same
-    decay is had by steering to ``goal = ref(t + dt) + exp(-K dt) (pose - ref(t))`` along the arc
-    that a held body twist describes, so that turning while translating costs no error.
+    eq. 3.70) makes the error decay as ``e(t + dt) = exp(-K dt) e(t)``. A sampled and held command
+    has the same decay if it leads to ``goal = ref(t + dt) + exp(-K dt) (pose - ref(t))`` along the
+    arc of a constant body twist, so that rotation during translation causes no error.
 
     Args:
         gains: K, in 1/s.
-        pose: Where the robot is, at t.
+        pose: Pose of the robot at t.
         now: Reference pose at t.
         soon: Reference pose at t + dt.
         dt: Sample time in s.
@@ -51,11 +51,11 @@ _USUAL_GAINS = FeedforwardGains()
 
 @dataclass(frozen=True, slots=True)
 class FeedforwardController:
-    """A :class:`Controller` around :func:`feedforward_law`; it has no memory.
+    """A :class:`Controller` with :func:`feedforward_law`; it has no memory.
 
     Attributes:
         dt: Sample time in s.
-        gains: Rates at which errors decay, in 1/s.
+        gains: Decay rates of errors, in 1/s.
     """
 
     dt: float

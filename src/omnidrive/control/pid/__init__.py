@@ -1,4 +1,4 @@
-"""PID controllers, classical and with gains that a fuzzy system tunes, and that system."""
+"""PID controllers with constant gains or gains tuned by a fuzzy system, and that system."""
 
 from omnidrive.control.pid.channel import (
     MemorylessChannel,

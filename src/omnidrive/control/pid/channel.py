@@ -1,4 +1,4 @@
-"""One controlled quantity: a fuzzy system, a PID law and its memory."""
+"""PID channels: one controlled quantity with its tuner, its law and its memory."""
 
 from __future__ import annotations
 
@@ -10,59 +10,60 @@ from omnidrive.control.pid.laws import (
     GainChange,
     Gains,
     MemorylessParameters,
-    PidState,
     SelfTuningParameters,
+    SelfTuningState,
     TrackingParameters,
     TrackingState,
-    filtered,
+    back_calculate_bounded,
     fuzzy_inputs,
+    low_pass,
     memoryless_law,
-    mirrored,
+    mirror_to_negative,
     self_tuning_law,
-    tracking_drained,
     tracking_integral,
     tracking_law,
-    tuned,
-    tuned_within_reach,
+    tune_bounded_gains,
+    tune_gains,
 )
 from omnidrive.parameter import bounds_of
 
 Tuner = Callable[[float, float], GainChange]
-"""From the scaled size of the error and its scaled change to the changes of kp, ki and kd."""
+"""Maps the scaled error and its scaled change to the changes of kp, ki and kd."""
 
 
 def no_tuning(error: float, change: float) -> GainChange:
-    """A :data:`Tuner` that leaves the gains where they are: a classical PID."""
+    """Return zero changes, a :data:`Tuner` for constant gains: a classical PID."""
     return (0.0, 0.0, 0.0)
 
 
-class Tuning(NamedTuple):
-    """What the fuzzy system did at one sample."""
+class TuningRecord(NamedTuple):
+    """Gains in use and inputs of the fuzzy system at one sample."""
 
     kp: float
-    """Gain in use; likewise ``ki`` and ``kd``. Units: :func:`tuning_units`."""
+    """Proportional gain in use; likewise ``ki`` and ``kd``. Units: :func:`tuning_units`."""
     ki: float
     kd: float
     error_input: float
-    """Scaled error, before any mirroring."""
+    """Scaled error, before mirroring."""
     change_input: float
-    """Scaled change of the error, likewise."""
+    """Scaled change of the error, before mirroring."""
 
 
 Parameters = MemorylessParameters | SelfTuningParameters | TrackingParameters
 
 
 def tuning_units(parameters: Parameters) -> dict[str, str]:
-    """Unit of each field of :class:`Tuning` under these parameters."""
+    """Return the unit of each field of :class:`TuningRecord` for these parameters."""
     bounds = bounds_of(type(parameters))
     return {
-        name: bounds[name].unit or "1" if name in Gains._fields else "1" for name in Tuning._fields
+        name: bounds[name].unit or "1" if name in Gains._fields else "1"
+        for name in TuningRecord._fields
     }
 
 
 @runtime_checkable
 class Channel(Protocol):
-    """Turns one error into one command, once every sample time."""
+    """Maps one error to one command, once per sample time."""
 
     @property
     def parameters(self) -> MemorylessParameters | SelfTuningParameters:
@@ -70,17 +71,25 @@ class Channel(Protocol):
         ...
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Clear the memory."""
         ...
 
-    def step(self, error: complex, size: float) -> tuple[complex, Tuning]:
-        """Command in m/s or rad/s for an error in m or rad, and its size as the tuner sees it."""
+    def step(self, error: complex, magnitude: float) -> tuple[complex, TuningRecord]:
+        """Return the command for an error.
+
+        Args:
+            error: Error in m (as a complex number for a vector) or rad.
+            magnitude: Input of the tuner: length of a vector, or signed error of a coordinate.
+
+        Returns:
+            Command in m/s or rad/s, and the record of the tuning.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class MemorylessChannel:
-    """A :class:`Channel` around :func:`memoryless_law`.
+    """A :class:`Channel` with :func:`memoryless_law`.
 
     Attributes:
         tune: The fuzzy system.
@@ -93,17 +102,17 @@ class MemorylessChannel:
     def reset(self) -> None:
         """Do nothing: the law has no memory."""
 
-    def step(self, error: complex, size: float) -> tuple[complex, Tuning]:
-        """Command for this error; the last one counts as zero, so the change is all of it."""
+    def step(self, error: complex, magnitude: float) -> tuple[complex, TuningRecord]:
+        """Return the command; the previous error counts as zero: the change equals the error."""
         parameters = self.parameters
-        inputs = (parameters.error_gain * size, parameters.change_gain * size)
-        gains = tuned(parameters, self.tune(*inputs))
-        return memoryless_law(gains, error), Tuning(*gains, *inputs)
+        inputs = (parameters.error_gain * magnitude, parameters.change_gain * magnitude)
+        gains = tune_gains(parameters, self.tune(*inputs))
+        return memoryless_law(gains, error), TuningRecord(*gains, *inputs)
 
 
 @dataclass(slots=True)
 class SelfTuningChannel:
-    """A :class:`Channel` around :func:`self_tuning_law`.
+    """A :class:`Channel` with :func:`self_tuning_law`.
 
     Attributes:
         tune: The fuzzy system.
@@ -114,31 +123,31 @@ class SelfTuningChannel:
     tune: Tuner
     dt: float
     parameters: SelfTuningParameters
-    _state: PidState | None = field(default=None, init=False)
+    _state: SelfTuningState | None = field(default=None, init=False)
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Clear the memory."""
         self._state = None
 
-    def step(self, error: complex, size: float) -> tuple[complex, Tuning]:
-        """Command for this error."""
+    def step(self, error: complex, magnitude: float) -> tuple[complex, TuningRecord]:
+        """Return the command for an error."""
         parameters, state = self.parameters, self._state
         if state is None:
-            state = PidState(0.0, error, size)
-        rate = (size - state.size) / self.dt
-        inputs = (parameters.error_gain * size, parameters.change_gain * rate)
-        gains = tuned(parameters, self.tune(*inputs))
+            state = SelfTuningState(0.0, error, magnitude)
+        rate = (magnitude - state.magnitude) / self.dt
+        inputs = (parameters.error_gain * magnitude, parameters.change_gain * rate)
+        gains = tune_gains(parameters, self.tune(*inputs))
         command, integral = self_tuning_law(parameters, gains, state, error, self.dt)
-        self._state = PidState(integral, error, size)
-        return command, Tuning(*gains, *inputs)
+        self._state = SelfTuningState(integral, error, magnitude)
+        return command, TuningRecord(*gains, *inputs)
 
 
-_REST = TrackingState(0.0, 0.0)
+_INITIAL = TrackingState(0.0, 0.0)
 
 
 @dataclass(slots=True)
 class TrackingChannel:
-    """One coordinate of a :class:`TrackingPidController`, around :func:`tracking_law`.
+    """One coordinate of a :class:`TrackingPidController`, with :func:`tracking_law`.
 
     Attributes:
         tune: The fuzzy system.
@@ -149,24 +158,28 @@ class TrackingChannel:
     tune: Tuner
     dt: float
     parameters: TrackingParameters
-    _state: TrackingState = field(default=_REST, init=False)
+    _state: TrackingState = field(default=_INITIAL, init=False)
 
     def reset(self) -> None:
-        """Forget the past."""
-        self._state = _REST
+        """Clear the memory."""
+        self._state = _INITIAL
 
-    def step(self, error: float, rate: float) -> tuple[float, Tuning]:
-        """Correction wanted, in m/s or rad/s, for an error in m or rad and its rate."""
+    def step(self, error: float, rate: float) -> tuple[float, TuningRecord]:
+        """Return the desired correction in m/s or rad/s for an error in m or rad and its rate."""
         parameters, state, dt = self.parameters, self._state, self.dt
-        rate = filtered(parameters.filter_time, state.rate, rate, dt)
+        rate = low_pass(parameters.filter_time, state.rate, rate, dt)
         inputs = fuzzy_inputs(parameters, error, rate)
-        gains = tuned_within_reach(parameters, self.tune(*mirrored(*inputs)))
+        gains = tune_bounded_gains(parameters, self.tune(*mirror_to_negative(*inputs)))
         integral = tracking_integral(parameters, gains.ki, state.integral, error, dt)
         self._state = TrackingState(integral, rate)
-        return tracking_law(gains, integral, error, rate, dt), Tuning(*gains, *inputs)
+        return tracking_law(gains, integral, error, rate, dt), TuningRecord(*gains, *inputs)
 
-    def lose(self, missing: float) -> None:
-        """Be told how much was cut from the correction: as given minus as wanted."""
+    def compensate_saturation(self, saturation_error: float) -> None:
+        """Correct the integral for saturation (back-calculation).
+
+        Args:
+            saturation_error: Saturated minus desired correction, in m/s or rad/s.
+        """
         integral, rate = self._state
-        integral = tracking_drained(self.parameters, integral, missing, self.dt)
+        integral = back_calculate_bounded(self.parameters, integral, saturation_error, self.dt)
         self._state = TrackingState(integral, rate)

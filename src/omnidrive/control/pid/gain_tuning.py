@@ -29,8 +29,9 @@ INPUT_SETS = (
     (0.0, 0.6667, 1.0),
     (0.6667, 1.0, 1.0),
 )
-"""Left foot, peak and right foot of the sets of the scaled error and of its scaled change, NB to
-PB; four decimals, as published."""
+"""Left foot, peak and right foot of the sets of the scaled error and its scaled change, NB to PB.
+
+Four decimals, as published."""
 
 OUTPUT_SETS = (
     (-0.1, -0.1, -0.06667),
@@ -45,7 +46,7 @@ OUTPUT_SETS = (
 
 
 def gain_tuning_system(rules: Int[Array, "7 7 3"]) -> FuzzySystem:
-    """The paper's system of type 1 under a table of rules."""
+    """Return the paper's type-1 system with the given rule table (see :mod:`.rules`)."""
     return FuzzySystem(
         "gain tuning",
         tuple(InputVariable(name, -1.0, 1.0, _sets(INPUT_SETS)) for name in INPUTS),

@@ -1,4 +1,4 @@
-"""Named PID controllers: the paper's text, what its published code did, and this project's own."""
+"""PID presets: the paper's text, its published code, and the recommended controller."""
 
 from __future__ import annotations
 
@@ -24,37 +24,37 @@ from omnidrive.parameter import check_sample_time
 PidPreset = Literal["paper", "published-code", "recommended"]
 
 MAX_YAW_RATE = 3.14
-"""Limit of the paper's predictive controller, in rad/s."""
+"""Yaw-rate limit of the paper's predictive controller, in rad/s."""
 
 PidController = FuzzyPidController | TrackingPidController
 
 
 def fuzzy_pid(kind: Kind, preset: PidPreset, dt: float) -> PidController:
-    """Self-tuning PID controller.
+    """Return a self-tuning PID controller.
 
     Args:
         kind: ``t1`` for type-1 sets, ``t2`` for interval type-2 sets, ``t3`` for interval type-3.
-        preset: ``paper`` follows the paper's text, mended where it diverges;
-            ``published-code`` does what the author's code did: proportional control;
-            ``recommended`` follows the reference's motion and corrects signed errors in B, tuned by
-            the paper's fuzzy system, which sees both signs of an error alike.
+        preset: ``paper`` follows the paper's text, corrected where it diverges;
+            ``published-code`` is the author's code: proportional control;
+            ``recommended`` follows the reference's motion and corrects signed errors in B, with
+            gains tuned by the paper's fuzzy system in the same way for both signs of an error.
         dt: Sample time in s.
 
     Raises:
-        InvalidInput: ``dt`` is not positive, or there is no such kind or preset.
+        InvalidInput: ``dt`` is not positive, or the kind or preset is unknown.
     """
     return _pid(fuzzy_tuner(kind, "paper" if preset == "recommended" else preset), preset, dt)
 
 
 def classical_pid(preset: PidPreset, dt: float) -> PidController:
-    """The same controllers with constant gains: what the fuzzy system has to be better than.
+    """Return the same controller with constant gains, as a baseline for the fuzzy system.
 
     Args:
-        preset: As for :func:`fuzzy_pid`; its gains are the middle of the tuned ones.
+        preset: As for :func:`fuzzy_pid`; the gains are the initial values of the tuned ones.
         dt: Sample time in s.
 
     Raises:
-        InvalidInput: ``dt`` is not positive, or there is no such preset.
+        InvalidInput: ``dt`` is not positive, or the preset is unknown.
     """
     return _pid(no_tuning, preset, dt)
 
@@ -63,13 +63,13 @@ def _pid(tune: Tuner, preset: PidPreset, dt: float) -> PidController:
     check_sample_time(dt)
     if preset == "published-code":
         channel = MemorylessChannel(tune, MemorylessParameters())
-        return FuzzyPidController(dt, channel, channel, wraps=False)
+        return FuzzyPidController(dt, channel, channel, wraps_heading=False)
     if preset == "paper":
         return FuzzyPidController(
             dt,
             SelfTuningChannel(tune, dt, SelfTuningParameters()),
             SelfTuningChannel(tune, dt, SelfTuningParameters(limit=MAX_YAW_RATE)),
-            wraps=True,
+            wraps_heading=True,
         )
     if preset == "recommended":
         x, y, heading = (TrackingChannel(tune, dt, TrackingParameters()) for _ in range(3))

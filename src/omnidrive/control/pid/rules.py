@@ -1,4 +1,4 @@
-"""The rule tables: which change of gain each pair of error and error change calls for."""
+"""Rule tables: the changes of the gains for each pair of error and error change."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def _consequents(cell: str) -> list[int]:
 
 
 def paper_rules() -> Int[Array, "7 7 3"]:
-    """Rule table of the paper's text: index in :data:`LABELS` of the set of each gain's change.
+    """Return the rule table of the paper's text, as indices into :data:`LABELS`.
 
-    The element (i, j, g) is the consequent of gain g (kp, ki, kd) where the error is set i and
-    the error change set j.
+    The element (i, j, g) is the consequent for gain g (kp, ki, kd) if the error is set i and the
+    error change set j.
     """
     return np.array([[_consequents(cell) for cell in _PAPER[row].split()] for row in LABELS])
 
 
 def published_rules() -> Int[Array, "7 7 3"]:
-    """Rule table of the published system: :func:`paper_rules` but for two cells."""
+    """Return the rule table of the published system: :func:`paper_rules` except for two cells."""
     rules = paper_rules()
     for (row, column), cell in _PUBLISHED_CELLS.items():
         rules[LABELS.index(row), LABELS.index(column)] = _consequents(cell)

@@ -1,4 +1,4 @@
-"""Fuzzy systems that tune gains: the paper's text, and what its published code used."""
+"""Fuzzy systems that tune gains: those of the paper's text and of its published code."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ Kind = Literal["t1", "t2", "t3"]
 Preset = Literal["paper", "published-code"]
 
 PAPER_FOOTPRINT = Footprint(scale=1.0, left=0.3)
-"""Of every set, in the paper's text."""
+"""Footprint of every set in the paper's text."""
 PUBLISHED_INPUTS = Footprint(scale=0.7, left=0.2)
-"""Of the input sets, in the published code."""
+"""Footprint of the input sets in the published code."""
 PUBLISHED_OUTPUTS = Footprint(scale=1.0, left=0.2)
-"""Of the output sets, in the published code: Matlab's default."""
+"""Footprint of the output sets in the published code: Matlab's default."""
 
 SLICES = 5
-"""Levels at which sets of type 3 are cut: twice as many change no output by 1e-4, 1/2000 of its
-range."""
+"""Number of levels of the z-slices of type-3 sets.
+
+Twice as many change no output by 1e-4, 1/2000 of its range."""
 
 
 @cache
 def gain_inference(kind: Kind, preset: Preset) -> Inference:
-    """The fuzzy system of a preset, ready to be evaluated.
+    """Return the compiled fuzzy system of a preset.
 
-    ``paper`` has the paper's table, exact centroids and, for type 2 and 3, centre of sets;
-    ``published-code`` has the code's table and Matlab's centroid. The paper has no type 3: its
-    sets are those of type 2 with the usual secondary function.
+    ``paper`` has the paper's table, exact centroids and, for types 2 and 3, centre-of-sets type
+    reduction; ``published-code`` has the code's table and Matlab's centroid. The paper has no
+    type 3: its sets are those of type 2 with the default secondary membership.
 
     Raises:
-        InvalidInput: There is no such kind or preset.
+        InvalidInput: The kind or preset is unknown.
     """
     makers: dict[str, Callable[[Kind], Inference]] = {"paper": _paper, "published-code": _published}
     if preset not in makers or kind not in {"t1", "t2", "t3"}:
@@ -48,19 +49,20 @@ def gain_inference(kind: Kind, preset: Preset) -> Inference:
 
 
 def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
-    """The fuzzy system of a preset: from scaled error and change to changes of kp, ki and kd.
+    """Return the tuner of a preset: from scaled error and change to the changes of kp, ki and kd.
 
-    Inputs outside [-1, 1] fire no rule, as in Matlab: the changes are then zero.
+    Inputs outside [-1, 1] fire no rule, as in Matlab: the changes are then zero. Inputs that are
+    not finite give nan.
 
     Raises:
-        InvalidInput: There is no such kind or preset.
+        InvalidInput: The kind or preset is unknown.
     """
     return partial(_changes, gain_inference(kind, preset))
 
 
 def _changes(infer: Inference, error: float, change: float) -> GainChange:
     if not (isfinite(error) and isfinite(change)):
-        return nan, nan, nan  # a lost measurement: the loop stops the robot, nothing is raised
+        return nan, nan, nan  # a lost measurement fails the step, without an exception
     kp, ki, kd = infer(error, change).tolist()
     return kp, ki, kd
 
