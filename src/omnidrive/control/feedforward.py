@@ -21,7 +21,7 @@ class FeedforwardGains(NamedTuple):
 
 
 def feedforward_law(
-    gains: FeedforwardGains, pose: Pose, now: Pose, soon: Pose, dt: float
+    gains: FeedforwardGains, pose: Pose, current: Pose, following: Pose, dt: float
 ) -> BodyTwist:
     """Return the body twist that follows the reference exactly and makes errors decay.
 
@@ -33,20 +33,20 @@ def feedforward_law(
     Args:
         gains: K, in 1/s.
         pose: Pose of the robot at t.
-        now: Reference pose at t.
-        soon: Reference pose at t + dt.
+        current: Reference pose at t.
+        following: Reference pose at t + dt.
         dt: Sample time in s.
     """
-    keep, keep_yaw = exp(-gains.position * dt), exp(-gains.heading * dt)
+    decay, yaw_decay = exp(-gains.position * dt), exp(-gains.heading * dt)
     goal = Pose(
-        soon.x + keep * (pose.x - now.x),
-        soon.y + keep * (pose.y - now.y),
-        soon.yaw + keep_yaw * wrap(pose.yaw - now.yaw),
+        following.x + decay * (pose.x - current.x),
+        following.y + decay * (pose.y - current.y),
+        following.yaw + yaw_decay * wrap(pose.yaw - current.yaw),
     )
     return twist_between(pose, goal, dt)
 
 
-_USUAL_GAINS = FeedforwardGains()
+_DEFAULT_GAINS = FeedforwardGains()
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class FeedforwardController:
     """
 
     dt: float
-    gains: FeedforwardGains = _USUAL_GAINS
+    gains: FeedforwardGains = _DEFAULT_GAINS
 
     def __post_init__(self) -> None:
         check_sample_time(self.dt)
@@ -68,7 +68,7 @@ class FeedforwardController:
         """Do nothing: the law has no memory."""
 
     def step(self, t: float, state: State, reference: Reference) -> Command:
-        """Command for the state estimated at ``t`` (s); only its pose is used."""
+        """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
-        now, soon = (Pose(*row) for row in reference.window(t, 2, self.dt)[:, :3].tolist())
-        return Command(feedforward_law(self.gains, pose, now, soon, self.dt))
+        current, following = (Pose(*row) for row in reference.window(t, 2, self.dt)[:, :3].tolist())
+        return Command(feedforward_law(self.gains, pose, current, following, self.dt))

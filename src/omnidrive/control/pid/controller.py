@@ -64,7 +64,7 @@ class FuzzyPidController:
         self.heading.reset()
 
     def step(self, t: float, state: State, reference: Reference) -> Command:
-        """Command for the state estimated at ``t`` (s); only its pose is used."""
+        """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
         goal = reference.at(t + self.dt).pose
         error = complex(goal.x - pose.x, goal.y - pose.y)
@@ -116,15 +116,15 @@ class TrackingPidController:
             channel.reset()
 
     def step(self, t: float, state: State, reference: Reference) -> Command:
-        """Command for the state estimated at ``t`` (s); only its pose is used."""
+        """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
         if not isfinite(pose.x + pose.y + pose.yaw):
             self._previous = None
             return Command(_STOP, Status.FAILED)
-        now, motion = _motion(reference, t, self.dt)
+        current, motion = _motion(reference, t, self.dt)
         rate = self._rate(pose)
         self._previous = pose, motion
-        error = _in_body(pose, now.x - pose.x, now.y - pose.y, wrap(now.yaw - pose.yaw))
+        error = _in_body(pose, current.x - pose.x, current.y - pose.y, wrap(current.yaw - pose.yaw))
 
         x, details_x = self.x.step(error[0], rate[0])
         y, details_y = self.y.step(error[1], rate[1])

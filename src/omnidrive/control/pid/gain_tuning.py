@@ -46,7 +46,7 @@ OUTPUT_SETS = (
 
 
 def gain_tuning_system(rules: Int[Array, "7 7 3"]) -> FuzzySystem:
-    """Return the paper's type-1 system with the given rule table (see :mod:`.rules`)."""
+    """Return the paper's type-1 system with a rule table of :mod:`omnidrive.control.pid.rules`."""
     return FuzzySystem(
         "gain tuning",
         tuple(InputVariable(name, -1.0, 1.0, _sets(INPUT_SETS)) for name in INPUTS),
