@@ -74,7 +74,7 @@ def fuzzy(monkeypatch, capsys, tmp_path):
         try:
             status = app([*map(str, args)], prog_name="omnidrive fuzzy", standalone_mode=False)
         except Exception as error:
-            status = sys.modules["omnidrive.cli.main"]._explain(error)
+            status = sys.modules["omnidrive.cli.main"]._handle(error)
         printed = capsys.readouterr()
         return int(status or 0), printed.out, printed.err
 

@@ -1,4 +1,4 @@
-"""What inference does with inputs it should not get, and that it never answers NaN."""
+"""Inference with invalid and extreme inputs: errors, policies, and outputs that are never NaN."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ NAN, INF = float("nan"), float("inf")
 
 
 def heater(**output):
-    """Cold heats, hot cools; between 20 and 22 degrees no rule fires."""
+    """Return a system in which no rule fires between 20 and 22 degrees."""
     cold = FuzzySet("cold", Membership("linzmf", (10, 20)))
     hot = FuzzySet("hot", Membership("trimf", (22, 30, 38)))
     wet = FuzzySet("wet", Membership("linsmf", (0, 100)))
@@ -44,22 +44,22 @@ def heater(**output):
     )
 
 
-KINDS = {
+SYSTEMS = {
     1: heater(),
     2: heater().with_footprint(Footprint(0.9, 0.1)),
     3: heater().with_footprint(Footprint(0.9, 0.1), secondary=Secondary()),
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("type_", SYSTEMS)
 @pytest.mark.parametrize("bad", [NAN, INF, -INF])
-@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("index", [0, 1])
 @pytest.mark.parametrize("policy", ["clamp", "matlab", "raise"])
-def test_an_input_that_is_no_number_is_refused_by_name(kind, bad, place, policy):
-    run = Inference(KINDS[kind], out_of_range=policy)
+def test_error_names_input_that_is_not_finite(type_, bad, index, policy):
+    run = Inference(SYSTEMS[type_], out_of_range=policy)
     x = [15.0, 50.0]
-    x[place] = bad
-    name = ("temp", "damp")[place]
+    x[index] = bad
+    name = ("temp", "damp")[index]
     means = "not a number" if np.isnan(bad) else "infinite"
     rows = np.array([[15.0, 50.0]] * 3 + [x])
     for call in (lambda: run(*x), lambda: run(np.array(x)),
@@ -72,41 +72,41 @@ def test_an_input_that_is_no_number_is_refused_by_name(kind, bad, place, policy)
             run.batch(rows, threads=threads)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_out_of_range_is_the_end_of_the_range_as_it_is_or_an_error(kind):
-    system = KINDS[kind]
+@pytest.mark.parametrize("type_", SYSTEMS)
+def test_out_of_range_policies(type_):
+    system = SYSTEMS[type_]
     assert Inference(system)(40.0, 50.0) == Inference(system)(35.0, 50.0)
     assert Inference(system)(-1e300, 1e300) == Inference(system)(0.0, 100.0)
-    as_it_is = Inference(system, out_of_range="matlab")
-    assert as_it_is(40.0, 50.0)[0] == 2.5  # beyond hot, which ends at 38: no rule fires
-    refuses = Inference(system, out_of_range="raise")
-    assert refuses(35.0, 0.0) == Inference(system)(35.0, 0.0)
+    unchanged = Inference(system, out_of_range="matlab")
+    assert unchanged(40.0, 50.0)[0] == 2.5  # no rule fires beyond 38, the end of hot
+    raising = Inference(system, out_of_range="raise")
+    assert raising(35.0, 0.0) == Inference(system)(35.0, 0.0)
     with pytest.raises(InvalidInput, match=r"'damp' is -1, outside its range \[0, 100\]"):
-        refuses(15.0, -1.0)
+        raising(15.0, -1.0)
     with pytest.raises(InvalidInput, match=r"row 1: the input 'temp' is 36, outside"):
-        refuses.batch(np.array([[35.0, 0.0], [36.0, 0.0]]))
+        raising.batch(np.array([[35.0, 0.0], [36.0, 0.0]]))
     with pytest.raises(InvalidInput, match="'damp' is nan, not a number"):
-        refuses(36.0, NAN)  # what is no number is worse
+        raising(36.0, NAN)  # NaN has priority over out of range
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_where_no_rule_fires_the_default_answers_or_an_error(kind):
-    system = KINDS[kind]
+@pytest.mark.parametrize("type_", SYSTEMS)
+def test_no_rule_policies(type_):
+    system = SYSTEMS[type_]
     assert Inference(system)(21.0, 0.0)[0] == 2.5
     assert Inference(system).fired_rules(21.0, 0.0) == []
     seven = replace(system, outputs=(replace(system.outputs[0], default=7.0),))
     value, least, greatest = Inference(seven).batch(np.array([[21.0, 0.0]]))[:, 0, 0]
     assert value == pytest.approx(7.0, abs=1e-14)
     assert (least, greatest) == (value, value)
-    refuses = Inference(system, no_rule="raise")
+    raising = Inference(system, no_rule="raise")
     with pytest.raises(InvalidInput, match="no rule fires for temp = 21, damp = 0"):
-        refuses(21.0, 0.0)
+        raising(21.0, 0.0)
     with pytest.raises(InvalidInput, match="row 2: no rule fires"):
-        refuses(np.array([[15.0, 0.0], [25.0, 0.0], [21.0, 0.0]]))
-    assert refuses(15.0, 0.0) == Inference(system)(15.0, 0.0)
+        raising(np.array([[15.0, 0.0], [25.0, 0.0], [21.0, 0.0]]))
+    assert raising(15.0, 0.0) == Inference(system)(15.0, 0.0)
 
 
-def test_an_output_of_which_no_rule_speaks_takes_its_default():
+def test_output_without_rules_has_its_default():
     system = heater()
     lamp = replace(system.outputs[0], name="lamp", default=4.0)
     both = replace(system, outputs=(*system.outputs, lamp))
@@ -115,9 +115,9 @@ def test_an_output_of_which_no_rule_speaks_takes_its_default():
         Inference(both, no_rule="raise")(15.0, 0.0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_wrong_numbers_and_names_of_inputs_are_refused(kind):
-    run = Inference(KINDS[kind])
+@pytest.mark.parametrize("type_", SYSTEMS)
+def test_wrong_number_or_names_of_inputs(type_):
+    run = Inference(SYSTEMS[type_])
     for call in (
         run,
         lambda: run(1.0),
@@ -139,7 +139,7 @@ def test_wrong_numbers_and_names_of_inputs_are_refused(kind):
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "message"),
     [
         ({"samples": 1}, "needs 2 to"),
         ({"samples": 10**9}, "needs 2 to"),
@@ -147,18 +147,18 @@ def test_wrong_numbers_and_names_of_inputs_are_refused(kind):
         ({"slices": 10**6}, "needs 1 to"),
     ],
 )
-def test_options_beyond_their_range_are_refused(options, says):
-    with pytest.raises(InvalidInput, match=says):
+def test_options_out_of_range(options, message):
+    with pytest.raises(InvalidInput, match=message):
         Inference(heater(), **options)
 
 
-def test_what_has_no_exact_centroid_says_why():
+def test_reason_for_missing_exact_centroid_is_named():
     output = replace(heater().outputs[0], aggregation="sum")
     with pytest.raises(InvalidInput, match="aggregated by sum, not max; use centroid matlab"):
         Inference(replace(heater(), outputs=(output,)), centroid="exact")
 
 
-def test_only_a_centroid_comes_of_type_2():
+def test_type_2_supports_only_centroid():
     with pytest.raises(InvalidInput, match="bisector is for type 1"):
         Inference(heater(defuzzifier="bisector").with_footprint(Footprint(0.9)))
 
@@ -169,14 +169,14 @@ EXTREMES = st.sampled_from([0.0, -0.0, 5e-324, 1e-300, 1.0, 1e6, 1e150, 1e300, 1
 @given(systems(), st.integers(0, 2**32 - 1), st.lists(EXTREMES, min_size=6, max_size=6),
        st.sampled_from(["clamp", "matlab"]), st.sampled_from(["centroid", "cos"]))  # fmt: skip
 @settings(max_examples=100, deadline=None)
-def test_never_nan_and_never_out_of_range(system, seed, extremes, policy, reduction):
-    """All shapes, norms, types and defuzzifiers; inputs within, beyond and far beyond."""
+def test_outputs_are_finite_and_in_range(system, seed, extremes, policy, reduction):
+    """All shapes, norms, types and defuzzifiers; inputs inside, outside and far outside ranges."""
     if system.type > 1 and not system.is_sugeno:
         system = replace(
             system, outputs=tuple(replace(o, defuzzifier="centroid") for o in system.outputs)
         )
     if system.is_sugeno:
-        policy = "clamp"  # a linear function of 1e308 is no number of any use
+        policy = "clamp"  # a linear function of 1e308 overflows
     width = len(system.inputs)
     rng = np.random.default_rng(seed)
     corners = [[v.low if rng.random() < 0.5 else v.high for v in system.inputs] for _ in range(3)]
@@ -189,25 +189,23 @@ def test_never_nan_and_never_out_of_range(system, seed, extremes, policy, reduct
         ]
     )
     options = {"out_of_range": policy, "samples": 31, "slices": 2, "reduction": reduction}
-    found = Inference(system, **options).batch(at)
-    assert np.isfinite(found).all()
+    results = Inference(system, **options).batch(at)
+    assert np.isfinite(results).all()
     if system.is_sugeno:
         return
     for o, output in enumerate(system.outputs):
         slack = 1e-9 * (output.high - output.low)
         default = (output.low + output.high) / 2 if output.default is None else output.default
         low, high = min(output.low, default) - slack, max(output.high, default) + slack
-        assert (low <= found[..., o]).all()
-        assert (found[..., o] <= high).all()
+        assert (low <= results[..., o]).all()
+        assert (results[..., o] <= high).all()
 
 
 @pytest.mark.parametrize("implication", ["min", "prod"])
 @pytest.mark.parametrize("centroid", ["exact", "matlab"])
 @pytest.mark.parametrize("far", [20.0, 37.0, 38.4, 38.55, 50.0])
-def test_a_rule_that_hardly_fires_does_not_throw_the_output_out_of_its_range(
-    implication, centroid, far
-):
-    """The tail of a Gaussian is a denormal number: few figures are left of a weight."""
+def test_output_stays_in_range_for_tiny_firing_strength(implication, centroid, far):
+    """The tail of a Gaussian is a denormal number with few significant digits."""
     tail = FuzzySet("tail", Membership("gaussmf", (1.0, 0.0)))
     top = FuzzySet("top", Membership("trimf", (1.5, 1.6, 1.7)))
     system = FuzzySystem(
@@ -221,7 +219,7 @@ def test_a_rule_that_hardly_fires_does_not_throw_the_output_out_of_its_range(
         assert 1.5 <= Inference(each, centroid=centroid)(far)[0] <= 1.7
 
 
-def test_a_constant_that_overflows_is_not_nan():
+def test_overflowing_function_is_not_nan():
     f = LinearFunction("f", 1e308, (1e308,))
     cold = FuzzySet("cold", Membership("linsmf", (0, 1)))
     system = FuzzySystem(

@@ -252,7 +252,7 @@ XL, XH, ZL = Is("x", "low"), Is("x", "high"), Is("z", "low")
         ),
         (with_rule(And((XL, Or((XH, ZL))))), "no rules with both 'and' and 'or'; split it"),
         (with_rule(Or((XL, XH))), 'rule "if x is low or x is high then y is high": Matlab has no '
-                                  "rules with two terms of one input"),
+                                  "rules with two propositions about one input"),
         (with_rule(Is("x", "low", ("very",))), "no hedge but 'not'"),
         (with_rule(Is("x", "", ("any",))), "no hedge but 'not'"),
         (with_sets(LOW, replace(HIGH, upper=Membership("pointsmf", (0, 0, 1, 1)))),

@@ -48,9 +48,9 @@ Type2Option = Annotated[
     typer.Option(
         "--type2",
         metavar="SCALE,LAG[,LAG]",
-        help="Convert a type-1 system to interval type 2: peak of every lower function, 0 to 1, "
-        "and the degree up to which it is zero, for the left and the right side. The outputs of a "
-        "Sugeno system have no fuzzy sets and are not changed.",
+        help="Convert a type-1 system to interval type 2. SCALE: peak of every lower function, "
+        "0 to 1. LAG: degree of the upper function up to which the lower one is zero, on the left "
+        "and the right side. Outputs of Sugeno systems have no fuzzy sets and are not changed.",
     ),
 ]
 InOption = Annotated[
@@ -233,11 +233,11 @@ def evaluate(
         raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
     _check_overwrite(target, force)
     _announce_compilation()
-    done = evaluate_csv(inference, source, target, threads=threads or available_cores())
-    if done.unused:
-        shown = ", ".join(done.unused[:6]) + (", ..." if len(done.unused) > 6 else "")
+    result = evaluate_csv(inference, source, target, threads=threads or available_cores())
+    if result.unused:
+        shown = ", ".join(result.unused[:6]) + (", ..." if len(result.unused) > 6 else "")
         _warn(f"columns ignored, because they are not inputs: {shown}")
-    typer.echo(f"{done.rows} rows written to {one_line(str(target))}")
+    typer.echo(f"{result.rows} rows written to {one_line(str(target))}")
 
 
 def _choice(option: str, value: str, names: Any) -> Any:

@@ -53,7 +53,7 @@ _OPERATORS = {
     "ACCU": _AGGREGATIONS,
 }
 
-_AFTER_TERM = frozenset(
+_AFTER_PROPOSITION = frozenset(
     {"AND", "OR", "THEN", "WITH", ")", "(", ",", ";", "RULE", "END_RULEBLOCK", ""}
 )
 
@@ -508,7 +508,7 @@ class _RuleParser:
                 break
         with locate_errors(variable.position):
             if "any" in hedges:
-                if tokens.next.key not in _AFTER_TERM:
+                if tokens.next.key not in _AFTER_PROPOSITION:
                     raise malformed(position, f"expected no set after 'any', got {tokens.next}")
                 return Is(variable.text, "", tuple(hedges))
             name = tokens.name(f"a set of {variable.text[:40]!r}").text

@@ -225,13 +225,13 @@ class _NumberedSets:
         self.is_sugeno = isinstance(variable, OutputVariable) and variable.is_sugeno
         self._name = variable.name
         self._sets = [each.name for each in variable.sets]
-        self._terms: dict[str, Is | None] = {}
+        self._propositions: dict[str, Is | None] = {}
 
-    def term(self, token: Token) -> Is | None:
-        """Return the term of a set's number; a minus negates it; None for 0, no term."""
-        if token.text not in self._terms:
-            self._terms[token.text] = self._read(token)
-        return self._terms[token.text]
+    def proposition(self, token: Token) -> Is | None:
+        """Return the proposition of a set's number; a minus means "not"; None for 0."""
+        if token.text not in self._propositions:
+            self._propositions[token.text] = self._read(token)
+        return self._propositions[token.text]
 
     def _read(self, token: Token) -> Is | None:
         position, word = token.position, token.text
@@ -260,8 +260,8 @@ class _NumberedSets:
 def _rule(
     entry: RuleEntry, inputs: tuple[_NumberedSets, ...], outputs: tuple[_NumberedSets, ...]
 ) -> Rule:
-    antecedent = _terms(inputs, entry.inputs)
-    consequents = _terms(outputs, entry.outputs)
+    antecedent = _propositions(inputs, entry.inputs)
+    consequents = _propositions(outputs, entry.outputs)
     if not antecedent:
         raise malformed(
             entry.inputs[0].position, "the rule has no antecedent: the set of every input is 0"
@@ -269,9 +269,9 @@ def _rule(
     start = entry.outputs[0].position
     if not consequents:
         raise malformed(start, "the rule has no consequent: the set of every output is 0")
-    for term in consequents:
-        if term.hedges and (outputs[0].is_sugeno or term.hedges != ("not",)):
-            raise malformed(start, f"a consequent cannot be {' '.join(term.hedges)!r}")
+    for each in consequents:
+        if each.hedges and (outputs[0].is_sugeno or each.hedges != ("not",)):
+            raise malformed(start, f"a consequent cannot be {' '.join(each.hedges)!r}")
     join = Or if entry.is_or else And
     with locate_errors(entry.weight_position):
         return Rule(
@@ -279,6 +279,8 @@ def _rule(
         )
 
 
-def _terms(variables: tuple[_NumberedSets, ...], tokens: tuple[Token, ...]) -> tuple[Is, ...]:
-    terms = (each.term(token) for each, token in zip(variables, tokens, strict=True))
-    return tuple(term for term in terms if term is not None)
+def _propositions(
+    variables: tuple[_NumberedSets, ...], tokens: tuple[Token, ...]
+) -> tuple[Is, ...]:
+    found = (each.proposition(token) for each, token in zip(variables, tokens, strict=True))
+    return tuple(each for each in found if each is not None)

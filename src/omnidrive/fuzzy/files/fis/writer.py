@@ -21,9 +21,9 @@ from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction, Varia
 def write_fis(system: FuzzySystem) -> str:
     """Return the text of a ``.fis`` file, which :func:`read_fis` reads as an equal system.
 
-    The systems are equal except that the terms of an antecedent are in the order of the inputs;
-    that in a type-2 system a set without a footprint gets one of scale 1 and lag 0, which is
-    equivalent; and that the algorithm of a type-1 system, which has no effect, is not written.
+    There are three exceptions: the propositions of an antecedent are in the order of the inputs; in
+    a type-2 system, a set without a footprint gets one of scale 1 and lag 0, which is equivalent;
+    and the algorithm of a type-1 system, which has no effect, is not written.
 
     Raises:
         InvalidInput: Matlab does not support a part of the system; the message names the part.
@@ -133,13 +133,13 @@ def _rule_line(system: FuzzySystem, rule: Rule) -> str:
     parts: tuple[Antecedent, ...] = (
         (antecedent,) if isinstance(antecedent, Is) else antecedent.parts
     )
-    terms = [part for part in parts if isinstance(part, Is)]
+    propositions = [part for part in parts if isinstance(part, Is)]
     missing = None
-    if len(terms) < len(parts):
+    if len(propositions) < len(parts):
         missing = "rules with both 'and' and 'or'; split it into several rules"
-    elif len({term.variable for term in terms}) < len(terms):
-        missing = "rules with two terms of one input"
-    elif any(term.hedges not in {(), ("not",)} for term in terms):
+    elif len({each.variable for each in propositions}) < len(propositions):
+        missing = "rules with two propositions about one input"
+    elif any(each.hedges not in {(), ("not",)} for each in propositions):
         missing = "hedge but 'not'"
     if missing:
         shown = rule_text(rule)
@@ -147,21 +147,21 @@ def _rule_line(system: FuzzySystem, rule: Rule) -> str:
             f'a .fis file cannot hold the rule "{shown[:120]}{"..." * (len(shown) > 120)}": '
             f"Matlab has no {missing}"
         )
-    inputs = " ".join(_indices(system.inputs, terms))
+    inputs = " ".join(_indices(system.inputs, propositions))
     outputs = " ".join(_indices(system.outputs, rule.consequents))
     connective = 2 if isinstance(antecedent, Or) else 1
     return f"{inputs}, {outputs} ({_number(rule.weight)}) : {connective}"
 
 
-def _indices(variables: tuple[Variable, ...], terms: list[Is] | tuple[Is, ...]) -> Iterator[str]:
-    by_variable = {term.variable: term for term in terms}
+def _indices(variables: tuple[Variable, ...], propositions: Sequence[Is]) -> Iterator[str]:
+    by_variable = {each.variable: each for each in propositions}
     for variable in variables:
-        term = by_variable.get(variable.name)
-        if term is None:
+        proposition = by_variable.get(variable.name)
+        if proposition is None:
             yield "0"
         else:
-            index = [each.name for each in variable.sets].index(term.set) + 1
-            yield f"-{index}" if term.hedges else str(index)
+            index = [each.name for each in variable.sets].index(proposition.set) + 1
+            yield f"-{index}" if proposition.hedges else str(index)
 
 
 def _quoted(name: str) -> str:

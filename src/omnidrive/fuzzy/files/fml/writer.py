@@ -169,23 +169,22 @@ def _rule(number: int, rule: Rule, prefix: str, first: dict[str, str]) -> Iterat
     yield "  </antecedent>"
     yield f"  <{prefixed('consequent')}>"
     yield f"    <{prefixed('then')}>"
-    for term in rule.consequents:
-        yield f"      {_clause(number, prefixed('clause'), term, {})}"
+    for each in rule.consequents:
+        yield f"      {_clause(number, prefixed('clause'), each, {})}"
     yield f"    </{prefixed('then')}>"
     yield f"  </{prefixed('consequent')}>"
     yield f"</{tag}>"
 
 
-def _clause(number: int, tag: str, term: Is, first: dict[str, str]) -> str:
-    if len(term.hedges) > 1:
-        raise InvalidInput(
-            f"rule {number}: FML supports one modifier in a clause, not {' '.join(term.hedges)!r}"
-        )
-    modifier = "".join(f' modifier="{MODIFIERS[hedge]}"' for hedge in term.hedges)
-    each = term.set or first[term.variable]
+def _clause(number: int, tag: str, proposition: Is, first: dict[str, str]) -> str:
+    if len(proposition.hedges) > 1:
+        hedges = " ".join(proposition.hedges)
+        raise InvalidInput(f"rule {number}: FML supports one modifier in a clause, not {hedges!r}")
+    modifier = "".join(f' modifier="{MODIFIERS[hedge]}"' for hedge in proposition.hedges)
+    term = proposition.set or first[proposition.variable]
     return (
-        f"<{tag}{modifier}><variable>{escape(term.variable)}</variable>"
-        f"<term>{escape(each)}</term></{tag}>"
+        f"<{tag}{modifier}><variable>{escape(proposition.variable)}</variable>"
+        f"<term>{escape(term)}</term></{tag}>"
     )
 
 
