@@ -57,7 +57,7 @@ class TrackResult:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StepResult:
-    """One step response: the reference jumps in x, y and heading at once.
+    """One step response: the reference steps in x, y and heading at the same time.
 
     Attributes:
         controller: Name of the controller.

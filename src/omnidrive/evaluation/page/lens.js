@@ -6,7 +6,7 @@ class Lens {
     this.scene = new Scene(canvas, this.camera);
   }
 
-  /* The scale shows every visible robot; it changes in steps of 1, 2, 5 so that it is not restless. */
+  /* The scale shows every visible robot; it changes in steps of 1, 2, 5, not continuously. */
   draw(group, row) {
     const { camera, scene } = this;
     const { ctx } = scene;
