@@ -32,6 +32,12 @@ from omnidrive.study import (
 
 _MAX_LISTED = 10  # queries listed in the text output
 _OF_SEARCHES = {"scenario", "map", "search", "unknown"}
+_JSON_NAMES = {
+    "cells of grid path": "cells on the way",
+    "length of grid path": "length of the way",
+    "wheel force used": "traction used",
+}
+"""Results whose JSON keys differ from their names in text output, so that the keys are stable."""
 
 
 @with_options("plant", "preset", "seed", "estimator")
@@ -113,7 +119,7 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
     corner, becomes null.
     """
     unit = fact.unit.replace("1/", "per ").replace("/", " per ").replace("%", "percent")
-    return re.sub(r"\W+", "_", f"{name} {unit}".strip()), (
+    return re.sub(r"\W+", "_", f"{_JSON_NAMES.get(name, name)} {unit}".strip()), (
         None if isinstance(fact.value, float) and not isfinite(fact.value) else fact.value
     )
 

@@ -29,7 +29,8 @@ class OccupancyGrid:
     """Occupancy of square cells. Do not modify the array once the grid is in use.
 
     Attributes:
-        occupied: True for obstacles; row i runs along the grid's y axis, column j along its x axis.
+        occupied: True for obstacles. The row index grows along the y axis of the grid, the column
+            index along its x axis.
         resolution: Side of a cell, in m.
         origin: Outer corner of cell (0, 0) in W, in m.
         walled: Whether everything outside the grid counts as occupied.
@@ -118,8 +119,8 @@ class OccupancyGrid:
         last = np.array(self.occupied.shape) - 1
         within = ((cells >= 0) & (cells <= last)).all(axis=1)
         row, col = cells.clip(0, last).T
-        taken: Bool[Array, " points"] = np.where(within, self.occupied[row, col], self.walled)
-        return taken
+        occupied: Bool[Array, " points"] = np.where(within, self.occupied[row, col], self.walled)
+        return occupied
 
     def occupied_on(self, other: OccupancyGrid) -> Bool[Array, "rows cols"]:
         """Whether the centre of each cell of ``other`` is occupied in this grid."""
@@ -128,11 +129,11 @@ class OccupancyGrid:
             return self.occupied.copy()
         rows, cols = other.occupied.shape
         cells = np.column_stack([np.zeros(cols, np.int64), np.arange(cols)])
-        taken = np.empty((rows, cols), bool)
+        occupied = np.empty((rows, cols), bool)
         for row in range(rows):
             cells[:, 0] = row
-            taken[row] = self.occupied_at(other.centres(cells))
-        return taken
+            occupied[row] = self.occupied_at(other.centres(cells))
+        return occupied
 
     def inflated(self, radius: float) -> OccupancyGrid:
         """Return the grid whose free cells are those at whose centre a disc does not collide.
@@ -180,8 +181,8 @@ class OccupancyGrid:
             raise InvalidInput(f"the heading must be finite, got {yaw} rad")
         along, across = cos(yaw - self.yaw), sin(yaw - self.yaw)
         x, y = corners.T / self.resolution
-        turned = np.column_stack([across * x + along * y, along * x - across * y])
-        runs = covered_runs(turned, *self.occupied.shape)
+        rotated = np.column_stack([across * x + along * y, along * x - across * y])
+        runs = covered_runs(rotated, *self.occupied.shape)
         return replace(
             self, occupied=self.occupied | footprint_hits(self.occupied, self.walled, runs)
         )

@@ -72,10 +72,10 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
 def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
     """Return the kind of a cell for each grey value of its pixel, 0 to 255."""
     free = _number(path, meta, "free_thresh")
-    taken = _number(path, meta, "occupied_thresh")
-    if not 0.0 <= free < taken <= 1.0:
+    occupied = _number(path, meta, "occupied_thresh")
+    if not 0.0 <= free < occupied <= 1.0:
         raise InvalidMap(
-            f"{path}: free_thresh ({free:g}) must be below occupied_thresh ({taken:g}), "
+            f"{path}: free_thresh ({free:g}) must be below occupied_thresh ({occupied:g}), "
             "both from 0 to 1"
         )
     mode = meta.get("mode", "trinary")
@@ -84,7 +84,7 @@ def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
             f"{path}: mode {short_repr(mode)} is not one of {', '.join(get_args(Mode))}"
         )
     negate = _number(path, meta, "negate", default=0.0) != 0.0
-    return kinds_of_greys(mode, negate=negate, free_thresh=free, occupied_thresh=taken)
+    return kinds_of_greys(mode, negate=negate, free_thresh=free, occupied_thresh=occupied)
 
 
 def kinds_of_greys(
@@ -97,13 +97,15 @@ def kinds_of_greys(
     """
     greys = np.arange(256)
     if mode == "raw":
-        free, taken = np.rint((100.0 * free_thresh, 100.0 * occupied_thresh))
-        kinds = np.where(greys <= free, FREE, np.where(greys >= taken, OCCUPIED, UNKNOWN))
+        free, occupied = np.rint((100.0 * free_thresh, 100.0 * occupied_thresh))
+        kinds = np.where(greys <= free, FREE, np.where(greys >= occupied, OCCUPIED, UNKNOWN))
         return np.where(greys <= _MAX_RAW, kinds, UNKNOWN).astype(np.uint8)
     shade = greys.astype(np.float32) / np.float32(255.0)
     occupancy = shade if negate else np.float32(1.0) - shade
-    taken_or_not = np.where(occupancy >= np.float32(occupied_thresh), OCCUPIED, UNKNOWN)
-    return np.where(occupancy <= np.float32(free_thresh), FREE, taken_or_not).astype(np.uint8)
+    occupied_or_unknown = np.where(occupancy >= np.float32(occupied_thresh), OCCUPIED, UNKNOWN)
+    return np.where(occupancy <= np.float32(free_thresh), FREE, occupied_or_unknown).astype(
+        np.uint8
+    )
 
 
 def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:

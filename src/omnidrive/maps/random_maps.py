@@ -114,11 +114,11 @@ def _slots(count: int, size: int, aisle: int) -> tuple[Array, Array]:
     return np.maximum(slot, 0), (slot >= 0) & (at < size) & whole
 
 
-def _check_fraction(value: float, what: str) -> None:
+def _check_fraction(value: float, name: str) -> None:
     """Check a fraction.
 
     Raises:
         InvalidInput: The value is not from 0 to 1.
     """
     if not 0.0 <= value <= 1.0:
-        raise InvalidInput(f"{what} must be from 0 to 1, got {value:g}")
+        raise InvalidInput(f"{name} must be from 0 to 1, got {value:g}")

@@ -153,8 +153,8 @@ def chord_clearance(obstacles: Obstacles, chord: Chord, limit: float) -> float:
                     gap = max(col - right, left - col - 1.0, row - above, below - row - 1.0)
                     if gap <= nearest and obstacles.occupied[row, col]:
                         x, y = col + 0.5, row + 0.5
-                        moved = Chord(chord.ax - x, chord.ay - y, chord.bx - x, chord.by - y)
-                        nearest = min(nearest, _distance_to_square(moved))
+                        shifted = Chord(chord.ax - x, chord.ay - y, chord.bx - x, chord.by - y)
+                        nearest = min(nearest, _distance_to_square(shifted))
     return nearest
 
 

@@ -137,5 +137,5 @@ class SplinePath:
 
     @cached_property
     def length_bounds(self) -> tuple[float, float]:
-        """Proved bounds on :attr:`length`, in m, which differ by at most 1e-6 of it."""
+        """Proved bounds on :attr:`length`, in m; their difference is at most 1e-6 of the length."""
         return length_bounds(pieces(self.control_points[:, :2]), 1e-6)

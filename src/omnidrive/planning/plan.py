@@ -71,9 +71,9 @@ class Plan:
         grid_path: Cells found by the search, as poses from the start to the goal.
         spline: The smoothed path.
         free_space: The inflated map, whose free cells the robot's centre may enter.
-        clearance: Distance in m from the occupied cells of ``free_space`` that all of
-            ``spline`` is proved to keep; negative, by the greatest possible depth, if the spline
-            may enter one.
+        clearance: Proved lower bound on the distance in m from ``spline`` to the occupied cells of
+            ``free_space``. If the spline may enter one, it is negative: minus the greatest
+            possible depth.
     """
 
     search_result: SearchResult
@@ -99,11 +99,11 @@ def plan(
 
     Args:
         grid: The map.
-        start: Start of the robot's centre.
-        goal: Goal of the robot's centre.
+        start: Start position of the robot's centre in W and, optionally, its heading.
+        goal: Goal position of the robot's centre in W and, optionally, its heading.
         inflation: Distance in m, 0 or more.
         options: Options of the search and the smoothing.
-        inflation_note: Terms of which the inflation is the sum, for messages.
+        inflation_note: Composition of the inflation, for messages.
 
     Raises:
         InvalidInput: The inflation is negative or not finite.

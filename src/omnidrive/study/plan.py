@@ -14,7 +14,6 @@ from omnidrive.study.output_folder import check_picture_name, is_waypoint_file
 from omnidrive.study.planned_scenario import PlannedScenario
 
 _SAMPLES = 2001
-_STABLE_NAMES = {"wheel force": "traction"}  # names of limits in the output
 
 
 class Fact(NamedTuple):
@@ -50,8 +49,8 @@ def plan_facts(prepared: PlannedScenario, reference: Reference) -> dict[str, Fac
         "search": Fact(prepared.scenario.path.search),
         "expansions": Fact(found.expansions, digits=0),
         "search time": Fact(1e3 * found.seconds, "ms"),
-        "cells on the way": Fact(len(found.cells), digits=0),
-        "length of the way": Fact(prepared.plan.grid_path.length, "m"),
+        "cells of grid path": Fact(len(found.cells), digits=0),
+        "length of grid path": Fact(prepared.plan.grid_path.length, "m"),
         "smoothing": Fact(prepared.scenario.path.smooth),
         "length": Fact(path.length, "m"),
         "clearance": Fact(prepared.clearance_bounds[0], "m"),
@@ -61,7 +60,7 @@ def plan_facts(prepared: PlannedScenario, reference: Reference) -> dict[str, Fac
         "duration": Fact(reference.duration, "s"),
         "mean speed": Fact(path.length / reference.duration, "m/s"),
         **{
-            f"{_STABLE_NAMES.get(name, name)} used": Fact(100.0 * share, "%", 1)
+            f"{name} used": Fact(100.0 * share, "%", 1)
             for name, share in _limit_usage(prepared, reference).items()
         },
     }

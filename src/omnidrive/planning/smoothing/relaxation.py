@@ -51,10 +51,10 @@ def relax(obstacles: Obstacles, start: InitialSpline) -> Float[Array, "points 2"
     strides = [stride for stride in _STRIDES if 4 * stride <= count or stride == 1]
     move_weights = {stride: _move_weights(stride) for stride in strides}
     for cycle in range(_CYCLES):
-        taken = 0
+        accepted = 0
         for stride in strides:
-            taken += _sweep(spline, obstacles, move_weights[stride], stride, cycle % 2 == 1)
-        if taken == 0:
+            accepted += _sweep(spline, obstacles, move_weights[stride], stride, cycle % 2 == 1)
+        if accepted == 0:
             break
     return spline.control_points
 
@@ -77,11 +77,11 @@ def _sweep(
 ) -> int:
     """Try a move about every ``stride``-th inner control point; return how many were accepted."""
     last = len(spline.control_points) - 1
-    taken = 0
+    accepted = 0
     for k in range(1, last, stride):
         if _move(spline, obstacles, move_weights, last - k if backward else k):
-            taken += 1
-    return taken
+            accepted += 1
+    return accepted
 
 
 @compiled
