@@ -150,7 +150,7 @@ def test_plan_of_the_paper_is_unchanged(capsys):
         (["no.map", "--start", "1,1", "--goal", "2,2"], "no.map"),
         (["--scen", "a.scen"], "--scen needs the map file"),
         (["a.map", "--scen", "a.scen", "--png", "a.png"], "--scen only searches: omit --png"),
-        (["a.map", "--map", "b.map", "--scen", "a.scen"], "or --map, not both"),
+        (["a.map", "--map", "b.map", "--scen", "a.scen"], "argument and --map exclude each other"),
         (["ROOM", "--start", "0,3", "--goal", "6,3", "--unknown", "x"], "map.unknown"),
         (["ROOM", "--start", "1,3"], "a map needs --start X,Y and --goal X,Y"),
         (["ROOM", "--start", "3,3", "--goal", "6,3"], "the nearest valid position is"),

@@ -194,9 +194,9 @@ def test_any_angle_paths_touch_no_obstacle_and_are_short(case):
     assert all(map(line_is_clear, [occupied] * len(corners), corners, corners[1:]))
     assert found.cost == pytest.approx(length(found.cells))
     free = np.argwhere(~occupied)
-    seen = [[i != j and line_is_clear(occupied, a, b) for j, b in enumerate(free)]
+    visible = [[i != j and line_is_clear(occupied, a, b) for j, b in enumerate(free)]
             for i, a in enumerate(free)]  # fmt: skip
-    distances = np.linalg.norm(free[:, None] - free[None], axis=2) * seen
+    distances = np.linalg.norm(free[:, None] - free[None], axis=2) * visible
     ends = [int(np.flatnonzero((free == end).all(axis=1))[0]) for end in (start, goal)]
     best = dijkstra(distances, indices=ends[0])[ends[1]]
     assert best - 1e-9 <= found.cost <= max(1.1 * best, along_moves) + 1e-9

@@ -149,10 +149,10 @@ def test_lines_of_sight(shape, seed, ends, density):
         int(ends[2] * shape[0]), int(ends[3] * shape[1]))  # fmt: skip
     occupied[one] = occupied[other] = False
     bitgrid = BitGrid.of(occupied)
-    seen = has_line_of_sight(
+    visible = has_line_of_sight(
         bitgrid.bits, bitgrid.stride, bitgrid.index_of(one), bitgrid.index_of(other)
     )
-    assert seen == line_is_clear(occupied, one, other)
+    assert visible == line_is_clear(occupied, one, other)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 64), (64, 1), (65, 65), (200, 3)])
@@ -168,10 +168,10 @@ def test_every_cell_has_its_own_word(shape, wide):
     words = empty_tiles(bitgrid, wide)
     assert not words.any()
     cells = np.argwhere(np.ones((bitgrid.size // bitgrid.stride, bitgrid.stride)))
-    places = {tile_index(bitgrid.stride, row, col) for row, col in cells.tolist()}
-    assert len(places) == bitgrid.size
-    assert min(places) >= 0
-    assert max(places) < len(words)
+    indices = {tile_index(bitgrid.stride, row, col) for row, col in cells.tolist()}
+    assert len(indices) == bitgrid.size
+    assert min(indices) >= 0
+    assert max(indices) < len(words)
 
 
 @pytest.mark.parametrize("shape", [(4096, 4096), (1, 5_000_000), (2_500_000, 2)])

@@ -28,12 +28,12 @@ def enters(grid, path, per_cell=40):
     direction must all lie in occupied cells.
     """
     count = 2 + int(per_cell * path.length / grid.resolution)
-    places = (path.poses(np.linspace(0.0, 1.0, count))[:, :2] - grid.origin) / grid.resolution
+    positions = (path.poses(np.linspace(0.0, 1.0, count))[:, :2] - grid.origin) / grid.resolution
     padded = np.pad(grid.occupied, 1, constant_values=grid.walled)
     limits = np.array(padded.shape[::-1]) - 1
     inside = np.ones(count, bool)
     for off in product((-1e-7, 1e-7), repeat=2):
-        col, row = (np.floor(places + off).astype(int) + 1).clip(0, limits).T
+        col, row = (np.floor(positions + off).astype(int) + 1).clip(0, limits).T
         inside &= padded[row, col]
     return bool(inside.any())
 

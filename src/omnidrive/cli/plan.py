@@ -109,7 +109,7 @@ def _report(prepared: PlannedScenario, out: Path | None, png: Path | None, json:
         typer.echo(f"written to {out}", err=json)
     if png:
         save_figure(prepared, reference, png)
-        typer.echo(f"drawn in {png}", err=json)
+        typer.echo(f"figure written to {png}", err=json)
 
 
 def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:

@@ -37,10 +37,10 @@ def retime(
             "a duration and a speed were given, but the length of the path determines one from "
             "the other; give only one of them"
         )
-    _refuse_unless_positive("duration", duration, "s")
-    _refuse_unless_positive("speed", speed, "m/s")
+    _check_positive("duration", duration, "s")
+    _check_positive("speed", speed, "m/s")
     if duration is None:
-        duration = _suitable(scenario, speed)
+        duration = _default_duration(scenario, speed)
     following = scenario.tasks.following
     return _scaled(scenario, duration / following[0]) if following else scenario
 
@@ -56,7 +56,7 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
         InvalidInput: The speed is not positive, or a scaled time is out of range.
         InvalidReference: The speed exceeds the limits of the robot.
     """
-    _refuse_unless_positive("speed", speed, "m/s")
+    _check_positive("speed", speed, "m/s")
     prepared = plan_scenario(scenario)
     following = scenario.tasks.following
     if not following:
@@ -67,7 +67,7 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
     return replace(prepared, scenario=_scaled(scenario, duration / following[0]))
 
 
-def _suitable(scenario: Scenario, speed: float | None) -> float:
+def _default_duration(scenario: Scenario, speed: float | None) -> float:
     """Return the duration in s at ``speed`` or the default speed, in whole sample times."""
     prepared = plan_scenario(scenario)
     desired = prepared.path.length / (speed or USUAL_SPEED)
@@ -81,7 +81,7 @@ def _whole(duration: float, dt: float) -> float:
     return ceil(max(duration / dt, _LEAST_SAMPLES) - 1e-9) * dt
 
 
-def _refuse_unless_positive(name: str, value: float | None, unit: str) -> None:
+def _check_positive(name: str, value: float | None, unit: str) -> None:
     if value is not None and not (isfinite(value) and value > 0.0):
         raise InvalidInput(f"the {name} must be positive, got {value:g} {unit}")
 

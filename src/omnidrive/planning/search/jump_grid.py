@@ -133,8 +133,8 @@ def _run(bits: UInt64[Array, " bytes"], stride: int, at: int, goal: int, ahead: 
     """Return the number of cells to the goal or the next jump point along higher or lower bits.
 
     Negative, with the number of cells to the obstacle, if the run ends at one. A cell is a jump
-    point if a cell beside it is free and the cell before that is occupied (without cutting corners:
-    Harabor & Grastien 2014, "Improving jump point search").
+    point if, in a row beside the run, the cell next to it is free and the previous cell is occupied
+    (without cutting corners: Harabor & Grastien 2014, "Improving jump point search").
     """
     run, i, by_row, shift = 0, at >> 3, stride >> 3, np.uint64(at & 7)
     if ahead:
