@@ -133,11 +133,11 @@ def test_lag_and_delay_are_compensated():
     reference = Circle()
     pose, twist, errors = reference.at(0.0).pose, np.zeros(3), []
     controller.reset(State(0.0, pose))
-    asked = [np.zeros(3)] * 3
+    commanded = [np.zeros(3)] * 3
     for k in range(60):
-        asked.append(np.array(controller.step(k * DT, State(k * DT, pose), reference).twist))
+        commanded.append(np.array(controller.step(k * DT, State(k * DT, pose), reference).twist))
         earlier = twist
-        twist = earlier + DT / (lag + DT) * (asked[-4] - earlier)  # acts 0.25 s later:
+        twist = earlier + DT / (lag + DT) * (commanded[-4] - earlier)  # acts 0.25 s later:
         pose = move(pose, BodyTwist(*earlier.tolist()), 0.05)  # half a step of the one before
         pose = move(pose, BodyTwist(*twist.tolist()), 0.05)
         errors.append(np.hypot(*np.subtract(pose[:2], reference.at((k + 1) * DT).pose[:2])))
@@ -241,9 +241,9 @@ def test_solver_with_deadline_is_compiled_before_the_first_step(horizon):
 def test_commands_agree_with_ipopt():
     pytest.importorskip("casadi")
     pose = Pose(0.3, -0.2, 0.5)
-    ours = holonomic_nmpc(CHASSIS, DT).step(0.0, State(0.0, pose), Circle())
-    theirs = holonomic_nmpc(CHASSIS, DT, solver="casadi").step(0.0, State(0.0, pose), Circle())
-    assert np.allclose(ours.twist, theirs.twist, atol=1e-5)
+    own = holonomic_nmpc(CHASSIS, DT).step(0.0, State(0.0, pose), Circle())
+    ipopt = holonomic_nmpc(CHASSIS, DT, solver="casadi").step(0.0, State(0.0, pose), Circle())
+    assert np.allclose(own.twist, ipopt.twist, atol=1e-5)
 
 
 @pytest.mark.parametrize(

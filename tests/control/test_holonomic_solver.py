@@ -241,20 +241,20 @@ def test_converges_with_rate_limits_lag_and_keep_out_zones(rate, lag, zones):
         if plan.exit is Exit.CONVERGED:
             assert plan.residual < 1e-6
             twists = np.vstack([p.previous, stage_twists(p, plan.velocities)])
-            asked = twists[1:] + lag / p.dt * np.diff(twists, axis=0)
-            assert np.abs(asked @ CHASSIS.jacobian.T).max() <= 12.0 * (1 + 1e-9)
+            commanded = twists[1:] + lag / p.dt * np.diff(twists, axis=0)
+            assert np.abs(commanded @ CHASSIS.jacobian.T).max() <= 12.0 * (1 + 1e-9)
             wheels = np.diff(twists @ CHASSIS.jacobian.T, axis=0) / p.dt
             assert np.abs(wheels).max() <= rate * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(
-    ("limit", "more", "share"),
+    ("limit", "options", "share"),
     [(20.0, {}, 0.9), (10.0, {}, 0.5), (20.0, {"rate": 60.0}, 0.1), (20.0, {"zones": 3}, 0.1)],
 )
-def test_active_set_method_agrees_with_the_interior_point_method(limit, more, share):
+def test_active_set_method_agrees_with_the_interior_point_method(limit, options, share):
     found = []
     for seed in range(100):
-        p = problem(np.random.default_rng(seed), 15, limit, **more)
+        p = problem(np.random.default_rng(seed), 15, limit, **options)
         point, iterations = solve_active_set(p, unconstrained_velocities(p), 1e-8, 200)
         found.append(iterations >= 0)
         if iterations >= 0:
@@ -263,12 +263,12 @@ def test_active_set_method_agrees_with_the_interior_point_method(limit, more, sh
             )
             assert plan.residual <= 1e-8
             assert plan.violation <= 0.0
-            search = initialize(p, unconstrained_velocities(p), 1e-8)
-            assert iterate(p, search, 1e-8, 200) == CONVERGED
-            if "zones" not in more:
-                np.testing.assert_allclose(point.velocities, search.point.velocities, atol=1e-5)
+            ip = initialize(p, unconstrained_velocities(p), 1e-8)
+            assert iterate(p, ip, 1e-8, 200) == CONVERGED
+            if "zones" not in options:
+                np.testing.assert_allclose(point.velocities, ip.point.velocities, atol=1e-5)
             else:  # several local optima may exist
-                other = search.point.velocities
+                other = ip.point.velocities
                 assert plan.cost <= 1.01 * cost(p, roll_out(p, other), other)
     assert np.mean(found) > share
 
@@ -276,24 +276,24 @@ def test_active_set_method_agrees_with_the_interior_point_method(limit, more, sh
 IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "zones": 3}]
 
 
-@pytest.mark.parametrize("more", IPOPTS)
+@pytest.mark.parametrize("options", IPOPTS)
 @given(SEEDS, st.floats(4.0, 20.0))
 @settings(max_examples=25, deadline=None)
-def test_ipopt_does_not_find_a_lower_cost(more, seed, limit):
+def test_ipopt_does_not_find_a_lower_cost(options, seed, limit):
     """Keep-out zones may cause several local optima: then IPOPT's is checked for optimality."""
     pytest.importorskip("casadi")
     from omnidrive.control.nmpc.holonomic import HolonomicIpopt
 
-    p = problem(np.random.default_rng(seed), 10, limit, **more)
+    p = problem(np.random.default_rng(seed), 10, limit, **options)
     found = HolonomicSolver().solve(p)
-    theirs = HolonomicIpopt().solve(p)
-    assert theirs.exit is Exit.CONVERGED
-    if "zones" in more and not np.allclose(found.velocities, theirs.velocities, atol=1e-3):
-        assert theirs.residual < 1e-2
+    ipopt = HolonomicIpopt().solve(p)
+    assert ipopt.exit is Exit.CONVERGED
+    if "zones" in options and not np.allclose(found.velocities, ipopt.velocities, atol=1e-3):
+        assert ipopt.residual < 1e-2
         return
-    assert theirs.residual < (1e-2 if "zones" in more else 1e-4)
-    assert found.cost <= theirs.cost * (1 + 1e-6) + 1e-9
-    np.testing.assert_allclose(found.velocities, theirs.velocities, atol=1e-4)
+    assert ipopt.residual < (1e-2 if "zones" in options else 1e-4)
+    assert found.cost <= ipopt.cost * (1 + 1e-6) + 1e-9
+    np.testing.assert_allclose(found.velocities, ipopt.velocities, atol=1e-4)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5, 3.0])

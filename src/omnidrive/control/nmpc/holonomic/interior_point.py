@@ -47,6 +47,11 @@ _ROUNDING = 1e-12
 """Relative change of the merit that may be rounding."""
 
 
+SHIFT, BARRIER, ITERATIONS = range(3)
+"""Indices of :attr:`InteriorPoint.memory`: shift of the Hessian, fixed barrier (0: none), and
+number of iterations."""
+
+
 class InteriorPoint(NamedTuple):
     """State of the method between iterations."""
 
@@ -60,17 +65,17 @@ class InteriorPoint(NamedTuple):
     products: Float[Array, "stages rows 2"]
     """Desired values of slack x multiplier."""
     memory: Float[Array, " 3"]
-    """Shift of the Hessian, fixed barrier (0: none), and number of iterations."""
+    """Scalars, at the indices :data:`SHIFT`, :data:`BARRIER` and :data:`ITERATIONS`."""
 
 
 @compiled
 def initialize(
     p: HolonomicProblem, unconstrained: Float[Array, "stages 3"], min_barrier: float
 ) -> InteriorPoint:
-    """Return feasible velocities, and multipliers whose products with the slacks are one barrier.
+    """Return the state of feasible velocities and of multipliers on the central path.
 
-    That barrier is the excess of the start's cost over the unconstrained optimum, spread over all
-    sides of all limits, and at least ``min_barrier``.
+    The product of slack and multiplier is the same for all sides of all limits: the excess of the
+    start's cost over the unconstrained optimum over their number, but at least ``min_barrier``.
     """
     bounds = relaxed_bounds(p)
     stages, rows = bounds.shape
@@ -81,7 +86,7 @@ def initialize(
     point = allocate_point(velocities, bounds)
     evaluate(p, point)
     side_multipliers = max(excess / (2 * stages * rows), min_barrier) / point.slacks
-    search = InteriorPoint(
+    ip = InteriorPoint(
         point,
         side_multipliers,
         allocate_factors(stages, rows),
@@ -90,14 +95,12 @@ def initialize(
         np.empty((stages, rows, 2)),
         np.zeros(3),
     )
-    _combine_multipliers(search)
-    return search
+    _combine_multipliers(ip)
+    return ip
 
 
 @compiled
-def iterate(
-    p: HolonomicProblem, search: InteriorPoint, tolerance: float, max_iterations: int
-) -> int:
+def iterate(p: HolonomicProblem, ip: InteriorPoint, tolerance: float, max_iterations: int) -> int:
     """Iterate until convergence or a total of ``max_iterations``; return the exit code.
 
     All iterates of this primal-dual interior-point method are strictly feasible: slacks are not
@@ -107,52 +110,52 @@ def iterate(
     Program. 106, 2006). The Hessian is exact, and modified where it is not positive definite:
     :func:`~omnidrive.control.nmpc.holonomic.riccati.factorise_shifted`.
     """
-    point, memory = search.point, search.memory
+    point, memory = ip.point, ip.memory
     while True:
-        _combine_multipliers(search)
+        _combine_multipliers(ip)
         evaluate(p, point)
-        gradient, product, mean = _residuals(p, search)
+        gradient, product, mean = _residuals(p, ip)
         if gradient <= tolerance and product <= tolerance:
             return CONVERGED
-        if memory[2] >= max_iterations:
+        if memory[ITERATIONS] >= max_iterations:
             return CAPPED
-        _fill_weights(search)
-        memory[0] = factorise_shifted(p, point, search.factors, memory[0])
-        if memory[0] >= MAX_SHIFT:
+        _fill_weights(ip)
+        memory[SHIFT] = factorise_shifted(p, point, ip.factors, memory[SHIFT])
+        if memory[SHIFT] >= MAX_SHIFT:
             return STALLED
-        if memory[1] > 0.0 and max(gradient, product) <= 10.0 * memory[1]:
-            memory[1] = 0.0
+        if memory[BARRIER] > 0.0 and max(gradient, product) <= 10.0 * memory[BARRIER]:
+            memory[BARRIER] = 0.0
         length = 0.0
-        if memory[1] == 0.0:
-            least = max(0.1 * tolerance, min(_BARRIER_PER_GRADIENT * gradient, mean))
-            barrier = _predictor(p, search, mean, least)
-            length = _corrector(p, search, barrier, 0.1)
+        if memory[BARRIER] == 0.0:
+            min_barrier = max(0.1 * tolerance, min(_BARRIER_PER_GRADIENT * gradient, mean))
+            barrier = _predictor(p, ip, mean, min_barrier)
+            length = _corrector(p, ip, barrier, 0.1)
             if length == 0.0:
-                memory[1] = max(barrier, 0.5 * mean)
+                memory[BARRIER] = max(barrier, 0.5 * mean)
         if length == 0.0:
-            search.products[:] = memory[1]
-            length = _corrector(p, search, memory[1], 0.0)
+            ip.products[:] = memory[BARRIER]
+            length = _corrector(p, ip, memory[BARRIER], 0.0)
             if length == 0.0:
                 return STALLED
-        dual = min(1.0, _TO_BOUNDARY * _max_dual_step(search))
-        point.velocities[:] += length * search.step.velocities
-        search.side_multipliers[:] += dual * search.multiplier_step
-        memory[2] += 1
+        dual = min(1.0, _TO_BOUNDARY * _max_dual_step(ip))
+        point.velocities[:] += length * ip.step.velocities
+        ip.side_multipliers[:] += dual * ip.multiplier_step
+        memory[ITERATIONS] += 1
 
 
 @inlined
-def _combine_multipliers(search: InteriorPoint) -> None:
+def _combine_multipliers(ip: InteriorPoint) -> None:
     """Fill in the multipliers of the point: those of the upper minus those of the lower sides."""
-    multipliers, sides = search.point.multipliers, search.side_multipliers
+    multipliers, sides = ip.point.multipliers, ip.side_multipliers
     for k in range(multipliers.shape[0]):
         for w in range(multipliers.shape[1]):
             multipliers[k, w] = sides[k, w, 0] - sides[k, w, 1]
 
 
 @inlined
-def _fill_weights(search: InteriorPoint) -> None:
+def _fill_weights(ip: InteriorPoint) -> None:
     """Fill in the second derivatives of the barrier by the values of the limits."""
-    weights, slacks, sides = search.factors.weights, search.point.slacks, search.side_multipliers
+    weights, slacks, sides = ip.factors.weights, ip.point.slacks, ip.side_multipliers
     for k in range(weights.shape[0]):
         for w in range(weights.shape[1]):
             weights[k, w] = sides[k, w, 0] / slacks[k, w, 0]
@@ -160,29 +163,29 @@ def _fill_weights(search: InteriorPoint) -> None:
 
 
 @inlined
-def _residuals(p: HolonomicProblem, search: InteriorPoint) -> tuple[float, float, float]:
+def _residuals(p: HolonomicProblem, ip: InteriorPoint) -> tuple[float, float, float]:
     """Return the norm of the Lagrangian's gradient, and largest and mean slack x multiplier."""
-    slacks, sides = search.point.slacks, search.side_multipliers
+    slacks, sides = ip.point.slacks, ip.side_multipliers
     largest, total = 0.0, 0.0
     for k in range(slacks.shape[0]):
         for w in range(slacks.shape[1]):
             for side in range(2):
                 product = slacks[k, w, side] * sides[k, w, side]
                 largest, total = max(largest, product), total + product
-    return gradient_norm(p.dt, search.point), largest, total / slacks.size
+    return gradient_norm(p.dt, ip.point), largest, total / slacks.size
 
 
 @compiled
-def _fill_step(p: HolonomicProblem, search: InteriorPoint) -> None:
+def _fill_step(p: HolonomicProblem, ip: InteriorPoint) -> None:
     """Fill in the Newton step towards slack x multiplier = ``products``."""
-    slacks, products, sides = search.point.slacks, search.products, search.side_multipliers
-    values, changes = search.step.values, search.multiplier_step
+    slacks, products, sides = ip.point.slacks, ip.products, ip.side_multipliers
+    values, changes = ip.step.values, ip.multiplier_step
     multipliers = np.empty(values.shape)
     for k in range(values.shape[0]):
         for w in range(values.shape[1]):
             upper, lower = products[k, w, 0] / slacks[k, w, 0], products[k, w, 1] / slacks[k, w, 1]
             multipliers[k, w] = upper - lower
-    newton_step(p, search.point, search.factors, multipliers, search.step)
+    newton_step(p, ip.point, ip.factors, multipliers, ip.step)
     for k in range(values.shape[0]):
         for w in range(values.shape[1]):
             for side, change in ((0, -values[k, w]), (1, values[k, w])):
@@ -191,14 +194,14 @@ def _fill_step(p: HolonomicProblem, search: InteriorPoint) -> None:
 
 
 @compiled
-def _predictor(p: HolonomicProblem, search: InteriorPoint, mean: float, least: float) -> float:
+def _predictor(p: HolonomicProblem, ip: InteriorPoint, mean: float, min_barrier: float) -> float:
     """Take Mehrotra's predictor step: set the corrector's ``products`` and return its barrier."""
-    slacks, values, products = search.point.slacks, search.step.values, search.products
-    sides, changes = search.side_multipliers, search.multiplier_step
+    slacks, values, products = ip.point.slacks, ip.step.values, ip.products
+    sides, changes = ip.side_multipliers, ip.multiplier_step
     products[:] = 0.0
-    _fill_step(p, search)
-    primal = _max_primal_step(search.point, search.step, 1.0)
-    dual, after = _max_dual_step(search), 0.0
+    _fill_step(p, ip)
+    primal = _max_primal_step(ip.point, ip.step, 1.0)
+    dual, after = _max_dual_step(ip), 0.0
     for k in range(slacks.shape[0]):
         for w in range(slacks.shape[1]):
             for side, change in ((0, -values[k, w]), (1, values[k, w])):
@@ -206,17 +209,24 @@ def _predictor(p: HolonomicProblem, search: InteriorPoint, mean: float, least: f
                 after += (slacks[k, w, side] + primal * change) * (
                     sides[k, w, side] + dual * changes[k, w, side]
                 )
-    barrier = max(mean * (after / slacks.size / mean) ** 3, least)
+    barrier = max(mean * (after / slacks.size / mean) ** 3, min_barrier)
     products[:] += barrier
     return barrier
 
 
 @compiled
-def _corrector(p: HolonomicProblem, search: InteriorPoint, barrier: float, least: float) -> float:
-    """Fill in the step towards ``products``; return its length, 0 if less than ``least``."""
-    _fill_step(p, search)
-    longest = _max_primal_step(search.point, search.step, _TO_BOUNDARY)
-    return _line_search(p, search, barrier, longest, least * longest)
+def _corrector(p: HolonomicProblem, ip: InteriorPoint, barrier: float, min_ratio: float) -> float:
+    """Fill in the step towards ``products``; return its length, 0 if it is too short.
+
+    Args:
+        p: The problem.
+        ip: State of the method.
+        barrier: Of the merit.
+        min_ratio: Shortest length, over the longest feasible one.
+    """
+    _fill_step(p, ip)
+    longest = _max_primal_step(ip.point, ip.step, _TO_BOUNDARY)
+    return _line_search(p, ip, barrier, longest, min_ratio * longest)
 
 
 @inlined
@@ -232,10 +242,10 @@ def _max_primal_step(point: StagePoint, step: Step, fraction: float) -> float:
 
 
 @inlined
-def _max_dual_step(search: InteriorPoint) -> float:
+def _max_dual_step(ip: InteriorPoint) -> float:
     """Return the step length, at most 1, up to which no multiplier becomes negative."""
     length = 1.0
-    sides, changes = search.side_multipliers.ravel(), search.multiplier_step.ravel()
+    sides, changes = ip.side_multipliers.ravel(), ip.multiplier_step.ravel()
     for i in range(len(sides)):
         if length * changes[i] < -sides[i]:
             length = -sides[i] / changes[i]
@@ -264,10 +274,10 @@ def _merit(
 
 @inlined
 def _line_search(
-    p: HolonomicProblem, search: InteriorPoint, barrier: float, longest: float, least: float
+    p: HolonomicProblem, ip: InteriorPoint, barrier: float, longest: float, shortest: float
 ) -> float:
     """Halve the step until the merit decreases enough; return its length, 0 on failure."""
-    point, step = search.point, search.step
+    point, step = ip.point, ip.step
     descent = (point.gradient_velocity * step.velocities).sum()
     descent += (point.gradient_state * step.poses).sum()
     for k in range(point.slacks.shape[0]):
@@ -282,6 +292,6 @@ def _line_search(
         if reached <= merit + _ARMIJO * length * descent + _ROUNDING * abs(merit):
             return length
         length *= 0.5
-        if length < least:
+        if length < shortest:
             break
     return 0.0

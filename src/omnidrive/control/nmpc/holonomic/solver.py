@@ -13,7 +13,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
 from omnidrive.control.nmpc.holonomic.active_set import solve_active_set
-from omnidrive.control.nmpc.holonomic.interior_point import initialize, iterate
+from omnidrive.control.nmpc.holonomic.interior_point import ITERATIONS, initialize, iterate
 from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import max_limit_ratio, roll_out, stage_twists
@@ -21,6 +21,9 @@ from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutAr
 from omnidrive.control.nmpc.holonomic.solution import Assessment, HolonomicSolution, assess
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds
+
+_BLOCK = 4
+"""Iterations between two checks of the deadline."""
 
 
 class HolonomicSolverSettings(NamedTuple):
@@ -84,15 +87,15 @@ class HolonomicSolver:
                     problem, point.velocities, point.multipliers, iterations, Exit.CONVERGED
                 )
         before = perf_counter()
-        search, until, exit = initialize(problem, velocities, tolerance), 0, Exit.LATE
+        ip, until, exit = initialize(problem, velocities, tolerance), 0, Exit.LATE
         while until < max_iterations and 2.0 * perf_counter() - before <= deadline:
             # there is time for as much again as the last block took
             before, until = perf_counter(), min(until + _BLOCK, max_iterations)
-            code = iterate(problem, search, tolerance, until)
+            code = iterate(problem, ip, tolerance, until)
             if code != CAPPED or until == max_iterations:
                 exit = EXITS[code]
                 break
-        point, iterations = search.point, int(search.memory[2])
+        point, iterations = ip.point, int(ip.memory[ITERATIONS])
         return HolonomicSolution.of(problem, point.velocities, point.multipliers, iterations, exit)
 
     def precompile(self, problem: HolonomicProblem) -> None:
@@ -116,10 +119,6 @@ class HolonomicSolver:
             converge.
         """
         return _solve_many(problems, *self.settings)
-
-
-_BLOCK = 4
-"""Iterations between two checks of the deadline."""
 
 
 @compiled
@@ -171,9 +170,9 @@ def _minimise(
     point, iterations = solve_active_set(p, velocities, tolerance, max_iterations)
     if iterations >= 0:
         return point.velocities, point.multipliers, iterations, CONVERGED
-    search = initialize(p, velocities, tolerance)
-    code = iterate(p, search, tolerance, max_iterations)
-    return search.point.velocities, search.point.multipliers, int(search.memory[2]), code
+    ip = initialize(p, velocities, tolerance)
+    code = iterate(p, ip, tolerance, max_iterations)
+    return ip.point.velocities, ip.point.multipliers, int(ip.memory[ITERATIONS]), code
 
 
 @compiled

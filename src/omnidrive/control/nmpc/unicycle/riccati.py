@@ -20,8 +20,8 @@ _MIN_CURVATURE = 1e-8
 class _CostToGo(NamedTuple):
     """Quadratic cost to go g'd + d'H d / 2 of a deviation d = (x, y, t) of a state.
 
-    It is the change of J by the later stages. The first-order part of J is in the gradient by the
-    controls: g contains only the contribution of later control changes.
+    The first-order change of J is part of the gradient by the controls. Therefore g contains only
+    the contribution of later control changes.
     """
 
     gx: float
@@ -100,28 +100,28 @@ def _backward_sweep(
     weights, free, definite = problem.state_weights, point.free, True
     last = len(free)
     qx, qy, qt = 2.0 * weights[last, 0], 2.0 * weights[last, 1], 2.0 * weights[last, 2]
-    to_go = _CostToGo(0.0, 0.0, 0.0, qx, 0.0, 0.0, qy, 0.0, qt)
+    cost_to_go = _CostToGo(0.0, 0.0, 0.0, qx, 0.0, 0.0, qy, 0.0, qt)
     for k in range(last - 1, -1, -1):
-        here, change = _stage_model(problem, point, k, curvature, to_go)
-        definite, inverse = _invert_free(change, free[k, 0], free[k, 1])
+        cost_to_go, model = _stage_model(problem, point, k, curvature, cost_to_go)
+        definite, inverse = _invert_free(model, free[k, 0], free[k, 1])
         if not definite:
-            _mask_feedback(feedback, k, _least_eigenvector(change, free[k, 0], free[k, 1]))
+            _mask_feedback(feedback, k, _min_eigenvector(model, free[k, 0], free[k, 1]))
             break
-        to_go = _minimise_stage(here, change, inverse, feedback, k)
+        cost_to_go = _minimise_stage(cost_to_go, model, inverse, feedback, k)
     return definite
 
 
 @inlined
 def _stage_model(
-    problem: UnicycleProblem, point: StagePoint, k: int, curvature: float, ahead: _CostToGo
+    problem: UnicycleProblem, point: StagePoint, k: int, curvature: float, h: _CostToGo
 ) -> tuple[_CostToGo, _ControlModel]:
-    """Return cost to go and control model of stage k from the cost to go of its end.
+    """Return cost to go and control model of stage k from the cost to go ``h`` of its end.
 
     The products with A = I + [0 0 f; 0 0 g; 0 0 0] and B = [a 0; b 0; 0 dt] are written out. The
     Hessian includes the second derivatives of the motion, sum_i l_i d2f_i, with the costate l of
     the stage's end.
     """
-    h, dt, weights, gradient = ahead, problem.dt, problem.state_weights, point.gradient
+    dt, weights, gradient = problem.dt, problem.state_weights, point.gradient
     a, b = point.speed_jacobian[k, 0], point.speed_jacobian[k, 1]
     f, g = -point.controls[k, 0] * b, point.controls[k, 0] * a
     lx, ly = curvature * point.costates[k + 1, 0], curvature * point.costates[k + 1, 1]
@@ -129,7 +129,7 @@ def _stage_model(
     rx, ry, rt = dt * h.xt, dt * h.yt, dt * h.tt
     xt, yt = h.xt + f * h.xx + g * h.xy, h.yt + f * h.xy + g * h.yy
     tt = h.tt + f * (h.xt + xt) + g * (h.yt + yt)
-    change = _ControlModel(
+    model = _ControlModel(
         gs=a * h.gx + b * h.gy + gradient[k, 0],
         gr=dt * h.gt + gradient[k, 1],
         ss=a * sx + b * sy + 2.0 * problem.control_weights[0],
@@ -142,7 +142,7 @@ def _stage_model(
         ry=ry,
         rt=rt + f * rx + g * ry,
     )
-    here = _CostToGo(
+    cost_to_go = _CostToGo(
         gx=h.gx,
         gy=h.gy,
         gt=h.gt + f * h.gx + g * h.gy,
@@ -153,7 +153,7 @@ def _stage_model(
         yt=yt,
         tt=tt + 2.0 * weights[k, 2] + f * ly - g * lx,
     )
-    return here, change
+    return cost_to_go, model
 
 
 @inlined
@@ -178,7 +178,7 @@ def _invert_free(
 
 @inlined
 def _minimise_stage(
-    here: _CostToGo,
+    h: _CostToGo,
     u: _ControlModel,
     inverse: tuple[float, float, float],
     feedback: Float[Array, "stages 2 4"],
@@ -193,30 +193,30 @@ def _minimise_stage(
     feedback[k, 0, 0], feedback[k, 0, 1], feedback[k, 0, 2], feedback[k, 0, 3] = s1, sx, sy, st
     feedback[k, 1, 0], feedback[k, 1, 1], feedback[k, 1, 2], feedback[k, 1, 3] = r1, rx, ry, rt
     return _CostToGo(
-        gx=here.gx + u.sx * s1 + u.rx * r1,
-        gy=here.gy + u.sy * s1 + u.ry * r1,
-        gt=here.gt + u.st * s1 + u.rt * r1,
-        xx=here.xx + u.sx * sx + u.rx * rx,
-        xy=here.xy + u.sx * sy + u.rx * ry,
-        xt=here.xt + u.sx * st + u.rx * rt,
-        yy=here.yy + u.sy * sy + u.ry * ry,
-        yt=here.yt + u.sy * st + u.ry * rt,
-        tt=here.tt + u.st * st + u.rt * rt,
+        gx=h.gx + u.sx * s1 + u.rx * r1,
+        gy=h.gy + u.sy * s1 + u.ry * r1,
+        gt=h.gt + u.st * s1 + u.rt * r1,
+        xx=h.xx + u.sx * sx + u.rx * rx,
+        xy=h.xy + u.sx * sy + u.rx * ry,
+        xt=h.xt + u.sx * st + u.rx * rt,
+        yy=h.yy + u.sy * sy + u.ry * ry,
+        yt=h.yt + u.sy * st + u.ry * rt,
+        tt=h.tt + u.st * st + u.rt * rt,
     )
 
 
 @inlined
-def _least_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tuple[float, float]:
+def _min_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tuple[float, float]:
     """Return the unit eigenvector of the smallest eigenvalue of the free controls' Hessian."""
     if not free_rate:
         return 1.0, 0.0
     if not free_speed:
         return 0.0, 1.0
-    least = 0.5 * (u.ss + u.rr) - hypot(0.5 * (u.ss - u.rr), u.sr)
+    eigenvalue = 0.5 * (u.ss + u.rr) - hypot(0.5 * (u.ss - u.rr), u.sr)
     if u.ss > u.rr:  # of the two formulas, the one without cancellation
-        speed, rate = -u.sr, u.ss - least
+        speed, rate = -u.sr, u.ss - eigenvalue
     else:
-        speed, rate = u.rr - least, -u.sr
+        speed, rate = u.rr - eigenvalue, -u.sr
     length = max(hypot(speed, rate), 1e-300)
     return speed / length, rate / length
 

@@ -24,6 +24,12 @@ from omnidrive.control.nmpc.unicycle.stage_point import (
 )
 from omnidrive.parameter import Bounds
 
+_MAX_HALVINGS = 30
+_ARMIJO = 1e-4
+"""Sufficient decrease, as a part of the predicted one (Nocedal & Wright, 2006, section 3.1)."""
+_ROUNDING = 1e-11
+"""Relative change of J that may be rounding: J sums squares of small differences of states."""
+
 
 class UnicycleSolverSettings(NamedTuple):
     """Stopping criteria of :class:`UnicycleSolver`."""
@@ -58,13 +64,6 @@ class UnicycleSolver:
         """Return the local optimum reached from ``guess`` (m/s, rad/s); never raise."""
         controls, assessment, iterations, code = _solve_unicycle(*problem, guess, *self.settings)
         return UnicycleSolution.from_assessment(controls, assessment, iterations, EXITS[code])
-
-
-_MAX_HALVINGS = 30
-_ARMIJO = 1e-4
-"""Sufficient decrease, as a part of the predicted one (Nocedal & Wright, 2006, section 3.1)."""
-_ROUNDING = 1e-11
-"""Relative change of J that may be rounding: J sums squares of small differences of states."""
 
 
 @compiled
