@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from omnidrive.control.nmpc.holonomic import Actuation, SlipModel, holonomic_nmpc
 from omnidrive.control.nmpc.holonomic.slip_model import slip_response
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
@@ -131,7 +132,8 @@ def test_speed_limit_of_the_chassis_overrides_that_of_the_robot():
     robot = named_robot("small")
     chassis = replace(robot, max_wheel_speed=10.0).chassis
     controller = holonomic_nmpc(chassis, DT, actuation=Actuation.of(robot))
-    command = controller.step(0.0, Pose(0.0, 0.0, 0.0), Hold(Pose(9.0, 5.0, 2.0), 9.0))
+    state = State(0.0, Pose(0.0, 0.0, 0.0))
+    command = controller.step(0.0, state, Hold(Pose(9.0, 5.0, 2.0), 9.0))
     assert np.abs(chassis.wheel_speeds(command.twist)).max() <= 10.0 * (1 + 1e-9)
 
 
