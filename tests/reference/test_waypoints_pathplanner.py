@@ -247,7 +247,7 @@ def test_any_path_round_trip_within_tolerance(tmp_path_factory, points, scale):
     if len(poses) < 2 or (np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) < 1e-6).any():
         return
     poses[:, 2] = np.unwrap(poses[:, 2])
-    file = tmp_path_factory.mktemp("way") / "a.path"
+    file = tmp_path_factory.mktemp("path") / "a.path"
     save_waypoints(file, Path(poses))
     assert_near(Path(poses), load_waypoints(file))
 

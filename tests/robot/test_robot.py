@@ -50,18 +50,16 @@ def test_two_wheels_are_not_omnidirectional():
 @given(part=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), index=st.integers(0, 2**32 - 1))
 def test_acceleration_polytope_is_tight(robot, part, index):
     """All feasible wheel forces are inside, and every face is reached."""
-    count, roller = (
-        len(robot.mounts),
-        abs(robot.mounts[0].roller_angle),
-    )  # equal loads
-    grip = robot.friction * robot.mass * GRAVITY / count * np.cos(roller)
-    most = min(grip, robot.max_torque / robot.wheel.radius)
-    pushes = robot.wheel.radius * robot.chassis.jacobian
+    count, roller = len(robot.mounts), abs(robot.mounts[0].roller_angle)
+    # all wheels carry equal loads
+    friction_limit = robot.friction * robot.mass * GRAVITY / count * np.cos(roller)
+    limit = min(friction_limit, robot.max_torque / robot.wheel.radius)
+    rim_jacobian = robot.wheel.radius * robot.chassis.jacobian
     inertia = np.array([robot.mass, robot.mass, robot.yaw_inertia])
-    reached = most * np.array(part[:count]) @ pushes / inertia
+    reached = limit * np.array(part[:count]) @ rim_jacobian / inertia
     assert np.abs(robot.acceleration_faces @ reached).max() <= 1.0 + 1e-9
     normal = robot.acceleration_faces[index % len(robot.acceleration_faces)]
-    furthest = most * np.sign(pushes @ (normal / inertia)) @ pushes / inertia
+    furthest = limit * np.sign(rim_jacobian @ (normal / inertia)) @ rim_jacobian / inertia
     assert np.abs(robot.acceleration_faces @ furthest).max() == pytest.approx(1.0)
 
 

@@ -45,7 +45,7 @@ class PiecewisePath:
         pieces: Coefficients of 1, r, r^2 and r^3 on each piece, with r = s - piece in [0, 1]; x and
             y in m, yaw in rad. Poses and first derivatives are continuous.
         tangent: Whether the heading is the direction of travel. If so, the first yaw coefficient of
-            each piece holds the heading at its start, unwrapped, and the others are not used.
+            each piece is the heading at its start, unwrapped, and the others are not used.
     """
 
     pieces: Float[Array, "pieces 4 3"]
@@ -74,7 +74,7 @@ class PiecewisePath:
         if count > _MAX_PIECES:
             raise InvalidReference(
                 f"the path has {count:,} pieces, and at most {_MAX_PIECES:,} can be timed within "
-                "limits; choose timing 'uniform', a coarser map, or a goal on the way"
+                "limits; choose timing 'uniform', a coarser map, or a nearer goal"
             )
         while True:
             pieces = _hermite_pieces(path, count)

@@ -26,7 +26,7 @@ class Chassis:
 
     Raises:
         InvalidGeometry: The wheels cannot produce every twist: J has a rank below 3.
-        InvalidInput: J holds a number that is not finite, or the speed is not positive.
+        InvalidInput: J has an entry that is not finite, or the speed is not positive.
     """
 
     jacobian: Float[Array, "wheels 3"]
@@ -34,7 +34,7 @@ class Chassis:
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.jacobian).all():
-            raise InvalidInput("the wheel matrix holds numbers that are not finite")
+            raise InvalidInput("the wheel matrix has entries that are not finite")
         if not self.max_wheel_speed > 0.0:
             raise InvalidInput(
                 f"max_wheel_speed must be positive, got {self.max_wheel_speed:g} rad/s"

@@ -42,7 +42,7 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
     poses = root.only("header", "poses")["poses"].items()
     for pose in poses:
         if pose.value == "...":
-            raise pose.error("is where ros2 topic echo truncated the list; add --full-length")
+            raise pose.error("is '...': ros2 topic echo truncated the list; add --full-length")
     _check_header(root)
     stamps = np.array([_stamp(pose) for pose in poses], dtype=np.int64)
     table = np.array([_pose(pose) for pose in poses], dtype=float).reshape(-1, 3)

@@ -155,7 +155,7 @@ def stamped(sec, **pose):
         ("image: a.pgm\nresolution: 0.05", "is a Nav2 map, not a path; load it with load_nav2_map"),
         (
             message(stamped(0), "..."),
-            r"poses\[1\] is where ros2 topic echo truncated the list; add",
+            r"poses\[1\] is '...': ros2 topic echo truncated the list; add",
         ),
         (message(stamped(0), stamped(0)), r"poses\[1\]: the same waypoint as the previous one"),
         (
@@ -226,7 +226,7 @@ def check_read_or_rejected(file):
     try:
         found = load_waypoints(file)
     except InvalidReference as error:
-        refusal = str(error)
+        rejection = str(error)
     else:
         poses = found.poses
         assert len(poses) >= 2
@@ -235,8 +235,8 @@ def check_read_or_rejected(file):
             assert (np.diff(found.times) > 0).all()
             assert np.isfinite(found.window(-1.0, 50, (found.duration + 2) / 49)).all()
         return
-    assert refusal.isprintable()
-    assert len(refusal) < 800
+    assert rejection.isprintable()
+    assert len(rejection) < 800
 
 
 @settings(max_examples=150, deadline=None)
@@ -268,16 +268,16 @@ values = st.recursive(
 def test_replaced_value_is_read_or_rejected(tmp_path_factory, ending, value, number):
     folder = tmp_path_factory.mktemp("odd")
     data = json.loads(examples(folder)[ending])
-    places = []
+    entries = []
 
     def visit(node):
         for key in node if isinstance(node, dict) else range(len(node)):
-            places.append((node, key))
+            entries.append((node, key))
             if isinstance(node[key], (dict, list)):
                 visit(node[key])
 
     visit(data)
-    node, key = places[number % len(places)]
+    node, key = entries[number % len(entries)]
     node[key] = value
     check_read_or_rejected(write(folder, f"a{ending}", json.dumps(data)))
 
