@@ -66,8 +66,8 @@ def test_controller_with_reduced_drive_continues_its_state():
     before = np.array(fewer._twists[-1])
     hurried = fewer.step(0.6, State(0.6, Circle().at(0.6).pose), far).twist
     change = np.abs(left.acceleration_faces @ (np.array(fewer._twists[-1]) - before)).max()
-    largest = usual.traction * DT  # at the friction limits of three wheels
-    assert 0.99 * largest <= change <= largest * (1.0 + 1e-6)
+    limit = usual.traction * DT  # share of the friction limits of three wheels
+    assert 0.99 * limit <= change <= limit * (1.0 + 1e-6)
     assert np.isfinite(hurried).all()
 
 
