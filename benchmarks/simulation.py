@@ -25,10 +25,15 @@ from omnidrive.simulation import MujocoPlant, Plant, identify_lag, roll_out, sim
 from omnidrive.study import PlantName, make_plant
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
-PLANTS: tuple[PlantName, ...] = ("rollers", "ball", "planar", "kinematic")
-FACTORS = {"rollers": 25.0, "ball": 250.0, "planar": 1000.0}
+PLANTS: tuple[PlantName, ...] = ("mujoco-rollers", "mujoco-balls", "planar", "kinematic")
+FACTORS = {"mujoco-rollers": 25.0, "mujoco-balls": 250.0, "planar": 1000.0}
 ROUNDS = 5
-SECONDS = {"rollers": 2.0, "ball": 6.0, "planar": 60.0, "kinematic": 20.0}  # per round
+SECONDS = {
+    "mujoco-rollers": 2.0,
+    "mujoco-balls": 6.0,
+    "planar": 60.0,
+    "kinematic": 20.0,
+}  # per round
 CURVE = BodyTwist(0.5, 0.2, 0.6)
 BATCH = (20, 100)  # runs, commands
 
@@ -153,7 +158,7 @@ def agreement_rows() -> Iterator[dict[str, object]]:
                 path = SPath(turning, ramp)
                 where = f"S at 0.7 m/s {start}, heading {heading}, friction {friction:g}"
                 rollers = open_loop(MujocoPlant(robot), path)
-                for name in ("planar", "ball"):
+                for name in ("planar", "mujoco-balls"):
                     apart = distance(open_loop(make_plant(robot, name), path), rollers)
                     title = f"{where}: {name}, same commands"
                     yield (

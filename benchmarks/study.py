@@ -16,7 +16,7 @@ from omnidrive.study import make_plant, paper_scenario, run_study
 ROUNDS = 5
 SECONDS = 4.0  # simulated per round
 STUDY_LIMIT = 90.0  # s on two cores, with compiled kernels
-PLANTS = ("kinematic", "ball", "rollers")
+PLANTS = ("kinematic", "mujoco-balls", "mujoco-rollers")
 TWIST = BodyTwist(0.5, 0.2, 0.6)
 
 

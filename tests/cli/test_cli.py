@@ -13,7 +13,7 @@ from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.study import paper_scenario, save_scenario
 from tests.shared_data import shared
 
-QUICK = ["--plant", "kinematic", "--controllers", "recommended", "--tasks", "track"]
+QUICK = ["--plant", "kinematic", "--controllers", "holonomic-nmpc", "--tasks", "track"]
 
 
 def omnidrive(*args, cwd, **env):
@@ -62,21 +62,21 @@ def test_default_controllers_depend_on_preset(tmp_path):
         "fuzzy_t1",
         "fuzzy_t2",
         "fuzzy_t3",
-        "nmpc",
+        "unicycle-nmpc",
         "feedforward",
-        "recommended",
+        "holonomic-nmpc",
     )
     assert ScenarioOptions("paper").resolve().controllers == (
         "fuzzy_t1",
         "fuzzy_t2",
-        "nmpc",
-        "recommended",
+        "unicycle-nmpc",
+        "holonomic-nmpc",
     )
     assert ScenarioOptions("paper", preset="recommended").resolve().controllers == all_seven
     save_scenario(paper_scenario(), tmp_path / "s.yaml")
     demand = ScenarioOptions(str(tmp_path / "s.yaml"), preset="recommended").resolve()
     assert demand.preset == "recommended"
-    assert demand.controllers == ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+    assert demand.controllers == ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
 
 
 def test_compare_with_several_seeds(tmp_path):
@@ -114,8 +114,8 @@ def test_plan_and_run(tmp_path):
     rows = (tmp_path / "p" / "reference.csv").read_text().splitlines()
     assert rows[0].startswith("t_s,x_m,y_m,yaw_rad")
     assert len(rows) == 202
-    ran = omnidrive("run", "--controller", "nmpc", "--horizon", "8", "--plant", "kinematic",
-                    cwd=tmp_path)  # fmt: skip
+    ran = omnidrive("run", "--controller", "unicycle-nmpc", "--horizon", "8",
+                    "--plant", "kinematic", cwd=tmp_path)  # fmt: skip
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.splitlines()[-1].startswith("results: runs/paper-nmpc-track-")
 
@@ -214,7 +214,7 @@ def test_assumed_radius_of_published_code_depends_on_preset(tmp_path, args, arm)
     files = [str(tmp_path / a) if a.endswith(".yaml") else a for a in args]
     scenario = files.pop(0) if files and files[0].endswith(".yaml") else "paper"
     named = dict(zip((f.removeprefix("--") for f in files[::2]), files[1::2], strict=True))
-    assert ScenarioOptions(scenario, **named).resolve().robot.assumed_arm == arm
+    assert ScenarioOptions(scenario, **named).resolve().robot.assumed_effective_radius == arm
 
 
 def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
@@ -234,7 +234,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
-    assert "stopped early: track-recommended-20s at 3 s" in " ".join(done.stderr.split())
+    assert "stopped early: track-holonomic-nmpc-20s at 3 s" in " ".join(done.stderr.split())
     assert "recommended (stopped at 3 s)" in done.stdout
     assert "0.00" not in done.stdout.split("ME:")[0]
     runs = json.loads((tmp_path / "failed" / "results.json").read_text())["runs"]

@@ -18,7 +18,7 @@ from omnidrive.simulation import KinematicPlant, PaperNoise, simulate
 
 DT = 0.1
 ROBOT = named_robot("paper")
-GAINS = {"fuzzy_t1": 1.5, "fuzzy_t2": 1.8, "nmpc": 3.0, "recommended": 8.0}
+GAINS = {"fuzzy_t1": 1.5, "fuzzy_t2": 1.8, "unicycle-nmpc": 3.0, "holonomic-nmpc": 8.0}
 
 
 class LaggingController:
@@ -87,7 +87,7 @@ def stepped(controller):
 def study():
     tracks = [tracked(c, "track", T) for T in (20.0, 30.0) for c in GAINS]
     tracks += [tracked(c, "noise", 30.0) for c in GAINS]
-    tracks += [tracked("nmpc", "horizon", 20.0, n) for n in (5, 10, 15, 20, 25, 30)]
+    tracks += [tracked("unicycle-nmpc", "horizon", 20.0, n) for n in (5, 10, 15, 20, 25, 30)]
     path = cells()
     return StudyResults(
         title="The paper's study",
@@ -135,6 +135,8 @@ def tuning(part):
 def part(study):
     """The same study with two controllers and one task."""
     keep = tuple(
-        r for r in study.select("track", duration=20.0) if r.controller in ("nmpc", "recommended")
+        r
+        for r in study.select("track", duration=20.0)
+        if r.controller in ("unicycle-nmpc", "holonomic-nmpc")
     )
     return replace(study, tracks=keep, steps=())

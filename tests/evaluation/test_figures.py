@@ -124,7 +124,7 @@ def test_short_run_without_error_is_drawn(part):
 
 
 def test_controller_colours_are_fixed_and_distinct():
-    names = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "recommended")
+    names = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "unicycle-nmpc", "holonomic-nmpc")
     for background in ("light", "dark"):
         assert len({getattr(controller_colour(name), background) for name in names}) == len(names)
     assert controller_label("mine") == "mine"

@@ -252,7 +252,7 @@ def test_zoom_pan_fit_and_follow(study, visit):
     page.locator("#scrub").fill("10")
     settle(page)
     centre = page.evaluate("[Playback.camera.x, Playback.camera.y]")
-    nmpc = next(r for r in study.select("track", duration=20.0) if r.controller == "nmpc")
+    nmpc = next(r for r in study.select("track", duration=20.0) if r.controller == "unicycle-nmpc")
     np.testing.assert_allclose(centre, nmpc.run.pose[100, :2], atol=1e-4)
     page.click("#fit")
     settle(page)

@@ -15,7 +15,7 @@ OWN = np.random.default_rng(4).normal(size=(3, SEEDS))
 ME = {
     "fuzzy_t1": 0.05 + 0.01 * COMMON,
     "fuzzy_t2": 0.05 + 0.01 * COMMON + 1e-4 * OWN[1] + 1e-3,
-    "recommended": 0.05 + 0.01 * COMMON + 1e-3 * OWN[2] - 1e-5,
+    "holonomic-nmpc": 0.05 + 0.01 * COMMON + 1e-3 * OWN[2] - 1e-5,
 }
 
 
@@ -52,8 +52,8 @@ def test_differences_match_scipy(repeated):
 
 
 def test_verdicts(repeated):
-    assert found(repeated, "recommended", "fuzzy_t1").verdict == "no difference shown"
-    assert found(repeated, "recommended", "fuzzy_t2").verdict == "better"
+    assert found(repeated, "holonomic-nmpc", "fuzzy_t1").verdict == "no difference shown"
+    assert found(repeated, "holonomic-nmpc", "fuzzy_t2").verdict == "better"
     assert found(repeated, "fuzzy_t2", "fuzzy_t1", "mae").verdict == "no difference shown"
     assert found(repeated, "fuzzy_t2", "fuzzy_t1", "mae").difference.mean == 0.0
 
@@ -62,11 +62,11 @@ def test_p_value_is_corrected_for_number_of_pairs(repeated):
     alone = replace(
         repeated, tracks=tuple(r for r in repeated.tracks if r.controller != "fuzzy_t1")
     )
-    single = found(alone, "recommended", "fuzzy_t2").p
+    single = found(alone, "holonomic-nmpc", "fuzzy_t2").p
     assert single == pytest.approx(
-        stats.ttest_rel(ME["recommended"], ME["fuzzy_t2"]).pvalue, rel=1e-6
+        stats.ttest_rel(ME["holonomic-nmpc"], ME["fuzzy_t2"]).pvalue, rel=1e-6
     )
-    assert found(repeated, "recommended", "fuzzy_t2").p == pytest.approx(2.0 * single)
+    assert found(repeated, "holonomic-nmpc", "fuzzy_t2").p == pytest.approx(2.0 * single)
 
 
 def test_seed_with_stopped_run_is_excluded_from_pair(repeated):
@@ -85,7 +85,7 @@ def test_seed_with_stopped_run_is_excluded_from_pair(repeated):
     d = found(broken, "fuzzy_t2", "fuzzy_t1")
     assert d.difference.sample_size == SEEDS - 1
     assert d.difference.mean == pytest.approx((ME["fuzzy_t2"] - ME["fuzzy_t1"])[keep].mean())
-    assert found(broken, "recommended", "fuzzy_t2").difference.sample_size == SEEDS
+    assert found(broken, "holonomic-nmpc", "fuzzy_t2").difference.sample_size == SEEDS
     noise = table(broken, "Tracking error with the paper's noise")
     assert noise.rows[0][1] == "fuzzy_t1 (1 of 12 stopped)"
 

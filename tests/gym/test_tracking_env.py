@@ -75,7 +75,7 @@ def through(env, controller, **reset):
 
 CONTROLLERS = {
     "feedforward": lambda: FeedforwardController(0.1),
-    "recommended": lambda: holonomic_nmpc(SMALL.chassis, 0.1, actuation=Actuation.of(SMALL)),
+    "holonomic-nmpc": lambda: holonomic_nmpc(SMALL.chassis, 0.1, actuation=Actuation.of(SMALL)),
 }
 
 
@@ -83,7 +83,7 @@ CONTROLLERS = {
 def test_a_controller_does_the_same_as_in_the_closed_loop(name):
     start = CIRCLE.at(0.0).pose
     run = simulate(MujocoPlant(SMALL, "ball"), CONTROLLERS[name](), CIRCLE, start=start, dt=0.1)
-    env = small(plant="ball")
+    env = small(plant="mujoco-balls")
     poses = through(env, CONTROLLERS[name](), options={"offset": (0.0, 0.0, 0.0)})
     assert poses == pytest.approx(run.pose, abs=1e-9)
 
@@ -200,7 +200,7 @@ def test_starts_are_spread_as_asked():
     assert (most > [0.15, 0.15, 0.3]).all()
 
 
-@pytest.mark.parametrize("plant", ["kinematic", "ball"])
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco-balls"])
 def test_pictures_show_the_robot_where_it_is(plant):
     env = small(plant=plant, render_mode="rgb_array", render_size=(160, 90))
     with pytest.raises(gymnasium.error.ResetNeeded):

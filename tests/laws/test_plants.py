@@ -98,7 +98,7 @@ def test_too_fast_a_command_keeps_its_direction(make):
 @every_plant
 def test_a_wrong_arm_shows_as_a_yaw_gain(make):
     """The published code's slip: 0.5 m for 0.7071 m turns the robot at 0.707 of the command."""
-    plant = make(named_robot("paper", assumed_arm=0.5))
+    plant = make(named_robot("paper", assumed_effective_radius=0.5))
     states = drive(plant, Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 1.0), 30)
     rate = (states[-1].pose.yaw - states[9].pose.yaw) / 2.0
     assert rate == pytest.approx(0.5 / np.hypot(0.5, 0.5), abs=2e-3)

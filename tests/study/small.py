@@ -18,5 +18,5 @@ def small_scenario(**changes):
 def noise_scenario(repeats, **changes):
     """The noise alone, with several seeds."""
     tasks = Tasks(noise=NoiseTask(durations=(20.0,), repeats=repeats))
-    names = ("fuzzy_t1", "fuzzy_t2", "recommended")
+    names = ("fuzzy_t1", "fuzzy_t2", "holonomic-nmpc")
     return small_scenario(**{"tasks": tasks, "controllers": names, **changes})

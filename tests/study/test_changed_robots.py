@@ -23,7 +23,7 @@ def scenario(**changes):
     """The robot small on the plant ball, by feedforward."""
     usual = {
         "robot": RobotSection(name="small"),
-        "plant": "ball",
+        "plant": "mujoco-balls",
         "controllers": ("feedforward",),
         "timing": TimingSection(law="limits"),
         "tasks": Tasks(track=DurationsTask(durations=(20.0,))),
@@ -38,7 +38,7 @@ def test_a_section_without_changes_is_the_named_robot():
 
 def test_every_change_reaches_the_robot():
     changes = {
-        "assumed_arm": 0.2, "mass": 12.0, "body_inertia": 0.3, "com": (0.02, -0.01),
+        "assumed_effective_radius": 0.2, "mass": 12.0, "body_inertia": 0.3, "com": (0.02, -0.01),
         "friction": 0.3, "max_torque": 1.5, "servo_gain": 0.7, "motor_lag": 0.03,
         "lag": (0.05, 0.04),
     }  # fmt: skip
@@ -137,7 +137,7 @@ def test_phases_are_drawn_from_the_seed_and_for_each_repeat():
     def ends(seed):
         demand = scenario(
             robot=RobotSection(name="small", roller_phase=True),
-            plant="rollers",
+            plant="mujoco-rollers",
             seed=seed,
             tasks=Tasks(noise=NoiseTask(durations=(12.0,), repeats=2)),
         )

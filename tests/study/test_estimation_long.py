@@ -27,7 +27,7 @@ def test_true_errors_with_the_estimator_over_twenty_seeds(name):
     prepared = prepare(scenario)
     rows = []
     for repeat in range(SEEDS):
-        result = run_job(prepared, Job("noise", "recommended", 30.0, 15, repeat))
+        result = run_job(prepared, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
         assert result.run.outcome is Outcome.FINISHED
         off = np.hypot(*(result.run.pose - result.run.measured)[:, :2].T)
         m = result.metrics

@@ -21,7 +21,7 @@ from omnidrive.study import (
     run_job,
     run_study,
 )
-from omnidrive.study.scenario import RecommendedSection
+from omnidrive.study.scenario import HolonomicNmpcSection
 from tests.shared_data import shared
 
 pytestmark = pytest.mark.long
@@ -35,7 +35,7 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "nmpc"])
+@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_noise_rows_hold_for_other_seeds(controller, seed):
     prepared = prepare(paper_scenario().model_copy(update={"seed": seed}))
@@ -45,7 +45,7 @@ def test_the_noise_rows_hold_for_other_seeds(controller, seed):
     assert m.mae_measured <= 1.15 * row.mae
 
 
-@pytest.mark.parametrize("plant", ["ball", "rollers"])
+@pytest.mark.parametrize("plant", ["mujoco-balls", "mujoco-rollers"])
 @pytest.mark.parametrize("preset", ["paper", "published-code"])
 def test_every_run_of_the_study_finishes_on_every_plant_with_forces(plant, preset):
     prepared = prepare(paper_scenario(preset).model_copy(update={"plant": plant}))
@@ -61,7 +61,7 @@ def test_the_study_on_real_maps(name, tmp_path):
     run_study(retime(scenario), tmp_path / name, processes=2)
     runs = json.loads((tmp_path / name / "results.json").read_text())["runs"]
     assert all(run["finished"] for run in runs)
-    best = [r for r in runs if r["controller"] == "recommended" and r["task"] == "track"]
+    best = [r for r in runs if r["controller"] == "holonomic-nmpc" and r["task"] == "track"]
     assert all(r["min_clearance"] > 0.0 and r["me_after_start"] < 0.005 for r in best)
 
 
@@ -99,9 +99,9 @@ def test_wheels_that_must_not_spin_keep_most_of_their_odometry():
     reference, robot = paper.reference(20.0), paper.robot
     found = {}
     for may_spin, traction in ((True, 0.85), (True, 1.0), (False, 0.85), (False, 0.6)):
-        section = RecommendedSection(traction=traction, may_spin=may_spin)
-        scenario = paper.scenario.model_copy(update={"recommended": section})
-        controller = make_controller(scenario, robot, "recommended")
+        section = HolonomicNmpcSection(traction=traction, may_spin=may_spin)
+        scenario = paper.scenario.model_copy(update={"holonomic_nmpc": section})
+        controller = make_controller(scenario, robot, "holonomic-nmpc")
         plant = Odometer(robot)
         run = simulate(plant, controller, reference, start=reference.at(0.0).pose, dt=0.1)
         metrics = measure(run, robot.drive)

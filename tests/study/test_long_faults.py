@@ -9,7 +9,7 @@ from omnidrive.study.tasks import DurationsTask, FaultsTask, Tasks
 pytestmark = pytest.mark.long
 
 PRESETS = ("paper", "published-code", "recommended")
-PLANTS = ("ball", "rollers")
+PLANTS = ("mujoco-balls", "mujoco-rollers")
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -55,7 +55,7 @@ def test_every_wheel_may_fail(plant, kind, wheel):
     scenario = paper_scenario("recommended").model_copy(
         update={
             "plant": plant,
-            "controllers": ("recommended",),
+            "controllers": ("holonomic-nmpc",),
             "tasks": Tasks(track=DurationsTask(durations=(20.0,))),
             "faults": (parse_fault(f"{kind}:wheel={wheel},at=4"),),
         }

@@ -47,11 +47,13 @@ def paper():
 
 
 def followed(paper, reference, **changes):
-    section = paper.scenario.recommended.model_copy(update=changes)
-    scenario = paper.scenario.model_copy(update={"recommended": section})
-    controller = make_controller(scenario, paper.robot, "recommended")
+    section = paper.scenario.holonomic_nmpc.model_copy(update=changes)
+    scenario = paper.scenario.model_copy(update={"holonomic_nmpc": section})
+    controller = make_controller(scenario, paper.robot, "holonomic-nmpc")
     start = reference.at(0.0).pose
-    run = simulate(make_plant(paper.robot, "rollers"), controller, reference, start=start, dt=0.1)
+    run = simulate(
+        make_plant(paper.robot, "mujoco-rollers"), controller, reference, start=start, dt=0.1
+    )
     return measure(run, paper.robot.drive)
 
 
@@ -65,7 +67,7 @@ def test_from_rest_to_rest(paper, law, may_spin):
 
 def test_on_the_kinematic_plant_nothing_is_corrected_that_is_not_there(paper):
     controller = make_controller(
-        paper.scenario.model_copy(update={"plant": "kinematic"}), paper.robot, "recommended"
+        paper.scenario.model_copy(update={"plant": "kinematic"}), paper.robot, "holonomic-nmpc"
     )
     reference = FromRestToRest(paper.path, LAWS["quintic"])
     start = reference.at(0.0).pose

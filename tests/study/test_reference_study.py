@@ -20,7 +20,7 @@ def paper():
     return prepare(paper_scenario())
 
 
-@pytest.mark.parametrize("job", [j for j in TRACKS if j.controller != "recommended"], ids=name)
+@pytest.mark.parametrize("job", [j for j in TRACKS if j.controller != "holonomic-nmpc"], ids=name)
 def test_no_worse_than_the_papers_row(paper, job):
     """With noise: within 15 % of the row, on the measured pose, as the paper's author did."""
     row = PUBLISHED_ERRORS[job.task, job.duration, job.controller]
@@ -36,7 +36,9 @@ def test_no_worse_than_the_papers_row(paper, job):
 
 def test_clearance_is_to_the_wall(paper):
     """Not to the map's border, which is nearer at the start: it tells the controllers apart."""
-    jobs = [Job("track", name, 20.0, 15) for name in ("fuzzy_t1", "nmpc", "recommended")]
+    jobs = [
+        Job("track", name, 20.0, 15) for name in ("fuzzy_t1", "unicycle-nmpc", "holonomic-nmpc")
+    ]
     clearances = {round(run_job(paper, job).min_clearance, 3) for job in jobs}
     assert len(clearances) == 3
     assert all(0.1 < c < 0.25 for c in clearances)
@@ -44,26 +46,26 @@ def test_clearance_is_to_the_wall(paper):
 
 @pytest.mark.parametrize("duration", RECOMMENDED)
 def test_recommended_tracks_ten_times_closer(paper, duration):
-    m = run_job(paper, Job("track", "recommended", duration)).metrics
+    m = run_job(paper, Job("track", "holonomic-nmpc", duration)).metrics
     me, mae = RECOMMENDED[duration]
     assert m.me <= me
     assert m.mae <= mae
     assert m.me_after_start <= 0.0004
-    assert m.me <= PUBLISHED_ERRORS["track", duration, "nmpc"].me / 10
+    assert m.me <= PUBLISHED_ERRORS["track", duration, "unicycle-nmpc"].me / 10
 
 
-@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "nmpc", "recommended"])
+@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc"])
 def test_step_response_arrives(paper, controller):
     result = run_job(paper, Job("step", controller, 10.0))
     assert result.run.outcome is Outcome.FINISHED
     assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 0.02
 
 
-@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "nmpc"])
+@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc"])
 def test_published_code_turns_at_its_slip(controller):
     """The preset takes over R = 0.5: commanded turns come out at 0.707."""
     published = prepare(paper_scenario("published-code"))
-    assert published.robot.assumed_arm == 0.5
+    assert published.robot.assumed_effective_radius == 0.5
     result = run_job(published, Job("track", controller, 20.0, 15))
     row = PUBLISHED_ERRORS["track", 20.0, controller]
     assert result.run.outcome is Outcome.FINISHED

@@ -30,8 +30,8 @@ def noise(folder, run):
 def test_the_first_seed_is_that_of_a_study_without_repeats(folder):
     once = [job for job in jobs_of(small_scenario()) if job.task == "noise"]
     assert [job.repeat for job in once] == [0] * 4
-    first = next(r for r in numbers(folder)["runs"] if r["controller"] == "recommended")
-    alone = run_job(prepare(small_scenario()), Job("noise", "recommended", 20.0))
+    first = next(r for r in numbers(folder)["runs"] if r["controller"] == "holonomic-nmpc")
+    alone = run_job(prepare(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
     assert alone.name == first["name"] == "noise-recommended-20s"
     assert alone.metrics.me == first["me"]
 
@@ -68,18 +68,18 @@ def test_results_hold_means_and_differences(folder):
     data = json.loads((folder / "results.json").read_text())
     errors = {
         name: np.array([r["me"] for r in data["runs"] if r["controller"] == name])
-        for name in ("fuzzy_t1", "fuzzy_t2", "recommended")
+        for name in ("fuzzy_t1", "fuzzy_t2", "holonomic-nmpc")
     }
-    mean = next(m for m in data["repeated"] if m["controller"] == "recommended")
+    mean = next(m for m in data["repeated"] if m["controller"] == "holonomic-nmpc")
     assert (mean["runs"], mean["finished"], mean["duration"]) == (SEEDS, SEEDS, 20.0)
-    assert mean["me"]["mean"] == pytest.approx(errors["recommended"].mean())
+    assert mean["me"]["mean"] == pytest.approx(errors["holonomic-nmpc"].mean())
     assert mean["me"]["low"] < mean["me"]["mean"] < mean["me"]["high"]
     assert len(data["paired"]) == 3 * 4
     pair = next(
         p for p in data["paired"]
-        if (p["first"], p["second"], p["measure"]) == ("recommended", "fuzzy_t1", "me")
+        if (p["first"], p["second"], p["measure"]) == ("holonomic-nmpc", "fuzzy_t1", "me")
     )  # fmt: skip
-    theirs = stats.ttest_rel(errors["recommended"], errors["fuzzy_t1"]).confidence_interval()
+    theirs = stats.ttest_rel(errors["holonomic-nmpc"], errors["fuzzy_t1"]).confidence_interval()
     assert (pair["low"], pair["high"]) == pytest.approx((theirs.low, theirs.high))
     assert (pair["seeds"], pair["unit"]) == (SEEDS, "m")
     assert pair["verdict"] in {"better", "worse", "no difference shown"}
@@ -87,7 +87,7 @@ def test_results_hold_means_and_differences(folder):
 
 
 def test_a_study_without_repeats_has_neither():
-    study = run_study(small_scenario(controllers=("recommended",)))
+    study = run_study(small_scenario(controllers=("holonomic-nmpc",)))
     assert study.results.repeats == 1
     assert not [t for t in study.tables if "Paired" in t.title]
 

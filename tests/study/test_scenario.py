@@ -9,8 +9,18 @@ from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidScenario
 from omnidrive.planning import Waypoint
-from omnidrive.study import load_scenario, map_scenario, paper_scenario, retime, save_scenario
-from omnidrive.study.scenario_file import scenario_data
+from omnidrive.robot import named_robot
+from omnidrive.study import (
+    load_scenario,
+    make_plant,
+    map_scenario,
+    paper_scenario,
+    retime,
+    save_scenario,
+)
+from omnidrive.study.scenario import PLANT_CAPABILITIES
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.section import Renamed
 from omnidrive.study.tasks import DurationsTask, Tasks
 from tests.shared_data import shared
 
@@ -264,3 +274,40 @@ def test_a_key_that_stands_twice_is_refused(tmp_path):
     path.write_text("name: a\nseed: 1\nseed: 2\n")
     with pytest.raises(InvalidScenario, match="found the key 'seed' twice"):
         load_scenario(path)
+
+
+OLD = {
+    "plant": ("ball", "mujoco-balls"),
+    "controllers": (["nmpc", "recommended"], ("unicycle-nmpc", "holonomic-nmpc")),
+}
+
+
+@pytest.mark.parametrize("key", OLD)
+def test_former_names_load_with_a_warning_that_names_the_new_one(key):
+    former, present = OLD[key]
+    data = scenario_data(paper_scenario()) | {key: former}
+    with pytest.warns(Renamed, match=r"is now called '(mujoco-balls|unicycle-nmpc)'") as notes:
+        scenario = parse_scenario(data, "old.yaml")
+    assert getattr(scenario, key) == present
+    assert len(notes) == (2 if key == "controllers" else 1)
+
+
+def test_former_keys_load_with_a_warning_that_names_the_new_one():
+    data = scenario_data(paper_scenario())
+    section = data.pop("holonomic_nmpc")
+    data["recommended"] = section | {"traction": 0.5}
+    data["robot"]["assumed_arm"] = data["robot"].pop("assumed_effective_radius")
+    with pytest.warns(Renamed, match="'(recommended|assumed_arm)' is now called"):
+        scenario = parse_scenario(data, "old.yaml")
+    assert scenario.holonomic_nmpc.traction == 0.5
+    with pytest.raises(InvalidScenario, match="holds 'holonomic_nmpc' and its former name"):
+        parse_scenario(data | {"holonomic_nmpc": section}, "old.yaml")
+
+
+def test_capabilities_are_those_of_the_plants():
+    robot = named_robot("small")
+    for name, capabilities in PLANT_CAPABILITIES.items():
+        if not capabilities.exclusive:  # that one needs a running simulator
+            plant = make_plant(robot, name)
+            assert plant.capabilities == capabilities
+            plant.close()

@@ -49,10 +49,10 @@ def test_same_numbers_on_two_cores_and_from_the_folders_own_scenario(folder, tmp
 
 
 def test_another_seed_gives_other_noise(folder, tmp_path):
-    other = small_scenario(seed=2, controllers=("recommended",))
+    other = small_scenario(seed=2, controllers=("holonomic-nmpc",))
     run_study(other, tmp_path / "other")
     mine, theirs = numbers(folder)["runs"], numbers(tmp_path / "other")["runs"]
-    mine = [r for r in mine if r["controller"] == "recommended"]
+    mine = [r for r in mine if r["controller"] == "holonomic-nmpc"]
     assert mine[0] == theirs[0]  # without noise the seed changes nothing
     assert mine[1]["me"] != theirs[1]["me"]
 
@@ -75,7 +75,9 @@ def test_results_follow_the_documented_schema(folder):
     for run in data["runs"]:
         assert run["finished"] is True
         assert run["noise"] == (run["task"] == "noise")
-        assert (run["horizon"] is None) == (run["controller"] not in {"nmpc", "recommended"})
+        assert (run["horizon"] is None) == (
+            run["controller"] not in {"unicycle-nmpc", "holonomic-nmpc"}
+        )
         for key in ("me", "mae", "max_error", "me_measured", "mae_measured", "min_clearance"):
             assert isfinite(run[key])
         assert 0 < run["step_time_us"]["median"] <= run["step_time_us"]["p99"]
@@ -106,7 +108,7 @@ def test_the_gains_are_in_the_time_series(folder):
     goal, seen = (np.array([s[f"{what}_{k}"] for k in "xy"]) for what in ("target", "measured"))
     distance = np.hypot(*(goal[:, 1:] - seen[:, :-1]))
     assert s["error_input_position"][:-1] == pytest.approx(0.5 * distance)
-    plans = pq.read_table(folder / "series" / "track-recommended-20s.parquet")
+    plans = pq.read_table(folder / "series" / "track-holonomic-nmpc-20s.parquet")
     assert plans.column_names[-4:] == [
         "step_time",
         "fallback_level",
@@ -186,10 +188,10 @@ def test_a_duration_that_the_robot_cannot_do_is_refused_before_anything_runs(tmp
 
 
 def test_a_study_of_the_recommended_preset(tmp_path):
-    names = ("pid", "fuzzy_t1", "recommended")
+    names = ("pid", "fuzzy_t1", "holonomic-nmpc")
     scenario = small_scenario(preset="recommended", controllers=names)
     study = run_study(scenario, tmp_path / "run")
-    plans = [r.run for r in study.results.runs if r.controller == "recommended"]
+    plans = [r.run for r in study.results.runs if r.controller == "holonomic-nmpc"]
     assert plans
     assert all((run.details["fallback_level"][:-1] == 0.0).all() for run in plans)
     pid, fuzzy = (r for r in study.results.select("noise") if r.controller in names[:2])

@@ -44,7 +44,7 @@ def test_noise_is_seen_through_on_physics(fixes, limit):
     """Far from the 0.0566 m and 0.0586 rad that the paper reached; two seeds of the long test."""
     prepared = prepare(with_sensors(fixes=fixes))
     for repeat in range(2):
-        result = run_job(prepared, Job("noise", "recommended", 30.0, 15, repeat))
+        result = run_job(prepared, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
         assert result.run.outcome is Outcome.FINISHED
         assert result.metrics.me <= limit
         assert result.metrics.mae <= 0.006
@@ -55,8 +55,8 @@ def test_who_rests_on_odometry_does_not_spin_its_wheels():
     assert paper_scenario().wheels_may_spin
     assert not with_sensors().wheels_may_spin
     assert with_sensors(estimator=None).wheels_may_spin
-    section = paper_scenario().recommended.model_copy(update={"may_spin": True})
-    assert with_sensors().model_copy(update={"recommended": section}).wheels_may_spin
+    section = paper_scenario().holonomic_nmpc.model_copy(update={"may_spin": True})
+    assert with_sensors().model_copy(update={"holonomic_nmpc": section}).wheels_may_spin
 
 
 def test_a_scenario_with_sensors_is_read_again(tmp_path):

@@ -137,8 +137,8 @@ def test_a_watchdog_can_be_set_and_taken_away():
 
 
 def test_defaults_are_those_that_the_plant_knows():
-    assert [f.kind for f in faults_of(faulty(plant="ball"))] == list(FAULTS)
-    assert {f.at for f in faults_of(faulty(plant="ball", duration=40.0))} == {10.0}
+    assert [f.kind for f in faults_of(faulty(plant="mujoco-balls"))] == list(FAULTS)
+    assert {f.at for f in faults_of(faulty(plant="mujoco-balls", duration=40.0))} == {10.0}
     assert len(faults_of(faulty())) == 5
 
 
@@ -146,7 +146,8 @@ def test_scenarios_with_faults_are_written_and_read(tmp_path):
     path = tmp_path / "scenario.yaml"
     tasks = Tasks(faults=FaultsTask(duration=20.0, faults=default_faults(3.0)))
     scenario = small_scenario(
-        plant="ball", tasks=tasks, faults=default_faults(1.0), watchdog=WatchdogSection(error=2.0),
+        plant="mujoco-balls", tasks=tasks, faults=default_faults(1.0),
+        watchdog=WatchdogSection(error=2.0),
         wheel_monitor=False,
     )  # fmt: skip
     save_scenario(scenario, path)
@@ -167,7 +168,7 @@ def test_scenarios_with_faults_are_written_and_read(tmp_path):
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused(fault, message):
-    data = scenario_data(faulty(plant="ball"))
+    data = scenario_data(faulty(plant="mujoco-balls"))
     data["tasks"]["faults"]["faults"] = [fault]
     with pytest.raises(InvalidScenario) as caught:
         parse_scenario(data, "x.yaml")
@@ -175,7 +176,7 @@ def test_what_makes_no_sense_is_refused(fault, message):
 
 
 def test_too_many_faults_are_refused():
-    data = scenario_data(faulty(plant="ball"))
+    data = scenario_data(faulty(plant="mujoco-balls"))
     data["tasks"]["faults"]["faults"] = [{"kind": "push", "at": 1.0}] * 101
     with pytest.raises(InvalidScenario, match="100"):
         parse_scenario(data, "x.yaml")

@@ -30,6 +30,7 @@ from omnidrive.study import (
     with_task,
 )
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.section import OLD_CONTROLLERS
 
 
 def _selection(what: str, names: object) -> Any:
@@ -75,9 +76,9 @@ def compare(
 
     * `omnidrive compare`
     * `omnidrive compare --map depot.yaml --start 2,2 --goal 27,13 --robot small --speed 0.6`
-    * `omnidrive compare --tasks track --controllers nmpc,recommended --plant ball`
+    * `omnidrive compare --tasks track --controllers pid,holonomic-nmpc --plant mujoco-balls`
     * `omnidrive compare --tasks noise --noise-seeds 50`
-    * `omnidrive compare --tasks faults --plant ball`
+    * `omnidrive compare --tasks faults --plant mujoco-balls`
     """
     if out is not None:
         check_new_folder(out)
@@ -104,7 +105,7 @@ def _restrict(
     """Return the scenario with the selected controllers and tasks and the number of seeds."""
     changes: dict[str, object] = {}
     if controllers is not None:
-        selected = choose_many("controller", controllers, get_args(ControllerName))
+        selected = choose_many("controller", controllers, get_args(ControllerName), OLD_CONTROLLERS)
         changes["controllers"] = selected
     if tasks is not None:
         names = get_args(TaskName)

@@ -6,11 +6,12 @@ import logging
 import os
 import signal
 import sys
+import warnings
 from contextlib import suppress
 from errno import ENOSPC, EPIPE
 from importlib import import_module
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -100,9 +101,29 @@ def main() -> None:
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored under nohup
             signal.signal(number, _interrupt)
     logging.getLogger("omnidrive").setLevel(logging.ERROR)  # the progress display shows the rest
-    status = _status()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", FutureWarning)
+        warnings.showwarning = _note
+        status = _status()
     _restore_signals()
     sys.exit(status)
+
+
+_noted: set[str] = set()
+
+
+def _note(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print each warning for users once, in one line."""
+    if issubclass(category, FutureWarning) and str(message) not in _noted:
+        _noted.add(str(message))
+        typer.echo(f"omnidrive: note: {message}", err=True)
 
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:

@@ -34,6 +34,7 @@ from omnidrive.study import (
     run_study,
     with_task,
 )
+from omnidrive.study.section import OLD_CONTROLLERS
 from omnidrive.visualization import Recorder, Viewer, check_film, film
 
 
@@ -42,7 +43,7 @@ def run(
     demand: ScenarioOptions,
     controller: Annotated[
         str, choice(get_args(ControllerName), "Controller.", RUN_PANEL)
-    ] = "recommended",
+    ] = "holonomic-nmpc",
     task: Annotated[str, option("track|noise|step|faults", "Task.", RUN_PANEL)] = "track",
     horizon: Annotated[
         int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
@@ -108,7 +109,7 @@ def _film(recorder: Recorder, video: Path, progress: LiveProgress) -> str:
 
 def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None) -> Scenario:
     """Return the scenario with one controller and the first duration of one task."""
-    name = choose_one("controller", controller, get_args(ControllerName))
+    name = choose_one("controller", controller, get_args(ControllerName), OLD_CONTROLLERS)
     chosen = choose_one("task", task, [t for t in get_args(TaskName) if t != "horizon"])
     changes: dict[str, object] = {
         "controllers": (name,),

@@ -39,6 +39,7 @@ from omnidrive.study import (
     robot_section,
 )
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.section import OLD_PLANTS
 
 _HEAD = 65_536  # bytes of a YAML file that are searched for the key `image` of a map
 _IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
@@ -178,13 +179,13 @@ class ScenarioOptions:
         if self.goal is not None and not on_map:
             changes["goal"] = parse_waypoint("goal", self.goal)
         if self.plant is not None:
-            changes["plant"] = choose_one("plant", self.plant, get_args(PlantName))
+            changes["plant"] = choose_one("plant", self.plant, get_args(PlantName), OLD_PLANTS)
         if self.robot is not None and not on_map:
             name = choose_one("robot", self.robot, ROBOTS)
             changes["robot"] = robot_section(name, preset or scenario.preset)
         elif preset:
-            arm = robot_section(scenario.robot.name, preset).assumed_arm
-            changes["robot"] = scenario.robot.model_copy(update={"assumed_arm": arm})
+            arm = robot_section(scenario.robot.name, preset).assumed_effective_radius
+            changes["robot"] = scenario.robot.model_copy(update={"assumed_effective_radius": arm})
         if preset:
             changes["preset"] = preset
         if self.seed is not None:

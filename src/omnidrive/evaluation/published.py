@@ -19,13 +19,13 @@ class PublishedErrors(NamedTuple):
 PUBLISHED_ERRORS = {
     ("track", 20.0, "fuzzy_t1"): PublishedErrors(0.0874, 0.0888),
     ("track", 20.0, "fuzzy_t2"): PublishedErrors(0.0855, 0.0849),
-    ("track", 20.0, "nmpc"): PublishedErrors(0.0722, 0.0625),
+    ("track", 20.0, "unicycle-nmpc"): PublishedErrors(0.0722, 0.0625),
     ("track", 30.0, "fuzzy_t1"): PublishedErrors(0.0521, 0.05349),
     ("track", 30.0, "fuzzy_t2"): PublishedErrors(0.0501, 0.0535),
-    ("track", 30.0, "nmpc"): PublishedErrors(0.0439, 0.0385),
+    ("track", 30.0, "unicycle-nmpc"): PublishedErrors(0.0439, 0.0385),
     ("noise", 30.0, "fuzzy_t1"): PublishedErrors(0.0657, 0.0608),
     ("noise", 30.0, "fuzzy_t2"): PublishedErrors(0.0647, 0.0588),
-    ("noise", 30.0, "nmpc"): PublishedErrors(0.0566, 0.0586),
+    ("noise", 30.0, "unicycle-nmpc"): PublishedErrors(0.0566, 0.0586),
 }
 """Tables 2 and 3 of the paper, by task, duration (s) and controller."""
 
@@ -40,7 +40,7 @@ PUBLISHED_STEPS = {
         StepResponse(9.692, 1.133, 1.133),
         StepResponse(77.887, 0.242, 2.160),
     ),
-    "nmpc": (
+    "unicycle-nmpc": (
         StepResponse(5.083, 2.252, 0.921),
         StepResponse(3.480, 0.914, 0.914),
         StepResponse(95.766, 0.175, 1.514),

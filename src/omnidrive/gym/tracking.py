@@ -24,6 +24,7 @@ from omnidrive.reference import Reference, shortest_duration, time_uniformly
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation import PerfectSensors, Plant, PlantState, Sensors
 from omnidrive.study import PlantName, make_plant, paper_scenario, plan_scenario
+from omnidrive.study.section import OLD_PLANTS, current_name
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 
@@ -59,7 +60,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def __init__(
         self,
         *,
-        plant: str | Callable[[Robot], Plant] = "rollers",
+        plant: str | Callable[[Robot], Plant] = "mujoco-rollers",
         robot: str | Robot = "paper",
         reference: Reference | None = None,
         sensors: Callable[[np.random.Generator], Sensors] | None = None,
@@ -256,7 +257,8 @@ def _made(
 ) -> Plant:
     """The plant of that name, or that is made so."""
     if isinstance(plant, str):
-        return make_plant(robot, cast(PlantName, plant), obstacles=obstacles)
+        name = current_name(plant, OLD_PLANTS)
+        return make_plant(robot, cast(PlantName, name), obstacles=obstacles)
     return plant(robot)
 
 
@@ -280,7 +282,7 @@ def _check(
     plants = get_args(PlantName)
     wrong = {
         f"there is no plant '{plant}'; there are {', '.join(plants)}": isinstance(plant, str)
-        and plant not in plants,
+        and plant not in (*plants, *OLD_PLANTS),
         f"dt is {dt:g} s, need 0.001 to 1 s": not 0.001 <= dt <= 1.0,
         f"preview is {preview}, need 0 to 100": not 0 <= preview <= 100,
         f"max_twist is {max_twist}, need positive numbers": max_twist is not None

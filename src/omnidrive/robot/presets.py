@@ -74,12 +74,12 @@ ROBOTS = {robot.name: robot for robot in (_PAPER, _SMALL, _KIWI, _MECANUM)}
 """Robots of this package, by name."""
 
 
-def named_robot(name: str, *, assumed_arm: float | None = None) -> Robot:
+def named_robot(name: str, *, assumed_effective_radius: float | None = None) -> Robot:
     """Return a robot of :data:`ROBOTS`, optionally with a miscalibrated wheel controller.
 
     Args:
         name: Key of :data:`ROBOTS`.
-        assumed_arm: :attr:`Robot.assumed_arm`; None: the robot's own.
+        assumed_arm: :attr:`Robot.assumed_effective_radius`; None: the robot's own.
 
     Raises:
         InvalidInput: There is no robot of that name.
@@ -87,4 +87,8 @@ def named_robot(name: str, *, assumed_arm: float | None = None) -> Robot:
     if name not in ROBOTS:
         raise InvalidInput(f"there is no robot '{name}'{suggestion(name, ROBOTS)}")
     robot = ROBOTS[name]
-    return robot if assumed_arm is None else replace(robot, assumed_arm=assumed_arm)
+    return (
+        robot
+        if assumed_effective_radius is None
+        else replace(robot, assumed_effective_radius=assumed_effective_radius)
+    )

@@ -44,7 +44,7 @@ class Robot:
             :func:`omnidrive.simulation.identify_lag` identifies them on a simulated plant.
         assumed_arm: Value of :attr:`effective_radius` that the wheel controller uses, in m. A value
             that differs from the true one scales the yaw rate by
-            ``assumed_arm / effective_radius``. None: the true value.
+            ``assumed_effective_radius / effective_radius``. None: the true value.
         com: Centre of mass in B, in m.
         body_inertia: Yaw inertia of the frame (the robot without its wheels) about the frame's
             centre of mass, in kg m^2. None: that of a disc whose radius is 0.8 times
@@ -68,7 +68,7 @@ class Robot:
     servo_gain: float
     friction: float
     lag: tuple[float, float]
-    assumed_arm: float | None = None
+    assumed_effective_radius: float | None = None
     com: tuple[float, float] = (0.0, 0.0)
     body_inertia: float | None = None
     motor_lag: float = 0.0
@@ -89,9 +89,9 @@ class Robot:
     def drive(self) -> Chassis:
         """Kinematics by which the wheel controller converts twist commands to wheel speeds."""
         true = self.chassis
-        if self.assumed_arm is None:
+        if self.assumed_effective_radius is None:
             return true
-        assumed = true.jacobian * [1.0, 1.0, self.assumed_arm / self.effective_radius]
+        assumed = true.jacobian * [1.0, 1.0, self.assumed_effective_radius / self.effective_radius]
         return Chassis(assumed, self.max_wheel_speed)
 
     @property
@@ -226,8 +226,8 @@ def _check_numbers(robot: Robot) -> None:
         check_not_negative("a lag of the robot", seconds, "s")
     if robot.body_inertia is not None:
         check_positive("the robot's body_inertia", robot.body_inertia, "kg m^2")
-    if robot.assumed_arm is not None:
-        check_positive("the robot's assumed_arm", robot.assumed_arm, "m")
+    if robot.assumed_effective_radius is not None:
+        check_positive("the robot's assumed_arm", robot.assumed_effective_radius, "m")
 
 
 def _check_mounts(robot: Robot) -> None:

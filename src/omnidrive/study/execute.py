@@ -47,7 +47,7 @@ def execute(
         WorkerLost: A worker process was killed; what was yielded before stands.
     """
     queue = sorted(jobs, key=lambda job: -job.duration)
-    alone = prepared.scenario.plant == "coppeliasim" or bool(observers)
+    alone = prepared.scenario.plant_capabilities.exclusive or bool(observers)
     if alone or processes <= 1 or len(queue) <= 1:
         for job in queue:
             yield job, run_job(prepared, job, observers)

@@ -96,7 +96,7 @@ def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
     task = scenario.tasks.faults
     if task is None or task.faults:
         return task.faults if task else ()
-    unknown = MOVED_BY_FORCES if scenario.plant == "kinematic" else ()
+    unknown = () if scenario.plant_capabilities.forces else MOVED_BY_FORCES
     return tuple(f for f in default_faults(0.25 * task.duration) if f.kind not in unknown)
 
 
@@ -121,18 +121,18 @@ def make_controller(
         "fuzzy_t1": lambda: fuzzy_pid("t1", preset, dt),
         "fuzzy_t2": lambda: fuzzy_pid("t2", preset, dt),
         "fuzzy_t3": lambda: fuzzy_pid("t3", preset, dt),
-        "nmpc": lambda: unicycle_nmpc(
+        "unicycle-nmpc": lambda: unicycle_nmpc(
             "paper" if preset == "recommended" else preset,
             dt,
             horizon=steps,
             solver=scenario.nmpc.solver,
         ),
         "feedforward": lambda: FeedforwardController(dt, scenario.feedforward),
-        "recommended": lambda: holonomic_nmpc(
+        "holonomic-nmpc": lambda: holonomic_nmpc(
             robot.chassis,
             dt,
             horizon=steps,
-            parameters=scenario.recommended.weights,
+            parameters=scenario.holonomic_nmpc.weights,
             solver=scenario.nmpc.solver,
             actuation=_actuation(scenario, robot),
         ),
@@ -142,8 +142,8 @@ def make_controller(
 
 def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
     """Of the robot on the scenario's plant: without masses it neither lags nor slips."""
-    section = scenario.recommended
-    if scenario.plant == "kinematic":
+    section = scenario.holonomic_nmpc
+    if not scenario.plant_capabilities.forces:
         return Actuation(robot.acceleration_faces / section.traction)
     return Actuation.of(robot, section.traction, may_spin=scenario.wheels_may_spin)
 
@@ -212,7 +212,7 @@ def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateE
     section = scenario.sensors
     if section is None or section.estimator is None or not isinstance(sensors, SensorSuite):
         return LatestFix()
-    slips = scenario.plant != "kinematic"
+    slips = scenario.plant_capabilities.forces
     return PoseEstimator(robot, sensors.settings, section.estimator, slips=slips)
 
 

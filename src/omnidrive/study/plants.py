@@ -33,21 +33,23 @@ def make_plant(
     moving: Sequence[MovingObstacle] = (),
     scene: CoppeliaSimScene | None = None,
 ) -> Plant:
-    """A fresh plant; ``coppeliasim`` must be closed after use.
+    """Return a new plant; the caller closes it. Arguments that a plant has no use for are ignored.
 
     Args:
-        robot: What drives.
-        name: Which plant.
-        rng: What the rollers' first angles are drawn from, and
-        obstacles: what stands around it, and
-        moving: what moves there, and
-        scene: what to find in CoppeliaSim: of plants that have such things.
+        robot: The simulated robot.
+        name: Name of the plant.
+        rng: Generator of the rollers' initial angles; None: equal angles.
+        obstacles: Map around the robot; None: an endless floor.
+        moving: Moving obstacles.
+        scene: Names and connection of the scene in CoppeliaSim.
     """
     table: dict[PlantName, Callable[[], Plant]] = {
         "kinematic": lambda: KinematicPlant(robot),
         "planar": lambda: PlanarPlant(robot, rng),
-        "ball": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
-        "rollers": lambda: MujocoPlant(robot, "rollers", rng, obstacles=obstacles, moving=moving),
+        "mujoco-balls": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
+        "mujoco-rollers": lambda: MujocoPlant(
+            robot, "rollers", rng, obstacles=obstacles, moving=moving
+        ),
         "coppeliasim": lambda: CoppeliaSimPlant(robot, scene),
     }
     return table[name]()

@@ -22,8 +22,9 @@ from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation.disturbances import ON_THE_PLANT
 from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
+from omnidrive.simulation.plant import PlantCapabilities
 from omnidrive.study.coppeliasim import CoppeliaSimSection
-from omnidrive.study.section import Different, Section
+from omnidrive.study.section import OLD_CONTROLLERS, OLD_PLANTS, Section, UniqueItems, accepts
 from omnidrive.study.tasks import (
     Faults,
     Horizon,
@@ -32,32 +33,40 @@ from omnidrive.study.tasks import (
 )
 
 ControllerName = Literal[
-    "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "nmpc", "feedforward", "recommended"
+    "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "unicycle-nmpc", "feedforward", "holonomic-nmpc"
 ]
-PREDICTIVE: tuple[ControllerName, ...] = ("nmpc", "recommended")
-"""Who plans over a horizon."""
-PlantName = Literal["rollers", "ball", "planar", "kinematic", "coppeliasim"]
-_SOLID: tuple[PlantName, ...] = ("rollers", "ball")
-"""On which a robot runs into obstacles."""
+_Controller = Annotated[ControllerName, accepts(OLD_CONTROLLERS)]
+PREDICTIVE: tuple[ControllerName, ...] = ("unicycle-nmpc", "holonomic-nmpc")
+"""Controllers with a prediction horizon."""
+PlantName = Literal["mujoco-rollers", "mujoco-balls", "planar", "kinematic", "coppeliasim"]
+_MUJOCO = PlantCapabilities(disturbable=True, collides=True, renders=True, forces=True)
+PLANT_CAPABILITIES: dict[PlantName, PlantCapabilities] = {
+    "mujoco-rollers": _MUJOCO,
+    "mujoco-balls": _MUJOCO,
+    "planar": PlantCapabilities(disturbable=True, forces=True),
+    "kinematic": PlantCapabilities(disturbable=True),
+    "coppeliasim": PlantCapabilities(exclusive=True, forces=True),
+}
+"""Capabilities of each plant, known without building it."""
 PresetName = Literal["paper", "published-code", "recommended"]
 TimingName = Literal["uniform", "limits", "minimum-time"]
 
-_PAPERS: tuple[ControllerName, ...] = ("fuzzy_t1", "fuzzy_t2", "nmpc", "recommended")
+_PAPERS: tuple[ControllerName, ...] = ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
 DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
     "paper": _PAPERS,
     "published-code": _PAPERS,
     "recommended": get_args(ControllerName),
 }
-"""Who takes part in a study that names nobody: the paper's three and ours, or everybody."""
+"""Controllers of a study that names none, by preset."""
 
 MAX_STEPS = 200_000
-"""Most samples of one run: an hour at 50 Hz; its log stays below a gigabyte."""
+"""Maximum number of samples of one run: an hour at 50 Hz, with a log below one gigabyte."""
 
 MAX_NOISE_STEPS = 1_000_000
-"""Most samples of one controller's runs with noise over one duration: all are kept in memory."""
+"""Maximum number of samples of one controller's noise runs per duration, all kept in memory."""
 
 MOVED_BY_FORCES = tuple(kind for kind in ON_THE_PLANT if kind != "pose-jump")
-"""Faults that mean nothing on the plant `kinematic`."""
+"""Kinds of faults that need a plant with forces."""
 
 _Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
 _Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]
@@ -73,8 +82,10 @@ class RobotSection(Section):
     :func:`omnidrive.simulation.identify_lag` finds them, where they matter.
     """
 
+    old_keys = {"assumed_arm": "assumed_effective_radius"}  # noqa: RUF012
+
     name: str
-    assumed_arm: Annotated[float, Bounds(0.01, 10.0, "m")] | None = None
+    assumed_effective_radius: Annotated[float, Bounds(0.01, 10.0, "m")] | None = None
     """Distance to the wheels by which commands become wheel speeds; None: the true one."""
     mass: Annotated[float, Bounds(0.1, 10_000.0, "kg")] | None = None
     """In total."""
@@ -177,7 +188,7 @@ class NmpcSection(Section):
     solver: Literal["sqp", "rti", "casadi"] = "sqp"
 
 
-class RecommendedSection(Section):
+class HolonomicNmpcSection(Section):
     """Weights of the recommended NMPC, and how hard it may accelerate."""
 
     weights: HolonomicParameters = HolonomicParameters()
@@ -238,11 +249,13 @@ class Scenario(Section):
     the same machine give the same numbers, bit for bit.
     """
 
+    old_keys = {"recommended": "holonomic_nmpc"}  # noqa: RUF012
+
     format: Literal["omnidrive-scenario-1"] = "omnidrive-scenario-1"
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
     robot: RobotSection
-    plant: PlantName = "rollers"
+    plant: Annotated[PlantName, accepts(OLD_PLANTS)] = "mujoco-rollers"
     coppeliasim: CoppeliaSimSection = CoppeliaSimSection()
     """For the plant of that name."""
     sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
@@ -251,7 +264,7 @@ class Scenario(Section):
     goal: Waypoint
     path: PathOptions = PathOptions()
     timing: TimingSection = TimingSection()
-    controllers: Annotated[tuple[ControllerName, ...], Field(min_length=1), Different]
+    controllers: Annotated[tuple[_Controller, ...], Field(min_length=1), UniqueItems]
     preset: PresetName = "paper"
     """Whether the paper's controllers follow its text, its published code, or what we recommend.
 
@@ -259,7 +272,7 @@ class Scenario(Section):
     the preset is ours; our own is the controller `recommended`, the same in every preset."""
     nmpc: NmpcSection = NmpcSection()
     feedforward: FeedforwardGains = FeedforwardGains()
-    recommended: RecommendedSection = RecommendedSection()
+    holonomic_nmpc: HolonomicNmpcSection = HolonomicNmpcSection()
     faults: Faults = ()
     """What goes wrong in every run, on top of the task `faults`."""
     watchdog: WatchdogSection = WatchdogSection()
@@ -270,18 +283,23 @@ class Scenario(Section):
     tasks: Tasks
 
     @property
+    def plant_capabilities(self) -> PlantCapabilities:
+        """Capabilities of the scenario's plant."""
+        return PLANT_CAPABILITIES[self.plant]
+
+    @property
     def wheels_may_spin(self) -> bool:
-        """See :attr:`RecommendedSection.may_spin`."""
-        if self.recommended.may_spin is None:
+        """See :attr:`HolonomicNmpcSection.may_spin`."""
+        if self.holonomic_nmpc.may_spin is None:
             return self.sensors is None or self.sensors.estimator is None
-        return self.recommended.may_spin
+        return self.holonomic_nmpc.may_spin
 
     @model_validator(mode="after")
     def _movers_can_be_met(self) -> Scenario:
-        if self.map.moving and self.plant not in _SOLID:
+        if self.map.moving and not self.plant_capabilities.collides:
             raise ValueError(
-                f"map.moving: on the plant {self.plant} nothing is in the robot's way; use "
-                f"{' or '.join(_SOLID)}"
+                f"map.moving: the plant {self.plant} has no obstacles; use "
+                f"{_plants_with('collides')}"
             )
         return self
 
@@ -311,12 +329,20 @@ class Scenario(Section):
                     f"fault {fault.kind} begins at {fault.at:g} s, after a run's end at "
                     f"{ends:g} s: let it begin earlier"
                 )
-            if self.plant == "kinematic" and fault.kind in MOVED_BY_FORCES:
+            if not self.plant_capabilities.forces and fault.kind in MOVED_BY_FORCES:
                 raise ValueError(
-                    f"fault {fault.kind} needs forces, which the plant kinematic does not have: "
-                    "take the plant rollers, ball or planar"
+                    f"fault {fault.kind} needs forces, which the plant {self.plant} does not have; "
+                    f"use {_plants_with('disturbable', 'forces')}"
                 )
         return self
+
+
+def _plants_with(*capabilities: str) -> str:
+    """Names of the plants that have all capabilities, for messages."""
+    names = [
+        n for n, has in PLANT_CAPABILITIES.items() if all(getattr(has, c) for c in capabilities)
+    ]
+    return f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def robot_of(section: RobotSection) -> Robot:
@@ -339,7 +365,7 @@ def robot_section(name: str, preset: PresetName) -> RobotSection:
         InvalidInput: There is no such robot.
     """
     slip = named_robot(name).effective_radius / 2**0.5 if preset == "published-code" else None
-    return RobotSection(name=name, assumed_arm=slip)
+    return RobotSection(name=name, assumed_effective_radius=slip)
 
 
 def paper_scenario(preset: PresetName = "paper") -> Scenario:

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from omnidrive.parameter import Bounds
 from omnidrive.simulation.disturbances import Fault
-from omnidrive.study.section import Different, Section
+from omnidrive.study.section import Section, UniqueItems
 
 TaskName = Literal["track", "noise", "step", "horizon", "faults"]
 
@@ -25,7 +25,7 @@ _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
 class DurationsTask(Section):
     """Follow the path in each of several times."""
 
-    durations: Annotated[tuple[Seconds, ...], Field(min_length=1, max_length=20), Different]
+    durations: Annotated[tuple[Seconds, ...], Field(min_length=1, max_length=20), UniqueItems]
 
 
 class NoiseTask(DurationsTask):
@@ -46,7 +46,7 @@ class HorizonTask(Section):
     """Follow the path with NMPC of several prediction horizons."""
 
     duration: Seconds
-    horizons: Annotated[tuple[Horizon, ...], Field(min_length=1, max_length=50), Different]
+    horizons: Annotated[tuple[Horizon, ...], Field(min_length=1, max_length=50), UniqueItems]
 
 
 Faults = Annotated[tuple[Fault, ...], Field(max_length=MAX_FAULTS)]

@@ -97,7 +97,7 @@ def test_a_study_in_one_process(monkeypatch, interface):
         study = run_study(scenario_at(server.port, interface=interface), processes=4)
         assert server.scene.state == STOPPED
     study.raise_if_failed()
-    direct = run_study(scenario_at(1).model_copy(update={"plant": "ball"}))
+    direct = run_study(scenario_at(1).model_copy(update={"plant": "mujoco-balls"}))
     for there, here in zip(study.results.tracks, direct.results.tracks, strict=True):
         assert there.run.pose == pytest.approx(here.run.pose, abs=1e-4)
 

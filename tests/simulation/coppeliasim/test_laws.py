@@ -28,7 +28,9 @@ def make():
     with ExitStack() as stack:
 
         def made(robot, step=0.05, **options):
-            server = stack.enter_context(standin(replace(robot, assumed_arm=None), step=step))
+            server = stack.enter_context(
+                standin(replace(robot, assumed_effective_radius=None), step=step)
+            )
             scene = CoppeliaSimScene(port=server.port, timeout=20.0, **options)
             plant = stack.enter_context(CoppeliaSimPlant(robot, scene))
             plant.server = server

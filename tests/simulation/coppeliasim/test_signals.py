@@ -60,7 +60,7 @@ def test_motors_get_what_the_author_sent_them(server, twist):
 
 
 def test_the_authors_slip_is_a_preset_of_the_robot(server):
-    with plant_at(server, named_robot("paper", assumed_arm=0.5)) as plant:
+    with plant_at(server, named_robot("paper", assumed_effective_radius=0.5)) as plant:
         plant.reset(Pose(0.0, 0.0, 0.0))
         plant.step(BodyTwist(0.1, 0.2, 0.3), 0.1)
         _, packed = server.called("setBufferSignal")[-1]
