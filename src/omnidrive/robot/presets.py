@@ -79,7 +79,7 @@ def named_robot(name: str, *, assumed_effective_radius: float | None = None) -> 
 
     Args:
         name: Key of :data:`ROBOTS`.
-        assumed_arm: :attr:`Robot.assumed_effective_radius`; None: the robot's own.
+        assumed_effective_radius: :attr:`Robot.assumed_effective_radius`; None: the robot's own.
 
     Raises:
         InvalidInput: There is no robot of that name.
