@@ -148,7 +148,7 @@ def test_lag_and_delay_are_compensated():
 def test_acceleration_keeps_the_friction_limits():
     robot = named_robot("small")
     controller = holonomic_nmpc(
-        robot.chassis, DT, actuation=Actuation(acceleration=robot.acceleration_faces)
+        robot.chassis, DT, actuation=Actuation(acceleration_faces=robot.acceleration_faces)
     )
     controller.reset(State(0.0, Pose(0.0, 0.0, 0.0)))
     pose, twists = Pose(0.0, 0.0, 0.0), [np.zeros(3)]

@@ -22,8 +22,8 @@ class Actuation:
     """Model of the robot's response, besides its wheel speed limit.
 
     Attributes:
-        acceleration: Rows of ``|acceleration @ (ax, ay, yaw acceleration)| <= 1`` in B; s^2/m,
-            s^2/m and s^2/rad. The friction limits of the wheels are
+        acceleration_faces: Rows of ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1`` in B;
+            s^2/m, s^2/m and s^2/rad. The limits of the wheels' forces are
             :attr:`omnidrive.robot.Robot.acceleration_faces`; the identity divided by limits is a
             limit of the body twist's acceleration; the wheel matrix divided by a limit in rad/s^2
             is a limit of the wheels' acceleration. None: no limit.
@@ -32,13 +32,13 @@ class Actuation:
         slip_model: Model of wheel slip, with which the commanded twist is computed; the plan uses
             ``lag``. None: ``lag`` is used for both.
         delay: Time in s from a measurement until the resulting command takes effect.
-        traction: Share of the wheels' friction that ``acceleration`` uses.
+        traction: Share of the wheels' friction that ``acceleration_faces`` uses.
 
     Raises:
         InvalidInput: A lag or the delay is negative or not finite.
     """
 
-    acceleration: Float[Array, "rows 3"] | None = None
+    acceleration_faces: Float[Array, "rows 3"] | None = None
     lag: tuple[float, float] = (0.0, 0.0)
     slip_model: SlipModel | None = None
     delay: float = 0.0
@@ -74,15 +74,15 @@ class Actuation:
 
     def with_reduced_drive(self, drive: ReducedDrive) -> Actuation:
         """Return the response of the same robot with the wheels that still drive."""
-        acceleration, slip_model = self.acceleration, self.slip_model
-        if acceleration is not None:
-            acceleration = drive.acceleration_faces / self.traction
+        faces, slip_model = self.acceleration_faces, self.slip_model
+        if faces is not None:
+            faces = drive.acceleration_faces / self.traction
         if slip_model is not None:
             slip_model = slip_model._replace(
                 rim_jacobian=np.ascontiguousarray(drive.rim_jacobian),
                 max_force=drive.force_ratio * slip_model.max_force,
             )
-        return replace(self, acceleration=acceleration, slip_model=slip_model)
+        return replace(self, acceleration_faces=faces, slip_model=slip_model)
 
     def limits(self, chassis: Chassis, dt: float) -> Limits:
         """Return the limits of wheel speeds and, if there are any, of accelerations.
@@ -92,6 +92,6 @@ class Actuation:
             dt: Length of a stage, in s.
         """
         speeds = speed_limits(chassis.jacobian, chassis.max_wheel_speed, dt, self.lag)
-        if self.acceleration is None:
+        if self.acceleration_faces is None:
             return speeds
-        return stack_limits(speeds, rate_limits(self.acceleration, 1.0, dt))
+        return stack_limits(speeds, rate_limits(self.acceleration_faces, 1.0, dt))
