@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from omnidrive.simulation.faults import parse_fault
 
 from omnidrive.control.supervision import Event
 from omnidrive.evaluation import FaultResult, study_tables
 from omnidrive.simulation import Outcome
+from omnidrive.simulation.disturbances import parse_fault
 from tests.evaluation.truncation import truncated
 
 
