@@ -74,9 +74,9 @@ def test_default_controllers_depend_on_preset(tmp_path):
     )
     assert ScenarioOptions("paper", preset="recommended").resolve().controllers == all_seven
     save_scenario(paper_scenario(), tmp_path / "s.yaml")
-    demand = ScenarioOptions(str(tmp_path / "s.yaml"), preset="recommended").resolve()
-    assert demand.preset == "recommended"
-    assert demand.controllers == ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
+    scenario = ScenarioOptions(str(tmp_path / "s.yaml"), preset="recommended").resolve()
+    assert scenario.preset == "recommended"
+    assert scenario.controllers == ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
 
 
 def test_compare_with_several_seeds(tmp_path):

@@ -40,7 +40,7 @@ def _selection(what: str, names: object) -> Any:
 
 @with_options()
 def compare(
-    demand: ScenarioOptions,
+    shared: ScenarioOptions,
     controllers: Annotated[str | None, _selection("controllers", ControllerName)] = None,
     tasks: Annotated[str | None, _selection("tasks", TaskName)] = None,
     noise_seeds: Annotated[
@@ -82,7 +82,7 @@ def compare(
     """
     if out is not None:
         check_new_folder(out)
-    resolved = _restrict(demand.resolve(), controllers, tasks, noise_seeds)
+    resolved = _restrict(shared.resolve(), controllers, tasks, noise_seeds)
     resolved = with_faults(resolved, fault)
     folder = out or default_folder(resolved.name)
     with LiveProgress() as progress:

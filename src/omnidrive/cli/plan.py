@@ -42,7 +42,7 @@ _JSON_NAMES = {
 
 @with_options("plant", "preset", "seed", "estimator")
 def plan(
-    demand: ScenarioOptions,
+    shared: ScenarioOptions,
     scen: Annotated[
         Path | None,
         option(
@@ -81,17 +81,17 @@ def plan(
     * `omnidrive plan maze.map --scen maze.map.scen --json`
     """
     if scen is not None:
-        _check_search_options(demand, out=out, png=png)
-        _solve(demand, scen, json)
+        _check_search_options(shared, out=out, png=png)
+        _solve(shared, scen, json)
         return
     check_plan_targets(out, png)
     if not kernels_are_kept():
         typer.echo("compiling, the first time only; this takes up to a minute", err=True)
-    at_best = demand.map_file is not None or demand.timing in {"limits", "minimum-time"}
-    if at_best and demand.duration is None:
-        prepared = plan_at(demand.resolve(retimed=False), demand.speed)
+    at_best = shared.map_file is not None or shared.timing in {"limits", "minimum-time"}
+    if at_best and shared.duration is None:
+        prepared = plan_at(shared.resolve(retimed=False), shared.speed)
     else:
-        prepared = prepare(demand.resolve())
+        prepared = prepare(shared.resolve())
     _report(prepared, out, png, json)
 
 
@@ -124,9 +124,9 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
     )
 
 
-def _check_search_options(demand: ScenarioOptions, **options: object) -> None:
+def _check_search_options(shared: ScenarioOptions, **options: object) -> None:
     """Raise InvalidInput for options without effect on searches."""
-    options = {field.name: getattr(demand, field.name) for field in fields(demand)} | options
+    options = {field.name: getattr(shared, field.name) for field in fields(shared)} | options
     unused = [
         "--" + name.replace("_", "-")
         for name, value in options.items()
@@ -136,13 +136,13 @@ def _check_search_options(demand: ScenarioOptions, **options: object) -> None:
         raise InvalidInput(f"--scen only searches: omit {', '.join(unused)}")
 
 
-def _solve(demand: ScenarioOptions, scen: Path, json: bool) -> None:
+def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
     """Search the queries of a scenario file and print the results."""
-    if demand.map_file is None:
+    if shared.map_file is None:
         raise InvalidInput("--scen needs the map file: omnidrive plan FILE.map --scen FILE.scen")
-    method = choose_one("search", demand.search or "astar", get_args(MethodName))
-    unknown = choose_one("kind", demand.unknown or "occupied", get_args(Unknown))
-    grid = load_map(demand.map_file, unknown=unknown)
+    method = choose_one("search", shared.search or "astar", get_args(MethodName))
+    unknown = choose_one("kind", shared.unknown or "occupied", get_args(Unknown))
+    grid = load_map(shared.map_file, unknown=unknown)
     solved = solve_queries(grid, load_queries(scen, grid), method=method)
     if json:
         typer.echo(json_format.dumps(solved, indent=2))

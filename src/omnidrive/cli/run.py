@@ -40,7 +40,7 @@ from omnidrive.visualization import Recorder, Viewer, check_film, film
 
 @with_options()
 def run(
-    demand: ScenarioOptions,
+    shared: ScenarioOptions,
     controller: Annotated[
         str, choice(get_args(ControllerName), "Controller.", RUN_PANEL)
     ] = "holonomic-nmpc",
@@ -75,7 +75,7 @@ def run(
         check_new_folder(out)
     if video is not None:
         check_film(video)
-    resolved = with_faults(_narrow(demand.resolve(), controller, task, horizon), fault)
+    resolved = with_faults(_narrow(shared.resolve(), controller, task, horizon), fault)
     folder = out or default_folder(f"{resolved.name}-{controller}-{task}")
     with ExitStack() as stack:
         viewers = [stack.enter_context(Viewer())] if view else []

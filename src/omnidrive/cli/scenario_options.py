@@ -1,4 +1,4 @@
-"""Where and how to drive: the options that verbs share, and the scenario that they add up to."""
+"""Options that several verbs share, and the scenario that they define."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _KEYS = {
 
 @dataclass(frozen=True, slots=True)
 class ScenarioOptions:
-    """What the shared options said; None where nothing. Each field is an option."""
+    """Values of the shared options, one field per option; None: option not given."""
 
     scenario: Annotated[
         str,
@@ -184,8 +184,10 @@ class ScenarioOptions:
             name = choose_one("robot", self.robot, ROBOTS)
             changes["robot"] = robot_section(name, preset or scenario.preset)
         elif preset:
-            arm = robot_section(scenario.robot.name, preset).assumed_effective_radius
-            changes["robot"] = scenario.robot.model_copy(update={"assumed_effective_radius": arm})
+            radius = robot_section(scenario.robot.name, preset).assumed_effective_radius
+            changes["robot"] = scenario.robot.model_copy(
+                update={"assumed_effective_radius": radius}
+            )
         if preset:
             changes["preset"] = preset
         if self.seed is not None:
@@ -227,15 +229,16 @@ class ScenarioOptions:
 
 
 def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Add the fields of :class:`ScenarioOptions` as options to a verb with the argument ``demand``.
+    """Add the fields of :class:`ScenarioOptions` as options to a verb with a parameter ``shared``.
 
-    typer makes options of the parameters in a verb's signature: the fields stand there first.
+    typer creates options from the signature of a verb: the fields are inserted before its own
+    parameters.
 
     Args:
-        left_out: Fields that are no options of this verb.
+        left_out: Fields that are not options of this verb.
     """
     hints = get_type_hints(ScenarioOptions, include_extras=True)
-    shared = [
+    shared_parameters = [
         Parameter(
             field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
         )
@@ -247,15 +250,17 @@ def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[...
         own = [
             parameter.replace(kind=Parameter.KEYWORD_ONLY)
             for parameter in signature(verb, eval_str=True).parameters.values()
-            if parameter.name != "demand"
+            if parameter.name != "shared"
         ]
 
         @wraps(verb)
         def command(**given: Any) -> None:
-            demand = ScenarioOptions(**{each.name: given.pop(each.name) for each in shared})
-            verb(demand=demand, **given)
+            shared = ScenarioOptions(
+                **{each.name: given.pop(each.name) for each in shared_parameters}
+            )
+            verb(shared=shared, **given)
 
-        command.__signature__ = Signature([*shared, *own])  # type: ignore[attr-defined]
+        command.__signature__ = Signature([*shared_parameters, *own])  # type: ignore[attr-defined]
         return command
 
     return decorate
