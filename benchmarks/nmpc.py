@@ -59,7 +59,7 @@ from omnidrive.control.nmpc.holonomic import (
 )
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 
-KICKED, SLOW = 28.0, 15.0  # rad/s: wheel speed limit active after displacements only; always active
+FAST, SLOW = 28.0, 15.0  # rad/s: wheel speed limit active after displacements only; always active
 SAME, SAME_SHARE = (
     1e-3,
     0.95,
@@ -89,9 +89,9 @@ HolonomicCase = partial(Case, ours=HolonomicStream)
 CASES = (
     Case("unicycle, N = 15", partial(unicycle_stream, 15), UnicycleStream, target=100.0),
     HolonomicCase(
-        "wheels, N = 15", partial(holonomic_stream, 15, KICKED), target=150.0, p99_target=5.0
+        "wheels, N = 15", partial(holonomic_stream, 15, FAST), target=150.0, p99_target=5.0
     ),
-    HolonomicCase("wheels, N = 50", partial(holonomic_stream, 50, KICKED), target=100.0),
+    HolonomicCase("wheels, N = 50", partial(holonomic_stream, 50, FAST), target=100.0),
     HolonomicCase(
         "wheels always limited, N = 15",
         partial(holonomic_stream, 15, SLOW),
@@ -99,10 +99,10 @@ CASES = (
         limited_target=0.9,
     ),
     HolonomicCase(
-        "wheels + rates + 3 obstacles, N = 15", partial(obstacle_stream, 15, KICKED), target=60.0
+        "wheels + rates + 3 obstacles, N = 15", partial(obstacle_stream, 15, FAST), target=60.0
     ),
     HolonomicCase(
-        "wheels + rates + 3 obstacles, N = 30", partial(obstacle_stream, 30, KICKED), target=40.0
+        "wheels + rates + 3 obstacles, N = 30", partial(obstacle_stream, 30, FAST), target=40.0
     ),
 )
 
@@ -256,8 +256,8 @@ def cost_of(problem: AnyProblem, controls: np.ndarray) -> float:
 
 
 def closed_loop_rows() -> Iterator[dict]:
-    ours = closed_loop_cost(15, KICKED, HolonomicSolver())
-    theirs = closed_loop_cost(15, KICKED, HolonomicIpopt(IpoptSettings(tolerance=1e-10)))
+    ours = closed_loop_cost(15, FAST, HolonomicSolver())
+    theirs = closed_loop_cost(15, FAST, HolonomicIpopt(IpoptSettings(tolerance=1e-10)))
     yield row("wheels, N = 15: cost of the closed loop", ours, "1")
     yield at_most("wheels, N = 15: cost of the closed loop, from IPOPT's",
                   100.0 * abs(ours / theirs - 1.0), "%", 0.01)  # fmt: skip
@@ -265,7 +265,7 @@ def closed_loop_rows() -> Iterator[dict]:
 
 def batch_rows() -> Iterator[dict]:
     """Yield the throughput on copies of the stream with different noise."""
-    stream = holonomic_stream(15, KICKED)
+    stream = holonomic_stream(15, FAST)
     rng, picked = np.random.default_rng(2), np.resize(np.arange(len(stream)), BATCH)
     noise = rng.normal(0.0, (POSITION_NOISE, POSITION_NOISE, HEADING_NOISE), (BATCH, 3))
     many = stream[0]._replace(
@@ -299,7 +299,7 @@ print(imported - began, perf_counter() - imported)
 
 def first_call_rows() -> Iterator[dict]:
     """Yield the times of first calls in new processes, with and without cached kernels."""
-    unicycle, holonomic = unicycle_stream(15)[0], holonomic_stream(15, KICKED)[0]
+    unicycle, holonomic = unicycle_stream(15)[0], holonomic_stream(15, FAST)[0]
     calls = {
         "unicycle": (UnicycleSolver().solve, (unicycle, unicycle.feedforward)),
         "wheels": (HolonomicSolver().solve, (holonomic,)),

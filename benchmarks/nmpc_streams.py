@@ -34,7 +34,7 @@ DT, STEPS = 0.1, 300
 SPEED, YAW_RATE, ARC = 0.7, 0.5, 6.0  # m/s, rad/s, seconds from one bend to the next
 ADVANCE, WAVE, WAVE_RATE = 0.5, 0.6, 0.8  # m/s, m, rad/s
 POSITION_NOISE, HEADING_NOISE, SEED = 0.01, 0.02, 1  # m, rad
-KICKS = {60: (0.3, 0.27, 0.5), 150: (-0.1, -0.39, -0.5), 240: (-0.4, 0.0, 0.5)}  # m, m, rad
+DISPLACEMENTS = {60: (0.3, 0.27, 0.5), 150: (-0.1, -0.39, -0.5), 240: (-0.4, 0.0, 0.5)}  # m, m, rad
 """Displacements of the robot before a step."""
 MAX_WHEEL_ACCELERATION = 60.0  # rad/s^2
 
@@ -214,8 +214,8 @@ def drive(
     controller.reset(State(0.0, pose))
     poses = [pose]
     for k in range(STEPS):
-        if k in KICKS:
-            pose = Pose(*np.add(pose, KICKS[k]).tolist())
+        if k in DISPLACEMENTS:
+            pose = Pose(*np.add(pose, DISPLACEMENTS[k]).tolist())
         command = controller.step(k * DT, State(k * DT, measured(pose, rng)), reference)
         pose = move(pose, command.twist, DT)
         poses.append(pose)

@@ -56,7 +56,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 SQUARE = np.array([[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]])
 
 
-def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, zones=0):
+def problem(rng, stages=15, limit=20.0, offset=0.3, *, rate=None, lag=0.0, zones=0):
     """Return the problem of a wavy reference of about 0.7 m/s, and a start beside it.
 
     With a limit ``rate`` of the wheels' acceleration in rad/s^2, or a lag in s, the robot moves
@@ -66,7 +66,7 @@ def problem(rng, stages=15, limit=20.0, kick=0.3, *, rate=None, lag=0.0, zones=0
     dt, phase = 0.1, rng.uniform(-pi, pi)
     t = phase + dt * np.arange(stages + 1)
     targets = np.column_stack([0.7 * t, 0.5 * np.sin(1.4 * t), rng.uniform(-3, 3) + 0.5 * t])
-    start = targets[0] + kick * rng.normal(size=3)
+    start = targets[0] + offset * rng.normal(size=3)
     state_weights = np.tile([15.0, 15.0, 15.0], (stages + 1, 1)) * rng.uniform(0.5, 2.0, 3)
     control_weights = rng.uniform(0.2, 2.0, 3)
     limits = speed_limits(CHASSIS.jacobian, limit, dt, (lag, lag))
@@ -317,7 +317,7 @@ def test_robot_above_its_speed_limit_brakes_at_the_rate_limit(factor):
 @pytest.mark.parametrize("corners", [None, SQUARE])
 @pytest.mark.parametrize("weight", [1e3, 1e5])
 def test_plan_leaves_and_avoids_keep_out_zones(corners, weight):
-    p = problem(np.random.default_rng(2), 30, kick=0.0)
+    p = problem(np.random.default_rng(2), 30, offset=0.0)
     inside = KeepOutZone(p.start[:2] + np.array([0.05, 0.02]), 0.3, corners, weight)
     across = KeepOutZone(p.targets[20, :2] + np.array([0.03, 0.05]), 0.25, corners, weight)
     p = p._replace(keep_outs=stack_keep_outs([inside, across], 31))
