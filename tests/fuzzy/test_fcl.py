@@ -165,12 +165,12 @@ def test_singletons_and_default_range():
 
 
 def test_single_operator_selects_its_partner():
-    for given_, wanted in (
+    for given_, expected in (
         ("OR : BSUM", ("lukasiewicz", "bsum")),
         ("AND : DMIN", ("drastic",) * 2),
     ):
         system = read_fcl(SINGLETONS.replace("AND : MIN", given_))
-        assert (system.conjunction, system.disjunction) == wanted
+        assert (system.conjunction, system.disjunction) == expected
 
 
 def test_unpaired_operators():

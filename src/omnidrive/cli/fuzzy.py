@@ -15,10 +15,10 @@ from rich.console import Console
 
 from omnidrive.cli.fuzzy_text import (
     fired_lines,
-    headline,
     outputs_table,
     rule_lines,
     rules_table,
+    summary_lines,
     variable_lines,
 )
 from omnidrive.cli.options import available_cores, choose_one, parse_coordinates
@@ -327,7 +327,7 @@ def _create_folder(path: Path) -> None:
 
 
 def _print_system(system: FuzzySystem) -> None:
-    for line in [*headline(system), *variable_lines(system), ""]:
+    for line in [*summary_lines(system), *variable_lines(system), ""]:
         typer.echo(line)
     table = rules_table(system)
     if table is not None:

@@ -24,7 +24,7 @@ _CELL = 40  # maximum characters of a cell
 _WIDTH = 300  # maximum characters of a rule
 
 
-def headline(system: FuzzySystem) -> list[str]:
+def summary_lines(system: FuzzySystem) -> list[str]:
     """Return lines with the name, kind, type, sizes and operators of a system."""
     kind = "Sugeno" if system.is_sugeno else "Mamdani"
     names = {1: "type 1", 2: "interval type 2", 3: "interval type 3"}

@@ -126,10 +126,10 @@ def _columns(block: _Block, inference: Inference) -> tuple[_Columns, tuple[str, 
     except UnicodeDecodeError:
         raise InvalidInput("line 1: expected column names in UTF-8") from None
     names = tuple(name.strip() for name in _fields(text, 1))
-    wanted = [variable.name for variable in inference.system.inputs]
+    expected = [variable.name for variable in inference.system.inputs]
     if not any(names):
-        raise InvalidInput(f"line 1: expected the columns {', '.join(wanted)}, got an empty line")
-    for name in wanted:
+        raise InvalidInput(f"line 1: expected the columns {', '.join(expected)}, got an empty line")
+    for name in expected:
         if names.count(name) > 1:
             raise InvalidInput(f"line 1: the column {name!r} appears twice")
         if name not in names:
@@ -137,8 +137,8 @@ def _columns(block: _Block, inference: Inference) -> tuple[_Columns, tuple[str, 
             if len(names) == 1 and (other := next((s for s in ";\t" if s in names[0]), None)):
                 hint = f"; the separator must be a comma, not {other!r}"
             raise InvalidInput(f"line 1: there is no column {name!r}{hint}")
-    unused = tuple(one_line(each, 60) for each in names if each not in wanted)
-    return _Columns(names, tuple(map(names.index, wanted))), unused
+    unused = tuple(one_line(each, 60) for each in names if each not in expected)
+    return _Columns(names, tuple(map(names.index, expected))), unused
 
 
 def _inputs(block: _Block, columns: _Columns) -> Float[Array, "rows inputs"]:
