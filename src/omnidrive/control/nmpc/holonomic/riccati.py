@@ -271,7 +271,10 @@ def newton_step(
     multipliers: Float[Array, "stages rows"],
     step: Step,
 ) -> None:
-    """Minimise the quadratic model of J + multipliers @ values + weights / 2 @ values^2.
+    """Minimise the quadratic model of the Lagrangian with a penalty.
+
+    The model is J + ``multipliers @ values + weights / 2 @ values^2``, with first derivatives of
+    the limits' values and the second derivatives in ``point.hessian``.
 
     Args:
         p: The problem.
