@@ -132,8 +132,8 @@ def ends_of(reference):
 def test_fallback_keeps_end_headings(grid, monkeypatch):
     """Without a corridor, and with a corridor whose best motion is (by a stub) slow."""
     path, yaws = straight(4.0, yaw=0.3), (1.0, -2.5)
-    bent = with_end_headings(path, *yaws)
-    slow = time_within_limits(bent, FOUR, LIMITS).with_duration(1e3)
+    adjusted = with_end_headings(path, *yaws)
+    slow = time_within_limits(adjusted, FOUR, LIMITS).with_duration(1e3)
     monkeypatch.setattr(
         MODULE,
         "optimise_path",
@@ -185,12 +185,12 @@ def test_fallback_if_path_leaves_the_corridor(monkeypatch):
     free = OccupancyGrid(np.zeros((90, 90), bool), 0.1, (-2.0, -2.0))
     start = time_within_limits(path, FOUR, LIMITS)
 
-    def astray(guesses, *_):
+    def leave_corridor(guesses, *_):
         points = guesses[0].path.control_points.copy()
         points[20, 1] = 50.0
         return OptimisedPath(start, SplinePath(points), "converged")
 
-    monkeypatch.setattr(MODULE, "optimise_path", astray)
+    monkeypatch.setattr(MODULE, "optimise_path", leave_corridor)
     found = minimum_time(path, FOUR, LIMITS, free)
     assert found.status == "fallback"
     assert "leaves the corridor" in found.message
@@ -327,18 +327,18 @@ def test_bezier_points_give_the_same_curve(points):
         assert polygon[0] == pytest.approx(path.poses((piece + r[:, 0]) / (points - 3)), abs=1e-12)
 
 
-@pytest.mark.parametrize("astray", [0.0, 1e-5, 0.3])
-def test_step_is_limited_to_the_bounds(astray):
+@pytest.mark.parametrize("excess", [0.0, 1e-5, 0.3])
+def test_step_is_limited_to_the_bounds(excess):
     """The result is on the line to the solver's result, as far as the bounds allow."""
     start = np.column_stack([np.linspace(0.0, 9.0, 10), np.zeros((10, 2))])
-    found = start + np.array([0.0, 1.0 + astray, 0.5]) * (np.arange(10) == 5)[:, None]
+    found = start + np.array([0.0, 1.0 + excess, 0.5]) * (np.arange(10) == 5)[:, None]
     reached = bezier_basis(10) @ found[:, :2]
-    most = (reached / [1.0, 1.0 + astray]).max(axis=0)
-    hull = np.tile([0.0, 0.0, *most], (len(reached), 1))
-    held = _limit_step(start, found, hull)
-    kept = bezier_basis(10) @ held[:, :2]
-    assert kept.max(axis=0) == pytest.approx(most, abs=1e-12)
-    assert held[5] == pytest.approx([start[5, 0], 1.0, 0.5 / (1.0 + astray)])
+    largest = (reached / [1.0, 1.0 + excess]).max(axis=0)
+    hull = np.tile([0.0, 0.0, *largest], (len(reached), 1))
+    limited = _limit_step(start, found, hull)
+    kept = bezier_basis(10) @ limited[:, :2]
+    assert kept.max(axis=0) == pytest.approx(largest, abs=1e-12)
+    assert limited[5] == pytest.approx([start[5, 0], 1.0, 0.5 / (1.0 + excess)])
     assert _limit_step(start, found, None) is found
 
 
