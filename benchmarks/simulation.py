@@ -21,7 +21,7 @@ from s_path import SPath
 from omnidrive.control import FeedforwardController
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.robot import ROBOTS, Robot
-from omnidrive.simulation import MujocoPlant, Plant, identify_lag, roll_out, simulate
+from omnidrive.simulation import MujocoPlant, Plant, identify_lag, simulate, simulate_batch
 from omnidrive.study import PlantName, make_plant
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -88,7 +88,7 @@ def rolled_out(robot: Robot) -> float:
     runs, steps = BATCH
     starts, commands = np.zeros((runs, 3)), np.tile(np.array(CURVE), (runs, steps, 1))
     began = thread_time()
-    roll_out(robot, starts, commands, 0.1)
+    simulate_batch(robot, starts, commands, 0.1)
     return runs * steps * 0.1 / (thread_time() - began)
 
 

@@ -49,8 +49,8 @@ from .simulation import (
     Run,
     SensorSuite,
     identify_lag,
-    roll_out,
     simulate,
+    simulate_batch,
 )
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
 from .visualization import Observer, Recorder, Recording, Viewer, film, observe, replay
@@ -129,12 +129,12 @@ __all__ = [
     "paper_scenario",
     "plan",
     "replay",
-    "roll_out",
     "run_study",
     "save_nav2_map",
     "save_waypoints",
     "search",
     "simulate",
+    "simulate_batch",
     "smooth",
     "step_response",
     "time_uniformly",

@@ -17,7 +17,7 @@ from omnidrive.errors import InvalidInput  # noqa: E402
 from omnidrive.estimation import State  # noqa: E402
 from omnidrive.geometry import BodyTwist, Pose  # noqa: E402
 from omnidrive.gym import ENVIRONMENT, TrackingEnv  # noqa: E402
-from omnidrive.gym.tracking import fastest_twist  # noqa: E402
+from omnidrive.gym.tracking import max_axis_twist  # noqa: E402
 from omnidrive.reference import Hold  # noqa: E402
 from omnidrive.robot import ROBOTS, named_robot  # noqa: E402
 from omnidrive.simulation import (  # noqa: E402
@@ -186,7 +186,7 @@ def test_large_actions_are_cut_and_nonsense_is_refused():
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_an_action_of_one_is_the_fastest_along_its_axis(robot):
     chassis = named_robot(robot).chassis
-    for axis, speed in enumerate(fastest_twist(named_robot(robot))):
+    for axis, speed in enumerate(max_axis_twist(named_robot(robot))):
         twist = BodyTwist(*(speed * np.eye(3)[axis]).tolist())
         fastest = np.abs(chassis.wheel_speeds(twist)).max()
         assert fastest == pytest.approx(chassis.max_wheel_speed)

@@ -8,7 +8,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import ROBOTS
 from omnidrive.simulation import MujocoPlant, PlantCapabilities, PlantState, identify_lag
-from omnidrive.simulation.mujoco.mjcf import omni_model
+from omnidrive.simulation.mujoco.robot_model import robot_mjcf
 
 
 class Lagging:
@@ -48,7 +48,7 @@ def test_the_named_robots_have_the_lags_that_are_found(name):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_mass_and_inertia_are_those_of_the_physics(name):
     robot = ROBOTS[name]
-    model = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     about = np.zeros((model.nv, model.nv))

@@ -10,7 +10,7 @@ import pytest
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
 from omnidrive.robot import ROBOTS, Mount, named_robot, omni_ring
 from omnidrive.simulation import MujocoPlant
-from omnidrive.simulation.mujoco.mjcf_wheels import roller_shape
+from omnidrive.simulation.mujoco.wheels import roller_shape
 
 SMALL = named_robot("small")
 ORIGIN = Pose(0.0, 0.0, 0.0)

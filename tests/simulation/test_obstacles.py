@@ -14,7 +14,7 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import named_robot
 from omnidrive.simulation import MovingObstacle, MujocoPlant
 from omnidrive.simulation.disturbances.disturbances import Disturbances, Payload
-from omnidrive.simulation.mujoco.walls import Walls, boxes_of
+from omnidrive.simulation.mujoco.obstacle_boxes import ObstacleBoxes, merge_cells
 
 SMALL = named_robot("small")
 REST = BodyTwist(0.0, 0.0, 0.0)
@@ -24,7 +24,7 @@ cells = arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
 @given(cells)
 def test_boxes_cover_the_taken_cells_once(occupied):
     covered = np.zeros(occupied.shape, int)
-    for left, right, bottom, top in boxes_of(occupied):
+    for left, right, bottom, top in merge_cells(occupied):
         covered[bottom:top, left:right] += 1
     np.testing.assert_array_equal(covered, occupied)
 
@@ -32,7 +32,7 @@ def test_boxes_cover_the_taken_cells_once(occupied):
 def test_a_rectangle_is_one_box():
     occupied = np.zeros((20, 30), bool)
     occupied[4:15, 7:29] = True
-    assert boxes_of(occupied).tolist() == [[7, 29, 4, 15]]
+    assert merge_cells(occupied).tolist() == [[7, 29, 4, 15]]
 
 
 @settings(deadline=None)
@@ -42,11 +42,11 @@ def test_a_rectangle_is_one_box():
 def test_the_nearest_box_is_as_far_as_the_maps_clearance(occupied, yaw, walled, points):
     """Whatever was asked before; the grid's own clearance is found in another way."""
     grid = OccupancyGrid(occupied, 0.5, (0.7, -0.4), walled=walled, yaw=yaw)
-    walls, reach = Walls(grid), 1.0
+    walls, reach = ObstacleBoxes(grid), 1.0
     for point in points:
         clearance = max(0.0, float(grid.clearance(np.array([point]))[0]))
-        near = walls.near(*point, reach, 16)
-        u, v = walls.in_map(*point)
+        near = walls.nearest(*point, reach, 16)
+        u, v = walls.to_map_frame(*point)
         gaps = [
             hypot(max(left - u, u - right, 0.0), max(bottom - v, v - top, 0.0))
             for left, right, bottom, top in near
@@ -190,5 +190,5 @@ def test_a_moving_disc_pushes_the_robot_away(wheels):
 
 def test_too_many_moving_discs_are_refused():
     disc = MovingObstacle(0.2, (0.0,), ((3.0, 0.0),))
-    with pytest.raises(InvalidInput, match="33 obstacles move, need at most 32"):
+    with pytest.raises(InvalidInput, match="33 moving obstacles, need at most 32"):
         MujocoPlant(SMALL, "ball", moving=[disc] * 33)

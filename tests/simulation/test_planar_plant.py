@@ -23,12 +23,12 @@ from omnidrive.simulation import (
     Payload,
     PlanarPlant,
     PoseOffset,
-    roll_out,
+    simulate_batch,
 )
-from omnidrive.simulation.mujoco.mjcf import omni_model
-from omnidrive.simulation.planar.model import mass_matrix, model_of
-from omnidrive.simulation.planar.state import SPIN
-from omnidrive.simulation.planar.traction import twist_after
+from omnidrive.simulation.mujoco.robot_model import robot_mjcf
+from omnidrive.simulation.planar.contact import solve_twist
+from omnidrive.simulation.planar.model import mass_matrix, planar_model
+from omnidrive.simulation.planar.state import WHEEL_STATE
 from omnidrive.study import make_plant
 
 ORIGIN, STILL = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
@@ -40,7 +40,7 @@ class Small:
     """What the robot small weighs along the diagonal, by MuJoCo's own account."""
 
     robot = named_robot("small")
-    model = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
 
     @classmethod
     def wheel(cls):
@@ -80,12 +80,10 @@ def speed_along(state):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_inertias_are_those_of_the_mujoco_model(name):
     robot = ROBOTS[name]
-    mujocos = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
+    mujocos = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
     matrix = full_inertia(mujocos)
-    ours = model_of(robot, Disturbances())
-    assert mass_matrix(ours.frame)[[0, 2], [0, 2]] == pytest.approx(
-        matrix[[0, 5], [0, 5]], rel=1e-4
-    )
+    ours = planar_model(robot, Disturbances())
+    assert mass_matrix(ours.body)[[0, 2], [0, 2]] == pytest.approx(matrix[[0, 5], [0, 5]], rel=1e-4)
     wheel = mujocos.joint("wheel0").dofadr[0]
     assert ours.wheels["inertia"] == pytest.approx(matrix[wheel, wheel], rel=1e-4)
     rollers = [i for i in range(mujocos.nv) if 0.0 < mujocos.dof_damping[i] < 1e-4]
@@ -97,9 +95,9 @@ def test_inertias_are_those_of_the_mujoco_model(name):
 
 def test_a_robot_off_its_centre_has_the_mass_matrix_of_the_mujoco_model():
     robot = small(com=(0.05, -0.03))
-    model = mujoco.MjModel.from_xml_string(omni_model(robot, "rollers"))
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
     planar = full_inertia(model)[np.ix_([0, 1, 5], [0, 1, 5])]
-    assert mass_matrix(model_of(robot, Disturbances()).frame) == pytest.approx(planar, abs=2e-4)
+    assert mass_matrix(planar_model(robot, Disturbances()).body) == pytest.approx(planar, abs=2e-4)
 
 
 def test_full_torque_gives_the_acceleration_of_mass_and_wheels():
@@ -147,7 +145,7 @@ def test_with_dead_motors_only_the_rollers_bearings_brake():
     plant.apply(Disturbances(motors=dead))
     first = plant.step(STILL, 0.1)
     last = plant.step(STILL, 1.0)
-    wheel = model_of(Small.robot, Disturbances()).wheels[0]
+    wheel = planar_model(Small.robot, Disturbances()).wheels[0]
     drag = 2.0 * wheel["roller_mass"] * wheel["roller_decay"]
     mass = Small.mass() + 2.0 * wheel["roller_mass"]
     lost = 1.0 - speed_along(last) / speed_along(first)
@@ -173,7 +171,7 @@ def test_without_friction_the_centre_of_mass_flies_straight_on():
     )
     rates = [state.twist.yaw_rate for state in states]
     assert rates == pytest.approx([rates[0]] * 8, rel=1e-12)
-    inertia = mass_matrix(model_of(robot, Disturbances()).frame)
+    inertia = mass_matrix(planar_model(robot, Disturbances()).body)
     turned = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]) @ [4.0, 2.0]
     assert rates[0] == pytest.approx(np.linalg.solve(inertia, [*turned, 0.8])[2], rel=1e-9)
 
@@ -215,7 +213,7 @@ def test_a_slope_is_fixed_to_the_world():
 
 def test_a_payload_is_carried_where_it_lies():
     payload = Payload(6.0, 0.1, -0.05)
-    loaded = model_of(Small.robot, Disturbances(payload=payload)).wheels["load"]
+    loaded = planar_model(Small.robot, Disturbances(payload=payload)).wheels["load"]
     together = small(mass=16.0, com=(6.0 * 0.1 / 16.0, -6.0 * 0.05 / 16.0))
     assert loaded == pytest.approx(together.loads, rel=1e-12)
     plant = PlanarPlant(small(servo_gain=1e3, friction=5.0, max_torque=1.0))
@@ -303,7 +301,7 @@ def test_conditions_for_other_wheels_are_refused():
 
 def wheels_own_answer(wheel, spin, v, h):
     """Impulse of the floor at one wheel, from its speed afterwards, found by bisection."""
-    ground = wheel["push_x"] * v[0] + wheel["push_y"] * v[1] + spin["turn"] * v[2]
+    ground = wheel["direction_x"] * v[0] + wheel["direction_y"] * v[1] + spin["moment_arm"] * v[2]
 
     def speed_under(q):  # inertia (w - speed) = h torque(w) - radius q, rising to the left in w
         low, high = -1e4, 1e4
@@ -315,7 +313,7 @@ def wheels_own_answer(wheel, spin, v, h):
             low, high = (low, w) if lag > 0.0 else (w, high)
         return w
 
-    low, high = -spin["grip"], spin["grip"]
+    low, high = -spin["max_impulse"], spin["max_impulse"]
     for _ in range(60):  # the more the floor pushes, the slower the wheel
         q = 0.5 * (low + high)
         spins_on = wheel["radius"] * speed_under(q) > ground
@@ -331,21 +329,21 @@ numbers = st.floats(-1.0, 1.0).map(lambda v: round(v, 3))
 def test_a_step_solves_what_bodies_wheels_and_servos_demand(draws, name):
     """Residual of Newton's law, every wheel's part of it found without the kernel."""
     h, robot = 0.002, replace(named_robot(name), com=(0.03, 0.01), friction=0.3)
-    model = model_of(robot, Disturbances())
+    model = planar_model(robot, Disturbances())
     count = len(robot.mounts)
-    spins = np.zeros(count, SPIN)
+    spins = np.zeros(count, WHEEL_STATE)
     spins["speed"], spins["target"] = (np.array(draws[k : k + count]) * 40.0 for k in (0, 4))
-    spins["grip"] = h * robot.friction * robot.loads * (1.0 + np.array(draws[8 : 8 + count]))
-    spins["turn"] = model.wheels["push_turn"]
+    spins["max_impulse"] = h * robot.friction * robot.loads * (1.0 + np.array(draws[8 : 8 + count]))
+    spins["moment_arm"] = model.wheels["direction_yaw"]
     free, guess = (tuple((2.0 * np.array(draws[k : k + 3])).tolist()) for k in (12, 15))
-    given = tuple((mass_matrix(model.frame) @ free).tolist())
-    v = twist_after(model.frame[0], model.wheels, spins, given, guess, h)
+    given = tuple((mass_matrix(model.body) @ free).tolist())
+    v = solve_twist(model.body[0], model.wheels, spins, given, guess, h)
     pushed = np.zeros(3)
     for records in zip(model.wheels, spins, strict=True):
         wheel, spin = (dict(zip(r.dtype.names, r.item(), strict=True)) for r in records)
         q = wheels_own_answer(wheel, spin, v, h)
-        pushed += q * np.array([wheel["push_x"], wheel["push_y"], spin["turn"]])
-    gained = mass_matrix(model.frame) @ np.subtract(v, free)
+        pushed += q * np.array([wheel["direction_x"], wheel["direction_y"], spin["moment_arm"]])
+    gained = mass_matrix(model.body) @ np.subtract(v, free)
     assert gained == pytest.approx(pushed, abs=1e-6)
 
 
@@ -380,7 +378,7 @@ def test_a_batch_is_bit_for_bit_what_single_steps_give():
     robot, rng = named_robot("kiwi"), np.random.default_rng(5)
     starts = rng.normal(size=(3, 3))
     commands = rng.normal(size=(3, 12, 3))
-    poses, twists = roll_out(robot, starts, commands, 0.05)
+    poses, twists = simulate_batch(robot, starts, commands, 0.05)
     plant = PlanarPlant(robot)
     for run in range(3):
         plant.reset(Pose(*starts[run].tolist()))
@@ -392,9 +390,9 @@ def test_a_batch_is_bit_for_bit_what_single_steps_give():
 
 def test_a_batch_of_other_sizes_is_refused():
     with pytest.raises(InvalidInput, match="2 starts for 3 runs"):
-        roll_out(Small.robot, np.zeros((2, 3)), np.zeros((3, 4, 3)), 0.1)
+        simulate_batch(Small.robot, np.zeros((2, 3)), np.zeros((3, 4, 3)), 0.1)
     with pytest.raises(InvalidInput, match="must be positive"):
-        roll_out(Small.robot, np.zeros((1, 3)), np.zeros((1, 4, 3)), 0.0)
+        simulate_batch(Small.robot, np.zeros((1, 3)), np.zeros((1, 4, 3)), 0.0)
 
 
 def test_rollers_stand_as_drawn():

@@ -24,11 +24,11 @@ from omnidrive.visualization import (
     GhostModel,
     Overlays,
     Recorder,
-    camera_of,
     check_film,
     film,
     follows,
     frame,
+    make_camera,
     observe,
 )
 from tests.laws.motions import Circle
@@ -52,7 +52,7 @@ def recording():
 @pytest.fixture(scope="module")
 def brief(recording):
     """The first frames of it."""
-    series = {name: getattr(recording, name)[:5] for name in ("t", "places", "moving", "target")}
+    series = {name: getattr(recording, name)[:5] for name in ("t", "positions", "moving", "target")}
     return replace(recording, **series)
 
 
@@ -92,13 +92,13 @@ def test_a_gif_is_what_was_drawn(recording, tmp_path):
     film(recording, tmp_path / "run.gif", size=SIZE, camera="follow")
     last = list(frames_of(tmp_path / "run.gif"))[-1][0]
     data = mujoco.MjData(recording.model)
-    data.qpos[:] = recording.places[-1]
+    data.qpos[:] = recording.positions[-1]
     mujoco.mj_forward(recording.model, data)
-    path = np.vstack([recording.path, recording.places[:, :2]])
-    camera = camera_of("follow", path, ROBOT.body_radius, 16 / 9)
-    camera.lookat[:2] = recording.places[-1, :2]
+    path = np.vstack([recording.path, recording.positions[:, :2]])
+    camera = make_camera("follow", path, ROBOT.body_radius, 16 / 9)
+    camera.lookat[:2] = recording.positions[-1, :2]
     target = Pose(*recording.target[-1])
-    marks = Overlays(recording.path, recording.places[:, :2], target, ROBOT.body_radius)
+    marks = Overlays(recording.path, recording.positions[:, :2], target, ROBOT.body_radius)
     with Canvas(recording.model, *SIZE) as canvas:
         drawn = canvas.draw(data, camera, marks)
     off = np.abs(drawn.astype(float) - last)[30:]  # below the caption
@@ -115,7 +115,7 @@ def test_too_long_a_run_plays_faster(recording, tmp_path, monkeypatch):
 def test_marks_are_where_they_belong():
     """Seen from right above, the target is a green disc with the robot's radius."""
     puppet = GhostModel(ROBOT)
-    puppet.put(0.0, Pose(5.0, 5.0, 0.0), np.zeros(4))  # out of the picture
+    puppet.set_pose(0.0, Pose(5.0, 5.0, 0.0), np.zeros(4))  # out of the picture
     camera = mujoco.MjvCamera()
     camera.azimuth, camera.elevation, camera.distance = 90.0, -90.0, 4.0
     nothing = np.zeros((0, 2))
@@ -200,7 +200,7 @@ def test_a_film_that_cannot_be_written_leaves_nothing(recording, tmp_path):
 def test_an_mp4_needs_an_encoder_and_says_which(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "cv2", None)
-    monkeypatch.setattr("omnidrive.visualization.encoders.find_spec", lambda name: None)
+    monkeypatch.setattr("omnidrive.visualization.video_file.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r"install the command ffmpeg, or pip install 'omni"):
         check_film(tmp_path / "run.mp4")
     check_film(tmp_path / "run.gif")

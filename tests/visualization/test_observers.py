@@ -58,14 +58,14 @@ class Notes:
     period = 0.03
 
     def __init__(self):
-        self.runs, self.times, self.places = 0, [], []
+        self.runs, self.times, self.positions = 0, [], []
 
     def begin(self, scene):
-        self.runs, self.times, self.places, self.scene = self.runs + 1, [], [], scene
+        self.runs, self.times, self.positions, self.scene = self.runs + 1, [], [], scene
 
-    def look(self, t):
+    def update(self, t):
         self.times.append(t)
-        self.places.append(self.scene.position)
+        self.positions.append(self.scene.position)
 
 
 @every_plant
@@ -105,7 +105,7 @@ def test_a_second_run_is_seen_anew(make):
     first = recorder.recording
     run(plant)
     assert notes.runs == 2
-    assert np.array_equal(first.places, recorder.recording.places)
+    assert np.array_equal(first.positions, recorder.recording.positions)
 
 
 @every_plant
@@ -113,9 +113,9 @@ def test_what_is_recorded_lies_on_the_way_between_the_samples(make):
     recorder = Recorder()
     log = run(observe(make(), ROBOT, CIRCLE, [recorder]), dt=0.08)
     recording = recorder.recording
-    at_samples = recording.places[::2, :2]
+    at_samples = recording.positions[::2, :2]
     assert at_samples == pytest.approx(log.pose[: len(at_samples), :2], abs=1e-12)
-    assert np.hypot(*recording.places[:, :2].T) == pytest.approx(1.0, abs=0.05)
+    assert np.hypot(*recording.positions[:, :2].T) == pytest.approx(1.0, abs=0.05)
     assert recording.target == pytest.approx(
         np.array([CIRCLE.at(t).pose for t in recording.t]), abs=1e-12
     )
@@ -129,7 +129,7 @@ def test_a_model_is_put_on_the_cubic_between_two_samples():
     plant.reset(start)
     plant.step(twist, 0.1)  # from rest, as far as the plant tells
     plant.step(twist, 0.1)
-    late = [(t, place) for t, place in zip(notes.times, notes.places, strict=True) if t > 0.1]
+    late = [(t, place) for t, place in zip(notes.times, notes.positions, strict=True) if t > 0.1]
     assert len(late) == 3
     for t, place in late:
         assert place == pytest.approx(move(start, twist, t)[:2], abs=1e-5)
@@ -144,7 +144,7 @@ def test_wheels_turn_as_the_plant_says_or_else_as_if_they_did_not_slip():
         plant.step(twist, 0.1)
     recording = recorder.recording
     joints = [int(recording.model.joint(f"wheel{i}").qposadr[0]) for i in range(4)]
-    turned = recording.places[-1, joints] - recording.places[5, joints]
+    turned = recording.positions[-1, joints] - recording.positions[5, joints]
     assert turned == pytest.approx(0.2 * ROBOT.chassis.wheel_speeds(twist), abs=1e-9)
 
 
@@ -161,7 +161,7 @@ def test_what_is_not_finite_is_not_recorded():
 
     recorder = Recorder()
     run(observe(Failing(), ROBOT, CIRCLE, [recorder]))
-    assert np.isfinite(recorder.recording.places).all()
+    assert np.isfinite(recorder.recording.positions).all()
     assert recorder.recording.t[-1] == pytest.approx(0.2)
 
 
@@ -217,8 +217,8 @@ def test_a_log_alone_can_be_replayed(make):
     log = run(observe(make(), ROBOT, CIRCLE, [recorder]), dt=0.08, duration=0.8)
     again = replay(log, ROBOT)
     assert again.t == pytest.approx(recorder.recording.t, abs=2.1e-3)
-    kept = recorder.recording.places[:, :2]
-    assert again.places[:, :2] == pytest.approx(kept, abs=2e-3)
+    kept = recorder.recording.positions[:, :2]
+    assert again.positions[:, :2] == pytest.approx(kept, abs=2e-3)
     assert again.target[-1] == pytest.approx(log.target[-1])
 
 

@@ -23,7 +23,7 @@ class Window:
     """What MuJoCo gives for a window."""
 
     def __init__(self, model, data, open_for):
-        self.model, self.data, self.places = model, data, []
+        self.model, self.data, self.positions = model, data, []
         self.cam, self.user_scn = mujoco.MjvCamera(), mujoco.MjvScene(model, 2000)
         self.open_for, self.shown, self.closed = open_for, 0, False
 
@@ -32,7 +32,7 @@ class Window:
 
     def sync(self):
         self.shown += 1
-        self.places.append(self.data.qpos[:2].tolist())
+        self.positions.append(self.data.qpos[:2].tolist())
 
     def lock(self):
         return nullcontext()
@@ -105,8 +105,8 @@ def test_what_is_done_in_the_window_does_not_change_the_run(screen):
         seen = drive(MujocoPlant(ROBOT, "ball"), observers=[watching])
     assert np.array_equal(alone.pose, seen.pose)
     (window,) = screen.windows
-    assert window.places[0] == pytest.approx(seen.pose[0, :2])
-    assert window.places[-1] == pytest.approx(seen.pose[-1, :2])
+    assert window.positions[0] == pytest.approx(seen.pose[0, :2])
+    assert window.positions[-1] == pytest.approx(seen.pose[-1, :2])
 
 
 def test_a_closed_window_lets_the_run_go_on_alone(screen):

@@ -16,7 +16,7 @@ _SAMPLES = 100_000
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class ObservationLaw:
+class ObservationModel:
     """Poses and twists in the robot's frame B, each divided by the largest that is told apart.
 
     In order, ``n`` being :attr:`preview`:
@@ -59,9 +59,9 @@ class ObservationLaw:
         c, s = cos(pose.yaw), sin(pose.yaw)
         into_body = np.array([[c, -s], [s, c]])  # from the right
         reach = self.lost[0] + self.top_speed * self.dt * np.arange(self.preview + 1)
-        places = (ahead[:, :2] - [pose.x, pose.y]) @ into_body / reach[:, None]
+        positions = (ahead[:, :2] - [pose.x, pose.y]) @ into_body / reach[:, None]
         headings = wrap(ahead[:, 2] - pose.yaw) / np.pi
-        poses = np.column_stack([places, headings])
+        poses = np.column_stack([positions, headings])
         wanted = np.array([*(ahead[0, 3:5] @ into_body), ahead[0, 5]])
         numbers = np.concatenate(
             [

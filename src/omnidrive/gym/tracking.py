@@ -16,8 +16,8 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
-from omnidrive.gym.observation import ObservationLaw, top_speed
-from omnidrive.gym.picture import Picture
+from omnidrive.gym.observation import ObservationModel, top_speed
+from omnidrive.gym.renderer import Renderer
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.reference import Reference, shortest_duration, time_uniformly
@@ -110,15 +110,15 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._dt, self._effort = dt, effort
         self._spread, self._lost = spread, lost
         self._last = max(round(self._reference.duration / dt), 1)
-        self.max_twist = np.array(max_twist or fastest_twist(self._robot), dtype=float)
-        self._law = ObservationLaw(
+        self.max_twist = np.array(max_twist or max_axis_twist(self._robot), dtype=float)
+        self._law = ObservationModel(
             self._reference, dt, preview, lost, self.max_twist, top_speed(self._reference, dt)
         )
         self.observation_space = spaces.Box(-1.0, 1.0, (self._law.size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / dt), 1)}
         self.render_mode = render_mode
-        self._picture = Picture(self._plant, self._robot, self._reference, render_size, obstacles)
+        self._picture = Renderer(self._plant, self._robot, self._reference, render_size, obstacles)
         self._k, self._begun, self._running = 0, False, False
 
     def reset(
@@ -240,7 +240,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         }
 
 
-def fastest_twist(robot: Robot) -> BodyTwist:
+def max_axis_twist(robot: Robot) -> BodyTwist:
     """The fastest along each axis alone that the wheels of ``robot`` allow; m/s, m/s, rad/s."""
     chassis = robot.chassis
     per_wheel = np.abs(chassis.jacobian).max(axis=0)

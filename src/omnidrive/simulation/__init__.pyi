@@ -14,7 +14,7 @@ from .kinematic import KinematicPlant
 from .loop import simulate
 from .moving_obstacle import MovingObstacle
 from .mujoco.plant import MujocoPlant
-from .planar import PlanarPlant, roll_out
+from .planar import PlanarPlant, simulate_batch
 from .plant import DisturbablePlant, Plant, PlantCapabilities, PlantState
 from .run import Outcome, Run
 from .sensors import (
@@ -58,6 +58,6 @@ __all__ = [
     "default_faults",
     "identify_lag",
     "parse_fault",
-    "roll_out",
     "simulate",
+    "simulate_batch",
 ]

@@ -9,9 +9,9 @@ from math import isfinite
 
 from omnidrive.errors import InvalidInput
 
-MOST_MOVING = 32
+MAX_MOVING_OBSTACLES = 32
 """How many obstacles may move in one world: each costs time in every step."""
-MOST_POINTS = 10_000
+MAX_PATH_POINTS = 10_000
 """Of one obstacle's path."""
 
 
@@ -39,9 +39,9 @@ class MovingObstacle:
     def __post_init__(self) -> None:
         if not (isfinite(self.radius) and self.radius > 0.0):
             raise InvalidInput(f"a moving obstacle's radius must be positive, got {self.radius} m")
-        if not 1 <= len(self.times) == len(self.points) <= MOST_POINTS:
+        if not 1 <= len(self.times) == len(self.points) <= MAX_PATH_POINTS:
             raise InvalidInput(
-                f"a moving obstacle needs as many times as points, 1 to {MOST_POINTS}; "
+                f"a moving obstacle needs as many times as points, 1 to {MAX_PATH_POINTS}; "
                 f"got {len(self.times)} times and {len(self.points)} points"
             )
         if not all(map(isfinite, (*self.times, *(v for point in self.points for v in point)))):

@@ -21,7 +21,11 @@ from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation.disturbances import ON_THE_PLANT
-from omnidrive.simulation.moving_obstacle import MOST_MOVING, MOST_POINTS, MovingObstacle
+from omnidrive.simulation.moving_obstacle import (
+    MAX_MOVING_OBSTACLES,
+    MAX_PATH_POINTS,
+    MovingObstacle,
+)
 from omnidrive.simulation.plant import PlantCapabilities
 from omnidrive.study.coppeliasim import CoppeliaSimSection
 from omnidrive.study.section import OLD_CONTROLLERS, OLD_PLANTS, Section, UniqueItems, accepts
@@ -114,7 +118,7 @@ class MovingSection(Section):
     radius: Annotated[float, Bounds(0.01, 100.0, "m")]
     path: Annotated[
         tuple[tuple[_Instant, _Coordinate, _Coordinate], ...],
-        Field(min_length=1, max_length=MOST_POINTS),
+        Field(min_length=1, max_length=MAX_PATH_POINTS),
     ]
     """When it is where: t (s), x (m), y (m), the times growing; evenly in between, at rest before
     and after."""
@@ -145,7 +149,7 @@ class MapSection(Section):
     """What cells count as of which the map does not say whether they are free."""
     resolution: Annotated[float, Bounds(0.001, 10.0, "m")] | None = None
     """Side of a cell, where the map's file does not say it; 1 m if neither does."""
-    moving: Annotated[tuple[MovingSection, ...], Field(max_length=MOST_MOVING)] = ()
+    moving: Annotated[tuple[MovingSection, ...], Field(max_length=MAX_MOVING_OBSTACLES)] = ()
     """What moves there while the robot follows its path; on the plants `rollers` and `ball`.
     Nobody plans around it."""
 

@@ -28,7 +28,7 @@ def follows(name: CameraName, path: Float[Array, "points 2"], radius: float) -> 
     return name == "follow" or (name == "auto" and length > _SMALL * radius)
 
 
-def camera_of(
+def make_camera(
     name: CameraName, path: Float[Array, "points 2"], radius: float, aspect: float
 ) -> mujoco.MjvCamera:
     """A camera for a robot that drives along ``path`` (m, in W), at its first point.

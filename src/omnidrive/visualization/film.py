@@ -17,16 +17,16 @@ from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import Pose
-from omnidrive.visualization.camera import CameraName, camera_of, follow, follows
+from omnidrive.visualization.camera import CameraName, follow, follows, make_camera
 from omnidrive.visualization.canvas import Canvas
-from omnidrive.visualization.encoders import check_encoder, write_gif, write_mp4
-from omnidrive.visualization.ghost_model import place
+from omnidrive.visualization.ghost_model import update_kinematics
 from omnidrive.visualization.opengl import offscreen
 from omnidrive.visualization.overlays import Overlays
-from omnidrive.visualization.recording import FRAMES_PER_SECOND, MOST_FRAMES, Recording
+from omnidrive.visualization.recording import FRAMES_PER_SECOND, MAX_FRAMES, Recording
+from omnidrive.visualization.video_file import check_encoder, write_gif, write_mp4
 
 _USUAL = {".mp4": (960, 540), ".gif": (640, 360)}
-_MOST = {".mp4": MOST_FRAMES, ".gif": 800}
+_MOST = {".mp4": MAX_FRAMES, ".gif": 800}
 """Frames; those of a GIF are all in memory until it is written."""
 _SIZES = (64, 1920)  # pixels, of either side
 
@@ -154,17 +154,17 @@ class _Shots:
     ) -> None:
         self._recording, self._canvas = recording, canvas
         self._data = mujoco.MjData(recording.model)
-        shown = np.vstack([recording.path, recording.places[:, :2]])
-        self._camera = camera_of(name, shown, recording.radius, aspect)
+        shown = np.vstack([recording.path, recording.positions[:, :2]])
+        self._camera = make_camera(name, shown, recording.radius, aspect)
         self._follows = follows(name, shown, recording.radius)
         self._fast = f"   x {speed:g}" if speed != 1.0 else ""
 
     def picture(self, k: int) -> UInt8[Array, "height width 3"]:
         """The ``k``-th frame of the recording."""
         recording, data = self._recording, self._data
-        data.qpos[:], data.mocap_pos[:] = recording.places[k], recording.moving[k]
-        place(recording.model, data)
-        trail = recording.places[: k + 1, :2]
+        data.qpos[:], data.mocap_pos[:] = recording.positions[k], recording.moving[k]
+        update_kinematics(recording.model, data)
+        trail = recording.positions[: k + 1, :2]
         if self._follows:
             follow(self._camera, trail[-1])
         target = Pose(*recording.target[k].tolist())

@@ -14,8 +14,8 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
 from omnidrive.simulation.moving_obstacle import MovingObstacle
-from omnidrive.simulation.mujoco.mjcf import omni_model
-from omnidrive.simulation.mujoco.walls import Walls
+from omnidrive.simulation.mujoco.obstacle_boxes import ObstacleBoxes
+from omnidrive.simulation.mujoco.robot_model import robot_mjcf
 from omnidrive.simulation.plant import PlantState
 
 
@@ -41,8 +41,8 @@ class GhostModel:
             obstacles: The map that stands around it.
             moving: What moves there.
         """
-        walls = Walls(obstacles) if obstacles is not None else None
-        xml = omni_model(robot, "rollers", walls=walls, moving=moving)
+        walls = ObstacleBoxes(obstacles) if obstacles is not None else None
+        xml = robot_mjcf(robot, "rollers", walls=walls, moving=moving)
         self.model = mujoco.MjModel.from_xml_string(xml)
         self.data = mujoco.MjData(self.model)
         self._chassis = robot.chassis
@@ -50,9 +50,9 @@ class GhostModel:
         self._moving = tuple(moving)
         wheels = range(len(robot.mounts))
         self._joints = [int(self.model.joint(f"wheel{i}").qposadr[0]) for i in wheels]
-        self.put(0.0, Pose(0.0, 0.0, 0.0), np.zeros(len(wheels)))
+        self.set_pose(0.0, Pose(0.0, 0.0, 0.0), np.zeros(len(wheels)))
 
-    def put(self, t: float, pose: Pose, wheels: Float[Array, " wheels"]) -> None:
+    def set_pose(self, t: float, pose: Pose, wheels: Float[Array, " wheels"]) -> None:
         """Stand at ``pose``, the wheels turned by so much (rad), as at time ``t`` (s)."""
         x, y, yaw = pose
         data = self.data
@@ -61,9 +61,9 @@ class GhostModel:
         data.qpos[self._joints] = wheels
         for k, obstacle in enumerate(self._moving):
             data.mocap_pos[k, :2] = obstacle.at(t)
-        place(self.model, data)
+        update_kinematics(self.model, data)
 
-    def rolled(
+    def turn_wheels(
         self, before: PlantState, after: PlantState, angles: Float[Array, " wheels"], dt: float
     ) -> Float[Array, " wheels"]:
         """How far the wheels have turned ``dt`` s after they had turned by ``angles``, in rad.
@@ -77,13 +77,13 @@ class GhostModel:
         return turned
 
 
-def place(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def update_kinematics(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Compute where all bodies and lights are, and nothing else."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
 
 
-def between(before: PlantState, after: PlantState, dt: float, part: float) -> Pose:
+def interpolate_pose(before: PlantState, after: PlantState, dt: float, part: float) -> Pose:
     """Pose at ``part`` (0 to 1) of the ``dt`` s between two measurements.
 
     The cubic in W that has their poses and velocities (Hermite).

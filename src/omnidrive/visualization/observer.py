@@ -22,7 +22,7 @@ from omnidrive.simulation.plant import (
     PlantCapabilities,
     PlantState,
 )
-from omnidrive.visualization.ghost_model import GhostModel, between
+from omnidrive.visualization.ghost_model import GhostModel, interpolate_pose
 
 _EARLY = 1e-9  # s; tolerance when two counted times are compared
 
@@ -73,14 +73,14 @@ class Observer(Protocol):
 
     @property
     def period(self) -> float:
-        """Simulated time between two calls of ``look``, s."""
+        """Simulated time between two calls of ``update``, s."""
         ...
 
     def begin(self, scene: Scene) -> None:
         """A run starts with ``scene``."""
         ...
 
-    def look(self, t: float) -> None:
+    def update(self, t: float) -> None:
         """The scene holds the state at ``t`` (s)."""
         ...
 
@@ -94,7 +94,7 @@ def observe(
     obstacles: OccupancyGrid | None = None,
     moving: Sequence[MovingObstacle] = (),
 ) -> Plant:
-    """A plant with the same motion that calls ``observers``, also between its samples.
+    """A plant with the same motion that calls ``observers``, also interpolate_pose its samples.
 
     For a plant with the capability ``renders`` they receive its own world, after the physics step
     nearest to their period; for others a model of the robot at interpolated poses, one sample late.
@@ -133,14 +133,14 @@ class _Clock:
     def begin(self, scene: Scene) -> None:
         """Call the observer at the start."""
         self.observer.begin(scene)
-        self.observer.look(0.0)
+        self.observer.update(0.0)
         self._count = 1
 
     def tick(self, t: float) -> None:
         """Call the observer if its time has come at ``t`` (s)."""
         if t > self.next - _EARLY:
             self._count = floor((t + _EARLY) / self.observer.period) + 1
-            self.observer.look(t)
+            self.observer.update(t)
 
 
 class _OwnWorld:
@@ -190,7 +190,7 @@ class _ModelledWorld:
     def begin(self, state: PlantState) -> None:
         """The plant was reset."""
         self._t, self._state, self._wheels = 0.0, state, np.zeros(len(self._wheels))
-        self._ghost.put(0.0, state.pose, self._wheels)
+        self._ghost.set_pose(0.0, state.pose, self._wheels)
         for clock in self._clocks:
             clock.begin(self._scene)
 
@@ -198,7 +198,7 @@ class _ModelledWorld:
         """The plant made one step: call the observers at the times within it."""
         if not all(map(isfinite, (*state.pose, *state.twist))):
             return
-        turned = self._ghost.rolled(self._state, state, self._wheels, dt)
+        turned = self._ghost.turn_wheels(self._state, state, self._wheels, dt)
         end = self._t + dt
         times = {
             clock.next + k * clock.observer.period
@@ -208,7 +208,7 @@ class _ModelledWorld:
         for t in sorted(times):
             part = min(max((t - self._t) / dt, 0.0), 1.0)
             wheels = self._wheels + part * (turned - self._wheels)
-            self._ghost.put(t, between(self._state, state, dt, part), wheels)
+            self._ghost.set_pose(t, interpolate_pose(self._state, state, dt, part), wheels)
             for clock in self._clocks:
                 clock.tick(t)
         self._t, self._state, self._wheels = end, state, turned

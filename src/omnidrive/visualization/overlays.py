@@ -54,7 +54,7 @@ class Overlays(NamedTuple):
             )
 
 
-def path_of(reference: Reference) -> Float[Array, "points 2"]:
+def sample_path(reference: Reference) -> Float[Array, "points 2"]:
     """The way of a reference, in W, in m."""
     rows = reference.window(0.0, _POINTS, reference.duration / (_POINTS - 1))
     return np.array(rows[:, :2])

@@ -17,13 +17,13 @@ from omnidrive.robot import Robot
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.plant import PlantState
 from omnidrive.simulation.run import Run
-from omnidrive.visualization.ghost_model import GhostModel, between
+from omnidrive.visualization.ghost_model import GhostModel, interpolate_pose
 from omnidrive.visualization.observer import Scene
-from omnidrive.visualization.overlays import path_of
+from omnidrive.visualization.overlays import sample_path
 
 FRAMES_PER_SECOND = 25.0
 """Of films at real time: GIF counts in hundredths of a second."""
-MOST_FRAMES = 15_000
+MAX_FRAMES = 15_000
 """That are kept of one run: ten minutes. Of a longer one every second, or fourth, and so on."""
 
 
@@ -45,7 +45,7 @@ class Recording:
     radius: float
     path: Float[Array, "points 2"]
     t: Float[Array, " frames"]
-    places: Float[Array, "frames nq"]
+    positions: Float[Array, "frames nq"]
     moving: Float[Array, "frames moving 3"]
     target: Float[Array, "frames 3"]
 
@@ -71,7 +71,7 @@ class Recorder:
         self._scene = scene
         self._frames, self._stride, self._looks = [], 1, 0
 
-    def look(self, t: float) -> None:
+    def update(self, t: float) -> None:
         """Keep the scene as it is at ``t`` (s), unless it is not finite."""
         assert self._scene is not None
         data, due = self._scene.data, self._looks % self._stride == 0
@@ -80,7 +80,7 @@ class Recorder:
             return
         target = self._scene.reference.at(t).pose
         self._frames.append((t, data.qpos.copy(), data.mocap_pos.copy(), target))
-        if len(self._frames) >= MOST_FRAMES:
+        if len(self._frames) >= MAX_FRAMES:
             self._frames, self._stride = self._frames[::2], 2 * self._stride
 
     @property
@@ -92,13 +92,13 @@ class Recorder:
         """
         if self._scene is None:
             raise InvalidInput("nothing was recorded: simulate a plant that this recorder watches")
-        times, places, moving, targets = zip(*self._frames, strict=True)
+        times, positions, moving, targets = zip(*self._frames, strict=True)
         return Recording(
             self._scene.model,
             self._scene.robot.body_radius,
-            path_of(self._scene.reference),
+            sample_path(self._scene.reference),
             np.array(times),
-            np.array(places),
+            np.array(positions),
             np.array(moving),
             np.array(targets, dtype=float),
         )
@@ -124,7 +124,7 @@ def replay(
     puppet = GhostModel(robot, obstacles=obstacles, moving=moving)
     finite = np.isfinite(run.pose).all(axis=1) & np.isfinite(run.twist).all(axis=1)
     rows = len(run.t) if finite.all() else max(int(np.argmin(finite)), 1)
-    frames = min(round((run.t[rows - 1] - run.t[0]) * FRAMES_PER_SECOND) + 1, MOST_FRAMES)
+    frames = min(round((run.t[rows - 1] - run.t[0]) * FRAMES_PER_SECOND) + 1, MAX_FRAMES)
     times = np.linspace(run.t[0], run.t[rows - 1], frames)
     states = [
         PlantState(Pose(*pose), BodyTwist(*twist), 0.0)
@@ -132,16 +132,16 @@ def replay(
     ]
     angles = [np.zeros(len(robot.mounts))]
     for k, dt in enumerate(np.diff(run.t[:rows]).tolist()):
-        angles.append(puppet.rolled(states[k], states[k + 1], angles[k], dt))
-    places, moved = [], []
+        angles.append(puppet.turn_wheels(states[k], states[k + 1], angles[k], dt))
+    positions, moved = [], []
     for t in times.tolist():
         k = min(max(int(np.searchsorted(run.t[:rows], t, side="right")) - 1, 0), max(rows - 2, 0))
         last = min(k + 1, rows - 1)
         dt = float(run.t[last] - run.t[k])
         part = min((t - float(run.t[k])) / dt, 1.0) if dt > 0.0 else 0.0
         wheels = angles[k] + part * (angles[last] - angles[k])
-        puppet.put(t, between(states[k], states[last], dt, part), wheels)
-        places.append(puppet.data.qpos.copy())
+        puppet.set_pose(t, interpolate_pose(states[k], states[last], dt, part), wheels)
+        positions.append(puppet.data.qpos.copy())
         moved.append(puppet.data.mocap_pos.copy())
     target = np.column_stack([np.interp(times, run.t, column) for column in run.target.T])
     return Recording(
@@ -149,7 +149,7 @@ def replay(
         robot.body_radius,
         run.target[:, :2].copy(),
         times,
-        np.array(places),
+        np.array(positions),
         np.array(moved),
         target,
     )

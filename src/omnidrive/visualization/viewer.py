@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 
 from omnidrive.errors import CannotDraw
-from omnidrive.visualization.camera import camera_of
-from omnidrive.visualization.ghost_model import place
+from omnidrive.visualization.camera import make_camera
+from omnidrive.visualization.ghost_model import update_kinematics
 from omnidrive.visualization.observer import Scene
 from omnidrive.visualization.opengl import has_display
-from omnidrive.visualization.overlays import Overlays, path_of
+from omnidrive.visualization.overlays import Overlays, sample_path
 from omnidrive.visualization.recording import FRAMES_PER_SECOND
 
 _OPENING = 30.0  # s that a window may take to open
@@ -63,13 +63,13 @@ class Viewer:
             CannotDraw: It does not open.
         """
         self.close()
-        self._scene, self._path = scene, path_of(scene.reference)
+        self._scene, self._path = scene, sample_path(scene.reference)
         self._trail = [scene.position]
         model = copy(scene.model)
         self._copy = mujoco.MjData(model)
         self._show()
         self._handle = _open_window(model, self._copy)
-        camera = camera_of(
+        camera = make_camera(
             "auto", np.vstack([self._path, self._trail]), scene.robot.body_radius, 1.6
         )
         with self._handle.lock():
@@ -79,7 +79,7 @@ class Viewer:
             seen.elevation = camera.elevation
         self._began = monotonic()
 
-    def look(self, t: float) -> None:
+    def update(self, t: float) -> None:
         """Wait until it is time, and show the scene as it is at ``t`` (s)."""
         if self._handle is None or self._scene is None:
             return
@@ -114,7 +114,7 @@ class Viewer:
         world = self._scene.data
         self._copy.qpos[:], self._copy.mocap_pos[:] = world.qpos, world.mocap_pos
         self._copy.time = world.time
-        place(self._copy.model, self._copy)
+        update_kinematics(self._copy.model, self._copy)
 
     def close(self) -> None:
         """Close the window, if it is open."""

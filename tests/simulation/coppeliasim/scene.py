@@ -6,7 +6,7 @@ import numpy as np
 
 from omnidrive.geometry import Pose, to_world, wrap
 from omnidrive.simulation import MujocoPlant
-from omnidrive.simulation.coppeliasim.placing import planar
+from omnidrive.simulation.coppeliasim.object_pose import planar_pose
 
 BASE, FLOOR, FIRST_JOINT = 15, 16, 17
 STOPPED, PAUSED, RUNNING, STOPPING = 0, 8, 17, 21
@@ -101,7 +101,7 @@ class Scene:
         self._known(handle)
         self.moves.append((handle, tuple(pose), self.state))
         self.height = pose[2]
-        self.begin = planar(pose)
+        self.begin = planar_pose(pose)
         self.motion = self.plant.reset(self.begin)
 
     def getObjectVelocity(self, handle):  # noqa: N802

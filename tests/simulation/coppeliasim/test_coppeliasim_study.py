@@ -126,7 +126,7 @@ def test_without_a_simulator_the_command_says_so(tmp_path):
     save_scenario(scenario_at(free_port()), tmp_path / "scenario.yaml")
     done = omnidrive("run", "scenario.yaml", "--controller", "feedforward", cwd=tmp_path)
     assert done.returncode == 2, done.stdout
-    assert "nobody listens at localhost:" in done.stderr
+    assert "no program listens at localhost:" in done.stderr
     assert "Traceback" not in done.stderr
 
 

@@ -13,7 +13,7 @@ from omnidrive.errors import InvalidInput, InvalidScene, MissingExtra, PlantLost
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene, Outcome, simulate
-from omnidrive.simulation.coppeliasim.link import Link
+from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
 from tests.laws.motions import Circle
 from tests.simulation.coppeliasim.scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
 from tests.simulation.coppeliasim.standin import cbor, standin
@@ -51,18 +51,18 @@ def free_port():
 
 def test_nobody_listens():
     began = monotonic()
-    with pytest.raises(PlantLost, match=r"nobody listens at localhost:.*start CoppeliaSim"):
+    with pytest.raises(PlantLost, match=r"no program listens at localhost:.*start CoppeliaSim"):
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(port=free_port()))
     assert monotonic() - began < 5.0
 
 
 def test_a_host_that_does_not_exist():
-    with pytest.raises(PlantLost, match=r"nobody listens at no-such-host.invalid"):
+    with pytest.raises(PlantLost, match=r"no program listens at no-such-host.invalid"):
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="no-such-host.invalid", timeout=2.0))
 
 
 def test_an_address_that_zeromq_does_not_know(monkeypatch):
-    monkeypatch.setattr(Link, "_refuse_unless_listening", lambda link: None)
+    monkeypatch.setattr(RemoteApi, "_check_listening", lambda link: None)
     with pytest.raises(PlantLost, match=r"cannot connect to a b:23000: Invalid argument"):
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="a b"))
 
@@ -103,7 +103,7 @@ def test_settings_that_do_not_fit_the_robot(server):
         plant_at(server, signs=(1, 1, 1, 2))
     scene = CoppeliaSimScene(port=server.port)
     object.__setattr__(scene, "interface", "ros")
-    with pytest.raises(InvalidInput, match="no interface 'ros' to CoppeliaSim"):
+    with pytest.raises(InvalidInput, match="unknown interface 'ros' to CoppeliaSim"):
         CoppeliaSimPlant(SMALL, scene)
 
 
@@ -116,7 +116,7 @@ def test_an_object_that_lies():
 
 def test_a_simulation_of_somebody_else_is_left_alone(server):
     server.scene.startSimulation()
-    with plant_at(server) as plant, pytest.raises(InvalidInput, match="not started from here"):
+    with plant_at(server) as plant, pytest.raises(InvalidInput, match="this plant did not start"):
         plant.reset(ORIGIN)
     assert server.scene.state == RUNNING
     assert not server.called("stopSimulation")
@@ -162,7 +162,7 @@ def test_an_interruption_in_a_call_stops_the_robot_through_a_new_client(server):
     """The old one is inside sim.step: all it sends is taken for the answer that it owes."""
     plant = plant_at(server)
     plant.reset(ORIGIN)
-    link = plant._link._client.socket
+    link = plant._api._client.socket
 
     def interrupt():
         link._deadline = -1.0
@@ -259,7 +259,7 @@ def nested(depth):
         (b"\xa1\x63ret\x81\x62\xff\xff", "is not CoppeliaSim's remote API"),
         (cbor.dumps({"success": True, "ret": []}), "another version of its remote API"),
         (cbor.dumps({"success": False, "error": "new\none"}), r"another version.*: new\\none"),
-        (cbor.dumps({"func": "exit", "args": []}), "asks to call 'exit' here, which is refused"),
+        (cbor.dumps({"func": "exit", "args": []}), "requests a call of 'exit', which is refused"),
         (cbor.dumps({"err": "No such\nfunction"}), r"refuses require: No such\\nfunction"),
         (bytes(5 * 2**20), "did not answer within 1 s"),
     ],
@@ -277,12 +277,12 @@ def test_garbage_is_refused(server, raw, fact):
 @pytest.mark.parametrize(
     ("function", "value", "fact"),
     [
-        ("getObjectPose", [1.0, 2.0], "getObjectPose .* need 7 numbers"),
-        ("getObjectPose", "here", "getObjectPose .* need 7 numbers"),
-        ("getObjectVelocity", [1.0, 2.0], "getObjectVelocity with no two vectors"),
-        ("getSimulationTime", None, "getSimulationTime .* need a number"),
-        ("getJointForce", True, "getJointForce .* need a number"),
-        ("getJointForce", 2**70, "getJointForce .* need a number"),
+        ("getObjectPose", [1.0, 2.0], "getObjectPose, need 7 numbers"),
+        ("getObjectPose", "here", "getObjectPose, need 7 numbers"),
+        ("getObjectVelocity", [1.0, 2.0], "two vectors for sim.getObjectVelocity"),
+        ("getSimulationTime", None, "getSimulationTime, need a number"),
+        ("getJointForce", True, "getJointForce, need a number"),
+        ("getJointForce", 2**70, "getJointForce, need a number"),
         ("getSimulationTime", float("nan"), "stopped or paused .* its clock shows nan s"),
     ],
 )

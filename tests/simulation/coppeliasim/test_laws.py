@@ -75,8 +75,8 @@ def test_turning_the_world_turns_the_motion(make, twist):
 @pytest.mark.parametrize("twist", laws.TWISTS)
 def test_moves_as_told(make, robot, twist):
     states = laws.drive(make(named_robot(robot)), Pose(0.0, 0.0, 0.0), twist, 40)
-    moved = np.subtract(states[-1].pose, states[9].pose) / 3.0
-    assert moved == pytest.approx(np.array(twist), abs=5e-4)
+    velocity = np.subtract(states[-1].pose, states[9].pose) / 3.0
+    assert velocity == pytest.approx(np.array(twist), abs=5e-4)
 
 
 def test_wheels_are_counted_over_whole_turns(make):

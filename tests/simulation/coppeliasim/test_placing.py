@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from omnidrive.geometry import Pose, wrap
-from omnidrive.simulation.coppeliasim.placing import moved, planar, seen_from, then, uprightness
+from omnidrive.simulation.coppeliasim.object_pose import (
+    compose,
+    planar_pose,
+    relative_pose,
+    transport,
+    uprightness,
+)
 
 METRES = st.floats(-20.0, 20.0)
 POSES = st.builds(Pose, METRES, METRES, st.floats(-10.0, 10.0))
@@ -20,7 +26,7 @@ TILTED = st.tuples(METRES, METRES, METRES, *[st.floats(-pi, pi)] * 3).map(
 
 @given(TILTED, POSES, POSES)
 def test_a_moved_object_keeps_its_height_its_tilt_and_its_place_in_the_robot(pose, here, there):
-    new = moved(pose, here, there)
+    new = transport(pose, here, there)
     turn = there.yaw - here.yaw
     c, s = cos(turn), sin(turn)
     arm = np.subtract(pose[:2], here[:2])
@@ -33,7 +39,7 @@ def test_a_moved_object_keeps_its_height_its_tilt_and_its_place_in_the_robot(pos
 
 @given(POSES, POSES)
 def test_a_pose_seen_from_another_leads_back(frame, pose):
-    assert np.array(then(frame, seen_from(frame, pose))) == pytest.approx(pose, abs=1e-12)
+    assert np.array(compose(frame, relative_pose(frame, pose))) == pytest.approx(pose, abs=1e-12)
 
 
 @given(TILTED)
@@ -42,4 +48,4 @@ def test_seen_from_above(pose):
     assert uprightness(pose) == pytest.approx(z_axis[2], abs=1e-12)
     if np.hypot(*x_axis[:2]) > 1e-3:
         bearing = np.arctan2(x_axis[1], x_axis[0])
-        assert wrap(planar(pose).yaw - bearing) == pytest.approx(0.0, abs=1e-9)
+        assert wrap(planar_pose(pose).yaw - bearing) == pytest.approx(0.0, abs=1e-9)

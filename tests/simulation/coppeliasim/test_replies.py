@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omnidrive.simulation.coppeliasim.replies import is_plain
+from omnidrive.simulation.coppeliasim.cbor import is_well_formed
 from tests.simulation.coppeliasim.standin import cbor
 
 VALUES = st.recursive(
@@ -24,15 +24,15 @@ def depth(value):
 @given(VALUES.filter(lambda value: depth(value) < 12), st.data())
 def test_what_the_encoder_writes_is_plain_and_nothing_shorter_or_longer(value, data):
     raw = cbor.dumps(value)
-    assert is_plain(raw)
-    assert not is_plain(raw + b"\0")
-    assert not is_plain(raw[: data.draw(st.integers(0, len(raw) - 1))])
+    assert is_well_formed(raw)
+    assert not is_well_formed(raw + b"\0")
+    assert not is_well_formed(raw[: data.draw(st.integers(0, len(raw) - 1))])
 
 
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=40))
 def test_any_bytes_get_an_answer(raw):
-    if is_plain(raw):
+    if is_well_formed(raw):
         assert raw
 
 
@@ -51,10 +51,10 @@ def test_any_bytes_get_an_answer(raw):
     ],
 )  # fmt: skip
 def test_examples_of_the_standard(text, plain):
-    assert is_plain(bytes.fromhex(text)) is plain
+    assert is_well_formed(bytes.fromhex(text)) is plain
 
 
 def test_depth_and_length_are_bounded():
-    assert is_plain(b"\x81" * 60 + b"\0")
-    assert not is_plain(b"\x81" * 1000 + b"\0")
-    assert not is_plain(b"\x9b" + bytes(7) + b"\xff" + bytes(100))
+    assert is_well_formed(b"\x81" * 60 + b"\0")
+    assert not is_well_formed(b"\x81" * 1000 + b"\0")
+    assert not is_well_formed(b"\x9b" + bytes(7) + b"\xff" + bytes(100))

@@ -43,8 +43,8 @@ def test_starts_where_it_is_told(server):
 def test_moves_as_told(server, twist):
     with plant_at(server) as plant:
         states = laws.drive(plant, Pose(0.0, 0.0, 0.0), twist, 40)
-    moved = np.subtract(states[-1].pose, states[9].pose) / 3.0
-    assert moved == pytest.approx(np.array(twist), abs=5e-4)
+    velocity = np.subtract(states[-1].pose, states[9].pose) / 3.0
+    assert velocity == pytest.approx(np.array(twist), abs=5e-4)
 
 
 @pytest.mark.parametrize("twist", [*laws.TWISTS, BodyTwist(0.3, -0.2, 0.7)])
@@ -109,7 +109,7 @@ def test_a_scene_that_tells_nothing():
 
 
 def test_a_scene_of_another_robot(server):
-    fact = r"is 1 m, of robot 'small' it would be 0\.35"
+    fact = r"is 1 m, but robot 'small' needs 0\.35"
     with (
         plant_at(server, named_robot("small")) as plant,
         pytest.raises(InvalidScene, match=fact),

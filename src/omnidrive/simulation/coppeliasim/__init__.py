@@ -1,4 +1,4 @@
-"""The paper's simulator, over its own remote API."""
+"""Plant in CoppeliaSim, the paper's simulator, through its remote API."""
 
 from omnidrive.simulation.coppeliasim.plant import CoppeliaSimPlant
 from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene

@@ -1,4 +1,4 @@
-"""The robot in CoppeliaSim."""
+"""CoppeliaSim plant."""
 
 from __future__ import annotations
 
@@ -11,81 +11,93 @@ from typing import get_args
 from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.robot import Robot
-from omnidrive.simulation.coppeliasim.joints import Joints
-from omnidrive.simulation.coppeliasim.link import Link
-from omnidrive.simulation.coppeliasim.placing import moved, planar, seen_from, then, uprightness
+from omnidrive.simulation.coppeliasim.joint_interface import JointInterface
+from omnidrive.simulation.coppeliasim.object_pose import (
+    compose,
+    planar_pose,
+    relative_pose,
+    transport,
+    uprightness,
+)
+from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
 from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene, Interface
-from omnidrive.simulation.coppeliasim.signals import Signals
+from omnidrive.simulation.coppeliasim.signal_interface import SignalInterface
 from omnidrive.simulation.plant import PlantCapabilities, PlantState
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
-_UPRIGHT = 0.9  # cosine of the tilt up to which a yaw means something
-_LEAST_STEP = 1e-5  # s that a simulator's step takes at least
-_PAUSE = 0.01  # s between questions while a simulation stops
+_MIN_UPRIGHTNESS = 0.9  # cosine of the tilt up to which the yaw is well defined
+_MIN_TIMESTEP = 1e-5  # s; shortest accepted time step of the simulator
+_POLL_PERIOD = 0.01  # s; period of the state queries while a simulation stops
 
 
 class CoppeliaSimPlant:
-    """A robot in a scene that CoppeliaSim has open, which waits for us at every step.
+    """A robot in the open scene of CoppeliaSim, which is simulated in stepping mode.
 
-    The command becomes wheel speeds by ``robot.drive`` (scaled together when one saturates), held
-    for the sample time. Whatever ends a run, the wheels are stopped, and so is the simulation:
-    by :meth:`close`, at the end of a ``with``, or by an error in :meth:`step`.
+    ``robot.drive`` converts the command into wheel speeds, scaled together if one exceeds its
+    limit, which are held for the sample time. The wheels and the simulation are stopped at the end
+    of every run: by :meth:`close`, at the end of a ``with``, or after an error in :meth:`step`.
     """
 
     def __init__(self, robot: Robot, scene: CoppeliaSimScene | None = None) -> None:
-        """Connect, and find the robot in the scene.
+        """Connect, and look up the robot in the scene.
+
+        Args:
+            robot: The robot.
+            scene: Connection and names; None: the defaults.
 
         Raises:
             InvalidInput: The settings do not fit the robot.
-            InvalidScene: The scene does not hold what they name.
+            InvalidScene: The scene lacks an object of the settings.
             MissingExtra: The vendor's client is not installed.
-            PlantLost: CoppeliaSim does not answer.
+            PlantLost: CoppeliaSim does not reply.
         """
         self.robot = robot
         self.scene = scene or CoppeliaSimScene()
-        _refuse_unless_fitting(robot, self.scene)
+        _check_scene(robot, self.scene)
         self._drive = robot.drive
-        self._link = Link(self.scene.host, self.scene.port, self.scene.timeout)
+        self._api = RemoteApi(self.scene.host, self.scene.port, self.scene.timeout)
         try:
-            self._find()
+            self._look_up_objects()
         except BaseException:
-            self._link.close()
+            self._api.close()
             raise
         self._started = False
         self._time, self._period = 0.0, nan
         self._yaw = 0.0
 
-    def _find(self) -> None:
-        """Ask for the handles of everything that is named; they hold until the scene changes."""
-        scene, link = self.scene, self._link
-        self._base = link.handle(scene.model)
-        self._body = self._base if scene.body is None else link.handle(scene.body)
-        self._motors: Joints | Signals = (
-            Joints(link, scene.joints, scene.signs)
+    def _look_up_objects(self) -> None:
+        """Get the handles of all named objects; they are valid until the scene changes."""
+        scene, api = self.scene, self._api
+        self._base = api.handle(scene.model)
+        self._body = self._base if scene.body is None else api.handle(scene.body)
+        self._motors: JointInterface | SignalInterface = (
+            JointInterface(api, scene.joints, scene.signs)
             if scene.interface == "joints"
-            else Signals(link)
+            else SignalInterface(api)
         )
-        self._frame = Pose(0.0, 0.0, scene.body_yaw) if isinstance(self._motors, Joints) else None
-        self._home = list(link.numbers(7, "getObjectPose", self._base))
+        self._frame = (
+            Pose(0.0, 0.0, scene.body_yaw) if isinstance(self._motors, JointInterface) else None
+        )
+        self._home = list(api.numbers(7, "getObjectPose", self._base))
 
     @property
     def capabilities(self) -> PlantCapabilities:
-        """One instance at a time, because a running CoppeliaSim has one scene; with forces."""
+        """The plant is exclusive, because a running CoppeliaSim has one scene, and has forces."""
         return PlantCapabilities(exclusive=True, forces=True)
 
     def reset(self, pose: Pose) -> PlantState:
-        """Stop the simulation, place the robot, start it and let it wait.
+        """Stop the simulation, move the robot to ``pose`` and start it in stepping mode.
 
-        An object may be moved at any time, but only a simulation's start sets everything back: the
-        joints' angles, the speeds, what the scene's scripts remember.
+        An object can be moved at any time, but only a start of the simulation also resets joint
+        angles, speeds and the state of the scene's scripts.
 
         Raises:
             InvalidInput: A simulation is running that this plant did not start.
-            InvalidScene: The body's object does not stand upright, or a signal is not there.
-            PlantLost: CoppeliaSim does not answer.
+            InvalidScene: The body's object is not upright, or a signal is not set.
+            PlantLost: CoppeliaSim does not reply.
         """
-        if not self._link.usable:
-            self._link.open()
+        if not self._api.usable:
+            self._api.open()
         try:
             return self._reset(pose)
         except BaseException:
@@ -94,43 +106,43 @@ class CoppeliaSimPlant:
 
     def _reset(self, pose: Pose) -> PlantState:
         self._stop()
-        if self._link.call("getSimulationState") != 0:
+        if self._api.call("getSimulationState") != 0:
             raise InvalidInput(
-                "a simulation is running in CoppeliaSim that was not started from here: stop it "
+                "a simulation is running in CoppeliaSim that this plant did not start: stop it "
                 "first (its stop button, or sim.stopSimulation())"
             )
-        body = self._link.numbers(7, "getObjectPose", self._body)
-        if not uprightness(body) >= _UPRIGHT:
+        body = self._api.numbers(7, "getObjectPose", self._body)
+        if not uprightness(body) >= _MIN_UPRIGHTNESS:
             raise InvalidScene(
                 f"the z axis of '{self.scene.body or self.scene.model}' in CoppeliaSim does not "
                 "point up: name another object of the robot, such as a dummy, as coppeliasim.body"
             )
         if self._frame is None:
-            self._frame = self._frame_of_signals()
-            body = self._link.numbers(7, "getObjectPose", self._body)
-        base = self._link.numbers(7, "getObjectPose", self._base)
-        here = then(planar(body), self._frame)
-        self._link.call("setObjectPose", self._base, moved(base, here, pose))
+            self._frame = self._measure_signal_frame()
+            body = self._api.numbers(7, "getObjectPose", self._body)
+        base = self._api.numbers(7, "getObjectPose", self._base)
+        here = compose(planar_pose(body), self._frame)
+        self._api.call("setObjectPose", self._base, transport(base, here, pose))
         self._start()
-        if isinstance(self._motors, Joints):
+        if isinstance(self._motors, JointInterface):
             self._motors.reset()
         self._motors.command([0.0] * len(self.robot.mounts))
         self._yaw = pose.yaw
         at, _ = self._motion()
-        return self._measurement(at, _REST)
+        return self._plant_state(at, _REST)
 
     def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Turn the wheels for ``dt`` seconds, a multiple of the simulator's time step.
+        """Command ``twist`` for ``dt`` seconds, a multiple of the simulator's time step.
 
         Raises:
-            InvalidInput: It is none.
-            PlantLost: CoppeliaSim does not answer any more, or was stopped or paused.
+            InvalidInput: ``dt`` is not a multiple of the time step.
+            PlantLost: CoppeliaSim does not reply, or was stopped or paused.
         """
         steps = self._steps(dt)
         try:
             self._motors.command(self._drive.wheel_speeds(self._drive.saturate(twist)).tolist())
             self._advance(steps)
-            return self._measurement(*self._motion())
+            return self._plant_state(*self._motion())
         except InvalidScene as error:
             self.close()
             raise PlantLost(str(error)) from None
@@ -139,22 +151,22 @@ class CoppeliaSimPlant:
             raise
 
     def close(self) -> None:
-        """Stop the wheels and the simulation, put the robot back, and leave.
+        """Stop the wheels and the simulation, move the robot back, and disconnect.
 
-        Does what can still be done, and raises nothing.
+        Errors of the connection are ignored.
         """
         try:
-            if self._started and not self._link.usable:
-                self._link.open()
+            if self._started and not self._api.usable:
+                self._api.open()
             if self._started:
                 self._motors.command([0.0] * len(self.robot.mounts))
                 self._stop()
-                self._link.call("setObjectPose", self._base, self._home)
+                self._api.call("setObjectPose", self._base, self._home)
         except (PlantLost, InvalidScene):
-            pass  # nobody is left to be told
+            pass  # there is no connection left
         finally:
             self._started = False
-            self._link.close()
+            self._api.close()
 
     def __enter__(self) -> CoppeliaSimPlant:
         return self
@@ -168,47 +180,51 @@ class CoppeliaSimPlant:
         self.close()
 
     def _start(self) -> None:
-        """Start a simulation that waits for us before every step."""
-        link = self._link
-        link.call("setStepping", False)  # a count per client: some versions keep it over a stop
-        link.call("setStepping", True)
-        self._started = True  # from now on there is something to stop
-        link.call("startSimulation")
-        (self._period,) = link.numbers(1, "getSimulationTimeStep")
-        (self._time,) = link.numbers(1, "getSimulationTime")
+        """Start a simulation in stepping mode, which waits for a request before every step."""
+        api = self._api
+        api.call("setStepping", False)  # a counter; some versions keep it after a stop
+        api.call("setStepping", True)
+        self._started = True  # set first: also a failed start has to be stopped
+        api.call("startSimulation")
+        (self._period,) = api.numbers(1, "getSimulationTimeStep")
+        (self._time,) = api.numbers(1, "getSimulationTime")
 
     def _stop(self) -> None:
-        """Stop the simulation that we started, and wait until it has stopped."""
+        """Stop the simulation that this plant started, and wait until it has stopped."""
         if not self._started:
             return
-        self._link.call("stopSimulation")
+        self._api.call("stopSimulation")
         deadline = monotonic() + self.scene.timeout
-        while self._link.call("getSimulationState") != 0:
+        while self._api.call("getSimulationState") != 0:
             if monotonic() > deadline:
                 raise PlantLost(
                     f"the simulation in CoppeliaSim did not stop within {self.scene.timeout:g} s"
                 )
-            sleep(_PAUSE)
+            sleep(_POLL_PERIOD)
         self._started = False
 
     def _steps(self, dt: float) -> int:
-        """How many of the simulator's steps ``dt`` (s) is."""
-        steps = round(dt / self._period) if self._period >= _LEAST_STEP else 0
+        """Return the number of simulator steps in ``dt`` (s)."""
+        steps = round(dt / self._period) if self._period >= _MIN_TIMESTEP else 0
         if steps < 1 or abs(steps * self._period - dt) > 1e-6 * dt:
             raise InvalidInput(
                 f"the sample time {dt:g} s is not a multiple of CoppeliaSim's time step "
-                f"{self._period:g} s: change the one in the scenario (sample_time), or the other "
-                "in the scene's simulation settings"
+                f"{self._period:g} s: change sample_time in the scenario, or the time step in the "
+                "scene's simulation settings"
             )
         return steps
 
     def _advance(self, steps: int) -> None:
-        """Let so many steps pass."""
+        """Make simulator steps.
+
+        Raises:
+            PlantLost: The simulation was stopped or paused by another client or user.
+        """
         for _ in range(steps):
-            self._link.call("step")
-            if isinstance(self._motors, Joints):
-                self._motors.follow(self._period)
-        (now,) = self._link.numbers(1, "getSimulationTime")
+            self._api.call("step")
+            if isinstance(self._motors, JointInterface):
+                self._motors.update(self._period)
+        (now,) = self._api.numbers(1, "getSimulationTime")
         expected = self._time + steps * self._period
         if not abs(now - expected) <= 0.5 * self._period:
             raise PlantLost(
@@ -218,12 +234,14 @@ class CoppeliaSimPlant:
         self._time = now
 
     def _motion(self) -> tuple[Pose, BodyTwist]:
-        """Pose and velocity of B; the yaw is counted on from the last one."""
+        """Return pose and velocity of B; the yaw is continued from the last one without a jump."""
         assert self._frame is not None
-        body = planar(self._link.numbers(7, "getObjectPose", self._body))
+        body = planar_pose(self._api.numbers(7, "getObjectPose", self._body))
         linear, angular = self._velocity()
-        at = then(body, self._frame)
-        if isinstance(self._motors, Signals) and self._time > 0.0:  # before, no script has run
+        at = compose(body, self._frame)
+        if (
+            isinstance(self._motors, SignalInterface) and self._time > 0.0
+        ):  # at time 0 no script has run yet
             at = self._motors.pose()
         self._yaw += wrap(at.yaw - self._yaw)
         dx, dy = at.x - body.x, at.y - body.y
@@ -232,40 +250,40 @@ class CoppeliaSimPlant:
         return Pose(at.x, at.y, self._yaw), to_body(velocity, self._yaw)
 
     def _velocity(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Linear (m/s) and angular (rad/s) velocity of the body's object, written in W."""
-        value = self._link.call("getObjectVelocity", self._body)
+        """Return linear (m/s) and angular (rad/s) velocity of the body's object, in W."""
+        value = self._api.call("getObjectVelocity", self._body)
         name = "sim.getObjectVelocity"
         if not isinstance(value, tuple) or len(value) != 2:
-            raise PlantLost(f"CoppeliaSim answers {name} with no two vectors")
-        return self._link.as_numbers(3, value[0], name), self._link.as_numbers(3, value[1], name)
+            raise PlantLost(f"CoppeliaSim does not return two vectors for {name}")
+        return self._api.as_numbers(3, value[0], name), self._api.as_numbers(3, value[1], name)
 
-    def _measurement(self, at: Pose, twist: BodyTwist) -> PlantState:
+    def _plant_state(self, at: Pose, twist: BodyTwist) -> PlantState:
         motors = self._motors
-        if isinstance(motors, Joints):
+        if isinstance(motors, JointInterface):
             return PlantState(at, twist, motors.work, motors.angles)
         return PlantState(at, twist, nan)
 
-    def _frame_of_signals(self) -> Pose:
-        """B in the frame of the body's object: what the pose told by signal is of.
+    def _measure_signal_frame(self) -> Pose:
+        """Return the pose of B, which the signal reports, in the frame of the body's object.
 
         Raises:
-            InvalidScene: The scene tells none, or holds another robot.
+            InvalidScene: The signal is not set, or the scene holds another robot.
         """
-        assert isinstance(self._motors, Signals)
+        assert isinstance(self._motors, SignalInterface)
         self._start()
         self._advance(1)
-        self._motors.check(self.robot)
-        told = self._motors.pose()
-        body = planar(self._link.numbers(7, "getObjectPose", self._body))
+        self._motors.check_dimensions(self.robot)
+        reported = self._motors.pose()
+        body = planar_pose(self._api.numbers(7, "getObjectPose", self._body))
         self._stop()
-        return seen_from(body, told)
+        return relative_pose(body, reported)
 
 
-def _refuse_unless_fitting(robot: Robot, scene: CoppeliaSimScene) -> None:
+def _check_scene(robot: Robot, scene: CoppeliaSimScene) -> None:
     wheels = len(robot.mounts)
     if scene.interface not in get_args(Interface):
         raise InvalidInput(
-            f"there is no interface '{scene.interface}' to CoppeliaSim; there are "
+            f"unknown interface '{scene.interface}' to CoppeliaSim: choose one of "
             f"{', '.join(get_args(Interface))}"
         )
     if scene.interface == "signals":

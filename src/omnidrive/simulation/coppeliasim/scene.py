@@ -1,4 +1,4 @@
-"""Where CoppeliaSim listens, and what the robot is called in its scene."""
+"""Address of CoppeliaSim, and names of the robot's objects in its scene."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ Interface = Literal["joints", "signals"]
 class CoppeliaSimScene:
     """Settings of :class:`~omnidrive.simulation.coppeliasim.CoppeliaSimPlant`.
 
-    The defaults name what the paper's author called the parts of his robot.
+    The default paths are those of the scene of the paper's author.
 
     Attributes:
         host: Name or address of the machine.
-        port: Of its ZeroMQ remote API server.
-        timeout: Longest wait for one answer, in s.
-        interface: ``joints``: wheels are commanded and read joint by joint, in any scene;
-            ``signals``: by the signals that the script in the author's scene listens to.
+        port: Port of its ZeroMQ remote API server.
+        timeout: Longest wait for one reply, s.
+        interface: ``joints``: wheels are commanded and read as joints, in any scene; ``signals``:
+            by the signals that the script in the author's scene reads and writes.
         model: Path of the robot's base, which is moved to the start.
         body: Path of the object whose pose is read, with its z axis up; None: the base.
-        body_yaw: Bearing of B's x axis in the frame of that object, in rad.
+        body_yaw: Bearing of B's x axis in the frame of that object, rad.
         joints: Path of every wheel's joint, in the order of the robot's mounts.
-        signs: 1 where positive turning is the mount's, -1 where it is the opposite, per joint.
+        signs: Per joint, 1 if its positive direction is that of the mount, -1 if it is opposite.
     """
 
     host: str = "localhost"

@@ -1,1 +1,1 @@
-"""The robot in MuJoCo: models, plant, disturbances, obstacles."""
+"""Simulation in MuJoCo: robot models, plant, disturbances and obstacles."""

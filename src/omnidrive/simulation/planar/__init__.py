@@ -1,6 +1,6 @@
-"""The robot as a rigid body on the plane, with Coulomb traction at every wheel; compiled."""
+"""Planar rigid-body simulation with Coulomb friction at every wheel; compiled."""
 
+from omnidrive.simulation.planar.batch import simulate_batch
 from omnidrive.simulation.planar.plant import PlanarPlant
-from omnidrive.simulation.planar.roll_out import roll_out
 
-__all__ = ["PlanarPlant", "roll_out"]
+__all__ = ["PlanarPlant", "simulate_batch"]

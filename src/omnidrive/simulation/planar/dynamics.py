@@ -1,4 +1,4 @@
-"""The planar robot from one command to the next."""
+"""Time integration of the planar robot from one command to the next."""
 
 from __future__ import annotations
 
@@ -9,146 +9,150 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.simulation.planar.traction import (
+from omnidrive.simulation.planar.contact import (
     Vector,
-    along,
-    clipped,
-    impulse,
+    contact_impulse,
     momentum,
-    twist_after,
+    mount_speed,
+    saturate,
+    solve_twist,
 )
 
-_DOWN = 1.5 * pi  # rad that roller 0, ahead of the axle at first, turns on to come to the floor
-_AXLES = 0.02  # s in which sprung axles hand on a load
+_FLOOR_ANGLE = 1.5 * pi  # rad; angle from roller 0, which starts ahead of the axle, to the floor
+_AXLE_LAG = 0.02  # s; time constant with which sprung axles transmit a change of load
 
 
 @inlined
-def set_commands(body: Any, wheels: Array, spins: Array, twist: Vector) -> None:
-    """Wheel speeds for a body twist, all scaled together when one is too fast."""
+def set_commands(body: Any, wheels: Array, wheel_states: Array, twist: Vector) -> None:
+    """Set the commanded wheel speeds of a body twist, scaled together if one exceeds its limit."""
     peak = 0.0
     for i in range(len(wheels)):
         wheel = wheels[i]
-        speed = wheel.drive_x * twist[0] + wheel.drive_y * twist[1] + wheel.drive_turn * twist[2]
-        spins[i].command = speed
+        speed = wheel.drive_x * twist[0] + wheel.drive_y * twist[1] + wheel.drive_yaw * twist[2]
+        wheel_states[i].command = speed
         peak = max(peak, abs(speed))
-    if not peak <= body.max_wheel_speed:  # also when it is not a number
+    if not peak <= body.max_wheel_speed:  # true for NaN too
         for i in range(len(wheels)):
-            spins[i].command *= body.max_wheel_speed / peak
+            wheel_states[i].command *= body.max_wheel_speed / peak
 
 
 @inlined
-def beside(wheel: Any, angle: float) -> float:
-    """How far along its axle, outwards from its middle, a wheel touches the floor, in m.
+def contact_offset(wheel: Any, angle: float) -> float:
+    """Return the position of a wheel's contact along its axle, outwards from the centre, m.
 
-    Two rows take turns: rollers with an odd number are in the outer one. Axles and contacts give,
-    so that both carry for a fifth of the way. On a tilted roller the contact wanders.
+    Two rows alternate: rollers with odd numbers are in the outer one. Because axles and contacts
+    are elastic, both rows carry load during a fifth of the pitch. On a tilted roller the contact
+    moves along the axle.
     """
-    passed = (angle + _DOWN) / wheel.pitch
+    passed = (angle + _FLOOR_ANGLE) / wheel.pitch
     roller = round(passed)
-    outer = min(5.0 - 10.0 * abs(passed - roller), 1.0) * (1.0 if roller % 2 == 1 else -1.0)
-    out: float = wheel.row * outer + wheel.gauss_markov * 2.0 * (passed - roller)
-    return out
+    row = min(5.0 - 10.0 * abs(passed - roller), 1.0) * (1.0 if roller % 2 == 1 else -1.0)
+    offset: float = wheel.row_offset * row + wheel.contact_drift * 2.0 * (passed - roller)
+    return offset
 
 
 @inlined
-def set_down(body: Any, wheels: Array, motion: Any, spins: Array, h: float) -> None:
-    """Where every wheel touches the floor, and what it can push there by its load and friction.
+def set_contacts(body: Any, wheels: Array, motion: Any, wheel_states: Array, h: float) -> None:
+    """Set the contact's moment arm and the largest impulse of every wheel, from load and friction.
 
-    The weight stays where it is: contacts further out carry less, and a push below the centre of
-    mass shifts load backwards.
+    The centre of mass is fixed in B: contacts further outwards carry less load, and a force below
+    the centre of mass shifts load backwards.
     """
-    mx, my = body.com_height * motion.push_x, body.com_height * motion.push_y
+    mx, my = body.com_height * motion.force_x, body.com_height * motion.force_y
     for i in range(len(wheels)):
-        wheel, spin = wheels[i], spins[i]
-        out = beside(wheel, spin.angle)
-        spin.turn = wheel.push_turn + out * wheel.lever
-        mx += wheel.load * out * wheel.axle_x
-        my += wheel.load * out * wheel.axle_y
+        wheel, wheel_state = wheels[i], wheel_states[i]
+        offset = contact_offset(wheel, wheel_state.angle)
+        wheel_state.moment_arm = wheel.direction_yaw + offset * wheel.moment_per_offset
+        mx += wheel.load * offset * wheel.axle_x
+        my += wheel.load * offset * wheel.axle_y
     c, s = cos(motion.yaw), sin(motion.yaw)
     for i in range(len(wheels)):
         wheel = wheels[i]
         x = motion.x + c * wheel.x - s * wheel.y - body.patch_x
         y = motion.y + s * wheel.x + c * wheel.y - body.patch_y
-        near = body.patch_radius >= 0.0 and x * x + y * y <= body.patch_radius**2
-        friction = body.patch_friction if near else wheel.friction
+        in_patch = body.patch_radius >= 0.0 and x * x + y * y <= body.patch_radius**2
+        friction = body.patch_friction if in_patch else wheel.friction
         load = wheel.load - wheel.share_x * mx - wheel.share_y * my
-        spins[i].grip = h * friction * max(load, 0.0)
+        wheel_states[i].max_impulse = h * friction * max(load, 0.0)
 
 
 @inlined
-def spin_up_rollers(wheels: Array, motion: Any, spins: Array, rollers: Array, h: float) -> Vector:
-    """Let the floor turn the roller that it meets; what that takes from the body's momentum.
+def spin_up_rollers(
+    wheels: Array, motion: Any, wheel_states: Array, rollers: Array, h: float
+) -> Vector:
+    """Accelerate the roller in contact on every wheel; return the momentum that the body loses.
 
-    A roller that comes down is turned from what is left of its last turn to the speed of the floor
-    below it, across the push: momentum that it carries away. It is sprung in while its neighbours
-    still carry, so that it takes nothing of what the wheel can push.
+    A roller that reaches the floor still turns with what is left of its last contact. The floor
+    accelerates it to the speed of the contact, across the wheel's force, and it keeps this momentum
+    when it leaves the floor. Its spin-up reduces no other wheel force, because the neighbouring
+    rollers carry load at that moment.
     """
-    x, y, turn = 0.0, 0.0, 0.0
+    x, y, yaw = 0.0, 0.0, 0.0
     for i in range(len(wheels)):
-        wheel, spin = wheels[i], spins[i]
+        wheel, wheel_state = wheels[i], wheel_states[i]
         for k in range(rollers.shape[1]):
             rollers[i, k] *= 1.0 - h * wheel.roller_decay
-        on_floor = round((spin.angle + _DOWN) / wheel.pitch) % rollers.shape[1]
-        ax, ay = wheel.push_y, -wheel.push_x
+        in_contact = round((wheel_state.angle + _FLOOR_ANGLE) / wheel.pitch) % rollers.shape[1]
+        ax, ay = wheel.direction_y, -wheel.direction_x
         arm = wheel.x * ay - wheel.y * ax
         across = ax * motion.vx + ay * motion.vy + arm * motion.yaw_rate
-        slip = across + wheel.roll * spin.speed - rollers[i, on_floor]
+        slip = across + wheel.roller_speed_ratio * wheel_state.speed - rollers[i, in_contact]
         v = (motion.vx, motion.vy, motion.yaw_rate)
-        ahead = along(wheel, spin, v) - wheel.radius * spin.speed
-        total = hypot(slip, ahead)
+        along = mount_speed(wheel, wheel_state, v) - wheel.radius * wheel_state.speed
+        total = hypot(slip, along)
         if total > 0.0:
-            q = clipped(wheel.roller_mass * slip, spin.grip * abs(slip) / total)
-            rollers[i, on_floor] += q / wheel.roller_mass
-            spin.speed -= wheel.roll * q / wheel.inertia
-            x, y, turn = x + ax * q, y + ay * q, turn + arm * q
-    return x, y, turn
+            q = saturate(wheel.roller_mass * slip, wheel_state.max_impulse * abs(slip) / total)
+            rollers[i, in_contact] += q / wheel.roller_mass
+            wheel_state.speed -= wheel.roller_speed_ratio * q / wheel.inertia
+            x, y, yaw = x + ax * q, y + ay * q, yaw + arm * q
+    return x, y, yaw
 
 
 @inlined
 def free_twist(body: Any, motion: Any, h: float) -> Vector:
-    """Body twist after a step without wheels: the centre of mass flies on, in axes that turn."""
+    """Return the body twist after a step without wheel forces, in the turned frame B."""
     turn = motion.yaw_rate * h
     x = motion.vx - motion.yaw_rate * body.com_y
     y = motion.vy + motion.yaw_rate * body.com_x
     c, s = cos(motion.yaw), sin(motion.yaw)
-    x += h * (c * body.pull_x + s * body.pull_y)
-    y += h * (c * body.pull_y - s * body.pull_x)
+    x += h * (c * body.gravity_x + s * body.gravity_y)
+    y += h * (c * body.gravity_y - s * body.gravity_x)
     c, s = cos(turn), sin(turn)
     x, y = c * x + s * y, c * y - s * x
     return x + motion.yaw_rate * body.com_y, y - motion.yaw_rate * body.com_x, motion.yaw_rate
 
 
 @inlined
-def turn_wheels(
-    wheels: Array, motion: Any, spins: Array, v: Vector, h: float
+def update_wheels(
+    wheels: Array, motion: Any, wheel_states: Array, v: Vector, h: float
 ) -> tuple[float, float]:
-    """Give every wheel the speed that follows from ``v``; return the floor's push on the robot."""
+    """Update every wheel from ``v``; return the floor's total force on the robot, in B, N."""
     x, y = 0.0, 0.0
     for i in range(len(wheels)):
-        wheel, spin = wheels[i], spins[i]
-        q, _, _ = impulse(wheel, spin, v, h)
-        x, y = x + wheel.push_x * q / h, y + wheel.push_y * q / h
+        wheel, wheel_state = wheels[i], wheel_states[i]
+        q, _, _ = contact_impulse(wheel, wheel_state, v, h)
+        x, y = x + wheel.direction_x * q / h, y + wheel.direction_y * q / h
         if wheel.locked:
-            spin.speed = 0.0
-            torque = clipped(wheel.gain * spin.target, wheel.limit)
+            wheel_state.speed = 0.0
+            torque = saturate(wheel.gain * wheel_state.target, wheel.limit)
         else:
-            taken = wheel.inertia * spin.speed - wheel.radius * q
+            angular_momentum = wheel.inertia * wheel_state.speed - wheel.radius * q
             gain = h * wheel.gain
-            w = (taken + gain * spin.target) / (wheel.inertia + gain)
-            torque = wheel.gain * (spin.target - w)
+            w = (angular_momentum + gain * wheel_state.target) / (wheel.inertia + gain)
+            torque = wheel.gain * (wheel_state.target - w)
             if abs(torque) > wheel.limit:
-                torque = clipped(torque, wheel.limit)
-                w = (taken + h * torque) / wheel.inertia
-            spin.speed = w
-        spin.angle += h * spin.speed
-        spin.torque += torque
-        motion.work += h * abs(torque * spin.speed)
+                torque = saturate(torque, wheel.limit)
+                w = (angular_momentum + h * torque) / wheel.inertia
+            wheel_state.speed = w
+        wheel_state.angle += h * wheel_state.speed
+        wheel_state.torque += torque
+        motion.work += h * abs(torque * wheel_state.speed)
     return x, y
 
 
 @inlined
-def move_on(motion: Any, v: Vector, h: float) -> None:
-    """Hold the body twist ``v`` for ``h`` seconds: along the chord of its arc."""
+def update_pose(motion: Any, v: Vector, h: float) -> None:
+    """Move the pose with the constant body twist ``v`` for ``h`` seconds, along its arc's chord."""
     half = 0.5 * h * v[2]
     chord = h * (sin(half) / half if abs(half) > 1e-5 else 1.0)
     c, s = chord * cos(motion.yaw + half), chord * sin(motion.yaw + half)
@@ -159,11 +163,11 @@ def move_on(motion: Any, v: Vector, h: float) -> None:
 
 
 @compiled
-def drive(  # noqa: PLR0917
-    frame: Array,
+def integrate(  # noqa: PLR0917
+    bodies: Array,
     wheels: Array,
     motions: Array,
-    spins: Array,
+    wheel_states: Array,
     rollers: Float[Array, "wheels rollers"],
     vx: float,
     vy: float,
@@ -171,38 +175,40 @@ def drive(  # noqa: PLR0917
     h: float,
     steps: int,
 ) -> None:
-    """Servo the wheels to a body twist for ``steps`` steps of ``h`` seconds, in place.
+    """Integrate one command for ``steps`` steps of ``h`` seconds, in place.
 
     Args:
-        frame: The model's record of the robot.
-        wheels: The model's records of the wheels.
-        motions: The state's record of the robot.
-        spins: The state's records of the wheels; afterwards with the mean torques.
-        rollers: The state's speeds of the rollers.
-        vx: Commanded, in B, in m/s.
-        vy: Commanded, in B, in m/s.
-        yaw_rate: Commanded, in rad/s.
-        h: In s.
-        steps: Positive.
+        bodies: Record of the body in the model.
+        wheels: Records of the wheels in the model.
+        motions: Record of the body in the state.
+        wheel_states: Records of the wheels in the state; afterwards with the mean torques.
+        rollers: Speeds of the rollers in the state.
+        vx: Commanded velocity along x of B, m/s.
+        vy: Commanded velocity along y of B, m/s.
+        yaw_rate: Commanded yaw rate, rad/s.
+        h: Length of a step, s.
+        steps: Number of steps; positive.
     """
-    body, motion = frame[0], motions[0]
-    set_commands(body, wheels, spins, (vx, vy, yaw_rate))
-    kept = exp(-h / body.motor_lag) if body.motor_lag > 0.0 else 0.0
-    felt = 1.0 - exp(-h / _AXLES)
-    for i in range(len(spins)):
-        spins[i].torque = 0.0
+    body, motion = bodies[0], motions[0]
+    set_commands(body, wheels, wheel_states, (vx, vy, yaw_rate))
+    decay = exp(-h / body.motor_lag) if body.motor_lag > 0.0 else 0.0
+    axle_gain = 1.0 - exp(-h / _AXLE_LAG)
+    for i in range(len(wheel_states)):
+        wheel_states[i].torque = 0.0
     for _ in range(steps):
-        for i in range(len(spins)):
-            spins[i].target = spins[i].command + kept * (spins[i].target - spins[i].command)
-        set_down(body, wheels, motion, spins, h)
-        taken = spin_up_rollers(wheels, motion, spins, rollers, h)
-        free = momentum(body, free_twist(body, motion, h))
-        given = (free[0] - taken[0], free[1] - taken[1], free[2] - taken[2])
+        for i in range(len(wheel_states)):
+            wheel_states[i].target = wheel_states[i].command + decay * (
+                wheel_states[i].target - wheel_states[i].command
+            )
+        set_contacts(body, wheels, motion, wheel_states, h)
+        lost = spin_up_rollers(wheels, motion, wheel_states, rollers, h)
+        undisturbed = momentum(body, free_twist(body, motion, h))
+        free = (undisturbed[0] - lost[0], undisturbed[1] - lost[1], undisturbed[2] - lost[2])
         before = (motion.vx, motion.vy, motion.yaw_rate)
-        v = twist_after(body, wheels, spins, given, before, h)
-        x, y = turn_wheels(wheels, motion, spins, v, h)
-        motion.push_x += felt * (x - motion.push_x)
-        motion.push_y += felt * (y - motion.push_y)
-        move_on(motion, v, h)
-    for i in range(len(spins)):
-        spins[i].torque /= steps
+        v = solve_twist(body, wheels, wheel_states, free, before, h)
+        x, y = update_wheels(wheels, motion, wheel_states, v, h)
+        motion.force_x += axle_gain * (x - motion.force_x)
+        motion.force_y += axle_gain * (y - motion.force_y)
+        update_pose(motion, v, h)
+    for i in range(len(wheel_states)):
+        wheel_states[i].torque /= steps

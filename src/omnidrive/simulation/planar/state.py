@@ -1,4 +1,4 @@
-"""Where the planar robot is, and how fast it and its wheels move."""
+"""State of the planar robot."""
 
 from __future__ import annotations
 
@@ -12,49 +12,55 @@ from omnidrive.geometry import Pose
 
 MOTION = np.dtype(
     [
-        ("x", float),  # of B in W, m
+        ("x", float),  # position of B in W, m
         ("y", float),
         ("yaw", float),  # rad, not wrapped
-        ("vx", float),  # in B, m/s
+        ("vx", float),  # velocity in B, m/s
         ("vy", float),
         ("yaw_rate", float),  # rad/s
-        ("work", float),  # of the motors, without signs, J
-        ("push_x", float),  # of the floor on the robot as the axles feel it, in B, N
-        ("push_y", float),
+        ("work", float),  # absolute mechanical work of the motors, J
+        ("force_x", float),  # floor's force on the robot after the lag of the axles, in B, N
+        ("force_y", float),
     ]
 )
-"""What there is once per robot."""
+"""Record of the body."""
 
-SPIN = np.dtype(
+WHEEL_STATE = np.dtype(
     [
         ("angle", float),  # rad
         ("speed", float),  # rad/s
-        ("target", float),  # set point of the servo, rad/s
-        ("torque", float),  # of the motor, mean of the last command, N m
-        ("command", float),  # speed asked for, rad/s
-        ("grip", float),  # most impulse between wheel and floor in this step, N s
-        ("turn", float),  # moment of the push about B's origin per N, in m
-        ("slope", float),  # how that impulse falls with the mount's speed, kg
-        ("reason", int),  # why: 0 it rolls, 1 or -1 with all its torque, 2 or -2 it slips
+        ("target", float),  # set point of the servo after the motor lag, rad/s
+        ("torque", float),  # mean torque of the motor during the last command, N m
+        ("command", float),  # commanded speed, rad/s
+        ("max_impulse", float),  # friction limit of the contact in this step, N s
+        ("moment_arm", float),  # moment of the contact force about B's origin per N, m
+        ("effective_mass", float),  # minus the derivative of the impulse by the mount's speed, kg
+        ("mode", int),  # 0: rolls; 1 or -1: rolls at the torque limit; 2 or -2: slips
     ]
 )
-"""What there is once per wheel."""
+"""Record of one wheel."""
 
 
-class State(NamedTuple):
-    """All that the robot remembers from one command to the next."""
+class PlanarState(NamedTuple):
+    """Everything that the plant keeps from one command to the next."""
 
     motion: Array
     """One record of :data:`MOTION`."""
-    spins: Array
-    """A record of :data:`SPIN` per wheel."""
+    wheels: Array
+    """One record of :data:`WHEEL_STATE` per wheel."""
     rollers: Float[Array, "wheels rollers"]
-    """Speed at which every roller's surface runs, in m/s, as its wheel's mount moves."""
+    """Surface speed of every roller relative to the wheel's mount, m/s."""
 
     @classmethod
-    def at_rest(cls, wheels: int, rollers: int, pose: Pose) -> State:
-        """A robot of so many wheels, of so many rollers each, that stands at ``pose``."""
-        state = cls(np.zeros(1, MOTION), np.zeros(wheels, SPIN), np.zeros((wheels, rollers)))
+    def at_rest(cls, wheels: int, rollers: int, pose: Pose) -> PlanarState:
+        """Return the state of a robot at rest at ``pose``.
+
+        Args:
+            wheels: Number of wheels.
+            rollers: Number of rollers of each wheel.
+            pose: Pose of B in W.
+        """
+        state = cls(np.zeros(1, MOTION), np.zeros(wheels, WHEEL_STATE), np.zeros((wheels, rollers)))
         for name, value in pose._asdict().items():
             state.motion[name] = value
         return state

@@ -1,4 +1,4 @@
-"""What surrounds the robot in MJCF: floor, light, obstacles; and what is only seen of the robot."""
+"""Floor, lights and obstacles in MJCF, and the visual geoms of the robot."""
 
 from __future__ import annotations
 
@@ -12,28 +12,33 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.robot import Robot
 from omnidrive.simulation.moving_obstacle import MovingObstacle
-from omnidrive.simulation.mujoco.mjcf_element import about_z, add, numbers
-from omnidrive.simulation.mujoco.mjcf_wheels import CONTACT, floor_friction
-from omnidrive.simulation.mujoco.walls import Walls
+from omnidrive.simulation.mujoco.mjcf import (
+    CONTACT,
+    VISUAL,
+    add,
+    floor_friction,
+    numbers,
+    yaw_quaternion,
+)
+from omnidrive.simulation.mujoco.obstacle_boxes import ObstacleBoxes
 
-NEAR_WALLS = 8
-"""Boxes of the map that stand in the physical world: those nearest to the robot."""
-AHEAD = 5.0
-"""From the robot's body to the end of the furthest part of such a box, in m, at most."""
+MAX_NEAR_BOXES = 8
+"""Number of the map's boxes in the physics: those nearest to the robot."""
+MAX_REACH = 5.0
+"""Largest distance from the robot's body at which parts of these boxes are in the physics, m."""
 PARKED = (0.0, 0.0, -1e4)
-"""Where boxes are that are not needed."""
-MOST_DRAWN = 5000
-"""Boxes that are drawn, the largest first."""
+"""Position of unused boxes, m."""
+MAX_DRAWN_BOXES = 5000
+"""Largest number of drawn boxes; the largest boxes are drawn first."""
 
-_SEEN = {"contype": "0", "conaffinity": "0", "mass": "0", "group": "1"}
-_FRAGILE = dict(CONTACT, friction="0.1 0.0005 0.0001", mass="0")
+_SMOOTH_CONTACT = dict(CONTACT, friction="0.1 0.0005 0.0001", mass="0")
 _WALL_COLOUR = ".42 .45 .5 1"
 _DRAWN_HEIGHT = 0.2  # m
 
 
-def add_surroundings(root: ET.Element, world: ET.Element, robot: Robot) -> None:
-    """Floor with squares of 0.5 m, sky and light."""
-    add(root, "statistic", center="0 0 0", extent="3")  # else walls put away count as far ends
+def add_floor(root: ET.Element, world: ET.Element, robot: Robot) -> None:
+    """Add the floor with squares of 0.5 m, the sky and the lights."""
+    add(root, "statistic", center="0 0 0", extent="3")  # without the parked boxes
     visual = add(root, "visual")
     add(visual, "global", offwidth="1920", offheight="1080")
     add(visual, "headlight", ambient=".3 .3 .3", diffuse=".25 .25 .25", specular="0 0 0")
@@ -56,23 +61,23 @@ def add_surroundings(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     add(world, "geom", name="floor", type="plane", size="50 50 1", material="floor", **floor)
 
 
-def add_looks(base: ET.Element, robot: Robot) -> None:
-    """A plate, a deck and a nose that shows forward: seen, not felt."""
+def add_visuals(base: ET.Element, robot: Robot) -> None:
+    """Add a plate, a deck and a nose that points forward, all without mass and contacts."""
     top = max(1.15 * robot.wheel.radius, 2.0 * robot.com_height - robot.wheel.radius)
     radius = robot.body_radius
     add(
         base, "geom", name="plate", type="cylinder",
         size=numbers(0.75 * robot.mean_wheel_distance, 0.1 * top),
-        pos=numbers(0, 0, 0.6 * top), rgba=".17 .33 .58 1", **_SEEN,
+        pos=numbers(0, 0, 0.6 * top), rgba=".17 .33 .58 1", **VISUAL,
     )  # fmt: skip
     add(
         base, "geom", name="deck", type="cylinder", size=numbers(0.97 * radius, 0.06 * top),
-        pos=numbers(0, 0, 1.2 * top), rgba=".2 .4 .7 .45", **_SEEN,
+        pos=numbers(0, 0, 1.2 * top), rgba=".2 .4 .7 .45", **VISUAL,
     )  # fmt: skip
     add(
         base, "geom", name="nose", type="box",
         size=numbers(0.17 * radius, 0.05 * radius, 0.05 * top),
-        pos=numbers(0.76 * radius, 0, 1.32 * top), rgba=".9 .3 .1 1", **_SEEN,
+        pos=numbers(0.76 * radius, 0, 1.32 * top), rgba=".9 .3 .1 1", **VISUAL,
     )  # fmt: skip
 
 
@@ -81,51 +86,55 @@ def add_obstacles(
     base: ET.Element,
     robot: Robot,
     *,
-    walls: Walls | None,
+    walls: ObstacleBoxes | None,
     moving: Sequence[MovingObstacle],
 ) -> None:
-    """The robot's body, the boxes that are moved to where walls are near, and moving discs.
+    """Add the robot's collision body, the boxes for near obstacles, and the moving obstacles.
 
-    The body is a sphere as wide as the robot and obstacles stand higher than it, so that it meets
-    their upright faces and edges at the height of its centre: as a disc would on the floor, by the
-    quickest of MuJoCo's collision functions. Only it and obstacles touch each other.
+    The body is a sphere with the robot's radius, and obstacles are higher than it. It therefore
+    touches their vertical faces and edges at the height of its centre, as a disc on the floor
+    would, with the fastest of MuJoCo's collision functions. Only the body and obstacles collide.
     """
     add(
         base, "geom", name="body", type="sphere", size=robot.body_radius, contype="2",
-        conaffinity="0", rgba="1 0 0 .2", group="4", **_FRAGILE,
+        conaffinity="0", rgba="1 0 0 .2", group="4", **_SMOOTH_CONTACT,
     )  # fmt: skip
-    most = robot.body_radius + AHEAD
-    height = most + 1.0  # a body within a wall gets out sideways
+    most = robot.body_radius + MAX_REACH
+    height = most + 1.0  # a body inside a box is pushed out sideways
     world = root.find("worldbody")
     assert world is not None
     if walls is not None:
         origin, yaw = walls.frame
-        stand = add(world, "body", name="walls", pos=numbers(*origin, 0), quat=about_z(yaw))
-        for k in range(NEAR_WALLS):
+        walls_body = add(
+            world, "body", name="walls", pos=numbers(*origin, 0), quat=yaw_quaternion(yaw)
+        )
+        for k in range(MAX_NEAR_BOXES):
             add(
-                stand, "geom", name=f"wall{k}", type="box", size=numbers(most, most, height),
-                pos=numbers(*PARKED), contype="0", conaffinity="2", group="3", **_FRAGILE,
+                walls_body, "geom", name=f"wall{k}", type="box", size=numbers(most, most, height),
+                pos=numbers(*PARKED), contype="0", conaffinity="2", group="3", **_SMOOTH_CONTACT,
             )  # fmt: skip
-        _draw(root, stand, walls.boxes)
-    for k, mover in enumerate(moving):
-        body = add(world, "body", name=f"moving{k}", mocap="true", pos=numbers(*mover.at(0.0), 0))
+        _add_mesh(root, walls_body, walls.boxes)
+    for k, obstacle in enumerate(moving):
+        body = add(
+            world, "body", name=f"moving{k}", mocap="true", pos=numbers(*obstacle.at(0.0), 0)
+        )
         add(
-            body, "geom", name=f"moving{k}", type="cylinder", size=numbers(mover.radius, height),
-            contype="0", conaffinity="2", group="3", **_FRAGILE,
+            body, "geom", name=f"moving{k}", type="cylinder", size=numbers(obstacle.radius, height),
+            contype="0", conaffinity="2", group="3", **_SMOOTH_CONTACT,
         )  # fmt: skip
         add(
-            body, "geom", type="cylinder", size=numbers(mover.radius, 0.5 * _DRAWN_HEIGHT),
-            pos=numbers(0, 0, 0.5 * _DRAWN_HEIGHT), rgba=".8 .45 .2 1", **_SEEN,
+            body, "geom", type="cylinder", size=numbers(obstacle.radius, 0.5 * _DRAWN_HEIGHT),
+            pos=numbers(0, 0, 0.5 * _DRAWN_HEIGHT), rgba=".8 .45 .2 1", **VISUAL,
         )  # fmt: skip
 
 
-def _draw(root: ET.Element, walls: ET.Element, boxes: Float[Array, "boxes 4"]) -> None:
-    """All boxes in one mesh, which costs no more time than one box."""
+def _add_mesh(root: ET.Element, walls: ET.Element, boxes: Float[Array, "boxes 4"]) -> None:
+    """Add all boxes as one mesh, which is drawn as fast as one box."""
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
     if len(boxes) == 0:
         return
     sizes = (boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2])
-    boxes = boxes[np.argsort(-sizes, kind="stable")[:MOST_DRAWN]]
+    boxes = boxes[np.argsort(-sizes, kind="stable")[:MAX_DRAWN_BOXES]]
     vertices = [
         (x, y, z)
         for left, right, bottom, top in boxes.tolist()
@@ -139,11 +148,11 @@ def _draw(root: ET.Element, walls: ET.Element, boxes: Float[Array, "boxes 4"]) -
         assets, "mesh", name="walls", vertex=numbers(*chain.from_iterable(vertices)),
         face=" ".join(map(str, faces.tolist())), inertia="shell",
     )  # fmt: skip
-    add(walls, "geom", type="mesh", mesh="walls", rgba=_WALL_COLOUR, **_SEEN)
+    add(walls, "geom", type="mesh", mesh="walls", rgba=_WALL_COLOUR, **VISUAL)
 
 
 _FACES = [
     (0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4),
     (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),
 ]  # fmt: skip
-"""Of a box whose first four corners lie on the floor, counter-clockwise."""
+"""Triangles of a box whose first four corners are on the floor, counter-clockwise."""

@@ -17,17 +17,17 @@ from omnidrive.visualization import (
     Canvas,
     GhostModel,
     Overlays,
-    camera_of,
     follow,
     follows,
-    path_of,
+    make_camera,
+    sample_path,
 )
 from omnidrive.visualization.observer import RenderedPlant
 
 _MOST = 20_000  # points of a trail
 
 
-class Picture:
+class Renderer:
     """What a plant looks like now. Nothing is made before the first picture."""
 
     def __init__(
@@ -68,7 +68,7 @@ class Picture:
     def moved(self, state: PlantState, dt: float) -> None:
         """The robot moved for ``dt`` s."""
         if self._puppet is not None and self._state is not None:
-            self._wheels = self._puppet.rolled(self._state, state, self._wheels, dt)
+            self._wheels = self._puppet.turn_wheels(self._state, state, self._wheels, dt)
         self._state = state
         self._trail.append(state.pose[:2])
         if len(self._trail) > _MOST:
@@ -86,8 +86,8 @@ class Picture:
         )
         if self._canvas is None:
             self._canvas = Canvas(world.model, *self._size)
-        path, radius = path_of(self._reference), self._robot.body_radius
-        camera = camera_of("auto", path, radius, self._size[0] / self._size[1])
+        path, radius = sample_path(self._reference), self._robot.body_radius
+        camera = make_camera("auto", path, radius, self._size[0] / self._size[1])
         if follows("auto", path, radius):
             follow(camera, np.array(self._trail[-1]))
         marks = Overlays(path, np.array(self._trail), self._reference.at(t).pose, radius)
@@ -103,5 +103,5 @@ class Picture:
         assert self._state is not None
         if self._puppet is None:
             self._puppet = GhostModel(self._robot, obstacles=self._obstacles)
-        self._puppet.put(t, self._state.pose, self._wheels)
+        self._puppet.set_pose(t, self._state.pose, self._wheels)
         return self._puppet

@@ -1,4 +1,4 @@
-"""A connection to CoppeliaSim through the vendor's client. Needs the extra ``coppeliasim``."""
+"""Connection to CoppeliaSim through the vendor's client; needs the extra ``coppeliasim``."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from typing import Any
 
 from omnidrive.errors import InvalidScene, MissingExtra, PlantLost
 from omnidrive.files.bounded_file import one_line
-from omnidrive.simulation.coppeliasim.bounded_socket import BoundedSocket
+from omnidrive.simulation.coppeliasim.checked_socket import CheckedSocket
 
-_MOST = 2**53  # whole numbers beyond are neither handles nor measurements
+_MAX_INTEGER = 2**53  # larger integers are neither handles nor measurements
 
 
-class Link:
-    """Calls functions of CoppeliaSim's ``sim`` namespace, each within a deadline.
+class RemoteApi:
+    """Calls of functions of CoppeliaSim's ``sim`` namespace, each with a deadline.
 
     Attributes:
-        usable: Whether it is open, and the simulator owes no answer.
+        usable: Whether the connection is open and no reply is outstanding.
     """
 
     def __init__(self, host: str, port: int, timeout: float) -> None:
@@ -28,92 +28,92 @@ class Link:
 
         Args:
             host: Name or address of the machine.
-            port: Of its ZeroMQ remote API server.
-            timeout: Longest wait for one answer, in s.
+            port: Port of its ZeroMQ remote API server.
+            timeout: Longest wait for one reply, s.
 
         Raises:
             MissingExtra: The vendor's client is not installed.
-            PlantLost: Nobody answers, or not as CoppeliaSim does.
+            PlantLost: There is no reply, or no valid one.
         """
         self._host, self._port, self._timeout = host, port, timeout
         self._client: Any = None
         self._sim: Any = None
-        self._module = _vendors_client()
+        self._module = _import_client()
         self.usable = False
         self.open()
 
     def open(self) -> None:
-        """Connect, again where need be: as a new client, to whom nothing is owed.
+        """Connect or reconnect, as a new client without outstanding requests.
 
-        A request that was cut short leaves the simulator's side waiting for us; it would take the
-        next one for the missing answer.
+        After an interrupted request the simulator still waits for the old client, and would take
+        its next request for the missing message.
 
         Raises:
-            PlantLost: As on making one.
+            PlantLost: There is no reply, or no valid one.
         """
         self.close()
-        self._refuse_unless_listening()
+        self._check_listening()
         zmq = self._module.zmq
         try:
-            self._client = _quiet_client(self._module, self._host, self._port)
+            self._client = _make_client(self._module, self._host, self._port)
             self._client.socket.close(linger=0)
-            self._client.socket = BoundedSocket(
+            self._client.socket = CheckedSocket(
                 zmq,
                 self._client.context,
                 f"tcp://{self._host}:{self._port}",
                 self._module.cbor.loads,
             )
-            self._sim = self._bounded("require", self._client.require, "sim")
+            self._sim = self._call("require", self._client.require, "sim")
         except zmq.ZMQError as error:
             self.close()
-            raise PlantLost(f"cannot connect to {self.where}: {error}") from None
+            raise PlantLost(f"cannot connect to {self.address}: {error}") from None
         except BaseException:
             self.close()
             raise
 
     def call(self, name: str, *args: Any) -> Any:
-        """What ``sim.name(*args)`` returns.
+        """Return the value of ``sim.name(*args)``.
 
         Raises:
-            PlantLost: It does not answer in time, or refuses, or does not know the function.
+            PlantLost: The reply is late or an error, or the function does not exist.
         """
-        return self._bounded(f"sim.{name}", self._member(name), *args)
+        return self._call(f"sim.{name}", self._member(name), *args)
 
-    def knows(self, name: str) -> bool:
-        """Whether there is such a function or constant."""
+    def has_member(self, name: str) -> bool:
+        """Return whether ``sim`` has this function or constant."""
         return hasattr(self._sim, name)
 
     def numbers(self, count: int, name: str, *args: Any) -> tuple[float, ...]:
-        """``count`` numbers that ``sim.name(*args)`` returns, as a list or, if one, plainly.
+        """Return the ``count`` numbers of ``sim.name(*args)``; a single one needs no list.
 
         Raises:
-            PlantLost: As for :meth:`call`, or it returns something else.
+            PlantLost: As for :meth:`call`, or the value is something else.
         """
         return self.as_numbers(count, self.call(name, *args), f"sim.{name}")
 
     def as_numbers(self, count: int, value: Any, source: str) -> tuple[float, ...]:
-        """``value`` as so many numbers; what is not finite as NaN.
+        """Convert ``value`` to ``count`` numbers; values that are not finite become NaN.
 
         Raises:
-            PlantLost: It is something else.
+            PlantLost: ``value`` is something else.
         """
         values = value if isinstance(value, list | tuple) else [value]
         if len(values) != count or not all(_is_number(v) for v in values):
             raise PlantLost(
-                f"CoppeliaSim at {self.where} answers {source} with {one_line(str(value), 60)}, "
+                f"CoppeliaSim at {self.address} returns {one_line(str(value), 60)} for {source}, "
                 f"need {'a number' if count == 1 else f'{count} numbers'}"
             )
         return tuple(float(v) if isfinite(v) else nan for v in values)
 
     def handle(self, path: str, *, joint: bool = False) -> int:
-        """The scene's object of that path.
+        """Return the handle of the scene's object with this path.
 
         Raises:
-            InvalidScene: There is none, or it is no joint where one is wanted.
+            InvalidScene: There is none, or ``joint`` is set and it is not a joint.
             PlantLost: As for :meth:`call`.
         """
         (found,) = self.numbers(1, "getObject", path, {"noError": True})
-        if not 0 <= found < _MOST:
+        if not 0 <= found < _MAX_INTEGER:
             raise InvalidScene(
                 f"the scene in CoppeliaSim has no object '{path}': open the robot's scene, or name "
                 "its objects in the scenario's section coppeliasim"
@@ -124,54 +124,54 @@ class Link:
         return handle
 
     def _member(self, name: str) -> Any:
-        if not self.knows(name):
-            raise PlantLost(f"CoppeliaSim at {self.where} has no sim.{name}: is it too old?")
+        if not self.has_member(name):
+            raise PlantLost(f"CoppeliaSim at {self.address} has no sim.{name}: is it too old?")
         return getattr(self._sim, name)
 
     @property
-    def where(self) -> str:
-        """The simulator's address."""
+    def address(self) -> str:
+        """Host and port."""
         return f"{self._host}:{self._port}"
 
     def close(self) -> None:
-        """Give up the connection; nothing is said to the simulator."""
+        """Close the connection without a message to the simulator."""
         client, self._client, self._sim, self.usable = self._client, None, None, False
         if client is not None:
             client.socket.close(linger=0)
             client.context.term()
 
-    def _bounded(self, what: str, function: Any, *args: Any) -> Any:
+    def _call(self, what: str, function: Any, *args: Any) -> Any:
         self.usable = False
-        self._client.socket.allow(self._timeout)
+        self._client.socket.set_deadline(self._timeout)
         try:
-            answer = function(*args)
+            value = function(*args)
         except PlantLost:
             raise
-        except Exception as error:  # the client has no class of its own
+        except Exception as error:  # the client raises no class of its own
             raise PlantLost(
-                f"CoppeliaSim at {self.where} refuses {what}: {one_line(str(error), 200)}"
+                f"CoppeliaSim at {self.address} refuses {what}: {one_line(str(error), 200)}"
             ) from None
         self.usable = True
-        return answer
+        return value
 
-    def _refuse_unless_listening(self) -> None:
-        """Ask the system, as ZeroMQ never says that nobody is there."""
+    def _check_listening(self) -> None:
+        """Raise PlantLost if no program listens at the port, which ZeroMQ does not report."""
         try:
             socket.create_connection((self._host, self._port), self._timeout).close()
         except OSError as error:
             raise PlantLost(
-                f"nobody listens at {self.where} ({error.strerror or error}): start CoppeliaSim, "
-                "whose add-on 'ZMQ remote API server' listens on port 23000, or name another host "
-                "and port in the scenario's section coppeliasim"
+                f"no program listens at {self.address} ({error.strerror or error}): start "
+                "CoppeliaSim, whose add-on 'ZMQ remote API server' listens on port 23000, or name "
+                "another host and port in the scenario's section coppeliasim"
             ) from None
 
 
 def _is_number(value: Any) -> bool:
-    return type(value) is float or (type(value) is int and abs(value) <= _MOST)
+    return type(value) is float or (type(value) is int and abs(value) <= _MAX_INTEGER)
 
 
-def _vendors_client() -> ModuleType:
-    """The vendor's client.
+def _import_client() -> ModuleType:
+    """Import the vendor's client.
 
     Raises:
         MissingExtra: It is not installed.
@@ -185,8 +185,8 @@ def _vendors_client() -> ModuleType:
         ) from error
 
 
-def _quiet_client(module: ModuleType, host: str, port: int) -> Any:
-    """A client that leaves no function `require` in the main program, which would keep it alive."""
+def _make_client(module: ModuleType, host: str, port: int) -> Any:
+    """Create a client and remove its global function `require`, which would keep it alive."""
     main = vars(sys.modules["__main__"])
     before = {k: main[k] for k in ("require",) if k in main}
     try:

@@ -1,4 +1,4 @@
-"""The socket under the vendor's client: answers come in time and are bounded, or not at all."""
+"""Socket of the vendor's client with deadlines and validated replies."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 
 from omnidrive.errors import PlantLost
 from omnidrive.files.bounded_file import one_line
-from omnidrive.simulation.coppeliasim.replies import MAX_BYTES, is_plain
+from omnidrive.simulation.coppeliasim.cbor import MAX_BYTES, is_well_formed
 
 _WAITING = {"_*wait*_", "_*repeat*_"}
 
 
-class BoundedSocket:
-    """A ZeroMQ REQ socket with a deadline.
+class CheckedSocket:
+    """A ZeroMQ REQ socket with a deadline, a size limit and validated replies.
 
-    The vendor's client waits for ever, takes replies of any size, and calls what functions of the
-    main program the simulator names. It sends and receives here instead.
+    It replaces the socket of the vendor's client, which waits without a limit, accepts replies of
+    any size, and calls functions of the main program on the simulator's request.
     """
 
     def __init__(
         self, zmq: Any, context: Any, endpoint: str, decode: Callable[[bytes], Any]
     ) -> None:
-        """Connect; ZeroMQ does so in the background, and never says that it failed."""
+        """Connect in the background; ZeroMQ does not report failures."""
         self.endpoint = endpoint
         self._decode = decode
         self._seconds, self._deadline = 0.0, 0.0
@@ -32,8 +32,8 @@ class BoundedSocket:
         self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_BYTES)
         self._socket.connect(endpoint)
 
-    def allow(self, seconds: float) -> None:
-        """Let the next call take so long, in s."""
+    def set_deadline(self, seconds: float) -> None:
+        """Set the duration (s) that the next call may take."""
         self._seconds, self._deadline = seconds, monotonic() + seconds
 
     def send(self, raw: bytes) -> None:
@@ -41,40 +41,40 @@ class BoundedSocket:
         self._socket.send(raw)
 
     def recv(self) -> bytes:
-        """The reply to it.
+        """Return the reply to the request.
 
         Raises:
-            PlantLost: It did not come in time, or is none.
+            PlantLost: It is late or invalid.
         """
         left = self._deadline - monotonic()
         if left <= 0.0 or not self._socket.poll(1000.0 * left):
             raise PlantLost(
                 f"CoppeliaSim at {self.endpoint} did not answer within {self._seconds:g} s: is it "
-                "busy, waiting in a dialogue, or another program on that port?"
+                "busy, does it wait in a dialogue, or does another program use that port?"
             )
         raw: bytes = self._socket.recv()
         self._check(raw)
         return raw
 
     def _check(self, raw: bytes) -> None:
-        """Refuse what the client should not see."""
+        """Raise PlantLost unless the reply is valid and harmless."""
         try:
-            reply = self._decode(raw) if is_plain(raw) else None
-        except Exception:  # of whatever decoder the client has
+            reply = self._decode(raw) if is_well_formed(raw) else None
+        except Exception:  # depends on the decoder of the client
             reply = None
         if not isinstance(reply, dict):
-            raise PlantLost(f"what answers at {self.endpoint} is not CoppeliaSim's remote API")
+            raise PlantLost(f"the program at {self.endpoint} is not CoppeliaSim's remote API")
         if "func" in reply:
             if reply["func"] not in _WAITING:
                 name = one_line(str(reply["func"]), 60)
-                raise PlantLost(f"{self.endpoint} asks to call '{name}' here, which is refused")
+                raise PlantLost(f"{self.endpoint} requests a call of '{name}', which is refused")
         elif "success" in reply or not ("err" in reply or isinstance(reply.get("ret"), list)):
-            said = f": {one_line(str(reply['error']), 200)}" if "error" in reply else ""
+            message = f": {one_line(str(reply['error']), 200)}" if "error" in reply else ""
             raise PlantLost(
-                f"CoppeliaSim at {self.endpoint} speaks another version of its remote API{said}; "
+                f"CoppeliaSim at {self.endpoint} uses another version of its remote API{message}; "
                 "need version 2, of CoppeliaSim 4.6 or newer"
             )
 
     def close(self, linger: int = 0) -> None:
-        """Give up the connection."""
+        """Close the connection."""
         self._socket.close(linger=linger)

@@ -1,4 +1,4 @@
-"""Poses of a scene's objects, and planar motions of them."""
+"""Poses of objects in a scene, and planar transformations of them."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from math import atan2, cos, sin
 from omnidrive.geometry import Pose
 
 ObjectPose = Sequence[float]
-"""x, y, z in m and a unit quaternion qx, qy, qz, qw, as CoppeliaSim writes it."""
+"""x, y, z (m) and a unit quaternion qx, qy, qz, qw, in the order of CoppeliaSim."""
 
 
-def planar(pose: ObjectPose) -> Pose:
-    """Seen from above: where an object stands, and the bearing of its x axis in (-pi, pi]."""
+def planar_pose(pose: ObjectPose) -> Pose:
+    """Return position and yaw, the bearing of the x axis in (-pi, pi], of an object."""
     x, y, _, qx, qy, qz, qw = pose
     return Pose(x, y, atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
 
 
 def uprightness(pose: ObjectPose) -> float:
-    """Cosine of the angle between the object's z axis and the vertical."""
+    """Return the cosine of the angle between the object's z axis and the vertical."""
     _, _, _, qx, qy, _, _ = pose
     return 1.0 - 2.0 * (qx * qx + qy * qy)
 
 
-def then(frame: Pose, offset: Pose) -> Pose:
-    """``offset``, given in ``frame``, in the frame in which ``frame`` is given."""
+def compose(frame: Pose, offset: Pose) -> Pose:
+    """Return the pose ``offset``, given in ``frame``, in the parent frame of ``frame``."""
     c, s = cos(frame.yaw), sin(frame.yaw)
     return Pose(
         frame.x + c * offset.x - s * offset.y,
@@ -33,17 +33,17 @@ def then(frame: Pose, offset: Pose) -> Pose:
     )
 
 
-def seen_from(frame: Pose, pose: Pose) -> Pose:
-    """``pose`` in ``frame``: what :func:`then` leads back."""
+def relative_pose(frame: Pose, pose: Pose) -> Pose:
+    """Return ``pose`` relative to ``frame``; the inverse of :func:`compose`."""
     c, s = cos(frame.yaw), sin(frame.yaw)
     dx, dy = pose.x - frame.x, pose.y - frame.y
     return Pose(c * dx + s * dy, c * dy - s * dx, pose.yaw - frame.yaw)
 
 
-def moved(pose: ObjectPose, here: Pose, there: Pose) -> list[float]:
-    """An object carried over the floor as what is ``here`` would be to stand ``there``."""
+def transport(pose: ObjectPose, start: Pose, goal: Pose) -> list[float]:
+    """Return the pose of an object after the planar motion that moves ``start`` to ``goal``."""
     x, y, z, qx, qy, qz, qw = pose
-    at = then(there, seen_from(here, Pose(x, y, 0.0)))
-    half = 0.5 * (there.yaw - here.yaw)
+    at = compose(goal, relative_pose(start, Pose(x, y, 0.0)))
+    half = 0.5 * (goal.yaw - start.yaw)
     c, s = cos(half), sin(half)
     return [at.x, at.y, z, c * qx - s * qy, c * qy + s * qx, c * qz + s * qw, c * qw - s * qz]
