@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import omnidrive
-from omnidrive.compiled import _kernels, kernels_are_kept
+from omnidrive.compiled import _kernels, announce_compiling, kernels_are_kept
 from omnidrive.compiled import cache as kernel_cache
+from omnidrive.compiled.dispatcher import compile_listeners
 from omnidrive.compiled.key import kernel_key
 
 PACKAGE = Path(omnidrive.__file__).parent
@@ -235,6 +236,20 @@ def test_kept_kernels_are_known_by_name(build):
     build(("FACTOR = 2.0", "FACTOR = 3.0"))
     _kernels["caller"] = _kernels["caller"][-1:]
     assert not kernels_are_kept("caller")
+
+
+def test_compiling_is_announced_once_and_only_if_it_happens(build, caplog):
+    def announced():
+        caplog.clear()
+        module = build()
+        with announce_compiling():
+            module.caller(1.0)
+            module.later(1.0)
+        return [record.message.split(",")[0] for record in caplog.records]
+
+    assert announced() == ["compiling numerical kernels"]
+    assert announced() == []
+    assert compile_listeners == []
 
 
 def test_unknown_kind_of_global_is_refused(build):

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from inspect import unwrap
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -18,7 +19,7 @@ from numba import typeof
 from numba.core import config
 
 from omnidrive.compiled.cache import cache_folder, entries
-from omnidrive.compiled.dispatcher import Kernel
+from omnidrive.compiled.dispatcher import Kernel, compile_listeners
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -89,10 +90,20 @@ def kernels_are_kept(name: str = "") -> bool:
     return any(any(entries(kernel)) for kernel in _kernels[name])
 
 
-def announce_compiling(name: str) -> None:
-    """Log a warning if a kernel will first have to be compiled, and how to do that beforehand."""
-    if not kernels_are_kept(name):
+@contextmanager
+def announce_compiling() -> Iterator[None]:
+    """Log a warning once a kernel has to be compiled, and how to do that beforehand."""
+
+    def announce() -> None:
+        compile_listeners.remove(announce)
         _log.warning(
             "compiling numerical kernels, the first time only: up to a minute; "
             "`omnidrive warmup` does it beforehand"
         )
+
+    compile_listeners.append(announce)
+    try:
+        yield
+    finally:
+        if announce in compile_listeners:
+            compile_listeners.remove(announce)

@@ -99,18 +99,18 @@ class KernelCache:
             _warn_once(f"compiled kernels cannot be kept in {path.parent}: {error}")
 
     @contextmanager
-    def locked(self, signature: Any) -> Iterator[None]:
-        """While one process compiles a kernel for a signature, let the others wait for it."""
+    def locked(self, signature: Any) -> Iterator[bool]:
+        """Yield whether there is an entry, after other processes that compile it are done."""
         path = self._path(signature, self._kernel.targetctx.codegen())
         place = int(short_hash(path.name)[:7], 16)
         lock = None if path.exists() else _lock_file(path.parent)
         if lock is None:
-            yield
+            yield path.exists()
             return
         with suppress(OSError):  # a file system without locks: compile in every process
             fcntl.lockf(lock, fcntl.LOCK_EX, 1, place)
         try:
-            yield
+            yield path.exists()
         finally:
             with suppress(OSError):
                 fcntl.lockf(lock, fcntl.LOCK_UN, 1, place)

@@ -11,7 +11,8 @@ optimisation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import gc
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -34,6 +35,9 @@ _normalized: Any = sigutils.normalize_signature
 _runtime: Any = nrt.rtsys
 
 _UNRESOLVED = codegen.RuntimeLinker.PREFIX  # of a recursive call
+compile_listeners: list[Callable[[], None]] = []
+"""Called before a kernel is compiled; not if its machine code is on disk."""
+
 _ENVIRONMENT = "_ZN08NumbaEnv"
 _NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -55,7 +59,10 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             if arguments in self._without_code:
                 self._without_code.discard(arguments)
                 del self.overloads[arguments]
-            with self._cache.locked(sig), _late_code(self, arguments):
+            with self._cache.locked(sig) as is_cached, _late_code(self, arguments):
+                if not is_cached:
+                    for listener in [*compile_listeners]:
+                        listener()
                 return super().compile(sig)
 
     def add_overload(self, result: Any) -> None:
@@ -173,7 +180,9 @@ def _late_code(kernel: Kernel, arguments: Types) -> Iterator[None]:
     context = kernel.targetctx
     generator = context.codegen()
     outermost = len(_requests) == 1
+    collecting = gc.isenabled()
     if outermost:
+        gc.disable()  # the compiler's objects are many and live long: a sixth of its time
         _runtime.initialize(context)
         generator._library_class = LateLibrary
         context.get_executable = _executable(context.get_executable)
@@ -184,6 +193,8 @@ def _late_code(kernel: Kernel, arguments: Types) -> Iterator[None]:
         if outermost:
             del generator._library_class
             del context.get_executable
+            if collecting:
+                gc.enable()
 
 
 def _executable(get_executable: Any) -> Any:

@@ -11,17 +11,14 @@ from omnidrive.reference import Hold
 _FAR_TARGET = Pose(1e3, 0.0, 0.0)
 
 
-def run_once(controller: Controller, kernel: str) -> None:
+def run_once(controller: Controller) -> None:
     """Run one step of a controller and reset it, so that no later step waits for the compiler.
 
-    The step's target is so far away that limits are active.
-
-    Args:
-        controller: Any controller.
-        kernel: Name of a kernel that the step calls; a warning is logged if it is not compiled.
+    The step's target is so far away that limits are active. A warning is logged if a kernel has to
+    be compiled.
     """
-    announce_compiling(kernel)
     start = State(0.0, Pose(0.0, 0.0, 0.0))
-    controller.reset(start)
-    controller.step(0.0, start, Hold(_FAR_TARGET, 1.0))
-    controller.reset(start)
+    with announce_compiling():
+        controller.reset(start)
+        controller.step(0.0, start, Hold(_FAR_TARGET, 1.0))
+        controller.reset(start)

@@ -21,6 +21,7 @@ from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult
 from omnidrive.study.jobs import Job, run_job
 from omnidrive.study.planned_scenario import PlannedScenario
+from omnidrive.study.scenario import PREDICTIVE
 from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
@@ -40,13 +41,14 @@ def execute(
     """Yield each job with its result as it finishes; the order depends on ``processes``.
 
     Every run owns its plant, controller and random numbers, so results do not depend on it.
-    Runs are started longest first; one by one where ``observers`` see them, and in CoppeliaSim,
-    which holds one robot.
+    Runs are started longest first; of equally long ones those of predictive controllers, whose
+    kernels take longest to compile. They are done one by one where ``observers`` see them, and in
+    CoppeliaSim, which holds one robot.
 
     Raises:
         WorkerLost: A worker process was killed; what was yielded before stands.
     """
-    queue = sorted(jobs, key=lambda job: -job.duration)
+    queue = sorted(jobs, key=lambda job: (-job.duration, job.controller not in PREDICTIVE))
     alone = prepared.scenario.plant_capabilities.exclusive or bool(observers)
     if alone or processes <= 1 or len(queue) <= 1:
         for job in queue:

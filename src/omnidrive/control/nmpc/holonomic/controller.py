@@ -121,7 +121,7 @@ class HolonomicController:
 
     def prepare(self) -> None:
         """Compile the kernels of a step, also those of a solver with a deadline."""
-        run_once(self, "_solve_holonomic")
+        run_once(self)
         if isinstance(self.solver, HolonomicSolver) and self.solver.deadline is not None:
             origin = Pose(0.0, 0.0, 0.0)
             self.solver.precompile(self._problem(0.0, origin, Hold(origin, 1.0)))

@@ -105,7 +105,7 @@ class UnicycleController:
 
     def prepare(self) -> None:
         """Compile the kernels of a step."""
-        run_once(self, "_solve_unicycle")
+        run_once(self)
 
     def step(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
