@@ -23,7 +23,7 @@ from omnidrive.planning.search.moves import MOVES, START_MOVE, neighbourhood
 
 BUCKET_SHIFT = 16
 """Number of low bits of a length that one bucket spans: 2^16 / STRAIGHT, about 0.14 cells."""
-INFINITE_LENGTH = 1 << 62
+INFINITE = 1 << 62
 """Greater than the length of any path."""
 _MOVE_MASK = 15
 """Mask of the bits that hold the move by which a cell was reached, plus 1; 0 if unreached."""
@@ -90,14 +90,12 @@ def _explore(  # noqa: PLR0917
     ring: int,
 ) -> int:
     """Fill ``words`` and return the number of expansions."""
-    goal_row, goal_col = goal // stride, goal % stride
-    row, col = start // stride, start % stride
+    goal_row, goal_col, row, col = goal // stride, goal % stride, start // stride, start % stride
     start_estimate = cost_to_go(heuristic, row - goal_row, col - goal_col)
     words[tile_index(stride, row, col)] = START_MOVE
     shift = _bit_length(stride)  # the queue holds row and column, separable without a division
     push(queue, ring, 0, row << shift | col)
-    best = 0 if start == goal else INFINITE_LENGTH
-    bucket, waiting, expansions, next_cell = 0, 1, 0, 0
+    best, bucket, waiting, expansions, next_cell = 0 if start == goal else INFINITE, 0, 1, 0, 0
     while waiting > 0:
         cell, next_cell, waiting = next_cell, 0, waiting - 1
         if cell == 0:

@@ -7,7 +7,7 @@ from jaxtyping import Int32, Int64, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.astar import BUCKET_SHIFT, INFINITE_LENGTH
+from omnidrive.planning.search.astar import BUCKET_SHIFT, INFINITE
 from omnidrive.planning.search.bit_ops import int64, uint32
 from omnidrive.planning.search.bitgrid import BitGrid
 from omnidrive.planning.search.bucket_queue import (
@@ -77,7 +77,7 @@ def _explore(  # noqa: PLR0917
     nodes = _create_nodes(start)
     table, count, goal_node = _table(nodes, 2), 2, 1 if start == goal else 0
     push(queue, ring, 0, 1)
-    best, bucket, waiting, expansions = 0 if goal_node else INFINITE_LENGTH, 0, 1, 0
+    best, bucket, waiting, expansions = 0 if goal_node else INFINITE, 0, 1, 0
     while waiting > 0:
         while is_empty(queue, ring, bucket):
             bucket += 1
