@@ -15,11 +15,11 @@ from tests.evaluation.truncation import truncated
 def faulted(part):
     """The study with one fault-free run and one run that the watchdog stops."""
     result = part.tracks[0]
-    undisturbed = FaultResult("nmpc", 0, None, 20.0, result.run, result.metrics)
+    undisturbed = FaultResult("unicycle-nmpc", 0, None, 20.0, result.run, result.metrics)
     fault = parse_fault("encoder-dead:wheel=1,at=4")
     events = (Event(4.0, "encoder-dead begins"), Event(4.5, "the watchdog stops the robot"))
     run = truncated(result.run, 60, outcome=Outcome.STOPPED, events=events)
-    stopped = FaultResult("nmpc", 1, fault, 20.0, run, result.metrics)
+    stopped = FaultResult("unicycle-nmpc", 1, fault, 20.0, run, result.metrics)
     return replace(part, tracks=(), faults=(undisturbed, stopped))
 
 

@@ -65,7 +65,7 @@ def run(
 
     For example:
 
-    * `omnidrive run --controller nmpc --horizon 25`
+    * `omnidrive run --controller unicycle-nmpc --horizon 25`
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
     * `omnidrive run --task noise --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`

@@ -22,7 +22,7 @@ _CONTROLLERS = {
     "fuzzy_t1": ("Type-1 fuzzy PID", "T1", ThemeColour("#e69f00", "#e69f00")),
     "fuzzy_t2": ("Interval type-2 fuzzy PID", "IT2", ThemeColour("#0072b2", "#56b4e9")),
     "fuzzy_t3": ("Interval type-3 fuzzy PID", "IT3", ThemeColour("#d55e00", "#e0503c")),
-    "unicycle-nmpc": ("Unicycle NMPC", "NMPC", ThemeColour("#cc79a7", "#e39ac3")),
+    "unicycle-nmpc": ("Unicycle NMPC", "U-NMPC", ThemeColour("#cc79a7", "#e39ac3")),
     "feedforward": ("Feedforward", "FF", ThemeColour("#882255", "#c46ba0")),
     "holonomic-nmpc": ("Holonomic NMPC", "H-NMPC", ThemeColour("#009e73", "#1fc998")),
 }

@@ -262,7 +262,7 @@ def _horizon_table(results: StudyResults) -> Table:
         tuple(rows),
         "The paper shows these results only as bars. Fallbacks: steps without a converged "
         "solution. Active limits: share of the steps with an active inequality constraint. Only "
-        "in these steps does the horizon affect the recommended NMPC: otherwise its terminal cost "
+        "in these steps does the horizon affect the holonomic NMPC: otherwise its terminal cost "
         "equals the cost of the remaining path.",
     )  # fmt: skip
 
