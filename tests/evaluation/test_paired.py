@@ -106,8 +106,8 @@ def test_tables_have_means_and_differences_with_intervals(repeated):
     assert len(paired.rows) == 3 * 4
     assert {row[0] for row in paired.rows} == {
         "fuzzy_t2 \N{MINUS SIGN} fuzzy_t1",
-        "recommended \N{MINUS SIGN} fuzzy_t1",
-        "recommended \N{MINUS SIGN} fuzzy_t2",
+        "holonomic-nmpc \N{MINUS SIGN} fuzzy_t1",
+        "holonomic-nmpc \N{MINUS SIGN} fuzzy_t2",
     }
     assert "Holm" in paired.note
     row = dict(zip(paired.columns, paired.rows[2], strict=True))
