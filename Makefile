@@ -48,7 +48,7 @@ bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints its results an
 	@touch $@
 
 .venv/ready: requirements.lock pyproject.toml | .venv/made
-	$(PIP) install --require-hashes -r requirements.lock
+	$(PIP) install --no-compile --require-hashes -r requirements.lock
 	$(PIP) install --no-deps --no-build-isolation -e .
 	@touch $@
 

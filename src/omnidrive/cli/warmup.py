@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from omnidrive.cli.options import available_cores
 from omnidrive.cli.progress import LiveProgress
 from omnidrive.study import warm_up
 
@@ -11,9 +12,10 @@ from omnidrive.study import warm_up
 def warmup() -> None:
     """Compile all numerical kernels in advance.
 
-    Compilation takes one to two minutes, once per version of omnidrive and processor; the compiled
-    kernels are cached on disk. Without this command, each kernel is compiled at its first use.
+    Compilation takes about a minute, on all cores. The compiled kernels are cached on disk, and a
+    new version of omnidrive compiles only those that changed. Without this command, each kernel is
+    compiled at its first use.
     """
     with LiveProgress() as progress:
-        warm_up(progress)
+        warm_up(progress, processes=available_cores())
     typer.echo("all kernels are compiled and cached")

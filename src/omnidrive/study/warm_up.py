@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import active_children, get_context
+from signal import SIG_IGN, SIGINT, signal
+from typing import cast, get_args
 
 import numpy as np
 
@@ -16,37 +19,77 @@ from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.planned_scenario import plan_scenario
-from omnidrive.study.scenario import PresetName, paper_scenario
+from omnidrive.study.scenario import PREDICTIVE, ControllerName, PresetName, paper_scenario
 from omnidrive.study.study import NullProgress, ProgressListener
 
 
-def warm_up(watcher: ProgressListener | None = None) -> None:
-    """Plan in every way, let every controller of every preset command once, and solve in a batch.
+def warm_up(watcher: ProgressListener | None = None, *, processes: int = 1) -> None:
+    """Compile all kernels that planning, every controller of every preset and batches need.
 
-    What is compiled is kept on disk: for this version of the package, and this processor.
+    The compiled kernels are cached on disk, for their present code and this processor.
+
+    Args:
+        watcher: Notified when a part is compiled.
+        processes: Number of processes that compile at the same time. A script that uses several
+            does so under ``if __name__ == "__main__"``.
     """
-    watch = watcher or NullProgress()
-    scenarios = [paper_scenario(preset) for preset in get_args(PresetName)]
-    watch.part("warm up", 3 + sum(len(scenario.controllers) for scenario in scenarios))
-    _plans()
-    watch.done("planning")
-    for scenario in scenarios:
-        prepared = plan_scenario(scenario)
-        reference = prepared.reference(20.0)
-        for name in scenario.controllers:
-            controller = make_controller(scenario, prepared.robot, name)
-            start = State(0.0, reference.at(0.0).pose)
-            controller.reset(start)
-            controller.step(0.0, start._replace(pose=reference.at(0.1).pose), reference)
-            watch.done(name)
-    _batch()
-    watch.done("batches")
-    _estimate()
-    watch.done("estimator")
+    progress = watcher or NullProgress()
+    scenarios = [(preset, paper_scenario(preset)) for preset in get_args(PresetName)]
+    controllers = [
+        (preset, name) for preset, scenario in scenarios for name in scenario.controllers
+    ]
+    # the costliest first
+    parts = [("batches", ""), *sorted(controllers, key=_is_cheap), ("planning", "")]
+    parts.append(("estimator", ""))
+    progress.part("warm up", len(parts))
+    if processes <= 1:
+        for part in parts:
+            progress.done(_compile_part(*part))
+        return
+    others = active_children()
+    context = get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=context, initializer=_ignore_ctrl_c) as pool:
+        try:
+            for future in as_completed([pool.submit(_compile_part, *part) for part in parts]):
+                progress.done(future.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in set(active_children()) - set(others):
+                worker.kill()
+            raise
+
+
+def _is_cheap(controller: tuple[PresetName, ControllerName]) -> bool:
+    return controller[1] not in PREDICTIVE
+
+
+def _ignore_ctrl_c() -> None:
+    """Leave Ctrl-C, which the terminal sends to all processes, to the parent process."""
+    signal(SIGINT, SIG_IGN)
+
+
+def _compile_part(kind: str, controller: str) -> str:
+    """Compile what one part needs, and return its name."""
+    if controller:
+        _control(cast("PresetName", kind), cast("ControllerName", controller))
+        return f"{controller} ({kind})"
+    {"planning": _plans, "batches": _batch, "estimator": _estimate}[kind]()
+    return kind
+
+
+def _control(preset: PresetName, name: ControllerName) -> None:
+    """Plan the scenario of a preset and compute one command of a controller."""
+    scenario = paper_scenario(preset)
+    planned = plan_scenario(scenario)
+    reference = planned.reference(20.0)
+    controller = make_controller(scenario, planned.robot, name)
+    start = State(0.0, reference.at(0.0).pose)
+    controller.reset(start)
+    controller.step(0.0, start._replace(pose=reference.at(0.1).pose), reference)
 
 
 def _plans() -> None:
-    """Look at a map in every way, search it by every method, smooth and time the way."""
+    """Query a map, search it by every method, smooth and time the path."""
     robot = named_robot("small")
     grid = maze_map(20, 20, 8, np.random.default_rng(0), resolution=0.1)
     grid.inflated_by(0.1 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]]), 0.1)
@@ -63,7 +106,7 @@ def _plans() -> None:
 
 
 def _estimate() -> None:
-    """Two readings and a fix."""
+    """Update an estimator with two readings and a pose fix each."""
     estimator = PoseEstimator(named_robot("paper"))
     for k in range(2):
         fix = PoseFix(0.1 * k, Pose(0.0, 0.0, 0.0), 0.01, 0.01)
@@ -71,7 +114,7 @@ def _estimate() -> None:
 
 
 def _batch() -> None:
-    """A problem alone, with and without a deadline, and as a batch of one."""
+    """Solve a problem with and without a deadline, and as a batch of one."""
     points, chassis = 3, named_robot("paper").chassis
     problem = HolonomicProblem(
         dt=0.1,

@@ -1,0 +1,110 @@
+"""Time from a start to the first result, with an empty and with a filled cache of kernels.
+
+Prints for the import, `--help`, the first step of a controller and `omnidrive compare` the seconds
+of wall time with all kernels compiled ("warm") and with none ("cold"), and the seconds that the
+compilation of each kernel takes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+from figures import at_most, publish, row
+
+HELP = "import sys, omnidrive_command; sys.argv = ['omnidrive', '--help']; omnidrive_command.main()"
+COMPARE = HELP.replace("--help", "compare")
+STEP = """
+from omnidrive import holonomic_nmpc, named_robot
+from omnidrive.estimation import State
+from omnidrive.geometry import Pose
+from omnidrive.reference import Hold
+controller = holonomic_nmpc(named_robot("paper"))
+state = State(0.0, Pose(0.0, 0.0, 0.0))
+controller.reset(state)
+controller.step(0.0, state, Hold(Pose(1.0, 1.0, 1.0), 1.0))
+"""
+KERNELS = """
+import json, sys
+from numba.core.event import install_recorder
+from omnidrive.study.jobs import make_controller
+from omnidrive.study.planned_scenario import plan_scenario
+from omnidrive.study.scenario import paper_scenario
+from omnidrive.estimation import State
+with install_recorder("numba:compile") as recorder:
+    scenario = paper_scenario()
+    planned = plan_scenario(scenario)
+    reference = planned.reference(20.0)
+    for name in scenario.controllers:
+        controller = make_controller(scenario, planned.robot, name)
+        controller.reset(State(0.0, reference.at(0.0).pose))
+        controller.step(0.0, State(0.0, reference.at(0.1).pose), reference)
+seconds, begun = {}, []
+for time, event in recorder.buffer:
+    if event.is_start:
+        begun.append(time)
+        continue
+    first = begun.pop()
+    if not begun:
+        kernel = event.data["dispatcher"].py_func
+        name = f"{kernel.__module__.removeprefix('omnidrive.')}.{kernel.__name__}"
+        seconds[name] = seconds.get(name, 0.0) + time - first
+print(json.dumps(seconds))
+"""
+
+
+def seconds(program: str, cache: Path, folder: Path) -> float:
+    """Of wall time for a Python program in a process of its own."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    began = perf_counter()
+    subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=folder,
+        env=environment,
+        check=True,
+        capture_output=True,
+    )
+    return perf_counter() - began
+
+
+def least(program: str, cache: Path, folder: Path) -> float:
+    return min(seconds(program, cache, folder) for _ in range(3))
+
+
+def compile_times(folder: Path) -> dict[str, float]:
+    """Seconds for each kernel that `compare` needs, with all that the kernel calls."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "kernels")}
+    done = subprocess.run(
+        [sys.executable, "-c", KERNELS], env=environment, check=True, capture_output=True, text=True
+    )
+    return json.loads(done.stdout)
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        step, study = folder / "step", folder / "study"
+        rows = [
+            at_most("import, warm", least("import omnidrive", study, folder), "s", 0.2),
+            at_most("--help, warm", least(HELP, study, folder), "s", 0.5),
+            row("first step of holonomic NMPC, cold", seconds(STEP, step, folder), "s"),
+            at_most("first step of holonomic NMPC, warm", least(STEP, step, folder), "s", 2.0),
+            at_most("compare, cold", seconds(COMPARE, study, folder), "s", 50.0),
+            at_most("compare, warm", seconds(COMPARE, study, folder), "s", 25.0),
+        ]
+        times = compile_times(folder)
+        rows.append(
+            at_most("compilation of all that compare needs", sum(times.values()), "s", 35.0)
+        )
+        for kernel, value in sorted(times.items(), key=lambda each: -each[1]):
+            rows.append(row(f"compile {kernel}", value, "s"))
+    publish("startup", rows)
+
+
+if __name__ == "__main__":
+    main()
