@@ -222,7 +222,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
         "import sys, omnidrive.control.nmpc.holonomic.controller as f, omnidrive.control as c\n"
         "real = f.HolonomicController.step\n"
         "def step(self, t, state, reference):\n"
-        "    command = real(self, t, pose, reference)\n"
+        "    command = real(self, t, state, reference)\n"
         "    return command if t < 3 else command._replace(status=c.Status.FAILED)\n"
         "f.HolonomicController.step = step\n"
         "from omnidrive.cli import main\n"
@@ -235,7 +235,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
     )  # fmt: skip
     assert done.returncode == 1
     assert "stopped early: track-holonomic-nmpc-20s at 3 s" in " ".join(done.stderr.split())
-    assert "recommended (stopped at 3 s)" in done.stdout
+    assert "holonomic-nmpc (stopped at 3 s)" in done.stdout
     assert "0.00" not in done.stdout.split("ME:")[0]
     runs = json.loads((tmp_path / "failed" / "results.json").read_text())["runs"]
     assert [run["finished"] for run in runs] == [False, False]

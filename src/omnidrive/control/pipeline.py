@@ -89,6 +89,10 @@ class Pipeline:
             state = self.estimator.update(readings)
             if not isinstance(state, State):
                 return self._failure(part, target, f"it returned {_named(state)}, not a State")
+            if not isinstance(state.pose, Pose):
+                return self._failure(
+                    part, target, f"its state holds {_named(state.pose)}, not a Pose"
+                )
             self._state = state
             part = "supervisor"
             self._state = self.supervisor.check(t, readings, state, target)
@@ -145,12 +149,12 @@ class Pipeline:
         return PipelineStep(self._state, target, command, nan, part)
 
 
-def _checked(command: Command, details: int | None) -> Command:
+def _checked(command: object, details: int | None) -> Command:
     """``command``, or one with the status ``FAILED`` and a message if it is malformed."""
     if (
         type(command) is Command
         and type(command.twist) is BodyTwist
-        and isfinite(sum(command.twist))
+        and _is_finite(command.twist)
         and (details is None or len(command.details) in {0, details})
     ):
         return command
@@ -172,15 +176,20 @@ def _refused(command: object, details: int | None) -> Command:
             message=f"its command holds {_named(command.twist)}, not a BodyTwist"
             + (": convert it with to_body" if hasattr(command.twist, "vx") else "")
         )
-    if not all(isinstance(value, int | float) and isfinite(value) for value in command.twist):
-        return command._replace(
-            status=Status.FAILED, message=f"its twist is not finite: {command.twist}"
-        )
+    if not _is_finite(command.twist):
+        return failed._replace(message=f"its twist is not finite: {command.twist}")
     if details is not None and len(command.details) not in {0, details}:
         return failed._replace(
             message=f"its command holds {len(command.details)} details, its detail_units {details}"
         )
     return command
+
+
+def _is_finite(twist: BodyTwist) -> bool:
+    try:
+        return isfinite(twist.vx) and isfinite(twist.vy) and isfinite(twist.yaw_rate)
+    except TypeError:  # not a number
+        return False
 
 
 def _named(value: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,8 @@ def measure(run: Run, chassis: Chassis) -> Metrics:
     wheels = run.command[:-1] @ chassis.jacobian.T
     change = np.abs(np.diff(wheels, axis=0, prepend=np.zeros((1, wheels.shape[1]))))
     step_time = run.step_time[np.isfinite(run.step_time)]
+    median, p99 = np.percentile(step_time, [50, 99]) if len(step_time) else (nan, nan)
+    mean_change = float(change.mean()) if len(change) else nan
     return Metrics(
         me=float(distance.mean()),
         mae=float(turn.mean()),
@@ -77,8 +80,8 @@ def measure(run: Run, chassis: Chassis) -> Metrics:
         me_after_start=float(distance[late].mean()),
         mae_after_start=float(turn[late].mean()),
         work=float(run.work[-1]),
-        wheel_acceleration=float(change.mean() * (len(run.t) - 1) / max(run.t[-1], 1e-9)),
-        step_time_median=float(np.median(step_time)),
-        step_time_p99=float(np.percentile(step_time, 99)),
+        wheel_acceleration=mean_change * (len(run.t) - 1) / max(float(run.t[-1]), 1e-9),
+        step_time_median=float(median),
+        step_time_p99=float(p99),
         fallbacks=int((run.status == Status.FALLBACK).sum()),
     )

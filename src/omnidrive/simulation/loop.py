@@ -226,9 +226,11 @@ class _Environment:
             self._applied = disturbances
 
 
-def _is_state(state: PlantState) -> PlantState:
+def _is_state(state: object) -> PlantState:
     if not isinstance(state, PlantState):
         raise TypeError(f"the plant returned a {type(state).__name__}, not a PlantState")
+    if not (isinstance(state.pose, Pose) and isinstance(state.twist, BodyTwist)):
+        raise TypeError("the plant's state needs a Pose and a BodyTwist")
     return state
 
 

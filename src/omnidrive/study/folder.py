@@ -159,9 +159,7 @@ def track_record(result: TrackResult) -> dict[str, Any]:
         "noise": result.noise,
         "horizon": result.horizon,
         "repeat": result.repeat,
-        "finished": run.outcome is Outcome.FINISHED,
-        "outcome": run.ending,
-        "events": event_records(run),
+        **outcome_record(run),
         "me": m.me,
         "mae": m.mae,
         "max_error": m.max_error,
@@ -188,9 +186,7 @@ def step_records(result: StepResult) -> list[dict[str, Any]]:
                 "controller": result.controller,
                 "axis": axis,
                 **response._asdict(),
-                "finished": result.run.outcome is Outcome.FINISHED,
-                "outcome": result.run.ending,
-                "events": event_records(result.run),
+                **outcome_record(result.run),
                 "series": f"series/{result.name}.parquet",
             }
         )
@@ -211,19 +207,22 @@ def fault_record(result: FaultResult, found: Recovery) -> dict[str, Any]:
             "time_to_recover": found.time_to_recover,
             "worst_error": found.max_error,
             "stopped": found.stopped,
-            "finished": result.run.outcome is Outcome.FINISHED,
-            "outcome": result.run.ending,
             "me": result.metrics.me,
             "mae": result.metrics.mae,
-            "events": event_records(result.run),
+            **outcome_record(result.run),
             "series": f"series/{result.name}.parquet",
         }
     )
 
 
-def event_records(run: Run) -> list[dict[str, Any]]:
-    """What happened in a run, in order: time in s, and what."""
-    return [event._asdict() for event in run.events]
+def outcome_record(run: Run) -> dict[str, Any]:
+    """How a run ended, its events in order, and the traceback of the exception that ended it."""
+    record = {
+        "finished": run.outcome is Outcome.FINISHED,
+        "outcome": run.ending,
+        "events": [event._asdict() for event in run.events],
+    }
+    return record | ({"traceback": run.traceback} if run.traceback else {})
 
 
 def mean_record(group: RepeatedRuns) -> dict[str, Any]:

@@ -45,7 +45,8 @@ def _end(steps: tuple[StepResult, ...]) -> float:
         off = np.abs(run.pose - run.target) > 0.02 * np.abs(run.target[-1] - run.pose[0])
         last = max(last, float(run.t[off.any(axis=1)].max(initial=0.0)))
     whole = min(float(step.run.t[-1]) for step in steps)
-    return min(1.5 * last, whole) or whole
+    end = min(1.5 * last, whole) or whole
+    return end if end > 0.0 else 1.0  # all runs failed at once
 
 
 def _command(axes: Axes, step: StepResult, axis: int, end: float) -> None:

@@ -1,0 +1,218 @@
+"""Faulty parts written by users end their own run and nothing else."""
+
+import json
+import subprocess
+import sys
+from math import nan
+
+import numpy as np
+import pytest
+
+from omnidrive.control import Command, FeedforwardController, Status
+from omnidrive.estimation import LatestFix, State
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist
+from omnidrive.reference import Hold
+from omnidrive.robot import named_robot
+from omnidrive.simulation import KinematicPlant, Outcome, PlantState, simulate
+from omnidrive.study import jobs, run_study, save_scenario
+from omnidrive.study.tasks import DurationsTask, StepTask, Tasks
+from tests.study.small import small_scenario
+
+DT = 0.1
+HOLD = Hold(Pose(0.5, 0.0, 0.0), 1.0)
+TWIST = BodyTwist(0.1, 0.0, 0.0)
+
+
+class Faulty(FeedforwardController):
+    """A controller that returns ``value``, or raises it, from 0.45 s on."""
+
+    value = None
+
+    def step(self, t, state, reference):
+        if t < 0.45:
+            return super().step(t, state, reference)
+        if isinstance(self.value, Exception):
+            raise self.value
+        return self.value
+
+
+class FaultyReset(FeedforwardController):
+    def reset(self, state):
+        raise RuntimeError("no memory left")
+
+
+class FaultyPreparation(FeedforwardController):
+    def prepare(self):
+        raise RuntimeError("cannot factorise")
+
+
+def faulty(value):
+    """A controller whose steps fail with ``value``."""
+    return type("Faulty", (Faulty,), {"value": value})(DT)
+
+
+def run(controller=None, plant=None, estimator=None):
+    return simulate(
+        plant or KinematicPlant(named_robot("small")),
+        controller or FeedforwardController(DT),
+        HOLD,
+        start=Pose(0.0, 0.0, 0.0),
+        dt=DT,
+        estimator=estimator,
+    )
+
+
+BAD_COMMANDS = {
+    "exception": (ZeroDivisionError("in my law"), "ZeroDivisionError: in my law"),
+    "none": (None, "returned None, not a Command"),
+    "tuple": ((0.1, 0.0, 0.0), "returned a tuple, not a Command"),
+    "twist": (TWIST, "returned a BodyTwist, not a Command"),
+    "world twist": (Command(WorldTwist(0.1, 0.0, 0.0)), "holds a WorldTwist, not a BodyTwist"),
+    "array": (Command(np.zeros(3)), "holds a ndarray, not a BodyTwist"),
+    "nan": (Command(BodyTwist(nan, 0.0, 0.0)), "its twist is not finite"),
+    "text": (Command(BodyTwist("a", 0.0, 0.0)), "its twist is not finite"),
+    "failed": (Command(TWIST, Status.FAILED, message="no solution"), "no solution"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_COMMANDS)
+def test_faulty_command_ends_the_run_as_a_value(name):
+    value, reason = BAD_COMMANDS[name]
+    log = run(faulty(value))
+    assert log.outcome is Outcome.CONTROLLER_FAILED
+    assert reason in log.reason
+    assert log.t[-1] == pytest.approx(0.5)
+    assert log.status.tolist() == [0] * 5 + [Status.FAILED]
+    assert ("test_foreign_parts.py" in log.traceback) == (name == "exception")
+
+
+@pytest.mark.parametrize("kind", [FaultyReset, FaultyPreparation])
+def test_controller_that_cannot_start_leaves_one_row_and_its_traceback(kind):
+    log = run(kind(DT))
+    assert log.outcome is Outcome.CONTROLLER_FAILED
+    assert len(log.t) == 1
+    assert log.reason.startswith("RuntimeError: ")
+    assert "test_foreign_parts.py" in log.traceback
+
+
+class FaultyPlant(KinematicPlant):
+    value = None
+
+    def step(self, twist, dt):
+        if isinstance(self.value, Exception):
+            raise self.value
+        return self.value
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (OSError("no answer"), "OSError: no answer"),
+        (None, "returned a NoneType, not a PlantState"),
+        ((0.0, 0.0, 0.0), "returned a tuple, not a PlantState"),
+        (PlantState(Pose(nan, 0.0, 0.0), TWIST, 0.0), "its state is not finite"),
+        (PlantState((0.0, 0.0), TWIST, 0.0), "needs a Pose and a BodyTwist"),
+    ],
+)
+def test_faulty_plant_ends_the_run_as_a_value(value, reason):
+    plant = type("Plant", (FaultyPlant,), {"value": value})(named_robot("small"))
+    log = run(plant=plant)
+    assert log.outcome is Outcome.PLANT_FAILED
+    assert reason in log.reason
+    assert len(log.t) == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (KeyError("gyro"), "KeyError: 'gyro'"),
+        (None, "returned None, not a State"),
+        (Pose(0.0, 0.0, 0.0), "returned a Pose, not a State"),
+        (State(0.0, (0.0, 0.0)), "holds a tuple, not a Pose"),
+    ],
+)
+def test_faulty_estimator_ends_the_run_as_a_value(value, reason):
+    class Faulty(LatestFix):
+        def update(self, readings):
+            if readings.stamp < 0.45:
+                return super().update(readings)
+            if isinstance(value, Exception):
+                raise value
+            return value
+
+    log = run(estimator=Faulty())
+    assert log.outcome is Outcome.ESTIMATOR_FAILED
+    assert reason in log.reason
+    assert log.t[-1] == pytest.approx(0.5)
+
+
+def with_fault(value):
+    """``make_controller`` with a faulty controller in place of pid."""
+    usual = jobs.make_controller
+
+    def make(scenario, robot, name, horizon=None):
+        return faulty(value) if name == "pid" else usual(scenario, robot, name, horizon)
+
+    return make
+
+
+SCENARIO = small_scenario(
+    controllers=("feedforward", "pid"),
+    tasks=Tasks(
+        track=DurationsTask(durations=(20.0,)),
+        step=StepTask(displacement=(1.0, 1.0, 0.5), duration=4.0),
+    ),
+)
+
+
+def test_other_runs_of_the_study_go_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(jobs, "make_controller", with_fault(ZeroDivisionError("in my law")))
+    study = run_study(SCENARIO, tmp_path / "out")
+    data = json.loads((tmp_path / "out" / "results.json").read_text())
+    finished = {record["name"]: record["finished"] for record in data["runs"]}
+    assert finished == {"track-feedforward-20s": True, "track-pid-20s": False}
+    (failed,) = (record for record in data["runs"] if not record["finished"])
+    assert "ZeroDivisionError: in my law" in failed["outcome"]
+    assert failed["traceback"].startswith("Traceback")
+    assert (tmp_path / "out" / "report.html").exists()
+    assert len(study.results.steps) == 2
+
+
+def test_run_without_a_first_sample_is_reported(tmp_path, monkeypatch):
+    usual = jobs.make_controller
+    monkeypatch.setattr(
+        jobs,
+        "make_controller",
+        lambda scenario, robot, name, horizon=None: (
+            FaultyReset(DT) if name == "pid" else usual(scenario, robot, name, horizon)
+        ),
+    )
+    run_study(SCENARIO, tmp_path / "out")
+    data = json.loads((tmp_path / "out" / "results.json").read_text())
+    (failed,) = (record for record in data["runs"] if not record["finished"])
+    assert "RuntimeError: no memory left" in failed["outcome"]
+
+
+def test_command_ends_with_status_1_and_names_the_run(tmp_path):
+    save_scenario(SCENARIO, tmp_path / "s.yaml")
+    code = (
+        "import sys, omnidrive.study.jobs as jobs\n"
+        "usual = jobs.make_controller\n"
+        "class Faulty:\n"
+        "    def reset(self, state): pass\n"
+        "    def step(self, t, state, reference): return None\n"
+        "def make(scenario, robot, name, horizon=None):\n"
+        "    return Faulty() if name == 'pid' else usual(scenario, robot, name, horizon)\n"
+        "jobs.make_controller = make\n"
+        "from omnidrive.cli import main\n"
+        "sys.argv[1:] = ['compare', 's.yaml', '--jobs', '1', '--out', 'out']\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    told = " ".join(done.stderr.split())
+    assert "track-pid-20s at 0 s" in told
+    assert "it returned None, not a Command" in told
+    assert "Traceback" not in done.stderr
