@@ -82,7 +82,7 @@ def test_default_controllers_depend_on_preset(tmp_path):
 def test_compare_with_several_seeds(tmp_path):
     done = omnidrive(
         "compare", "--plant", "kinematic", "--tasks", "noise", "--noise-seeds", "3",
-        "--controllers", "fuzzy_t1,recommended", "--out", "here", cwd=tmp_path,
+        "--controllers", "fuzzy_t1,holonomic-nmpc", "--out", "here", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "Paired differences with noise" in done.stdout
@@ -117,7 +117,7 @@ def test_plan_and_run(tmp_path):
     ran = omnidrive("run", "--controller", "unicycle-nmpc", "--horizon", "8",
                     "--plant", "kinematic", cwd=tmp_path)  # fmt: skip
     assert ran.returncode == 0, ran.stderr
-    assert ran.stdout.splitlines()[-1].startswith("results: runs/paper-nmpc-track-")
+    assert ran.stdout.splitlines()[-1].startswith("results: runs/paper-unicycle-nmpc-track-")
 
 
 @pytest.mark.parametrize("verb", ["", "compare", "plan", "run"])
@@ -148,12 +148,15 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--duration", "nan"], "duration must be positive"),
         (["compare", "--duration", "-5"], "duration must be positive, got -5 s"),
         (["compare", "--speed", "9"], "is too short for this path"),
-        (["compare", "--duration", "25", "--speed", "0.4"], "give one of them"),
-        (["compare", "--plant", "rolers"], "no plant 'rolers'; there are rollers, ball, pla"),
-        (["compare", "--controllers", "nmcp"], "did you mean 'nmpc'?"),
+        (["compare", "--duration", "25", "--speed", "0.4"], "give only one of them"),
+        (
+            ["compare", "--plant", "rolers"],
+            "no plant 'rolers'; there are mujoco-rollers, mujoco",
+        ),
+        (["compare", "--controllers", "unicycle-nmcp"], "did you mean 'unicycle-nmpc'?"),
         (
             ["compare", "--tasks", "horizon", "--controllers", "fuzzy_t1"],
-            "needs the controller nmpc or rec",
+            "needs the controller unicycle-nmpc or holonomic-nmpc",
         ),
         (["compare", "--seed", "-1"], "seed is -1, need 0 to"),
         (["compare", "--seed", "9" * 20], "seed is 1e+20"),
@@ -169,7 +172,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["run", "--controller", "pdi"], "did you mean 'pid'?"),
         (
             ["run", "--controller", "pid", "--horizon", "9"],
-            "to the controllers nmpc and rec",
+            "to the controllers unicycle-nmpc and holonomic-nmpc",
         ),
         (["compare", *QUICK, "--out", "/proc/no/such"], "cannot write to /proc/no/such"),
         (["fly"], "No such command"),

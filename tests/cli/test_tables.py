@@ -8,7 +8,7 @@ from omnidrive.evaluation import Table
 WIDE = Table(
     "Errors",
     ("time", "controller", *(f"measured value {i}, rad" for i in range(9))),
-    tuple((f"{t} s", "holonomic-nmpc", *(f"{i}.2345" for i in range(9))) for t in (20, 20, 30)),
+    tuple((f"{t} s", "feedforward", *(f"{i}.2345" for i in range(9))) for t in (20, 20, 30)),
     "A note below the table that explains the columns, with a certain length.",
     keys=2,
 )
@@ -24,7 +24,7 @@ def test_no_cell_is_truncated(width, monkeypatch, capsys):
     for i in range(9):
         assert drawn.count(f"{i}.2345") == 3
     parts = drawn.count("Errors")
-    assert drawn.count("holonomic-nmpc") == 3 * parts
+    assert drawn.count("feedforward") == 3 * parts
     assert (parts == 1) == (width >= 150)
 
 
@@ -32,8 +32,8 @@ FAULTS = Table(
     "Faults",
     ("fault", "controller", "ME, m", "first detection"),
     (
-        ("1 wheel-locked at 5 s, wheel 0", "holonomic-nmpc", "0.0054", "one two three " * 6),
-        ("2 push at 5 s", "holonomic-nmpc", "0.0055", ""),
+        ("1 wheel-locked at 5 s, wheel 0", "feedforward", "0.0054", "one two three " * 6),
+        ("2 push at 5 s", "feedforward", "0.0055", ""),
     ),
     keys=2,
     prose=True,
