@@ -41,8 +41,8 @@ def small(**changes):
 
 
 @pytest.mark.parametrize("plant", SIMULATED)
-def test_gymnasium_finds_no_fault(plant):
-    """Warnings are errors here; pictures are checked too."""
+def test_environment_passes_gymnasiums_check(plant):
+    """Warnings are errors; pictures are checked too."""
     env = make(plant=plant, render_size=(64, 48))
     check_env(env.unwrapped)
     env.close()
@@ -51,23 +51,23 @@ def test_gymnasium_finds_no_fault(plant):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_every_robot_has_an_environment(robot):
     env = TrackingEnv(plant="kinematic", robot=robot)
-    seen, _ = env.reset(seed=1)
-    assert seen in env.observation_space
+    observation, _ = env.reset(seed=1)
+    assert observation in env.observation_space
     assert env.step(np.zeros(3))[0] in env.observation_space
 
 
-def test_noise_and_any_plant_pass_the_check():
+def test_environment_with_noise_and_a_plant_factory_passes_the_check():
     check_env(make(plant=KinematicPlant, sensors=PaperNoise, render_size=(64, 48)).unwrapped)
 
 
-def through(env, controller, **reset):
-    """Poses of a controller that drives in the environment."""
+def drive(env, controller, **reset):
+    """Return the poses of a controller in the environment."""
     _, info = env.reset(**reset)
     controller.reset(State(0.0, Pose(*info["measured"])))
-    poses, over = [info["pose"]], False
-    while not over:
+    poses, ended = [info["pose"]], False
+    while not ended:
         twist = controller.step(info["t"], State(info["t"], Pose(*info["measured"])), CIRCLE).twist
-        _, _, lost, over, info = env.step(np.array(twist) / env.max_twist)
+        _, _, lost, ended, info = env.step(np.array(twist) / env.max_twist)
         assert not lost
         poses.append(info["pose"])
     return np.array(poses)
@@ -80,75 +80,75 @@ CONTROLLERS = {
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_controller_does_the_same_as_in_the_closed_loop(name):
+def test_controller_gives_the_same_poses_as_simulate(name):
     start = CIRCLE.at(0.0).pose
     run = simulate(MujocoPlant(SMALL, "ball"), CONTROLLERS[name](), CIRCLE, start=start, dt=0.1)
     env = small(plant="mujoco-balls")
-    poses = through(env, CONTROLLERS[name](), options={"offset": (0.0, 0.0, 0.0)})
+    poses = drive(env, CONTROLLERS[name](), options={"offset": (0.0, 0.0, 0.0)})
     assert poses == pytest.approx(run.pose, abs=1e-9)
 
 
-def test_the_noise_is_the_seeds():
+def test_noise_depends_on_the_seed_only():
     first, again, other = (
-        through(small(sensors=PaperNoise), FeedforwardController(0.1), seed=seed)
+        drive(small(sensors=PaperNoise), FeedforwardController(0.1), seed=seed)
         for seed in (5, 5, 6)
     )
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
-def test_what_is_observed_by_hand():
+def test_observation_by_hand():
     env = small(preview=2, max_twist=BodyTwist(2.0, 4.0, 5.0))
-    seen, info = env.reset(options={"offset": (0.1, -0.2, 0.5 * pi)})
-    # the circle starts at (0, -1) with heading 0; the robot looks along y
+    observation, info = env.reset(options={"offset": (0.1, -0.2, 0.5 * pi)})
+    # the circle starts at (0, -1) with heading 0; the robot's heading is along y
     assert info["pose"] == pytest.approx([0.1, -1.2, 0.5 * pi])
-    assert seen[:3] == pytest.approx([0.2, 0.1, -0.5], abs=1e-6)
-    assert seen[3:6] == pytest.approx([0.0, 0.0, 0.0])
+    assert observation[:3] == pytest.approx([0.2, 0.1, -0.5], abs=1e-6)
+    assert observation[3:6] == pytest.approx([0.0, 0.0, 0.0])
     speed = 2 * pi / 8.0
-    assert seen[6:9] == pytest.approx([0.0, -speed / 4.0, speed / 5.0], abs=1e-6)
+    assert observation[6:9] == pytest.approx([0.0, -speed / 4.0, speed / 5.0], abs=1e-6)
     for k in (1, 2):
         x, y, yaw = CIRCLE.at(0.1 * k).pose
-        reach = 1.0 + 0.1 * k * speed
-        wanted = [(y + 1.2) / reach, -(x - 0.1) / reach, (yaw - 0.5 * pi) / pi]
-        assert seen[6 + 3 * k : 9 + 3 * k] == pytest.approx(wanted, abs=1e-6)
+        scale = 1.0 + 0.1 * k * speed
+        expected = [(y + 1.2) / scale, -(x - 0.1) / scale, (yaw - 0.5 * pi) / pi]
+        assert observation[6 + 3 * k : 9 + 3 * k] == pytest.approx(expected, abs=1e-6)
     action = np.array([0.25, -0.5, 0.1])
-    seen, *_ = env.step(action)
-    assert seen[-3:] == pytest.approx(action, abs=1e-7)
-    assert seen[3:6] == pytest.approx(action, abs=1e-6)  # a kinematic plant does as it is told
-    assert len(seen) == 18
+    observation, *_ = env.step(action)
+    assert observation[-3:] == pytest.approx(action, abs=1e-7)
+    assert observation[3:6] == pytest.approx(action, abs=1e-6)  # exact: kinematic
+    assert len(observation) == 18
 
 
-def test_the_reward_by_hand():
+def test_reward_by_hand():
     env = TrackingEnv(
         robot=SMALL, plant="kinematic", reference=Hold(Pose(0.0, 0.0, 0.0), 1.0),
-        lost=(0.5, 1.0), effort=0.3, max_twist=BodyTwist(1.0, 1.0, 1.0),
+        max_error=(0.5, 1.0), smoothness_weight=0.3, max_twist=BodyTwist(1.0, 1.0, 1.0),
     )  # fmt: skip
     env.reset(options={"offset": (0.2, 0.0, 0.1)})
-    *_, reward, lost, over, info = env.step(np.zeros(3))
+    *_, reward, lost, ended, info = env.step(np.zeros(3))
     assert reward == pytest.approx(-((0.2 / 0.5) ** 2 + 0.1**2))
     assert info["error"] == pytest.approx([0.2, 0.1])
-    assert (lost, over) == (False, False)
+    assert (lost, ended) == (False, False)
     *_, reward, _, _, info = env.step(np.array([1.0, 0.0, -1.0]))
-    distance, turned = info["error"]
-    assert turned == pytest.approx(0.0, abs=1e-12)
+    distance, heading = info["error"]
+    assert heading == pytest.approx(0.0, abs=1e-12)
     assert reward == pytest.approx(-((distance / 0.5) ** 2) - 0.3 * 2.0)
 
 
-def test_who_is_lost_pays_for_all_that_is_left():
+def test_termination_costs_all_remaining_steps():
     env = TrackingEnv(
         robot=SMALL, plant="kinematic", reference=Hold(Pose(0.0, 0.0, 0.0), 1.0),
-        lost=(0.5, 3.0), effort=0.0, max_twist=BodyTwist(1.0, 1.0, 1.0),
+        max_error=(0.5, 3.0), smoothness_weight=0.0, max_twist=BodyTwist(1.0, 1.0, 1.0),
     )  # fmt: skip
     env.reset(options={"offset": (0.45, 0.0, 0.0)})
-    *_, reward, lost, over, _ = env.step(np.array([1.0, 0.0, 0.0]))
-    assert (lost, over) == (True, False)
+    *_, reward, lost, ended, _ = env.step(np.array([1.0, 0.0, 0.0]))
+    assert (lost, ended) == (True, False)
     assert reward == pytest.approx(-2.0 * 10)
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(np.zeros(3))
 
 
-def test_a_turn_too_far_loses_as_well():
-    env = small(lost=(1.0, 0.2))
+def test_heading_error_terminates():
+    env = small(max_error=(1.0, 0.2))
     env.reset(options={"offset": (0.0, 0.0, 0.3)})
     assert env.step(np.zeros(3))[2]
 
@@ -160,23 +160,23 @@ def test_the_end_of_the_reference_truncates():
     assert ends == [(False, False)] * 3 + [(False, True)]
 
 
-def test_a_plant_that_fails_ends_the_run_with_finite_numbers():
+def test_failing_plant_terminates_with_finite_numbers():
     class Failing(KinematicPlant):
         def step(self, twist, dt):
             return PlantState(Pose(nan, nan, nan), BodyTwist(nan, nan, nan), nan)
 
     env = small(plant=Failing)
     env.reset(seed=1)
-    seen, reward, lost, over, info = env.step(np.zeros(3))
-    assert (lost, over) == (True, False)
-    assert np.isfinite([*seen, reward, *info["pose"]]).all()
+    observation, reward, lost, ended, info = env.step(np.zeros(3))
+    assert (lost, ended) == (True, False)
+    assert np.isfinite([*observation, reward, *info["pose"]]).all()
 
 
-def test_large_actions_are_cut_and_nonsense_is_refused():
+def test_large_actions_are_clipped_and_invalid_ones_refused():
     env = small()
     env.reset(options={"offset": (0, 0, 0)})
-    seen, *_ = env.step(np.array([7.0, 0.0, -3.0]))
-    assert seen[-3:] == pytest.approx([1.0, 0.0, -1.0])
+    observation, *_ = env.step(np.array([7.0, 0.0, -3.0]))
+    assert observation[-3:] == pytest.approx([1.0, 0.0, -1.0])
     for action in ([nan, 0.0, 0.0], [0.0, 0.0], "abc"):
         env.reset(seed=1)
         with pytest.raises((InvalidInput, ValueError)):
@@ -184,7 +184,7 @@ def test_large_actions_are_cut_and_nonsense_is_refused():
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_an_action_of_one_is_the_fastest_along_its_axis(robot):
+def test_action_of_one_is_the_largest_twist_along_its_axis(robot):
     chassis = named_robot(robot).chassis
     for axis, speed in enumerate(max_axis_twist(named_robot(robot))):
         twist = BodyTwist(*(speed * np.eye(3)[axis]).tolist())
@@ -192,16 +192,16 @@ def test_an_action_of_one_is_the_fastest_along_its_axis(robot):
         assert fastest == pytest.approx(chassis.max_wheel_speed)
 
 
-def test_starts_are_spread_as_asked():
-    env = small(spread=(0.2, 0.4))
+def test_start_offsets_are_within_start_spread():
+    env = small(start_spread=(0.2, 0.4))
     offsets = np.array([env.reset(seed=k)[1]["pose"] - CIRCLE.at(0.0).pose for k in range(60)])
-    most = np.abs(offsets).max(axis=0)
-    assert (most <= [0.2, 0.2, 0.4]).all()
-    assert (most > [0.15, 0.15, 0.3]).all()
+    largest = np.abs(offsets).max(axis=0)
+    assert (largest <= [0.2, 0.2, 0.4]).all()
+    assert (largest > [0.15, 0.15, 0.3]).all()
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco-balls"])
-def test_pictures_show_the_robot_where_it_is(plant):
+def test_pictures_change_with_the_pose(plant):
     env = small(plant=plant, render_mode="rgb_array", render_size=(160, 90))
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.render()
@@ -216,35 +216,35 @@ def test_pictures_show_the_robot_where_it_is(plant):
     env.close()
 
 
-def test_no_picture_without_a_mode():
+def test_render_without_a_mode_returns_none():
     env = small()
     env.reset(seed=1)
     assert env.render() is None
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
-        ({"plant": "roller"}, "there is no plant 'roller'; there are rollers"),
+        ({"plant": "roller"}, "unknown plant 'roller': choose one of "),
         ({"robot": "big"}, "there is no robot 'big'"),
         ({"dt": 0.0}, "dt is 0 s"),
         ({"dt": nan}, "dt is nan s"),
         ({"preview": 101}, "preview is 101"),
-        ({"spread": (-0.1, 0.0)}, "spread is"),
-        ({"lost": (1.0, 4.0)}, "lost is"),
-        ({"effort": nan}, "effort is nan"),
+        ({"start_spread": (-0.1, 0.0)}, "start_spread is"),
+        ({"max_error": (1.0, 4.0)}, "max_error is"),
+        ({"smoothness_weight": nan}, "smoothness_weight is nan"),
         ({"render_mode": "human"}, "render_mode is 'human'"),
         ({"render_size": (8, 8)}, "a picture of"),
         ({"max_twist": BodyTwist(1.0, 0.0, 1.0)}, "max_twist"),
     ],
 )
 @pytest.mark.filterwarnings("ignore")
-def test_bad_settings_are_refused(change, said):
-    with pytest.raises(InvalidInput, match=said):
+def test_invalid_settings_are_refused(change, message):
+    with pytest.raises(InvalidInput, match=message):
         small(**change)
 
 
 @pytest.mark.parametrize("options", [{"ofset": 1}, {"offset": (1, 2)}, {"offset": (nan, 0, 0)}])
-def test_bad_options_are_refused(options):
+def test_invalid_options_are_refused(options):
     with pytest.raises(InvalidInput, match=r"offset|option"):
         small().reset(options=options)

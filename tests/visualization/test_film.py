@@ -1,4 +1,4 @@
-"""Films: what is in the pictures, what is in the files, and what is refused."""
+"""Films: content of pictures and files, and invalid requests."""
 
 import os
 import stat
@@ -26,10 +26,10 @@ from omnidrive.visualization import (
     Recorder,
     check_film,
     film,
-    follows,
-    frame,
+    is_following,
     make_camera,
     observe,
+    overview_camera,
 )
 from tests.laws.motions import Circle
 
@@ -40,7 +40,7 @@ ORANGE, GREEN = np.array([0.93, 0.36, 0.06]), np.array([0.05, 0.62, 0.32])
 
 @pytest.fixture(scope="module")
 def recording():
-    """A second on a circle of 1 m."""
+    """One second on a circle of radius 1 m."""
     recorder, reference = Recorder(), Circle(duration=4.0)
     plant = observe(MujocoPlant(ROBOT, "ball"), ROBOT, reference, [recorder])
     plant.reset(reference.at(0.0).pose)
@@ -51,13 +51,14 @@ def recording():
 
 @pytest.fixture(scope="module")
 def brief(recording):
-    """The first frames of it."""
-    series = {name: getattr(recording, name)[:5] for name in ("t", "positions", "moving", "target")}
+    """Return its first frames."""
+    names = ("t", "qpos", "mocap_positions", "target")
+    series = {name: getattr(recording, name)[:5] for name in names}
     return replace(recording, **series)
 
 
 def share(picture, colour):
-    """Of the pixels those that are of a hue, however bright."""
+    """Return the share of pixels with the hue of a colour."""
     pixels = picture.reshape(-1, 3).astype(float)
     pixels /= np.linalg.norm(pixels, axis=1, keepdims=True) + 1e-9
     return float((pixels @ (colour / np.linalg.norm(colour)) > 0.93).mean())
@@ -70,7 +71,7 @@ def frames_of(path):
             yield np.array(image.convert("RGB")), image.info["duration"]
 
 
-def test_a_gif_plays_the_run_at_real_time_for_ever(recording, tmp_path):
+def test_gif_plays_in_real_time_and_repeats(recording, tmp_path):
     path = tmp_path / "run.gif"
     seen = []
     speed = film(recording, path, size=(320, 180), progress=lambda *done: seen.append(done))
@@ -87,46 +88,48 @@ def test_a_gif_plays_the_run_at_real_time_for_ever(recording, tmp_path):
     assert os.listdir(tmp_path) == ["run.gif"]
 
 
-def test_a_gif_is_what_was_drawn(recording, tmp_path):
-    """But for the number of its colours: a later frame is not the rest of an earlier one."""
+def test_gif_frame_equals_the_rendered_picture(recording, tmp_path):
+    """Up to the reduced number of colours; late frames contain no rests of earlier ones."""
     film(recording, tmp_path / "run.gif", size=SIZE, camera="follow")
     last = list(frames_of(tmp_path / "run.gif"))[-1][0]
     data = mujoco.MjData(recording.model)
-    data.qpos[:] = recording.positions[-1]
+    data.qpos[:] = recording.qpos[-1]
     mujoco.mj_forward(recording.model, data)
-    path = np.vstack([recording.path, recording.positions[:, :2]])
+    path = np.vstack([recording.path, recording.qpos[:, :2]])
     camera = make_camera("follow", path, ROBOT.body_radius, 16 / 9)
-    camera.lookat[:2] = recording.positions[-1, :2]
+    camera.lookat[:2] = recording.qpos[-1, :2]
     target = Pose(*recording.target[-1])
-    marks = Overlays(recording.path, recording.positions[:, :2], target, ROBOT.body_radius)
+    overlays = Overlays(recording.path, recording.qpos[:, :2], target, ROBOT.body_radius)
     with Canvas(recording.model, *SIZE) as canvas:
-        drawn = canvas.draw(data, camera, marks)
-    off = np.abs(drawn.astype(float) - last)[30:]  # below the caption
-    assert np.median(off) < 6.0
-    assert off.mean() < 8.0
+        drawn = canvas.draw(data, camera, overlays)
+    difference = np.abs(drawn.astype(float) - last)[30:]  # below the caption
+    assert np.median(difference) < 6.0
+    assert difference.mean() < 8.0
 
 
-def test_too_long_a_run_plays_faster(recording, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules["omnidrive.visualization.film"]._MOST, ".gif", 10)
+def test_long_run_plays_faster(recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(
+        sys.modules["omnidrive.visualization.film"]._MAX_FRAMES_BY_SUFFIX, ".gif", 10
+    )
     assert film(recording, tmp_path / "run.gif", size=SIZE) == 3.0
     assert sum(duration for _, duration in frames_of(tmp_path / "run.gif")) == 9 * 40
 
 
-def test_marks_are_where_they_belong():
-    """Seen from right above, the target is a green disc with the robot's radius."""
-    puppet = GhostModel(ROBOT)
-    puppet.set_pose(0.0, Pose(5.0, 5.0, 0.0), np.zeros(4))  # out of the picture
+def test_target_is_drawn_at_its_position():
+    """In a vertical view the target is a green disc with the robot's radius."""
+    ghost = GhostModel(ROBOT)
+    ghost.set_pose(0.0, Pose(5.0, 5.0, 0.0), np.zeros(4))  # out of the picture
     camera = mujoco.MjvCamera()
     camera.azimuth, camera.elevation, camera.distance = 90.0, -90.0, 4.0
-    nothing = np.zeros((0, 2))
-    marks = Overlays(nothing, nothing, Pose(0.5, -0.3, 0.5), ROBOT.body_radius)
-    with Canvas(puppet.model, 200, 200) as canvas:
-        drawn = canvas.draw(puppet.data, camera, marks).astype(float)
+    no_points = np.zeros((0, 2))
+    overlays = Overlays(no_points, no_points, Pose(0.5, -0.3, 0.5), ROBOT.body_radius)
+    with Canvas(ghost.model, 200, 200) as canvas:
+        drawn = canvas.draw(ghost.data, camera, overlays).astype(float)
     green = (drawn[:, :, 1] > drawn[:, :, 0] + 25) & (drawn[:, :, 1] > drawn[:, :, 2] + 10)
     rows, columns = np.nonzero(green)
     metres = 2.0 * 4.0 * tan(radians(22.5)) / 200
-    where = (columns.mean() - 99.5) * metres, (99.5 - rows.mean()) * metres
-    assert where == pytest.approx((0.53, -0.28), abs=0.05)  # an arrow stands out ahead
+    position = (columns.mean() - 99.5) * metres, (99.5 - rows.mean()) * metres
+    assert position == pytest.approx((0.53, -0.28), abs=0.05)  # the arrow extends beyond the disc
     assert green.sum() * metres**2 == pytest.approx(np.pi * ROBOT.body_radius**2, rel=0.25)
 
 
@@ -138,9 +141,9 @@ def test_marks_are_where_they_belong():
     margin=st.floats(0.1, 2.0),
     aspect=st.floats(0.4, 2.5),
 )
-def test_a_framing_camera_sees_everything_and_is_near(points, margin, aspect):
-    """By projection: where it is, what it looks along, and its 45 degrees from top to bottom."""
-    camera = frame(points, margin, aspect)
+def test_overview_camera_is_the_nearest_with_all_points(points, margin, aspect):
+    """Check by projection with the vertical field of view of 45 degrees."""
+    camera = overview_camera(points, margin, aspect)
     tilt, turn = radians(camera.elevation), radians(camera.azimuth)
     ahead = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
     right = np.array([np.sin(turn), -np.cos(turn), 0.0])
@@ -153,38 +156,38 @@ def test_a_framing_camera_sees_everything_and_is_near(points, margin, aspect):
     half = tan(radians(22.5))
     sideways = np.abs(from_eye @ right) / depth / half / aspect
     upwards = np.abs(from_eye @ up) / depth / half
-    most = max(sideways.max(), upwards.max())
-    assert most == pytest.approx(0.9, abs=1e-6)
+    fill = max(sideways.max(), upwards.max())
+    assert fill == pytest.approx(0.9, abs=1e-6)
 
 
-def test_a_camera_follows_where_the_robot_would_be_too_small():
+def test_auto_camera_follows_the_robot_on_long_paths():
     short, long = np.array([[0.0, 0.0], [5.0, 1.0]]), np.array([[0.0, 0.0], [25.0, 9.0]])
-    assert not follows("auto", short, 0.28)
-    assert follows("auto", long, 0.28)
-    assert follows("follow", short, 0.28)
-    assert not follows("whole", long, 0.28)
+    assert not is_following("auto", short, 0.28)
+    assert is_following("auto", long, 0.28)
+    assert is_following("follow", short, 0.28)
+    assert not is_following("whole", long, 0.28)
 
 
 @pytest.mark.parametrize("name", ["run.avi", "run", "gif"])
-def test_other_endings_are_refused(recording, tmp_path, name):
-    for refuse in (check_film, lambda path: film(recording, path)):
+def test_unknown_suffix_is_refused(recording, tmp_path, name):
+    for function in (check_film, lambda path: film(recording, path)):
         with pytest.raises(InvalidInput, match=r"films are written as \.mp4 or \.gif"):
-            refuse(tmp_path / name)
+            function(tmp_path / name)
 
 
 @pytest.mark.parametrize("size", [(63, 64), (65, 64), (64, 4000), (64, 2)])
-def test_sizes_are_bounded_and_even(recording, tmp_path, size):
+def test_invalid_size_is_refused(recording, tmp_path, size):
     with pytest.raises(InvalidInput, match="need even numbers from 64 to 1920"):
         film(recording, tmp_path / "run.gif", size=size)
 
 
-def test_a_camera_that_there_is_not(recording, tmp_path):
-    with pytest.raises(InvalidInput, match="there is no camera 'side'; there are auto, whole"):
+def test_unknown_camera_is_refused(recording, tmp_path):
+    with pytest.raises(InvalidInput, match="unknown camera 'side': choose one of auto, whole"):
         unwrap(film)(recording, tmp_path / "run.gif", camera="side")  # without type checks
 
 
-def test_a_film_that_cannot_be_written_leaves_nothing(recording, tmp_path):
-    with pytest.raises(CannotWrite, match="name a file in a folder that is there"):
+def test_failed_film_leaves_no_file(recording, tmp_path):
+    with pytest.raises(CannotWrite, match="name a file in an existing, writable"):
         check_film(tmp_path / "no" / "run.gif")
     with pytest.raises(CannotWrite, match="cannot write the film"):
         film(recording, tmp_path / "no" / "run.gif", size=SIZE)
@@ -197,7 +200,7 @@ def test_a_film_that_cannot_be_written_leaves_nothing(recording, tmp_path):
     assert not os.listdir(tmp_path)
 
 
-def test_an_mp4_needs_an_encoder_and_says_which(tmp_path, monkeypatch):
+def test_mp4_without_encoder_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "cv2", None)
     monkeypatch.setattr("omnidrive.visualization.video_file.find_spec", lambda name: None)
@@ -211,16 +214,16 @@ import sys
 if "-encoders" in sys.argv:
     print(" V....D {encoder}  some encoder")
     raise SystemExit
-given = sys.stdin.buffer.read({most})
-open(sys.argv[-1].removeprefix("file:"), "wb").write(len(given).to_bytes(8, "big"))
+data = sys.stdin.buffer.read({most})
+open(sys.argv[-1].removeprefix("file:"), "wb").write(len(data).to_bytes(8, "big"))
 open({notes!r}, "w").write(" ".join(sys.argv[1:]))
 print("a word of warning", file=sys.stderr)
 raise SystemExit({status})
 """
 
 
-def stand_in(folder, monkeypatch, *, encoder="libx264", most=-1, status=0):
-    """A command ffmpeg that takes pictures in and says what it was told."""
+def fake_ffmpeg(folder, monkeypatch, *, encoder="libx264", most=-1, status=0):
+    """Install a fake command ffmpeg that counts the bytes and records its arguments."""
     command = folder / "bin" / "ffmpeg"
     command.parent.mkdir()
     notes = str(folder / "notes")
@@ -233,33 +236,33 @@ def stand_in(folder, monkeypatch, *, encoder="libx264", most=-1, status=0):
 
 
 @pytest.mark.parametrize("encoder", ["libx264", "libopenh264", "libvpx-vp9", "mpeg4"])
-def test_the_command_ffmpeg_gets_every_picture(brief, tmp_path, monkeypatch, encoder):
-    notes = stand_in(tmp_path, monkeypatch, encoder=encoder)
+def test_ffmpeg_receives_every_frame(brief, tmp_path, monkeypatch, encoder):
+    notes = fake_ffmpeg(tmp_path, monkeypatch, encoder=encoder)
     check_film(tmp_path / "run.mp4")
     film(brief, tmp_path / "run.mp4", size=SIZE)
     taken = int.from_bytes((tmp_path / "run.mp4").read_bytes(), "big")
     assert taken == 5 * 160 * 90 * 3
-    told = notes.read_text()
-    assert "-s 160x90 -r 25 " in told
-    assert f"-c:v {encoder} " in told
-    assert "-pix_fmt yuv420p" in told
+    arguments = notes.read_text()
+    assert "-s 160x90 -r 25 " in arguments
+    assert f"-c:v {encoder} " in arguments
+    assert "-pix_fmt yuv420p" in arguments
 
 
-def test_an_ffmpeg_that_fails_says_why(recording, tmp_path, monkeypatch):
-    stand_in(tmp_path, monkeypatch, status=1, most=1000)
+def test_ffmpeg_failure_is_reported(recording, tmp_path, monkeypatch):
+    fake_ffmpeg(tmp_path, monkeypatch, status=1, most=1000)
     with pytest.raises(CannotWrite, match="ffmpeg cannot write the film: a word of warning"):
         film(recording, tmp_path / "run.mp4", size=SIZE)
     assert not (tmp_path / "run.mp4").exists()
     assert not (tmp_path / "run.mp4.part").exists()
 
 
-def test_an_ffmpeg_without_encoders(recording, tmp_path, monkeypatch):
-    stand_in(tmp_path, monkeypatch, encoder="gif")
+def test_ffmpeg_without_encoder_is_refused(recording, tmp_path, monkeypatch):
+    fake_ffmpeg(tmp_path, monkeypatch, encoder="gif")
     with pytest.raises(CannotWrite, match="ffmpeg has none of the encoders libx264"):
         film(recording, tmp_path / "run.mp4", size=SIZE)
 
 
-def test_opencv_writes_an_mp4_that_opens_again(recording, tmp_path, monkeypatch):
+def test_opencv_writes_a_readable_mp4(recording, tmp_path, monkeypatch):
     cv2 = pytest.importorskip("cv2")
     monkeypatch.setenv("PATH", str(tmp_path))
     film(recording, tmp_path / "run.mp4", size=SIZE)
@@ -271,13 +274,13 @@ def test_opencv_writes_an_mp4_that_opens_again(recording, tmp_path, monkeypatch)
     assert count == len(recording.t)
 
 
-def test_drawing_that_is_switched_off(monkeypatch, tmp_path):
+def test_drawing_switched_off_is_reported(monkeypatch, tmp_path):
     monkeypatch.setenv("MUJOCO_GL", "off")
     with pytest.raises(CannotDraw, match="switched off by MUJOCO_GL=off"):
         check_film(tmp_path / "run.gif")
 
 
-def test_no_opengl_at_all(monkeypatch, tmp_path):
+def test_missing_opengl_is_reported(monkeypatch, tmp_path):
     for name in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("omnidrive.visualization.opengl.find_library", lambda name: None)
@@ -286,7 +289,7 @@ def test_no_opengl_at_all(monkeypatch, tmp_path):
     assert "no library found" in str(error.value)
 
 
-def test_a_library_that_fails_is_named(monkeypatch, tmp_path):
+def test_failing_library_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("MUJOCO_GL", "egl")
 
     def broken(name):
@@ -298,13 +301,13 @@ def test_a_library_that_fails_is_named(monkeypatch, tmp_path):
     assert os.environ["MUJOCO_GL"] == "egl"
 
 
-def test_the_choice_of_opengl_is_not_left_behind(monkeypatch, tmp_path):
+def test_environment_is_restored_after_drawing(monkeypatch, tmp_path):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     check_film(tmp_path / "run.gif")
     assert "MUJOCO_GL" not in os.environ
 
 
-def test_a_kinematic_run_is_filmed_too(tmp_path):
+def test_kinematic_run_is_filmed(tmp_path):
     recorder, reference = Recorder(), Circle(duration=4.0)
     plant = observe(KinematicPlant(ROBOT), ROBOT, reference, [recorder])
     plant.reset(reference.at(0.0).pose)

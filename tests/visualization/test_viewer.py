@@ -1,4 +1,4 @@
-"""MuJoCo's viewer without a screen: its window is a stand-in, the clock is ours."""
+"""Viewer with a fake window and a fake clock."""
 
 from contextlib import nullcontext
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ ROBOT = named_robot("small")
 
 
 class Window:
-    """What MuJoCo gives for a window."""
+    """Fake of MuJoCo's viewer handle."""
 
     def __init__(self, model, data, open_for):
         self.model, self.data, self.positions = model, data, []
@@ -42,26 +42,26 @@ class Window:
 
 
 @pytest.fixture
-def screen(monkeypatch):
-    """A screen whose windows can be closed by whoever looks at them, and a clock."""
+def display(monkeypatch):
+    """A fake display whose windows close after a number of frames, and a fake clock."""
     clock = SimpleNamespace(now=100.0, slept=0.0)
 
     def sleep(seconds):
         clock.now += seconds
         clock.slept += seconds
 
-    desk = SimpleNamespace(clock=clock, windows=[], open_for=10**9, kind=Window)
+    fake = SimpleNamespace(clock=clock, windows=[], open_for=10**9, kind=Window)
 
     def open_window(model, data):
-        desk.windows.append(desk.kind(model, data, desk.open_for))
-        return desk.windows[-1]
+        fake.windows.append(fake.kind(model, data, fake.open_for))
+        return fake.windows[-1]
 
     monkeypatch.setenv("DISPLAY", ":7")
-    monkeypatch.setattr(viewer, "_find_screen", lambda: None)
+    monkeypatch.setattr(viewer, "_check_display", lambda: None)
     monkeypatch.setattr(viewer, "_open_window", open_window)
     monkeypatch.setattr(viewer, "monotonic", lambda: clock.now)
     monkeypatch.setattr(viewer, "sleep", sleep)
-    return desk
+    return fake
 
 
 def drive(plant, *, observers, reference=None):
@@ -76,23 +76,23 @@ def drive(plant, *, observers, reference=None):
 
 
 @pytest.mark.parametrize("wheels", ["ball", "kinematic"])
-def test_a_run_is_shown_at_real_time_and_the_window_closes_after_it(screen, wheels):
+def test_run_is_shown_in_real_time_and_the_window_closes(display, wheels):
     plant = KinematicPlant(ROBOT) if wheels == "kinematic" else MujocoPlant(ROBOT, "ball")
-    with Viewer() as watching:
-        assert isinstance(watching, Observer)
-        drive(plant, observers=[watching])
-        (window,) = screen.windows
+    with Viewer() as viewer_observer:
+        assert isinstance(viewer_observer, Observer)
+        drive(plant, observers=[viewer_observer])
+        (window,) = display.windows
         assert window.shown == 26
-        assert screen.clock.slept == pytest.approx(1.0)
+        assert display.clock.slept == pytest.approx(1.0)
         assert 50 < window.user_scn.ngeom < 500  # path, trail, target
         assert not window.closed
     assert window.closed
 
 
-def test_what_is_done_in_the_window_does_not_change_the_run(screen):
-    """There, a key sets the world back, and the mouse pulls at bodies."""
+def test_actions_in_the_window_do_not_change_the_run(display):
+    """In the viewer, a key resets the state and the mouse applies forces."""
 
-    class Meddling(Window):
+    class InteractiveWindow(Window):
         def sync(self):
             super().sync()
             mujoco.mj_resetData(self.model, self.data)
@@ -100,64 +100,64 @@ def test_what_is_done_in_the_window_does_not_change_the_run(screen):
             self.model.opt.gravity[:] = 0.0
 
     alone = drive(MujocoPlant(ROBOT, "ball"), observers=[])
-    screen.kind = Meddling
-    with Viewer() as watching:
-        seen = drive(MujocoPlant(ROBOT, "ball"), observers=[watching])
+    display.kind = InteractiveWindow
+    with Viewer() as viewer_observer:
+        seen = drive(MujocoPlant(ROBOT, "ball"), observers=[viewer_observer])
     assert np.array_equal(alone.pose, seen.pose)
-    (window,) = screen.windows
+    (window,) = display.windows
     assert window.positions[0] == pytest.approx(seen.pose[0, :2])
     assert window.positions[-1] == pytest.approx(seen.pose[-1, :2])
 
 
-def test_a_closed_window_lets_the_run_go_on_alone(screen):
-    screen.open_for = 10
-    with Viewer() as watching:
-        run = drive(KinematicPlant(ROBOT), observers=[watching])
+def test_run_continues_after_the_window_is_closed(display):
+    display.open_for = 10
+    with Viewer() as viewer_observer:
+        run = drive(KinematicPlant(ROBOT), observers=[viewer_observer])
     assert run.t[-1] == pytest.approx(1.0)
-    assert screen.windows[0].shown == 10
-    assert screen.clock.slept == pytest.approx(0.36, abs=0.041)
-    assert screen.windows[0].closed
+    assert display.windows[0].shown == 10
+    assert display.clock.slept == pytest.approx(0.36, abs=0.041)
+    assert display.windows[0].closed
 
 
-def test_another_run_has_a_window_of_its_own(screen):
-    with Viewer() as watching:
+def test_every_run_opens_a_window(display):
+    with Viewer() as viewer_observer:
         for _ in range(2):
-            drive(KinematicPlant(ROBOT), observers=[watching])
-    assert len(screen.windows) == 2
-    assert all(window.closed for window in screen.windows)
+            drive(KinematicPlant(ROBOT), observers=[viewer_observer])
+    assert len(display.windows) == 2
+    assert all(window.closed for window in display.windows)
 
 
-def test_what_is_too_slow_is_not_hurried_afterwards(screen):
-    """A second's pause delays what follows, which then runs at real time."""
+def test_delay_is_not_caught_up(display):
+    """After a pause of one second the run continues in real time."""
 
     class Slow(KinematicPlant):
         steps = 0
 
         def step(self, twist, dt):
             self.steps += 1
-            screen.clock.now += 1.0 if self.steps == 5 else 0.0
+            display.clock.now += 1.0 if self.steps == 5 else 0.0
             return super().step(twist, dt)
 
-    with Viewer() as watching:
-        drive(Slow(ROBOT), observers=[watching])
-    assert screen.clock.now == pytest.approx(102.0, abs=0.15)
+    with Viewer() as viewer_observer:
+        drive(Slow(ROBOT), observers=[viewer_observer])
+    assert display.clock.now == pytest.approx(102.0, abs=0.15)
 
 
-def test_a_step_of_the_reference_is_shown_without_a_path(screen):
+def test_constant_reference_is_shown(display):
     goal = Circle().at(0.0).pose
-    with Viewer() as watching:
-        drive(KinematicPlant(ROBOT), observers=[watching], reference=Hold(goal, 0.3))
-    assert screen.windows[0].shown == 8
+    with Viewer() as viewer_observer:
+        drive(KinematicPlant(ROBOT), observers=[viewer_observer], reference=Hold(goal, 0.3))
+    assert display.windows[0].shown == 8
 
 
-def test_no_screen_is_an_error_that_names_the_way_out(monkeypatch):
+def test_missing_display_is_an_error_with_advice(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(CannotDraw, match=r"no display .* --video FILE\.gif"):
         Viewer()
 
 
-def test_a_screen_that_does_not_answer(monkeypatch):
+def test_display_that_cannot_be_opened(monkeypatch):
     monkeypatch.setenv("DISPLAY", ":7")
     monkeypatch.setattr(glfw, "init", lambda: False)
     with pytest.raises(CannotDraw, match="no display for the viewer's window: no reason given"):
@@ -165,10 +165,10 @@ def test_a_screen_that_does_not_answer(monkeypatch):
 
 
 @pytest.mark.parametrize("fails", [True, False])
-def test_a_window_that_does_not_open(monkeypatch, fails):
+def test_window_that_does_not_open(monkeypatch, fails):
     mujoco_viewer = pytest.importorskip("mujoco.viewer")
 
-    def launch(*given, **named):
+    def launch(*args, **kwargs):
         if fails:
             raise RuntimeError("no OpenGL 1.5")
         viewer.sleep(0.5)
@@ -176,7 +176,7 @@ def test_a_window_that_does_not_open(monkeypatch, fails):
     monkeypatch.setenv("DISPLAY", ":7")
     monkeypatch.setattr(glfw, "init", lambda: True)
     monkeypatch.setattr(mujoco_viewer, "launch_passive", launch)
-    monkeypatch.setattr(viewer, "_OPENING", 0.05)
-    said = "does not open: no OpenGL 1.5" if fails else "no window after"
-    with pytest.raises(CannotDraw, match=said):
+    monkeypatch.setattr(viewer, "_OPEN_TIMEOUT", 0.05)
+    message = "does not open: no OpenGL 1.5" if fails else "no window after"
+    with pytest.raises(CannotDraw, match=message):
         drive(KinematicPlant(ROBOT), observers=[Viewer()])

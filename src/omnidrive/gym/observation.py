@@ -1,4 +1,4 @@
-"""What an agent sees of a robot that tracks a reference: numbers from -1 to 1."""
+"""Observations of the tracking environment: numbers from -1 to 1."""
 
 from __future__ import annotations
 
@@ -12,62 +12,60 @@ from omnidrive.arrays import Array
 from omnidrive.geometry import BodyTwist, Pose, wrap
 from omnidrive.reference import Reference
 
-_SAMPLES = 100_000
+_MAX_SAMPLES = 100_000
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ObservationModel:
-    """Poses and twists in the robot's frame B, each divided by the largest that is told apart.
+    """Poses and twists in the robot's frame B, each divided by a scale and clipped to -1 and 1.
 
-    In order, ``n`` being :attr:`preview`:
+    In order, with ``n`` = :attr:`preview`:
 
-    - 3 numbers: the set point's pose now, as seen from B: x and y by ``lost[0]``, heading by pi;
-    - 3: the robot's twist by ``max_twist``;
-    - 3: the set point's twist, in B, by ``max_twist``;
-    - 3 n: poses of the set points 1 to n samples ahead, as seen from B: the k-th's x and y by
-      ``lost[0]`` and what the reference travels in k samples at its fastest, heading by pi;
-    - 3: the last action.
-
-    What is larger is cut to -1 or 1.
+    - 3 numbers: current reference pose in B; x and y over ``max_error[0]``, heading over pi;
+    - 3: twist of the robot over ``max_twist``;
+    - 3: reference twist in B over ``max_twist``;
+    - 3 n: reference poses 1 to n samples ahead in B; x and y of the k-th over ``max_error[0]`` plus
+      the distance that the reference covers in k samples at ``top_speed``, heading over pi;
+    - 3: last action.
 
     Attributes:
-        reference: What to track.
-        dt: Sample time in s.
-        preview: How many set points ahead are seen.
-        lost: Errors in m and rad at which a run is lost.
-        max_twist: Twist of an action of ones, in m/s, m/s and rad/s.
-        top_speed: Of the reference, in m/s.
+        reference: Reference to track.
+        dt: Sample time, s.
+        preview: Number of future reference poses.
+        max_error: Errors in position (m) and heading (rad) that terminate a run.
+        max_twist: Twist of an action of ones; m/s, m/s, rad/s.
+        top_speed: Largest speed of the reference, m/s.
     """
 
     reference: Reference
     dt: float
     preview: int
-    lost: tuple[float, float]
+    max_error: tuple[float, float]
     max_twist: Float[Array, " 3"]
     top_speed: float
 
     @property
     def size(self) -> int:
-        """How many numbers there are."""
+        """Length of an observation."""
         return 12 + 3 * self.preview
 
     def observe(
         self, t: float, pose: Pose, twist: BodyTwist, action: Float[Array, " 3"]
     ) -> Float32[Array, " numbers"]:
-        """The numbers at ``t`` (s), where the robot is believed to be at ``pose``."""
+        """Return the observation at ``t`` (s) from the estimated state and the last action."""
         ahead = self.reference.window(t, self.preview + 1, self.dt)
         c, s = cos(pose.yaw), sin(pose.yaw)
-        into_body = np.array([[c, -s], [s, c]])  # from the right
-        reach = self.lost[0] + self.top_speed * self.dt * np.arange(self.preview + 1)
-        positions = (ahead[:, :2] - [pose.x, pose.y]) @ into_body / reach[:, None]
+        to_body = np.array([[c, -s], [s, c]])  # for row vectors
+        scale = self.max_error[0] + self.top_speed * self.dt * np.arange(self.preview + 1)
+        positions = (ahead[:, :2] - [pose.x, pose.y]) @ to_body / scale[:, None]
         headings = wrap(ahead[:, 2] - pose.yaw) / np.pi
         poses = np.column_stack([positions, headings])
-        wanted = np.array([*(ahead[0, 3:5] @ into_body), ahead[0, 5]])
+        desired = np.array([*(ahead[0, 3:5] @ to_body), ahead[0, 5]])
         numbers = np.concatenate(
             [
                 poses[0],
                 np.array(twist) / self.max_twist,
-                wanted / self.max_twist,
+                desired / self.max_twist,
                 poses[1:].ravel(),
                 action,
             ]
@@ -77,10 +75,10 @@ class ObservationModel:
 
 
 def top_speed(reference: Reference, dt: float) -> float:
-    """The fastest that a reference travels, at its samples of ``dt`` s, in m/s.
+    """Return the largest speed of a reference at samples of ``dt`` (s), m/s.
 
-    Of a long one at 100,000 samples.
+    A long reference is evaluated at 100,000 samples.
     """
-    count = min(round(reference.duration / dt), _SAMPLES) + 1
+    count = min(round(reference.duration / dt), _MAX_SAMPLES) + 1
     rows = reference.window(0.0, count, reference.duration / max(count - 1, 1))
     return float(np.hypot(rows[:, 3], rows[:, 4]).max())

@@ -1,4 +1,4 @@
-"""Pictures of an environment, drawn when they are asked for."""
+"""Pictures of the tracking environment."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from omnidrive.visualization import (
     GhostModel,
     Overlays,
     follow,
-    follows,
+    is_following,
     make_camera,
     sample_path,
 )
 from omnidrive.visualization.observer import RenderedPlant
 
-_MOST = 20_000  # points of a trail
+_MAX_TRAIL = 20_000  # points
 
 
 class Renderer:
-    """What a plant looks like now. Nothing is made before the first picture."""
+    """Renderer of a plant; it allocates nothing before the first picture."""
 
     def __init__(
         self,
@@ -38,70 +38,72 @@ class Renderer:
         size: tuple[int, int],
         obstacles: OccupancyGrid | None,
     ) -> None:
-        """Remember what is to be drawn.
+        """Store what is drawn.
 
         Args:
-            plant: What moves.
-            robot: Who it is.
-            reference: What it should do.
-            size: Of the picture, in pixels.
-            obstacles: The map around a plant that has none of its own.
+            plant: The plant.
+            robot: Its robot.
+            reference: The reference that it tracks.
+            size: Width and height of the picture, pixels.
+            obstacles: Map to draw if the plant has no model to render.
 
         Raises:
             InvalidInput: The picture is too small or too large.
         """
         if not all(16 <= side <= 1920 for side in size):
-            raise InvalidInput(f"a picture of {size} pixels: need 16 to 1920 in both directions")
+            raise InvalidInput(f"a picture of {size} pixels: need 16 to 1920 for width and height")
         self._plant, self._robot, self._reference = plant, robot, reference
         self._size, self._obstacles = size, obstacles
         self._canvas: Canvas | None = None
-        self._puppet: GhostModel | None = None
+        self._ghost: GhostModel | None = None
         self._state: PlantState | None = None
         self._wheels = np.zeros(len(robot.mounts))
         self._trail: list[tuple[float, float]] = []
 
     def begin(self, state: PlantState) -> None:
-        """A run begins."""
+        """Start a run with this state."""
         self._state, self._wheels = state, np.zeros(len(self._robot.mounts))
         self._trail = [state.pose[:2]]
 
-    def moved(self, state: PlantState, dt: float) -> None:
-        """The robot moved for ``dt`` s."""
-        if self._puppet is not None and self._state is not None:
-            self._wheels = self._puppet.turn_wheels(self._state, state, self._wheels, dt)
+    def advance(self, state: PlantState, dt: float) -> None:
+        """Update the state after a step of ``dt`` (s)."""
+        if self._ghost is not None and self._state is not None:
+            self._wheels = self._ghost.next_wheel_angles(self._state, state, self._wheels, dt)
         self._state = state
         self._trail.append(state.pose[:2])
-        if len(self._trail) > _MOST:
+        if len(self._trail) > _MAX_TRAIL:
             self._trail = self._trail[::2]
 
     def draw(self, t: float) -> UInt8[Array, "height width 3"]:
-        """The picture at ``t`` (s).
+        """Draw the picture at ``t`` (s).
 
         Raises:
-            CannotDraw: There is no OpenGL.
+            CannotDraw: OpenGL is not available.
         """
         assert self._state is not None
-        world = (
-            cast(RenderedPlant, self._plant) if self._plant.capabilities.renders else self._stand(t)
+        source = (
+            cast(RenderedPlant, self._plant)
+            if self._plant.capabilities.renders
+            else self._update_ghost(t)
         )
         if self._canvas is None:
-            self._canvas = Canvas(world.model, *self._size)
+            self._canvas = Canvas(source.model, *self._size)
         path, radius = sample_path(self._reference), self._robot.body_radius
         camera = make_camera("auto", path, radius, self._size[0] / self._size[1])
-        if follows("auto", path, radius):
+        if is_following("auto", path, radius):
             follow(camera, np.array(self._trail[-1]))
-        marks = Overlays(path, np.array(self._trail), self._reference.at(t).pose, radius)
-        return self._canvas.draw(world.data, camera, marks)
+        overlays = Overlays(path, np.array(self._trail), self._reference.at(t).pose, radius)
+        return self._canvas.draw(source.data, camera, overlays)
 
     def close(self) -> None:
-        """Give back what is drawn with; a second time, do nothing."""
+        """Release the OpenGL context; a second call does nothing."""
         if self._canvas is not None:
             self._canvas.close()
             self._canvas = None
 
-    def _stand(self, t: float) -> GhostModel:
+    def _update_ghost(self, t: float) -> GhostModel:
         assert self._state is not None
-        if self._puppet is None:
-            self._puppet = GhostModel(self._robot, obstacles=self._obstacles)
-        self._puppet.set_pose(t, self._state.pose, self._wheels)
-        return self._puppet
+        if self._ghost is None:
+            self._ghost = GhostModel(self._robot, obstacles=self._obstacles)
+        self._ghost.set_pose(t, self._state.pose, self._wheels)
+        return self._ghost

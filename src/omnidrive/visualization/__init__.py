@@ -1,6 +1,12 @@
-"""What a run looks like: in a window while it happens, or in a film afterwards."""
+"""Visualization of runs: in a window during the simulation, or as a film afterwards."""
 
-from omnidrive.visualization.camera import CameraName, follow, follows, frame, make_camera
+from omnidrive.visualization.camera import (
+    CameraName,
+    follow,
+    is_following,
+    make_camera,
+    overview_camera,
+)
 from omnidrive.visualization.canvas import Canvas
 from omnidrive.visualization.film import check_film, film
 from omnidrive.visualization.ghost_model import GhostModel
@@ -22,10 +28,10 @@ __all__ = [
     "check_film",
     "film",
     "follow",
-    "follows",
-    "frame",
+    "is_following",
     "make_camera",
     "observe",
+    "overview_camera",
     "replay",
     "sample_path",
 ]

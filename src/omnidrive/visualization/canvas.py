@@ -1,4 +1,4 @@
-"""Pictures of a MuJoCo world."""
+"""Pictures of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -12,61 +12,61 @@ from omnidrive.arrays import Array
 from omnidrive.visualization.opengl import offscreen
 from omnidrive.visualization.overlays import Overlays
 
-_MOST_GEOMS = 4000
+_MAX_GEOMS = 4000
 
 
 class Canvas:
-    """Draws a world without a window. Close it after use, or use it in a ``with``."""
+    """Offscreen renderer of a model. Close it after use, or use it in a ``with``."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Find something to draw with.
+        """Create an OpenGL context.
 
         Args:
-            model: The world.
-            width: Of the pictures, in pixels.
-            height: Of the pictures, in pixels.
+            model: Model to draw.
+            width: Width of the pictures, pixels.
+            height: Height of the pictures, pixels.
 
         Raises:
-            CannotDraw: There is no OpenGL.
+            CannotDraw: OpenGL is not available.
         """
         self._model = model
-        self._context, self._drawing = offscreen(model, width, height)
-        self._scene = mujoco.MjvScene(model, _MOST_GEOMS)
+        self._context, self._resources = offscreen(model, width, height)
+        self._scene = mujoco.MjvScene(model, _MAX_GEOMS)
         self._options = mujoco.MjvOption()
         self._view = mujoco.MjrRect(0, 0, width, height)
 
     def draw(
-        self, data: mujoco.MjData, camera: mujoco.MjvCamera, marks: Overlays, caption: str = ""
+        self, data: mujoco.MjData, camera: mujoco.MjvCamera, overlays: Overlays, caption: str = ""
     ) -> UInt8[Array, "height width 3"]:
-        """A picture of the world, rows from the top, in red, green and blue.
+        """Return a picture with its first row at the top; red, green, blue.
 
         Args:
-            data: The world's state, with its bodies' places computed.
-            camera: Where it is seen from.
-            marks: What is drawn on the floor.
-            caption: Text in the corner.
+            data: State with computed kinematics.
+            camera: Camera.
+            overlays: Drawings on the floor.
+            caption: Text in the upper left corner.
         """
         self._context.make_current()
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             self._model, data, self._options, None, camera, everything, self._scene
         )
-        marks.add_to(self._scene)
-        mujoco.mjr_render(self._view, self._scene, self._drawing)
+        overlays.add_to(self._scene)
+        mujoco.mjr_render(self._view, self._scene, self._resources)
         if caption:
             mujoco.mjr_overlay(
                 mujoco.mjtFont.mjFONT_NORMAL, mujoco.mjtGridPos.mjGRID_TOPLEFT, self._view,
-                caption, "", self._drawing,
+                caption, "", self._resources,
             )  # fmt: skip
         pixels = np.empty((self._view.height, self._view.width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(pixels, None, self._view, self._drawing)
+        mujoco.mjr_readPixels(pixels, None, self._view, self._resources)
         return np.ascontiguousarray(pixels[::-1])
 
     def close(self) -> None:
-        """Give back what it draws with; a second time, do nothing."""
+        """Release the OpenGL context; a second call does nothing."""
         if self._context is not None:
             self._context.make_current()
-            self._drawing.free()
+            self._resources.free()
             self._context.free()
             self._context = None
 

@@ -17,7 +17,7 @@ from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import Pose
-from omnidrive.visualization.camera import CameraName, follow, follows, make_camera
+from omnidrive.visualization.camera import CameraName, follow, is_following, make_camera
 from omnidrive.visualization.canvas import Canvas
 from omnidrive.visualization.ghost_model import update_kinematics
 from omnidrive.visualization.opengl import offscreen
@@ -25,32 +25,32 @@ from omnidrive.visualization.overlays import Overlays
 from omnidrive.visualization.recording import FRAMES_PER_SECOND, MAX_FRAMES, Recording
 from omnidrive.visualization.video_file import check_encoder, write_gif, write_mp4
 
-_USUAL = {".mp4": (960, 540), ".gif": (640, 360)}
-_MOST = {".mp4": MAX_FRAMES, ".gif": 800}
-"""Frames; those of a GIF are all in memory until it is written."""
-_SIZES = (64, 1920)  # pixels, of either side
+_DEFAULT_SIZES = {".mp4": (960, 540), ".gif": (640, 360)}
+_MAX_FRAMES_BY_SUFFIX = {".mp4": MAX_FRAMES, ".gif": 800}
+"""Largest number of frames; those of a GIF are all kept in memory."""
+_SIDES = (64, 1920)  # pixels; limits of width and height
 
 
 def check_film(path: Path | str) -> None:
-    """Refuse a film that could not be made, before there is anything to film.
+    """Check, before a run, that a film can be made.
 
     Raises:
         InvalidInput: The name ends neither in .mp4 nor in .gif.
-        MissingExtra: Nothing can write an MP4.
-        CannotDraw: There is no OpenGL.
-        CannotWrite: There is no such folder.
+        MissingExtra: There is no encoder for MP4.
+        CannotDraw: OpenGL is not available.
+        CannotWrite: The folder does not exist or is not writable.
     """
     path = Path(path)
     if _suffix(path) == ".mp4":
         check_encoder()
     if not path.parent.is_dir() or path.is_dir() or not os.access(path.parent, os.W_OK):
         raise CannotWrite(
-            f"cannot write the film {one_line(str(path))}: name a file in a folder that is there "
-            "and may be changed"
+            f"cannot write the film {one_line(str(path))}: name a file in an existing, writable "
+            "folder"
         )
     empty = mujoco.MjModel.from_xml_string("<mujoco/>")
-    context, drawing = offscreen(empty, 64, 64)
-    drawing.free()
+    context, resources = offscreen(empty, 64, 64)
+    resources.free()
     context.free()
 
 
@@ -62,48 +62,48 @@ def film(
     camera: CameraName = "auto",
     progress: Callable[[int, int], None] | None = None,
 ) -> float:
-    """Draw a recording, at real time, or faster if it were too long, and write the film.
+    """Draw a recording and write it as a film, in real time or, if it is long, faster.
 
-    25 frames a second. A GIF has at most 800 frames, an MP4 15,000: a longer run plays 2, 3, ...
-    times as fast. The file is whole or absent.
+    The film has 25 frames per second. A GIF has at most 800 frames and an MP4 15,000; a longer run
+    plays 2, 3, ... times as fast. An incomplete file is removed.
 
     Args:
-        recording: What was seen.
-        path: A file that ends in .mp4 or .gif; one that is there is replaced.
-        size: Width and height in pixels, even numbers from 64 to 1920; 960 x 540, or 640 x 360 of
-            a GIF.
-        camera: Where from.
-        progress: Told after every frame how many are done, and of how many.
+        recording: The recording.
+        path: File that ends in .mp4 or .gif; an existing one is replaced.
+        size: Width and height in pixels, even numbers from 64 to 1920; by default 960 x 540, for
+            a GIF 640 x 360.
+        camera: Kind of camera.
+        progress: Called after every frame with the number of frames done and their total.
 
     Returns:
-        How much faster than real time it plays.
+        Playback speed relative to real time.
 
     Raises:
-        InvalidInput: The name or the size is not as it must be, or there is no such camera.
-        MissingExtra: Nothing can write an MP4.
-        CannotDraw: There is no OpenGL.
+        InvalidInput: The name, the size or the camera is invalid.
+        MissingExtra: There is no encoder for MP4.
+        CannotDraw: OpenGL is not available.
         CannotWrite: The file cannot be written.
     """
     path = Path(path)
     kind = _suffix(path)
-    width, height = _checked(size or _USUAL[kind])
+    width, height = _check_size(size or _DEFAULT_SIZES[kind])
     if camera not in get_args(CameraName):
         raise InvalidInput(
-            f"there is no camera '{camera}'; there are {', '.join(get_args(CameraName))}"
+            f"unknown camera '{camera}': choose one of {', '.join(get_args(CameraName))}"
         )
-    stride = -(-len(recording.t) // _MOST[kind])
+    stride = -(-len(recording.t) // _MAX_FRAMES_BY_SUFFIX[kind])
     chosen = range(0, len(recording.t), stride)
     speed = _speed(recording, stride)
     part = path.with_name(path.name + ".part")
     try:
         with Canvas(recording.model, width, height) as canvas:
-            shots = _Shots(recording, canvas, camera, width / height, speed=speed)
-            pictures = _counted(map(shots.picture, chosen), len(chosen), progress)
+            renderer = _FrameRenderer(recording, canvas, camera, width / height, speed=speed)
+            frames = _report_progress(map(renderer.draw, chosen), len(chosen), progress)
             if kind == ".mp4":
-                write_mp4(part, pictures, FRAMES_PER_SECOND)
+                write_mp4(part, frames, FRAMES_PER_SECOND)
             else:
-                sample = np.vstack([shots.picture(chosen[k]) for k in (0, -1)])
-                write_gif(part, pictures, FRAMES_PER_SECOND, sample)
+                sample = np.vstack([renderer.draw(chosen[k]) for k in (0, -1)])
+                write_gif(part, frames, FRAMES_PER_SECOND, sample)
         os.replace(part, path)
     except OSError as error:
         raise CannotWrite(
@@ -116,32 +116,33 @@ def film(
 
 
 def _suffix(path: Path) -> str:
-    if path.suffix.lower() not in _USUAL:
+    if path.suffix.lower() not in _DEFAULT_SIZES:
         raise InvalidInput(f"{one_line(str(path))}: films are written as .mp4 or .gif")
     return path.suffix.lower()
 
 
-def _checked(size: tuple[int, int]) -> tuple[int, int]:
-    least, most = _SIZES
-    if any(side != int(side) or side % 2 or not least <= side <= most for side in size):
+def _check_size(size: tuple[int, int]) -> tuple[int, int]:
+    minimum, maximum = _SIDES
+    if any(side != int(side) or side % 2 or not minimum <= side <= maximum for side in size):
         raise InvalidInput(
-            f"a film of {size[0]:g} x {size[1]:g} pixels: need even numbers from {least} to {most}"
+            f"a film of {size[0]:g} x {size[1]:g} pixels: need even numbers from {minimum} to "
+            f"{maximum}"
         )
     return size
 
 
 def _speed(recording: Recording, stride: int) -> float:
-    """Simulated time per time of the film."""
+    """Return the simulated time per second of the film."""
     if len(recording.t) < 2:
         return 1.0
     step = float(recording.t[-1] - recording.t[0]) / (len(recording.t) - 1)
     speed = stride * step * FRAMES_PER_SECOND
-    whole = round(speed)  # but for frames that wait for the next physics step
+    whole = round(speed)  # frames can be late by a physics step
     return float(whole) if abs(speed - whole) < 0.05 else round(speed, 2)
 
 
-class _Shots:
-    """The frames of a film."""
+class _FrameRenderer:
+    """Drawing of the frames of a film."""
 
     def __init__(
         self,
@@ -154,32 +155,32 @@ class _Shots:
     ) -> None:
         self._recording, self._canvas = recording, canvas
         self._data = mujoco.MjData(recording.model)
-        shown = np.vstack([recording.path, recording.positions[:, :2]])
-        self._camera = make_camera(name, shown, recording.radius, aspect)
-        self._follows = follows(name, shown, recording.radius)
-        self._fast = f"   x {speed:g}" if speed != 1.0 else ""
+        points = np.vstack([recording.path, recording.qpos[:, :2]])
+        self._camera = make_camera(name, points, recording.radius, aspect)
+        self._follow = is_following(name, points, recording.radius)
+        self._speed_note = f"   x {speed:g}" if speed != 1.0 else ""
 
-    def picture(self, k: int) -> UInt8[Array, "height width 3"]:
-        """The ``k``-th frame of the recording."""
+    def draw(self, k: int) -> UInt8[Array, "height width 3"]:
+        """Draw frame ``k`` of the recording."""
         recording, data = self._recording, self._data
-        data.qpos[:], data.mocap_pos[:] = recording.positions[k], recording.moving[k]
+        data.qpos[:], data.mocap_pos[:] = recording.qpos[k], recording.mocap_positions[k]
         update_kinematics(recording.model, data)
-        trail = recording.positions[: k + 1, :2]
-        if self._follows:
+        trail = recording.qpos[: k + 1, :2]
+        if self._follow:
             follow(self._camera, trail[-1])
         target = Pose(*recording.target[k].tolist())
-        off = 1e3 * hypot(target.x - trail[-1, 0], target.y - trail[-1, 1])
-        caption = f"{recording.t[k]:.1f} s   error {off:.1f} mm{self._fast}"
-        marks = Overlays(recording.path, trail, target, recording.radius)
-        return self._canvas.draw(data, self._camera, marks, caption)
+        error = 1e3 * hypot(target.x - trail[-1, 0], target.y - trail[-1, 1])
+        caption = f"{recording.t[k]:.1f} s   error {error:.1f} mm{self._speed_note}"
+        overlays = Overlays(recording.path, trail, target, recording.radius)
+        return self._canvas.draw(data, self._camera, overlays, caption)
 
 
-def _counted(
-    pictures: Iterator[UInt8[Array, "height width 3"]],
+def _report_progress(
+    frames: Iterator[UInt8[Array, "height width 3"]],
     count: int,
     progress: Callable[[int, int], None] | None,
 ) -> Iterator[UInt8[Array, "height width 3"]]:
-    for done, picture in enumerate(pictures, 1):
-        yield picture
+    for done, frame in enumerate(frames, 1):
+        yield frame
         if progress is not None:
             progress(done, count)

@@ -1,4 +1,4 @@
-"""The robot's MuJoCo model, moved by hand: how plants without bodies are seen."""
+"""MuJoCo model of the robot at given poses, for plants that are not simulated in MuJoCo."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from omnidrive.simulation.plant import PlantState
 
 
 class GhostModel:
-    """A robot that stands where it is put, its wheels turned as far as they are said to be.
+    """A MuJoCo model of the robot whose pose and wheel angles are set, not simulated.
 
     Attributes:
-        model: The world as MuJoCo has it.
-        data: Its state, in which nothing but places means anything.
+        model: The MuJoCo model.
+        data: Its state; only positions are valid.
     """
 
     def __init__(
@@ -34,12 +34,12 @@ class GhostModel:
         obstacles: OccupancyGrid | None = None,
         moving: Sequence[MovingObstacle] = (),
     ) -> None:
-        """Build the world.
+        """Build the model.
 
         Args:
-            robot: What is seen.
-            obstacles: The map that stands around it.
-            moving: What moves there.
+            robot: The robot.
+            obstacles: Map to draw.
+            moving: Moving obstacles to draw.
         """
         walls = ObstacleBoxes(obstacles) if obstacles is not None else None
         xml = robot_mjcf(robot, "rollers", walls=walls, moving=moving)
@@ -53,7 +53,7 @@ class GhostModel:
         self.set_pose(0.0, Pose(0.0, 0.0, 0.0), np.zeros(len(wheels)))
 
     def set_pose(self, t: float, pose: Pose, wheels: Float[Array, " wheels"]) -> None:
-        """Stand at ``pose``, the wheels turned by so much (rad), as at time ``t`` (s)."""
+        """Set time (s), pose and wheel angles (rad), and move the moving obstacles."""
         x, y, yaw = pose
         data = self.data
         data.time = t
@@ -63,34 +63,34 @@ class GhostModel:
             data.mocap_pos[k, :2] = obstacle.at(t)
         update_kinematics(self.model, data)
 
-    def turn_wheels(
+    def next_wheel_angles(
         self, before: PlantState, after: PlantState, angles: Float[Array, " wheels"], dt: float
     ) -> Float[Array, " wheels"]:
-        """How far the wheels have turned ``dt`` s after they had turned by ``angles``, in rad.
+        """Return the wheel angles (rad) ``dt`` seconds after they were ``angles``.
 
-        As the plant says; where it does not, as wheels that do not slip would at the mean twist.
+        They are those of the plant. If it reports none, wheels roll without slip at the mean twist.
         """
         if len(after.wheel_angles) == len(angles):
             return np.array(after.wheel_angles)
         mean = BodyTwist(*(0.5 * (np.array(before.twist) + np.array(after.twist))).tolist())
-        turned: Float[Array, " wheels"] = angles + dt * self._chassis.wheel_speeds(mean)
-        return turned
+        rolled: Float[Array, " wheels"] = angles + dt * self._chassis.wheel_speeds(mean)
+        return rolled
 
 
 def update_kinematics(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Compute where all bodies and lights are, and nothing else."""
+    """Compute the positions of all bodies and lights."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
 
 
-def interpolate_pose(before: PlantState, after: PlantState, dt: float, part: float) -> Pose:
-    """Pose at ``part`` (0 to 1) of the ``dt`` s between two measurements.
+def interpolate_pose(before: PlantState, after: PlantState, dt: float, fraction: float) -> Pose:
+    """Return the pose at a fraction (0 to 1) of the ``dt`` seconds between two states.
 
-    The cubic in W that has their poses and velocities (Hermite).
+    The cubic Hermite interpolation of their poses and velocities in W.
     """
     first, last = np.array(before.pose), np.array(after.pose)
     rates = [dt * _in_world(state) for state in (before, after)]
-    s = part
+    s = fraction
     pose = (
         (1.0 + 2.0 * s) * (1.0 - s) ** 2 * first
         + s * (1.0 - s) ** 2 * rates[0]

@@ -46,7 +46,7 @@ class RenderedPlant(Plant, Protocol):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scene:
-    """The world that observers see.
+    """The simulated world that observers receive.
 
     Attributes:
         model: MuJoCo model of the world.
@@ -162,7 +162,7 @@ class _OwnWorld:
         for clock in self._clocks:
             clock.begin(self._scene)
 
-    def moved(self, state: PlantState, dt: float) -> None:
+    def advance(self, state: PlantState, dt: float) -> None:
         """Do nothing: the observers were called in the physics steps."""
 
     def _stepped(self) -> None:
@@ -194,11 +194,11 @@ class _ModelledWorld:
         for clock in self._clocks:
             clock.begin(self._scene)
 
-    def moved(self, state: PlantState, dt: float) -> None:
+    def advance(self, state: PlantState, dt: float) -> None:
         """The plant made one step: call the observers at the times within it."""
         if not all(map(isfinite, (*state.pose, *state.twist))):
             return
-        turned = self._ghost.turn_wheels(self._state, state, self._wheels, dt)
+        angles = self._ghost.next_wheel_angles(self._state, state, self._wheels, dt)
         end = self._t + dt
         times = {
             clock.next + k * clock.observer.period
@@ -206,12 +206,12 @@ class _ModelledWorld:
             for k in range(floor((end + _EARLY - clock.next) / clock.observer.period) + 1)
         }
         for t in sorted(times):
-            part = min(max((t - self._t) / dt, 0.0), 1.0)
-            wheels = self._wheels + part * (turned - self._wheels)
-            self._ghost.set_pose(t, interpolate_pose(self._state, state, dt, part), wheels)
+            fraction = min(max((t - self._t) / dt, 0.0), 1.0)
+            wheels = self._wheels + fraction * (angles - self._wheels)
+            self._ghost.set_pose(t, interpolate_pose(self._state, state, dt, fraction), wheels)
             for clock in self._clocks:
                 clock.tick(t)
-        self._t, self._state, self._wheels = end, state, turned
+        self._t, self._state, self._wheels = end, state, angles
 
 
 class _Observed:
@@ -234,7 +234,7 @@ class _Observed:
     def step(self, twist: BodyTwist, dt: float) -> PlantState:
         """Step the plant."""
         state = self._plant.step(twist, dt)
-        self._source.moved(state, dt)
+        self._source.advance(state, dt)
         return state
 
     def close(self) -> None:

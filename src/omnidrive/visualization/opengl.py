@@ -1,4 +1,4 @@
-"""OpenGL without a window."""
+"""Offscreen OpenGL contexts."""
 
 from __future__ import annotations
 
@@ -18,59 +18,61 @@ _CHOICE = "MUJOCO_GL"
 _OFF = {"disable", "disabled", "off", "false", "0"}
 _KINDS = {"egl": "egl", "osmesa": "osmesa", "cgl": "cgl", "glfw": "glfw", "glx": "glfw",
           "wgl": "glfw"}  # fmt: skip
-"""What MUJOCO_GL may say, and the module of MuJoCo that does it."""
+"""Values of MUJOCO_GL and the modules of MuJoCo that implement them."""
 
 
 def offscreen(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, mujoco.MjrContext]:
-    """An OpenGL context without a window, and what MuJoCo needs to draw ``model`` in it.
+    """Return an OpenGL context without a window, and MuJoCo's resources to draw ``model`` in it.
 
-    The environment variable MUJOCO_GL (`egl`, `osmesa`, `glfw`) decides how; without it, what the
-    machine has: EGL, which also works without a display, OSMesa, or an invisible window.
+    The environment variable MUJOCO_GL (`egl`, `osmesa`, `glfw`) selects the library. Otherwise the
+    first available one is used: EGL, which needs no display, OSMesa, or an invisible window.
 
     Args:
-        model: What is drawn; the size and how finely are noted in it.
-        width: Of the pictures, in pixels.
-        height: Of the pictures, in pixels.
+        model: Model to draw; the picture size and the rendering quality are set in it.
+        width: Width of the pictures, pixels.
+        height: Height of the pictures, pixels.
 
     Raises:
-        CannotDraw: None works.
+        CannotDraw: No library works.
     """
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-    quality = model.vis.quality  # without a graphics card fine surfaces take most of the time
+    quality = model.vis.quality  # coarse surfaces: fine ones are slow without a graphics card
     quality.numslices, quality.numstacks, quality.numquads = 28, 6, 1
     reasons = []
     for kind in _kinds():
         try:
-            with _chosen(kind):
+            with _environment(kind):
                 context = import_module(f"mujoco.{_KINDS[kind]}").GLContext(width, height)
                 context.make_current()
-                drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, drawing)
-        except Exception as error:  # each library fails in its own ways
+                resources = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, resources)
+        except Exception as error:  # the exceptions depend on the library
             reasons.append(f"{kind}: {str(error).strip() or type(error).__name__}")
         else:
-            return context, drawing
+            return context, resources
     raise CannotDraw(
-        f"there is no OpenGL to draw with ({'; '.join(reasons) or 'no library found'}). Install "
+        f"OpenGL is not available ({'; '.join(reasons) or 'no library found'}). Install "
         "EGL (Debian and Ubuntu: apt install libegl1) or OSMesa (libosmesa6), which work without "
-        "a display, and set MUJOCO_GL to egl or osmesa if the wrong one is taken"
+        "a display, and set MUJOCO_GL to egl or osmesa to choose one"
     )
 
 
 def has_display() -> bool:
-    """Whether there is a screen that windows can be on, as far as the environment says."""
+    """Return whether the environment names a display for windows."""
     if sys.platform in {"win32", "darwin"}:
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _kinds() -> list[str]:
-    """Ways to draw, the best first."""
-    asked = os.environ.get(_CHOICE, "").lower().strip()
-    if asked in _OFF:
-        raise CannotDraw(f"drawing is switched off by {_CHOICE}={asked}; set it to egl or unset it")
-    if asked in _KINDS:
-        return [asked]
+    """Return the libraries to try, the preferred one first."""
+    choice = os.environ.get(_CHOICE, "").lower().strip()
+    if choice in _OFF:
+        raise CannotDraw(
+            f"drawing is switched off by {_CHOICE}={choice}; set it to egl or unset it"
+        )
+    if choice in _KINDS:
+        return [choice]
     if sys.platform == "darwin":
         return ["cgl", "glfw"]
     libraries = {"egl": "EGL", "osmesa": "OSMesa"}
@@ -79,8 +81,8 @@ def _kinds() -> list[str]:
 
 
 @contextmanager
-def _chosen(kind: str) -> Iterator[None]:
-    """MuJoCo looks at the variable when it first draws, to find OpenGL's functions."""
+def _environment(kind: str) -> Iterator[None]:
+    """Set MUJOCO_GL, which MuJoCo reads when it first loads the functions of OpenGL."""
     before = os.environ.get(_CHOICE)
     os.environ[_CHOICE] = kind
     try:

@@ -1,4 +1,4 @@
-"""What was seen of a run, kept so that it can be drawn afterwards."""
+"""Recordings of runs, from which films are drawn."""
 
 from __future__ import annotations
 
@@ -22,60 +22,60 @@ from omnidrive.visualization.observer import Scene
 from omnidrive.visualization.overlays import sample_path
 
 FRAMES_PER_SECOND = 25.0
-"""Of films at real time: GIF counts in hundredths of a second."""
+"""Frame rate of films in real time; GIF measures intervals in hundredths of a second."""
 MAX_FRAMES = 15_000
-"""That are kept of one run: ten minutes. Of a longer one every second, or fourth, and so on."""
+"""Largest number of frames of one run: ten minutes. Of a longer run every 2nd, 4th, ... is kept."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Recording:
-    """States of a world, evenly spaced in time.
+    """States of a MuJoCo model at equal intervals of time.
 
     Attributes:
-        model: The world.
-        radius: Of the robot, in m.
-        path: Of the reference, in W, in m.
-        t: Time of each frame, in s.
-        places: MuJoCo's positions (``qpos``) in each; the first two are the robot's, in m.
-        moving: Of moving obstacles.
-        target: Where the robot should be, in m, m, rad.
+        model: The model.
+        radius: Radius of the robot, m.
+        path: Points of the reference path in W, m.
+        t: Time of each frame, s.
+        qpos: MuJoCo's ``qpos`` of each frame; the first two are the position of the robot, m.
+        mocap_positions: MuJoCo's ``mocap_pos`` of each frame: positions of moving obstacles, m.
+        target: Reference pose of each frame; m, m, rad.
     """
 
     model: mujoco.MjModel
     radius: float
     path: Float[Array, "points 2"]
     t: Float[Array, " frames"]
-    positions: Float[Array, "frames nq"]
-    moving: Float[Array, "frames moving 3"]
+    qpos: Float[Array, "frames nq"]
+    mocap_positions: Float[Array, "frames moving 3"]
     target: Float[Array, "frames 3"]
 
 
 class Recorder:
-    """An :class:`~omnidrive.visualization.Observer` that keeps what it sees.
+    """An :class:`~omnidrive.visualization.Observer` that records the states of a run.
 
-    It costs a run next to nothing; :func:`~omnidrive.visualization.film` draws it afterwards.
+    Recording takes hardly any time; :func:`~omnidrive.visualization.film` draws the recording.
     """
 
     def __init__(self) -> None:
         self._scene: Scene | None = None
         self._frames: list[tuple[float, Array, Array, Pose]] = []
-        self._stride, self._looks = 1, 0
+        self._stride, self._updates = 1, 0
 
     @property
     def period(self) -> float:
-        """Simulated time between frames, in s."""
+        """Simulated time between frames, s."""
         return 1.0 / FRAMES_PER_SECOND
 
     def begin(self, scene: Scene) -> None:
-        """Forget what was seen before."""
+        """Discard the previous recording."""
         self._scene = scene
-        self._frames, self._stride, self._looks = [], 1, 0
+        self._frames, self._stride, self._updates = [], 1, 0
 
     def update(self, t: float) -> None:
-        """Keep the scene as it is at ``t`` (s), unless it is not finite."""
+        """Record the state at ``t`` (s), unless it is not finite."""
         assert self._scene is not None
-        data, due = self._scene.data, self._looks % self._stride == 0
-        self._looks += 1
+        data, due = self._scene.data, self._updates % self._stride == 0
+        self._updates += 1
         if not due or not np.isfinite(data.qpos).all():
             return
         target = self._scene.reference.at(t).pose
@@ -85,21 +85,23 @@ class Recorder:
 
     @property
     def recording(self) -> Recording:
-        """What was seen of the last run.
+        """The recording of the last run.
 
         Raises:
-            InvalidInput: There was none.
+            InvalidInput: No run was recorded.
         """
         if self._scene is None:
-            raise InvalidInput("nothing was recorded: simulate a plant that this recorder watches")
-        times, positions, moving, targets = zip(*self._frames, strict=True)
+            raise InvalidInput(
+                "nothing was recorded: simulate a plant with this recorder (observe)"
+            )
+        times, qpos, mocap_positions, targets = zip(*self._frames, strict=True)
         return Recording(
             self._scene.model,
             self._scene.robot.body_radius,
             sample_path(self._scene.reference),
             np.array(times),
-            np.array(positions),
-            np.array(moving),
+            np.array(qpos),
+            np.array(mocap_positions),
             np.array(targets, dtype=float),
         )
 
@@ -111,17 +113,17 @@ def replay(
     obstacles: OccupancyGrid | None = None,
     moving: Sequence[MovingObstacle] = (),
 ) -> Recording:
-    """A recording made from the log of a run: of any plant, also a real robot.
+    """Return a recording made from the log of a run, of a simulated or real robot.
 
-    The poses are the log's, interpolated; wheels turn as if they did not slip.
+    Poses are interpolated between the rows of the log; wheels turn without slip.
 
     Args:
-        run: What was done.
-        robot: By whom.
-        obstacles: The map that stands around it.
-        moving: What moves there.
+        run: Log of the run.
+        robot: The robot.
+        obstacles: Map to draw.
+        moving: Moving obstacles to draw.
     """
-    puppet = GhostModel(robot, obstacles=obstacles, moving=moving)
+    ghost = GhostModel(robot, obstacles=obstacles, moving=moving)
     finite = np.isfinite(run.pose).all(axis=1) & np.isfinite(run.twist).all(axis=1)
     rows = len(run.t) if finite.all() else max(int(np.argmin(finite)), 1)
     frames = min(round((run.t[rows - 1] - run.t[0]) * FRAMES_PER_SECOND) + 1, MAX_FRAMES)
@@ -132,24 +134,24 @@ def replay(
     ]
     angles = [np.zeros(len(robot.mounts))]
     for k, dt in enumerate(np.diff(run.t[:rows]).tolist()):
-        angles.append(puppet.turn_wheels(states[k], states[k + 1], angles[k], dt))
-    positions, moved = [], []
+        angles.append(ghost.next_wheel_angles(states[k], states[k + 1], angles[k], dt))
+    qpos, mocap_positions = [], []
     for t in times.tolist():
         k = min(max(int(np.searchsorted(run.t[:rows], t, side="right")) - 1, 0), max(rows - 2, 0))
         last = min(k + 1, rows - 1)
         dt = float(run.t[last] - run.t[k])
         part = min((t - float(run.t[k])) / dt, 1.0) if dt > 0.0 else 0.0
         wheels = angles[k] + part * (angles[last] - angles[k])
-        puppet.set_pose(t, interpolate_pose(states[k], states[last], dt, part), wheels)
-        positions.append(puppet.data.qpos.copy())
-        moved.append(puppet.data.mocap_pos.copy())
+        ghost.set_pose(t, interpolate_pose(states[k], states[last], dt, part), wheels)
+        qpos.append(ghost.data.qpos.copy())
+        mocap_positions.append(ghost.data.mocap_pos.copy())
     target = np.column_stack([np.interp(times, run.t, column) for column in run.target.T])
     return Recording(
-        puppet.model,
+        ghost.model,
         robot.body_radius,
         run.target[:, :2].copy(),
         times,
-        np.array(positions),
-        np.array(moved),
+        np.array(qpos),
+        np.array(mocap_positions),
         target,
     )

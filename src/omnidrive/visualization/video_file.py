@@ -1,7 +1,7 @@
-"""Files of moving pictures.
+"""Video files.
 
-GIF is written by Pillow, which is always there. MP4 needs an encoder: the command ffmpeg, or OpenCV
-(extra `video`), whose packages for Linux and Windows hold an FFmpeg under the LGPL.
+GIF is written by Pillow, a required dependency. MP4 needs an encoder: the command ffmpeg, or OpenCV
+(extra `video`), whose packages for Linux and Windows contain an FFmpeg under the LGPL.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from PIL import Image
 from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, MissingExtra
 
-_SAME = 255  # index of the colour that is none: what was there before stays
+_UNCHANGED = 255  # index of the transparent colour, which keeps the previous frame's pixel
 _COMMAND = "ffmpeg"
 _ENCODERS = {
     "libx264": ["-preset", "veryfast", "-crf", "21"],
@@ -31,14 +31,14 @@ _ENCODERS = {
     "libvpx-vp9": ["-deadline", "realtime", "-cpu-used", "8", "-b:v", "2M"],
     "mpeg4": ["-q:v", "4"],
 }
-"""Of ffmpeg, the best first; which of them it has depends on who built it."""
+"""Encoders of ffmpeg in order of preference; their availability depends on its build."""
 
 
 def check_encoder() -> None:
-    """Refuse to go on if nothing here can write an MP4.
+    """Check that an encoder for MP4 is available.
 
     Raises:
-        MissingExtra: Nothing can.
+        MissingExtra: There is none.
     """
     if which(_COMMAND) is None and find_spec("cv2") is None:
         raise MissingExtra(
@@ -49,121 +49,119 @@ def check_encoder() -> None:
 
 def write_gif(
     path: Path,
-    pictures: Iterator[UInt8[Array, "height width 3"]],
-    per_second: float,
+    frames: Iterator[UInt8[Array, "height width 3"]],
+    rate: float,
     sample: UInt8[Array, "rows columns 3"],
 ) -> None:
-    """Write pictures as a GIF that repeats itself; all are in memory at the end.
+    """Write frames as a repeating GIF; Pillow keeps all of them in memory.
 
-    There are 255 colours, the same in all pictures. Pixels that keep their colour are written
-    as transparent, which takes little room.
+    All frames share 255 colours. Pixels that keep their colour are written as transparent, which
+    makes the file small.
 
     Args:
         path: The file.
-        pictures: All of one size; at least one.
-        per_second: How many of them; hundredths of a second between them are rounded.
-        sample: A picture of all colours that matter.
+        frames: Frames of the same size; at least one.
+        rate: Frames per second; the interval is rounded to hundredths of a second.
+        sample: Picture with all important colours.
     """
-    palette = Image.fromarray(sample).quantize(_SAME, dither=Image.Dither.NONE)
+    palette = Image.fromarray(sample).quantize(_UNCHANGED, dither=Image.Dither.NONE)
 
-    def quantized(picture: UInt8[Array, "height width 3"]) -> Image.Image:
-        """In the colours of the palette."""
-        return Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+    def quantized(frame: UInt8[Array, "height width 3"]) -> Image.Image:
+        """Return the frame in the colours of the palette."""
+        return Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
 
     def changes(first: Image.Image) -> Iterator[Image.Image]:
-        """What is new in each picture; all else is clear."""
+        """Yield the changed pixels of each frame; the others are transparent."""
         before = np.asarray(first)
-        for picture in pictures:
-            now = np.asarray(quantized(picture))
-            changed = Image.fromarray(np.where(now == before, np.uint8(_SAME), now))
+        for frame in frames:
+            now = np.asarray(quantized(frame))
+            changed = Image.fromarray(np.where(now == before, np.uint8(_UNCHANGED), now))
             changed.putpalette(palette.getpalette() or [])
             before = now
             yield changed
 
-    first = quantized(next(pictures))
+    first = quantized(next(frames))
     with path.open("wb") as file:
         first.save(
             file, format="GIF", save_all=True, append_images=changes(first), loop=0, disposal=1,
-            duration=round(100.0 / per_second) * 10, transparency=_SAME, optimize=False,
+            duration=round(100.0 / rate) * 10, transparency=_UNCHANGED, optimize=False,
         )  # fmt: skip
 
 
-def write_mp4(
-    path: Path, pictures: Iterator[UInt8[Array, "height width 3"]], per_second: float
-) -> None:
-    """Write pictures as an MP4.
+def write_mp4(path: Path, frames: Iterator[UInt8[Array, "height width 3"]], rate: float) -> None:
+    """Write frames as an MP4.
 
     Args:
         path: The file.
-        pictures: All of one size, of even width and height; at least one.
-        per_second: How many of them.
+        frames: Frames of the same size, with even width and height; at least one.
+        rate: Frames per second.
 
     Raises:
-        MissingExtra: Nothing here can.
+        MissingExtra: There is no encoder.
         CannotWrite: The encoder fails.
     """
     check_encoder()
-    write = _write_with_command if which(_COMMAND) else _write_with_library
-    first = next(pictures)
-    write(path, chain([first], pictures), per_second, (first.shape[1], first.shape[0]))
+    write = _write_with_ffmpeg if which(_COMMAND) else _write_with_opencv
+    first = next(frames)
+    write(path, chain([first], frames), rate, (first.shape[1], first.shape[0]))
 
 
-def _write_with_library(
+def _write_with_opencv(
     path: Path,
-    pictures: Iterable[UInt8[Array, "height width 3"]],
-    per_second: float,
+    frames: Iterable[UInt8[Array, "height width 3"]],
+    rate: float,
     size: tuple[int, int],
 ) -> None:
-    """As VP9, which browsers play as well: OpenCV's own FFmpeg has no encoder of H.264."""
+    """Write VP9, which browsers play: the FFmpeg of OpenCV has no encoder for H.264."""
     import cv2  # noqa: PLC0415 - an extra
 
     with TemporaryDirectory(dir=path.parent, prefix=".film-") as folder:
-        file = Path(folder) / "film.mp4"  # by whose ending it knows what to write
-        writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"vp09"), per_second, size)
+        file = Path(folder) / "film.mp4"  # OpenCV derives the format from the suffix
+        writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"vp09"), rate, size)
         if not writer.isOpened():
             raise CannotWrite("OpenCV cannot write an MP4 here; install the command ffmpeg")
         try:
-            for picture in pictures:
-                writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
+            for frame in frames:
+                writer.write(np.ascontiguousarray(frame[:, :, ::-1]))
         finally:
             writer.release()
         os.replace(file, path)
 
 
-def _write_with_command(
+def _write_with_ffmpeg(
     path: Path,
-    pictures: Iterable[UInt8[Array, "height width 3"]],
-    per_second: float,
+    frames: Iterable[UInt8[Array, "height width 3"]],
+    rate: float,
     size: tuple[int, int],
 ) -> None:
     command = [
         _COMMAND, "-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo",
-        "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}", "-r", f"{per_second:g}", "-i", "-",
+        "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}", "-r", f"{rate:g}", "-i", "-",
         "-an", "-c:v", *_best_encoder(), "-pix_fmt", "yuv420p", "-movflags", "+faststart",
         "-f", "mp4", f"file:{path}",
     ]  # fmt: skip
-    with TemporaryFile() as said:
-        encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said)
+    with TemporaryFile() as messages:
+        encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=messages, stderr=messages)
         assert encoder.stdin is not None
         try:
-            with suppress(BrokenPipeError):  # it says why
-                for picture in pictures:
-                    encoder.stdin.write(picture.tobytes())
+            with suppress(BrokenPipeError):  # ffmpeg reports the reason
+                for frame in frames:
+                    encoder.stdin.write(frame.tobytes())
         except BaseException:
             encoder.kill()
             raise
         finally:
-            with suppress(BrokenPipeError):  # what could not be written is written again
+            with suppress(BrokenPipeError):  # close() repeats a failed write
                 encoder.stdin.close()
             status = encoder.wait()
         if status != 0:
-            said.seek(0)
-            words = said.read(2000).decode(errors="replace").strip().replace("\n", "; ")
-            raise CannotWrite(f"ffmpeg cannot write the film: {words or f'status {status}'}")
+            messages.seek(0)
+            text = messages.read(2000).decode(errors="replace").strip().replace("\n", "; ")
+            raise CannotWrite(f"ffmpeg cannot write the film: {text or f'status {status}'}")
 
 
 def _best_encoder() -> list[str]:
-    """The best that ffmpeg has here, with its settings."""
+    """Return the preferred available encoder of ffmpeg with its options."""
     listed = subprocess.run(
         [_COMMAND, "-hide_banner", "-encoders"],
         capture_output=True, check=False, timeout=60, stdin=subprocess.DEVNULL,

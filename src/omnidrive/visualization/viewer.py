@@ -1,4 +1,4 @@
-"""MuJoCo's own viewer, on a run as it happens."""
+"""Display of a running simulation in MuJoCo's viewer."""
 
 from __future__ import annotations
 
@@ -23,64 +23,63 @@ from omnidrive.visualization.opengl import has_display
 from omnidrive.visualization.overlays import Overlays, sample_path
 from omnidrive.visualization.recording import FRAMES_PER_SECOND
 
-_OPENING = 30.0  # s that a window may take to open
-_LATE = 0.2  # s that the window may lag behind before it gives up to catch up
-_STEP = 0.2  # of the robot's radius from point to point of its trail
+_OPEN_TIMEOUT = 30.0  # s; longest wait for the window
+_MAX_DELAY = 0.2  # s; delay beyond which the clock is shifted instead of catching up
+_TRAIL_STEP = 0.2  # robot radii between points of the trail
 
 
 class Viewer:
-    """An :class:`~omnidrive.visualization.Observer` that shows a run in a window at real time.
+    """An :class:`~omnidrive.visualization.Observer` that shows a run in a window in real time.
 
-    The run waits for the clock; one that is too slow for it is shown as fast as it goes. When the
-    window is closed the run goes on without it, at full speed. The window shows a copy of the
-    world, so that nothing which is done in it changes the run. Use it in a ``with``: at its end the
-    window is closed.
+    The simulation waits for the clock; if it is slower than real time, it is not delayed. When the
+    window is closed, the simulation continues at full speed. The window shows a copy of the state,
+    so that actions in it do not change the run. Use it in a ``with``, which closes the window.
     """
 
     def __init__(self) -> None:
-        """Find a screen.
+        """Check that there is a display.
 
         Raises:
             CannotDraw: There is none.
         """
-        _find_screen()
+        _check_display()
         self._handle: Any = None
         self._scene: Scene | None = None
         self._copy: mujoco.MjData | None = None
         self._path = np.empty((0, 2))
         self._trail: list[tuple[float, float]] = []
-        self._began = 0.0
+        self._start = 0.0
 
     @property
     def period(self) -> float:
-        """Simulated time between frames, in s."""
+        """Simulated time between frames, s."""
         return 1.0 / FRAMES_PER_SECOND
 
     def begin(self, scene: Scene) -> None:
-        """Open the window, or show another run in a new one.
+        """Open a new window for the run.
 
         Raises:
-            CannotDraw: It does not open.
+            CannotDraw: The window does not open.
         """
         self.close()
         self._scene, self._path = scene, sample_path(scene.reference)
         self._trail = [scene.position]
         model = copy(scene.model)
         self._copy = mujoco.MjData(model)
-        self._show()
+        self._copy_state()
         self._handle = _open_window(model, self._copy)
         camera = make_camera(
             "auto", np.vstack([self._path, self._trail]), scene.robot.body_radius, 1.6
         )
         with self._handle.lock():
-            seen = self._handle.cam
-            seen.lookat[:] = camera.lookat
-            seen.distance, seen.azimuth = camera.distance, camera.azimuth
-            seen.elevation = camera.elevation
-        self._began = monotonic()
+            view = self._handle.cam
+            view.lookat[:] = camera.lookat
+            view.distance, view.azimuth = camera.distance, camera.azimuth
+            view.elevation = camera.elevation
+        self._start = monotonic()
 
     def update(self, t: float) -> None:
-        """Wait until it is time, and show the scene as it is at ``t`` (s)."""
+        """Show the state at ``t`` (s) and wait until the clock reaches it."""
         if self._handle is None or self._scene is None:
             return
         if not self._handle.is_running():
@@ -88,9 +87,9 @@ class Viewer:
             return
         robot = self._scene.robot
         x, y = self._scene.position
-        if hypot(x - self._trail[-1][0], y - self._trail[-1][1]) > _STEP * robot.body_radius:
+        if hypot(x - self._trail[-1][0], y - self._trail[-1][1]) > _TRAIL_STEP * robot.body_radius:
             self._trail.append((x, y))
-        marks = Overlays(
+        overlays = Overlays(
             self._path,
             np.array([*self._trail, (x, y)]),
             self._scene.reference.at(t).pose,
@@ -98,22 +97,22 @@ class Viewer:
         )
         with self._handle.lock():
             self._handle.user_scn.ngeom = 0
-            marks.add_to(self._handle.user_scn)
-            self._show()
+            overlays.add_to(self._handle.user_scn)
+            self._copy_state()
         self._handle.sync()
-        ahead = self._began + t - monotonic()
+        ahead = self._start + t - monotonic()
         if ahead > 0.0:
             sleep(ahead)
-        elif ahead < -_LATE:
-            self._began -= ahead
+        elif ahead < -_MAX_DELAY:
+            self._start -= ahead
 
-    def _show(self) -> None:
-        """Make the copy of the world what the world is now."""
+    def _copy_state(self) -> None:
+        """Copy the current state of the scene."""
         assert self._scene is not None
         assert self._copy is not None
-        world = self._scene.data
-        self._copy.qpos[:], self._copy.mocap_pos[:] = world.qpos, world.mocap_pos
-        self._copy.time = world.time
+        state = self._scene.data
+        self._copy.qpos[:], self._copy.mocap_pos[:] = state.qpos, state.mocap_pos
+        self._copy.time = state.time
         update_kinematics(self._copy.model, self._copy)
 
     def close(self) -> None:
@@ -134,38 +133,37 @@ class Viewer:
         self.close()
 
 
-def _find_screen() -> None:
-    """Refuse to go on without a screen."""
-    way_out = "a film needs none: --video FILE.gif"
+def _check_display() -> None:
+    """Raise CannotDraw without a display."""
+    advice = "a film needs none: --video FILE.gif"
     if not has_display():
         raise CannotDraw(
-            f"there is no display for the viewer's window (DISPLAY is not set); {way_out}"
+            f"there is no display for the viewer's window (DISPLAY is not set); {advice}"
         )
     try:
-        glfw = import_module("glfw")  # both look for libraries when they are imported
+        glfw = import_module("glfw")  # both load libraries at import
         import_module("mujoco.viewer")
-    except Exception as error:  # libraries for windows fail in their own ways
-        raise CannotDraw(f"the viewer cannot be loaded: {error}; {way_out}") from None
-    with warnings.catch_warnings(record=True) as said:
+    except Exception as error:  # the exceptions depend on the library
+        raise CannotDraw(f"the viewer cannot be loaded: {error}; {advice}") from None
+    with warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always")
-        ready = sys.platform == "darwin" or glfw.init()  # there it is for MuJoCo to do
+        ready = sys.platform == "darwin" or glfw.init()  # on macOS MuJoCo initialises GLFW
     if not ready:
-        reasons = "; ".join(str(each.message) for each in said) or "no reason given"
-        raise CannotDraw(f"there is no display for the viewer's window: {reasons}; {way_out}")
+        reasons = "; ".join(str(each.message) for each in messages) or "no reason given"
+        raise CannotDraw(f"there is no display for the viewer's window: {reasons}; {advice}")
 
 
 def _open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
-    """The viewer's handle.
+    """Open the window and return the handle of the viewer.
 
-    MuJoCo opens the window in a thread of its own, and waits for ever if that fails there: so the
-    waiting is bounded.
+    MuJoCo opens the window in another thread and blocks if that fails; this wait has a timeout.
     """
-    from mujoco import viewer  # noqa: PLC0415 - looks for a screen when it is imported
+    from mujoco import viewer  # noqa: PLC0415 - needs a display at import
 
     opened: list[Any] = []
 
     def launch() -> None:
-        """Put the window, or what went wrong, where the waiting looks."""
+        """Store the handle or the exception in ``opened``."""
         try:
             opened.append(
                 viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
@@ -175,8 +173,8 @@ def _open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
 
     thread = Thread(target=launch, daemon=True)
     thread.start()
-    thread.join(_OPENING)
+    thread.join(_OPEN_TIMEOUT)
     if not opened or isinstance(opened[0], Exception):
-        reason = opened[0] if opened else f"no window after {_OPENING:g} s"
+        reason = opened[0] if opened else f"no window after {_OPEN_TIMEOUT:g} s"
         raise CannotDraw(f"the viewer's window does not open: {reason}")
     return opened[0]
