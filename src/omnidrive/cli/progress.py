@@ -15,7 +15,7 @@ from omnidrive.compiled import kernels_are_kept
 from omnidrive.evaluation import Table
 from omnidrive.study import Study
 
-_FILE_WIDTH = 160  # characters; the widest table fits
+_FILE_WIDTH = 160  # characters; the tables of a study with one seed fit
 _SENTENCE_WIDTH = 30  # characters; minimum of a column with sentences
 
 
