@@ -32,7 +32,7 @@ def test_the_first_seed_is_that_of_a_study_without_repeats(folder):
     assert [job.repeat for job in once] == [0] * 4
     first = next(r for r in numbers(folder)["runs"] if r["controller"] == "holonomic-nmpc")
     alone = run_job(prepare(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
-    assert alone.name == first["name"] == "noise-recommended-20s"
+    assert alone.name == first["name"] == "noise-holonomic-nmpc-20s"
     assert alone.metrics.me == first["me"]
 
 
