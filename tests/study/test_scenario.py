@@ -90,7 +90,10 @@ def changed(*path, value):
         (changed("timing", "law", value="fast"), "timing.law: input should be 'uniform', 'lim"),
         (changed("map", "unknown", value="maybe"), "map.unknown: input should be 'occupied' or"),
         (changed("map", "margin", value=-0.5), "map.margin is -0.5 m, need 0 to 10 m"),
-        (changed("plant", value="rolers"), "plant: input should be 'mujoco-rollers', 'mujoco-balls', 'plan"),
+        (
+            changed("plant", value="rolers"),
+            "plant: input should be 'mujoco-rollers', 'mujoco-balls', 'plan",
+        ),
         (changed("controllers", value=["nmcp"]), "'holonomic-nmpc', got 'nmcp'"),
         (changed("nmpc", "horizon", value=0), "nmpc.horizon is 0 steps, need 1 to 200 steps"),
         (changed("tasks", value={}), "tasks names no task; there are track, noise"),
@@ -286,7 +289,9 @@ OLD = {
 def test_former_names_load_with_a_warning_that_names_the_new_one(key):
     former, present = OLD[key]
     data = scenario_data(paper_scenario()) | {key: former}
-    with pytest.warns(Renamed, match=r"is now called '(mujoco-balls|unicycle-nmpc|holonomic-nmpc)'") as notes:
+    with pytest.warns(
+        Renamed, match=r"is now called '(mujoco-balls|unicycle-nmpc|holonomic-nmpc)'"
+    ) as notes:
         scenario = parse_scenario(data, "old.yaml")
     assert getattr(scenario, key) == present
     assert len(notes) == (2 if key == "controllers" else 1)
