@@ -18,7 +18,7 @@ from omnidrive.study import (
     check_plan_targets,
     load_scenario,
     paper_scenario,
-    prepare,
+    plan_and_check,
     solve_queries,
 )
 from tests.shared_data import shared
@@ -76,9 +76,9 @@ def test_saved_folder_reproduces_the_reference(capsys, room, tmp_path):
     assert {path.name for path in (tmp_path / "p").iterdir()} == {
         "map.pgm", "map.yaml", "path.png", "reference.csv", "scenario.yaml",
     }  # fmt: skip
-    again = prepare(load_scenario(tmp_path / "p" / "scenario.yaml"))
+    again = plan_and_check(load_scenario(tmp_path / "p" / "scenario.yaml"))
     reference = load_waypoints(tmp_path / "p" / "reference.csv")
-    ours = again.reference(again.scenario.tasks.following[0])
+    ours = again.reference(again.scenario.tasks.path_durations[0])
     assert ours.duration == pytest.approx(reference.duration)
     window = ours.window(0.0, 20, 0.1), reference.window(0.0, 20, 0.1)
     assert window[0] == pytest.approx(window[1], abs=1e-6)
@@ -141,7 +141,7 @@ def test_differing_lengths_are_listed(capsys, tmp_path):
 
 def test_plan_of_the_paper_is_unchanged(capsys):
     assert "shortest duration   16.400 s" in plan(capsys)
-    assert prepare(paper_scenario()).plan.search_result.cells.shape == (42, 2)
+    assert plan_and_check(paper_scenario()).plan.search_result.cells.shape == (42, 2)
 
 
 @pytest.mark.parametrize(

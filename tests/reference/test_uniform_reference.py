@@ -16,10 +16,10 @@ from omnidrive.reference import (
     wheel_speed_used,
 )
 from omnidrive.robot import named_robot
-from omnidrive.study import paper_scenario, prepare
+from omnidrive.study import paper_scenario, plan_and_check
 from tests.shared_data import shared_table
 
-PREPARED = prepare(paper_scenario())
+PREPARED = plan_and_check(paper_scenario())
 
 
 @pytest.mark.parametrize("duration", [20.0, 30.0])

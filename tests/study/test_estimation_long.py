@@ -5,7 +5,7 @@ import pytest
 
 from omnidrive.estimation import PoseFixSettings
 from omnidrive.simulation import Outcome
-from omnidrive.study import Job, SensorsSection, paper_scenario, prepare, run_job
+from omnidrive.study import Job, SensorsSection, paper_scenario, plan_and_check, run_job
 
 pytestmark = pytest.mark.long
 
@@ -24,10 +24,10 @@ def test_true_errors_with_the_estimator_over_twenty_seeds(name):
     """-s prints the table of decision 0009."""
     fixes, me, mae = FIXES[name]
     scenario = paper_scenario().model_copy(update={"sensors": SensorsSection(fixes=fixes)})
-    prepared = prepare(scenario)
+    planned = plan_and_check(scenario)
     rows = []
     for repeat in range(SEEDS):
-        result = run_job(prepared, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
+        result = run_job(planned, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
         assert result.run.outcome is Outcome.FINISHED
         off = np.hypot(*(result.run.pose - result.run.measured)[:, :2].T)
         m = result.metrics

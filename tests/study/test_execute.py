@@ -13,13 +13,13 @@ import pytest
 from omnidrive.errors import WorkerLost
 from omnidrive.study.execute import execute
 from omnidrive.study.jobs import Job, jobs_of
-from omnidrive.study.planned_scenario import prepare
+from omnidrive.study.planned_scenario import plan_and_check
 from tests.study.small import small_scenario
 
 
 @pytest.fixture(scope="module")
-def prepared():
-    return prepare(small_scenario())
+def planned():
+    return plan_and_check(small_scenario())
 
 
 @pytest.fixture
@@ -32,18 +32,18 @@ def bystander():
     process.join()
 
 
-def test_runs_given_up_leave_no_worker_and_nobody_else_is_killed(prepared, bystander):
-    jobs = jobs_of(prepared.scenario)
-    results = execute(prepared, jobs, 2)
+def test_runs_given_up_leave_no_worker_and_nobody_else_is_killed(planned, bystander):
+    jobs = jobs_of(planned.scenario)
+    results = execute(planned, jobs, 2)
     next(results)
     assert len(active_children()) == 3
     results.close()
     assert active_children() == [bystander]
 
 
-def test_a_killed_worker_is_an_error_of_ours(prepared):
-    jobs = jobs_of(prepared.scenario)
-    results = execute(prepared, jobs, 2)
+def test_a_killed_worker_is_an_error_of_ours(planned):
+    jobs = jobs_of(planned.scenario)
+    results = execute(planned, jobs, 2)
     next(results)
     for worker in active_children():
         worker.kill()
@@ -53,9 +53,9 @@ def test_a_killed_worker_is_an_error_of_ours(prepared):
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signal masks")
-def test_signals_are_held_back_only_while_workers_are_started(prepared):
+def test_signals_are_held_back_only_while_workers_are_started(planned):
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    results = execute(prepared, jobs_of(prepared.scenario), 2)
+    results = execute(planned, jobs_of(planned.scenario), 2)
     next(results)
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
     results.close()
@@ -87,24 +87,24 @@ def begin_an_answer(die):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs Unix")
-def test_a_worker_killed_in_the_middle_of_its_answer_is_noticed(prepared):
-    job = jobs_of(prepared.scenario)[0]
+def test_a_worker_killed_in_the_middle_of_its_answer_is_noticed(planned):
+    job = jobs_of(planned.scenario)[0]
     with pytest.raises(WorkerLost):
-        list(execute(prepared, [Dying(*job), Stuck(*job)], 2))
+        list(execute(planned, [Dying(*job), Stuck(*job)], 2))
     assert not active_children()
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs Unix")
-def test_runs_are_given_up_even_in_the_middle_of_an_answer(prepared):
+def test_runs_are_given_up_even_in_the_middle_of_an_answer(planned):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    job = jobs_of(prepared.scenario)[0]
+    job = jobs_of(planned.scenario)[0]
     before = signal.signal(signal.SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, 5.0)
     try:
         with pytest.raises(KeyboardInterrupt):
-            list(execute(prepared, [Stuck(*job), Stuck(*job)], 2))
+            list(execute(planned, [Stuck(*job), Stuck(*job)], 2))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

@@ -16,7 +16,7 @@ from omnidrive.study import (
     make_controller,
     map_scenario,
     paper_scenario,
-    prepare,
+    plan_and_check,
     retime,
     run_job,
     run_study,
@@ -38,8 +38,8 @@ PLACES = {
 @pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_noise_rows_hold_for_other_seeds(controller, seed):
-    prepared = prepare(paper_scenario().model_copy(update={"seed": seed}))
-    m = run_job(prepared, Job("noise", controller, 30.0, 15)).metrics
+    planned = plan_and_check(paper_scenario().model_copy(update={"seed": seed}))
+    m = run_job(planned, Job("noise", controller, 30.0, 15)).metrics
     row = PUBLISHED_ERRORS["noise", 30.0, controller]
     assert m.me_measured <= 1.15 * row.me
     assert m.mae_measured <= 1.15 * row.mae
@@ -48,9 +48,9 @@ def test_the_noise_rows_hold_for_other_seeds(controller, seed):
 @pytest.mark.parametrize("plant", ["mujoco-balls", "mujoco-rollers"])
 @pytest.mark.parametrize("preset", ["paper", "published-code"])
 def test_every_run_of_the_study_finishes_on_every_plant_with_forces(plant, preset):
-    prepared = prepare(paper_scenario(preset).model_copy(update={"plant": plant}))
-    for job in jobs_of(prepared.scenario):
-        assert run_job(prepared, job).run.outcome is Outcome.FINISHED, job
+    planned = plan_and_check(paper_scenario(preset).model_copy(update={"plant": plant}))
+    for job in jobs_of(planned.scenario):
+        assert run_job(planned, job).run.outcome is Outcome.FINISHED, job
 
 
 @pytest.mark.parametrize("name", PLACES)
@@ -95,7 +95,7 @@ class Odometer(MujocoPlant):
 
 def test_wheels_that_must_not_spin_keep_most_of_their_odometry():
     """The table of decision 0007; -s prints it."""
-    paper = prepare(paper_scenario())
+    paper = plan_and_check(paper_scenario())
     reference, robot = paper.reference(20.0), paper.robot
     found = {}
     for may_spin, traction in ((True, 0.85), (True, 1.0), (False, 0.85), (False, 0.6)):

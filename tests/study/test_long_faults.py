@@ -3,7 +3,7 @@
 import pytest
 
 from omnidrive.simulation import Outcome, parse_fault
-from omnidrive.study import jobs_of, paper_scenario, prepare, run_job, run_study
+from omnidrive.study import jobs_of, paper_scenario, plan_and_check, run_job, run_study
 from omnidrive.study.tasks import DurationsTask, FaultsTask, Tasks
 
 pytestmark = pytest.mark.long
@@ -40,10 +40,10 @@ def test_nobody_diverges_silently(preset, plant):
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("preset", PRESETS)
 def test_nothing_is_found_where_nothing_is_wrong(preset, plant):
-    prepared = prepare(paper_scenario(preset).model_copy(update={"plant": plant}))
-    for job in jobs_of(prepared.scenario):
+    planned = plan_and_check(paper_scenario(preset).model_copy(update={"plant": plant}))
+    for job in jobs_of(planned.scenario):
         if job.task != "horizon":
-            run = run_job(prepared, job).run
+            run = run_job(planned, job).run
             assert run.events == (), job
             assert run.outcome is Outcome.FINISHED, job
 

@@ -9,7 +9,7 @@ from omnidrive.evaluation import measure
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference import Setpoint
 from omnidrive.simulation import simulate
-from omnidrive.study import paper_scenario, prepare
+from omnidrive.study import paper_scenario, plan_and_check
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.plants import make_plant
 
@@ -43,7 +43,7 @@ class FromRestToRest:
 
 @pytest.fixture(scope="module")
 def paper():
-    return prepare(paper_scenario())
+    return plan_and_check(paper_scenario())
 
 
 def followed(paper, reference, **changes):

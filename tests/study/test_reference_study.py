@@ -4,7 +4,7 @@ import pytest
 
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.simulation import Outcome
-from omnidrive.study import Job, jobs_of, paper_scenario, prepare, run_job
+from omnidrive.study import Job, jobs_of, paper_scenario, plan_and_check, run_job
 
 RECOMMENDED = {20.0: (0.0044, 0.0031), 30.0: (0.00135, 0.00105)}
 RECOMMENDED_PID = {20.0: (0.007, 0.006), 30.0: (0.0025, 0.002)}
@@ -17,7 +17,7 @@ def name(job):
 
 @pytest.fixture(scope="module")
 def paper():
-    return prepare(paper_scenario())
+    return plan_and_check(paper_scenario())
 
 
 @pytest.mark.parametrize("job", [j for j in TRACKS if j.controller != "holonomic-nmpc"], ids=name)
@@ -64,7 +64,7 @@ def test_step_response_arrives(paper, controller):
 @pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc"])
 def test_published_code_turns_at_its_slip(controller):
     """The preset takes over R = 0.5: commanded turns come out at 0.707."""
-    published = prepare(paper_scenario("published-code"))
+    published = plan_and_check(paper_scenario("published-code"))
     assert published.robot.assumed_effective_radius == 0.5
     result = run_job(published, Job("track", controller, 20.0, 15))
     row = PUBLISHED_ERRORS["track", 20.0, controller]
@@ -74,7 +74,7 @@ def test_published_code_turns_at_its_slip(controller):
 
 @pytest.fixture(scope="module")
 def recommended():
-    return prepare(paper_scenario("recommended"))
+    return plan_and_check(paper_scenario("recommended"))
 
 
 @pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from omnidrive.study import Job, jobs_of, one_task, prepare, retime, run_job, run_study
+from omnidrive.study import Job, jobs_of, one_task, plan_and_check, retime, run_job, run_study
 from tests.study.small import noise_scenario, small_scenario
 from tests.study.test_study import numbers
 
@@ -31,7 +31,7 @@ def test_the_first_seed_is_that_of_a_study_without_repeats(folder):
     once = [job for job in jobs_of(small_scenario()) if job.task == "noise"]
     assert [job.repeat for job in once] == [0] * 4
     first = next(r for r in numbers(folder)["runs"] if r["controller"] == "holonomic-nmpc")
-    alone = run_job(prepare(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
+    alone = run_job(plan_and_check(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
     assert alone.name == first["name"] == "noise-holonomic-nmpc-20s"
     assert alone.metrics.me == first["me"]
 

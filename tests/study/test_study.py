@@ -153,7 +153,7 @@ class Interrupts:
 def test_what_was_finished_before_an_interruption_is_readable(tmp_path, processes):
     folder = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        run_study(small_scenario(), folder, processes=processes, watcher=Interrupts())
+        run_study(small_scenario(), folder, processes=processes, progress=Interrupts())
     data = json.loads((folder / "results.json").read_text())
     done = len(data["runs"]) + len({s["controller"] for s in data["step_response"]})
     assert done == 2

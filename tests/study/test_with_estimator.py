@@ -23,7 +23,7 @@ from omnidrive.study import (
     make_estimator,
     make_sensors,
     paper_scenario,
-    prepare,
+    plan_and_check,
     run_job,
     save_scenario,
 )
@@ -42,9 +42,9 @@ def with_sensors(**changes):
 @pytest.mark.parametrize(("fixes", "limit"), [(PoseFixSettings(), 0.010), (HARD, 0.015)])
 def test_noise_is_seen_through_on_physics(fixes, limit):
     """Far from the 0.0566 m and 0.0586 rad that the paper reached; two seeds of the long test."""
-    prepared = prepare(with_sensors(fixes=fixes))
+    planned = plan_and_check(with_sensors(fixes=fixes))
     for repeat in range(2):
-        result = run_job(prepared, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
+        result = run_job(planned, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
         assert result.run.outcome is Outcome.FINISHED
         assert result.metrics.me <= limit
         assert result.metrics.mae <= 0.006
@@ -119,13 +119,13 @@ def test_without_an_estimator_fixes_at_every_sample_are_the_papers_noise():
 
 
 def test_every_task_runs_with_an_estimator():
-    prepared = prepare(small_scenario(sensors=SensorsSection()))
+    planned = plan_and_check(small_scenario(sensors=SensorsSection()))
     for task in ("track", "noise", "step"):
         seconds = 4.0 if task == "step" else 20.0
-        result = run_job(prepared, Job(task, "feedforward", seconds))
+        result = run_job(planned, Job(task, "feedforward", seconds))
         assert result.run.outcome is Outcome.FINISHED
         assert np.hypot(*(result.run.pose - result.run.measured)[:, :2].T).max() < 0.1
-        again = run_job(prepared, Job(task, "feedforward", seconds))
+        again = run_job(planned, Job(task, "feedforward", seconds))
         assert (again.run.pose == result.run.pose).all()
 
 

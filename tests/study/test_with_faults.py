@@ -14,7 +14,7 @@ from omnidrive.study import (
     faults_of,
     load_scenario,
     paper_scenario,
-    prepare,
+    plan_and_check,
     run_study,
     save_scenario,
 )
@@ -189,7 +189,7 @@ def test_forces_need_a_plant_that_knows_them():
 
 def test_wheels_that_are_not_there_are_found_before_anything_runs():
     with pytest.raises(InvalidInput, match="no wheel 6"):
-        prepare(faulty("encoder-dead:wheel=6"))
+        plan_and_check(faulty("encoder-dead:wheel=6"))
 
 
 def verb(name, *words):

@@ -86,7 +86,7 @@ def compare(
     resolved = with_faults(resolved, fault)
     folder = out or default_folder(resolved.name)
     with LiveProgress() as progress:
-        study = run_study(resolved, folder, processes=jobs or available_cores(), watcher=progress)
+        study = run_study(resolved, folder, processes=jobs or available_cores(), progress=progress)
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:

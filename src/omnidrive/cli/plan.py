@@ -21,10 +21,10 @@ from omnidrive.study import (
     Fact,
     PlannedScenario,
     check_plan_targets,
+    plan_and_check,
     plan_at,
     plan_facts,
     planned_duration,
-    prepare,
     save_figure,
     save_plan,
     solve_queries,
@@ -89,26 +89,26 @@ def plan(
         typer.echo("compiling, the first time only; this takes up to a minute", err=True)
     at_best = shared.map_file is not None or shared.timing in {"limits", "minimum-time"}
     if at_best and shared.duration is None:
-        prepared = plan_at(shared.resolve(retimed=False), shared.speed)
+        planned = plan_at(shared.resolve(retimed=False), shared.speed)
     else:
-        prepared = prepare(shared.resolve())
-    _report(prepared, out, png, json)
+        planned = plan_and_check(shared.resolve())
+    _report(planned, out, png, json)
 
 
-def _report(prepared: PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:
+def _report(planned: PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:
     """Print the results and write the requested files."""
-    reference = prepared.reference(planned_duration(prepared))
-    facts = plan_facts(prepared, reference)
+    reference = planned.reference(planned_duration(planned))
+    facts = plan_facts(planned, reference)
     if json:
         typer.echo(json_format.dumps(dict(_key(*item) for item in facts.items()), indent=2))
     else:
         for name, fact in facts.items():
             typer.echo(f"{name:<20}{fact}")
     if out:
-        save_plan(prepared, reference, out)
+        save_plan(planned, reference, out)
         typer.echo(f"written to {out}", err=json)
     if png:
-        save_figure(prepared, reference, png)
+        save_figure(planned, reference, png)
         typer.echo(f"figure written to {png}", err=json)
 
 

@@ -101,9 +101,9 @@ def warn_of_collisions(study: Study) -> None:
             f"Runs with collisions: {', '.join(counts)}.",
             markup=False, highlight=False,
         )  # fmt: skip
-    if study.touching:
+    if study.overlaps:
         Console(stderr=True).print(
-            f"Runs in which the robot overlaps an obstacle: {', '.join(study.touching)}.",
+            f"Runs in which the robot overlaps an obstacle: {', '.join(study.overlaps)}.",
             markup=False, highlight=False,
         )  # fmt: skip
 

@@ -81,7 +81,7 @@ def run(
         viewers = [stack.enter_context(Viewer())] if view else []
         recorders = [Recorder()] if video is not None else []
         progress = stack.enter_context(LiveProgress())
-        study = run_study(resolved, folder, watcher=progress, observers=[*viewers, *recorders])
+        study = run_study(resolved, folder, progress=progress, observers=[*viewers, *recorders])
         videos = [_film(recorder, video, progress) for recorder in recorders if video is not None]
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))

@@ -2,7 +2,7 @@ from .folder import RunFolder
 from .jobs import Job, faults_of, jobs_of, make_controller, make_estimator, make_sensors, run_job
 from .output_folder import check_new_folder, check_plan_targets
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
-from .planned_scenario import PlannedScenario, plan_scenario, prepare
+from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
 from .queries import solve_queries
 from .scenario import (
@@ -57,11 +57,11 @@ __all__ = [
     "map_scenario",
     "one_task",
     "paper_scenario",
+    "plan_and_check",
     "plan_at",
     "plan_facts",
     "plan_scenario",
     "planned_duration",
-    "prepare",
     "retime",
     "robot_section",
     "run_job",

@@ -33,7 +33,7 @@ _ENDINGS = _KEYBOARD | {signal.SIGTERM}
 
 
 def execute(
-    prepared: PlannedScenario,
+    planned: PlannedScenario,
     jobs: Sequence[Job],
     processes: int,
     observers: Sequence[Observer] = (),
@@ -49,12 +49,12 @@ def execute(
         WorkerLost: A worker process was killed; what was yielded before stands.
     """
     queue = sorted(jobs, key=lambda job: (-job.duration, job.controller not in PREDICTIVE))
-    alone = prepared.scenario.plant_capabilities.exclusive or bool(observers)
+    alone = planned.scenario.plant_capabilities.exclusive or bool(observers)
     if alone or processes <= 1 or len(queue) <= 1:
         for job in queue:
-            yield job, run_job(prepared, job, observers)
+            yield job, run_job(planned, job, observers)
         return
-    data = pickle.dumps(prepared)
+    data = pickle.dumps(planned)
     shared = RawArray(c_char, len(data))  # a worker that cannot start would never read it from us
     shared.raw = data
     with _undisturbed():  # this starts Python's own helper, the resource tracker

@@ -59,13 +59,13 @@ class RunFolder:
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
 
-    def save_inputs(self, prepared: PlannedScenario) -> None:
+    def save_inputs(self, planned: PlannedScenario) -> None:
         """Write the resolved scenario and, unless it is the paper's, the map."""
-        if prepared.scenario.map.source != "paper":
+        if planned.scenario.map.source != "paper":
             with writing(self.path):
-                save_nav2_map(prepared.obstacles, self.path / "map.yaml")
+                save_nav2_map(planned.obstacles, self.path / "map.yaml")
         with self.whole("scenario.yaml") as path:
-            save_scenario(_portable(prepared.scenario), path)
+            save_scenario(_portable(planned.scenario), path)
 
     def save_series(self, name: str, run: Run) -> None:
         """Write one run's time series to ``series/NAME.parquet``."""
@@ -74,7 +74,7 @@ class RunFolder:
             pq.write_table(series_table(run), path)
 
     def save_results(
-        self, prepared: PlannedScenario, results: StudyResults, timing: dict[str, float]
+        self, planned: PlannedScenario, results: StudyResults, timing: dict[str, float]
     ) -> None:
         """Write ``results.json``; see docs/run-folder.md for its schema."""
         data = {
@@ -83,7 +83,7 @@ class RunFolder:
                 "python": python_version(),
                 **{name: version(name) for name in _VERSIONS},
             },
-            "scenario": scenario_data(_portable(prepared.scenario)),
+            "scenario": scenario_data(_portable(planned.scenario)),
             "path": {"length": results.spline.length, "cells": len(results.grid_path.poses)},
             "runs": [track_record(result) for result in results.tracks],
             "step_response": [row for step in results.steps for row in step_records(step)],

@@ -36,7 +36,7 @@ from omnidrive.simulation import (
 )
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import plant_of
-from omnidrive.study.scenario import MOVED_BY_FORCES, PREDICTIVE, ControllerName, Scenario
+from omnidrive.study.scenario import NEED_FORCES, PREDICTIVE, ControllerName, Scenario
 from omnidrive.study.supervision import make_supervisor
 from omnidrive.study.tasks import TaskName
 from omnidrive.visualization import Observer
@@ -96,18 +96,18 @@ def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
     task = scenario.tasks.faults
     if task is None or task.faults:
         return task.faults if task else ()
-    unknown = () if scenario.plant_capabilities.forces else MOVED_BY_FORCES
+    unknown = () if scenario.plant_capabilities.forces else NEED_FORCES
     return tuple(f for f in default_faults(0.25 * task.duration) if f.kind not in unknown)
 
 
 def run_job(
-    prepared: PlannedScenario, job: Job, observers: Sequence[Observer] = ()
+    planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()
 ) -> TrackResult | StepResult | FaultResult:
     """Do one run and measure it, while ``observers`` see it."""
     if job.task == "faults":
-        return _fault(prepared, job, observers)
+        return _fault(planned, job, observers)
     do = _step if job.task == "step" else _track
-    return do(prepared, job, observers)
+    return do(planned, job, observers)
 
 
 def make_controller(
@@ -149,7 +149,7 @@ def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
 
 
 def _simulated(
-    prepared: PlannedScenario,
+    planned: PlannedScenario,
     job: Job,
     plant: Plant,
     reference: Reference,
@@ -163,7 +163,7 @@ def _simulated(
     ``[seed, duration]``: a zero at the end of a numpy seed of few words does not count. Jitter's
     are apart from those of the sensors.
     """
-    scenario, robot = prepared.scenario, prepared.robot
+    scenario, robot = planned.scenario, planned.robot
     controller = make_controller(scenario, robot, job.controller, job.horizon)
     every = (*scenario.faults, *faults)
     seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
@@ -183,14 +183,14 @@ def _simulated(
     )
 
 
-def _fault(prepared: PlannedScenario, job: Job, observers: Sequence[Observer]) -> FaultResult:
+def _fault(planned: PlannedScenario, job: Job, observers: Sequence[Observer]) -> FaultResult:
     """Follow the path with one fault of the task, or with none."""
-    reference = prepared.reference(job.duration)
-    fault = (None, *faults_of(prepared.scenario))[job.fault]
+    reference = planned.reference(job.duration)
+    fault = (None, *faults_of(planned.scenario))[job.fault]
     faults = (fault,) if fault else ()
-    with plant_of(prepared, reference, observers=observers) as plant:
-        run = _simulated(prepared, job, plant, reference, faults=faults)
-    metrics = measure(run, prepared.robot.drive)
+    with plant_of(planned, reference, observers=observers) as plant:
+        run = _simulated(planned, job, plant, reference, faults=faults)
+    metrics = measure(run, planned.robot.drive)
     return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
 
 
@@ -216,26 +216,26 @@ def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateE
     return PoseEstimator(robot, sensors.settings, section.estimator, slips=slips)
 
 
-def _track(prepared: PlannedScenario, job: Job, observers: Sequence[Observer]) -> TrackResult:
+def _track(planned: PlannedScenario, job: Job, observers: Sequence[Observer]) -> TrackResult:
     """Follow the path."""
-    reference = prepared.reference(job.duration)
-    with plant_of(prepared, reference, job.repeat, observers=observers) as plant:
-        run = _simulated(prepared, job, plant, reference)
+    reference = planned.reference(job.duration)
+    with plant_of(planned, reference, job.repeat, observers=observers) as plant:
+        run = _simulated(planned, job, plant, reference)
     return TrackResult(
         job.controller, job.task, job.duration, job.task == "noise", job.horizon, run,
-        measure(run, prepared.robot.drive), prepared.clearance(run.pose[:, :2]), job.repeat,
+        measure(run, planned.robot.drive), planned.clearance(run.pose[:, :2]), job.repeat,
     )  # fmt: skip
 
 
-def _step(prepared: PlannedScenario, job: Job, observers: Sequence[Observer]) -> StepResult:
+def _step(planned: PlannedScenario, job: Job, observers: Sequence[Observer]) -> StepResult:
     """Let the reference jump from the start pose, on an empty floor."""
-    task = prepared.scenario.tasks.step
+    task = planned.scenario.tasks.step
     assert task is not None
-    start = prepared.start
+    start = planned.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
     reference = Hold(goal, job.duration)
-    with plant_of(prepared, reference, on_map=False, observers=observers) as plant:
-        run = _simulated(prepared, job, plant, reference, start=start)
+    with plant_of(planned, reference, on_map=False, observers=observers) as plant:
+        run = _simulated(planned, job, plant, reference, start=start)
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )

@@ -30,52 +30,52 @@ class Fact(NamedTuple):
         return f"{value} {self.unit}".rstrip()
 
 
-def planned_duration(prepared: PlannedScenario) -> float:
+def planned_duration(planned: PlannedScenario) -> float:
     """Return the scenario's first path duration, in s; without one, the shortest feasible."""
-    following = prepared.scenario.tasks.following
-    return following[0] if following else prepared.shortest
+    durations = planned.scenario.tasks.path_durations
+    return durations[0] if durations else planned.shortest
 
 
-def plan_facts(prepared: PlannedScenario, reference: Reference) -> dict[str, Fact]:
+def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact]:
     """Return the results of planning, by name.
 
     Args:
-        prepared: The planned scenario.
+        planned: The planned scenario.
         reference: The path in time.
     """
-    found, path = prepared.plan.search_result, prepared.path
+    found, path = planned.plan.search_result, planned.path
     attained, proved = path.max_curvature
     facts = {
-        "search": Fact(prepared.scenario.path.search),
+        "search": Fact(planned.scenario.path.search),
         "expansions": Fact(found.expansions, digits=0),
         "search time": Fact(1e3 * found.seconds, "ms"),
         "cells of grid path": Fact(len(found.cells), digits=0),
-        "length of grid path": Fact(prepared.plan.grid_path.length, "m"),
-        "smoothing": Fact(prepared.scenario.path.smooth),
+        "length of grid path": Fact(planned.plan.grid_path.length, "m"),
+        "smoothing": Fact(planned.scenario.path.smooth),
         "length": Fact(path.length, "m"),
-        "clearance": Fact(prepared.clearance_bounds[0], "m"),
+        "clearance": Fact(planned.clearance_bounds[0], "m"),
         "largest curvature": Fact(attained if np.isinf(proved) else proved, "1/m"),
-        "timing": Fact(prepared.scenario.timing.law),
-        "shortest duration": Fact(prepared.shortest, "s"),
+        "timing": Fact(planned.scenario.timing.law),
+        "shortest duration": Fact(planned.shortest, "s"),
         "duration": Fact(reference.duration, "s"),
         "mean speed": Fact(path.length / reference.duration, "m/s"),
         **{
             f"{name} used": Fact(100.0 * share, "%", 1)
-            for name, share in _limit_usage(prepared, reference).items()
+            for name, share in _limit_usage(planned, reference).items()
         },
     }
-    return facts | ({"note": Fact(prepared.note)} if prepared.note else {})
+    return facts | ({"note": Fact(planned.note)} if planned.note else {})
 
 
-def _limit_usage(prepared: PlannedScenario, reference: Reference) -> dict[str, float]:
+def _limit_usage(planned: PlannedScenario, reference: Reference) -> dict[str, float]:
     """Return the peak utilisation of every limit by the reference, by name."""
     if isinstance(reference, TimedReference):
         return reference.limit_usage
-    share = wheel_speed_used(prepared.path, reference.duration, prepared.robot.chassis)
+    share = wheel_speed_used(planned.path, reference.duration, planned.robot.chassis)
     return {"wheel speed": share}
 
 
-def save_figure(prepared: PlannedScenario, reference: Reference, path: Path) -> None:
+def save_figure(planned: PlannedScenario, reference: Reference, path: Path) -> None:
     """Draw map, grid path, path and headings, and the speeds over time, as PNG or SVG.
 
     Raises:
@@ -87,9 +87,9 @@ def save_figure(prepared: PlannedScenario, reference: Reference, path: Path) -> 
     check_picture_name(path)
     times = np.linspace(0.0, reference.duration, _SAMPLES)
     figure = plan_figure(
-        prepared.obstacles,
-        prepared.plan.free_space,
-        prepared.plan.grid_path,
+        planned.obstacles,
+        planned.plan.free_space,
+        planned.plan.grid_path,
         times,
         _window(reference),
     )
@@ -101,11 +101,11 @@ def save_figure(prepared: PlannedScenario, reference: Reference, path: Path) -> 
         ) from None
 
 
-def save_plan(prepared: PlannedScenario, reference: Reference, path: Path) -> None:
+def save_plan(planned: PlannedScenario, reference: Reference, path: Path) -> None:
     """Write the reference to a waypoint file, one row per sample time, or to a folder.
 
     Args:
-        prepared: The planned scenario.
+        planned: The planned scenario.
         reference: The path in time.
         path: A waypoint file, or a new folder for scenario.yaml, reference.csv and path.png.
 
@@ -114,13 +114,13 @@ def save_plan(prepared: PlannedScenario, reference: Reference, path: Path) -> No
         CannotWrite: The file or folder cannot be created, or the folder is not empty.
     """
     if is_waypoint_file(path):
-        save_waypoints(path, reference, dt=prepared.scenario.sample_time)
+        save_waypoints(path, reference, dt=planned.scenario.sample_time)
         return
     from omnidrive.study.folder import RunFolder  # noqa: PLC0415 - takes a second
 
-    RunFolder(path).save_inputs(prepared)
-    save_waypoints(path / "reference.csv", reference, dt=prepared.scenario.sample_time)
-    save_figure(prepared, reference, path / "path.png")
+    RunFolder(path).save_inputs(planned)
+    save_waypoints(path / "reference.csv", reference, dt=planned.scenario.sample_time)
+    save_figure(planned, reference, path / "path.png")
 
 
 def _window(reference: Reference) -> np.ndarray:

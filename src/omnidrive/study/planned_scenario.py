@@ -154,16 +154,16 @@ def _timed(
     return found.spline, reference, ""
 
 
-def prepare(scenario: Scenario) -> PlannedScenario:
+def plan_and_check(scenario: Scenario) -> PlannedScenario:
     """As :func:`plan_scenario`, and check that the robot can follow the path in every duration.
 
     Raises:
         InvalidReference: A duration is too short for the wheels; the message says which is not.
         InvalidInput: A fault is of a wheel that the robot does not have.
     """
-    prepared = plan_scenario(scenario)
+    planned = plan_scenario(scenario)
     task = scenario.tasks.faults
-    Schedule((*scenario.faults, *(task.faults if task else ())), prepared.robot)
-    for duration in scenario.tasks.following:
-        prepared.reference(duration)
-    return prepared
+    Schedule((*scenario.faults, *(task.faults if task else ())), planned.robot)
+    for duration in scenario.tasks.path_durations:
+        planned.reference(duration)
+    return planned

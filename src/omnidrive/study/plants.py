@@ -57,7 +57,7 @@ def make_plant(
 
 @contextmanager
 def plant_of(
-    prepared: PlannedScenario,
+    planned: PlannedScenario,
     reference: Reference,
     repeat: int = 0,
     *,
@@ -67,19 +67,19 @@ def plant_of(
     """The scenario's plant, stopped at the end if it would go on by itself.
 
     Args:
-        prepared: The scenario with its map.
+        planned: The scenario with its map.
         reference: What it is to follow, for onlookers.
         repeat: Which of the random numbers; every controller meets the same ones.
         on_map: Whether the map's obstacles stand around it, or it is on an endless floor.
         observers: Observers of the run.
     """
-    scenario = prepared.scenario
+    scenario = planned.scenario
     # apart from the numbers of the noise
     seed = np.random.SeedSequence(scenario.seed, spawn_key=(repeat,))
-    obstacles = prepared.obstacles if on_map else None
+    obstacles = planned.obstacles if on_map else None
     moving = [section.obstacle() for section in scenario.map.moving] if on_map else []
     plant = make_plant(
-        prepared.robot,
+        planned.robot,
         scenario.plant,
         rng=np.random.default_rng(seed) if scenario.robot.roller_phase else None,
         obstacles=obstacles,
@@ -88,7 +88,7 @@ def plant_of(
     )
     try:
         yield observe(
-            plant, prepared.robot, reference, observers, obstacles=obstacles, moving=moving
+            plant, planned.robot, reference, observers, obstacles=obstacles, moving=moving
         )
     finally:
         plant.close()

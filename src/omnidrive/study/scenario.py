@@ -69,7 +69,7 @@ MAX_STEPS = 200_000
 MAX_NOISE_STEPS = 1_000_000
 """Maximum number of samples of one controller's noise runs per duration, all kept in memory."""
 
-MOVED_BY_FORCES = tuple(kind for kind in ON_THE_PLANT if kind != "pose-jump")
+NEED_FORCES = tuple(kind for kind in ON_THE_PLANT if kind != "pose-jump")
 """Kinds of faults that need a plant with forces."""
 
 _Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
@@ -315,7 +315,7 @@ class Scenario(Section):
                 f"asks for a run of {steps:.0f} samples, need at most {MAX_STEPS}: "
                 "shorten the longest duration or lengthen sample_time"
             )
-        steps = self.tasks.with_noise / self.sample_time
+        steps = self.tasks.noise_duration / self.sample_time
         if steps > MAX_NOISE_STEPS:
             raise ValueError(
                 f"asks for {steps:.0f} samples with noise, need at most {MAX_NOISE_STEPS}: "
@@ -333,7 +333,7 @@ class Scenario(Section):
                     f"fault {fault.kind} begins at {fault.at:g} s, after a run's end at "
                     f"{ends:g} s: let it begin earlier"
                 )
-            if not self.plant_capabilities.forces and fault.kind in MOVED_BY_FORCES:
+            if not self.plant_capabilities.forces and fault.kind in NEED_FORCES:
                 raise ValueError(
                     f"fault {fault.kind} needs forces, which the plant {self.plant} does not have; "
                     f"use {_plants_with('disturbable', 'forces')}"

@@ -25,7 +25,7 @@ from omnidrive.study.execute import Result, execute
 from omnidrive.study.folder import RunFolder, writing
 from omnidrive.study.jobs import Job, jobs_of
 from omnidrive.study.output_folder import check_new_folder
-from omnidrive.study.planned_scenario import PlannedScenario, prepare
+from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.study.scenario import Scenario, paper_scenario
 from omnidrive.visualization import Observer
 
@@ -70,7 +70,7 @@ class Study:
     timing: dict[str, float]
 
     @property
-    def touching(self) -> list[str]:
+    def overlaps(self) -> list[str]:
         """Names of the runs whose robot would have touched an obstacle, had it stood there."""
         bumped = self.collisions
         return [
@@ -96,7 +96,7 @@ def run_study(
     folder: Path | None = None,
     *,
     processes: int = 1,
-    watcher: ProgressListener | None = None,
+    progress: ProgressListener | None = None,
     observers: Sequence[Observer] = (),
 ) -> Study:
     """Plan, run, measure and report.
@@ -107,7 +107,7 @@ def run_study(
         scenario: What to do.
         folder: A new or empty folder for the results; None writes nothing.
         processes: Runs done at the same time; the numbers do not depend on it.
-        watcher: Told how far the work is.
+        progress: Told how far the work is.
         observers: Observers of every run; the runs are then done one by one.
 
     Raises:
@@ -117,25 +117,25 @@ def run_study(
     """
     if folder:
         check_new_folder(folder)
-    clock = _Clock(watcher or NullProgress())
+    clock = _Clock(progress or NullProgress())
     with clock.part("plan", 0):
-        prepared = prepare(scenario)
+        planned = plan_and_check(scenario)
     store = RunFolder(folder) if folder else None
     if store:
-        store.save_inputs(prepared)
+        store.save_inputs(planned)
     jobs = jobs_of(scenario)
     finished: dict[Job, Result] = {}
     with (
         clock.part("simulate", len(jobs)),
-        closing(execute(prepared, jobs, processes, observers)) as done,  # an error ends the workers
+        closing(execute(planned, jobs, processes, observers)) as done,  # an error ends the workers
     ):
         for job, result in done:
             finished[job] = result
             if store:
                 store.save_series(result.name, result.run)
-                store.save_results(prepared, _collect(prepared, jobs, finished), clock.seconds)
-            clock.watcher.done(result.name)
-    results = _collect(prepared, jobs, finished)
+                store.save_results(planned, _collect(planned, jobs, finished), clock.seconds)
+            clock.progress.done(result.name)
+    results = _collect(planned, jobs, finished)
     tables = study_tables(
         results,
         published=_is_papers(scenario),
@@ -143,7 +143,7 @@ def run_study(
     )
     if store:
         _report(store, results, tables, clock)
-        store.save_results(prepared, results, clock.seconds)
+        store.save_results(planned, results, clock.seconds)
     return Study(results, tables, folder, clock.seconds)
 
 
@@ -151,13 +151,13 @@ def run_study(
 class _Clock:
     """Wall time per part, while a watcher looks on."""
 
-    watcher: ProgressListener
+    progress: ProgressListener
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def part(self, name: str, steps: int) -> Iterator[None]:
         """Tell the watcher of a part of so many steps, and take its time."""
-        self.watcher.part(name, steps)
+        self.progress.part(name, steps)
         began = perf_counter()
         yield
         self.seconds[name] = round(perf_counter() - began, 3)
@@ -168,10 +168,10 @@ def _report(
 ) -> None:
     with clock.part("figures", 0), writing(store.path):
         for path in write_figures(results, store.path / "figures"):
-            clock.watcher.done(path.name)
+            clock.progress.done(path.name)
     with clock.part("report", 1), store.whole("report.html") as path:
         write_page(results, tables, path)
-        clock.watcher.done("report.html")
+        clock.progress.done("report.html")
 
 
 _DECISIVE = ("map", "start", "goal", "path", "timing", "sample_time", "nmpc")
@@ -188,20 +188,20 @@ def _is_papers(scenario: Scenario) -> bool:
 
 
 def _collect(
-    prepared: PlannedScenario, jobs: Sequence[Job], finished: dict[Job, Result]
+    planned: PlannedScenario, jobs: Sequence[Job], finished: dict[Job, Result]
 ) -> StudyResults:
     """What is finished so far, in the order of ``jobs``."""
     done = [finished[job] for job in jobs if job in finished]
-    scenario = prepared.scenario
+    scenario = planned.scenario
     return StudyResults(
         title=f"{scenario.name}: preset {scenario.preset}, plant {scenario.plant}",
-        robot=prepared.robot,
+        robot=planned.robot,
         plant=scenario.plant,
         dt=scenario.sample_time,
-        obstacles=prepared.obstacles,
-        free_space=prepared.plan.free_space,
-        grid_path=prepared.plan.grid_path,
-        spline=prepared.path,
+        obstacles=planned.obstacles,
+        free_space=planned.plan.free_space,
+        grid_path=planned.plan.grid_path,
+        spline=planned.path,
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),
         faults=tuple(r for r in done if isinstance(r, FaultResult)),

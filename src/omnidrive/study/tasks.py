@@ -76,7 +76,7 @@ class Tasks(Section):
         return self
 
     @property
-    def following(self) -> tuple[float, ...]:
+    def path_durations(self) -> tuple[float, ...]:
         """Every duration in which the path is followed, in s."""
         lists = (task.durations for task in (self.track, self.noise) if task)
         single = [task.duration for task in (self.horizon, self.faults) if task]
@@ -85,17 +85,17 @@ class Tasks(Section):
     @property
     def longest(self) -> float:
         """Duration of the longest run, in s."""
-        return max((*self.following, self.step.duration if self.step else 0.0))
+        return max((*self.path_durations, self.step.duration if self.step else 0.0))
 
     @property
     def shortest(self) -> float:
         """Duration of the shortest run, in s."""
         step = (self.step.duration,) if self.step else ()
-        shortest: float = min((*self.following, *step))
+        shortest: float = min((*self.path_durations, *step))
         return shortest
 
     @property
-    def with_noise(self) -> float:
+    def noise_duration(self) -> float:
         """Seconds that each controller drives with noise, all repeats of the longest together."""
         return self.noise.repeats * max(self.noise.durations) if self.noise else 0.0
 

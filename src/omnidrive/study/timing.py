@@ -12,7 +12,7 @@ from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.tasks import DurationsTask, FaultsTask, TaskName, Tasks
 
-USUAL_SPEED = 0.5
+DEFAULT_SPEED = 0.5
 """Default mean speed in m/s: that of the paper's path in 20 s."""
 
 _LEAST_SAMPLES = 10  # also if the start is the goal
@@ -27,7 +27,7 @@ def retime(
         scenario: The scenario; the duration of its step response is unchanged.
         duration: First (shortest) duration of the path, in s.
         speed: Mean speed in m/s that determines this duration instead. If neither is given, the
-            speed is :data:`USUAL_SPEED`, or the greatest feasible mean speed if that is lower.
+            speed is :data:`DEFAULT_SPEED`, or the greatest feasible mean speed if that is lower.
 
     Raises:
         InvalidInput: Both are given, one is not positive, or a scaled time is out of range.
@@ -41,8 +41,8 @@ def retime(
     _check_positive("speed", speed, "m/s")
     if duration is None:
         duration = _default_duration(scenario, speed)
-    following = scenario.tasks.following
-    return _scaled(scenario, duration / following[0]) if following else scenario
+    durations = scenario.tasks.path_durations
+    return _scaled(scenario, duration / durations[0]) if durations else scenario
 
 
 def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
@@ -57,22 +57,22 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
         InvalidReference: The speed exceeds the limits of the robot.
     """
     _check_positive("speed", speed, "m/s")
-    prepared = plan_scenario(scenario)
-    following = scenario.tasks.following
-    if not following:
-        return prepared
-    desired = prepared.shortest if speed is None else prepared.path.length / speed
+    planned = plan_scenario(scenario)
+    durations = scenario.tasks.path_durations
+    if not durations:
+        return planned
+    desired = planned.shortest if speed is None else planned.path.length / speed
     duration = _whole(desired, scenario.sample_time)
-    prepared.reference(duration)
-    return replace(prepared, scenario=_scaled(scenario, duration / following[0]))
+    planned.reference(duration)
+    return replace(planned, scenario=_scaled(scenario, duration / durations[0]))
 
 
 def _default_duration(scenario: Scenario, speed: float | None) -> float:
     """Return the duration in s at ``speed`` or the default speed, in whole sample times."""
-    prepared = plan_scenario(scenario)
-    desired = prepared.path.length / (speed or USUAL_SPEED)
+    planned = plan_scenario(scenario)
+    desired = planned.path.length / (speed or DEFAULT_SPEED)
     if speed is None:
-        desired = max(desired, prepared.shortest)
+        desired = max(desired, planned.shortest)
     return _whole(desired, scenario.sample_time)
 
 
@@ -104,10 +104,10 @@ def with_task(scenario: Scenario, names: Sequence[str]) -> Scenario:
 
     Its duration is the first duration of the path.
     """
-    following = scenario.tasks.following
-    if "faults" not in names or scenario.tasks.faults is not None or not following:
+    durations = scenario.tasks.path_durations
+    if "faults" not in names or scenario.tasks.faults is not None or not durations:
         return scenario
-    task = FaultsTask(duration=following[0])
+    task = FaultsTask(duration=durations[0])
     tasks = scenario.tasks.model_copy(update={"faults": task})
     return scenario.model_copy(update={"tasks": tasks})
 

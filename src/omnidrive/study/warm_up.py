@@ -23,17 +23,17 @@ from omnidrive.study.scenario import PREDICTIVE, ControllerName, PresetName, pap
 from omnidrive.study.study import NullProgress, ProgressListener
 
 
-def warm_up(watcher: ProgressListener | None = None, *, processes: int = 1) -> None:
+def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> None:
     """Compile all kernels that planning, every controller of every preset and batches need.
 
     The compiled kernels are cached on disk, for their present code and this processor.
 
     Args:
-        watcher: Notified when a part is compiled.
+        progress: Notified when a part is compiled.
         processes: Number of processes that compile at the same time. A script that uses several
             does so under ``if __name__ == "__main__"``.
     """
-    progress = watcher or NullProgress()
+    progress = progress or NullProgress()
     scenarios = [(preset, paper_scenario(preset)) for preset in get_args(PresetName)]
     controllers = [
         (preset, name) for preset, scenario in scenarios for name in scenario.controllers
