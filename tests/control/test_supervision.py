@@ -112,7 +112,7 @@ class Bench:
         speeds[i] = 0.0
         return speeds, torques
 
-    def blind(self, i, speeds, torques):
+    def dead_encoder(self, i, speeds, torques):
         speeds[i] = 0.0
         return speeds, torques
 
@@ -162,7 +162,7 @@ def test_a_silent_encoder_counts_as_a_dead_one():
         angles = angles + ROBOT.chassis.wheel_speeds(TWIST) * DT
         read = tuple(nan if i == 2 and k > 2 else angle for i, angle in enumerate(angles.tolist()))
         found += monitor.update(TWIST, DT, read, (0.01,) * 4)
-    assert found == [Finding(2, WheelDefect.BLIND)]
+    assert found == [Finding(2, WheelDefect.DEAD_ENCODER)]
 
 
 def test_who_is_not_called_upon_is_not_judged():

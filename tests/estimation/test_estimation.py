@@ -25,12 +25,12 @@ from omnidrive.estimation.filter_state import POSE
 from omnidrive.estimation.motion_model import Odometry
 from omnidrive.estimation.se2 import (
     exponential,
+    inverse_adjoint,
     logarithm,
+    relative_pose,
     right_jacobian,
-    seen_from,
-    transport,
 )
-from omnidrive.estimation.slipping import slipped
+from omnidrive.estimation.slip_prediction import predict_slip
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
 from omnidrive.robot import named_robot, omni_ring
 from omnidrive.simulation import (
@@ -97,10 +97,14 @@ class Drive:
     def go(self, seconds, twist=swaying):
         for _ in range(round(seconds / DT)):
             now = twist(self.t)
-            ways = self.robot.rim_jacobian @ np.array(now) * DT
-            ways += self.creep * np.sqrt(np.abs(ways)) * self.rng.standard_normal(len(ways))
+            displacements = self.robot.rim_jacobian @ np.array(now) * DT
+            displacements += (
+                self.creep
+                * np.sqrt(np.abs(displacements))
+                * self.rng.standard_normal(len(displacements))
+            )
             self.pose = move(self.pose, now, DT)
-            self.angles = self.angles + ways / self.robot.wheel.radius
+            self.angles = self.angles + displacements / self.robot.wheel.radius
             self.k += 1
             self.seen = self.sense()
         return self
@@ -112,10 +116,10 @@ class Drive:
     @property
     def state_error(self):
         """True state less believed, as the covariance means it."""
-        belief = self.estimator.belief
-        off = twist_between(Pose(*belief.mean[POSE].tolist()), self.pose, 1.0)
+        filter_state = self.estimator.filter_state
+        off = twist_between(Pose(*filter_state.mean[POSE].tolist()), self.pose, 1.0)
         truth = np.array([self.sensors._gyro.bias, *self.fix_bias.ravel()])
-        return np.array([*off, *(truth - belief.mean[3:])])
+        return np.array([*off, *(truth - filter_state.mean[3:])])
 
 
 def bounds(dimensions, runs):
@@ -132,7 +136,7 @@ def squares():
         drive, p, w = Drive(MATCHED, NOTHING_BUT_NOISE, seed, CREEP), [], []
         for seconds in (2.0, 3.0, 5.0):
             drive.go(seconds)
-            covariance, error = drive.estimator.belief.covariance, drive.state_error
+            covariance, error = drive.estimator.filter_state.covariance, drive.state_error
             p.append(error[:3] @ np.linalg.solve(covariance[:3, :3], error[:3]))
             w.append(error @ np.linalg.solve(covariance, error))
         pose.append(p)
@@ -155,7 +159,7 @@ def test_late_and_lost_fixes_change_nothing_about_that():
     found = []
     for seed in range(60):
         drive = Drive(replace(MATCHED, fixes=late), NOTHING_BUT_NOISE, seed, CREEP).go(6.0)
-        error, covariance = drive.state_error[:3], drive.estimator.belief.covariance[:3, :3]
+        error, covariance = drive.state_error[:3], drive.estimator.filter_state.covariance[:3, :3]
         found.append(error @ np.linalg.solve(covariance, error))
     low, high = bounds(3, 60)
     assert low < np.mean(found) < high
@@ -167,7 +171,7 @@ def test_innovations_are_as_large_as_they_should_be():
         drive = Drive(MATCHED, NOTHING_BUT_NOISE, seed, CREEP)
         for _ in range(50):
             drive.go(DT)
-            found.append(drive.estimator.surprise)
+            found.append(drive.estimator.nis)
     low, high = bounds(3, len(found))
     assert low < np.mean(found) < high
 
@@ -175,9 +179,9 @@ def test_innovations_are_as_large_as_they_should_be():
 def test_the_biases_become_known():
     """At first the rates are as uncertain as data sheets say; later, far less."""
     drive = Drive(MATCHED, NOTHING_BUT_NOISE, creep=1e-4)
-    first = drive.estimator.belief.covariance
+    first = drive.estimator.filter_state.covariance
     drive.go(10.0)
-    later = drive.estimator.belief.covariance
+    later = drive.estimator.filter_state.covariance
     assert later[3, 3] < 0.25 * first[3, 3]  # the gyro's, against the wheels' turn
     assert later[4, 4] < (0.5 * 0.05) ** 2  # the fixes', against odometry
     assert drive.error < 0.05
@@ -196,7 +200,7 @@ def test_it_is_reproducible_to_the_last_bit():
     one.sensor.reset(START)
     fresh = PoseEstimator(ROBOT, MATCHED, slips=False)
     fresh.reset(START)
-    assert repr(one.estimator.belief) == repr(fresh.belief)
+    assert repr(one.estimator.filter_state) == repr(fresh.filter_state)
 
 
 def recorded(seconds, **changes):
@@ -337,7 +341,7 @@ def test_wheels_that_disagree_are_suspected_of_slip():
     for _ in range(10):
         drive.angles = drive.angles + np.array([DT / RADIUS, 0.0, 0.0, 0.0])
         drive.go(DT)
-    assert drive.estimator.belief.slip > 0.3
+    assert drive.estimator.filter_state.excess_slip > 0.3
     assert drive.seen.position_sigma > 10.0 * sure
     assert drive.error < 4.0 * drive.seen.position_sigma
 
@@ -387,7 +391,7 @@ def test_whatever_is_read_the_covariance_is_one(rows, slips):
     for k, (angles, rate, number) in enumerate(rows):
         fix = PoseFix(DT * k, Pose(number, 0.0, number), 0.02, 0.01)
         seen = estimator.update(SensorReadings(DT * k, tuple(angles), yaw_rate=rate, fixes=(fix,)))
-        covariance = estimator.belief.covariance
+        covariance = estimator.filter_state.covariance
         assert np.isfinite(covariance).all()
         assert (covariance == covariance.T).all()
         least = np.linalg.eigvalsh(covariance)[0]
@@ -422,12 +426,12 @@ def test_motions_are_those_of_the_group(a, b):
     assert [*group[:2, 2], group[1, 0]] == pytest.approx([*pose[:2], np.sin(pose[2])], abs=1e-9)
     assert logarithm(pose) == pytest.approx(a, abs=1e-9)
     small = 1e-6 * b
-    moved = seen_from(exponential(a), np.zeros(3))  # inverse
+    moved = relative_pose(exponential(a), np.zeros(3))  # inverse
     back = np.linalg.inv(group)
     assert [*back[:2, 2]] == pytest.approx(moved[:2].tolist(), abs=1e-9)
     end = np.linalg.inv(group) @ matrix(small) @ group  # Ad of the inverse
     expected = np.array([end[0, 2], end[1, 2], end[1, 0]])
-    assert transport(a) @ small == pytest.approx(expected, abs=1e-10)
+    assert inverse_adjoint(a) @ small == pytest.approx(expected, abs=1e-10)
 
 
 @settings(max_examples=40, deadline=None)
@@ -446,7 +450,7 @@ def test_slip_is_that_of_the_differential_equation():
     model = estimator._model
     speeds = np.array([0.7, 0.2, 0.6, 1.1])
     odometry = Odometry(speeds * DT, nan, DT, 1.0)
-    lost, mean, last = slipped(np.zeros(3), odometry, model)
+    lost, mean, last = predict_slip(np.zeros(3), odometry, model)
 
     def law(_, state):
         body = state[:3]
@@ -456,7 +460,7 @@ def test_slip_is_that_of_the_differential_equation():
             most = np.clip(
                 model.friction_limits + model.load_transfer @ (model.rim_jacobian.T @ push)[:2],
                 0,
-                model.motor,
+                model.motor_limit,
             )
             push = np.clip(model.stiffness * gaps, -most, most)
         x, y, turn = body
@@ -487,7 +491,7 @@ def test_odometry_is_as_uncertain_as_it_says_at_hard_starts():
             state = plant.step(twist, DT)
             seen = sensor.update(DT * k, state)
         error = np.array(twist_between(seen.pose, state.pose, 1.0))
-        covariance = sensor.estimator.belief.covariance[POSE, POSE]
+        covariance = sensor.estimator.filter_state.covariance[POSE, POSE]
         squares.append(error @ np.linalg.solve(covariance, error))
     assert 1.0 < np.mean(squares) < 4.5  # 3, if the law of slip were exact and its doubt known
 

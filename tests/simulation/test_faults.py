@@ -78,7 +78,7 @@ def test_sensors_and_timing():
     plan = schedule(
         "encoder-dead:wheel=3,at=1", "sensor-silent:at=2,duration=1", "solver-overrun:at=4",
     )  # fmt: skip
-    assert plan.on_the_plant == ()
+    assert plan.plant_faults == ()
     assert plan.sensor_faults(0.9) == SensorFaults()
     assert plan.sensor_faults(2.5) == SensorFaults((3,), fixes_silent=True)
     assert plan.sensor_faults(3.0) == SensorFaults((3,))

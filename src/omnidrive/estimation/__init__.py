@@ -1,4 +1,4 @@
-"""Where the robot is, from what its sensors tell."""
+"""State estimation from wheel encoders, a gyro and pose fixes."""
 
 import lazy_loader as _lazy
 

@@ -1,7 +1,7 @@
+from .estimator_settings import EstimatorSettings
 from .pose_estimator import PoseEstimator
 from .readings import PoseFix, SensorReadings
 from .sensor_settings import EncoderSettings, GyroSettings, PoseFixSettings, SensorSettings
-from .settings import EstimatorSettings
 from .state import State
 from .state_estimator import LatestFix, StateEstimator
 

@@ -1,4 +1,4 @@
-"""What a fix of the pose tells."""
+"""Kalman correction with a pose fix."""
 
 from __future__ import annotations
 
@@ -10,51 +10,57 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.filter_state import FilterState
-from omnidrive.estimation.matrices import inverse, product, sandwich
-from omnidrive.estimation.se2 import after, exponential, logarithm, seen_from
+from omnidrive.estimation.matrices import congruence, inverse, product
+from omnidrive.estimation.se2 import compose, exponential, logarithm, relative_pose
 
 
 @compiled
 def correct(
-    belief: FilterState, fix: Float[Array, " 3"], sigma: tuple[float, float], gate: float
+    state: FilterState, fix: Float[Array, " 3"], sigma: tuple[float, float], gate: float
 ) -> tuple[FilterState, float]:
-    """What is believed after a fix, and the squared length of its innovation.
+    """Return the filter state after a pose fix, and the fix's normalised innovation squared (NIS).
 
-    The innovation is the motion from the mean to the fix less its bias: however far they are apart,
-    a fix that is trusted fully is the new mean. Joseph's form keeps the covariance positive.
+    The innovation is ``Log(mean^-1 o (fix - bias))``, the motion from the mean pose to the fix
+    without its bias, so that a fix without noise becomes the new mean at any distance. The
+    covariance update has Joseph's form, which keeps the covariance positive semidefinite. The NIS
+    is the squared Mahalanobis length of the innovation (Bar-Shalom, Li & Kirubarajan, "Estimation
+    with Applications to Tracking and Navigation", 2001, section 5.4).
 
     Args:
-        belief: When the fix was taken.
-        fix: Pose in W, in m, m, rad.
-        sigma: Its standard deviations, in m and rad.
-        gate: Squared length, in standard deviations, beyond which the fix is not believed.
+        state: Filter state at the stamp of the fix.
+        fix: Measured pose of B in W; m, m, rad.
+        sigma: Standard deviations of the fix's position (m) and yaw (rad).
+        gate: NIS above which the fix is rejected; ``state`` is then returned unchanged.
     """
-    mean, covariance = belief.mean, belief.covariance
-    surprise = logarithm(seen_from(mean[:3], fix - mean[4:7]))
+    mean, covariance = state.mean, state.covariance
+    innovation = logarithm(relative_pose(mean[:3], fix - mean[4:7]))
     c, s = cos(mean[2]), sin(mean[2])
-    shows = np.zeros((3, 10))
-    shows[0, 0] = shows[1, 1] = shows[2, 2] = shows[2, 6] = 1.0
-    shows[0, 4], shows[0, 5], shows[1, 4], shows[1, 5] = c, s, -s, c
+    observation = np.zeros((3, 10))
+    observation[0, 0] = observation[1, 1] = observation[2, 2] = observation[2, 6] = 1.0
+    observation[0, 4], observation[0, 5] = c, s
+    observation[1, 4], observation[1, 5] = -s, c
     noise = np.zeros((3, 3))
     noise[0, 0] = noise[1, 1] = sigma[0] ** 2
     noise[2, 2] = sigma[1] ** 2
-    total = sandwich(shows, covariance)
+    innovation_covariance = congruence(observation, covariance)
     for i in range(3):
-        total[i, i] += noise[i, i]
-    certainty, _ = inverse(total)
-    length = 0.0
+        innovation_covariance[i, i] += noise[i, i]
+    information, _ = inverse(innovation_covariance)
+    nis = 0.0
     for i in range(3):
         for j in range(3):
-            length += surprise[i] * certainty[i, j] * surprise[j]
-    if not length <= gate:
-        return belief, length
-    gain = product(product(covariance, np.ascontiguousarray(shows.T)), certainty)
-    left = np.eye(10) - product(gain, shows)
-    kept = sandwich(left, covariance) + sandwich(gain, noise)
-    moved, step = mean.copy(), np.zeros(10)
+            nis += innovation[i] * information[i, j] * innovation[j]
+    if not nis <= gate:
+        return state, nis
+    gain = product(product(covariance, np.ascontiguousarray(observation.T)), information)
+    factor = np.eye(10) - product(gain, observation)
+    corrected = congruence(factor, covariance) + congruence(gain, noise)
+    new_mean, step = mean.copy(), np.zeros(10)
     for i in range(10):
         for j in range(3):
-            step[i] += gain[i, j] * surprise[j]
-        moved[i] += step[i]
-    moved[:3] = after(mean[:3], exponential(step[:3]))
-    return FilterState(moved, kept, belief.velocity, belief.slip, belief.blind), length
+            step[i] += gain[i, j] * innovation[j]
+        new_mean[i] += step[i]
+    new_mean[:3] = compose(mean[:3], exponential(step[:3]))
+    return FilterState(
+        new_mean, corrected, state.velocity, state.excess_slip, state.unobserved_time
+    ), nis

@@ -1,4 +1,4 @@
-"""What is believed at one instant: a Gaussian over the pose and what disturbs its sensors."""
+"""State of the Kalman filter: mean, covariance and what propagation needs besides them."""
 
 from __future__ import annotations
 
@@ -8,26 +8,30 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 
-POSE, GYRO, BIAS, RATE = slice(0, 3), 3, slice(4, 7), slice(7, 10)
-"""Where in the vectors: the pose (m, m, rad), the gyro's bias (rad/s), the fixes' bias (m, m, rad
-in W) and its rate of change (per second)."""
+POSE, GYRO_BIAS, FIX_BIAS, FIX_BIAS_RATE = slice(0, 3), 3, slice(4, 7), slice(7, 10)
+"""Indices into the state vector: pose of B in W (m, m, rad), bias of the gyro (rad/s), bias of the
+pose fixes (m, m, rad in W) and its rate of change (per second)."""
 SIZE = 10
+"""Length of the state vector."""
 
 
 class FilterState(NamedTuple):
-    """Mean and covariance, and what is remembered of how the robot moved.
+    """Gaussian of the state vector at one instant, with velocity and slip.
 
-    Errors of the pose are motions in the frame of the robot, ``true = mean o Exp(error)``: left
-    invariant (Barrau & Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE
-    TAC 62, 2017). They propagate by the measured motion alone, however wrong the mean is, and
-    fixes of the pose measure them directly. All other errors are differences.
+    The error of the pose is a motion in B, ``true = mean o Exp(error)``: left-invariant (Barrau &
+    Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE TAC 62, 2017). Its
+    propagation depends on the measured motion only, not on the mean, and pose fixes measure it
+    directly. All other errors are differences, true minus mean.
     """
 
     mean: Float[Array, " 10"]
+    """State vector; see :data:`POSE`, :data:`GYRO_BIAS`, :data:`FIX_BIAS`,
+    :data:`FIX_BIAS_RATE`."""
     covariance: Float[Array, "10 10"]
+    """Covariance of its error, in the same units."""
     velocity: Float[Array, " 3"]
-    """Twist of B at this instant, in B: m/s, m/s, rad/s."""
-    slip: float
-    """Speed by which rims slip otherwise than expected, in m/s."""
-    blind: float
-    """For how long wheels and gyro have not told the whole motion, in s."""
+    """Twist of B in B; m/s, m/s, rad/s."""
+    excess_slip: float
+    """Slip speed of the wheel rims beyond the predicted slip, m/s; not negative."""
+    unobserved_time: float
+    """Time for which wheels and gyro together have not measured the whole twist, s."""

@@ -1,4 +1,7 @@
-"""Compiled products of small matrices, written out: they compile sooner than calls of libraries."""
+"""Compiled products and the inverse of small matrices.
+
+Explicit loops compile faster than calls of the linear-algebra library.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from omnidrive.compiled import compiled
 def product(
     a: Float[Array, "rows n"], b: Float[Array, "n columns"]
 ) -> Float[Array, "rows columns"]:
-    """``a b``."""
+    """Return the matrix product ``a b``."""
     rows, inner, columns = a.shape[0], a.shape[1], b.shape[1]
     result = np.zeros((rows, columns))
     for i in range(rows):
@@ -25,8 +28,8 @@ def product(
 
 
 @compiled
-def sandwich(a: Float[Array, "rows n"], p: Float[Array, "n n"]) -> Float[Array, "rows rows"]:
-    """``a p a^T`` of a symmetric p, exactly symmetric."""
+def congruence(a: Float[Array, "rows n"], p: Float[Array, "n n"]) -> Float[Array, "rows rows"]:
+    """Return ``a p a^T`` for a symmetric p; the result is symmetric without rounding errors."""
     half = product(a, p)
     rows = a.shape[0]
     result = np.zeros((rows, rows))
@@ -41,7 +44,7 @@ def sandwich(a: Float[Array, "rows n"], p: Float[Array, "n n"]) -> Float[Array, 
 
 @compiled
 def inverse(m: Float[Array, "3 3"]) -> tuple[Float[Array, "3 3"], float]:
-    """Inverse of a symmetric matrix and its determinant, by cofactors."""
+    """Return the inverse of a matrix by cofactors, and its determinant."""
     result = np.empty((3, 3))
     for i in range(3):
         for j in range(3):

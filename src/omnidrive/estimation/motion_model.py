@@ -1,4 +1,4 @@
-"""What the estimator knows of the robot, and what it is told of its motion."""
+"""Parameters of the motion model, and one interval of odometry."""
 
 from __future__ import annotations
 
@@ -10,53 +10,55 @@ from omnidrive.arrays import Array
 
 
 class MotionModel(NamedTuple):
-    """The robot's wheels and gyro, and how far they are to be trusted."""
+    """Robot, wheels, gyro and noise parameters with which the filter propagates its state."""
 
     rim_jacobian: Float[Array, "wheels 3"]
-    """Speed of every rim per unit of body twist, in 1, 1 and m/rad."""
+    """Rim speed of each wheel per unit of body twist; 1, 1 and m/rad."""
     friction_limits: Float[Array, " wheels"]
-    """What friction carries of each wheel's push at rest, in N; not finite: wheels never slip, as
-    without masses."""
+    """Largest force that friction transmits at each wheel of a robot at rest, N; not finite if the
+    wheels never slip, as for a robot without masses."""
     load_transfer: Float[Array, "wheels 2"]
-    """How much more of it there is when the floor pushes the robot along x or y of B, in N/N."""
-    motor: float
-    """Push that a motor gives at most, in N."""
+    """Change of the friction limits per force on the robot along x and y of B, N/N."""
+    motor_limit: float
+    """Largest force of a motor at the rim, N."""
     inertia: Float[Array, " 3"]
-    """Mass in kg, twice, and yaw inertia in kg m^2."""
+    """Mass, mass and yaw inertia; kg, kg and kg m^2."""
     stiffness: float
-    """Push of a wheel per speed of its rim over the floor, while it holds, in N s/m."""
-    agility: Float[Array, " 3"]
-    """Acceleration along each axis of B that is not expected to be exceeded, in m/s^2, rad/s^2."""
-    quantum: float
-    """Way of a rim from count to count, in m."""
+    """Force of a wheel per slip speed of its rim below the friction limit, N s/m."""
+    max_acceleration: Float[Array, " 3"]
+    """Largest expected acceleration along each axis of B; m/s^2, m/s^2, rad/s^2."""
+    encoder_resolution: float
+    """Rim displacement per encoder count, m."""
     creep: float
-    """Standard deviation of a rim's way after 1 m, in m / sqrt(m)."""
+    """Standard deviation of a rim displacement of 1 m, m / sqrt(m)."""
     slip_error: float
-    """Standard deviation of a slip, as a part of the slip expected, root mean square of rims."""
+    """Standard deviation of the slip as a share of the predicted slip, root mean square of all
+    rims."""
     slip_doubt: float
-    """The same of a slip not expected, as a multiple of what residuals show of it."""
+    """Standard deviation of slip beyond the prediction, as a multiple of the odometry residual."""
     slip_memory: float
-    """Time constant with which a suspicion of slip fades, in s."""
+    """Time constant with which the excess slip decays, s."""
     gyro_noise: float
-    """Noise density in rad/s / sqrt(Hz)."""
+    """Noise density of the gyro, rad/s / sqrt(Hz)."""
     gyro_walk: float
-    """Random walk of its bias, in rad/s / sqrt(s)."""
+    """Random walk of the gyro's bias, rad/s / sqrt(s)."""
     bias_sigma: Float[Array, " 3"]
-    """Standard deviations of the fixes' wandering bias, in m, m, rad."""
+    """Stationary standard deviation of the pose fixes' bias; m, m, rad."""
     bias_time: float
-    """Its size over its rate of change, in s."""
+    """Standard deviation of this bias over that of its rate, s."""
     bias_damping: float
-    """See :func:`~omnidrive.estimation.gauss_markov.gauss_markov`."""
+    """Damping ratio of this bias; see :func:`~omnidrive.estimation.gauss_markov.gauss_markov`."""
 
 
 class Odometry(NamedTuple):
-    """What wheels and gyro told of one interval, or of a share of it."""
+    """Wheel encoders and gyro over one interval between readings, or a fraction of it."""
 
-    ways: Float[Array, " wheels"]
-    """Of every rim, in m; NaN where the encoder told nothing."""
+    displacements: Float[Array, " wheels"]
+    """Displacement of each rim, m; NaN if its encoder reports nothing."""
     yaw_rate: float
-    """Mean over the interval, in rad/s; NaN: nothing told."""
+    """Mean yaw rate by the gyro, rad/s; NaN if it reports nothing."""
     duration: float
-    """In s."""
-    share: float
-    """Of an interval between two readings; counts are rounded once in each."""
+    """Duration, s."""
+    fraction: float
+    """Fraction of an interval between two readings; encoder counts are rounded once per
+    interval."""

@@ -1,4 +1,4 @@
-"""An estimator of the pose from odometry, gyro and fixes, however late these come."""
+"""Extended Kalman filter for the pose: odometry, gyro and pose fixes with any delay."""
 
 from __future__ import annotations
 
@@ -12,71 +12,81 @@ from scipy.special import chdtri
 
 from omnidrive.arrays import Array
 from omnidrive.estimation.correction import correct
-from omnidrive.estimation.filter_state import BIAS, GYRO, POSE, RATE, SIZE, FilterState
+from omnidrive.estimation.estimator_settings import EstimatorSettings
+from omnidrive.estimation.filter_state import (
+    FIX_BIAS,
+    FIX_BIAS_RATE,
+    GYRO_BIAS,
+    POSE,
+    SIZE,
+    FilterState,
+)
 from omnidrive.estimation.motion_model import MotionModel, Odometry
 from omnidrive.estimation.propagation import propagate
 from omnidrive.estimation.readings import PoseFix, SensorReadings
-from omnidrive.estimation.relocation import JUMP, agree
+from omnidrive.estimation.relocation import JUMP_COVARIANCE, consistent
 from omnidrive.estimation.sensor_settings import SensorSettings
-from omnidrive.estimation.settings import EstimatorSettings
 from omnidrive.estimation.state import State
 from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 
-_HOLDING_TIME = 3e-3
-"""Time constant in s with which a robot follows wheels that hold; that of no robot matters more."""
+_FOLLOWING_TIME = 3e-3
+"""Time constant with which a robot follows wheels that do not slip, s; results are insensitive."""
 
-_NO_YAW = 1e3
-"""Standard deviation in rad of a yaw that was not measured."""
+_UNKNOWN_YAW = 1e3
+"""Standard deviation of a yaw that a fix does not measure, rad."""
 
 
 @dataclass(order=True, slots=True)
-class _Kept:
-    """A fix that arrived."""
+class _BufferedFix:
+    """A received fix; ordered by its stamp."""
 
     fix: PoseFix
-    believed: bool = field(default=False, compare=False)
-    carried: bool = field(default=False, compare=False)
-    """Whether the robot was carried elsewhere shortly before it was taken."""
-    pose: Pose = field(default=Pose(0.0, 0.0, 0.0), compare=False)
-    """Believed when it was taken, before it."""
+    accepted: bool = field(default=False, compare=False)
+    relocated: bool = field(default=False, compare=False)
+    """Whether the robot was moved without its wheels shortly before the stamp."""
+    prior: Pose = field(default=Pose(0.0, 0.0, 0.0), compare=False)
+    """Estimated pose at the stamp, before the correction."""
 
 
 @dataclass(slots=True)
 class _Interval:
-    """What was read of the time from one reading to the next."""
+    """Readings between two consecutive updates."""
 
     begin: float
     end: float
-    ways: Float[Array, " wheels"]
+    displacements: Float[Array, " wheels"]
     yaw_rate: float
-    before: FilterState
-    fixes: list[_Kept] = field(default_factory=list)
+    initial: FilterState
+    """Filter state at ``begin``."""
+    fixes: list[_BufferedFix] = field(default_factory=list)
 
 
 class PoseEstimator:
-    """An extended Kalman filter on SE(2), invariant in its pose.
+    """An extended Kalman filter on SE(2) with left-invariant pose errors.
 
-    Its state is the pose, the gyro's bias and the fixes' wandering bias. All readings of the last
-    seconds are kept: a fix that comes late is put where it belongs, and what was read since is gone
-    through again. So the order of arrival does not matter.
+    The state vector is the pose, the gyro's bias, and the bias of the pose fixes with its rate.
+    All readings of the last ``memory`` seconds are stored: a late fix is inserted at its stamp, and
+    all later readings are processed again, so that the result does not depend on the order of
+    arrival.
 
-    The fixes' bias cannot be seen in fixes alone. It is known to be zero at the known start, and
-    changes slowly; odometry drifts faster for a moment, when wheels slip, and slower for long. What
-    is observable is the difference, and that at the start.
+    The bias of the fixes is not observable from fixes alone. It is zero at the known start and
+    changes slowly; odometry drifts faster during wheel slip and more slowly over long times. The
+    difference between fixes and odometry makes it observable.
 
     Args:
-        robot: Its wheels, mass and friction say how far wheels slip when it accelerates.
-        sensors: Their data sheets; those of the sensors that are read.
-        settings: The rest.
-        slips: False for a robot without masses, whose wheels never slip.
+        robot: Wheels, mass and friction, from which slip during acceleration is predicted.
+        sensors: Data sheets of the sensors whose readings are used.
+        settings: Parameters of the filter.
+        slips: Whether wheels can slip; false for a plant without masses.
 
     Attributes:
-        belief: Mean and covariance at the last readings.
-        rejected: Fixes that were not believed when they arrived, or came too late.
-        surprise: Squared length of the latest fix's innovation, in standard deviations: 3 on
-            average, if all is as the data sheets say.
-        relocations: When (s) it found that the robot had been carried elsewhere.
+        filter_state: State vector and covariance at the last readings.
+        rejected: Number of fixes since the reset that were rejected by the gate or as invalid, too
+            old or from the future.
+        nis: Normalised innovation squared of the last processed fix; 3 on average if the data
+            sheets are correct, NaN before the first fix.
+        relocations: Times (s) at which a relocation of the robot was detected.
     """
 
     def __init__(
@@ -89,141 +99,149 @@ class PoseEstimator:
     ) -> None:
         self.settings = settings or EstimatorSettings()
         sensors = sensors or SensorSettings()
-        self._model = _model(robot, sensors, self.settings, slips)
+        self._model = _motion_model(robot, sensors, self.settings, slips)
         self._radius = robot.wheel.radius
         self._gyro_bias = sensors.gyro.bias if sensors.gyro else 0.0
         self._gate = float(chdtri(3.0, self.settings.false_alarms))
         self.reset(Pose(0.0, 0.0, 0.0))
 
     def reset(self, pose: Pose) -> None:
-        """Forget the past; the robot now stands at ``pose``, and that is known."""
-        mean, covariance = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+        """Clear all memory; the robot stands at rest at ``pose``, which is known exactly."""
+        model, mean, covariance = self._model, np.zeros(SIZE), np.zeros((SIZE, SIZE))
         mean[POSE] = pose
-        covariance[GYRO, GYRO] = self._gyro_bias**2
-        covariance[RATE, RATE] = np.diag((self._model.bias_sigma / self._model.bias_time) ** 2)
-        self.belief = FilterState(mean, covariance, np.zeros(3), 0.0, 0.0)
-        self.rejected, self.surprise = 0, nan
+        covariance[GYRO_BIAS, GYRO_BIAS] = self._gyro_bias**2
+        rate_variances = (model.bias_sigma / model.bias_time) ** 2
+        covariance[FIX_BIAS_RATE, FIX_BIAS_RATE] = np.diag(rate_variances)
+        self.filter_state = FilterState(mean, covariance, np.zeros(3), 0.0, 0.0)
+        self.rejected, self.nis = 0, nan
         self.relocations: list[float] = []
         self._intervals: list[_Interval] = []
-        self._angles = np.full(len(self._model.rim_jacobian), nan)
-        self._believed = 0.0  # s, when the last fix was taken that was believed
+        self._angles = np.full(len(model.rim_jacobian), nan)
+        self._last_accepted = 0.0  # stamp of the last accepted fix, s
 
     @property
     def _pose(self) -> Pose:
-        return Pose(*self.belief.mean[POSE].tolist())
+        return Pose(*self.filter_state.mean[POSE].tolist())
 
     @property
     def fix_bias(self) -> Pose:
-        """What is believed of the fixes' bias: m, m, rad in W."""
-        return Pose(*self.belief.mean[BIAS].tolist())
+        """Estimated bias of the pose fixes; m, m, rad in W."""
+        return Pose(*self.filter_state.mean[FIX_BIAS].tolist())
 
     def update(self, readings: SensorReadings) -> State:
-        """What is believed after ``readings``, the first of which are of the start.
+        """Estimate the state at ``readings.stamp``.
 
-        Their times must not go back.
+        The first readings after a reset are those of the start. Stamps must not decrease.
         """
         t = float(readings.stamp)
         angles = np.array(readings.wheel_angles, dtype=float)
         begin = self._intervals[-1].end if self._intervals else t
         if not self._intervals:
-            self._believed = t
+            self._last_accepted = t
         self._intervals.append(
             _Interval(
                 begin,
                 t,
                 self._radius * (angles - self._angles),
                 nan if readings.yaw_rate is None else float(readings.yaw_rate),
-                self.belief,
+                self.filter_state,
             )
         )
         self._angles = angles
-        kept = [_Kept(fix) for fix in readings.fixes]
-        first = min((self._put(each) for each in kept), default=len(self._intervals) - 1)
-        self._go_through(first)
-        self.rejected += sum(not each.believed for each in kept)
-        self._look_around(t)
-        self._forget(t - self.settings.memory)
+        received = [_BufferedFix(fix) for fix in readings.fixes]
+        first = min((self._insert(item) for item in received), default=len(self._intervals) - 1)
+        self._reprocess(first)
+        self.rejected += sum(not item.accepted for item in received)
+        self._detect_relocation(t)
+        self._prune(t - self.settings.memory)
         return self._state(t)
 
-    def _put(self, kept: _Kept) -> int:
-        """Put a fix in the interval in which it was taken; return which."""
+    def _insert(self, item: _BufferedFix) -> int:
+        """Insert a fix into the interval that contains its stamp; return the interval's index.
+
+        A fix that is not finite, is from the future or is older than all intervals is dropped.
+        """
         last = len(self._intervals) - 1
-        stamp = kept.fix.stamp
-        numbers = (stamp, *kept.fix.pose, kept.fix.position_sigma)
+        stamp = item.fix.stamp
+        numbers = (stamp, *item.fix.pose, item.fix.position_sigma)
         if not all(map(isfinite, numbers)) or stamp > self._intervals[last].end:
             return last
         for i in range(last, -1, -1):
             interval = self._intervals[i]
             if interval.begin < stamp or interval.begin == interval.end == stamp:
-                insort(interval.fixes, kept)
+                insort(interval.fixes, item)
                 return i
         return last
 
-    def _go_through(self, first: int) -> None:
-        """Go through the intervals from ``first`` on, again or for the first time."""
-        belief = self._intervals[first].before
+    def _reprocess(self, first: int) -> None:
+        """Filter all intervals from index ``first`` on."""
+        state = self._intervals[first].initial
         for interval in self._intervals[first:]:
-            interval.before = belief
-            belief = self._through(interval, belief)
-        self.belief = belief
+            interval.initial = state
+            state = self._filter(interval, state)
+        self.filter_state = state
 
-    def _through(self, interval: _Interval, belief: FilterState) -> FilterState:
+    def _filter(self, interval: _Interval, state: FilterState) -> FilterState:
+        """Propagate ``state`` through an interval and correct it with each of its fixes."""
         time = interval.begin
-        for kept in interval.fixes:
-            belief = self._moved(belief, interval, kept.fix.stamp - time)
-            time = kept.fix.stamp
-            if kept.carried:
-                covariance = belief.covariance.copy()
-                covariance[POSE, POSE] += JUMP
-                belief = belief._replace(covariance=covariance)
-            kept.pose = Pose(*belief.mean[POSE].tolist())
-            belief, self.surprise = self._corrected(belief, kept)
-            kept.believed = self.surprise <= self._gate
-        return self._moved(belief, interval, interval.end - time)
+        for item in interval.fixes:
+            state = self._propagate(state, interval, item.fix.stamp - time)
+            time = item.fix.stamp
+            if item.relocated:
+                covariance = state.covariance.copy()
+                covariance[POSE, POSE] += JUMP_COVARIANCE
+                state = state._replace(covariance=covariance)
+            item.prior = Pose(*state.mean[POSE].tolist())
+            state, self.nis = self._correct(state, item)
+            item.accepted = self.nis <= self._gate
+        return self._propagate(state, interval, interval.end - time)
 
-    def _moved(self, belief: FilterState, interval: _Interval, dt: float) -> FilterState:
+    def _propagate(self, state: FilterState, interval: _Interval, dt: float) -> FilterState:
+        """Propagate ``state`` by ``dt`` (s) with the interval's mean speeds."""
         if dt <= 0.0:
-            return belief
-        part = dt / (interval.end - interval.begin)
-        odometry = Odometry(part * interval.ways, interval.yaw_rate, float(dt), float(part))
-        return propagate(belief, odometry, self._model)
+            return state
+        fraction = dt / (interval.end - interval.begin)
+        odometry = Odometry(
+            fraction * interval.displacements, interval.yaw_rate, float(dt), float(fraction)
+        )
+        return propagate(state, odometry, self._model)
 
-    def _corrected(self, belief: FilterState, kept: _Kept) -> tuple[FilterState, float]:
-        _, measured, *sigmas = kept.fix
-        if not isfinite(sigmas[1]):  # only a position was measured
-            measured = measured._replace(yaw=kept.pose.yaw + float(belief.mean[BIAS][2]))
-            sigmas[1] = _NO_YAW
+    def _correct(self, state: FilterState, item: _BufferedFix) -> tuple[FilterState, float]:
+        _, measured, *sigmas = item.fix
+        if not isfinite(sigmas[1]):  # the fix measures the position only
+            measured = measured._replace(yaw=item.prior.yaw + float(state.mean[FIX_BIAS][2]))
+            sigmas[1] = _UNKNOWN_YAW
         floor = self.settings.floor
         sigma = max(float(sigmas[0]), floor), max(float(sigmas[1]), floor)
-        return correct(belief, np.array(measured, dtype=float), sigma, self._gate)
+        return correct(state, np.array(measured, dtype=float), sigma, self._gate)
 
-    def _look_around(self, t: float) -> None:
-        """Believe fixes that were not, if so many in a row agree: the robot was carried away."""
-        taken = [(i, kept) for i, each in enumerate(self._intervals) for kept in each.fixes]
-        latest = taken[-self.settings.relocate_after :]
+    def _detect_relocation(self, t: float) -> None:
+        """Accept the latest fixes if enough of them in a row were rejected but are consistent."""
+        buffered = [(i, item) for i, each in enumerate(self._intervals) for item in each.fixes]
+        latest = buffered[-self.settings.relocate_after :]
         if (
             len(latest) == self.settings.relocate_after
-            and not any(kept.believed for _, kept in latest)
-            and agree([(kept.fix, kept.pose) for _, kept in latest], self._pose)
+            and not any(item.accepted for _, item in latest)
+            and consistent([(item.fix, item.prior) for _, item in latest], self._pose)
         ):
-            first, kept = latest[0]
-            kept.carried = True
-            self._go_through(first)
+            first, item = latest[0]
+            item.relocated = True
+            self._reprocess(first)
             self.relocations.append(t)
-        stamps = [kept.fix.stamp for _, kept in taken if kept.believed]
-        self._believed = max([self._believed, *stamps])
+        stamps = [item.fix.stamp for _, item in buffered if item.accepted]
+        self._last_accepted = max([self._last_accepted, *stamps])
 
-    def _forget(self, before: float) -> None:
-        """Forget intervals that ended before a time, but not the last."""
-        kept = [i for i, each in enumerate(self._intervals[:-1]) if each.end >= before]
-        self._intervals = self._intervals[kept[0] if kept else -1 :]
+    def _prune(self, before: float) -> None:
+        """Remove all intervals that ended before the time ``before`` (s), except the last one."""
+        recent = [i for i, each in enumerate(self._intervals[:-1]) if each.end >= before]
+        self._intervals = self._intervals[recent[0] if recent else -1 :]
 
     def _state(self, t: float) -> State:
-        covariance = self.belief.covariance[POSE, POSE]
-        return State(t, self._pose, None, covariance, t - self._believed)
+        covariance = self.filter_state.covariance[POSE, POSE]
+        return State(t, self._pose, None, covariance, t - self._last_accepted)
 
 
-def _model(
+def _motion_model(
     robot: Robot, sensors: SensorSettings, settings: EstimatorSettings, slips: bool
 ) -> MotionModel:
     gyro, fixes = sensors.gyro, sensors.fixes
@@ -233,11 +251,11 @@ def _model(
         rim_jacobian=rim_jacobian,
         friction_limits=friction_limits if slips else np.full_like(friction_limits, np.inf),
         load_transfer=np.ascontiguousarray(robot.load_transfer),
-        motor=robot.max_torque / robot.wheel.radius,
+        motor_limit=robot.max_torque / robot.wheel.radius,
         inertia=np.array(robot.inertia),
-        stiffness=robot.mass / (_HOLDING_TIME * float((rim_jacobian[:, 0] ** 2).sum())),
-        agility=1.0 / np.abs(robot.acceleration_faces).max(axis=0),
-        quantum=robot.wheel.radius * sensors.encoders.step,
+        stiffness=robot.mass / (_FOLLOWING_TIME * float((rim_jacobian[:, 0] ** 2).sum())),
+        max_acceleration=1.0 / np.abs(robot.acceleration_faces).max(axis=0),
+        encoder_resolution=robot.wheel.radius * sensors.encoders.step,
         creep=float(settings.creep),
         slip_error=float(settings.slip_error),
         slip_doubt=float(settings.slip_doubt),

@@ -1,4 +1,4 @@
-"""From one sample to the next: odometry and gyro."""
+"""Propagation of the filter state by odometry and gyro."""
 
 from __future__ import annotations
 
@@ -11,75 +11,81 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.filter_state import FilterState
 from omnidrive.estimation.gauss_markov import gauss_markov
-from omnidrive.estimation.matrices import inverse, sandwich
+from omnidrive.estimation.matrices import congruence, inverse
 from omnidrive.estimation.motion_model import MotionModel, Odometry
-from omnidrive.estimation.se2 import after, exponential, right_jacobian, transport
-from omnidrive.estimation.slipping import slipped
+from omnidrive.estimation.se2 import compose, exponential, inverse_adjoint, right_jacobian
+from omnidrive.estimation.slip_prediction import predict_slip
 
-_MOST_SLIP = 50.0
-"""In m/s: more is no more uncertain."""
-_ROUNDING = 1e-12
-"""Variance of a way in m^2 that is always there."""
+_MAX_SLIP = 50.0
+"""Largest excess slip speed, m/s."""
+_MIN_VARIANCE = 1e-12
+"""Variance added to every measured displacement (m^2) or rotation (rad^2)."""
 
 
 @compiled
-def propagate(belief: FilterState, odometry: Odometry, model: MotionModel) -> FilterState:
-    """What is believed after the interval.
+def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> FilterState:
+    """Return the filter state at the end of an interval.
 
-    Wheels first: their ways, less the slip that dragging the robot takes, by least squares for its
-    motion. Then the gyro, as a measurement of the motion's turn and of the gyro's own bias at once.
-    Then along the motion.
+    The body motion is estimated by least squares from the wheel displacements without the predicted
+    slip. The gyro then corrects the motion's rotation and the gyro's own bias jointly. Finally the
+    pose, its covariance and the bias of the pose fixes are propagated along the motion.
     """
     dt = odometry.duration
     if dt <= 0.0:
-        return belief
-    rate = odometry.yaw_rate - belief.mean[3]
-    lost, mean_twist, velocity = slipped(belief.velocity, odometry, model)
-    found = _unexpected(odometry, model, rate, lost)
-    slip = max(belief.slip * exp(-dt / model.slip_memory), found)
-    motion, spread, whole = _motion(belief, odometry, model, lost, slip)
-    mean, joint = belief.mean.copy(), np.zeros((13, 13))
-    joint[:10, :10] = belief.covariance
-    joint[10:, 10:] = spread
+        return state
+    rate = odometry.yaw_rate - state.mean[3]
+    slip, mean_twist, velocity = predict_slip(state.velocity, odometry, model)
+    residual_slip = _excess_slip(odometry, model, rate, slip)
+    excess_slip = max(state.excess_slip * exp(-dt / model.slip_memory), residual_slip)
+    motion, motion_covariance, observed = _wheel_motion(state, odometry, model, slip, excess_slip)
+    mean, joint = state.mean.copy(), np.zeros((13, 13))
+    joint[:10, :10] = state.covariance
+    joint[10:, 10:] = motion_covariance
     if isfinite(rate):
-        joint = _with_gyro(mean, joint, motion, odometry, model)
+        joint = _correct_with_gyro(mean, joint, motion, odometry, model)
     if isfinite(model.friction_limits[0]):
         velocity += motion / dt - mean_twist
     else:
         velocity = motion / dt
-    blind = 0.0 if whole else belief.blind + dt
-    moved = mean.copy()
-    covariance = _carried(moved, joint, motion, model, dt)
-    moved[:3] = after(mean[:3], exponential(motion))
-    return FilterState(moved, covariance, velocity, slip, blind)
+    unobserved_time = 0.0 if observed else state.unobserved_time + dt
+    propagated = mean.copy()
+    covariance = _propagate_covariance(propagated, joint, motion, model, dt)
+    propagated[:3] = compose(mean[:3], exponential(motion))
+    return FilterState(propagated, covariance, velocity, excess_slip, unobserved_time)
 
 
 @compiled
-def _unexpected(
-    odometry: Odometry, model: MotionModel, rate: float, lost: Float[Array, " wheels"]
+def _excess_slip(
+    odometry: Odometry, model: MotionModel, rate: float, slip: Float[Array, " wheels"]
 ) -> float:
-    """Speed in m/s by which rims slip otherwise than expected, if wheels and gyro disagree.
+    """Return the slip speed (m/s) beyond the prediction by which wheels and gyro disagree.
 
-    A multiple of the root mean square of what remains of the ways after least squares for the
-    motion, whose turn is the gyro's where there is one; 0 where noise explains it.
+    The body motion is fitted to the displacements by least squares, with the rotation of the gyro
+    if it reports one. The result is ``slip_doubt / dt`` times the square root of the mean squared
+    residual in excess of four times its nominal variance; zero if the displacements are not
+    redundant.
     """
-    dt, ways = odometry.duration, odometry.ways
-    turning = isfinite(rate)
-    unknown = 2 if turning else 3
+    dt, displacements = odometry.duration, odometry.displacements
+    has_gyro = isfinite(rate)
+    unknowns = 2 if has_gyro else 3
     normal, right = np.zeros((3, 3)), np.zeros(3)
     known, nominal = 0, 0.0
-    for i in range(len(ways)):
-        if isfinite(ways[i]):
-            way = ways[i] - lost[i] - (model.rim_jacobian[i, 2] * rate * dt if turning else 0.0)
-            for a in range(unknown):
-                right[a] += model.rim_jacobian[i, a] * way
-                for b in range(unknown):
+    for i in range(len(displacements)):
+        if isfinite(displacements[i]):
+            displacement = (
+                displacements[i]
+                - slip[i]
+                - (model.rim_jacobian[i, 2] * rate * dt if has_gyro else 0.0)
+            )
+            for a in range(unknowns):
+                right[a] += model.rim_jacobian[i, a] * displacement
+                for b in range(unknowns):
                     normal[a, b] += model.rim_jacobian[i, a] * model.rim_jacobian[i, b]
             known += 1
-            nominal += _variance(odometry, model, i, lost)
-    if known <= unknown:
+            nominal += _displacement_variance(odometry, model, i, slip)
+    if known <= unknowns:
         return 0.0
-    if turning:
+    if has_gyro:
         normal[2, 2] = 1.0
     solver, determinant = inverse(normal)
     if abs(determinant) < 1e-9:
@@ -88,151 +94,154 @@ def _unexpected(
     for a in range(3):
         for b in range(3):
             motion[a] += solver[a, b] * right[b]
-    if turning:
+    if has_gyro:
         motion[2] = rate * dt
-    squares = _squares(odometry, model, lost, motion)
-    excess = squares / (known - unknown) - 4.0 * nominal / known
-    return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MOST_SLIP)
+    squares = _residual_sum(odometry, model, slip, motion)
+    excess = squares / (known - unknowns) - 4.0 * nominal / known
+    return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MAX_SLIP)
 
 
 @compiled
-def _squares(
+def _residual_sum(
     odometry: Odometry,
     model: MotionModel,
-    lost: Float[Array, " wheels"],
+    slip: Float[Array, " wheels"],
     motion: Float[Array, " 3"],
 ) -> float:
-    """Sum of the squares, in m^2, of what a motion leaves of the rims' ways."""
+    """Return the sum of squared residuals (m^2) of the displacements for a body motion."""
     squares = 0.0
-    for i in range(len(odometry.ways)):
-        if isfinite(odometry.ways[i]):
-            left = odometry.ways[i] - lost[i]
+    for i in range(len(odometry.displacements)):
+        if isfinite(odometry.displacements[i]):
+            residual = odometry.displacements[i] - slip[i]
             for a in range(3):
-                left -= model.rim_jacobian[i, a] * motion[a]
-            squares += left * left
+                residual -= model.rim_jacobian[i, a] * motion[a]
+            squares += residual * residual
     return squares
 
 
 @compiled
-def _variance(
-    odometry: Odometry, model: MotionModel, i: int, lost: Float[Array, " wheels"]
+def _displacement_variance(
+    odometry: Odometry, model: MotionModel, i: int, slip: Float[Array, " wheels"]
 ) -> float:
-    """Of a rim's way, in m^2: two roundings to whole counts, creep, and the slip expected.
+    """Return the variance (m^2) of a rim's displacement from rounding, creep and predicted slip.
 
-    That of all rims: what is wrong about it is how the robot is dragged along, and this shows
-    also at wheels that hold.
+    An interval has two roundings to whole counts. The error of the predicted slip is a share of the
+    mean square of all rims, because an error of the predicted body motion changes the slip of every
+    rim, also of those that hold.
     """
-    rounding: float = model.quantum**2 / 6.0 * odometry.share
-    creep = model.creep**2 * abs(odometry.ways[i])
-    slip: float = model.slip_error**2 * (lost**2).mean()
-    return float(rounding + creep + slip + _ROUNDING)
+    rounding: float = model.encoder_resolution**2 / 6.0 * odometry.fraction
+    creep = model.creep**2 * abs(odometry.displacements[i])
+    slip_variance: float = model.slip_error**2 * (slip**2).mean()
+    return float(rounding + creep + slip_variance + _MIN_VARIANCE)
 
 
 @compiled
-def _motion(
-    belief: FilterState,
+def _wheel_motion(
+    state: FilterState,
     odometry: Odometry,
     model: MotionModel,
-    lost: Float[Array, " wheels"],
-    slip: float,
+    slip: Float[Array, " wheels"],
+    excess_slip: float,
 ) -> tuple[Float[Array, " 3"], Float[Array, "3 3"], bool]:
-    """Motion by the wheels with its covariance, and whether wheels and gyro tell all of it.
+    """Return the body motion by the wheels, its covariance, and whether it is fully observed.
 
-    Before anything is measured the robot goes on as it did, give or take what it can accelerate.
+    The prior is motion at the last velocity, with a deviation due to the largest expected
+    acceleration. It is fully observed if wheels and gyro together determine all three components.
     """
     dt = odometry.duration
-    spread, told, motion = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    covariance, information, motion = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     for a in range(3):
-        # what an unknown velocity adds is added to, not its square to the square
-        before = 0.5 * model.agility[a] * belief.blind**2
-        now = model.agility[a] * dt * (belief.blind + dt)
-        spread[a, a] = now * now + 2.0 * before * now
-        motion[a] = belief.velocity[a] * dt
+        # deviations of successive unobserved intervals are correlated: they add up, not their
+        # squares
+        before = 0.5 * model.max_acceleration[a] * state.unobserved_time**2
+        now = model.max_acceleration[a] * dt * (state.unobserved_time + dt)
+        covariance[a, a] = now * now + 2.0 * before * now
+        motion[a] = state.velocity[a] * dt
     if isfinite(odometry.yaw_rate):
-        told[2, 2] = 1.0
-    for i in range(len(odometry.ways)):
-        if isfinite(odometry.ways[i]):  # one wheel after the other, by Joseph's form
-            variance = _variance(odometry, model, i, lost) + (slip * dt) ** 2
-            surprise, total, gain = odometry.ways[i] - lost[i], variance, np.zeros(3)
+        information[2, 2] = 1.0
+    for i in range(len(odometry.displacements)):
+        if isfinite(odometry.displacements[i]):  # sequential corrections in Joseph's form
+            variance = _displacement_variance(odometry, model, i, slip) + (excess_slip * dt) ** 2
+            innovation, total, gain = odometry.displacements[i] - slip[i], variance, np.zeros(3)
             for a in range(3):
-                surprise -= model.rim_jacobian[i, a] * motion[a]
+                innovation -= model.rim_jacobian[i, a] * motion[a]
                 for b in range(3):
-                    gain[a] += spread[a, b] * model.rim_jacobian[i, b]
-                    told[a, b] += model.rim_jacobian[i, a] * model.rim_jacobian[i, b]
+                    gain[a] += covariance[a, b] * model.rim_jacobian[i, b]
+                    information[a, b] += model.rim_jacobian[i, a] * model.rim_jacobian[i, b]
                 total += model.rim_jacobian[i, a] * gain[a]
-            left = np.eye(3)
+            factor = np.eye(3)
             for a in range(3):
                 gain[a] /= total
-                motion[a] += gain[a] * surprise
+                motion[a] += gain[a] * innovation
                 for b in range(3):
-                    left[a, b] -= gain[a] * model.rim_jacobian[i, b]
-            spread = sandwich(left, spread)
+                    factor[a, b] -= gain[a] * model.rim_jacobian[i, b]
+            covariance = congruence(factor, covariance)
             for a in range(3):
                 for b in range(3):
-                    spread[a, b] += variance * gain[a] * gain[b]
-    _, determinant = inverse(told)
-    return motion, spread, determinant > 1e-6
+                    covariance[a, b] += variance * gain[a] * gain[b]
+    _, determinant = inverse(information)
+    return motion, covariance, determinant > 1e-6
 
 
 @compiled
-def _with_gyro(
+def _correct_with_gyro(
     mean: Float[Array, " 10"],
     joint: Float[Array, "13 13"],
     motion: Float[Array, " 3"],
     odometry: Odometry,
     model: MotionModel,
 ) -> Float[Array, "13 13"]:
-    """Let the gyro correct mean and motion; return their covariance thereafter.
+    """Correct ``mean`` and ``motion`` in place with the gyro; return their joint covariance.
 
-    It measures the motion's turn plus its own bias; by Joseph's form, which keeps the covariance
-    positive (Bar-Shalom, Li & Kirubarajan, 2001, eq. 5.2.3-18).
+    The gyro measures the motion's rotation plus its own bias. Joseph's form keeps the covariance
+    positive semidefinite (Bar-Shalom, Li & Kirubarajan, 2001, eq. 5.2.3-18).
     """
     dt = odometry.duration
-    variance = model.gyro_noise**2 * dt + _ROUNDING
+    variance = model.gyro_noise**2 * dt + _MIN_VARIANCE
     cross = joint[:, 12] + dt * joint[:, 3]
     gain = cross / (cross[12] + dt * cross[3] + variance)
-    surprise = odometry.yaw_rate * dt - motion[2] - mean[3] * dt
-    mean[:3] = after(mean[:3], exponential(gain[:3] * surprise))
+    innovation = odometry.yaw_rate * dt - motion[2] - mean[3] * dt
+    mean[:3] = compose(mean[:3], exponential(gain[:3] * innovation))
     for i in range(3, 10):
-        mean[i] += gain[i] * surprise
+        mean[i] += gain[i] * innovation
     for a in range(3):
-        motion[a] += gain[10 + a] * surprise
-    left = np.eye(13)
+        motion[a] += gain[10 + a] * innovation
+    factor = np.eye(13)
     for i in range(13):
-        left[i, 3] -= gain[i] * dt
-        left[i, 12] -= gain[i]
-    after_it = sandwich(left, joint)
+        factor[i, 3] -= gain[i] * dt
+        factor[i, 12] -= gain[i]
+    corrected = congruence(factor, joint)
     for i in range(13):
         for j in range(13):
-            after_it[i, j] += variance * gain[i] * gain[j]
-    return after_it
+            corrected[i, j] += variance * gain[i] * gain[j]
+    return corrected
 
 
 @compiled
-def _carried(
+def _propagate_covariance(
     mean: Float[Array, " 10"],
     joint: Float[Array, "13 13"],
     motion: Float[Array, " 3"],
     model: MotionModel,
     dt: float,
 ) -> Float[Array, "10 10"]:
-    """Covariance carried along ``motion``; lets the fixes' bias in ``mean`` go on as well."""
-    carry = np.zeros((10, 13))
-    carry[:3, :3] = transport(motion)
-    carry[:3, 10:] = right_jacobian(motion)
-    carry[3, 3] = 1.0
+    """Return the covariance after ``motion``; propagate the fixes' bias in ``mean`` in place."""
+    transition = np.zeros((10, 13))
+    transition[:3, :3] = inverse_adjoint(motion)
+    transition[:3, 10:] = right_jacobian(motion)
+    transition[3, 3] = 1.0
     a, b, c, d = gauss_markov(dt, model.bias_time, model.bias_damping)
     for i in range(4, 7):
-        carry[i, i], carry[i, i + 3] = a, b
-        carry[i + 3, i], carry[i + 3, i + 3] = c, d
+        transition[i, i], transition[i, i + 3] = a, b
+        transition[i + 3, i], transition[i + 3, i + 3] = c, d
         mean[i], mean[i + 3] = a * mean[i] + b * mean[i + 3], c * mean[i] + d * mean[i + 3]
-    covariance = sandwich(carry, joint)
+    covariance = congruence(transition, joint)
     covariance[3, 3] += model.gyro_walk**2 * dt
-    for i in range(3):  # so that size and rate of a bias that settled stay as they are
-        level = model.bias_sigma[i] ** 2
-        steep = level / model.bias_time**2
-        covariance[4 + i, 4 + i] += level - a * a * level - b * b * steep
-        covariance[7 + i, 7 + i] += steep - c * c * level - d * d * steep
-        covariance[4 + i, 7 + i] -= a * c * level + b * d * steep
-        covariance[7 + i, 4 + i] -= a * c * level + b * d * steep
+    for i in range(3):  # process noise that preserves the stationary variances of bias and rate
+        variance = model.bias_sigma[i] ** 2
+        rate_variance = variance / model.bias_time**2
+        covariance[4 + i, 4 + i] += variance - a * a * variance - b * b * rate_variance
+        covariance[7 + i, 7 + i] += rate_variance - c * c * variance - d * d * rate_variance
+        covariance[4 + i, 7 + i] -= a * c * variance + b * d * rate_variance
+        covariance[7 + i, 4 + i] -= a * c * variance + b * d * rate_variance
     return covariance

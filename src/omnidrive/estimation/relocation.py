@@ -1,4 +1,4 @@
-"""Finding the robot again after it was carried elsewhere."""
+"""Detection of a robot that was moved without its wheels (kidnapped)."""
 
 from __future__ import annotations
 
@@ -6,32 +6,34 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from omnidrive.estimation import PoseFix
+from omnidrive.estimation.readings import PoseFix
 from omnidrive.geometry import Pose, move, twist_between, wrap
 
-JUMP = np.diag([100.0, 100.0, 10.0])
-"""Covariance of a jump of the pose of which nothing is known, in m^2, m^2, rad^2."""
+JUMP_COVARIANCE = np.diag([100.0, 100.0, 10.0])
+"""Covariance added to the pose for an unknown displacement; m^2, m^2, rad^2."""
 
 _SIGMAS = 4.0
-_SLACK = 0.05
-"""In m and rad: how much odometry may drift while fixes are compared."""
+"""Largest distance between consistent fixes, in standard deviations of their difference."""
+_DRIFT = 0.05
+"""Odometry drift that is tolerated between fixes, m and rad."""
 
 
-def agree(fixes: Sequence[tuple[PoseFix, Pose]], here: Pose) -> bool:
-    """Whether fixes tell of one and the same jump.
+def consistent(fixes: Sequence[tuple[PoseFix, Pose]], current: Pose) -> bool:
+    """Return whether rejected fixes indicate one and the same displacement of the robot.
 
-    Odometry leads on from every fix to a pose now; these poses must be near each other.
+    Odometry propagates every fix to the current time; the resulting poses must be near each other,
+    compared with the fixes' standard deviations.
 
     Args:
-        fixes: Each with the pose that was believed when it was taken.
-        here: The pose believed now, by the same odometry.
+        fixes: Each fix with the pose that was estimated at its stamp, before its correction.
+        current: Pose estimated at the current time, by the same odometry.
     """
-    now = [move(fix.pose, twist_between(believed, here, 1.0), 1.0) for fix, believed in fixes]
-    middle = now[len(now) // 2]
-    for (fix, _), pose in zip(fixes, now, strict=True):
-        far = np.hypot(pose.x - middle.x, pose.y - middle.y)
-        if far > _SIGMAS * fix.position_sigma * 2.0**0.5 + _SLACK:
+    poses = [move(fix.pose, twist_between(prior, current, 1.0), 1.0) for fix, prior in fixes]
+    middle = poses[len(poses) // 2]
+    for (fix, _), pose in zip(fixes, poses, strict=True):
+        distance = np.hypot(pose.x - middle.x, pose.y - middle.y)
+        if distance > _SIGMAS * fix.position_sigma * 2.0**0.5 + _DRIFT:
             return False
-        if abs(wrap(pose.yaw - middle.yaw)) > _SIGMAS * fix.yaw_sigma * 2.0**0.5 + _SLACK:
+        if abs(wrap(pose.yaw - middle.yaw)) > _SIGMAS * fix.yaw_sigma * 2.0**0.5 + _DRIFT:
             return False
     return True

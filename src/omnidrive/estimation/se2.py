@@ -1,4 +1,4 @@
-"""Compiled kernels for motions of the plane, as vectors (x, y, yaw)."""
+"""Compiled kernels of the group SE(2); poses and motions are vectors (x, y, yaw) in m, m, rad."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from omnidrive.compiled import compiled
 
 @compiled
 def exponential(motion: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """Pose that a motion leads to from the origin: :func:`omnidrive.geometry.move`."""
+    """Return the pose reached from the origin by a motion along an arc.
+
+    The same function as :func:`omnidrive.geometry.move` in unit time.
+    """
     turn = motion[2]
     half = 0.5 * turn
     if abs(turn) < 1e-4:
@@ -27,9 +30,9 @@ def exponential(motion: Float[Array, " 3"]) -> Float[Array, " 3"]:
 
 @compiled
 def logarithm(pose: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """Motion that leads from the origin to ``pose``: inverse of :func:`exponential`.
+    """Return the motion from the origin to ``pose``, the inverse of :func:`exponential`.
 
-    It turns the short way.
+    Its rotation is at least -pi and less than pi.
     """
     turn = pose[2] - 2.0 * pi * floor((pose[2] + pi) / (2.0 * pi))
     half = 0.5 * turn
@@ -38,8 +41,8 @@ def logarithm(pose: Float[Array, " 3"]) -> Float[Array, " 3"]:
 
 
 @compiled
-def after(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """``pose`` composed with ``other``; the yaws add up, unwrapped."""
+def compose(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, " 3"]:
+    """Return ``pose o other``; the yaw is the sum of both and not wrapped."""
     c, s = cos(pose[2]), sin(pose[2])
     return np.array(
         [
@@ -51,19 +54,19 @@ def after(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, "
 
 
 @compiled
-def seen_from(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """``other`` in the frame of ``pose``: the inverse of ``pose``, composed with ``other``."""
+def relative_pose(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, " 3"]:
+    """Return ``pose^-1 o other``: the pose ``other`` in the frame of ``pose``; yaw not wrapped."""
     c, s = cos(pose[2]), sin(pose[2])
     dx, dy = other[0] - pose[0], other[1] - pose[1]
     return np.array([c * dx + s * dy, c * dy - s * dx, other[2] - pose[2]])
 
 
 @compiled
-def transport(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
-    """How an error of a pose, in its frame, is seen from the frame after ``motion``.
+def inverse_adjoint(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
+    """Return the adjoint matrix of the inverse of ``Exp(motion)``.
 
-    The adjoint of the inverse motion (Sola, Deray & Atchuthan, "A micro Lie theory", 2018, eq. 31
-    and, for the plane, eq. 159).
+    It transforms an error of a pose in its own frame to the frame after ``motion`` (Sola,
+    Deray & Atchuthan, "A micro Lie theory", 2018, eq. 31; for SE(2), eq. 159).
     """
     end = exponential(motion)
     c, s = cos(end[2]), sin(end[2])
@@ -73,9 +76,10 @@ def transport(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
 
 @compiled
 def right_jacobian(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
-    """How an error of a motion shows in the frame at its end; to second order in the motion.
+    """Return the right Jacobian of :func:`exponential`, to second order in the motion.
 
-    The series ``I - ad / 2 + ad^2 / 6`` (Sola, Deray & Atchuthan, 2018, eq. 163 is its sum).
+    It transforms an error of a motion to the frame at the end of the motion. Computed as
+    the series ``I - ad / 2 + ad^2 / 6`` (Sola, Deray & Atchuthan, 2018, eq. 163 is its sum).
     """
     x, y, turn = motion[0], motion[1], motion[2]
     square = turn * turn / 6.0

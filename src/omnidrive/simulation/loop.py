@@ -184,9 +184,9 @@ class _Environment:
         if self.schedule is None:
             return
         self.schedule.check(self.reference.duration)
-        if self.schedule.on_the_plant and not isinstance(self.plant, DisturbablePlant):
+        if self.schedule.plant_faults and not isinstance(self.plant, DisturbablePlant):
             raise InvalidInput(
-                f"this plant is not disturbable, so no {', '.join(self.schedule.on_the_plant)}; "
+                f"this plant is not disturbable, so no {', '.join(self.schedule.plant_faults)}; "
                 "use a plant with the capability disturbable"
             )
 
@@ -215,8 +215,8 @@ class _Environment:
         if self.schedule is None:
             return
         for fault in self.schedule.faults:
-            if fault.holds(t) != fault.holds(before):
-                change = "begins" if fault.holds(t) else "ends"
+            if fault.is_active(t) != fault.is_active(before):
+                change = "begins" if fault.is_active(t) else "ends"
                 self.events.append(Event(t, f"{fault.kind} {change}"))
         disturbances = self.schedule.disturbances(before, t, self.reference)
         at_once = any(disturbances.impulse) or any(disturbances.offset)

@@ -20,7 +20,7 @@ from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
-from omnidrive.simulation.disturbances import ON_THE_PLANT
+from omnidrive.simulation.disturbances import PLANT_FAULTS
 from omnidrive.simulation.moving_obstacle import (
     MAX_MOVING_OBSTACLES,
     MAX_PATH_POINTS,
@@ -69,7 +69,7 @@ MAX_STEPS = 200_000
 MAX_NOISE_STEPS = 1_000_000
 """Maximum number of samples of one controller's noise runs per duration, all kept in memory."""
 
-NEED_FORCES = tuple(kind for kind in ON_THE_PLANT if kind != "pose-jump")
+NEED_FORCES = tuple(kind for kind in PLANT_FAULTS if kind != "pose-jump")
 """Kinds of faults that need a plant with forces."""
 
 _Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]

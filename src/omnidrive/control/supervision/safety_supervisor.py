@@ -123,7 +123,7 @@ class SafetySupervisor:
 
     def _compensate(self, t: float, found: Finding) -> None:
         name = f"wheel {found.wheel} {found.defect.value}"
-        if found.defect is WheelDefect.BLIND:
+        if found.defect is WheelDefect.DEAD_ENCODER:
             self.events.append(Event(t, name))
         elif found.defect is WheelDefect.LOCKED:
             self._release_heading(t, found.wheel, name)

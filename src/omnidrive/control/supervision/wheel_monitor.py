@@ -23,7 +23,7 @@ class WheelDefect(Enum):
     """The motor gives no torque; the wheel turns freely."""
     LOCKED = "is locked"
     """The wheel does not turn although its motor gives torque."""
-    BLIND = "has a dead encoder"
+    DEAD_ENCODER = "has a dead encoder"
     """The encoder reports no rotation, and the motor gives no torque that would explain it."""
 
 
@@ -123,7 +123,7 @@ class WheelMonitor:
                 (np.abs(given) > 2.0 * _NONE) | ~rolls,
             ),
             WheelDefect.LOCKED: (stands & strains & called, ~stands & called),
-            WheelDefect.BLIND: (stands & ~strains & called, ~stands & called),
+            WheelDefect.DEAD_ENCODER: (stands & ~strains & called, ~stands & called),
         }
         return self._count(evidence)
 

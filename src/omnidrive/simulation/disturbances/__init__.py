@@ -1,8 +1,8 @@
-"""What goes wrong in a run, and when."""
+"""Disturbances and faults of a run, and their schedule."""
 
 from omnidrive.simulation.disturbances.fault import (
     FAULTS,
-    ON_THE_PLANT,
+    PLANT_FAULTS,
     DeadEncoder,
     DeadWheel,
     Fault,
@@ -18,12 +18,12 @@ from omnidrive.simulation.disturbances.fault import (
     WeakWheel,
     default_faults,
 )
+from omnidrive.simulation.disturbances.fault_text import parse_fault
 from omnidrive.simulation.disturbances.schedule import Schedule
-from omnidrive.simulation.disturbances.words import parse_fault
 
 __all__ = [
     "FAULTS",
-    "ON_THE_PLANT",
+    "PLANT_FAULTS",
     "DeadEncoder",
     "DeadWheel",
     "Fault",

@@ -18,7 +18,7 @@ class Motor(IntEnum):
     """The wheel does not turn."""
 
 
-WEAK = 0.5
+WEAK_TORQUE_FACTOR = 0.5
 """Torque limit of a weak motor as a share of its full limit."""
 
 

@@ -1,4 +1,4 @@
-"""Everything that can go wrong in a run, as data."""
+"""The kinds of disturbances and faults, as data."""
 
 from __future__ import annotations
 
@@ -10,145 +10,152 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from omnidrive.parameter import Bounds
 
-Seconds = Annotated[float, Bounds(0.0, 36_000.0, "s")]
-Lasting = Annotated[float, Bounds(0.001, 36_000.0, "s")]
+_StartTime = Annotated[float, Bounds(0.0, 36_000.0, "s")]
+_Duration = Annotated[float, Bounds(0.001, 36_000.0, "s")]
 _Bearing = Annotated[float, Bounds(-2.0 * pi, 2.0 * pi, "rad")]
 _Metres = Annotated[float, Bounds(-1000.0, 1000.0, "m")]
 _WheelIndex = Annotated[int, Bounds(0, 63, "")]
 
 
-class _Event(BaseModel):
-    """Something that begins at a time."""
+class _BaseFault(BaseModel):
+    """A disturbance or fault that starts at a given time."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    at: Seconds = 5.0
-    """When it begins: at the first sample from then on."""
+    at: _StartTime = 5.0
+    """Start time; it acts from the first sample at or after it."""
 
     @property
-    def lasts(self) -> float | None:
-        """For how long, in s; None: to the end, or it is over at once."""
+    def _active_duration(self) -> float | None:
+        """Duration, s; None if it acts until the end of the run or only once."""
         duration: float | None = getattr(self, "duration", None)
         return duration
 
-    def holds(self, t: float) -> bool:
-        """Whether it has begun and not ended at ``t`` (s)."""
-        return self.at - _ROUNDING <= t and (
-            self.lasts is None or t < self.at + self.lasts - _ROUNDING
+    def is_active(self, t: float) -> bool:
+        """Return whether it acts at ``t`` (s)."""
+        return self.at - _TIME_TOLERANCE <= t and (
+            self._active_duration is None or t < self.at + self._active_duration - _TIME_TOLERANCE
         )
 
 
-_ROUNDING = 1e-9  # s; k times a sample time is seldom quite what was written
+_TIME_TOLERANCE = 1e-9  # s; multiples of the sample time have rounding errors
 
 
-class Push(_Event):
-    """A blow to the body, through its centre."""
+class Push(_BaseFault):
+    """An impulse on the body through the origin of B."""
 
     kind: Literal["push"] = "push"
     speed: Annotated[float, Bounds(0.0, 10.0, "m/s")] = 0.5
-    """By which it would change that of a robot that is free to move: the impulse over its mass."""
+    """Impulse over the robot's mass: the change of velocity of a robot that moves freely."""
     direction: _Bearing = 0.5 * pi
-    """Bearing of the blow in W."""
+    """Bearing of the impulse in W."""
 
 
-class Slope(_Event):
-    """The floor rises."""
+class Slope(_BaseFault):
+    """An inclined floor."""
 
     kind: Literal["slope"] = "slope"
     angle: Annotated[float, Bounds(0.0, 0.5, "rad")] = 0.1
+    """Inclination."""
     direction: _Bearing = 0.5 * pi
-    """Bearing in W in which it rises."""
-    duration: Lasting | None = None
+    """Bearing in W in which the floor rises."""
+    duration: _Duration | None = None
 
 
-class PayloadShift(_Event):
-    """A load comes to lie on the body, beside its centre."""
+class PayloadShift(_BaseFault):
+    """A point mass that is placed on the body at the height of its centre of mass."""
 
     kind: Literal["payload"] = "payload"
     share: Annotated[float, Bounds(0.001, 10.0, "1")] = 0.2
-    """Its mass as a part of the robot's."""
+    """Mass as a share of the robot's mass."""
     x: Annotated[float, Bounds(-2.0, 2.0, "1")] = 0.5
-    """Where it lies in B, as a multiple of the wheels' distance from the centre."""
+    """Position in B, as a multiple of the mean distance of the wheels from the origin."""
     y: Annotated[float, Bounds(-2.0, 2.0, "1")] = 0.0
-    """As ``x``."""
-    duration: Lasting | None = None
+    """Position in B, as a multiple of the same distance."""
+    duration: _Duration | None = None
 
 
-class SlipperyPatch(_Event):
-    """A disc of floor has a friction of its own."""
+class SlipperyPatch(_BaseFault):
+    """A disc of floor with its own friction."""
 
     kind: Literal["patch"] = "patch"
     friction: Annotated[float, Bounds(0.001, 10.0, "1")] = 0.1
+    """Coulomb coefficient."""
     radius: Annotated[float, Bounds(0.01, 1000.0, "m")] = 1.0
+    """Radius."""
     x: _Metres | None = None
-    """Of its centre in W; None: where the robot shall be when it begins."""
+    """Centre in W; None: the reference position at the start time."""
     y: _Metres | None = None
-    """As ``x``."""
-    duration: Lasting | None = None
+    """Centre in W; None: the reference position at the start time."""
+    duration: _Duration | None = None
 
 
-class _WheelFault(_Event):
+class _WheelFault(_BaseFault):
+    """A fault of one wheel."""
+
     wheel: _WheelIndex = 0
-    """Which, counted from 0."""
-    duration: Lasting | None = None
+    """Index of the wheel, from 0."""
+    duration: _Duration | None = None
 
 
 class DeadWheel(_WheelFault):
-    """A wheel's motor gives no torque; the wheel turns freely."""
+    """A motor without torque; its wheel turns freely."""
 
     kind: Literal["wheel-dead"] = "wheel-dead"
 
 
 class LockedWheel(_WheelFault):
-    """A wheel does not turn."""
+    """A wheel that does not turn."""
 
     kind: Literal["wheel-locked"] = "wheel-locked"
 
 
 class WeakWheel(_WheelFault):
-    """A wheel's motor gives half its torque at most."""
+    """A motor whose torque limit is halved."""
 
     kind: Literal["wheel-weak"] = "wheel-weak"
 
 
 class DeadEncoder(_WheelFault):
-    """A wheel's encoder stands still in what it tells; the motor goes on as it was told."""
+    """A wheel encoder that reports nothing; the motor still follows its commands."""
 
     kind: Literal["encoder-dead"] = "encoder-dead"
 
 
-class PoseJump(_Event):
-    """The robot is carried elsewhere at once."""
+class PoseJump(_BaseFault):
+    """A sudden displacement of the robot, as if it were lifted and put down."""
 
     kind: Literal["pose-jump"] = "pose-jump"
     distance: Annotated[float, Bounds(0.0, 100.0, "m")] = 0.5
+    """Distance."""
     direction: _Bearing = 0.5 * pi
-    """Bearing in W."""
+    """Bearing of the displacement in W."""
     turn: _Bearing = 0.0
-    """Counter-clockwise, about its own centre."""
+    """Rotation about the origin of B, counter-clockwise."""
 
 
-class SilentSensor(_Event):
-    """No measurement of the pose arrives."""
+class SilentSensor(_BaseFault):
+    """No pose fixes are taken."""
 
     kind: Literal["sensor-silent"] = "sensor-silent"
-    duration: Lasting | None = 1.0
+    duration: _Duration | None = 1.0
 
 
-class PeriodJitter(_Event):
-    """Samples come too early or too late: each after a time drawn anew."""
+class PeriodJitter(_BaseFault):
+    """Random sample times."""
 
     kind: Literal["period-jitter"] = "period-jitter"
     spread: Annotated[float, Bounds(0.0, 0.9, "1")] = 0.5
-    """Largest deviation, as a part of the sample time; all up to it are as likely."""
-    duration: Lasting | None = None
+    """Largest deviation of a sample time from its nominal value, as a share of it; uniformly
+    distributed."""
+    duration: _Duration | None = None
 
 
-class SolverOverrun(_Event):
-    """Every command comes too late for its sample: until the next one, that before it is held."""
+class SolverOverrun(_BaseFault):
+    """Controllers miss their deadline: in every sample the previous command is held."""
 
     kind: Literal["solver-overrun"] = "solver-overrun"
-    duration: Lasting | None = 2.0
+    duration: _Duration | None = 2.0
 
 
 Fault = Annotated[
@@ -167,7 +174,7 @@ Fault = Annotated[
     Field(discriminator="kind"),
 ]
 
-FAULTS: dict[str, type[_Event]] = {
+FAULTS: dict[str, type[_BaseFault]] = {
     "push": Push,
     "slope": Slope,
     "payload": PayloadShift,
@@ -181,9 +188,9 @@ FAULTS: dict[str, type[_Event]] = {
     "period-jitter": PeriodJitter,
     "solver-overrun": SolverOverrun,
 }
-"""Every kind by its name."""
+"""Every kind of fault by its name."""
 
-ON_THE_PLANT = (
+PLANT_FAULTS = (
     "push",
     "slope",
     "payload",
@@ -193,21 +200,21 @@ ON_THE_PLANT = (
     "wheel-weak",
     "pose-jump",
 )
-"""Kinds that act on the robot itself; the others act on sensors and timing."""
+"""Kinds that act on the plant; the others act on sensors and timing."""
 
 
 _ANY: TypeAdapter[Fault] = TypeAdapter(Fault)
 
 
 def make_fault(kind: str, values: Mapping[str, object]) -> Fault:
-    """A fault of one of :data:`FAULTS`.
+    """Return a fault of a kind in :data:`FAULTS`.
 
     Raises:
-        pydantic.ValidationError: A value has no meaning.
+        pydantic.ValidationError: A value is unknown, out of bounds or of the wrong type.
     """
     return _ANY.validate_python({**values, "kind": kind})
 
 
 def default_faults(at: float) -> tuple[Fault, ...]:
-    """One of every kind, beginning at ``at`` (s)."""
+    """Return one fault of every kind with start time ``at`` (s) and default values."""
     return tuple(make_fault(kind, {"at": at}) for kind in FAULTS)

@@ -1,4 +1,4 @@
-"""From faults and the time to what holds now."""
+"""Schedule of the disturbances and faults of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from omnidrive.simulation.disturbances.disturbances import (
     SensorFaults,
 )
 from omnidrive.simulation.disturbances.fault import (
-    ON_THE_PLANT,
+    PLANT_FAULTS,
     DeadEncoder,
     DeadWheel,
     Fault,
@@ -42,11 +42,15 @@ _MOTORS = {DeadWheel: Motor.DEAD, LockedWheel: Motor.LOCKED, WeakWheel: Motor.WE
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """The faults of one run of one robot.
+    """Disturbances and faults of one run of one robot.
 
     Attributes:
-        faults: In any order; those that hold at one time add up.
-        robot: Whom they befall: sizes are multiples of its own.
+        faults: Faults in any order. Simultaneous impulses, offsets, slopes and payloads add up; of
+            several faults of one motor the most severe acts, of several patches the last.
+        robot: The robot; impulses and payloads are multiples of its mass and size.
+
+    Raises:
+        InvalidInput: A fault names a wheel that the robot does not have.
     """
 
     faults: tuple[Fault, ...]
@@ -63,81 +67,87 @@ class Schedule:
                 )
 
     def check(self, duration: float) -> None:
-        """Refuse what would never happen.
+        """Check that every fault starts before the end of a run.
 
         Raises:
-            InvalidInput: A fault begins when a run of ``duration`` seconds has ended.
+            InvalidInput: A fault starts at or after ``duration`` (s).
         """
         for fault in self.faults:
             if fault.at >= duration:
                 raise InvalidInput(
                     f"fault {fault.kind} begins at {fault.at:g} s, but the run ends at "
-                    f"{duration:g} s: let it begin earlier (at=...)"
+                    f"{duration:g} s: choose an earlier start time (at=...)"
                 )
 
     @property
-    def on_the_plant(self) -> tuple[str, ...]:
-        """Kinds of those faults that act on the robot itself."""
-        return tuple(fault.kind for fault in self.faults if fault.kind in ON_THE_PLANT)
+    def plant_faults(self) -> tuple[str, ...]:
+        """Kinds of the scheduled faults that act on the plant."""
+        return tuple(fault.kind for fault in self.faults if fault.kind in PLANT_FAULTS)
 
     def samples(
         self, duration: float, dt: float, rng: np.random.Generator | None = None
     ) -> Iterator[tuple[float, float, bool]]:
-        """Time of every sample, time until the next one, both in s, and whether it is the last.
+        """Yield the time of every sample (s), the time to the next (s), and whether it is the last.
 
-        Samples are ``dt`` apart but for jitter, which is drawn from ``rng``; the last is the one
-        nearest to ``duration`` (s).
+        Args:
+            duration: Duration of the run, s; the last sample is the nearest to it.
+            dt: Nominal sample time, s.
+            rng: Generator of the jitter; None: no jitter.
         """
-        late, k = 0.0, 0  # time is counted, never summed, but for what jitter adds
+        # t = k dt + accumulated jitter, because a sum of sample times accumulates rounding errors
+        late, k = 0.0, 0
         last = round(duration / dt)
         while True:
             t = k * dt + late
             jittered = any(isinstance(fault, PeriodJitter) for fault in self.faults)
-            ends = t >= duration - 0.5 * dt if jittered else k >= last
+            is_last = t >= duration - 0.5 * dt if jittered else k >= last
             step = dt
             for fault in self.faults:
-                if isinstance(fault, PeriodJitter) and fault.holds(t) and rng is not None:
+                if isinstance(fault, PeriodJitter) and fault.is_active(t) and rng is not None:
                     step *= 1.0 + fault.spread * rng.uniform(-1.0, 1.0)
-            yield t, step, ends
-            if ends:
+            yield t, step, is_last
+            if is_last:
                 return
             late, k = late + (step - dt), k + 1
 
     def disturbances(self, before: float, t: float, reference: Reference) -> Disturbances:
-        """What acts on the robot from the sample at ``t`` on.
+        """Return the disturbances that act on the plant from the sample at ``t`` on.
 
         Args:
-            before: Time of the sample before, in s; anything negative at the first.
-            t: In s.
-            reference: Where the robot shall be, for patches without a place.
+            before: Time of the previous sample, s; negative at the first sample.
+            t: Time of the sample, s.
+            reference: Reference motion; its position is the centre of patches without one.
         """
         motors = [Motor.HEALTHY] * len(self.robot.mounts)
-        rise = (0.0, 0.0)
+        slope = (0.0, 0.0)
         payload: Payload | None = None
         patch: Patch | None = None
         impulse, offset = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for fault in self.faults:
-            begins = fault.holds(t) and not fault.holds(before)
+            begins = fault.is_active(t) and not fault.is_active(before)
             if isinstance(fault, Push) and begins:
-                blow = self.robot.mass * fault.speed
-                impulse = _plus(impulse, blow * cos(fault.direction), blow * sin(fault.direction))
+                size = self.robot.mass * fault.speed
+                impulse = _add(impulse, size * cos(fault.direction), size * sin(fault.direction))
             elif isinstance(fault, PoseJump) and begins:
                 x, y = cos(fault.direction), sin(fault.direction)
-                offset = _plus(offset, fault.distance * x, fault.distance * y, fault.turn)
-            elif not fault.holds(t):
+                offset = _add(offset, fault.distance * x, fault.distance * y, fault.turn)
+            elif not fault.is_active(t):
                 continue
             elif isinstance(fault, DeadWheel | LockedWheel | WeakWheel):
                 motors[fault.wheel] = max(motors[fault.wheel], _MOTORS[type(fault)])
             elif isinstance(fault, Slope):
-                up = tan(fault.angle)
-                rise = (rise[0] + up * cos(fault.direction), rise[1] + up * sin(fault.direction))
+                rise = tan(fault.angle)
+                slope = (
+                    slope[0] + rise * cos(fault.direction),
+                    slope[1] + rise * sin(fault.direction),
+                )
             elif isinstance(fault, PayloadShift):
-                payload = _heaped(payload, self._payload(fault))
+                payload = _combined(payload, self._payload(fault))
             elif isinstance(fault, SlipperyPatch):
-                patch = _placed(fault, reference)
+                patch = _patch(fault, reference)
         return Disturbances(
             tuple(motors) if any(motors) else (),
-            rise,
+            slope,
             payload,
             patch,
             Impulse(*impulse),
@@ -145,30 +155,30 @@ class Schedule:
         )
 
     def _payload(self, fault: PayloadShift) -> Payload:
-        reach = self.robot.mean_wheel_distance
-        return Payload(fault.share * self.robot.mass, fault.x * reach, fault.y * reach)
+        distance = self.robot.mean_wheel_distance
+        return Payload(fault.share * self.robot.mass, fault.x * distance, fault.y * distance)
 
     def sensor_faults(self, t: float) -> SensorFaults:
-        """What is wrong with the sensors at ``t`` (s)."""
-        holding = [fault for fault in self.faults if fault.holds(t)]
+        """Return the sensor faults that act at ``t`` (s)."""
+        active = [fault for fault in self.faults if fault.is_active(t)]
         return SensorFaults(
-            tuple(sorted({f.wheel for f in holding if isinstance(f, DeadEncoder)})),
-            any(isinstance(f, SilentSensor) for f in holding),
+            tuple(sorted({f.wheel for f in active if isinstance(f, DeadEncoder)})),
+            any(isinstance(f, SilentSensor) for f in active),
         )
 
     def overrun(self, t: float) -> bool:
-        """Whether the command of the sample at ``t`` (s) comes too late for it."""
-        return any(isinstance(f, SolverOverrun) and f.holds(t) for f in self.faults)
+        """Return whether the controller misses its deadline in the sample at ``t`` (s)."""
+        return any(isinstance(f, SolverOverrun) and f.is_active(t) for f in self.faults)
 
 
-def _plus(
+def _add(
     sum_: tuple[float, float, float], x: float, y: float, turn: float = 0.0
 ) -> tuple[float, float, float]:
     return sum_[0] + x, sum_[1] + y, sum_[2] + turn
 
 
-def _heaped(one: Payload | None, other: Payload) -> Payload:
-    """Both in one place: their common centre of mass."""
+def _combined(one: Payload | None, other: Payload) -> Payload:
+    """Return the sum of two payloads at their common centre of mass."""
     if one is None:
         return other
     mass = one.mass + other.mass
@@ -176,11 +186,11 @@ def _heaped(one: Payload | None, other: Payload) -> Payload:
     return Payload(mass, x, y)
 
 
-def _placed(fault: SlipperyPatch, reference: Reference) -> Patch:
-    there = reference.at(fault.at).pose
+def _patch(fault: SlipperyPatch, reference: Reference) -> Patch:
+    default = reference.at(fault.at).pose
     return Patch(
-        there.x if fault.x is None else fault.x,
-        there.y if fault.y is None else fault.y,
+        default.x if fault.x is None else fault.x,
+        default.y if fault.y is None else fault.y,
         fault.radius,
         fault.friction,
     )

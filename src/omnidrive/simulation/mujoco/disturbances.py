@@ -14,7 +14,7 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import GRAVITY, Mount
 from omnidrive.simulation.disturbances.disturbances import (
-    WEAK,
+    WEAK_TORQUE_FACTOR,
     Disturbances,
     Impulse,
     Motor,
@@ -104,7 +104,7 @@ class MujocoDisturbances:
             getattr(model, name)[:] = getattr(nominal, name)
         for i, motor in enumerate(motors):
             if motor == Motor.WEAK:
-                model.actuator_forcerange[i] *= WEAK
+                model.actuator_forcerange[i] *= WEAK_TORQUE_FACTOR
             elif motor == Motor.DEAD:
                 model.actuator_gainprm[i, :], model.actuator_biasprm[i, :] = 0.0, 0.0
             elif motor == Motor.LOCKED:  # a servo with set point 0, for any axle

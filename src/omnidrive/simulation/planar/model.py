@@ -11,7 +11,12 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import GRAVITY, Mount, OmniWheel, Robot
-from omnidrive.simulation.disturbances.disturbances import WEAK, Disturbances, Motor, Payload
+from omnidrive.simulation.disturbances.disturbances import (
+    WEAK_TORQUE_FACTOR,
+    Disturbances,
+    Motor,
+    Payload,
+)
 from omnidrive.simulation.mujoco.wheels import ROLLER_ARMATURE, ROLLER_DAMPING
 
 BODY = np.dtype(
@@ -66,7 +71,12 @@ WHEEL = np.dtype(
 """Record of one wheel."""
 
 _LOCKED_INERTIA = 1e6  # inertia of a locked wheel, over the robot's mass at the wheel's radius
-_TORQUE_SHARE = {Motor.HEALTHY: 1.0, Motor.WEAK: WEAK, Motor.DEAD: 0.0, Motor.LOCKED: 1.0}
+_TORQUE_SHARE = {
+    Motor.HEALTHY: 1.0,
+    Motor.WEAK: WEAK_TORQUE_FACTOR,
+    Motor.DEAD: 0.0,
+    Motor.LOCKED: 1.0,
+}
 
 
 class PlanarModel(NamedTuple):

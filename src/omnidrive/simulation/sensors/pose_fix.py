@@ -31,7 +31,7 @@ class PoseFixes:
 
     settings: PoseFixSettings
     rng: np.random.Generator
-    chance: np.random.Generator
+    event_rng: np.random.Generator
     _count: int = field(default=0, init=False, repr=False)
     _before: tuple[float, Pose] = field(default=(0.0, Pose(0.0, 0.0, 0.0)), init=False, repr=False)
     _bias: Float[Array, "2 3"] = field(init=False, repr=False)
@@ -45,7 +45,7 @@ class PoseFixes:
         """Start at ``pose`` with zero bias and a random bias rate; the generators continue."""
         self._count, self._before, self._waiting = 0, (-inf, pose), []
         sigma = self.settings.bias_sigma / self.settings.bias_dynamics[0]
-        self._bias = np.array([np.zeros(3), sigma * self.chance.standard_normal(3)])
+        self._bias = np.array([np.zeros(3), sigma * self.event_rng.standard_normal(3)])
 
     def read(self, t: float, pose: Pose, *, silent: bool = False) -> tuple[PoseFix, ...]:
         """Fixes that arrive up to ``t`` (s); motion between readings is interpolated on SE(2).
@@ -64,7 +64,7 @@ class PoseFixes:
                 part = (stamp - since) / (t - since)
                 there = move(start, twist_between(start, pose, 1.0), part)
             fix = self._take(min(stamp, t), there)
-            lost, far, bearing, late = self.chance.random(4).tolist()
+            lost, far, bearing, late = self.event_rng.random(4).tolist()
             if far < settings.outliers:
                 fix = _displaced(fix, settings.outlier_size, 2.0 * pi * bearing)
             if lost >= settings.dropout and not silent:
@@ -96,7 +96,7 @@ class PoseFixes:
         settled = np.diag([1.0, time**-2])
         spread = settled - step @ settled @ step.T
         root = np.linalg.cholesky(spread) if damping > 0.0 else np.zeros((2, 2))
-        self._bias = step @ self._bias + sigma * (root @ self.chance.standard_normal((2, 3)))
+        self._bias = step @ self._bias + sigma * (root @ self.event_rng.standard_normal((2, 3)))
 
 
 def _displaced(fix: PoseFix, size: float, bearing: float) -> PoseFix:

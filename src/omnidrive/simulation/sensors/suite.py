@@ -40,10 +40,10 @@ class SensorSuite:
 
     def __post_init__(self) -> None:
         settings = self.settings
-        for_gyro, chance = self.rng.spawn(2)
+        for_gyro, event_rng = self.rng.spawn(2)
         self._encoders = Encoders(settings.encoders, self.chassis)
         self._gyro = Gyro(settings.gyro, for_gyro) if settings.gyro else None
-        self._fixes = PoseFixes(settings.fixes, self.rng, chance) if settings.fixes else None
+        self._fixes = PoseFixes(settings.fixes, self.rng, event_rng) if settings.fixes else None
 
     def reset(self, pose: Pose) -> None:
         """Start at rest at ``pose`` without faults; the random generators continue."""

@@ -1,4 +1,4 @@
-"""Faults as words of a command line: ``wheel-dead:wheel=2,at=5``."""
+"""Faults as text on the command line, such as ``wheel-dead:wheel=2,at=5``."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from pydantic import ValidationError
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.simulation.disturbances.fault import FAULTS, Fault, make_fault
 
-_LONGEST = 200  # characters
-_SHOWN = 60
+_MAX_LENGTH = 200  # characters of a fault
+_MAX_SHOWN = 60  # characters of it in a message
 
 
 def parse_fault(text: str) -> Fault:
-    """Read ``KIND`` or ``KIND:NAME=VALUE,...``, where every value is a number.
+    """Parse ``KIND`` or ``KIND:NAME=VALUE,...``, where every value is a number.
 
     Raises:
-        InvalidInput: There is no such kind, name or value; the message says what there is.
+        InvalidInput: The kind, a name or a value is invalid; the message lists the valid ones.
     """
-    if len(text) > _LONGEST:
-        raise InvalidInput(f"a fault has at most {_LONGEST} characters, got {len(text)}")
+    if len(text) > _MAX_LENGTH:
+        raise InvalidInput(f"a fault has at most {_MAX_LENGTH} characters, got {len(text)}")
     kind, _, rest = text.partition(":")
     kind = kind.strip()
     if kind not in FAULTS:
@@ -63,5 +63,6 @@ def _number(kind: str, name: str, value: str) -> float:
 
 
 def _short(text: str) -> str:
+    """Return ``text`` for a message: shortened, and without control characters."""
     plain = "".join(c if c.isprintable() else "?" for c in text)
-    return plain if len(plain) <= _SHOWN else plain[:_SHOWN] + "..."
+    return plain if len(plain) <= _MAX_SHOWN else plain[:_MAX_SHOWN] + "..."
