@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import active_children, get_context
 from signal import SIG_IGN, SIGINT, signal
@@ -48,7 +49,7 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
         return
     others = active_children()
     context = get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context, initializer=_ignore_ctrl_c) as pool:
+    with ProcessPoolExecutor(processes, mp_context=context, initializer=_start_worker) as pool:
         try:
             for future in as_completed([pool.submit(_compile_part, *part) for part in parts]):
                 progress.done(future.result())
@@ -63,9 +64,10 @@ def _is_cheap(controller: tuple[PresetName, ControllerName]) -> bool:
     return controller[1] not in PREDICTIVE
 
 
-def _ignore_ctrl_c() -> None:
-    """Leave Ctrl-C, which the terminal sends to all processes, to the parent process."""
+def _start_worker() -> None:
+    """Leave Ctrl-C, which the terminal sends to all processes, and messages to the parent."""
     signal(SIGINT, SIG_IGN)
+    logging.getLogger("omnidrive").setLevel(logging.ERROR)
 
 
 def _compile_part(kind: str, controller: str) -> str:
