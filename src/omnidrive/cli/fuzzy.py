@@ -23,7 +23,7 @@ from omnidrive.cli.fuzzy_text import (
 )
 from omnidrive.cli.options import available_cores, choose_one, parse_coordinates
 from omnidrive.cli.progress import print_tables
-from omnidrive.compiled import kernels_are_kept
+from omnidrive.compiled import announce_compiling
 from omnidrive.errors import CannotWrite, InvalidInput, suggestion
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
@@ -148,11 +148,10 @@ def show(
     """
     system = _load(file, type2)
     inference = Inference(system)
-    if inputs is not None or out is not None:  # printing the system requires no kernel
-        _announce_compilation()
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
-        inference.interval(*given)  # raises errors before anything is printed
+        with announce_compiling(_print_compiling):
+            inference.interval(*given)  # raises errors before anything is printed
     if out is not None:
         _create_folder(out)
     _print_system(system)
@@ -232,8 +231,8 @@ def evaluate(
     if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
         raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
     _check_overwrite(target, force)
-    _announce_compilation()
-    result = evaluate_csv(inference, source, target, threads=threads or available_cores())
+    with announce_compiling(_print_compiling):
+        result = evaluate_csv(inference, source, target, threads=threads or available_cores())
     if result.unused:
         shown = ", ".join(result.unused[:6]) + (", ..." if len(result.unused) > 6 else "")
         _warn(f"columns ignored, because they are not inputs: {shown}")
@@ -366,9 +365,8 @@ def _file_name_part(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", name)[:40].strip("-") or "variable"
 
 
-def _announce_compilation() -> None:
-    if not kernels_are_kept("infer_rows"):
-        _warn("compiling, only the first time; this takes about half a minute")
+def _print_compiling() -> None:
+    _warn("compiling, only the first time; this takes up to half a minute")
 
 
 def _warn(message: str) -> None:

@@ -13,7 +13,7 @@ import typer
 
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.compiled import kernels_are_kept
+from omnidrive.compiled import announce_compiling
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown, load_map, load_queries
 from omnidrive.planning import MethodName
@@ -85,14 +85,17 @@ def plan(
         _solve(shared, scen, json)
         return
     check_plan_targets(out, png)
-    if not kernels_are_kept():
-        typer.echo("compiling, the first time only; this takes up to a minute", err=True)
     at_best = shared.map_file is not None or shared.timing in {"limits", "minimum-time"}
-    if at_best and shared.duration is None:
-        planned = plan_at(shared.resolve(retimed=False), shared.speed)
-    else:
-        planned = plan_and_check(shared.resolve())
+    with announce_compiling(_print_compiling):
+        if at_best and shared.duration is None:
+            planned = plan_at(shared.resolve(retimed=False), shared.speed)
+        else:
+            planned = plan_and_check(shared.resolve())
     _report(planned, out, png, json)
+
+
+def _print_compiling() -> None:
+    typer.echo("compiling, the first time only; this takes some seconds", err=True)
 
 
 def _report(planned: PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:

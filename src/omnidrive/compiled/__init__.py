@@ -9,7 +9,6 @@ and ``config``. The bounds of Numba in ``pyproject.toml`` are the versions that 
 from __future__ import annotations
 
 import logging
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from inspect import unwrap
@@ -18,7 +17,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 from numba import typeof
 from numba.core import config
 
-from omnidrive.compiled.cache import cache_folder, entries
+from omnidrive.compiled.cache import cache_folder
 from omnidrive.compiled.dispatcher import Kernel, compile_listeners
 
 P = ParamSpec("P")
@@ -26,7 +25,9 @@ R = TypeVar("R")
 
 _log = logging.getLogger("omnidrive")
 _config: Any = config  # its attributes are set at run time
-_kernels: defaultdict[str, list[Any]] = defaultdict(list)
+
+kernels: list[Any] = []
+"""All kernels whose modules are imported."""
 
 
 def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
@@ -64,7 +65,7 @@ def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
     if _config.DISABLE_JIT:
         return cast("Callable[P, R]", function)
     machine = Kernel(function, {"error_model": "numpy", "nogil": True, **options})
-    _kernels[function.__name__].append(machine)
+    kernels.append(machine)
     return cast("Callable[P, R]", machine)
 
 
@@ -80,30 +81,29 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
     return cast("Callable[P, R]", machine.overloads[types].entry_point)
 
 
-def kernels_are_kept(name: str = "") -> bool:
-    """Whether a kernel of this name, or any kernel, is compiled and kept on disk.
+def kernels_are_kept() -> bool:
+    """Whether any compiled kernel is on disk."""
+    return any(cache_folder().glob("*.nbc"))
 
-    A kernel counts only as its code is now; its module must be imported.
-    """
-    if not name:
-        return any(cache_folder().glob("*.nbc"))
-    return any(any(entries(kernel)) for kernel in _kernels[name])
+
+def _log_compiling() -> None:
+    _log.warning(
+        "compiling numerical kernels, the first time only: up to half a minute; "
+        "`omnidrive warmup` does it beforehand"
+    )
 
 
 @contextmanager
-def announce_compiling() -> Iterator[None]:
-    """Log a warning once a kernel has to be compiled, and how to do that beforehand."""
+def announce_compiling(announce: Callable[[], None] = _log_compiling) -> Iterator[None]:
+    """Call ``announce`` once if a kernel has to be compiled; by default it logs a warning."""
 
-    def announce() -> None:
-        compile_listeners.remove(announce)
-        _log.warning(
-            "compiling numerical kernels, the first time only: up to a minute; "
-            "`omnidrive warmup` does it beforehand"
-        )
+    def announce_once() -> None:
+        compile_listeners.remove(announce_once)
+        announce()
 
-    compile_listeners.append(announce)
+    compile_listeners.append(announce_once)
     try:
         yield
     finally:
-        if announce in compile_listeners:
-            compile_listeners.remove(announce)
+        if announce_once in compile_listeners:
+            compile_listeners.remove(announce_once)

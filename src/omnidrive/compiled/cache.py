@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any, cast
 from uuid import uuid4
 
 from numba.core import compiler, config, sigutils
@@ -159,13 +159,13 @@ def _entry_name(kernel: Any) -> str:
 
 
 @cache
-def _lock_file(folder: Path) -> IO[bytes] | None:
-    """File whose bytes stand for kernels; it stays open."""
+def _lock_file(folder: Path) -> int | None:
+    """Return the descriptor of a file whose bytes stand for kernels; it stays open."""
     if fcntl is None:
         return None
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        return (folder / "lock").open("wb")
+        return os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o666)
     except OSError:
         return None
 
