@@ -1,4 +1,4 @@
-"""The estimator: consistency against matched noise, and what sensors and people do to it."""
+"""The pose estimator: consistency with matched noise, sensor faults, delays and relocation."""
 
 from dataclasses import replace
 from math import inf, nan, pi
@@ -60,29 +60,31 @@ MATCHED = SensorSettings(
         position_sigma=0.02, yaw_sigma=0.01, position_bias=0.05, yaw_bias=0.03, bias_damping=0.5
     ),
 )
-"""Sensors so bad that their noise is what counts."""
+"""Sensors with large noise, which dominates all other errors."""
 CREEP = 5e-3
-NOTHING_BUT_NOISE = EstimatorSettings(creep=CREEP, slip_doubt=0.0, false_alarms=1e-8, floor=1e-6)
+NOISE_ONLY = EstimatorSettings(creep=CREEP, slip_doubt=0.0, false_alarms=1e-8, floor=1e-6)
 
 
-def swaying(t):
-    """A twist that turns and goes to and fro."""
+def oscillating(t):
+    """Return a body twist whose components oscillate."""
     return BodyTwist(0.5 * np.cos(0.4 * t), 0.3 * np.sin(0.7 * t), 0.4 * np.sin(0.3 * t))
 
 
 class Drive:
-    """A robot whose rims creep, its sensors and its estimator."""
+    """A robot without slip whose rims creep, with its sensors and its estimator."""
 
-    def __init__(self, sensors=QUIET, chosen=None, seed=0, creep=0.0, robot=ROBOT, start=START):
+    def __init__(
+        self, sensors=QUIET, estimator_settings=None, seed=0, creep=0.0, robot=ROBOT, start=START
+    ):
         rng = np.random.default_rng(seed)
         self.robot, self.creep, self.rng = robot, creep, rng.spawn(1)[0]
         self.sensors = SensorSuite(sensors, robot.chassis, rng)
-        self.estimator = PoseEstimator(robot, sensors, chosen, slips=False)
-        self.sensor = Perception(self.sensors, self.estimator)
-        self.sensor.reset(start)
+        self.estimator = PoseEstimator(robot, sensors, estimator_settings, slips=False)
+        self.perception = Perception(self.sensors, self.estimator)
+        self.perception.reset(start)
         self.pose, self.angles, self.k = start, np.zeros(len(robot.mounts)), 0
         self.fix_bias = np.zeros((2, 3))
-        self.seen = self.sense()
+        self.state = self.sense()
 
     @property
     def t(self):
@@ -90,11 +92,11 @@ class Drive:
 
     def sense(self):
         if self.sensors._fixes:
-            self.fix_bias = self.sensors._fixes._bias.copy()  # of the fix that is taken now
+            self.fix_bias = self.sensors._fixes._bias.copy()  # of the fix at this sample
         state = PlantState(self.pose, REST, 0.0, tuple(self.angles.tolist()))
-        return self.sensor.update(self.t, state)
+        return self.perception.update(self.t, state)
 
-    def go(self, seconds, twist=swaying):
+    def go(self, seconds, twist=oscillating):
         for _ in range(round(seconds / DT)):
             now = twist(self.t)
             displacements = self.robot.rim_jacobian @ np.array(now) * DT
@@ -106,37 +108,37 @@ class Drive:
             self.pose = move(self.pose, now, DT)
             self.angles = self.angles + displacements / self.robot.wheel.radius
             self.k += 1
-            self.seen = self.sense()
+            self.state = self.sense()
         return self
 
     @property
     def error(self):
-        return np.hypot(self.seen.pose.x - self.pose.x, self.seen.pose.y - self.pose.y)
+        return np.hypot(self.state.pose.x - self.pose.x, self.state.pose.y - self.pose.y)
 
     @property
-    def state_error(self):
-        """True state less believed, as the covariance means it."""
-        filter_state = self.estimator.filter_state
-        off = twist_between(Pose(*filter_state.mean[POSE].tolist()), self.pose, 1.0)
-        truth = np.array([self.sensors._gyro.bias, *self.fix_bias.ravel()])
-        return np.array([*off, *(truth - filter_state.mean[3:])])
+    def filter_error(self):
+        """True state minus its estimate, as the filter's covariance defines it."""
+        mean = self.estimator.filter_state.mean
+        pose_error = twist_between(Pose(*mean[POSE].tolist()), self.pose, 1.0)
+        biases = np.array([self.sensors._gyro.bias, *self.fix_bias.ravel()])
+        return np.array([*pose_error, *(biases - mean[3:])])
 
 
 def bounds(dimensions, runs):
-    """Of the mean of that many squares, which one test in 10,000 leaves."""
+    """Bounds of the mean squared normalised error; 1 in 10,000 correct results is outside."""
     low, high = chi2.ppf([5e-5, 1.0 - 5e-5], dimensions * runs) / runs
     return low, high
 
 
 @pytest.fixture(scope="module")
-def squares():
-    """Squared errors in standard deviations of runs with matched noise, at three times."""
+def normalised_errors():
+    """Normalised squared errors of the pose and of the whole state, at three times of 80 runs."""
     pose, whole = [], []
     for seed in range(80):
-        drive, p, w = Drive(MATCHED, NOTHING_BUT_NOISE, seed, CREEP), [], []
+        drive, p, w = Drive(MATCHED, NOISE_ONLY, seed, CREEP), [], []
         for seconds in (2.0, 3.0, 5.0):
             drive.go(seconds)
-            covariance, error = drive.estimator.filter_state.covariance, drive.state_error
+            covariance, error = drive.estimator.filter_state.covariance, drive.filter_error
             p.append(error[:3] @ np.linalg.solve(covariance[:3, :3], error[:3]))
             w.append(error @ np.linalg.solve(covariance, error))
         pose.append(p)
@@ -144,31 +146,33 @@ def squares():
     return np.array(pose), np.array(whole)
 
 
-def test_the_pose_is_as_uncertain_as_it_says(squares):
+def test_pose_error_matches_its_covariance(normalised_errors):
     low, high = bounds(3, 80)
-    assert ((low < squares[0].mean(axis=0)) & (squares[0].mean(axis=0) < high)).all()
+    mean = normalised_errors[0].mean(axis=0)
+    assert ((low < mean) & (mean < high)).all()
 
 
-def test_so_are_the_biases(squares):
+def test_error_of_the_whole_state_matches_its_covariance(normalised_errors):
     low, high = bounds(10, 80)
-    assert ((low < squares[1].mean(axis=0)) & (squares[1].mean(axis=0) < high)).all()
+    mean = normalised_errors[1].mean(axis=0)
+    assert ((low < mean) & (mean < high)).all()
 
 
-def test_late_and_lost_fixes_change_nothing_about_that():
+def test_pose_error_matches_its_covariance_with_late_and_lost_fixes():
     late = replace(MATCHED.fixes, latency=0.25, jitter=0.3, dropout=0.3, rate=7.0)
     found = []
     for seed in range(60):
-        drive = Drive(replace(MATCHED, fixes=late), NOTHING_BUT_NOISE, seed, CREEP).go(6.0)
-        error, covariance = drive.state_error[:3], drive.estimator.filter_state.covariance[:3, :3]
+        drive = Drive(replace(MATCHED, fixes=late), NOISE_ONLY, seed, CREEP).go(6.0)
+        error, covariance = drive.filter_error[:3], drive.estimator.filter_state.covariance[:3, :3]
         found.append(error @ np.linalg.solve(covariance, error))
     low, high = bounds(3, 60)
     assert low < np.mean(found) < high
 
 
-def test_innovations_are_as_large_as_they_should_be():
+def test_innovations_match_their_covariance():
     found = []
     for seed in range(20):
-        drive = Drive(MATCHED, NOTHING_BUT_NOISE, seed, CREEP)
+        drive = Drive(MATCHED, NOISE_ONLY, seed, CREEP)
         for _ in range(50):
             drive.go(DT)
             found.append(drive.estimator.nis)
@@ -176,35 +180,35 @@ def test_innovations_are_as_large_as_they_should_be():
     assert low < np.mean(found) < high
 
 
-def test_the_biases_become_known():
-    """At first the rates are as uncertain as data sheets say; later, far less."""
-    drive = Drive(MATCHED, NOTHING_BUT_NOISE, creep=1e-4)
+def test_biases_are_estimated():
+    """The variances of the biases decrease well below those of the data sheets."""
+    drive = Drive(MATCHED, NOISE_ONLY, creep=1e-4)
     first = drive.estimator.filter_state.covariance
     drive.go(10.0)
     later = drive.estimator.filter_state.covariance
-    assert later[3, 3] < 0.25 * first[3, 3]  # the gyro's, against the wheels' turn
-    assert later[4, 4] < (0.5 * 0.05) ** 2  # the fixes', against odometry
+    assert later[3, 3] < 0.25 * first[3, 3]  # gyro bias, by the rotation of the wheels
+    assert later[4, 4] < (0.5 * 0.05) ** 2  # fix bias, by odometry
     assert drive.error < 0.05
 
 
-def test_with_sensors_that_hardly_err_it_hardly_errs():
+def test_error_is_small_with_nearly_perfect_sensors():
     drive = Drive().go(10.0)
     assert drive.error < 2e-4
-    assert drive.seen.yaw_sigma < 2e-4
-    assert drive.seen.fix_age == pytest.approx(0.0, abs=1e-9)
+    assert drive.state.yaw_sigma < 2e-4
+    assert drive.state.fix_age == pytest.approx(0.0, abs=1e-9)
 
 
-def test_it_is_reproducible_to_the_last_bit():
+def test_results_and_reset_are_reproducible_bit_for_bit():
     one, two = (Drive(MATCHED, None, 7, CREEP).go(5.0) for _ in range(2))
-    assert repr(one.seen) == repr(two.seen)
-    one.sensor.reset(START)
+    assert repr(one.state) == repr(two.state)
+    one.perception.reset(START)
     fresh = PoseEstimator(ROBOT, MATCHED, slips=False)
     fresh.reset(START)
     assert repr(one.estimator.filter_state) == repr(fresh.filter_state)
 
 
 def recorded(seconds, **changes):
-    """Readings of a drive, and its fixes."""
+    """Sensor settings and readings of one run."""
     sensors = replace(MATCHED, fixes=replace(MATCHED.fixes, **changes))
     drive, log = Drive(sensors, creep=CREEP), []
     read = drive.sensors.read
@@ -213,21 +217,21 @@ def recorded(seconds, **changes):
         log.append(read(t, state))
         return log[-1]
 
-    object.__setattr__(drive.sensor, "sensors", _Stand(reading))
+    object.__setattr__(drive.perception, "sensors", _Recorder(reading))
     drive.go(seconds)
     return sensors, log
 
 
-class _Stand:
+class _Recorder:
     def __init__(self, read):
         self.read = read
 
 
-def test_fixes_out_of_order_lead_where_fixes_in_order_lead():
+def test_result_does_not_depend_on_the_order_of_arrival():
     sensors, log = recorded(4.0, rate=23.0, latency=0.1, jitter=0.8)
     fixes = sorted(fix for readings in log for fix in readings.fixes)
     assert fixes != [fix for readings in log for fix in readings.fixes]
-    ends = []
+    finals = []
     for in_order in (False, True):
         estimator = PoseEstimator(ROBOT, sensors, slips=False)
         estimator.reset(START)
@@ -241,26 +245,26 @@ def test_fixes_out_of_order_lead_where_fixes_in_order_lead():
         last = log[-1]
         missing = tuple(set(fixes) - {f for r in log for f in r.fixes})
         assert not missing
-        ends.append(estimator.update(last._replace(stamp=last.stamp + DT, fixes=())))
+        finals.append(estimator.update(last._replace(stamp=last.stamp + DT, fixes=())))
     late = [fix for fix in fixes if fix.stamp > log[-1].stamp - 0.9]
     assert late
-    assert repr(ends[0]) == repr(ends[1])
+    assert repr(finals[0]) == repr(finals[1])
 
 
-def test_a_fix_far_off_is_not_believed():
+def test_outlier_is_rejected():
     drive = Drive(MATCHED, None, creep=CREEP).go(3.0)
     before = drive.estimator.rejected
     fix = PoseFix(drive.t, drive.pose._replace(x=drive.pose.x + 1.0), 0.02, 0.01)
     angles = tuple(drive.angles.tolist())
-    seen = drive.estimator.update(
+    state = drive.estimator.update(
         SensorReadings(drive.t + 1e-3, angles, yaw_rate=0.0, fixes=(fix,))
     )
     assert drive.estimator.rejected == before + 1
-    assert np.hypot(seen.pose.x - drive.pose.x, seen.pose.y - drive.pose.y) < 0.1
+    assert np.hypot(state.pose.x - drive.pose.x, state.pose.y - drive.pose.y) < 0.1
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_outliers_do_not_carry_it_away(seed):
+def test_outliers_cause_no_relocation(seed):
     fixes = PoseFixSettings(outliers=0.3, outlier_size=1.0)
     drive = Drive(replace(MATCHED, fixes=fixes), None, seed, CREEP).go(20.0)
     assert drive.estimator.relocations == []
@@ -269,107 +273,107 @@ def test_outliers_do_not_carry_it_away(seed):
 
 @pytest.mark.parametrize("jump", [(0.5, 0.0, 0.0), (-3.0, 4.0, 2.5), (0.0, 0.0, pi)])
 @pytest.mark.parametrize("latency", [0.0, 0.3])
-def test_a_robot_that_was_carried_away_is_found_again(jump, latency):
+def test_kidnapped_robot_is_relocated(jump, latency):
     sensors = replace(MATCHED, fixes=replace(MATCHED.fixes, latency=latency))
     drive = Drive(sensors, None, creep=CREEP).go(3.0)
     drive.pose = Pose(*(a + b for a, b in zip(drive.pose, jump, strict=True)))
     moved = drive.pose
-    drive.sensors._before = drive.t, moved.yaw  # nobody's gyro turned: it was switched off
+    drive.sensors._previous = drive.t, moved.yaw  # the gyro does not measure the jump
     drive.go(2.0)
     (found,) = drive.estimator.relocations
     assert 0.3 < found - 3.0 - latency <= 1.0
     assert drive.error < 0.15
-    assert abs(wrap(drive.seen.pose.yaw - drive.pose.yaw)) < 0.15
-    assert drive.seen.position_sigma < 0.2
+    assert abs(wrap(drive.state.pose.yaw - drive.pose.yaw)) < 0.15
+    assert drive.state.position_sigma < 0.2
 
 
-def test_while_fixes_are_silent_it_knows_less_and_less():
+def test_uncertainty_grows_while_fixes_are_silent():
     drive = Drive(MATCHED, None, creep=CREEP).go(3.0)
-    drive.sensor.apply(SensorFaults(fixes_silent=True))
+    drive.perception.apply(SensorFaults(fixes_silent=True))
     sigmas, ages = [], []
     for _ in range(10):
         drive.go(0.5)
-        sigmas.append(drive.seen.position_sigma)
-        ages.append(drive.seen.fix_age)
+        sigmas.append(drive.state.position_sigma)
+        ages.append(drive.state.fix_age)
     assert max(sigmas) == sigmas[-1]
     assert ages == pytest.approx([0.5 * (k + 1) for k in range(10)])
-    drive.sensor.apply(SensorFaults())
+    drive.perception.apply(SensorFaults())
     drive.go(1.0)
-    assert drive.seen.fix_age == pytest.approx(0.0, abs=1e-9)
+    assert drive.state.fix_age == pytest.approx(0.0, abs=1e-9)
 
 
-def test_without_gyro_the_wheels_tell_the_turn():
+def test_without_gyro_the_yaw_is_estimated_from_the_wheels():
     drive = Drive().go(2.0)
-    drive.sensor.apply(SensorFaults(gyro_silent=True, fixes_silent=True))
+    drive.perception.apply(SensorFaults(gyro_silent=True, fixes_silent=True))
     drive.go(5.0)
     assert drive.error < 1e-3
-    assert abs(drive.seen.pose.yaw - drive.pose.yaw) < 1e-3
+    assert abs(drive.state.pose.yaw - drive.pose.yaw) < 1e-3
 
 
 @pytest.mark.parametrize("dead", [(0,), (3,), (0, 1)])
-def test_dead_encoders_are_left_out(dead):
+def test_dead_encoders_are_ignored(dead):
     drive = Drive().go(2.0)
-    drive.sensor.apply(SensorFaults(dead_encoders=dead, fixes_silent=True))
+    drive.perception.apply(SensorFaults(dead_encoders=dead, fixes_silent=True))
     drive.go(5.0)
     assert drive.error < 2e-3
-    drive.sensor.apply(SensorFaults(fixes_silent=True))  # encoders that live again
+    drive.perception.apply(SensorFaults(fixes_silent=True))  # the encoders work again
     assert drive.go(2.0).error < 2e-3
 
 
-def test_three_wheels_of_which_one_is_dead_and_a_gyro_suffice():
+def test_two_encoders_and_a_gyro_suffice():
     kiwi = replace(ROBOT, mounts=omni_ring((0.5, 2.6, 4.7), 0.5))
     drive = Drive(robot=kiwi).go(2.0)
-    drive.sensor.apply(SensorFaults(dead_encoders=(1,), fixes_silent=True))
+    drive.perception.apply(SensorFaults(dead_encoders=(1,), fixes_silent=True))
     assert drive.go(5.0).error < 2e-3
 
 
-def test_without_odometry_it_soon_knows_nothing():
+def test_without_odometry_the_uncertainty_grows_quadratically():
     drive = Drive().go(2.0)
-    drive.sensor.apply(SensorFaults((0, 1, 2, 3), fixes_silent=True, gyro_silent=True))
-    half = drive.go(0.5).seen.position_sigma
-    whole = drive.go(0.5).seen.position_sigma
-    assert 0.3 < half < 0.3 * whole * 1.2  # as the square of the time
+    drive.perception.apply(SensorFaults((0, 1, 2, 3), fixes_silent=True, gyro_silent=True))
+    half = drive.go(0.5).state.position_sigma
+    whole = drive.go(0.5).state.position_sigma
+    assert 0.3 < half < 0.3 * whole * 1.2  # quadratic in time
     assert drive.error < 3.0 * whole
-    drive.sensor.apply(SensorFaults((0, 1, 2, 3)))
-    assert drive.go(1.0).error < 0.05  # by fixes alone
+    drive.perception.apply(SensorFaults((0, 1, 2, 3)))
+    assert drive.go(1.0).error < 0.05  # from fixes only
 
 
-def test_wheels_that_disagree_are_suspected_of_slip():
-    """One wheel spins on ice, for 1 s at 1 m/s."""
+def test_inconsistent_wheels_increase_the_excess_slip():
+    """One wheel spins for 1 s at 1 m/s."""
     drive = Drive(replace(QUIET, fixes=None)).go(2.0)
-    sure = drive.seen.position_sigma
+    before = drive.state.position_sigma
     for _ in range(10):
         drive.angles = drive.angles + np.array([DT / RADIUS, 0.0, 0.0, 0.0])
         drive.go(DT)
     assert drive.estimator.filter_state.excess_slip > 0.3
-    assert drive.seen.position_sigma > 10.0 * sure
-    assert drive.error < 4.0 * drive.seen.position_sigma
+    assert drive.state.position_sigma > 10.0 * before
+    assert drive.error < 4.0 * drive.state.position_sigma
 
 
-def test_turning_the_world_turns_the_estimate():
+def test_estimate_is_equivariant_to_rotation_of_the_world():
     angle, (sensors, log) = 2.0, recorded(3.0)
-    ends = []
+    finals = []
     for turn in (0.0, angle):
         estimator = PoseEstimator(ROBOT, sensors, slips=False)
         estimator.reset(turned(START, turn))
         for readings in log:
             fixes = tuple(fix._replace(pose=turned(fix.pose, turn)) for fix in readings.fixes)
-            seen = estimator.update(readings._replace(fixes=fixes))
-        ends.append(seen)
-    assert np.array(ends[1].pose) == pytest.approx(turned(ends[0].pose, angle), abs=1e-8)
-    assert ends[1].position_sigma == pytest.approx(ends[0].position_sigma, rel=1e-6)
+            state = estimator.update(readings._replace(fixes=fixes))
+        finals.append(state)
+    assert np.array(finals[1].pose) == pytest.approx(turned(finals[0].pose, angle), abs=1e-8)
+    assert finals[1].position_sigma == pytest.approx(finals[0].position_sigma, rel=1e-6)
 
 
-def test_a_position_without_a_yaw_is_a_fix_too():
-    """Of a robot that stands, and nothing else tells it so."""
+def test_fix_of_the_position_only():
+    """A robot at rest without odometry; its fixes measure no yaw."""
     estimator = PoseEstimator(ROBOT, QUIET)
     estimator.reset(START)
     for k in range(11):
         fix = PoseFix(DT * k, START._replace(yaw=99.0), 0.01, inf)
-        seen = estimator.update(SensorReadings(DT * k, (nan,) * 4, fixes=(fix,)))
-    assert np.hypot(seen.pose.x - START.x, seen.pose.y - START.y) < 0.02
-    assert seen.position_sigma < 0.05
-    assert seen.yaw_sigma > 0.3
+        state = estimator.update(SensorReadings(DT * k, (nan,) * 4, fixes=(fix,)))
+    assert np.hypot(state.pose.x - START.x, state.pose.y - START.y) < 0.02
+    assert state.position_sigma < 0.05
+    assert state.yaw_sigma > 0.3
     assert estimator.rejected == 0
 
 
@@ -385,27 +389,27 @@ NUMBERS = st.floats(-1e3, 1e3) | st.just(nan)
     ),
     slips=st.booleans(),
 )
-def test_whatever_is_read_the_covariance_is_one(rows, slips):
+def test_covariance_is_valid_for_any_readings(rows, slips):
     estimator = PoseEstimator(ROBOT, MATCHED, slips=slips)
     estimator.reset(START)
     for k, (angles, rate, number) in enumerate(rows):
         fix = PoseFix(DT * k, Pose(number, 0.0, number), 0.02, 0.01)
-        seen = estimator.update(SensorReadings(DT * k, tuple(angles), yaw_rate=rate, fixes=(fix,)))
+        state = estimator.update(SensorReadings(DT * k, tuple(angles), yaw_rate=rate, fixes=(fix,)))
         covariance = estimator.filter_state.covariance
         assert np.isfinite(covariance).all()
         assert (covariance == covariance.T).all()
-        least = np.linalg.eigvalsh(covariance)[0]
-        assert least >= -1e-6 * np.abs(covariance).max()
-        assert np.isfinite(seen.pose).all()
+        smallest = np.linalg.eigvalsh(covariance)[0]
+        assert smallest >= -1e-6 * np.abs(covariance).max()
+        assert np.isfinite(state.pose).all()
 
 
 @pytest.mark.parametrize("stamp", [nan, 1.0, -5.0])
-def test_fixes_of_the_future_and_of_long_ago_are_not_used(stamp):
+def test_fixes_from_the_future_and_too_old_fixes_are_rejected(stamp):
     estimator = PoseEstimator(ROBOT, MATCHED, slips=False)
     estimator.reset(START)
     fix = PoseFix(stamp, Pose(START.x + 0.01, START.y, START.yaw), 0.02, 0.01)
-    seen = estimator.update(SensorReadings(0.0, (0.0,) * 4, fixes=(fix,)))
-    assert seen.pose == START
+    state = estimator.update(SensorReadings(0.0, (0.0,) * 4, fixes=(fix,)))
+    assert state.pose == START
     assert estimator.rejected == 1
 
 
@@ -413,30 +417,30 @@ MOTIONS = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3)).map(np
 
 
 def matrix(motion):
-    """SE(2) exponential by the general one of matrices."""
+    """Return the exponential of a motion as a homogeneous matrix."""
     x, y, turn = motion
     return expm(np.array([[0.0, -turn, x], [turn, 0.0, y], [0.0, 0.0, 0.0]]))
 
 
 @settings(max_examples=60, deadline=None)
 @given(MOTIONS, MOTIONS)
-def test_motions_are_those_of_the_group(a, b):
+def test_kernels_match_the_matrix_group(a, b):
     group = matrix(a)
     pose = exponential(a)
     assert [*group[:2, 2], group[1, 0]] == pytest.approx([*pose[:2], np.sin(pose[2])], abs=1e-9)
     assert logarithm(pose) == pytest.approx(a, abs=1e-9)
     small = 1e-6 * b
-    moved = relative_pose(exponential(a), np.zeros(3))  # inverse
+    inverse = relative_pose(exponential(a), np.zeros(3))
     back = np.linalg.inv(group)
-    assert [*back[:2, 2]] == pytest.approx(moved[:2].tolist(), abs=1e-9)
-    end = np.linalg.inv(group) @ matrix(small) @ group  # Ad of the inverse
+    assert [*back[:2, 2]] == pytest.approx(inverse[:2].tolist(), abs=1e-9)
+    end = np.linalg.inv(group) @ matrix(small) @ group  # adjoint of the inverse
     expected = np.array([end[0, 2], end[1, 2], end[1, 0]])
     assert inverse_adjoint(a) @ small == pytest.approx(expected, abs=1e-10)
 
 
 @settings(max_examples=40, deadline=None)
 @given(MOTIONS.map(lambda m: 0.2 * m), MOTIONS)
-def test_the_right_jacobian_is_the_derivative_of_the_exponential(a, b):
+def test_right_jacobian_is_the_derivative_of_the_exponential(a, b):
     step = 1e-6 * b
     change = np.linalg.inv(matrix(a)) @ matrix(a + step)
     expected = np.array([change[0, 2], change[1, 2], change[1, 0]])
@@ -444,77 +448,79 @@ def test_the_right_jacobian_is_the_derivative_of_the_exponential(a, b):
     assert right_jacobian(a) @ step == pytest.approx(expected, abs=1e-11 + 1e-6 * size**3)
 
 
-def test_slip_is_that_of_the_differential_equation():
-    """Against an adaptive integrator, from rest into wheels that turn at once."""
+def test_predicted_slip_solves_the_differential_equation():
+    """Comparison with an adaptive integrator, for a start from rest at constant wheel speeds."""
     estimator = PoseEstimator(ROBOT)
     model = estimator._model
     speeds = np.array([0.7, 0.2, 0.6, 1.1])
     odometry = Odometry(speeds * DT, nan, DT, 1.0)
-    lost, mean, last = predict_slip(np.zeros(3), odometry, model)
+    slip, mean, last = predict_slip(np.zeros(3), odometry, model)
 
     def law(_, state):
         body = state[:3]
-        gaps = speeds - model.rim_jacobian @ body
-        push = np.zeros(4)
-        for _ in range(30):  # loads shift by what the wheels push
-            most = np.clip(
-                model.friction_limits + model.load_transfer @ (model.rim_jacobian.T @ push)[:2],
+        slip_speeds = speeds - model.rim_jacobian @ body
+        forces = np.zeros(4)
+        for _ in range(30):  # fixed point: the forces transfer load
+            limits = np.clip(
+                model.friction_limits + model.load_transfer @ (model.rim_jacobian.T @ forces)[:2],
                 0,
                 model.motor_limit,
             )
-            push = np.clip(model.stiffness * gaps, -most, most)
+            forces = np.clip(model.stiffness * slip_speeds, -limits, limits)
         x, y, turn = body
-        ax, ay, turning = model.rim_jacobian.T @ push / model.inertia
-        return [ax + turn * y, ay - turn * x, turning, *body, *gaps]
+        ax, ay, turning = model.rim_jacobian.T @ forces / model.inertia
+        return [ax + turn * y, ay - turn * x, turning, *body, *slip_speeds]
 
     exact = solve_ivp(law, (0.0, DT), np.zeros(10), rtol=1e-8, atol=1e-10).y[:, -1]
-    assert lost == pytest.approx(exact[6:], abs=1e-3)
+    assert slip == pytest.approx(exact[6:], abs=1e-3)
     assert mean == pytest.approx(exact[3:6] / DT, abs=0.01)
     assert last == pytest.approx(exact[:3], abs=0.01)
-    assert np.abs(lost).max() > 0.01
+    assert np.abs(slip).max() > 0.01
 
 
-def test_odometry_is_as_uncertain_as_it_says_at_hard_starts():
-    """Rollers stand anywhere; the robot is asked for a speed at once, and later for half of it."""
+def test_odometry_error_matches_its_covariance_at_hard_starts():
+    """Random roller angles; a commanded step to full speed, and later to half of it."""
     sensors, squares = SensorSettings(fixes=None), []
     for seed in range(30):
         rng = np.random.default_rng(seed)
-        sensor = Perception(SensorSuite(sensors, ROBOT.chassis, rng), PoseEstimator(ROBOT, sensors))
+        perception = Perception(
+            SensorSuite(sensors, ROBOT.chassis, rng), PoseEstimator(ROBOT, sensors)
+        )
         plant = MujocoPlant(ROBOT, "rollers", rng)
-        most, heading, turn = rng.uniform([0.3, -pi, -2.0], [1.0, pi, 2.0])
-        state = plant.reset(START)
-        sensor.reset(START)
-        sensor.update(0.0, state)
+        max_speed, heading, turn = rng.uniform([0.3, -pi, -2.0], [1.0, pi, 2.0])
+        truth = plant.reset(START)
+        perception.reset(START)
+        perception.update(0.0, truth)
         for k in range(1, 8):
-            speed = most if k < 5 else 0.5 * most
+            speed = max_speed if k < 5 else 0.5 * max_speed
             twist = BodyTwist(speed * np.cos(heading), speed * np.sin(heading), speed * turn)
-            state = plant.step(twist, DT)
-            seen = sensor.update(DT * k, state)
-        error = np.array(twist_between(seen.pose, state.pose, 1.0))
-        covariance = sensor.estimator.filter_state.covariance[POSE, POSE]
+            truth = plant.step(twist, DT)
+            state = perception.update(DT * k, truth)
+        error = np.array(twist_between(state.pose, truth.pose, 1.0))
+        covariance = perception.estimator.filter_state.covariance[POSE, POSE]
         squares.append(error @ np.linalg.solve(covariance, error))
-    assert 1.0 < np.mean(squares) < 4.5  # 3, if the law of slip were exact and its doubt known
+    assert 1.0 < np.mean(squares) < 4.5  # 3 with exact models of slip and of its error
 
 
 @pytest.mark.parametrize("wheels", ["rollers", "ball"])
-def test_odometry_that_knows_of_grip_is_better_at_a_hard_start(wheels):
-    """From rest into 0.9 m/s with a turn, at once: the wheels slip for half a second."""
+def test_slip_prediction_improves_odometry_at_a_hard_start(wheels):
+    """A commanded step to 0.9 m/s and 1 rad/s: the wheels slip for half a second."""
     sensors = SensorSettings(fixes=None)
-    off = {}
+    errors = {}
     for slips in (True, False):
         plant = MujocoPlant(ROBOT, wheels)
         chosen = EstimatorSettings() if slips else EstimatorSettings(slip_doubt=0.0)
         estimator = PoseEstimator(ROBOT, sensors, chosen, slips=slips)
-        sensor = Perception(
+        perception = Perception(
             SensorSuite(sensors, ROBOT.chassis, np.random.default_rng(0)), estimator
         )
-        state = plant.reset(START)
-        sensor.reset(START)
-        sensor.update(0.0, state)
+        truth = plant.reset(START)
+        perception.reset(START)
+        perception.update(0.0, truth)
         for k in range(1, 11):
-            state = plant.step(BodyTwist(0.8, 0.4, 1.0), DT)
-            seen = sensor.update(DT * k, state)
-        off[slips] = np.hypot(seen.pose.x - state.pose.x, seen.pose.y - state.pose.y)
+            truth = plant.step(BodyTwist(0.8, 0.4, 1.0), DT)
+            state = perception.update(DT * k, truth)
+        errors[slips] = np.hypot(state.pose.x - truth.pose.x, state.pose.y - truth.pose.y)
         if slips:
-            assert off[slips] < 3.0 * seen.position_sigma
-    assert off[True] < 0.4 * off[False]
+            assert errors[slips] < 3.0 * state.position_sigma
+    assert errors[True] < 0.4 * errors[False]

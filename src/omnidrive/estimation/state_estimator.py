@@ -1,4 +1,4 @@
-"""The interface of every state estimator, and the simplest one."""
+"""The interface of state estimators, and an estimator without a filter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from omnidrive.geometry import Pose
 
 @runtime_checkable
 class StateEstimator(Protocol):
-    """Computes a state estimate from sensor readings, once every sample.
+    """A state estimator, updated with the sensor readings of every sample.
 
     ``reset`` and then any number of ``update`` calls is one run.
     """
@@ -31,7 +31,7 @@ class StateEstimator(Protocol):
 
 @dataclass(slots=True)
 class LatestFix:
-    """Returns the most recent pose fix, without odometry and without a filter."""
+    """Returns the pose fix with the latest stamp, without odometry and without a filter."""
 
     _latest: PoseFix = field(default=PoseFix(0.0, Pose(0.0, 0.0, 0.0), 0.0, 0.0), init=False)
 
@@ -42,7 +42,7 @@ class LatestFix:
     def update(self, readings: SensorReadings) -> State:
         """Return the fix with the latest stamp; whole turns are added to its yaw for continuity.
 
-        The covariance is None where the fix does not state its precision. The twist is not
+        The covariance is None if the fix does not state its precision. The twist is not
         estimated.
         """
         for fix in readings.fixes:

@@ -18,9 +18,10 @@ from omnidrive.simulation.sensors.sensors import quantized
 
 @dataclass(slots=True)
 class Encoders:
-    """Wheel angles in whole counts.
+    """Wheel angles, rounded to whole counts.
 
-    For a plant without wheel angles they are those of wheels that roll without slip.
+    If the plant does not report wheel angles, they are computed from the true motion for wheels
+    that roll without slip.
 
     Attributes:
         settings: Resolution of all encoders.
@@ -29,21 +30,21 @@ class Encoders:
 
     settings: EncoderSettings
     chassis: Chassis
-    _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False, repr=False)
+    _previous: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False, repr=False)
     _rolled: Float[Array, " wheels"] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.reset(self._pose)
+        self.reset(self._previous)
 
     def reset(self, pose: Pose) -> None:
         """Set all angles to zero; the robot stands at ``pose``."""
-        self._pose, self._rolled = pose, np.zeros(len(self.chassis.jacobian))
+        self._previous, self._rolled = pose, np.zeros(len(self.chassis.jacobian))
 
     def read(self, state: PlantState, dead: Collection[int] = ()) -> tuple[float, ...]:
-        """Wheel angles, rad; NaN for the wheels in ``dead``."""
+        """Return the wheel angles, rad; NaN for the wheels in ``dead``."""
         self._rolled = self._rolled + self.chassis.wheel_speeds(
-            twist_between(self._pose, state.pose, 1.0)
+            twist_between(self._previous, state.pose, 1.0)
         )
-        self._pose = state.pose
+        self._previous = state.pose
         angles = state.wheel_angles or tuple(self._rolled.tolist())
         return quantized(angles, self.settings.step, dead)

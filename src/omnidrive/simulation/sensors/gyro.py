@@ -1,4 +1,4 @@
-"""A gyro that measures the yaw rate."""
+"""Yaw-rate gyro."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Gyro:
 
     Attributes:
         settings: Noise and bias.
-        rng: One number is drawn at every reset, two at every reading.
-        bias: Present bias, rad/s.
+        rng: Generator; one number is drawn per reset, two per reading.
+        bias: Current bias, rad/s.
     """
 
     settings: GyroSettings
@@ -29,7 +29,7 @@ class Gyro:
         self.bias = self.settings.bias * float(self.rng.standard_normal())
 
     def read(self, turn: float, dt: float) -> float:
-        """Mean yaw rate, rad/s, for a true rotation of ``turn`` (rad) in ``dt`` (s)."""
+        """Return the mean yaw rate, rad/s, for a true rotation of ``turn`` (rad) in ``dt`` (s)."""
         noise, walk = self.rng.standard_normal(2).tolist()
         rate: float = turn / dt + self.bias + self.settings.noise_density / sqrt(dt) * noise
         self.bias += self.settings.bias_walk * sqrt(dt) * walk

@@ -1,4 +1,4 @@
-"""Simulated pose fixes: cameras above the floor, beacons, or scan matching."""
+"""Simulated pose fixes, as from cameras above the floor, beacons or scan matching."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from omnidrive.estimation import PoseFix, PoseFixSettings
 from omnidrive.estimation.gauss_markov import gauss_markov
 from omnidrive.geometry import Pose, move, twist_between
 
-_TIME_SLACK = 1e-9
-"""Tolerance, s, when the time of a fix is compared with the time of a sample: the two are counted
-in different multiples."""
+_TIME_TOLERANCE = 1e-9
+"""Tolerance for comparing the time of a fix with that of a sample, s: both are multiples of
+different periods, with rounding errors."""
 
 
 @dataclass(slots=True)
 class PoseFixes:
-    """Pose fixes with noise, bias, outliers, dropouts and latency.
+    """Pose fixes with noise, bias, outliers, dropouts and delay.
 
     Attributes:
         settings: Noise, rate and delays.
         rng: Generator of the noise. The law `paper` draws the same three numbers per fix as
-            ``PaperNoise``, so that fixes at every sample have the same noise.
+            ``PaperNoise``, so that fixes in every sample have the same noise.
         chance: Generator of dropouts, outliers, delays and bias changes.
     """
 
@@ -33,48 +33,53 @@ class PoseFixes:
     rng: np.random.Generator
     event_rng: np.random.Generator
     _count: int = field(default=0, init=False, repr=False)
-    _before: tuple[float, Pose] = field(default=(0.0, Pose(0.0, 0.0, 0.0)), init=False, repr=False)
+    _previous: tuple[float, Pose] = field(
+        default=(0.0, Pose(0.0, 0.0, 0.0)), init=False, repr=False
+    )
     _bias: Float[Array, "2 3"] = field(init=False, repr=False)
     """Bias of x, y, yaw (m, m, rad) and its rate of change (per second)."""
-    _waiting: list[tuple[float, PoseFix]] = field(default_factory=list, init=False, repr=False)
+    _in_transit: list[tuple[float, PoseFix]] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset(Pose(0.0, 0.0, 0.0))
 
     def reset(self, pose: Pose) -> None:
         """Start at ``pose`` with zero bias and a random bias rate; the generators continue."""
-        self._count, self._before, self._waiting = 0, (-inf, pose), []
+        self._count, self._previous, self._in_transit = 0, (-inf, pose), []
         sigma = self.settings.bias_sigma / self.settings.bias_dynamics[0]
         self._bias = np.array([np.zeros(3), sigma * self.event_rng.standard_normal(3)])
 
     def read(self, t: float, pose: Pose, *, silent: bool = False) -> tuple[PoseFix, ...]:
-        """Fixes that arrive up to ``t`` (s); motion between readings is interpolated on SE(2).
+        """Return the fixes that arrive up to ``t``.
+
+        The pose between two samples is interpolated on SE(2).
 
         Args:
-            t: Time of the reading, s.
-            pose: True pose.
-            silent: Whether the fixes taken since the previous reading are lost.
+            t: Time of the sample, s.
+            pose: True pose of B in W.
+            silent: Whether the fixes taken since the previous sample are lost.
         """
         settings = self.settings
-        since, start = self._before
-        while (stamp := self._count / settings.rate) <= t + _TIME_SLACK:
+        time, start = self._previous
+        while (stamp := self._count / settings.rate) <= t + _TIME_TOLERANCE:
             self._count += 1
-            there = pose
-            if stamp < t - _TIME_SLACK and since > -inf:
-                part = (stamp - since) / (t - since)
-                there = move(start, twist_between(start, pose, 1.0), part)
-            fix = self._take(min(stamp, t), there)
-            lost, far, bearing, late = self.event_rng.random(4).tolist()
-            if far < settings.outliers:
+            true_pose = pose
+            if stamp < t - _TIME_TOLERANCE and time > -inf:
+                fraction = (stamp - time) / (t - time)
+                true_pose = move(start, twist_between(start, pose, 1.0), fraction)
+            fix = self._measure(min(stamp, t), true_pose)
+            dropout, outlier, bearing, delay = self.event_rng.random(4).tolist()
+            if outlier < settings.outliers:
                 fix = _displaced(fix, settings.outlier_size, 2.0 * pi * bearing)
-            if lost >= settings.dropout and not silent:
-                self._waiting.append((stamp + settings.latency + settings.jitter * late, fix))
-        self._before = t, pose
-        arrived = [fix for due, fix in sorted(self._waiting) if due <= t + _TIME_SLACK]
-        self._waiting = [item for item in self._waiting if item[0] > t + _TIME_SLACK]
+            if dropout >= settings.dropout and not silent:
+                self._in_transit.append((stamp + settings.latency + settings.jitter * delay, fix))
+        self._previous = t, pose
+        arrived = [fix for due, fix in sorted(self._in_transit) if due <= t + _TIME_TOLERANCE]
+        self._in_transit = [item for item in self._in_transit if item[0] > t + _TIME_TOLERANCE]
         return tuple(arrived)
 
-    def _take(self, stamp: float, pose: Pose) -> PoseFix:
+    def _measure(self, stamp: float, pose: Pose) -> PoseFix:
+        """Return a fix of the true ``pose`` with noise and bias."""
         settings = self.settings
         if settings.law == "paper":
             size = sin(stamp / 5.0) / 6.0
@@ -93,12 +98,13 @@ class PoseFixes:
         """Propagate the bias by ``dt`` (s)."""
         (time, damping), sigma = self.settings.bias_dynamics, self.settings.bias_sigma
         step = np.array(gauss_markov(dt, time, damping)).reshape(2, 2)
-        settled = np.diag([1.0, time**-2])
-        spread = settled - step @ settled @ step.T
-        root = np.linalg.cholesky(spread) if damping > 0.0 else np.zeros((2, 2))
+        stationary = np.diag([1.0, time**-2])
+        noise = stationary - step @ stationary @ step.T
+        root = np.linalg.cholesky(noise) if damping > 0.0 else np.zeros((2, 2))
         self._bias = step @ self._bias + sigma * (root @ self.event_rng.standard_normal((2, 3)))
 
 
 def _displaced(fix: PoseFix, size: float, bearing: float) -> PoseFix:
+    """Return ``fix`` displaced by ``size`` (m) in the direction ``bearing`` (rad)."""
     x, y, yaw = fix.pose
     return fix._replace(pose=Pose(x + size * cos(bearing), y + size * sin(bearing), yaw))

@@ -28,7 +28,7 @@ class Sensors(Protocol):
         ...
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
-        """Readings at ``t`` (s) for the true ``state``; calls are in the order of time."""
+        """Return the readings at ``t`` (s) for the true ``state``; ``t`` must not decrease."""
         ...
 
 
@@ -36,7 +36,7 @@ class Sensors(Protocol):
 class PerfectSensors:
     """An exact pose fix in every sample, wheel encoders and motor currents.
 
-    Plants that do not report wheel angles or torques yield none.
+    Wheel angles and torques are empty for a plant that does not report them.
 
     Attributes:
         encoders: Resolution of the wheel encoders.
@@ -54,7 +54,7 @@ class PerfectSensors:
         self._faults = faults
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
-        """Readings at ``t`` (s); no fix while fixes are silent."""
+        """Return the readings at ``t`` (s); without a fix while fixes are silent."""
         fixes = () if self._faults.fixes_silent else (self._fix(t, state.pose),)
         angles = quantized(state.wheel_angles, self.encoders.step, self._faults.dead_encoders)
         return SensorReadings(t, angles, state.wheel_torques, None, fixes)
@@ -64,13 +64,13 @@ class PerfectSensors:
 
 
 class PaperNoise(PerfectSensors):
-    """The paper's noise: ``rand() / 6 * sin(t / 5)`` added to x, y (m) and yaw (rad).
+    """Pose fixes with the paper's noise ``rand() / 6 * sin(t / 5)`` on x, y (m) and yaw (rad).
 
-    ``rand`` is uniform in [0, 1], so the noise is biased: positive for the first 5 pi seconds.
-    Its precision is not stated: the fixes' standard deviations are NaN.
+    ``rand`` is uniform in [0, 1], so the noise is biased: positive for the first 5 pi seconds. The
+    fixes do not state their precision: their standard deviations are NaN.
 
     Args:
-        rng: Source of ``rand``; three numbers are drawn per fix, in the order x, y, yaw.
+        rng: Generator of ``rand``; three numbers are drawn per fix, in the order x, y, yaw.
         encoders: Resolution of the wheel encoders.
     """
 
@@ -87,6 +87,6 @@ class PaperNoise(PerfectSensors):
 def quantized(
     angles: Sequence[float], step: float, dead: Collection[int] = ()
 ) -> tuple[float, ...]:
-    """Angles (rad) rounded to multiples of ``step`` (rad); NaN for wheels with dead encoders."""
+    """Return angles (rad), rounded to multiples of ``step`` (rad); NaN for wheels in ``dead``."""
     counted = (step * np.round(np.asarray(angles, dtype=float) / step)).tolist()
     return tuple(nan if i in dead else angle for i, angle in enumerate(counted))

@@ -19,7 +19,7 @@ from omnidrive.simulation.sensors.pose_fix import PoseFixes
 
 @dataclass(slots=True)
 class SensorSuite:
-    """Simulated encoders, gyro and pose fixes with noise.
+    """Simulated wheel encoders, gyro and pose fixes with noise.
 
     Attributes:
         settings: Settings of all sensors.
@@ -35,19 +35,19 @@ class SensorSuite:
     _gyro: Gyro | None = field(init=False, repr=False)
     _fixes: PoseFixes | None = field(init=False, repr=False)
     _faults: SensorFaults = field(default=SensorFaults(), init=False, repr=False)
-    _before: tuple[float, float] | None = field(default=None, init=False, repr=False)
+    _previous: tuple[float, float] | None = field(default=None, init=False, repr=False)
     """Time (s) and true yaw (rad) of the previous readings."""
 
     def __post_init__(self) -> None:
         settings = self.settings
-        for_gyro, event_rng = self.rng.spawn(2)
+        gyro_rng, event_rng = self.rng.spawn(2)
         self._encoders = Encoders(settings.encoders, self.chassis)
-        self._gyro = Gyro(settings.gyro, for_gyro) if settings.gyro else None
+        self._gyro = Gyro(settings.gyro, gyro_rng) if settings.gyro else None
         self._fixes = PoseFixes(settings.fixes, self.rng, event_rng) if settings.fixes else None
 
     def reset(self, pose: Pose) -> None:
         """Start at rest at ``pose`` without faults; the random generators continue."""
-        self._faults, self._before = SensorFaults(), None
+        self._faults, self._previous = SensorFaults(), None
         self._encoders.reset(pose)
         if self._gyro:
             self._gyro.reset()
@@ -70,15 +70,15 @@ class SensorSuite:
         self._faults = faults
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
-        """Readings at ``t`` (s) for the true ``state``; calls are in the order of time."""
+        """Return the readings at ``t`` (s) for the true ``state``; ``t`` must not decrease."""
         faults = self._faults
         angles = self._encoders.read(state, faults.dead_encoders)
         yaw_rate = None
-        if self._gyro and self._before and t > self._before[0]:
-            since, yaw = self._before
-            yaw_rate = self._gyro.read(state.pose.yaw - yaw, t - since)
+        if self._gyro and self._previous and t > self._previous[0]:
+            time, yaw = self._previous
+            yaw_rate = self._gyro.read(state.pose.yaw - yaw, t - time)
             if faults.gyro_silent:
                 yaw_rate = None
-        self._before = t, state.pose.yaw
+        self._previous = t, state.pose.yaw
         fixes = self._fixes.read(t, state.pose, silent=faults.fixes_silent) if self._fixes else ()
         return SensorReadings(t, angles, state.wheel_torques, yaw_rate, fixes)
