@@ -1,6 +1,7 @@
 """Scenario files: round trip, and errors that name the key and the way out."""
 
 import copy
+from pathlib import Path
 
 import pytest
 import yaml
@@ -316,3 +317,17 @@ def test_capabilities_are_those_of_the_plants():
             plant = make_plant(robot, name)
             assert plant.capabilities == capabilities
             plant.close()
+
+
+def test_scenario_of_an_earlier_version_loads():
+    path = Path(__file__).parent / "data" / "scenario-0.1.0.yaml"
+    with pytest.warns(Renamed) as notes:
+        scenario = load_scenario(path)
+    assert scenario == paper_scenario("recommended")
+    assert {str(note.message) for note in notes} == {
+        "'rollers' is now called 'mujoco-rollers'",
+        "'nmpc' is now called 'unicycle-nmpc'",
+        "'recommended' is now called 'holonomic-nmpc'",
+        "'recommended' is now called 'holonomic_nmpc'",
+        "'assumed_arm' is now called 'assumed_effective_radius'",
+    }

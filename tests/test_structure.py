@@ -1,0 +1,61 @@
+"""Structure of the package: no import circles, no long functions."""
+
+import ast
+from pathlib import Path
+
+import omnidrive
+
+ROOT = Path(omnidrive.__file__).parent
+FILES = sorted(ROOT.rglob("*.py"))
+MAX_LINES = 60
+
+
+def module(path):
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module(path): path for path in FILES}
+
+
+def imported(path):
+    """Modules of the package that a file imports when it is loaded; also for types only."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                found.add(full if full in MODULES else node.module)
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return {name for name in found if name in MODULES}
+
+
+def test_modules_import_each_other_in_one_direction():
+    """Packages' own ``__init__`` modules, which only re-export, are left out."""
+    packages = {module(path) for path in FILES if path.name == "__init__.py"}
+    graph = {name: imported(path) - packages for name, path in MODULES.items()}
+    done, circles = set(), []
+
+    def visit(name, trail):
+        if name in trail:
+            circles.append([*trail[trail.index(name) :], name])
+        elif name not in done:
+            for other in sorted(graph[name]):
+                visit(other, [*trail, name])
+            done.add(name)
+
+    for name in sorted(graph.keys() - packages):
+        visit(name, [])
+    assert not circles
+
+
+def test_functions_are_short():
+    long = {
+        f"{path.relative_to(ROOT)}:{node.lineno} {node.name}": length
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and (length := node.end_lineno - node.lineno + 1) > MAX_LINES
+    }
+    assert not long
