@@ -40,7 +40,7 @@ from omnidrive.simulation import (
     SensorSuite,
 )
 from tests.estimates import Perception
-from tests.laws.motions import turned
+from tests.laws.motions import rotated
 
 ROBOT = named_robot("paper")
 RADIUS = ROBOT.wheel.radius
@@ -355,12 +355,12 @@ def test_estimate_is_equivariant_to_rotation_of_the_world():
     finals = []
     for turn in (0.0, angle):
         estimator = PoseEstimator(ROBOT, sensors, slips=False)
-        estimator.reset(turned(START, turn))
+        estimator.reset(rotated(START, turn))
         for readings in log:
-            fixes = tuple(fix._replace(pose=turned(fix.pose, turn)) for fix in readings.fixes)
+            fixes = tuple(fix._replace(pose=rotated(fix.pose, turn)) for fix in readings.fixes)
             state = estimator.update(readings._replace(fixes=fixes))
         finals.append(state)
-    assert np.array(finals[1].pose) == pytest.approx(turned(finals[0].pose, angle), abs=1e-8)
+    assert np.array(finals[1].pose) == pytest.approx(rotated(finals[0].pose, angle), abs=1e-8)
     assert finals[1].position_sigma == pytest.approx(finals[0].position_sigma, rel=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""Small motions that the law tests share."""
+"""Motions that the law tests share."""
 
 from dataclasses import dataclass
 from math import cos, pi, sin
@@ -11,7 +11,7 @@ from omnidrive.reference import Setpoint
 
 @dataclass(frozen=True)
 class Circle:
-    """One turn about the origin at constant speed, heading along it, all turned by ``turn``."""
+    """One turn about the origin at constant speed with tangential heading, rotated by ``turn``."""
 
     radius: float = 1.0
     duration: float = 8.0
@@ -29,7 +29,7 @@ class Circle:
         return np.array([[*s.pose, *s.twist] for s in (self.at(t + k * dt) for k in range(n))])
 
 
-def turned(pose, angle):
-    """The same place in a world turned by ``angle`` about the origin."""
+def rotated(pose, angle):
+    """Return the pose after a rotation of the world by ``angle`` about the origin."""
     c, s = cos(angle), sin(angle)
     return Pose(c * pose.x - s * pose.y, s * pose.x + c * pose.y, pose.yaw + angle)

@@ -1,4 +1,4 @@
-"""Laws that every controller obeys. A new controller is added to CONTROLLERS, nothing else."""
+"""Properties of every controller. A new controller only has to be added to CONTROLLERS."""
 
 from math import hypot, isfinite, nan
 
@@ -23,7 +23,7 @@ from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, Outcome, simulate
-from tests.laws.motions import Circle, turned
+from tests.laws.motions import Circle, rotated
 
 DT = 0.1
 SMALL = named_robot("small")
@@ -51,8 +51,9 @@ DOES_NOT_WRAP = {
     "fuzzy_t3_published",
     "pid_published",
 }  # as the published code
-BRIDGES = {"nmpc_recommended": OLD_PLAN_STEPS + RAMP_STEPS}  # steps that an old plan covers
-PARKS_ASIDE = {"nmpc_published": 0.13}  # m: a unicycle sees no way to move sideways at rest
+BRIDGED_STEPS = {"nmpc_recommended": OLD_PLAN_STEPS + RAMP_STEPS}
+"""Samples that the previous plan covers after a failure."""
+POSITION_ERROR = {"nmpc_published": 0.13}  # m: a unicycle cannot move sideways at rest
 every_controller = pytest.mark.parametrize("name", CONTROLLERS)
 
 
@@ -72,7 +73,7 @@ def test_follows_a_circle(name):
 
 @every_controller
 def test_two_runs_are_bit_identical(name):
-    """Also on one controller object: reset clears all memory."""
+    """Also with one controller object: reset clears its state."""
     controller = CONTROLLERS[name]()
     start = Pose(0.1, -0.8, 0.2)
     once, again, fresh = (
@@ -88,13 +89,13 @@ def test_two_runs_are_bit_identical(name):
 @every_controller
 @settings(max_examples=15, deadline=None)
 @given(angle=st.floats(-3.0, 3.0), whole_turns=st.integers(-2, 2))
-def test_turning_the_world_turns_nothing(name, angle, whole_turns):
-    """Equivariance: the body command does not depend on where the map's axes point."""
+def test_command_is_invariant_to_rotation_of_the_world(name, angle, whole_turns):
+    """Equivariance: the body twist does not depend on the orientation of the world frame."""
     if name in DOES_NOT_WRAP:
         whole_turns = 0
     a, b = CONTROLLERS[name](), CONTROLLERS[name]()
     pose = Pose(0.1, -1.1, 0.1)
-    other = turned(pose, angle)
+    other = rotated(pose, angle)
     other = other._replace(yaw=other.yaw + 2 * np.pi * whole_turns)
     a.reset(State(0.0, pose))
     b.reset(State(0.0, other))
@@ -105,28 +106,28 @@ def test_turning_the_world_turns_nothing(name, angle, whole_turns):
 
 
 @every_controller
-def test_reaches_a_place_and_stays(name):
+def test_reaches_a_pose_and_stays(name):
     goal = Pose(0.6, 0.6, np.pi / 4)
     hold = Hold(goal, 15.0)
     start = Pose(0.0, 0.0, 0.0)
     run = simulate(KinematicPlant(SMALL), CONTROLLERS[name](), hold, start=start, dt=DT)
     late = run.pose[-20:]
-    assert np.hypot(late[:, 0] - goal.x, late[:, 1] - goal.y).max() < PARKS_ASIDE.get(name, 0.02)
+    assert np.hypot(late[:, 0] - goal.x, late[:, 1] - goal.y).max() < POSITION_ERROR.get(name, 0.02)
     assert np.abs(late[:, 2] - goal.yaw).max() < 0.02
 
 
 @every_controller
 @settings(max_examples=25, deadline=None)
 @given(x=st.floats(-50, 50), y=st.floats(-50, 50), yaw=st.floats(-50, 50), t=st.floats(0.0, 20.0))
-def test_any_pose_gives_a_finite_command_or_says_that_it_failed(name, x, y, yaw, t):
+def test_any_pose_gives_a_finite_command_or_a_failure(name, x, y, yaw, t):
     controller = CONTROLLERS[name]()
     controller.reset(State(0.0, Pose(0.0, 0.0, 0.0)))
     command = controller.step(t, State(t, Pose(x, y, yaw)), Circle())
     assert command.status is Status.FAILED or all(map(isfinite, command.twist))
 
 
-class Lost(LatestFix):
-    """An estimator that has lost the pose."""
+class FailingEstimator(LatestFix):
+    """An estimator whose pose becomes NaN."""
 
     def update(self, readings):
         state = super().update(readings)
@@ -134,17 +135,17 @@ class Lost(LatestFix):
 
 
 @every_controller
-def test_lost_measurements_end_the_run_as_a_value(name):
+def test_invalid_estimate_ends_the_run(name):
     run = simulate(
         KinematicPlant(SMALL),
         CONTROLLERS[name](),
         Circle(),
         start=Circle().at(0.0).pose,
         dt=DT,
-        estimator=Lost(),
+        estimator=FailingEstimator(),
     )
     assert run.outcome is Outcome.CONTROLLER_FAILED
-    assert len(run.t) == 5 + BRIDGES.get(name, 0)
+    assert len(run.t) == 5 + BRIDGED_STEPS.get(name, 0)
 
 
 @every_controller

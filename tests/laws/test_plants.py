@@ -1,4 +1,4 @@
-"""Laws that every plant obeys. A new plant is added to PLANTS, nothing else."""
+"""Properties of every plant. A new plant only has to be added to PLANTS."""
 
 from math import nan
 
@@ -8,7 +8,7 @@ import pytest
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, to_body, to_world
 from omnidrive.robot import ROBOTS, named_robot
 from omnidrive.simulation import KinematicPlant, MujocoPlant, PlanarPlant, Plant
-from tests.laws.motions import turned
+from tests.laws.motions import rotated
 
 PLANTS = {
     "kinematic": KinematicPlant,
@@ -33,17 +33,17 @@ def test_satisfies_the_protocol(make):
 
 @every_plant
 @every_robot
-def test_starts_at_rest_where_it_is_told(make, robot):
+def test_starts_at_rest_at_the_given_pose(make, robot):
     plant = make(named_robot(robot))
     start = Pose(1.0, -2.0, 4.0)
     state = plant.reset(start)
     assert np.array(state.pose) == pytest.approx(start, abs=1e-12)
     assert np.array(state.twist) == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
-    stood = plant.step(BodyTwist(0.0, 0.0, 0.0), 1.0)
-    assert np.array(stood.pose) == pytest.approx(start, abs=2e-5)
+    later = plant.step(BodyTwist(0.0, 0.0, 0.0), 1.0)
+    assert np.array(later.pose) == pytest.approx(start, abs=2e-5)
 
 
-# m/s and rad/s; a light robot is shaken more by the change from roller to roller
+# m/s and rad/s; the change from roller to roller affects light robots more
 BIAS = {
     ("small", "rollers"): 1e-3,
     ("kiwi", "rollers"): 1.5e-3,
@@ -55,10 +55,11 @@ BIAS = {
 @pytest.mark.parametrize("plant", PLANTS)
 @every_robot
 @pytest.mark.parametrize("twist", TWISTS)
-def test_moves_as_told_within_half_a_millimetre_per_second(plant, robot, twist):
-    """The bias at 0.5 m/s and 1 rad/s, over 10 s after 1 s of getting there.
+def test_mean_velocity_equals_the_command(plant, robot, twist):
+    """Bias at 0.5 m/s and 1 rad/s over 10 s, after 1 s of acceleration.
 
-    Seen from where the robot then stands: a start on the spot spins wheels, which may turn it.
+    It is measured in the frame of the robot after that second: a start at once spins wheels and can
+    turn the robot.
     """
     states = drive(PLANTS[plant](named_robot(robot)), Pose(0.0, 0.0, 0.0), twist, 110)
     before, after = states[9].pose, states[-1].pose
@@ -68,16 +69,16 @@ def test_moves_as_told_within_half_a_millimetre_per_second(plant, robot, twist):
 
 @every_plant
 @pytest.mark.parametrize("twist", [*TWISTS, BodyTwist(0.3, -0.2, 0.7)])
-def test_turning_the_world_turns_the_motion(make, twist):
+def test_rotation_of_the_world_rotates_the_motion(make, twist):
     start, angle = Pose(0.5, 0.2, 0.3), 2.0
     once = drive(make(named_robot("small")), start, twist, 10)[-1].pose
-    other = drive(make(named_robot("small")), turned(start, angle), twist, 10)[-1].pose
-    assert np.array(turned(once, angle)) == pytest.approx(np.array(other), abs=2e-4)
+    other = drive(make(named_robot("small")), rotated(start, angle), twist, 10)[-1].pose
+    assert np.array(rotated(once, angle)) == pytest.approx(np.array(other), abs=2e-4)
 
 
 @every_plant
 def test_two_runs_are_bit_identical(make):
-    """Also on one plant object: reset clears all memory."""
+    """Also with one plant object: reset clears its state."""
     plant, twist = make(named_robot("paper")), BodyTwist(0.4, -0.3, 0.9)
     once, again, fresh = (
         drive(p, Pose(0.0, 0.0, 0.0), twist, 10) for p in (plant, plant, make(named_robot("paper")))
@@ -86,18 +87,18 @@ def test_two_runs_are_bit_identical(make):
 
 
 @every_plant
-def test_too_fast_a_command_keeps_its_direction(make):
+def test_saturated_command_keeps_its_direction(make):
     robot = named_robot("small")
-    wanted = BodyTwist(30.0, 10.0, 0.0)
-    cut = robot.chassis.saturate(wanted)
-    states = drive(make(robot), Pose(0.0, 0.0, 0.0), wanted, 40)
-    got = np.array(states[-1].twist)
-    assert got == pytest.approx(np.array(cut), rel=0.05, abs=0.05)
+    command = BodyTwist(30.0, 10.0, 0.0)
+    saturated = robot.chassis.saturate(command)
+    states = drive(make(robot), Pose(0.0, 0.0, 0.0), command, 40)
+    realised = np.array(states[-1].twist)
+    assert realised == pytest.approx(np.array(saturated), rel=0.05, abs=0.05)
 
 
 @every_plant
-def test_a_wrong_arm_shows_as_a_yaw_gain(make):
-    """The published code's slip: 0.5 m for 0.7071 m turns the robot at 0.707 of the command."""
+def test_wrong_effective_radius_scales_the_yaw_rate(make):
+    """The error of the published code: 0.5 m instead of 0.7071 m gives 0.707 of the yaw rate."""
     plant = make(named_robot("paper", assumed_effective_radius=0.5))
     states = drive(plant, Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 1.0), 30)
     rate = (states[-1].pose.yaw - states[9].pose.yaw) / 2.0
@@ -105,7 +106,7 @@ def test_a_wrong_arm_shows_as_a_yaw_gain(make):
 
 
 @every_plant
-def test_the_yaw_is_continuous_over_whole_turns(make):
+def test_yaw_is_continuous_over_whole_turns(make):
     states = drive(make(named_robot("small")), Pose(0.0, 0.0, 3.0), BodyTwist(0.0, 0.0, 3.0), 30)
     yaw = np.array([s.pose.yaw for s in states])
     assert (np.diff(yaw) > 0.0).all()
@@ -120,7 +121,7 @@ def test_reported_velocity_is_the_derivative_of_the_pose(make):
     b = plant.step(twist, 0.01)
     world: WorldTwist = to_world(a.twist, a.pose.yaw)
     moved = np.subtract(b.pose, a.pose) / 0.01
-    assert moved == pytest.approx(np.array(world), abs=0.04)  # rollers make a ripple of 4 %
+    assert moved == pytest.approx(np.array(world), abs=0.04)  # rollers cause a ripple of 4 %
 
 
 @pytest.mark.parametrize("plant", [name for name in PLANTS if name != "kinematic"])
@@ -133,7 +134,7 @@ def test_motors_do_work(plant):
 
 
 @pytest.mark.parametrize("wheels", ["ball", "rollers"])
-def test_weight_is_the_robots(wheels):
+def test_model_has_the_mass_of_the_robot(wheels):
     robot = named_robot("paper")
     plant = MujocoPlant(robot, wheels)
     assert plant._model.body_mass.sum() == pytest.approx(robot.mass, rel=1e-9)
@@ -147,10 +148,10 @@ def test_kinematic_plant_moves_along_the_arc():
 
 
 @pytest.mark.parametrize("wheels", ["ball", "rollers"])
-def test_a_state_that_is_not_finite_is_reported_as_such(wheels, tmp_path, monkeypatch):
+def test_diverged_state_is_reported_as_nan(wheels, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     plant = MujocoPlant(named_robot("small"), wheels)
     plant.reset(Pose(0.0, 0.0, 0.0))
     plant._data.qvel[0] = nan
     assert np.isnan(plant.step(BodyTwist(0.0, 0.0, 0.0), 0.1).pose).all()
-    assert not list(tmp_path.iterdir())  # no log file of the simulator's own
+    assert not list(tmp_path.iterdir())  # no log file of MuJoCo

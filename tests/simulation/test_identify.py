@@ -1,4 +1,4 @@
-"""Identification finds what the plant does, and the named robots say what it finds."""
+"""Identification of lags, and the parameters of the named robots."""
 
 import mujoco
 import numpy as np
@@ -11,8 +11,8 @@ from omnidrive.simulation import MujocoPlant, PlantCapabilities, PlantState, ide
 from omnidrive.simulation.mujoco.robot_model import robot_mjcf
 
 
-class Lagging:
-    """A robot that follows with backward Euler of a lag, exactly."""
+class LaggingPlant:
+    """A plant with an exact first-order lag, integrated with backward Euler."""
 
     capabilities = PlantCapabilities()
 
@@ -25,42 +25,42 @@ class Lagging:
 
     def step(self, twist, dt):
         self.twist = self.twist + dt / (self.lag + dt) * (np.array(twist) - self.twist)
-        done = BodyTwist(*self.twist.tolist())
-        self.pose = move(self.pose, done, dt)
-        return PlantState(self.pose, done, 0.0)
+        realised = BodyTwist(*self.twist.tolist())
+        self.pose = move(self.pose, realised, dt)
+        return PlantState(self.pose, realised, 0.0)
 
     def close(self):
         pass
 
 
 @pytest.mark.parametrize("lag", [(0.0, 0.0), (0.02, 0.005), (0.3, 0.1)])
-def test_a_lag_is_found_exactly(lag):
-    assert identify_lag(Lagging(lag), np.random.default_rng(1)) == pytest.approx(lag, abs=1e-9)
+def test_lag_is_identified_exactly(lag):
+    assert identify_lag(LaggingPlant(lag), np.random.default_rng(1)) == pytest.approx(lag, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_the_named_robots_have_the_lags_that_are_found(name):
+def test_named_robots_have_the_identified_lags(name):
     robot = ROBOTS[name]
     found = identify_lag(MujocoPlant(robot), np.random.default_rng(1))
     assert found == pytest.approx(robot.lag, rel=0.1, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_mass_and_inertia_are_those_of_the_physics(name):
+def test_mass_and_inertia_equal_those_of_mujoco(name):
     robot = ROBOTS[name]
     model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    about = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, about)
-    assert about[0, 0] == pytest.approx(robot.mass)
-    assert about[5, 5] == pytest.approx(robot.yaw_inertia, rel=0.03)  # wheels are not points
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    assert matrix[0, 0] == pytest.approx(robot.mass)
+    assert matrix[5, 5] == pytest.approx(robot.yaw_inertia, rel=0.03)  # wheels are not point masses
 
 
-def test_a_robot_that_stands_still_is_refused():
-    class Stuck(Lagging):
+def test_plant_without_motion_is_refused():
+    class StuckPlant(LaggingPlant):
         def step(self, twist, dt):
             return PlantState(Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0), 0.0)
 
-    with pytest.raises(InvalidInput, match="does not do what it is asked"):
-        identify_lag(Stuck((0.0, 0.0)), np.random.default_rng(1))
+    with pytest.raises(InvalidInput, match="does not follow the commands"):
+        identify_lag(StuckPlant((0.0, 0.0)), np.random.default_rng(1))

@@ -1,4 +1,4 @@
-"""The laser scanner against ranges from geometry."""
+"""Laser scanner compared with exact ranges."""
 
 from math import hypot, inf, pi
 
@@ -10,7 +10,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.simulation import Lidar, LidarSettings
 
 HALF = (3.0, 2.0)
-"""Inside half-lengths of a room about the origin, in m."""
+"""Inner half-lengths of a room centred at the origin, m."""
 ROOM = """<mujoco><worldbody>
   <geom type="plane" size="9 9 1"/>
   <geom type="box" size="0.1 9 1" pos="3.1 0 1"/> <geom type="box" size="0.1 9 1" pos="-3.1 0 1"/>
@@ -37,14 +37,14 @@ def range_to_the_walls(pose, bearing):
 
 
 @pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (1.2, -0.7, 0.4), (-2.0, 1.1, 3.0)])
-def test_ranges_are_those_of_geometry(pose):
+def test_ranges_equal_exact_distances(pose):
     scan = lidar(pose, sigma=0.0).scan(0.0)
     expected = [range_to_the_walls(pose, bearing) for bearing in scan.bearings]
     assert len(scan.ranges) == 360
     assert scan.ranges == pytest.approx(expected, abs=1e-9)
 
 
-def test_what_is_out_of_reach_is_infinitely_far():
+def test_ranges_beyond_the_maximum_are_infinite():
     scan = lidar(sigma=0.0, max_range=2.5).scan(0.0)
     expected = np.array([range_to_the_walls((0, 0, 0), bearing) for bearing in scan.bearings])
     assert (np.isinf(scan.ranges) == (expected > 2.5)).all()
@@ -52,22 +52,22 @@ def test_what_is_out_of_reach_is_infinitely_far():
     assert not np.isinf(scan.ranges).all()
 
 
-def test_ranges_have_their_noise():
+def test_ranges_have_the_configured_noise():
     scanner = lidar(sigma=0.05)
     ranges = np.array([scanner.scan(0.0).ranges for _ in range(50)])
     assert ranges.std(axis=0).mean() == pytest.approx(0.05, rel=0.05)
     assert hypot(*HALF) + 0.5 > ranges.max()
 
 
-def test_the_field_of_view_ends_where_it_says():
-    part = lidar(rays=5, field_of_view=pi).scan(0.0)
-    assert part.bearings == pytest.approx([-pi / 2, -pi / 4, 0.0, pi / 4, pi / 2])
-    whole = lidar(rays=4).scan(0.0)
-    assert whole.bearings == pytest.approx([-pi, -pi / 2, 0.0, pi / 2])
+def test_bearings_cover_the_field_of_view():
+    half_turn = lidar(rays=5, field_of_view=pi).scan(0.0)
+    assert half_turn.bearings == pytest.approx([-pi / 2, -pi / 4, 0.0, pi / 4, pi / 2])
+    full_turn = lidar(rays=4).scan(0.0)
+    assert full_turn.bearings == pytest.approx([-pi, -pi / 2, 0.0, pi / 2])
     assert lidar(rays=1).scan(0.0).bearings == pytest.approx([0.0])
 
 
-def test_it_scans_when_a_scan_is_due_and_never_else():
+def test_scans_occur_at_the_configured_rate():
     scanner = lidar(rate=5.0)
     times = [0.02 * k for k in range(101)]
     scans = [scan for t in times if (scan := scanner.read(t))]
@@ -76,7 +76,7 @@ def test_it_scans_when_a_scan_is_due_and_never_else():
     assert scanner.read(0.0) is not None
 
 
-def test_a_body_that_is_not_there_is_named():
+def test_unknown_body_is_named():
     model = mujoco.MjModel.from_xml_string(ROOM)
     with pytest.raises(InvalidInput, match="no body 'bass'"):
         Lidar(LidarSettings(), model, mujoco.MjData(model), np.random.default_rng(0), "bass")

@@ -1,4 +1,4 @@
-"""The MuJoCo robot is the one that was described: weight, balance, motors, wheels."""
+"""MuJoCo plant: loads, inertia, motors, wheels and contacts."""
 
 from dataclasses import replace
 from math import exp, pi
@@ -28,8 +28,8 @@ def settled(plant):
 @every_model
 @every_robot
 @pytest.mark.parametrize("share", [(0.0, 0.0), (0.15, -0.2)])
-def test_every_wheel_carries_its_load(name, wheels, share):
-    """Contact forces, as MuJoCo solves them, against statics."""
+def test_wheel_loads_equal_statics(name, wheels, share):
+    """Contact forces of MuJoCo compared with statics."""
     robot = ROBOTS[name]
     robot = replace(
         robot, com=(share[0] * robot.mean_wheel_distance, share[1] * robot.mean_wheel_distance)
@@ -44,13 +44,13 @@ def test_every_wheel_carries_its_load(name, wheels, share):
         force = np.zeros(6)
         mujoco.mj_contactForce(model, data, k, force)
         carried[roots[body]] += force[0]
-    # rollers touch the floor beside the wheels' middle
-    within = {"ball": 0.04, "rollers": 0.08}[wheels] * float(robot.loads.mean())
-    assert carried == pytest.approx(robot.loads, abs=within)
+    # the contacts of rollers are beside the centres of the wheels
+    tolerance = {"ball": 0.04, "rollers": 0.08}[wheels] * float(robot.loads.mean())
+    assert carried == pytest.approx(robot.loads, abs=tolerance)
 
 
 @every_model
-def test_centre_of_mass_and_inertia_are_those_asked_for(wheels):
+def test_centre_of_mass_and_inertia_equal_the_parameters(wheels):
     robot = replace(SMALL, com=(0.04, -0.02), mass=12.0, body_inertia=0.4)
     plant = MujocoPlant(robot, wheels)
     plant.reset(ORIGIN)
@@ -77,7 +77,7 @@ SHAPES = {
 
 @every_model
 @pytest.mark.parametrize("shape", SHAPES)
-def test_wheels_of_any_number_and_mount_move_the_robot_as_told(wheels, shape):
+def test_any_wheel_arrangement_realises_the_command(wheels, shape):
     wheel = SMALL.wheel if shape != "steep" else replace(SMALL.wheel, rows=1, rollers_per_row=12)
     robot = replace(SMALL, mounts=SHAPES[shape], wheel=wheel)
     plant = MujocoPlant(robot, wheels)
@@ -91,22 +91,22 @@ def test_wheels_of_any_number_and_mount_move_the_robot_as_told(wheels, shape):
 
 @every_model
 @every_robot
-def test_wheel_angles_tell_how_far_the_robot_came(name, wheels):
-    """Gently driven wheels roll without slip: their angles are the wheel matrix times the way."""
+def test_wheel_angles_are_consistent_with_the_motion(name, wheels):
+    """At low acceleration wheels roll without slip: the angles are the Jacobian times the path."""
     robot = ROBOTS[name]
     plant = MujocoPlant(robot, wheels)
     assert plant.reset(ORIGIN).wheel_angles == (0.0,) * len(robot.mounts)
     for k in range(20):
         plant.step(BodyTwist(0.01 * k, 0.005 * k, 0.0), 0.05)
     state = plant.step(BodyTwist(0.2, 0.1, 0.0), 2.0)
-    way = robot.chassis.jacobian @ to_body(WorldTwist(*state.pose), state.pose.yaw)
-    assert np.array(state.wheel_angles) == pytest.approx(way, rel=0.01, abs=0.02)
+    angles = robot.chassis.jacobian @ to_body(WorldTwist(*state.pose), state.pose.yaw)
+    assert np.array(state.wheel_angles) == pytest.approx(angles, rel=0.01, abs=0.02)
 
 
 @every_model
 @every_robot
-def test_torques_are_what_accelerates_the_robot(name, wheels):
-    """By the principle of work: torques at the rims add up to mass times acceleration."""
+def test_torques_equal_mass_times_acceleration(name, wheels):
+    """By the principle of virtual work, the forces at the rims equal mass times acceleration."""
     robot = ROBOTS[name]
     plant = MujocoPlant(robot, wheels)
     assert plant.reset(ORIGIN).wheel_torques == (0.0,) * len(robot.mounts)
@@ -114,39 +114,41 @@ def test_torques_are_what_accelerates_the_robot(name, wheels):
     for k in range(60):
         state = plant.step(BodyTwist(rate * 0.02 * k, 0.0, 0.0), 0.02)
         torques.append(state.wheel_torques)
-    push = robot.rim_jacobian[:, 0] @ np.mean(torques[20:], axis=0) / robot.wheel.radius
+    force = robot.rim_jacobian[:, 0] @ np.mean(torques[20:], axis=0) / robot.wheel.radius
     speeds = robot.rim_jacobian[:, 0] / robot.wheel.radius  # of the wheels, per m/s
-    weighs = robot.mass + robot.wheel.rotor_inertia * float(speeds @ speeds)
-    assert weighs * rate < push < 1.15 * weighs * rate  # hubs and rollers are turned too
+    mass = robot.mass + robot.wheel.rotor_inertia * float(speeds @ speeds)
+    assert mass * rate < force < 1.15 * mass * rate  # hubs and rollers are accelerated too
 
 
 @every_model
-def test_a_motors_lag_delays_its_speed(wheels):
-    """A first-order lag, exactly: beside a robot without it, that on the way of 1 - exp(-t / T)."""
+def test_motor_lag_is_first_order(wheels):
+    """The difference to a robot without lag follows 1 - exp(-t / T)."""
     lag, command = 0.4, BodyTwist(0.0, 0.0, 0.5)
     quick = MujocoPlant(replace(SMALL, servo_gain=2.0), wheels)
     slow = MujocoPlant(replace(SMALL, servo_gain=2.0, motor_lag=lag), wheels)
     for plant in (quick, slow):
         plant.reset(ORIGIN)
     for k in range(1, 13):
-        there, behind = (plant.step(command, 0.1).wheel_angles[0] for plant in (quick, slow))
+        without, with_lag = (plant.step(command, 0.1).wheel_angles[0] for plant in (quick, slow))
         t = 0.1 * k
         full = float(slow.robot.chassis.wheel_speeds(command)[0])
-        assert behind == pytest.approx(there - full * lag * (1.0 - exp(-t / lag)), abs=0.03 * full)
+        assert with_lag == pytest.approx(
+            without - full * lag * (1.0 - exp(-t / lag)), abs=0.03 * full
+        )
     again = slow.reset(ORIGIN)
     assert again.wheel_angles == (0.0,) * 4
     assert abs(slow.step(REST, 0.1).twist.yaw_rate) < 1e-3
 
 
-def test_a_motor_gives_no_more_than_its_torque():
+def test_torque_is_limited():
     plant = MujocoPlant(replace(SMALL, friction=3.0, max_torque=0.3), "ball")
     plant.reset(ORIGIN)
     state = plant.step(BodyTwist(2.0, 0.0, 0.0), 0.1)
     assert np.abs(state.wheel_torques).max() == pytest.approx(0.3)
 
 
-def test_friction_bounds_the_acceleration():
-    """All four wheels of a cross push along x with sqrt(1/2) of their grip."""
+def test_acceleration_is_limited_by_friction():
+    """All four wheels act along x with sqrt(1/2) of their friction limit."""
     plant = MujocoPlant(replace(SMALL, friction=0.1, max_torque=20.0, servo_gain=5.0), "ball")
     plant.reset(ORIGIN)
     plant.step(BodyTwist(5.0, 0.0, 0.0), 0.1)
@@ -157,22 +159,22 @@ def test_friction_bounds_the_acceleration():
 
 @every_model
 @every_robot
-def test_wheels_that_spin_push_with_all_their_grip(name, wheels):
-    """However stiff the servos: one that overshoots would swing to and fro and hardly push."""
+def test_slipping_wheels_transmit_the_friction_limit(name, wheels):
+    """With stiff servos too, whose speed would oscillate without substeps."""
     robot = replace(ROBOTS[name], friction=0.1)
     plant = MujocoPlant(robot, wheels)
     plant.reset(ORIGIN)
     before = plant.step(BodyTwist(1.0, 0.0, 0.0), 0.2).twist.vx
     after = plant.step(BodyTwist(1.0, 0.0, 0.0), 0.6).twist.vx
-    push = 0.1 * 9.81 * float(np.mean([abs(mount.drive_direction[0]) for mount in robot.mounts]))
+    force = 0.1 * 9.81 * float(np.mean([abs(mount.drive_direction[0]) for mount in robot.mounts]))
     assert (after - before) / 0.6 == pytest.approx(
-        push, rel={"ball": 0.04, "rollers": 0.08}[wheels]
+        force, rel={"ball": 0.04, "rollers": 0.08}[wheels]
     )
 
 
 @every_robot
-def test_balls_grip_along_their_pushes_only(name):
-    """As MuJoCo has the contacts, whichever way the robot looks and its wheels have turned."""
+def test_balls_have_friction_along_their_forces_only(name):
+    """Frames of MuJoCo's contacts, at any yaw and wheel angle."""
     robot = ROBOTS[name]
     plant = MujocoPlant(robot, "ball")
     plant.reset(Pose(0.3, -0.2, 0.7))
@@ -181,17 +183,17 @@ def test_balls_grip_along_their_pushes_only(name):
     assert data.ncon == len(robot.mounts)
     for k in range(data.ncon):
         mount = robot.mounts[int(plant.model.geom(max(data.contact[k].geom)).name[4:])]
-        push = [*to_world(BodyTwist(*mount.drive_direction, 0.0), yaw)[:2], 0.0]
+        force = [*to_world(BodyTwist(*mount.drive_direction, 0.0), yaw)[:2], 0.0]
         _, across, along = data.contact[k].frame.reshape(3, 3)
-        assert abs(along @ push) == pytest.approx(1.0, abs=1e-3)
-        assert abs(across @ push) < 5e-3
+        assert abs(along @ force) == pytest.approx(1.0, abs=1e-3)
+        assert abs(across @ force) < 5e-3
         assert data.contact[k].friction[:2] == pytest.approx(
             [1e-4 * robot.friction, robot.friction]
         )
 
 
 @every_robot
-def test_the_rollers_first_angles_are_drawn(name):
+def test_initial_roller_angles_are_random(name):
     robot = ROBOTS[name]
 
     def end(seed):
@@ -218,8 +220,8 @@ def test_the_rollers_first_angles_are_drawn(name):
 
 @pytest.mark.parametrize("angle", [0.25 * pi, -0.25 * pi, 0.6])
 @pytest.mark.parametrize("rollers", [9, 12, 16])
-def test_mecanum_wheels_are_round(rollers, angle):
-    """Height of the axle over a wheel's turn, from the rollers' points, not from their formula."""
+def test_mecanum_wheels_have_constant_height(rollers, angle):
+    """Height of the axle during a turn, computed from points of the rollers."""
     wheel = replace(named_robot("mecanum").wheel, rollers_per_row=rollers)
     tilt, half = roller_shape(wheel, angle)
     r, b = wheel.radius, wheel.roller_radius
@@ -228,7 +230,7 @@ def test_mecanum_wheels_are_round(rollers, angle):
     x, y = around * np.cos(u), around * np.sin(u)
     heights = []
     for d in np.linspace(0.0, pi / rollers, 25):
-        # roller below the axle, its axis tilted by `tilt` out of the wheel's plane, all turned by d
+        # roller below the axle, its axis tilted by `tilt`, and the wheel turned by d
         ahead = along * np.cos(tilt) - y * np.sin(tilt)
         low = -(r - b) + x
         heights.append(-(low * np.cos(d) - ahead * np.sin(d)).min())
@@ -236,11 +238,11 @@ def test_mecanum_wheels_are_round(rollers, angle):
     assert np.mean(heights) == pytest.approx(r, abs=2e-4)
 
 
-def test_an_unmoved_robot_shows_what_it_is():
-    """Looks weigh nothing and touch nothing."""
+def test_visual_geoms_have_no_contacts():
+    """The group of visual geoms collides with nothing."""
     plant = MujocoPlant(SMALL, "ball")
     model = plant.model
-    seen = [i for i in range(model.ngeom) if model.geom_group[i] == 1]
-    assert seen
-    assert all(model.geom_contype[i] == model.geom_conaffinity[i] == 0 for i in seen)
+    visual = [i for i in range(model.ngeom) if model.geom_group[i] == 1]
+    assert visual
+    assert all(model.geom_contype[i] == model.geom_conaffinity[i] == 0 for i in visual)
     assert model.geom("nose").pos[0] > 0.5 * SMALL.body_radius

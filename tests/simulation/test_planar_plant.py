@@ -1,4 +1,4 @@
-"""The planar plant against mechanics on paper, MuJoCo's inertias, and the plant with rollers."""
+"""Planar plant compared with analytical mechanics, MuJoCo's inertias and the MuJoCo plant."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -33,23 +33,23 @@ from omnidrive.study import make_plant
 
 ORIGIN, STILL = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
 ALONG = np.array([1.0, 1.0]) / sqrt(2.0)
-"""Along the axles of wheels 0 and 2 of the robot small: wheels 1 and 3 push, rollers rest."""
+"""Direction of the axles of wheels 0 and 2 of robot small: wheels 1 and 3 drive."""
 
 
 class Small:
-    """What the robot small weighs along the diagonal, by MuJoCo's own account."""
+    """Masses of the robot small for motion along the diagonal, from MuJoCo."""
 
     robot = named_robot("small")
     model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
 
     @classmethod
     def wheel(cls):
-        """Inertia about the axle, in kg m^2."""
+        """Return the inertia of a wheel about its axle, kg m^2."""
         return full_inertia(cls.model)[np.ix_(*[[cls.model.joint("wheel0").dofadr[0]]] * 2)].item()
 
     @classmethod
     def mass(cls):
-        """Of the robot and its two rolling wheels, in kg."""
+        """Return the effective mass of the robot with its two rolling wheels, kg."""
         return cls.robot.mass + 2.0 * cls.wheel() / cls.robot.wheel.radius**2
 
 
@@ -78,29 +78,31 @@ def speed_along(state):
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_inertias_are_those_of_the_mujoco_model(name):
+def test_inertias_equal_those_of_the_mujoco_model(name):
     robot = ROBOTS[name]
-    mujocos = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
-    matrix = full_inertia(mujocos)
-    ours = planar_model(robot, Disturbances())
-    assert mass_matrix(ours.body)[[0, 2], [0, 2]] == pytest.approx(matrix[[0, 5], [0, 5]], rel=1e-4)
-    wheel = mujocos.joint("wheel0").dofadr[0]
-    assert ours.wheels["inertia"] == pytest.approx(matrix[wheel, wheel], rel=1e-4)
-    rollers = [i for i in range(mujocos.nv) if 0.0 < mujocos.dof_damping[i] < 1e-4]
+    reference = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
+    matrix = full_inertia(reference)
+    model = planar_model(robot, Disturbances())
+    assert mass_matrix(model.body)[[0, 2], [0, 2]] == pytest.approx(
+        matrix[[0, 5], [0, 5]], rel=1e-4
+    )
+    wheel = reference.joint("wheel0").dofadr[0]
+    assert model.wheels["inertia"] == pytest.approx(matrix[wheel, wheel], rel=1e-4)
+    rollers = [i for i in range(reference.nv) if 0.0 < reference.dof_damping[i] < 1e-4]
     inertia = matrix[rollers[0], rollers[0]]
-    decay = ours.wheels["roller_decay"]
-    assert decay == pytest.approx(mujocos.dof_damping[rollers[0]] / inertia, rel=1e-4)
+    decay = model.wheels["roller_decay"]
+    assert decay == pytest.approx(reference.dof_damping[rollers[0]] / inertia, rel=1e-4)
     assert len(rollers) == len(robot.mounts) * robot.wheel.rows * robot.wheel.rollers_per_row
 
 
-def test_a_robot_off_its_centre_has_the_mass_matrix_of_the_mujoco_model():
+def test_mass_matrix_with_offset_centre_of_mass_equals_mujocos():
     robot = small(com=(0.05, -0.03))
     model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
     planar = full_inertia(model)[np.ix_([0, 1, 5], [0, 1, 5])]
     assert mass_matrix(planar_model(robot, Disturbances()).body) == pytest.approx(planar, abs=2e-4)
 
 
-def test_full_torque_gives_the_acceleration_of_mass_and_wheels():
+def test_acceleration_at_the_torque_limit():
     robot = small(servo_gain=1e3, friction=5.0, max_torque=1.0)
     plant = PlanarPlant(robot)
     plant.reset(ORIGIN)
@@ -111,23 +113,23 @@ def test_full_torque_gives_the_acceleration_of_mass_and_wheels():
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.4])
-def test_coulomb_limits_the_acceleration(friction):
+def test_acceleration_at_the_friction_limit(friction):
     plant = PlanarPlant(small(friction=friction, max_torque=50.0, servo_gain=50.0))
     plant.reset(ORIGIN)
     state = plant.step(diagonal(2.0), 0.2)
-    # two of four wheels push, each with friction times a quarter of the weight
+    # two of four wheels drive, each with friction times a quarter of the weight
     assert speed_along(state) == pytest.approx(0.2 * friction * GRAVITY / 2.0, rel=0.01)
     plant.reset(ORIGIN)
     ahead = plant.step(BodyTwist(2.0, 0.0, 0.0), 0.1)  # all four, at 45 degrees
     assert ahead.twist.vx == pytest.approx(0.1 * friction * GRAVITY / sqrt(2.0), rel=0.05)
 
 
-@pytest.mark.parametrize(("part", "slips"), [(0.97, False), (1.03, True)])
-def test_wheels_begin_to_slip_where_the_push_exceeds_the_grip(part, slips):
+@pytest.mark.parametrize(("share", "slips"), [(0.97, False), (1.03, True)])
+def test_wheels_slip_above_the_friction_limit(share, slips):
     friction, r = 0.3, Small.robot.wheel.radius
-    push = friction * Small.robot.mass * GRAVITY / 4.0
-    spin = Small.wheel() * (2.0 * push / Small.robot.mass) / r  # torque that the wheel itself takes
-    robot = small(friction=friction, servo_gain=1e3, max_torque=part * (push * r + spin))
+    force = friction * Small.robot.mass * GRAVITY / 4.0
+    spin = Small.wheel() * (2.0 * force / Small.robot.mass) / r  # torque that accelerates the wheel
+    robot = small(friction=friction, servo_gain=1e3, max_torque=share * (force * r + spin))
     plant = PlanarPlant(robot)
     plant.reset(ORIGIN)
     state = plant.step(diagonal(2.4), 0.5)
@@ -136,8 +138,8 @@ def test_wheels_begin_to_slip_where_the_push_exceeds_the_grip(part, slips):
     assert (abs(rolled - moved) > 0.01 * moved) == slips
 
 
-def test_with_dead_motors_only_the_rollers_bearings_brake():
-    """Two wheels stand across the motion, one roller each turns on and on."""
+def test_with_dead_motors_only_roller_bearings_brake():
+    """Two wheels do not turn; one roller of each keeps turning."""
     plant = PlanarPlant(Small.robot, np.random.default_rng(1))
     plant.reset(ORIGIN)
     dead = (Motor.DEAD,) * 4
@@ -154,7 +156,7 @@ def test_with_dead_motors_only_the_rollers_bearings_brake():
     assert last.work == 0.0
 
 
-def test_without_friction_the_centre_of_mass_flies_straight_on():
+def test_without_friction_the_centre_of_mass_moves_straight():
     robot = small(friction=0.0, com=(0.06, -0.02))
     plant = PlanarPlant(robot, timestep=1e-3)
     plant.reset(Pose(0.3, 0.2, 0.5))
@@ -165,8 +167,8 @@ def test_without_friction_the_centre_of_mass_flies_straight_on():
         return np.array(move(state.pose, BodyTwist(*robot.com, 0.0), 1.0)[:2])
 
     states = [plant.step(STILL, 0.25) for _ in range(8)]
-    places = np.array([centre(state) for state in states])
-    assert np.diff(places, axis=0) == pytest.approx(
+    positions = np.array([centre(state) for state in states])
+    assert np.diff(positions, axis=0) == pytest.approx(
         np.tile([0.25 * 4.0 / robot.mass, 0.25 * 2.0 / robot.mass], (7, 1)), abs=2e-4
     )
     rates = [state.twist.yaw_rate for state in states]
@@ -176,7 +178,7 @@ def test_without_friction_the_centre_of_mass_flies_straight_on():
     assert rates[0] == pytest.approx(np.linalg.solve(inertia, [*turned, 0.8])[2], rel=1e-9)
 
 
-def test_work_becomes_motion_and_is_never_made():
+def test_work_exceeds_kinetic_energy():
     plant = PlanarPlant(small(friction=3.0), timestep=5e-4)
     plant.reset(ORIGIN)
     for _ in range(12):
@@ -186,23 +188,23 @@ def test_work_becomes_motion_and_is_never_made():
     assert state.work == pytest.approx(motion, rel=0.01)
 
 
-def test_a_robot_rolls_down_a_slope_and_servos_let_it_creep():
+def test_motion_on_a_slope_with_and_without_motors():
     steep = 0.1
     slope = Disturbances(slope=tuple((steep * ALONG).tolist()))
-    pull = GRAVITY * steep / hypot(1.0, steep) * Small.robot.mass
+    downhill_force = GRAVITY * steep / hypot(1.0, steep) * Small.robot.mass
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
     plant.apply(slope._replace(motors=(Motor.DEAD,) * 4))
     rolling = plant.step(STILL, 0.3)
-    assert speed_along(rolling) == pytest.approx(-0.3 * pull / Small.mass(), rel=5e-3)
+    assert speed_along(rolling) == pytest.approx(-0.3 * downhill_force / Small.mass(), rel=5e-3)
     plant.reset(ORIGIN)
     plant.apply(slope)
     creeping = plant.step(STILL, 1.0)
     r, gain = Small.robot.wheel.radius, Small.robot.servo_gain
-    assert speed_along(creeping) == pytest.approx(-pull * r * r / (2.0 * gain), rel=5e-3)
+    assert speed_along(creeping) == pytest.approx(-downhill_force * r * r / (2.0 * gain), rel=5e-3)
 
 
-def test_a_slope_is_fixed_to_the_world():
+def test_slope_is_fixed_in_the_world():
     turned = PlanarPlant(Small.robot)
     turned.reset(Pose(0.0, 0.0, 0.5 * pi))
     turned.apply(Disturbances(slope=(0.1, 0.0), motors=(Motor.DEAD,) * 4))
@@ -211,7 +213,7 @@ def test_a_slope_is_fixed_to_the_world():
     assert abs(state.pose.y) < 1e-3
 
 
-def test_a_payload_is_carried_where_it_lies():
+def test_payload_changes_mass_and_loads():
     payload = Payload(6.0, 0.1, -0.05)
     loaded = planar_model(Small.robot, Disturbances(payload=payload)).wheels["load"]
     together = small(mass=16.0, com=(6.0 * 0.1 / 16.0, -6.0 * 0.05 / 16.0))
@@ -224,7 +226,7 @@ def test_a_payload_is_carried_where_it_lies():
 
 
 def test_acceleration_shifts_the_load():
-    """A hard start of kiwi, whose wheels push unevenly, against the plant with rollers."""
+    """A start of kiwi at the friction limit, compared with the MuJoCo plant."""
     robot, command = named_robot("kiwi"), BodyTwist(1.5, 0.0, 0.0)
     poses = {}
     for name, plant in {
@@ -238,7 +240,7 @@ def test_acceleration_shifts_the_load():
     assert shifted < flat
 
 
-def test_a_patch_acts_on_the_wheels_that_stand_on_it():
+def test_patch_acts_on_the_wheels_inside():
     robot = small(friction=0.5, servo_gain=50.0, max_torque=50.0)
     x, y, *_ = robot.mounts[1]
     speeds = {}
@@ -247,12 +249,12 @@ def test_a_patch_acts_on_the_wheels_that_stand_on_it():
         plant.reset(ORIGIN)
         plant.apply(Disturbances(patch=Patch(x, y, radius, 0.1)))
         speeds[radius] = plant.step(diagonal(2.0), 0.05)
-    push = 0.05 * GRAVITY / 4.0
-    assert speed_along(speeds[5.0]) == pytest.approx(push * 0.2, rel=0.01)
-    assert speed_along(speeds[0.05]) == pytest.approx(push * 0.6, rel=0.03)
+    force = 0.05 * GRAVITY / 4.0
+    assert speed_along(speeds[5.0]) == pytest.approx(force * 0.2, rel=0.01)
+    assert speed_along(speeds[0.05]) == pytest.approx(force * 0.6, rel=0.03)
 
 
-def test_a_locked_wheel_stands_and_a_weak_motor_gives_half():
+def test_locked_wheel_and_weak_motor():
     plant = PlanarPlant(small(servo_gain=1e3))
     plant.reset(ORIGIN)
     plant.apply(Disturbances(motors=(Motor.LOCKED, Motor.WEAK, Motor.HEALTHY, Motor.DEAD)))
@@ -263,11 +265,11 @@ def test_a_locked_wheel_stands_and_a_weak_motor_gives_half():
     assert state.wheel_torques[3] == 0.0
 
 
-def test_a_locked_wheel_lets_the_robot_go_only_across():
+def test_locked_wheel_permits_motion_along_its_axle_only():
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
     plant.apply(Disturbances(motors=(Motor.LOCKED, *[Motor.HEALTHY] * 3)))
-    free = plant.step(diagonal(0.2), 1.0)  # along its axle its rollers turn
+    free = plant.step(diagonal(0.2), 1.0)  # along its axle: rollers turn
     assert speed_along(free) == pytest.approx(0.2, abs=2e-3)
     plant.apply(Disturbances(motors=(Motor.LOCKED, *[Motor.DEAD] * 3)))
     plant.step(STILL, 0.1)
@@ -277,13 +279,13 @@ def test_a_locked_wheel_lets_the_robot_go_only_across():
     assert abs(state.twist.yaw_rate) > 0.01
 
 
-def test_a_jump_moves_the_pose_alone_and_reset_takes_all_back():
+def test_pose_offset_and_reset():
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
     untouched = [plant.step(diagonal(0.3), 0.1) for _ in range(3)]
     load, patch = Payload(3.0, 0.1, 0.0), Patch(0.0, 0.0, 9.0, 0.01)
-    jump = PoseOffset(0.5, -0.2, 0.7)
-    plant.apply(Disturbances((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, offset=jump))
+    offset = PoseOffset(0.5, -0.2, 0.7)
+    plant.apply(Disturbances((Motor.DEAD,) * 4, (0.2, 0.1), load, patch, offset=offset))
     after = plant.step(diagonal(0.3), 1e-9)
     moved = np.subtract(after.pose, untouched[-1].pose)
     assert moved == pytest.approx([0.5, -0.2, 0.7], abs=1e-6)
@@ -292,32 +294,32 @@ def test_a_jump_moves_the_pose_alone_and_reset_takes_all_back():
     assert [plant.step(diagonal(0.3), 0.1) for _ in range(3)] == untouched
 
 
-def test_conditions_for_other_wheels_are_refused():
+def test_wrong_number_of_motors_is_refused():
     plant = PlanarPlant(Small.robot)
     assert isinstance(plant, DisturbablePlant)
     with pytest.raises(InvalidInput, match="3 motors for 4 wheels"):
         plant.apply(Disturbances(motors=(Motor.DEAD,) * 3))
 
 
-def wheels_own_answer(wheel, spin, v, h):
-    """Impulse of the floor at one wheel, from its speed afterwards, found by bisection."""
+def impulse_by_bisection(wheel, spin, v, h):
+    """Return the floor's impulse on one wheel, found by bisection."""
     ground = wheel["direction_x"] * v[0] + wheel["direction_y"] * v[1] + spin["moment_arm"] * v[2]
 
-    def speed_under(q):  # inertia (w - speed) = h torque(w) - radius q, rising to the left in w
+    def speed_under(q):  # solves inertia (w - speed) = h torque(w) - radius q
         low, high = -1e4, 1e4
         for _ in range(70):
             w = 0.5 * (low + high)
             torque = wheel["gain"] * (spin["target"] - w)
             torque = min(max(torque, -wheel["limit"]), wheel["limit"])
-            lag = wheel["inertia"] * (w - spin["speed"]) - h * torque + wheel["radius"] * q
-            low, high = (low, w) if lag > 0.0 else (w, high)
+            excess = wheel["inertia"] * (w - spin["speed"]) - h * torque + wheel["radius"] * q
+            low, high = (low, w) if excess > 0.0 else (w, high)
         return w
 
     low, high = -spin["max_impulse"], spin["max_impulse"]
-    for _ in range(60):  # the more the floor pushes, the slower the wheel
+    for _ in range(60):  # a larger impulse gives a slower wheel
         q = 0.5 * (low + high)
-        spins_on = wheel["radius"] * speed_under(q) > ground
-        low, high = (q, high) if spins_on else (low, q)
+        is_faster = wheel["radius"] * speed_under(q) > ground
+        low, high = (q, high) if is_faster else (low, q)
     return q
 
 
@@ -326,8 +328,8 @@ numbers = st.floats(-1.0, 1.0).map(lambda v: round(v, 3))
 
 @settings(max_examples=20, deadline=None)
 @given(st.lists(numbers, min_size=18, max_size=18), st.sampled_from(["small", "kiwi"]))
-def test_a_step_solves_what_bodies_wheels_and_servos_demand(draws, name):
-    """Residual of Newton's law, every wheel's part of it found without the kernel."""
+def test_step_satisfies_the_momentum_balance(draws, name):
+    """Residual of the momentum balance, with impulses found without the kernel."""
     h, robot = 0.002, replace(named_robot(name), com=(0.03, 0.01), friction=0.3)
     model = planar_model(robot, Disturbances())
     count = len(robot.mounts)
@@ -341,14 +343,14 @@ def test_a_step_solves_what_bodies_wheels_and_servos_demand(draws, name):
     pushed = np.zeros(3)
     for records in zip(model.wheels, spins, strict=True):
         wheel, spin = (dict(zip(r.dtype.names, r.item(), strict=True)) for r in records)
-        q = wheels_own_answer(wheel, spin, v, h)
+        q = impulse_by_bisection(wheel, spin, v, h)
         pushed += q * np.array([wheel["direction_x"], wheel["direction_y"], spin["moment_arm"]])
     gained = mass_matrix(model.body) @ np.subtract(v, free)
     assert gained == pytest.approx(pushed, abs=1e-6)
 
 
-def test_servos_follow_as_their_differential_equation_says_to_first_order():
-    """Small steps of speed: no limit acts, so that v' = (c - v) / tau, and errors halve with h."""
+def test_servo_response_converges_with_first_order():
+    """Without limits v' = (c - v) / tau, and the errors are halved with h."""
     robot = small(friction=3.0, max_torque=20.0)
     tau = robot.wheel.radius**2 * Small.mass() / (2.0 * robot.servo_gain)
     t, c = 0.016, 0.02
@@ -362,7 +364,7 @@ def test_servos_follow_as_their_differential_equation_says_to_first_order():
     assert abs(errors[0]) < 0.05 * c
 
 
-def test_motors_lag():
+def test_motor_lag_delays_the_robot():
     lag, quick_robot = 0.2, small(friction=3.0, max_torque=20.0)
     plant = PlanarPlant(replace(quick_robot, motor_lag=lag))
     plant.reset(ORIGIN)
@@ -374,7 +376,7 @@ def test_motors_lag():
     assert behind - quick == pytest.approx(0.2 * lag, rel=0.02)
 
 
-def test_a_batch_is_bit_for_bit_what_single_steps_give():
+def test_batch_equals_single_steps_bit_for_bit():
     robot, rng = named_robot("kiwi"), np.random.default_rng(5)
     starts = rng.normal(size=(3, 3))
     commands = rng.normal(size=(3, 12, 3))
@@ -388,14 +390,14 @@ def test_a_batch_is_bit_for_bit_what_single_steps_give():
             assert tuple(twists[run, k].tolist()) == tuple(state.twist)
 
 
-def test_a_batch_of_other_sizes_is_refused():
+def test_batch_with_wrong_sizes_is_refused():
     with pytest.raises(InvalidInput, match="2 starts for 3 runs"):
         simulate_batch(Small.robot, np.zeros((2, 3)), np.zeros((3, 4, 3)), 0.1)
     with pytest.raises(InvalidInput, match="must be positive"):
         simulate_batch(Small.robot, np.zeros((1, 3)), np.zeros((1, 4, 3)), 0.0)
 
 
-def test_rollers_stand_as_drawn():
+def test_initial_roller_angles_are_random():
     drawn = [PlanarPlant(Small.robot, np.random.default_rng(seed)) for seed in (1, 1, 2)]
     states = [plant.reset(ORIGIN) and plant.step(diagonal(0.5), 0.5) for plant in drawn]
     assert states[0] == states[1] != states[2]
@@ -406,7 +408,7 @@ def test_rollers_stand_as_drawn():
 
 
 def s_commands(dt=0.05, speed=0.7):
-    """Body twists along one period of a sine, 4 m long and 0.5 m wide, heading along it."""
+    """Return body twists along one period of a sine, 4 m long, amplitude 0.5 m, tangential."""
     x = np.linspace(0.0, 4.0, 8001)
     y = 0.5 * np.sin(0.5 * pi * x)
     run = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
@@ -418,22 +420,22 @@ def s_commands(dt=0.05, speed=0.7):
 
 
 @pytest.mark.parametrize(("friction", "limit"), [(0.8, 0.012), (0.1, 0.01)])
-def test_an_s_path_is_that_of_the_plant_with_rollers(friction, limit):
-    """From a standing start at once: at low friction its wheels spin for a second."""
+def test_s_path_equals_that_of_the_mujoco_plant(friction, limit):
+    """Without an acceleration ramp: at low friction the wheels slip for a second."""
     robot, (start, twists) = small(friction=friction), s_commands()
-    ways = []
+    paths = []
     for plant in (MujocoPlant(robot), PlanarPlant(robot)):
         plant.reset(start)
-        ways.append(np.array([plant.step(twist, 0.05).pose for twist in twists]))
-    assert np.hypot(*(ways[0] - ways[1])[:, :2].T).max() < limit
+        paths.append(np.array([plant.step(twist, 0.05).pose for twist in twists]))
+    assert np.hypot(*(paths[0] - paths[1])[:, :2].T).max() < limit
 
 
-def test_a_command_that_is_not_a_number_shows_in_the_state():
+def test_nan_command_gives_a_nan_state():
     plant = PlanarPlant(Small.robot)
     plant.reset(ORIGIN)
     assert np.isnan(plant.step(BodyTwist(float("nan"), 0.0, 0.0), 0.1).pose).all()
     assert np.isfinite(plant.reset(ORIGIN).pose).all()
 
 
-def test_studies_know_it_by_name():
+def test_plant_name_in_studies():
     assert isinstance(make_plant(Small.robot, "planar"), PlanarPlant)

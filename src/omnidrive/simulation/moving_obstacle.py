@@ -1,4 +1,4 @@
-"""Obstacles that move on given paths."""
+"""Obstacles that move along given paths."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from math import isfinite
 from omnidrive.errors import InvalidInput
 
 MAX_MOVING_OBSTACLES = 32
-"""How many obstacles may move in one world: each costs time in every step."""
+"""Largest number of moving obstacles; each costs computing time in every step."""
 MAX_PATH_POINTS = 10_000
-"""Of one obstacle's path."""
+"""Largest number of points of one path."""
 
 
 @dataclass(frozen=True, slots=True)
 class MovingObstacle:
-    """A disc that moves from point to point, evenly in between, whatever stands in its way.
+    """A disc that moves at constant velocity from point to point and is never stopped.
 
     Attributes:
-        radius: In m.
-        times: When it is at each point, in s since the start; it stands before and after.
-        points: (x, y) in W, in m.
-        loop: Whether it starts again at the last of the times; it then jumps from the last point
-            to the first unless they are the same.
+        radius: Radius, m.
+        times: Time at each point since the start of the run, s; it rests before the first and after
+            the last.
+        points: (x, y) in W, m.
+        loop: Whether the path repeats after the last time; if the last point differs from the
+            first, the disc jumps there.
 
     Raises:
-        InvalidInput: A number is not finite, the radius not positive, the times do not grow, or
-            there are none, too many, or not as many as points.
+        InvalidInput: A number is not finite, the radius is not positive, the times do not increase,
+            there are none or too many, or the numbers of times and points differ.
     """
 
     radius: float
@@ -47,16 +48,16 @@ class MovingObstacle:
         if not all(map(isfinite, (*self.times, *(v for point in self.points for v in point)))):
             raise InvalidInput("a moving obstacle's times and points must be finite")
         if self.times[0] < 0.0 or any(b <= a for a, b in pairwise(self.times)):
-            raise InvalidInput("a moving obstacle's times must grow, from 0 s or later")
+            raise InvalidInput("a moving obstacle's times must increase from 0 s or later")
 
-    def at(self, t: float) -> tuple[float, float]:
-        """Where its centre is at time ``t`` (s): (x, y) in W, in m."""
+    def position(self, t: float) -> tuple[float, float]:
+        """Return the centre (x, y) at time ``t`` (s) in W, m."""
         times = self.times
         if self.loop and t > times[-1] > 0.0:
             t %= times[-1]
         k = bisect_right(times, t)
         if k == 0 or k == len(times):
             return self.points[max(k - 1, 0)]
-        part = (t - times[k - 1]) / (times[k] - times[k - 1])
+        fraction = (t - times[k - 1]) / (times[k] - times[k - 1])
         (x, y), (to_x, to_y) = self.points[k - 1], self.points[k]
-        return x + part * (to_x - x), y + part * (to_y - y)
+        return x + fraction * (to_x - x), y + fraction * (to_y - y)

@@ -60,7 +60,7 @@ class GhostModel:
         data.qpos[:7] = x, y, self._height, cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)
         data.qpos[self._joints] = wheels
         for k, obstacle in enumerate(self._moving):
-            data.mocap_pos[k, :2] = obstacle.at(t)
+            data.mocap_pos[k, :2] = obstacle.position(t)
         update_kinematics(self.model, data)
 
     def next_wheel_angles(

@@ -16,14 +16,14 @@ from omnidrive.simulation import CoppeliaSimScene, Outcome
 from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.coppeliasim import CoppeliaSimSection
 from omnidrive.study.tasks import DurationsTask, StepTask
-from tests.simulation.coppeliasim.scene import STOPPED
-from tests.simulation.coppeliasim.standin import cbor, standin
+from tests.simulation.coppeliasim.fake_scene import STOPPED
+from tests.simulation.coppeliasim.fake_server import cbor, fake_server
 
 PAPER = named_robot("paper")
 
 
 def scenario_at(port, **section):
-    """The paper's path and a step, with the controller that is compiled soonest."""
+    """Return a scenario with the paper's path and a step, for a controller without kernels."""
     return paper_scenario().model_copy(
         update={
             "plant": "coppeliasim",
@@ -55,11 +55,11 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def test_the_sections_defaults_are_the_plants():
+def test_defaults_of_the_section_are_those_of_the_plant():
     assert CoppeliaSimScene(**CoppeliaSimSection().model_dump()) == CoppeliaSimScene()
 
 
-def test_the_section_survives_its_file(tmp_path):
+def test_section_is_restored_from_a_file(tmp_path):
     scenario = scenario_at(23001, body="/omni/centre", signs=(1, -1, 1, 1))
     save_scenario(scenario, tmp_path / "scenario.yaml")
     assert load_scenario(tmp_path / "scenario.yaml") == scenario
@@ -77,7 +77,7 @@ def test_the_section_survives_its_file(tmp_path):
         ("interface: ros", "coppeliasim.interface"),
     ],
 )
-def test_a_section_that_says_nothing_of_use_is_refused(tmp_path, line, fact):
+def test_invalid_section_is_refused(tmp_path, line, fact):
     file = tmp_path / "scenario.yaml"
     save_scenario(paper_scenario(), file)
     text = file.read_text()
@@ -90,20 +90,20 @@ def test_a_section_that_says_nothing_of_use_is_refused(tmp_path, line, fact):
 
 
 @pytest.mark.parametrize("interface", ["joints", "signals"])
-def test_a_study_in_one_process(monkeypatch, interface):
-    """Also when more are allowed: one simulator holds one robot."""
+def test_study_runs_in_one_process(monkeypatch, interface):
+    """Also with more processes permitted, because one simulator contains one robot."""
     monkeypatch.setattr(sys.modules["omnidrive.study.execute"], "ProcessPoolExecutor", None)
-    with standin(PAPER, signals=interface == "signals") as server:
+    with fake_server(PAPER, signals=interface == "signals") as server:
         study = run_study(scenario_at(server.port, interface=interface), processes=4)
         assert server.scene.state == STOPPED
     study.raise_if_failed()
     direct = run_study(scenario_at(1).model_copy(update={"plant": "mujoco-balls"}))
-    for there, here in zip(study.results.tracks, direct.results.tracks, strict=True):
-        assert there.run.pose == pytest.approx(here.run.pose, abs=1e-4)
+    for remote, local in zip(study.results.tracks, direct.results.tracks, strict=True):
+        assert remote.run.pose == pytest.approx(local.run.pose, abs=1e-4)
 
 
-def test_a_simulator_that_goes_away_leaves_the_run_so_far(tmp_path):
-    with standin(PAPER) as server:
+def test_lost_simulator_keeps_the_log_of_the_run(tmp_path):
+    with fake_server(PAPER) as server:
         scenario = scenario_at(server.port)
         count = 0
 
@@ -113,7 +113,7 @@ def test_a_simulator_that_goes_away_leaves_the_run_so_far(tmp_path):
             return b"" if count > 100 else cbor.dumps(reply)
 
         server.mangle = mangle
-        with pytest.raises(PlantLost):  # the next run cannot begin
+        with pytest.raises(PlantLost):  # the next run cannot start
             run_study(scenario, tmp_path / "run")
     (record,) = json.loads((tmp_path / "run" / "results.json").read_text())["runs"]
     assert not record["finished"]
@@ -122,7 +122,7 @@ def test_a_simulator_that_goes_away_leaves_the_run_so_far(tmp_path):
     assert (tmp_path / "run" / record["series"]).exists()
 
 
-def test_without_a_simulator_the_command_says_so(tmp_path):
+def test_command_reports_a_missing_simulator(tmp_path):
     save_scenario(scenario_at(free_port()), tmp_path / "scenario.yaml")
     done = omnidrive("run", "scenario.yaml", "--controller", "feedforward", cwd=tmp_path)
     assert done.returncode == 2, done.stdout
@@ -130,8 +130,8 @@ def test_without_a_simulator_the_command_says_so(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-def test_an_interrupted_command_stops_the_robot(tmp_path):
-    with standin(PAPER) as server:
+def test_interrupted_command_stops_the_robot(tmp_path):
+    with fake_server(PAPER) as server:
         save_scenario(scenario_at(server.port), tmp_path / "scenario.yaml")
         command = [sys.executable, "-m", "omnidrive", "run", "scenario.yaml", "--controller",
                    "feedforward"]  # fmt: skip
@@ -148,8 +148,8 @@ def test_an_interrupted_command_stops_the_robot(tmp_path):
 
 
 @pytest.mark.long
-def test_a_run_from_the_command_line(tmp_path):
-    with standin(PAPER) as server:
+def test_run_from_the_command_line(tmp_path):
+    with fake_server(PAPER) as server:
         save_scenario(scenario_at(server.port), tmp_path / "scenario.yaml")
         done = omnidrive(
             "run", "scenario.yaml", "--controller", "feedforward", "--task", "step",

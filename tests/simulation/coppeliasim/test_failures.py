@@ -1,4 +1,4 @@
-"""What goes wrong on the wire is one clear line, stops the robot and keeps the log."""
+"""Failures of the connection give one line, stop the robot and keep the log."""
 
 import socket
 import sys
@@ -15,8 +15,8 @@ from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene, Outcome, simulate
 from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
 from tests.laws.motions import Circle
-from tests.simulation.coppeliasim.scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
-from tests.simulation.coppeliasim.standin import cbor, standin
+from tests.simulation.coppeliasim.fake_scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
+from tests.simulation.coppeliasim.fake_server import cbor, fake_server
 
 SMALL = named_robot("small")
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -25,7 +25,7 @@ AHEAD = BodyTwist(0.5, 0.0, 0.0)
 
 @pytest.fixture
 def server():
-    with standin(SMALL) as running:
+    with fake_server(SMALL) as running:
         yield running
 
 
@@ -34,12 +34,12 @@ def plant_at(server, robot=SMALL, timeout=5.0, **options):
     return CoppeliaSimPlant(robot, scene)
 
 
-def stands_still(server):
+def is_stopped(server):
     return server.scene.state == STOPPED and not server.scene.targets.any()
 
 
 def reply_to(name, raw):
-    """A `mangle` that answers one function with these bytes."""
+    """Return a `mangle` that replaces the reply to one function."""
     return lambda request, reply: raw if request["func"] == name else cbor.dumps(reply)
 
 
@@ -49,32 +49,32 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def test_nobody_listens():
+def test_no_server_at_the_port():
     began = monotonic()
     with pytest.raises(PlantLost, match=r"no program listens at localhost:.*start CoppeliaSim"):
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(port=free_port()))
     assert monotonic() - began < 5.0
 
 
-def test_a_host_that_does_not_exist():
+def test_unknown_host():
     with pytest.raises(PlantLost, match=r"no program listens at no-such-host.invalid"):
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="no-such-host.invalid", timeout=2.0))
 
 
-def test_an_address_that_zeromq_does_not_know(monkeypatch):
-    monkeypatch.setattr(RemoteApi, "_check_listening", lambda link: None)
+def test_address_that_zeromq_rejects(monkeypatch):
+    monkeypatch.setattr(RemoteApi, "_check_listening", lambda api: None)
     with pytest.raises(PlantLost, match=r"cannot connect to a b:23000: Invalid argument"):
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="a b"))
 
 
-def test_another_program_on_the_port():
+def test_other_program_at_the_port():
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         with pytest.raises(PlantLost, match=r"did not answer within 0.5 s"):
             CoppeliaSimPlant(SMALL, CoppeliaSimScene(port=port, timeout=0.5))
 
 
-def test_the_client_is_not_installed(monkeypatch):
+def test_client_is_not_installed(monkeypatch):
     monkeypatch.setitem(sys.modules, "coppeliasim_zmqremoteapi_client", None)
     with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[coppeliasim\]'"):
         CoppeliaSimPlant(SMALL)
@@ -89,12 +89,12 @@ def test_the_client_is_not_installed(monkeypatch):
         ({"joints": ("/omni/motor1", "/omni/motor2", "/omni/motor3", "/Floor")}, "not a joint"),
     ],
 )
-def test_a_scene_without_the_robot(server, options, fact):
+def test_scene_without_the_robot_is_refused(server, options, fact):
     with pytest.raises(InvalidScene, match=fact):
         plant_at(server, **options)
 
 
-def test_settings_that_do_not_fit_the_robot(server):
+def test_settings_for_another_robot_are_refused(server):
     with pytest.raises(InvalidInput, match="names 3 of 4 wheels of robot 'small'"):
         plant_at(server, joints=("/a", "/b", "/c"))
     with pytest.raises(InvalidInput, match=r"coppeliasim.signs names 1 of 4"):
@@ -107,14 +107,14 @@ def test_settings_that_do_not_fit_the_robot(server):
         CoppeliaSimPlant(SMALL, scene)
 
 
-def test_an_object_that_lies():
-    with standin(SMALL, upright=False) as server, plant_at(server) as plant:
+def test_tilted_body_is_refused():
+    with fake_server(SMALL, upright=False) as server, plant_at(server) as plant:
         with pytest.raises(InvalidScene, match=r"z axis of '/omni'.* does not point up"):
             plant.reset(ORIGIN)
         assert server.scene.state == STOPPED
 
 
-def test_a_simulation_of_somebody_else_is_left_alone(server):
+def test_simulation_of_another_client_is_not_stopped(server):
     server.scene.startSimulation()
     with plant_at(server) as plant, pytest.raises(InvalidInput, match="this plant did not start"):
         plant.reset(ORIGIN)
@@ -122,7 +122,7 @@ def test_a_simulation_of_somebody_else_is_left_alone(server):
     assert not server.called("stopSimulation")
 
 
-def test_a_sample_time_that_is_no_multiple(server):
+def test_sample_time_must_be_a_multiple_of_the_time_step(server):
     with plant_at(server) as plant:
         plant.reset(ORIGIN)
         for dt in (0.12, 0.02):
@@ -132,7 +132,7 @@ def test_a_sample_time_that_is_no_multiple(server):
         assert server.scene.time == pytest.approx(0.15)
 
 
-def test_the_robot_is_placed_while_the_simulation_is_stopped_and_put_back(server):
+def test_robot_is_moved_only_while_the_simulation_is_stopped(server):
     home = server.scene.motion.pose
     with plant_at(server) as plant:
         plant.reset(Pose(1.0, 2.0, 3.0))
@@ -144,34 +144,34 @@ def test_the_robot_is_placed_while_the_simulation_is_stopped_and_put_back(server
     assert server.scene.finished == 2
 
 
-@pytest.mark.parametrize("leave", [KeyboardInterrupt, RuntimeError])
-def test_whatever_ends_a_run_the_robot_is_stopped(server, leave):
+@pytest.mark.parametrize("exception", [KeyboardInterrupt, RuntimeError])
+def test_robot_is_stopped_after_any_exception(server, exception):
     def run():
         with plant_at(server) as plant:
             plant.reset(ORIGIN)
             plant.step(AHEAD, 0.1)
             assert server.scene.targets.any()
-            raise leave
+            raise exception
 
-    with pytest.raises(leave):
+    with pytest.raises(exception):
         run()
-    assert stands_still(server)
+    assert is_stopped(server)
 
 
-def test_an_interruption_in_a_call_stops_the_robot_through_a_new_client(server):
-    """The old one is inside sim.step: all it sends is taken for the answer that it owes."""
+def test_interrupted_call_stops_the_robot_through_a_new_client(server):
+    """The old client is inside sim.step: its messages are taken for the outstanding reply."""
     plant = plant_at(server)
     plant.reset(ORIGIN)
-    link = plant._api._client.socket
+    connection = plant._api._client.socket
 
     def interrupt():
-        link._deadline = -1.0
+        connection._deadline = -1.0
         raise KeyboardInterrupt
 
-    link.recv, step = interrupt, lambda: plant.step(AHEAD, 0.1)
+    connection.recv, step = interrupt, lambda: plant.step(AHEAD, 0.1)
     with pytest.raises(KeyboardInterrupt):
         step()
-    assert stands_still(server)
+    assert is_stopped(server)
     assert len(server.greetings) == 2
     assert server.called("setJointTargetVelocity")[-1] == [FIRST_JOINT + 3, -0.0]
 
@@ -183,7 +183,7 @@ def drive(plant, duration=2.0):
 
 
 def after(steps, action):
-    """Do something once so many steps were asked for."""
+    """Return a hook that calls ``action`` after a number of requested steps."""
     count = 0
 
     def before(request):
@@ -206,7 +206,7 @@ def test_stopped_from_outside(server):
     assert run.outcome is Outcome.PLANT_LOST
     assert "stopped or paused from outside at 0.5 s" in run.ending
     assert run.t == pytest.approx(np.arange(6) * 0.1)
-    assert stands_still(server)
+    assert is_stopped(server)
 
 
 def test_paused_from_outside(server):
@@ -218,10 +218,10 @@ def test_paused_from_outside(server):
         run = drive(plant)
     assert run.outcome is Outcome.PLANT_LOST
     assert "its clock shows 0.5 s, not 0.6 s" in run.reason
-    assert stands_still(server)
+    assert is_stopped(server)
 
 
-def test_silent_in_the_middle_of_a_run(server):
+def test_server_without_replies_during_a_run(server):
     server.before = after(11, lambda: setattr(server, "mangle", lambda request, reply: None))
     began = monotonic()
     with plant_at(server, timeout=0.5) as plant:
@@ -232,8 +232,8 @@ def test_silent_in_the_middle_of_a_run(server):
     assert len(run.t) == 6
 
 
-def test_a_simulator_that_never_finishes_a_step(server):
-    """It answers at once, for ever, that there is nothing yet."""
+def test_simulator_that_never_finishes_a_step(server):
+    """It always replies immediately that the step is not finished."""
     wait = cbor.dumps({"func": "_*wait*_", "args": []})
     server.before = after(11, lambda: setattr(server, "mangle", lambda request, reply: wait))
     with plant_at(server, timeout=0.5) as plant:
@@ -266,7 +266,7 @@ def nested(depth):
     ids=["empty", "http", "list", "no-list", "nested", "endless", "longer", "not-text", "version-1",
          "mismatch", "call", "refusal", "huge"],
 )  # fmt: skip
-def test_garbage_is_refused(server, raw, fact):
+def test_invalid_reply_is_refused(server, raw, fact):
     server.mangle = reply_to("zmqRemoteApi.require", raw)
     with pytest.raises(PlantLost, match=fact) as refusal:
         plant_at(server, timeout=1.0)
@@ -293,22 +293,22 @@ def test_an_answer_of_another_kind_ends_the_run(server, function, value, fact):
         server.mangle = reply_to(f"sim.{function}", cbor.dumps(reply))
         with pytest.raises(PlantLost, match=fact):
             plant.step(AHEAD, 0.1)
-        assert stands_still(server)
+        assert is_stopped(server)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_a_pose_that_is_not_finite_ends_the_run_as_on_every_plant(server, value):
+def test_pose_that_is_not_finite_ends_the_run(server, value):
     with plant_at(server) as plant:
-        nowhere = cbor.dumps({"ret": [[value] * 7]})
+        invalid = cbor.dumps({"ret": [[value] * 7]})
         server.before = after(
-            11, lambda: setattr(server, "mangle", reply_to("sim.getObjectPose", nowhere))
+            11, lambda: setattr(server, "mangle", reply_to("sim.getObjectPose", invalid))
         )
         run = drive(plant)
     assert run.outcome is Outcome.PLANT_FAILED
-    assert stands_still(server)
+    assert is_stopped(server)
 
 
-def test_a_function_that_this_version_lacks(server):
+def test_missing_function_is_reported(server):
     server.mangle = reply_to(
         "zmqRemoteApi.info", cbor.dumps({"ret": [{"getObject": {"func": {}}}]})
     )
@@ -316,29 +316,29 @@ def test_a_function_that_this_version_lacks(server):
         plant_at(server, interface="signals")
 
 
-def test_a_busy_server_is_asked_again(server):
-    """Another client's callback is under way."""
-    busy, asked = cbor.dumps({"func": "_*repeat*_", "args": []}), []
+def test_request_to_a_busy_server_is_repeated(server):
+    """A callback of another client is running."""
+    busy, requests = cbor.dumps({"func": "_*repeat*_", "args": []}), []
 
     def mangle(request, reply):
-        asked.append(request["func"])
-        return busy if len(asked) in {3, 4} else cbor.dumps(reply)
+        requests.append(request["func"])
+        return busy if len(requests) in {3, 4} else cbor.dumps(reply)
 
     server.mangle = mangle
     with plant_at(server) as plant:
         plant.reset(ORIGIN)
-    assert asked[2:5] == ["sim.getObject"] * 3
+    assert requests[2:5] == ["sim.getObject"] * 3
 
 
 @pytest.mark.parametrize("reply", [float("nan"), float("inf"), -1, 2**70, None, "15"])
-def test_a_handle_that_is_none(server, reply):
+def test_invalid_handle_is_refused(server, reply):
     server.mangle = reply_to("sim.getObject", cbor.dumps({"ret": [reply]}))
     with pytest.raises((InvalidScene, PlantLost), match=r"no object '/omni'|need a number"):
         plant_at(server)
 
 
-def test_nothing_is_left_behind(server):
-    """No threads, no function in the main program, and the plant can be used again."""
+def test_close_releases_threads_and_globals(server):
+    """The plant can be used again after close."""
     main, before = vars(sys.modules["__main__"]), threading.active_count()
     names = set(main)
     plant = plant_at(server)
@@ -349,14 +349,14 @@ def test_nothing_is_left_behind(server):
         plant.close()
     assert set(main) == names
     assert threading.active_count() == before
-    assert stands_still(server)
+    assert is_stopped(server)
 
 
-def test_the_first_request_names_version_2(server):
+def test_first_request_names_version_2(server):
     with plant_at(server):
         pass
-    (hello,) = server.greetings
-    assert hello["func"] == "zmqRemoteApi.require"
-    assert hello["args"] == ["sim"]
-    assert hello["ver"] == 2
-    assert hello["lang"] == "python"
+    (greeting,) = server.greetings
+    assert greeting["func"] == "zmqRemoteApi.require"
+    assert greeting["args"] == ["sim"]
+    assert greeting["ver"] == 2
+    assert greeting["lang"] == "python"

@@ -1,4 +1,4 @@
-"""The laws of every plant, from the vendor's client over the wire to the stand-in."""
+"""Properties of every plant, tested with the vendor's client and the fake server."""
 
 from contextlib import ExitStack
 from dataclasses import replace
@@ -19,46 +19,46 @@ from omnidrive.simulation import (
 )
 from tests.laws import test_plants as laws
 from tests.laws.motions import Circle
-from tests.simulation.coppeliasim.standin import standin
+from tests.simulation.coppeliasim.fake_server import fake_server
 
 
 @pytest.fixture
 def make():
-    """A maker of plants, each on a stand-in of its own with the robot's true geometry."""
+    """Return a factory of plants, each with its own fake server with the robot's true geometry."""
     with ExitStack() as stack:
 
-        def made(robot, step=0.05, **options):
+        def build(robot, step=0.05, **options):
             server = stack.enter_context(
-                standin(replace(robot, assumed_effective_radius=None), step=step)
+                fake_server(replace(robot, assumed_effective_radius=None), step=step)
             )
             scene = CoppeliaSimScene(port=server.port, timeout=20.0, **options)
             plant = stack.enter_context(CoppeliaSimPlant(robot, scene))
             plant.server = server
             return plant
 
-        yield made
+        yield build
 
 
-def test_is_a_plant(make):
+def test_satisfies_the_protocol(make):
     assert isinstance(make(named_robot("small")), Plant)
 
 
 @pytest.mark.parametrize("robot", ["paper", "small"])
-def test_starts_where_it_is_told(make, robot):
-    laws.test_starts_at_rest_where_it_is_told(make, robot)
+def test_starts_at_the_given_pose(make, robot):
+    laws.test_starts_at_rest_at_the_given_pose(make, robot)
 
 
 @pytest.mark.parametrize(
     "law",
     [
         laws.test_two_runs_are_bit_identical,
-        laws.test_too_fast_a_command_keeps_its_direction,
-        laws.test_a_wrong_arm_shows_as_a_yaw_gain,
-        laws.test_the_yaw_is_continuous_over_whole_turns,
+        laws.test_saturated_command_keeps_its_direction,
+        laws.test_wrong_effective_radius_scales_the_yaw_rate,
+        laws.test_yaw_is_continuous_over_whole_turns,
     ],
     ids=lambda law: law.__name__.removeprefix("test_"),
 )
-def test_obeys(make, law):
+def test_has_the_property_of_every_plant(make, law):
     law(make)
 
 
@@ -67,39 +67,39 @@ def test_reports_the_velocity_of_its_pose(make):
 
 
 @pytest.mark.parametrize("twist", laws.TWISTS)
-def test_turning_the_world_turns_the_motion(make, twist):
-    laws.test_turning_the_world_turns_the_motion(make, twist)
+def test_rotation_of_the_world_rotates_the_motion(make, twist):
+    laws.test_rotation_of_the_world_rotates_the_motion(make, twist)
 
 
 @pytest.mark.parametrize("robot", ["paper", "small"])
 @pytest.mark.parametrize("twist", laws.TWISTS)
-def test_moves_as_told(make, robot, twist):
+def test_mean_velocity_equals_the_command(make, robot, twist):
     states = laws.drive(make(named_robot(robot)), Pose(0.0, 0.0, 0.0), twist, 40)
     velocity = np.subtract(states[-1].pose, states[9].pose) / 3.0
     assert velocity == pytest.approx(np.array(twist), abs=5e-4)
 
 
-def test_wheels_are_counted_over_whole_turns(make):
-    """Forward at 1 m/s: 40 rad in 2 s, up to a radian between two readings."""
+def test_wheel_angles_are_continuous_over_whole_turns(make):
+    """At 1 m/s a wheel turns by 40 rad in 2 s, up to one radian between readings."""
     robot = named_robot("small")
     plant = make(robot)
     twist = BodyTwist(1.0, 0.2, 0.5)
     state = laws.drive(plant, Pose(0.0, 0.0, 0.0), twist, 20)[-1]
     assert state.wheel_angles == pytest.approx(plant.server.scene.angles, abs=1e-6)
     assert state.wheel_angles == pytest.approx(2.0 * robot.chassis.wheel_speeds(twist), rel=0.1)
-    assert state.wheel_torques == ()  # those of an instant are no mean
+    assert state.wheel_torques == ()  # the simulator reports instantaneous torques, not means
     assert state.work > 0.5 * robot.mass * 1.0
 
 
-def test_a_body_frame_of_its_own(make):
-    """An object that looks backwards: B's x axis is at pi in it."""
+def test_body_object_with_another_orientation(make):
+    """The x axis of the object points backwards in B."""
     plant = make(named_robot("small"), body_yaw=np.pi)
     start = Pose(1.0, 2.0, 0.5)
     assert np.array(plant.reset(start).pose) == pytest.approx(start, abs=1e-12)
     assert plant.server.scene.motion.pose.yaw == pytest.approx(0.5 - np.pi)
 
 
-def test_a_closed_loop_is_that_of_the_plant_behind_the_wire(make):
+def test_closed_loop_equals_that_of_the_simulated_plant(make):
     robot = named_robot("small")
     reference = Circle(duration=4.0)
 
@@ -107,8 +107,8 @@ def test_a_closed_loop_is_that_of_the_plant_behind_the_wire(make):
         start = reference.at(0.0).pose
         return simulate(plant, FeedforwardController(0.1), reference, start=start, dt=0.1)
 
-    wire, direct = drive(make(robot)), drive(MujocoPlant(robot, "ball"))
-    assert wire.outcome is Outcome.FINISHED
-    assert wire.pose == pytest.approx(direct.pose, abs=1e-9)
-    assert wire.twist == pytest.approx(direct.twist, abs=1e-8)
-    assert wire.work[-1] == pytest.approx(direct.work[-1], rel=0.2)
+    remote, direct = drive(make(robot)), drive(MujocoPlant(robot, "ball"))
+    assert remote.outcome is Outcome.FINISHED
+    assert remote.pose == pytest.approx(direct.pose, abs=1e-9)
+    assert remote.twist == pytest.approx(direct.twist, abs=1e-8)
+    assert remote.work[-1] == pytest.approx(direct.work[-1], rel=0.2)

@@ -102,7 +102,7 @@ class MujocoObstacles:
             for box in self._boxes:
                 touched |= box_distances(box[None], u, v) < self._radius
         for obstacle in self._moving:
-            centres = np.array([obstacle.at(t) for t in times.tolist()])
+            centres = np.array([obstacle.position(t) for t in times.tolist()])
             touched |= np.hypot(*(positions - centres).T) < self._radius + obstacle.radius
         for time in times[touched].tolist():
             self._record_contact(time)
@@ -115,7 +115,7 @@ class MujocoObstacles:
     def move_obstacles(self, data: mujoco.MjData) -> None:
         """Move the moving obstacles to their positions at the current time."""
         for mocap, obstacle in zip(self._mocaps, self._moving, strict=True):
-            data.mocap_pos[mocap, :2] = obstacle.at(data.time)
+            data.mocap_pos[mocap, :2] = obstacle.position(data.time)
 
     def _set_boxes(self, boxes: Float[Array, "near 4"]) -> None:
         """Place these boxes in the physics and park the others."""

@@ -116,7 +116,7 @@ def add_obstacles(
         _add_mesh(root, walls_body, walls.boxes)
     for k, obstacle in enumerate(moving):
         body = add(
-            world, "body", name=f"moving{k}", mocap="true", pos=numbers(*obstacle.at(0.0), 0)
+            world, "body", name=f"moving{k}", mocap="true", pos=numbers(*obstacle.position(0.0), 0)
         )
         add(
             body, "geom", name=f"moving{k}", type="cylinder", size=numbers(obstacle.radius, height),

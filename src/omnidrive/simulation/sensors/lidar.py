@@ -14,59 +14,63 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds
 
-_TIME_SLACK = 1e-9
-"""In s: samples count their time otherwise than scans do."""
+_TIME_TOLERANCE = 1e-9
+"""Tolerance when the times of samples and scans are compared, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class LidarSettings:
-    """A scanner of the size that warehouse robots carry."""
+    """Settings of a planar laser scanner; the defaults are typical of warehouse robots."""
 
     rays: Annotated[int, Bounds(1, 100_000, "rays")] = 360
-    """Per scan."""
+    """Number of rays per scan."""
     field_of_view: Annotated[float, Bounds(0.001, 2.0 * pi, "rad")] = 2.0 * pi
-    """Between its first and last ray, in the middle of which is the robot's x axis; of a whole
-    turn, the last ray comes one step before the first."""
+    """Angle from the first to the last ray, symmetrical about the x axis of B; in a full turn the
+    last ray is one step before the first."""
     max_range: Annotated[float, Bounds(0.01, 1000.0, "m")] = 10.0
+    """Largest measured range."""
     rate: Annotated[float, Bounds(0.01, 1000.0, "Hz")] = 10.0
-    """Of scans; the first at t = 0."""
+    """Frequency of scans; the first is at t = 0."""
     sigma: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.01
-    """Standard deviation of a range."""
+    """Standard deviation of the noise of a range."""
     height: Annotated[float, Bounds(-10.0, 10.0, "m")] = 0.15
-    """Of the rays above the origin of the body that carries it."""
+    """Height of the rays above the origin of the body with the scanner."""
 
     @property
     def bearings(self) -> Float[Array, " rays"]:
-        """Of the rays in B, in rad."""
-        whole = self.field_of_view > 2.0 * pi - 1e-9
+        """Bearing of each ray in B, rad."""
+        full_turn = self.field_of_view > 2.0 * pi - 1e-9
         half = 0.5 * self.field_of_view
-        angles: Float[Array, " rays"] = np.linspace(-half, half, self.rays, endpoint=not whole)
+        angles: Float[Array, " rays"] = np.linspace(-half, half, self.rays, endpoint=not full_turn)
         return angles if self.rays > 1 else np.zeros(1)
 
 
 class Scan(NamedTuple):
-    """One turn of the scanner."""
+    """One scan."""
 
     t: float
-    """In s."""
+    """Time, s."""
     bearings: Float[Array, " rays"]
-    """In B, in rad."""
+    """Bearing of each ray in B, rad."""
     ranges: Float[Array, " rays"]
-    """In m; infinite where nothing is within reach."""
+    """Range of each ray, m; infinite without a hit within ``max_range``."""
 
 
 @dataclass(slots=True)
 class Lidar:
-    """Scans a MuJoCo world by one call for all rays, when a scan is due and never else.
+    """Laser scanner in a MuJoCo model, with one call for all rays of a scan.
 
-    The body that carries it is not seen; its wheels and others are.
+    Rays do not hit the body with the scanner, but its wheels and all other bodies.
 
     Attributes:
-        settings: Rays, reach and noise.
+        settings: Rays, range and noise.
         model: Any MuJoCo model.
-        data: Its state, whose positions are known, as after ``mj_forward`` or a step.
-        rng: What the noise of the ranges is drawn from.
-        body: Name of the body that carries it.
+        data: Its state, with computed kinematics, as after ``mj_forward`` or a step.
+        rng: Generator of the noise.
+        body: Name of the body with the scanner.
+
+    Raises:
+        InvalidInput: The model has no such body.
     """
 
     settings: LidarSettings
@@ -80,26 +84,26 @@ class Lidar:
     def __post_init__(self) -> None:
         self._body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, self.body)
         if self._body < 0:
-            raise InvalidInput(f"the model has no body '{self.body}' that could carry a lidar")
+            raise InvalidInput(f"the model has no body '{self.body}' for the lidar")
 
     def reset(self) -> None:
-        """The next scan is due at t = 0."""
+        """Set the time of the next scan to 0."""
         self._count = 0
 
     def read(self, t: float) -> Scan | None:
-        """The scan at ``t`` (s) if one is due since the last; else None."""
-        if t + _TIME_SLACK < self._count / self.settings.rate:
+        """Return a scan at ``t`` (s) if the next one is due, otherwise None."""
+        if t + _TIME_TOLERANCE < self._count / self.settings.rate:
             return None
-        self._count = int((t + _TIME_SLACK) * self.settings.rate) + 1
+        self._count = int((t + _TIME_TOLERANCE) * self.settings.rate) + 1
         return self.scan(t)
 
     def scan(self, t: float) -> Scan:
-        """A scan at ``t`` (s), whether one is due or not."""
+        """Return a scan at ``t`` (s), whether it is due or not."""
         settings, bearings = self.settings, self.settings.bearings
-        turn = self.data.xmat[self._body].reshape(3, 3)
+        rotation = self.data.xmat[self._body].reshape(3, 3)
         level = np.stack([np.cos(bearings), np.sin(bearings), np.zeros_like(bearings)])
-        rays = np.ascontiguousarray((turn @ level).T)
-        origin = self.data.xpos[self._body] + turn @ [0.0, 0.0, settings.height]
+        rays = np.ascontiguousarray((rotation @ level).T)
+        origin = self.data.xpos[self._body] + rotation @ [0.0, 0.0, settings.height]
         distances = np.empty(settings.rays)
         mujoco.mj_multiRay(
             self.model, self.data, origin, rays.ravel(), None, True, self._body,
@@ -107,5 +111,5 @@ class Lidar:
             settings.max_range,
         )  # fmt: skip
         noisy = distances + settings.sigma * self.rng.standard_normal(settings.rays)
-        seen = (distances >= 0.0) & (distances <= settings.max_range)
-        return Scan(t, bearings, np.where(seen, np.maximum(noisy, 0.0), np.inf))
+        hit = (distances >= 0.0) & (distances <= settings.max_range)
+        return Scan(t, bearings, np.where(hit, np.maximum(noisy, 0.0), np.inf))

@@ -1,10 +1,10 @@
-"""A stand-in for CoppeliaSim's ZeroMQ remote API server, protocol version 2.
+"""Fake of CoppeliaSim's ZeroMQ remote API server, protocol version 2.
 
 It follows the add-on that the vendor publishes ("ZMQ remote API server.lua" of the repository
-CoppeliaRobotics/zmqRemoteApi): a REP socket, one CBOR map each way; every client has a count of
-`setStepping`, and holds the simulation while it has not asked for the step that comes; a client
-inside `sim.step` is told `_*wait*_` and says `_*executed*_` until the step counter moves, and until
-then whatever else it sends is taken for that word.
+CoppeliaRobotics/zmqRemoteApi): a REP socket with one CBOR map in each direction. Every client has a
+counter of `setStepping` and blocks the simulation until it requests the next step. A client inside
+`sim.step` receives `_*wait*_` and replies `_*executed*_` until the step counter increases; until
+then every message of it is taken for that reply.
 """
 
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from threading import Event, Thread
 import zmq
 from coppeliasim_zmqremoteapi_client import cbor
 
-from tests.simulation.coppeliasim.scene import RUNNING, STOPPED, STOPPING, Refused, Scene
+from tests.simulation.coppeliasim.fake_scene import RUNNING, STOPPED, STOPPING, FakeScene, Refused
 
 WAIT = {"func": "_*wait*_", "args": []}
 
@@ -22,13 +22,13 @@ WAIT = {"func": "_*wait*_", "args": []}
 @dataclass
 class Client:
     level: int = 0
-    wanted: int = 0
+    requested_step: int = 0
     stepping_since: int | None = None
     ran: bool = False
 
 
-class StandIn:
-    """Answers until it is told to end; `mangle` may replace any reply, None swallows it."""
+class FakeServer:
+    """Server in a thread until `end`; `mangle` can replace any reply or, with None, drop it."""
 
     def __init__(self, scene):
         self.scene, self.clients, self.current = scene, {}, 0
@@ -54,23 +54,25 @@ class StandIn:
     def _serve(self):
         try:
             while not self._end.is_set():
-                if self._may_go():
-                    self._pass_time()
-                if self._socket.poll(0 if self._may_go() else 20):
-                    self._answer(cbor.loads(self._socket.recv()))
+                if self._is_free():
+                    self._advance()
+                if self._socket.poll(0 if self._is_free() else 20):
+                    self._serve_request(cbor.loads(self._socket.recv()))
         finally:
             self._socket.close(linger=0)
             self._context.term()
 
-    def _may_go(self):
-        held = any(c.level > 0 and c.wanted <= self.current for c in self.clients.values())
-        return self.scene.state in {RUNNING, STOPPING} and not held
+    def _is_free(self):
+        blocked = any(
+            c.level > 0 and c.requested_step <= self.current for c in self.clients.values()
+        )
+        return self.scene.state in {RUNNING, STOPPING} and not blocked
 
-    def _pass_time(self):
-        self.scene.pass_time()
+    def _advance(self):
+        self.scene.advance()
         self.current = self.current + 1 if self.scene.state != STOPPED else 0
 
-    def _answer(self, request):
+    def _serve_request(self, request):
         self.requests.append(request)
         self.before(request)
         if "uuid" not in request:
@@ -81,16 +83,16 @@ class StandIn:
         else:
             if request["uuid"] not in self.clients:
                 self.greetings.append(request)
-            client = self.clients.setdefault(request["uuid"], Client(wanted=self.current))
+            client = self.clients.setdefault(request["uuid"], Client(requested_step=self.current))
             reply = self._reply(client, request)
         raw = self.mangle(request, reply)
-        if raw is None:  # a REP socket must answer before it may listen: never again, then
+        if raw is None:  # without a reply, a REP socket cannot receive again
             self._end.wait(30.0)
         else:
             self._socket.send(raw)
 
     def _reply(self, client, request):
-        if client.stepping_since is not None:  # whatever it is: the client is inside sim.step
+        if client.stepping_since is not None:  # any message: the client is inside sim.step
             if client.ran and client.stepping_since == self.current:
                 return WAIT
             client.stepping_since = None
@@ -100,7 +102,7 @@ class StandIn:
         if name == "sim.step":
             client.stepping_since, client.ran = self.current, self.scene.state == RUNNING
             if client.ran and client.level > 0:
-                client.wanted = self.current + 1
+                client.requested_step = self.current + 1
             return WAIT
         try:
             value = self._call(client, name, args)
@@ -120,29 +122,29 @@ class StandIn:
             if not args[0]:
                 client.level = max(0, before - 1)
             else:
-                client.wanted = self.current if before == 0 else client.wanted
+                client.requested_step = self.current if before == 0 else client.requested_step
                 client.level += 1
             return before
         space, _, function = name.partition(".")
-        if space != "sim" or function.startswith("_") or not hasattr(Scene, function):
+        if space != "sim" or function.startswith("_") or not hasattr(FakeScene, function):
             raise Refused(f"No such function: {name}")
         if function == "stopSimulation":
             for other in self.clients.values():
-                other.level, other.wanted = 0, self.current + 10
+                other.level, other.requested_step = 0, self.current + 10
         return getattr(self.scene, function)(*args)
 
     def _info(self):
         names = [
-            n for n in vars(Scene) if not n.startswith("_") and n not in {"torques", "pass_time"}
+            n for n in vars(FakeScene) if not n.startswith("_") and n not in {"torques", "advance"}
         ]
-        values = {n: getattr(Scene, n) for n in names}
-        told = {n: {"func": {}} if callable(v) else {"const": v} for n, v in values.items()}
-        return told | {"step": {"func": {}}, "setStepping": {"func": {}}}
+        values = {n: getattr(FakeScene, n) for n in names}
+        entries = {n: {"func": {}} if callable(v) else {"const": v} for n, v in values.items()}
+        return entries | {"step": {"func": {}}, "setStepping": {"func": {}}}
 
 
 @contextmanager
-def standin(robot, **options):
-    server = StandIn(Scene(robot, **options))
+def fake_server(robot, **options):
+    server = FakeServer(FakeScene(robot, **options))
     try:
         yield server
     finally:

@@ -1,4 +1,4 @@
-"""What the stand-in simulates: our MuJoCo robot under the names of a scene."""
+"""Fake scene: the MuJoCo plant under the names of a CoppeliaSim scene."""
 
 from math import cos, pi, sin
 
@@ -13,11 +13,11 @@ STOPPED, PAUSED, RUNNING, STOPPING = 0, 8, 17, 21
 
 
 class Refused(Exception):
-    """A function raised; the text goes back to the client."""
+    """Error of a function, which the server returns to the client as text."""
 
 
-class Scene:
-    """Functions of the namespace `sim` that the plant uses, with the meaning of the manual."""
+class FakeScene:
+    """Functions of the namespace `sim` that the plant uses, as the manual describes them."""
 
     def __init__(self, robot, *, step=0.05, signals=False, upright=True):
         self.robot, self.step_size = robot, step
@@ -25,7 +25,7 @@ class Scene:
         self.state, self.time, self.finished = STOPPED, 0.0, 0
         self.moves, self.signal = [], {}
         self.sends_signals = signals
-        # motors 1 to 4 as the paper's author numbers them: three other wheels of ours, reversed
+        # motors 1 to 4 in the numbering of the paper's author
         wheels = len(robot.mounts)
         order = (2, 1, 0, 3) if wheels == 4 else range(wheels)
         self.joints = {FIRST_JOINT + k: wheel for k, wheel in enumerate(order)}
@@ -36,10 +36,10 @@ class Scene:
         self.motion = self.plant.reset(self.begin)
         self.targets, self.angles = np.zeros(wheels), np.zeros(wheels)
 
-    # what the simulator does by itself
+    # behaviour of the simulator
 
-    def pass_time(self):
-        """One simulation step."""
+    def advance(self):
+        """Make one simulation step."""
         if self.state == STOPPING:
             self.state, self.time, self.finished = STOPPED, 0.0, self.finished + 1
             self.motion = self.plant.reset(self.begin)
@@ -47,23 +47,23 @@ class Scene:
             self.signal.clear()
             return
         if self.sends_signals:
-            self._listen()
+            self._read_command()
         before = self.plant._data.actuator_velocity.copy()
         self.motion = self.plant.step(self.robot.chassis.twist(self.targets), self.step_size)
         after = self.plant._data.actuator_velocity
         self.angles += 0.5 * self.step_size * (before + after)
         self.time += self.step_size
         if self.sends_signals:
-            self._tell()
+            self._write_signals()
 
-    def _listen(self):
-        """As the script of the author's scene is taken to do."""
+    def _read_command(self):
+        """Set the joint speeds as the script of the author's scene presumably does."""
         if "omni_reqVelocities0" in self.signal:
             packed = self.signal["omni_reqVelocities0"]
             for handle, speed in zip(self.joints, np.frombuffer(packed, "<f4"), strict=True):
                 self.setJointTargetVelocity(handle, float(speed))
 
-    def _tell(self):
+    def _write_signals(self):
         x, y, yaw = self.motion.pose
         self.signal["omni_pose0"] = np.array([x, y, wrap(yaw)], "<f4").tobytes()
         self.signal["omni_bodyDiameter0"] = 1.0
@@ -86,26 +86,26 @@ class Scene:
         raise Refused(f"Object does not exist. ('{path}')")
 
     def getObjectType(self, handle):  # noqa: N802
-        self._known(handle)
+        self._check_handle(handle)
         return 1 if handle in self.joints else 0
 
     def getObjectPose(self, handle, relative=-1):  # noqa: N802
-        self._known(handle)
+        self._check_handle(handle)
         x, y, yaw = self.motion.pose
-        lying = 0.0 if self.upright else 0.5**0.5
-        stand = (1.0 - lying**2) ** 0.5
+        tilt = 0.0 if self.upright else 0.5**0.5
+        upright = (1.0 - tilt**2) ** 0.5
         c, s = cos(0.5 * yaw), sin(0.5 * yaw)
-        return [x, y, self.height, c * lying, s * lying, s * stand, c * stand]
+        return [x, y, self.height, c * tilt, s * tilt, s * upright, c * upright]
 
     def setObjectPose(self, handle, pose):  # noqa: N802
-        self._known(handle)
+        self._check_handle(handle)
         self.moves.append((handle, tuple(pose), self.state))
         self.height = pose[2]
         self.begin = planar_pose(pose)
         self.motion = self.plant.reset(self.begin)
 
     def getObjectVelocity(self, handle):  # noqa: N802
-        self._known(handle)
+        self._check_handle(handle)
         vx, vy, rate = to_world(self.motion.twist, self.motion.pose.yaw)
         return [vx, vy, 0.0], [0.0, 0.0, rate]
 
@@ -151,12 +151,12 @@ class Scene:
     def getFloatSignal(self, name):  # noqa: N802
         return self.signal.get(name)
 
-    def _known(self, handle):
+    def _check_handle(self, handle):
         if handle not in self.paths.values():
             raise Refused("Object does not exist.")
 
     def _joint(self, handle):
-        self._known(handle)
+        self._check_handle(handle)
         if handle not in self.joints:
             raise Refused("Object is not a joint.")
         return self.joints[handle]

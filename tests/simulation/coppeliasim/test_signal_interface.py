@@ -1,4 +1,4 @@
-"""The signals of the scene that the paper's author published."""
+"""Interface by the signals of the scene that the paper's author published."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene
 from tests.laws import test_plants as laws
-from tests.simulation.coppeliasim.standin import standin
+from tests.simulation.coppeliasim.fake_server import fake_server
 
 PAPER = named_robot("paper")
 
@@ -22,25 +22,25 @@ def plant_at(server, robot=PAPER):
 
 
 def authors_matrix(arm):
-    """Motor speeds per body twist, as in his Matlab scripts; there `arm` is bodyDiameter / 2."""
+    """Return the author's matrix of motor speeds per body twist; `arm` is bodyDiameter / 2."""
     s = 0.7071
     return np.array([[-s, s, -arm], [s, s, -arm], [s, -s, -arm], [-s, -s, -arm]]) * (2.0 / 0.1)
 
 
 @pytest.fixture
 def server():
-    with standin(PAPER, signals=True) as running:
+    with fake_server(PAPER, signals=True) as running:
         yield running
 
 
-def test_starts_where_it_is_told(server):
+def test_starts_at_the_given_pose(server):
     with plant_at(server) as plant:
         start = Pose(1.0, -2.0, 4.0)
-        assert np.array(plant.reset(start).pose) == pytest.approx(start, abs=1e-6)  # single floats
+        assert np.array(plant.reset(start).pose) == pytest.approx(start, abs=1e-6)  # 32-bit floats
 
 
 @pytest.mark.parametrize("twist", laws.TWISTS)
-def test_moves_as_told(server, twist):
+def test_mean_velocity_equals_the_command(server, twist):
     with plant_at(server) as plant:
         states = laws.drive(plant, Pose(0.0, 0.0, 0.0), twist, 40)
     velocity = np.subtract(states[-1].pose, states[9].pose) / 3.0
@@ -48,27 +48,27 @@ def test_moves_as_told(server, twist):
 
 
 @pytest.mark.parametrize("twist", [*laws.TWISTS, BodyTwist(0.3, -0.2, 0.7)])
-def test_motors_get_what_the_author_sent_them(server, twist):
-    """But for his slip: the wheels stand 0.7071 m from the centre, he takes 0.5 m."""
+def test_motor_commands_equal_those_of_the_authors_matrix(server, twist):
+    """With the correct distance of the wheels, 0.7071 m; the author uses 0.5 m."""
     with plant_at(server) as plant:
         plant.reset(Pose(0.0, 0.0, 0.0))
         plant.step(twist, 0.1)
         name, packed = server.called("setBufferSignal")[-1]
         assert name == "omni_reqVelocities0"
-        wanted = authors_matrix(PAPER.effective_radius) @ np.array(twist)
-        assert np.frombuffer(packed, "<f4") == pytest.approx(wanted, rel=1e-4, abs=1e-4)
+        expected = authors_matrix(PAPER.effective_radius) @ np.array(twist)
+        assert np.frombuffer(packed, "<f4") == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
-def test_the_authors_slip_is_a_preset_of_the_robot(server):
+def test_assumed_effective_radius_gives_the_authors_commands(server):
     with plant_at(server, named_robot("paper", assumed_effective_radius=0.5)) as plant:
         plant.reset(Pose(0.0, 0.0, 0.0))
         plant.step(BodyTwist(0.1, 0.2, 0.3), 0.1)
         _, packed = server.called("setBufferSignal")[-1]
-        wanted = authors_matrix(0.5) @ np.array([0.1, 0.2, 0.3])
-        assert np.frombuffer(packed, "<f4") == pytest.approx(wanted, rel=1e-4, abs=1e-4)
+        expected = authors_matrix(0.5) @ np.array([0.1, 0.2, 0.3])
+        assert np.frombuffer(packed, "<f4") == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
-def test_yaw_is_counted_on_over_whole_turns(server):
+def test_yaw_is_continuous_over_whole_turns(server):
     with plant_at(server) as plant:
         states = laws.drive(plant, Pose(0.0, 0.0, 3.0), BodyTwist(0.0, 0.0, 3.0), 30)
     yaw = np.array([s.pose.yaw for s in states])
@@ -76,17 +76,17 @@ def test_yaw_is_counted_on_over_whole_turns(server):
     assert yaw[-1] == pytest.approx(3.0 + 9.0, abs=0.3)
 
 
-def test_a_frame_that_differs_from_the_bodys(server):
-    """The script tells the pose of a point off the body's origin, seen the other way round."""
-    tell = server.scene._tell
+def test_signal_frame_differs_from_the_body_frame(server):
+    """The script reports the pose of a point beside the body's origin, rotated by pi."""
+    write_signals = server.scene._write_signals
 
-    def another():
-        tell()
+    def write_other_pose():
+        write_signals()
         x, y, yaw = server.scene.motion.pose
-        told = [x + 0.1 * np.cos(yaw), y + 0.1 * np.sin(yaw), yaw + np.pi]
-        server.scene.signal["omni_pose0"] = np.array(told, "<f4").tobytes()
+        reported = [x + 0.1 * np.cos(yaw), y + 0.1 * np.sin(yaw), yaw + np.pi]
+        server.scene.signal["omni_pose0"] = np.array(reported, "<f4").tobytes()
 
-    server.scene._tell = another
+    server.scene._write_signals = write_other_pose
     with plant_at(server) as plant:
         start = Pose(1.0, -2.0, 0.7)
         assert np.array(plant.reset(start).pose) == pytest.approx(start, abs=1e-6)
@@ -101,14 +101,14 @@ def test_a_frame_that_differs_from_the_bodys(server):
         assert abs(turned[1]) > 0.04
 
 
-def test_a_scene_that_tells_nothing():
-    with standin(PAPER) as server, plant_at(server) as plant:
+def test_scene_without_signals_is_refused():
+    with fake_server(PAPER) as server, plant_at(server) as plant:
         with pytest.raises(InvalidScene, match="does not set the signal 'omni_bodyDiameter0'"):
             plant.reset(Pose(0.0, 0.0, 0.0))
         assert server.scene.state == 0
 
 
-def test_a_scene_of_another_robot(server):
+def test_scene_of_another_robot_is_refused(server):
     fact = r"is 1 m, but robot 'small' needs 0\.35"
     with (
         plant_at(server, named_robot("small")) as plant,
@@ -118,17 +118,20 @@ def test_a_scene_of_another_robot(server):
 
 
 @pytest.mark.parametrize("value", [b"short", 3.0, "x"])
-def test_a_pose_that_is_none_ends_the_run(server, value):
-    tell = server.scene._tell
+def test_invalid_pose_signal_ends_the_run(server, value):
+    write_signals = server.scene._write_signals
     with plant_at(server) as plant:
         plant.reset(Pose(0.0, 0.0, 0.0))
-        server.scene._tell = lambda: (tell(), server.scene.signal.update(omni_pose0=value))
+        server.scene._write_signals = lambda: (
+            write_signals(),
+            server.scene.signal.update(omni_pose0=value),
+        )
         with pytest.raises(PlantLost, match="omni_pose0"):
             plant.step(BodyTwist(0.1, 0.0, 0.0), 0.1)
         assert server.scene.state == 0
 
 
-def test_is_for_four_wheels(server):
+def test_other_number_of_wheels_is_refused(server):
     three = replace(PAPER, mounts=PAPER.mounts[:3])
     with pytest.raises(InvalidInput, match="for the paper's four wheels"):
         plant_at(server, three)

@@ -1,4 +1,4 @@
-"""Motions of objects over the floor, against SciPy's rotations."""
+"""Planar motions of objects compared with SciPy's rotations."""
 
 from math import cos, pi, sin
 
@@ -25,25 +25,27 @@ TILTED = st.tuples(METRES, METRES, METRES, *[st.floats(-pi, pi)] * 3).map(
 
 
 @given(TILTED, POSES, POSES)
-def test_a_moved_object_keeps_its_height_its_tilt_and_its_place_in_the_robot(pose, here, there):
-    new = transport(pose, here, there)
-    turn = there.yaw - here.yaw
+def test_transport_keeps_height_tilt_and_relative_position(pose, start, goal):
+    new = transport(pose, start, goal)
+    turn = goal.yaw - start.yaw
     c, s = cos(turn), sin(turn)
-    arm = np.subtract(pose[:2], here[:2])
-    assert new[:2] == pytest.approx([[c, -s], [s, c]] @ arm + there[:2], abs=1e-12)
+    offset = np.subtract(pose[:2], start[:2])
+    assert new[:2] == pytest.approx([[c, -s], [s, c]] @ offset + goal[:2], abs=1e-12)
     assert new[2] == pose[2]
-    wanted = Rotation.from_rotvec([0.0, 0.0, turn]) * Rotation.from_quat(pose[3:])
-    assert (wanted.inv() * Rotation.from_quat(new[3:])).magnitude() == pytest.approx(0.0, abs=1e-7)
+    expected = Rotation.from_rotvec([0.0, 0.0, turn]) * Rotation.from_quat(pose[3:])
+    assert (expected.inv() * Rotation.from_quat(new[3:])).magnitude() == pytest.approx(
+        0.0, abs=1e-7
+    )
     assert uprightness(new) == pytest.approx(uprightness(pose), abs=1e-12)
 
 
 @given(POSES, POSES)
-def test_a_pose_seen_from_another_leads_back(frame, pose):
+def test_compose_inverts_relative_pose(frame, pose):
     assert np.array(compose(frame, relative_pose(frame, pose))) == pytest.approx(pose, abs=1e-12)
 
 
 @given(TILTED)
-def test_seen_from_above(pose):
+def test_planar_pose_and_uprightness(pose):
     x_axis, _, z_axis = Rotation.from_quat(pose[3:]).as_matrix().T
     assert uprightness(pose) == pytest.approx(z_axis[2], abs=1e-12)
     if np.hypot(*x_axis[:2]) > 1e-3:

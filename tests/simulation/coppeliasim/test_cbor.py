@@ -1,11 +1,11 @@
-"""What is looked at before a reply is decoded."""
+"""Validation of CBOR messages."""
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.simulation.coppeliasim.cbor import is_well_formed
-from tests.simulation.coppeliasim.standin import cbor
+from tests.simulation.coppeliasim.fake_server import cbor
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | st.text()
@@ -22,7 +22,7 @@ def depth(value):
 
 @settings(max_examples=200, deadline=None)
 @given(VALUES.filter(lambda value: depth(value) < 12), st.data())
-def test_what_the_encoder_writes_is_plain_and_nothing_shorter_or_longer(value, data):
+def test_encoded_values_are_well_formed_and_other_lengths_are_not(value, data):
     raw = cbor.dumps(value)
     assert is_well_formed(raw)
     assert not is_well_formed(raw + b"\0")
@@ -31,13 +31,13 @@ def test_what_the_encoder_writes_is_plain_and_nothing_shorter_or_longer(value, d
 
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=40))
-def test_any_bytes_get_an_answer(raw):
+def test_any_bytes_are_classified(raw):
     if is_well_formed(raw):
         assert raw
 
 
 @pytest.mark.parametrize(
-    ("text", "plain"),
+    ("text", "expected"),
     [  # examples of RFC 8949, appendix A and, not well-formed, appendix F
         ("00", True), ("1bffffffffffffffff", True), ("f97e00", True), ("fb3ff199999999999a", True),
         ("c249010000000000000000", True), ("d74401020304", True), ("6449455446", True),
@@ -50,8 +50,8 @@ def test_any_bytes_get_an_answer(raw):
         ("df", False), ("3f", False),
     ],
 )  # fmt: skip
-def test_examples_of_the_standard(text, plain):
-    assert is_well_formed(bytes.fromhex(text)) is plain
+def test_examples_of_the_standard(text, expected):
+    assert is_well_formed(bytes.fromhex(text)) is expected
 
 
 def test_depth_and_length_are_bounded():
