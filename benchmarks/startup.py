@@ -20,11 +20,12 @@ from figures import at_most, publish, row
 HELP = "import sys, omnidrive_command; sys.argv = ['omnidrive', '--help']; omnidrive_command.main()"
 COMPARE = HELP.replace("--help", "compare")
 STEP = """
-from omnidrive import holonomic_nmpc, named_robot
+from omnidrive.control import holonomic_nmpc
+from omnidrive.robot import named_robot
 from omnidrive.estimation import State
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
-controller = holonomic_nmpc(named_robot("paper"))
+controller = holonomic_nmpc(named_robot("paper").chassis, 0.1)
 state = State(0.0, Pose(0.0, 0.0, 0.0))
 controller.reset(state)
 controller.step(0.0, state, Hold(Pose(1.0, 1.0, 1.0), 1.0))
