@@ -1,9 +1,9 @@
-"""What the estimator and the laser scanner cost, warm, in time of the process.
+"""Processor time of the state estimator and of the lidar, after compilation.
 
-A robot `paper` rolls without slip; its estimator reads encoders, gyro and a fix of the pose ten
-times a second. With latency it goes back to when a fix was taken, and through what was read since.
-filterpy, if it is installed, does one prediction and one update of a filter of the same size in its
-own way, without going back.
+The robot `paper` rolls without slip; its estimator receives wheel angles, the yaw rate and a pose
+fix ten times a second. A late fix is inserted at its stamp, and all later readings are processed
+again. filterpy, if it is installed, does one prediction and one correction of a filter of the same
+size, without late fixes.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ ROOM = """<mujoco><worldbody>
 
 
 def per_call(calls: list[Callable[[], object]]) -> float:
-    """Median time of the calls, each done once, in us."""
+    """Return the median time of the calls, us; each call is done once."""
     times = []
     for call in calls:
-        began = process_time_ns()
+        start = process_time_ns()
         call()
-        times.append((process_time_ns() - began) * 1e-3)
+        times.append((process_time_ns() - start) * 1e-3)
     return median(times)
 
 
-def updates(latency: float) -> float:
-    """Of one update of the estimator, in us."""
+def update_time(latency: float) -> float:
+    """Return the time of one update of the estimator, us, for fixes with ``latency`` (s)."""
     robot = named_robot("paper")
     settings = SensorSettings(fixes=PoseFixSettings(latency=latency))
     sensors = SensorSuite(settings, robot.chassis, np.random.default_rng(0))
@@ -58,35 +58,38 @@ def updates(latency: float) -> float:
         PlantState(pose, TWIST, 0.0, tuple((wheels * DT * k).tolist()))
         for k, pose in enumerate(poses)
     ]
-    read = [sensors.read(DT * k, state) for k, state in enumerate(states)]
-    return per_call([lambda r=r: estimator.update(r) for r in read])
+    readings = [sensors.read(DT * k, state) for k, state in enumerate(states)]
+    return per_call([lambda r=r: estimator.update(r) for r in readings])
 
 
-def filterpys() -> float | None:
-    """Of filterpy's prediction and update with three of ten states measured, in us."""
+def filterpy_time() -> float | None:
+    """Return the time of filterpy's prediction and correction with 3 of 10 states measured, us.
+
+    None if filterpy is not installed.
+    """
     try:
         from filterpy.kalman import ExtendedKalmanFilter
     except ImportError:
         return None
     peer = ExtendedKalmanFilter(10, 3)
     peer.x = np.zeros(10)
-    peer.Q, shows = 1e-4 * np.eye(10), np.eye(3, 10)
+    peer.Q, observation = 1e-4 * np.eye(10), np.eye(3, 10)
 
     def step() -> None:
         peer.predict()
-        peer.update(np.zeros(3), lambda x: shows, lambda x: x[:3])
+        peer.update(np.zeros(3), lambda x: observation, lambda x: x[:3])
 
     return per_call([step] * STEPS)
 
 
-def scans(boxes: int) -> float:
-    """Of one scan among so many boxes, in us."""
+def scan_time(boxes: int) -> float:
+    """Return the time of one scan among ``boxes`` boxes, us."""
     rng = np.random.default_rng(0)
-    some = "".join(
+    obstacles = "".join(
         f'<geom type="box" size="0.1 0.1 1" pos="{x:.3f} {y:.3f} 1"/>'
         for x, y in rng.uniform(-4.5, 4.5, (boxes, 2))
     )
-    model = mujoco.MjModel.from_xml_string(ROOM.format(boxes=some))
+    model = mujoco.MjModel.from_xml_string(ROOM.format(boxes=obstacles))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     lidar = Lidar(LidarSettings(rays=RAYS), model, data, rng)
@@ -94,13 +97,15 @@ def scans(boxes: int) -> float:
 
 
 def main() -> None:
-    updates(0.1)  # compiles
-    rows = [at_most(f"update, fixes {s:g} s late", updates(s), "us", 100.0) for s in LATENCIES[:2]]
-    rows.append(row(f"update, fixes {LATENCIES[2]:g} s late", updates(LATENCIES[2]), "us"))
-    peers = filterpys()
-    if peers is not None:
-        rows.append(row("filterpy, prediction and update", peers, "us"))
-    rows += [row(f"scan of {RAYS} rays, {n} boxes", scans(n), "us") for n in (0, 100, 1000)]
+    update_time(0.1)  # compilation
+    rows = [
+        at_most(f"update, fixes {s:g} s late", update_time(s), "us", 100.0) for s in LATENCIES[:2]
+    ]
+    rows.append(row(f"update, fixes {LATENCIES[2]:g} s late", update_time(LATENCIES[2]), "us"))
+    peer = filterpy_time()
+    if peer is not None:
+        rows.append(row("filterpy, prediction and correction", peer, "us"))
+    rows += [row(f"scan of {RAYS} rays, {n} boxes", scan_time(n), "us") for n in (0, 100, 1000)]
     publish("estimation", rows)
 
 

@@ -8,6 +8,8 @@ from omnidrive.simulation import Sensors
 
 @dataclass
 class Perception:
+    """Simulated sensors and a state estimator."""
+
     sensors: Sensors
     estimator: StateEstimator
 
