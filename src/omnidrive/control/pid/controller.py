@@ -9,6 +9,7 @@ from math import cos, isfinite, sin
 from omnidrive.control.controller import Command, Status
 from omnidrive.control.pid.channel import Channel, TrackingChannel, tuning_units
 from omnidrive.control.pid.laws import saturate
+from omnidrive.control.preparation import run_once
 from omnidrive.estimation import State
 from omnidrive.geometry import (
     BodyTwist,
@@ -57,6 +58,10 @@ class FuzzyPidController:
     def detail_units(self) -> Mapping[str, str]:
         """Units of the gains in use and of the fuzzy inputs, per channel."""
         return _detail_units({"position": self.position, "heading": self.heading})
+
+    def prepare(self) -> None:
+        """Compile the kernels of a step."""
+        run_once(self)
 
     def reset(self, state: State) -> None:
         """Clear the memory."""
@@ -108,6 +113,10 @@ class TrackingPidController:
     def detail_units(self) -> Mapping[str, str]:
         """Units of the gains in use and of the fuzzy inputs, per channel."""
         return _detail_units({"x": self.x, "y": self.y, "heading": self.heading})
+
+    def prepare(self) -> None:
+        """Compile the kernels of a step."""
+        run_once(self)
 
     def reset(self, state: State) -> None:
         """Clear the memory."""
