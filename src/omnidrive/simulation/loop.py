@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -105,7 +105,10 @@ class _Ended(Exception):
 
 
 def _guarded(outcome: Outcome, call: Callable[[], T]) -> T:
-    """The result of a call of a user's part; what it raises ends the run."""
+    """The result of a call of a user's part; what it raises ends the run.
+
+    Errors that the package raises on purpose are the caller's: they hold for every run.
+    """
     try:
         return call()
     except PlantLost as error:
@@ -138,7 +141,7 @@ def _loop(
             raise _Ended(_FAILED[step.failed], *_reason(step.command.message))
         if ends or (supervisor.at_rest and commanded == _STOP):
             return
-        environment.apply(before, t)
+        _guarded(Outcome.PLANT_FAILED, lambda: environment.apply(before, t))  # noqa: B023
         commanded = step.command.twist
         state = _guarded(Outcome.PLANT_FAILED, lambda: environment.step(commanded, h))  # noqa: B023
         before = t
@@ -184,7 +187,7 @@ class _Environment:
         if self.schedule is None:
             return
         self.schedule.check(self.reference.duration)
-        if self.schedule.plant_faults and not isinstance(self.plant, DisturbablePlant):
+        if self.schedule.plant_faults and not self.plant.capabilities.disturbable:
             raise InvalidInput(
                 f"this plant is not disturbable, so no {', '.join(self.schedule.plant_faults)}; "
                 "use a plant with the capability disturbable"
@@ -221,8 +224,8 @@ class _Environment:
         disturbances = self.schedule.disturbances(before, t, self.reference)
         at_once = any(disturbances.impulse) or any(disturbances.offset)
         changed = at_once or disturbances != self._applied
-        if changed and isinstance(self.plant, DisturbablePlant):
-            self.plant.apply(disturbances)
+        if changed and self.plant.capabilities.disturbable:
+            cast(DisturbablePlant, self.plant).apply(disturbances)
             self._applied = disturbances
 
 

@@ -114,7 +114,7 @@ def observe(
         if plant.capabilities.renders
         else _ModelledWorld(robot, reference, observers, obstacles, moving)
     )
-    kind = _ObservedDisturbable if isinstance(plant, DisturbablePlant) else _Observed
+    kind = _ObservedDisturbable if plant.capabilities.disturbable else _Observed
     return kind(plant, source)
 
 
@@ -247,5 +247,4 @@ class _ObservedDisturbable(_Observed):
 
     def apply(self, disturbances: Disturbances) -> None:
         """Apply the disturbances to the plant."""
-        assert isinstance(self._plant, DisturbablePlant)
-        self._plant.apply(disturbances)
+        cast(DisturbablePlant, self._plant).apply(disturbances)
