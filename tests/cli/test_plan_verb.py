@@ -159,7 +159,7 @@ def test_plan_of_the_paper_is_unchanged(capsys):
         (["ROOM", "--start", "0,3", "--goal", "6,3", "--margin", "9"], "no free cell of the map"),
         (["ROOM", "--start", "0,3", "--goal", "6,3", "--duration", "0.5"], "fastest motion"),
         (["ROOM", "--start", "0,3", "--goal", "0,3"], "stand"),
-        (["--resolution", "2"], "map resolution is for maps whose file does not say it"),
+        (["--resolution", "2"], "map resolution is for map files that do not define it"),
     ],
 )
 def test_invalid_arguments_are_reported(room, args, message, monkeypatch, tmp_path):
@@ -221,7 +221,7 @@ def test_minimum_time_on_the_papers_map(capsys):
 
 
 def test_unknown_suffix_is_rejected_and_creates_nothing(room, tmp_path):
-    with pytest.raises(OmnidriveError, match=r"waypoint files end in \.csv"):
+    with pytest.raises(OmnidriveError, match=r"suffix of a waypoint file is one of \.csv"):
         load_verb("plan")(
             [*map(str, room), "--out", str(tmp_path / "o.png")], standalone_mode=False
         )
@@ -231,15 +231,15 @@ def test_unknown_suffix_is_rejected_and_creates_nothing(room, tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--png", "a.txt"], "pictures are written as .png or .svg"),
+        (["--png", "a.txt"], "the suffix of a figure must be .png or .svg"),
         (["--png", "no/a.png"], "cannot write to no/a.png: there is no folder no"),
         (["--png", "folder.png"], "cannot write to folder.png: it is a folder"),
         (["--png", "file/a.png"], "cannot write to file/a.png: Not a directory"),
         (["--png", "/proc/a.svg"], "cannot write to /proc/a.svg: "),
-        (["--out", "a.txt"], "waypoint files end in .csv"),
+        (["--out", "a.txt"], "the suffix of a waypoint file is one of .csv"),
         (["--out", "no/a.csv"], "cannot write to no/a.csv: there is no folder no"),
         (["--out", "folder.csv"], "cannot write to folder.csv: it is a folder"),
-        (["--out", "folder.png"], "folder.png is not empty; name a new folder with --out"),
+        (["--out", "folder.png"], "folder.png is not empty; choose a new folder with --out"),
         (["--out", "file"], "cannot write to file: Not a directory"),
         (["--out", "file/in/it"], "cannot write to file/in/it: "),
         (["--out", "/proc/no"], "cannot write to /proc/no: "),
@@ -266,7 +266,7 @@ def test_unwritable_targets_are_reported_before_planning(tmp_path, monkeypatch, 
 @pytest.mark.parametrize("verb", ["run", "compare"])
 def test_nonempty_folder_is_rejected_before_planning(tmp_path, verb):
     (tmp_path / "file").touch()
-    with pytest.raises(CannotWrite, match="is not empty; name a new folder"):
+    with pytest.raises(CannotWrite, match="is not empty; choose a new folder"):
         load_verb(verb)(
             ["no.map", "--start", "1,1", "--goal", "2,2", "--out", str(tmp_path)],
             standalone_mode=False,
@@ -341,5 +341,5 @@ def test_message_names_half_the_cell_diagonal_if_it_decides(tmp_path, resolution
         )  # fmt: skip
     message = str(refused.value)
     assert "from an obstacle; the robot's centre must keep" in message
-    fact = "half a cell's diagonal, 0.707 m, which is more than the margin of 0.05 m), also"
+    fact = "half a cell diagonal, 0.707 m, which is larger than the margin of 0.05 m), also"
     assert (fact in message) == named

@@ -1,4 +1,4 @@
-"""Scenarios that change the robot, and what stands or moves on its way, through whole studies."""
+"""Studies with modified robots, obstacles and moving obstacles."""
 
 import pytest
 import yaml
@@ -20,23 +20,23 @@ from omnidrive.study.tasks import DurationsTask, NoiseTask, Tasks
 
 
 def scenario(**changes):
-    """The robot small on the plant ball, by feedforward."""
-    usual = {
+    """Path following with the robot `small`, the plant `mujoco-balls` and feedforward control."""
+    default = {
         "robot": RobotSection(name="small"),
         "plant": "mujoco-balls",
         "controllers": ("feedforward",),
         "timing": TimingSection(law="limits"),
         "tasks": Tasks(track=DurationsTask(durations=(20.0,))),
     }
-    return paper_scenario().model_copy(update=usual | changes)
+    return paper_scenario().model_copy(update=default | changes)
 
 
-def test_a_section_without_changes_is_the_named_robot():
+def test_section_without_parameters_gives_the_named_robot():
     for name in ("paper", "small", "kiwi", "mecanum"):
         assert robot_of(RobotSection(name=name)) == named_robot(name)
 
 
-def test_every_change_reaches_the_robot():
+def test_parameters_replace_those_of_the_named_robot():
     changes = {
         "assumed_effective_radius": 0.2, "mass": 12.0, "body_inertia": 0.3, "com": (0.02, -0.01),
         "friction": 0.3, "max_torque": 1.5, "servo_gain": 0.7, "motor_lag": 0.03,
@@ -53,7 +53,7 @@ def test_every_change_reaches_the_robot():
         ({"com": (0.4, 0.0)}, "would lift off"),
     ],
 )
-def test_an_impossible_robot_ends_the_study_before_it_begins(changes, message):
+def test_impossible_robot_is_rejected_before_planning(changes, message):
     with pytest.raises(InvalidInput, match=message):
         run_study(scenario(robot=RobotSection(name="small", **changes)))
 
@@ -68,7 +68,7 @@ def test_an_impossible_robot_ends_the_study_before_it_begins(changes, message):
         ("masss", 1.0, "did you mean 'mass'"),
     ],
 )
-def test_a_wrong_change_is_named(key, value, message):
+def test_invalid_robot_parameter_is_named(key, value, message):
     data = scenario_data(scenario())
     data["robot"][key] = value
     with pytest.raises(InvalidScenario, match=message):
@@ -87,21 +87,21 @@ DISC = {"radius": 0.3, "path": [[0.0, 5.0, 3.0], [60.0, 5.0, 3.0]]}
         ([DISC] * 33, "at most 32 items"),
     ],
 )
-def test_a_wrong_mover_is_named(moving, message):
+def test_invalid_moving_obstacle_is_named(moving, message):
     data = scenario_data(scenario())
     data["map"]["moving"] = moving
     with pytest.raises(InvalidScenario, match=message):
         parse_scenario(data, "here")
 
 
-def test_movers_need_a_plant_that_meets_them():
+def test_moving_obstacles_need_a_plant_with_collisions():
     data = scenario_data(scenario(plant="kinematic"))
     data["map"]["moving"] = [DISC]
-    with pytest.raises(InvalidScenario, match="on the plant kinematic nothing is in the robot's"):
+    with pytest.raises(InvalidScenario, match="the plant kinematic has no obstacles"):
         parse_scenario(data, "here")
 
 
-def test_changes_and_movers_are_saved_and_read_again(tmp_path):
+def test_modified_robot_and_moving_obstacles_round_trip(tmp_path):
     changed = scenario(
         robot=RobotSection(name="kiwi", com=(0.01, 0.0), lag=(0.02, 0.01), roller_phase=True),
         map=MapSection(source="paper", margin=0.0, moving=(MovingSection(**DISC),)),
@@ -111,7 +111,7 @@ def test_changes_and_movers_are_saved_and_read_again(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["kiwi", "mecanum"])
-def test_the_new_robots_follow_the_papers_path(name):
+def test_three_and_four_wheel_robots_follow_the_path_of_the_paper(name):
     study = run_study(scenario(robot=RobotSection(name=name))).raise_if_failed()
     (result,) = study.results.tracks
     assert result.metrics.me < 2e-3
@@ -119,9 +119,9 @@ def test_the_new_robots_follow_the_papers_path(name):
     assert not study.collisions
 
 
-def test_a_disc_on_the_way_is_run_into_and_told(tmp_path):
-    on_the_way = MapSection(source="paper", margin=0.0, moving=(MovingSection(**DISC),))
-    study = run_study(scenario(map=on_the_way), tmp_path / "out")
+def test_collision_with_a_disc_on_the_path_is_reported(tmp_path):
+    disc_on_path = MapSection(source="paper", margin=0.0, moving=(MovingSection(**DISC),))
+    study = run_study(scenario(map=disc_on_path), tmp_path / "out")
     (result,) = study.results.tracks
     assert study.collisions == {result.name: result.collisions}
     assert result.collisions >= 1
@@ -129,26 +129,26 @@ def test_a_disc_on_the_way_is_run_into_and_told(tmp_path):
     assert result.run.collisions[0] == 0
     (table,) = study.tables
     assert table.rows[0][table.columns.index("collisions")] == str(result.collisions)
-    written = yaml.safe_load((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
-    assert written["runs"][0]["collisions"] == result.collisions
+    saved = yaml.safe_load((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    assert saved["runs"][0]["collisions"] == result.collisions
 
 
-def test_phases_are_drawn_from_the_seed_and_for_each_repeat():
-    def ends(seed):
-        demand = scenario(
+def test_roller_phases_depend_on_seed_and_repeat():
+    def work(seed):
+        noisy = scenario(
             robot=RobotSection(name="small", roller_phase=True),
             plant="mujoco-rollers",
             seed=seed,
             tasks=Tasks(noise=NoiseTask(durations=(12.0,), repeats=2)),
         )
-        return [tuple(r.run.work.tolist()) for r in run_study(demand).results.tracks]
+        return [tuple(r.run.work.tolist()) for r in run_study(noisy).results.tracks]
 
-    first = ends(1)
-    assert first == ends(1)
-    assert len({*first, *ends(2)}) == 4
+    first = work(1)
+    assert first == work(1)
+    assert len({*first, *work(2)}) == 4
 
 
-def test_walls_around_the_start_end_the_run(tmp_path):
+def test_enclosed_start_has_no_path(tmp_path):
     rows = ["." * 40 for _ in range(40)]
     for k in (4, 15):
         rows[k] = rows[k][:4] + "@" * 12 + rows[k][16:]

@@ -1,4 +1,4 @@
-"""Runs on several processes: what ends them, and what they leave alone."""
+"""Execution of runs in worker processes: ends of workers, signals and incomplete results."""
 
 import os
 import signal
@@ -23,8 +23,8 @@ def planned():
 
 
 @pytest.fixture
-def bystander():
-    """A process of the caller's own."""
+def other_child():
+    """A child process that is not a worker."""
     process = get_context("spawn").Process(target=sleep, args=(600,))
     process.start()
     yield process
@@ -32,16 +32,16 @@ def bystander():
     process.join()
 
 
-def test_runs_given_up_leave_no_worker_and_nobody_else_is_killed(planned, bystander):
+def test_abandoned_execution_kills_workers_and_no_other_child(planned, other_child):
     jobs = jobs_of(planned.scenario)
     results = execute(planned, jobs, 2)
     next(results)
     assert len(active_children()) == 3
     results.close()
-    assert active_children() == [bystander]
+    assert active_children() == [other_child]
 
 
-def test_a_killed_worker_is_an_error_of_ours(planned):
+def test_killed_worker_raises_worker_lost(planned):
     jobs = jobs_of(planned.scenario)
     results = execute(planned, jobs, 2)
     next(results)
@@ -53,7 +53,7 @@ def test_a_killed_worker_is_an_error_of_ours(planned):
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signal masks")
-def test_signals_are_held_back_only_while_workers_are_started(planned):
+def test_signals_are_blocked_only_during_worker_start(planned):
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
     results = execute(planned, jobs_of(planned.scenario), 2)
     next(results)
@@ -61,41 +61,41 @@ def test_signals_are_held_back_only_while_workers_are_started(planned):
     results.close()
 
 
-class Dying(Job):
-    """A job that kills its worker in the middle of the answer."""
+class KilledWhileSending(Job):
+    """Job whose worker is killed while it sends the result."""
 
     def __reduce__(self):
-        return begin_an_answer, (True,)
+        return send_first_bytes, (True,)
 
 
-class Stuck(Job):
-    """A job of which the answer is begun, and never finished."""
+class BlockedWhileSending(Job):
+    """Job whose worker sends only the first bytes of the result, and then blocks."""
 
     def __reduce__(self):
-        return begin_an_answer, (False,)
+        return send_first_bytes, (False,)
 
 
-def begin_an_answer(die):
-    """Called by the worker as it takes the job from its queue."""
+def send_first_bytes(kill):
+    """Send the first bytes of a result; called by the worker when it unpickles the job."""
     frame = sys._getframe()
     while "result_queue" not in frame.f_locals:
         frame = frame.f_back
     os.write(frame.f_locals["result_queue"]._writer.fileno(), struct.pack("!i", 1000) + b"half")
-    if die:
+    if kill:
         os.kill(os.getpid(), signal.SIGKILL)
     sleep(600)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs Unix")
-def test_a_worker_killed_in_the_middle_of_its_answer_is_noticed(planned):
+def test_worker_killed_while_sending_a_result_raises_worker_lost(planned):
     job = jobs_of(planned.scenario)[0]
     with pytest.raises(WorkerLost):
-        list(execute(planned, [Dying(*job), Stuck(*job)], 2))
+        list(execute(planned, [KilledWhileSending(*job), BlockedWhileSending(*job)], 2))
     assert not active_children()
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs Unix")
-def test_runs_are_given_up_even_in_the_middle_of_an_answer(planned):
+def test_interruption_while_a_worker_sends_a_result_ends_the_execution(planned):
     def interrupt(*_):
         raise KeyboardInterrupt
 
@@ -104,7 +104,7 @@ def test_runs_are_given_up_even_in_the_middle_of_an_answer(planned):
     signal.setitimer(signal.ITIMER_REAL, 5.0)
     try:
         with pytest.raises(KeyboardInterrupt):
-            list(execute(planned, [Stuck(*job), Stuck(*job)], 2))
+            list(execute(planned, [BlockedWhileSending(*job), BlockedWhileSending(*job)], 2))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
@@ -118,14 +118,14 @@ run_study(small_scenario(), processes=2)
 """
 
 
-def test_a_script_that_forgets_its_guard_ends_with_advice(tmp_path):
-    """Each worker runs it anew, and may not start workers of its own: none of them ever starts."""
+def test_script_without_main_guard_ends_with_advice(tmp_path):
+    """Each worker imports the script, which starts workers again: Python forbids it."""
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED, encoding="utf-8")
-    ended = subprocess.run(
+    process = subprocess.run(
         [sys.executable, script], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
-    assert ended.returncode != 0
-    assert "WorkerLost" in ended.stderr
-    assert "__main__" in ended.stderr.splitlines()[-1]
+    assert process.returncode != 0
+    assert "WorkerLost" in process.stderr
+    assert "__main__" in process.stderr.splitlines()[-1]

@@ -1,4 +1,4 @@
-"""The section of a scenario about the plant `coppeliasim`."""
+"""Scenario section of the plant `coppeliasim`."""
 
 from __future__ import annotations
 
@@ -14,35 +14,37 @@ _Path = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]{1,200}$")]
 
 
 class CoppeliaSimSection(Section):
-    """Where CoppeliaSim listens, and what the robot is called in the scene that it has open.
+    """Connection to CoppeliaSim and names of the robot's objects in the open scene.
 
-    The defaults are the names in the scene of the paper's author.
+    The defaults fit the scene of the paper's author.
     """
 
     host: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,253}$")] = "localhost"
+    """Host name or address of the computer that runs CoppeliaSim."""
     port: Annotated[int, Bounds(1, 65_535, "")] = 23000
-    """Of the add-on 'ZMQ remote API server'."""
+    """TCP port of the add-on 'ZMQ remote API server'."""
     timeout: Annotated[float, Bounds(0.1, 600.0, "s")] = 10.0
-    """Longest wait for one answer."""
+    """Maximum time to wait for one answer, s."""
     interface: Literal["joints", "signals"] = "joints"
-    """`joints`: any scene, wheel by wheel; `signals`: the author's scene with its script."""
+    """`joints`: set the velocity of every wheel joint, in any scene; `signals`: send signals to the
+    script in the scene of the paper's author."""
     model: _Path = "/omni"
-    """The robot's base, which is moved to the start."""
+    """Path of the base of the robot model, which is moved to the start pose."""
     body: _Path | None = None
-    """The object whose pose is read, its z axis up; None: the base."""
+    """Path of the object whose pose is read; its z axis must point up. None: the base."""
     body_yaw: Annotated[float, Bounds(-2 * pi, 2 * pi, "rad")] = 0.0
-    """Bearing of the robot's x axis in the frame of that object."""
+    """Angle of the robot's x axis in the frame of the object `body`, rad."""
     joints: Annotated[tuple[_Path, ...], Field(min_length=3, max_length=16)] = (
         "/omni/motor3",
         "/omni/motor2",
         "/omni/motor1",
         "/omni/motor4",
     )
-    """Every wheel's joint, in the order of the robot's wheels."""
+    """Paths of the wheel joints, in the order of the robot's wheels."""
     signs: Annotated[tuple[Literal[-1, 1], ...], Field(min_length=3, max_length=16)] = (
         -1,
         -1,
         -1,
         -1,
     )
-    """Of every joint: 1 where it turns as the robot's wheel does, -1 where the other way round."""
+    """Sign of every joint: 1 if its positive direction is that of the robot's wheel, else -1."""

@@ -1,4 +1,4 @@
-"""Doing many runs, on one core or several, with the same numbers."""
+"""Execution of the runs of a study in one process or several, with the same results."""
 
 from __future__ import annotations
 
@@ -26,10 +26,12 @@ from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
 
-_shared: list[PlannedScenario] = []  # in a worker process: what its runs share
+_shared: list[PlannedScenario] = []  # one item in a worker process, used by all its runs
 
-_KEYBOARD = {getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)}
-_ENDINGS = _KEYBOARD | {signal.SIGTERM}
+_TERMINAL_SIGNALS = {
+    getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)
+}
+_END_SIGNALS = _TERMINAL_SIGNALS | {signal.SIGTERM}
 
 
 def execute(
@@ -38,26 +40,33 @@ def execute(
     processes: int,
     observers: Sequence[Observer] = (),
 ) -> Generator[tuple[Job, Result], None, None]:
-    """Yield each job with its result as it finishes; the order depends on ``processes``.
+    """Yield each job and its result when it is finished.
 
-    Every run owns its plant, controller and random numbers, so results do not depend on it.
-    Runs are started longest first; of equally long ones those of predictive controllers, whose
-    kernels take longest to compile. They are done one by one where ``observers`` see them, and in
-    CoppeliaSim, which holds one robot.
+    The order depends on ``processes``, the results do not: every run has its own plant, controller
+    and random numbers. The longest runs start first; of runs of equal length, those of predictive
+    controllers, whose kernels take the longest time to compile. The runs are sequential if there
+    are observers or if the plant is exclusive.
+
+    Args:
+        planned: The planned scenario.
+        jobs: Runs to execute.
+        processes: Number of worker processes; 1: in this process.
+        observers: Observers of every run.
 
     Raises:
-        WorkerLost: A worker process was killed; what was yielded before stands.
+        WorkerLost: A worker process was killed; results yielded before are valid.
     """
     queue = sorted(jobs, key=lambda job: (-job.duration, job.controller not in PREDICTIVE))
-    alone = planned.scenario.plant_capabilities.exclusive or bool(observers)
-    if alone or processes <= 1 or len(queue) <= 1:
+    sequential = planned.scenario.plant_capabilities.exclusive or bool(observers)
+    if sequential or processes <= 1 or len(queue) <= 1:
         for job in queue:
             yield job, run_job(planned, job, observers)
         return
     data = pickle.dumps(planned)
-    shared = RawArray(c_char, len(data))  # a worker that cannot start would never read it from us
+    # shared memory, not an argument: writing a large argument to a worker that cannot start blocks
+    shared = RawArray(c_char, len(data))
     shared.raw = data
-    with _undisturbed():  # this starts Python's own helper, the resource tracker
+    with _signals_blocked():  # this starts the resource tracker process of Python
         pool = ProcessPoolExecutor(
             min(processes, len(queue)),
             mp_context=get_context("spawn"),
@@ -67,27 +76,27 @@ def execute(
     futures: dict[Future[Result], Job] = {}
     workers: list[BaseProcess] = []
     try:
-        with ThreadPoolExecutor(1) as aside:  # Ctrl-C would break a start in the main thread
-            aside.submit(_start, pool, queue, futures, workers).result()
+        with ThreadPoolExecutor(1) as starter:  # Ctrl-C would interrupt a start in the main thread
+            starter.submit(_start_workers, pool, queue, futures, workers).result()
         for future in _as_completed(futures, workers):
             yield futures[future], future.result()
     except BrokenProcessPool as error:
         raise WorkerLost from error
-    except BaseException:  # nobody waits for the runs that are under way
-        _end(pool, workers)
+    except BaseException:  # the runs in progress are abandoned
+        _kill_workers(pool, workers)
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start(
+def _start_workers(
     pool: ProcessPoolExecutor,
     queue: Sequence[Job],
     futures: dict[Future[Result], Job],
     workers: list[BaseProcess],
 ) -> None:
-    """Hand over all jobs, which starts the workers."""
-    with _undisturbed():
+    """Submit all jobs, which starts the workers; add them to ``futures`` and ``workers``."""
+    with _signals_blocked():
         others = active_children()
         for job in queue:
             futures[pool.submit(_run, job)] = job
@@ -97,39 +106,40 @@ def _start(
 def _as_completed(
     futures: Iterable[Future[Result]], workers: Sequence[BaseProcess]
 ) -> Iterator[Future[Result]]:
-    """Futures as they are done, as long as all workers live.
+    """Yield futures when they are done, while all workers are alive.
 
     Raises:
-        WorkerLost: A worker has died in the middle of an answer, for the rest of which the pool
-            itself would wait for ever.
+        WorkerLost: A worker ended while it was sending a result; the pool itself would wait for the
+            rest of the result without end.
     """
-    open_ = set(futures)
-    while open_:
-        done, open_ = wait_for_futures(open_, timeout=1.0, return_when=FIRST_COMPLETED)
+    pending = set(futures)
+    while pending:
+        done, pending = wait_for_futures(pending, timeout=1.0, return_when=FIRST_COMPLETED)
         if not done and wait([process.sentinel for process in workers], timeout=0):
             raise WorkerLost
         yield from done
 
 
-def _end(pool: ProcessPoolExecutor, workers: Sequence[BaseProcess]) -> None:
-    """Kill the workers, and wake the pool's own thread should it wait for the rest of an answer.
+def _kill_workers(pool: ProcessPoolExecutor, workers: Sequence[BaseProcess]) -> None:
+    """Kill the workers, and close the result pipe.
 
-    It reads a pipe that ends once nobody holds its other side: neither the workers, nor we.
+    The thread of the pool may be reading an incomplete result. Its read ends when the write end of
+    the pipe is closed in all processes, including this one.
     """
     for process in workers:
         process.kill()
-    answers = getattr(pool, "_result_queue", None)
-    if answers is not None:
-        answers._writer.close()
+    results = getattr(pool, "_result_queue", None)
+    if results is not None:
+        results._writer.close()
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Hold back the signals that end a command from what this thread starts meanwhile."""
+def _signals_blocked() -> Iterator[None]:
+    """Block the signals that end a command, in this thread and in processes that it starts."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDINGS)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _END_SIGNALS)
     try:
         yield
     finally:
@@ -137,17 +147,17 @@ def _undisturbed() -> Iterator[None]:
 
 
 def _start_worker(shared: Array[c_char]) -> None:
-    """Made ready by the parent: what all runs share, pickled by itself in memory of both."""
-    for number in _KEYBOARD:  # the terminal tells all its processes; the parent decides
+    """Initialise a worker process with the pickled scenario in shared memory."""
+    for number in _TERMINAL_SIGNALS:  # the terminal sends them to all processes; the parent reacts
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDINGS)
-    Thread(target=_end_with_parent, daemon=True).start()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _END_SIGNALS)
+    Thread(target=_exit_with_parent, daemon=True).start()
     _shared[:] = [pickle.loads(shared.raw)]
 
 
-def _end_with_parent() -> None:
-    """Wait for the death of the parent process, whatever its cause, and follow."""
+def _exit_with_parent() -> None:
+    """Exit when the parent process has ended for any reason."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])

@@ -1,4 +1,4 @@
-"""The folder that a study leaves: each file is whole or absent."""
+"""Output folder of a study; each file is complete or absent."""
 
 from __future__ import annotations
 
@@ -42,41 +42,41 @@ _VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
 
 
 class RunFolder:
-    """Writes results as they come; what is on disk is readable at any time.
+    """Writer of the results of a study; the folder is readable at any time during the study.
 
     Attributes:
         path: The folder.
     """
 
     def __init__(self, path: Path) -> None:
-        """Make the folder.
+        """Create the folder.
 
         Raises:
-            CannotWrite: It cannot be made, or holds something already.
+            CannotWrite: It cannot be created, or is not empty.
         """
         self.path = path
         check_new_folder(path)
-        with writing(path):
+        with write_errors(path):
             path.mkdir(parents=True, exist_ok=True)
 
     def save_inputs(self, planned: PlannedScenario) -> None:
-        """Write the resolved scenario and, unless it is the paper's, the map."""
+        """Write the scenario and, unless it is the map `paper`, the map."""
         if planned.scenario.map.source != "paper":
-            with writing(self.path):
+            with write_errors(self.path):
                 save_nav2_map(planned.obstacles, self.path / "map.yaml")
-        with self.whole("scenario.yaml") as path:
+        with self.complete_file("scenario.yaml") as path:
             save_scenario(_portable(planned.scenario), path)
 
     def save_series(self, name: str, run: Run) -> None:
-        """Write one run's time series to ``series/NAME.parquet``."""
-        with self.whole(f"series/{name}.parquet") as path:
+        """Write the time series of a run to ``series/NAME.parquet``."""
+        with self.complete_file(f"series/{name}.parquet") as path:
             path.parent.mkdir(exist_ok=True)
             pq.write_table(series_table(run), path)
 
     def save_results(
         self, planned: PlannedScenario, results: StudyResults, timing: dict[str, float]
     ) -> None:
-        """Write ``results.json``; see docs/run-folder.md for its schema."""
+        """Write ``results.json``; docs/run-folder.md describes its schema."""
         data = {
             "format": "omnidrive-results-1",
             "versions": {
@@ -89,18 +89,18 @@ class RunFolder:
             "step_response": [row for step in results.steps for row in step_records(step)],
             "repeated": [mean_record(group) for group in repeated_runs(results)],
             "paired": [paired_record(difference) for difference in paired_differences(results)],
-            "faults": [fault_record(*found) for found in results.recoveries],
+            "faults": [fault_record(*recovery) for recovery in results.recoveries],
             "timing_s": timing,
         }
-        with self.whole("results.json") as path:
+        with self.complete_file("results.json") as path:
             path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
     @contextmanager
-    def whole(self, name: str) -> Iterator[Path]:
-        """A path to write to, put in its place when done."""
+    def complete_file(self, name: str) -> Iterator[Path]:
+        """Yield a temporary path; rename the file there to ``name`` if the block succeeds."""
         final = self.path / name
         part = final.with_name(final.name + ".part")
-        with writing(self.path):
+        with write_errors(self.path):
             try:
                 yield part
                 os.replace(part, final)
@@ -109,27 +109,27 @@ class RunFolder:
 
 
 def _portable(scenario: Scenario) -> Scenario:
-    """The scenario with the run folder's own copy of the map."""
+    """Return the scenario with the copy of the map in the run folder."""
     if scenario.map.source == "paper":
         return scenario
-    own = scenario.map.model_copy(update={"source": "map.yaml", "resolution": None})
-    return scenario.model_copy(update={"map": own})
+    copy = scenario.map.model_copy(update={"source": "map.yaml", "resolution": None})
+    return scenario.model_copy(update={"map": copy})
 
 
 @contextmanager
-def writing(folder: Path) -> Iterator[None]:
-    """Turn the system's errors into :class:`CannotWrite`."""
+def write_errors(folder: Path) -> Iterator[None]:
+    """Convert an :class:`OSError` to :class:`CannotWrite`."""
     try:
         yield
     except OSError as error:
         raise CannotWrite(
-            f"cannot write to {folder}: {error.strerror or error}. What was written before is "
-            "kept; make room, or name another folder with --out"
+            f"cannot write to {folder}: {error.strerror or error}. Files written before are "
+            "kept; free disk space, or choose another folder with --out"
         ) from None
 
 
 def series_table(run: Run) -> pa.Table:
-    """A run's log as columns with their units; `step_time` (us) alone is not reproducible."""
+    """Return the log of a run as columns with units; only ``step_time`` is not reproducible."""
     columns: list[tuple[str, str, Any]] = [("t", "s", run.t)]
     for prefix, fields, block in (
         ("", _POSE, run.pose),
@@ -149,7 +149,7 @@ def series_table(run: Run) -> pa.Table:
 
 
 def track_record(result: TrackResult) -> dict[str, Any]:
-    """One entry of ``runs`` in results.json: metres, radians, seconds; null where undefined."""
+    """Return an entry of ``runs`` in results.json, in m, rad, s; null if undefined."""
     m, run = result.metrics, result.run
     record = {
         "name": result.name,
@@ -179,7 +179,7 @@ def track_record(result: TrackResult) -> dict[str, Any]:
 
 
 def step_records(result: StepResult) -> list[dict[str, Any]]:
-    """The entries of ``step_response`` in results.json, one per axis; null where never reached."""
+    """Return the entries of ``step_response`` in results.json, one per axis; null if undefined."""
     return [
         _json_safe(
             {
@@ -194,8 +194,8 @@ def step_records(result: StepResult) -> list[dict[str, Any]]:
     ]
 
 
-def fault_record(result: FaultResult, found: Recovery) -> dict[str, Any]:
-    """One entry of ``faults`` in results.json; null where undefined."""
+def fault_record(result: FaultResult, recovery: Recovery) -> dict[str, Any]:
+    """Return an entry of ``faults`` in results.json; null if undefined."""
     fault = result.fault
     return _json_safe(
         {
@@ -203,10 +203,10 @@ def fault_record(result: FaultResult, found: Recovery) -> dict[str, Any]:
             "controller": result.controller,
             "fault": fault.model_dump() if fault else None,
             "duration": result.duration,
-            "recovered": found.recovered,
-            "time_to_recover": found.time_to_recover,
-            "worst_error": found.max_error,
-            "stopped": found.stopped,
+            "recovered": recovery.recovered,
+            "time_to_recover": recovery.time_to_recover,
+            "worst_error": recovery.max_error,
+            "stopped": recovery.stopped,
             "me": result.metrics.me,
             "mae": result.metrics.mae,
             **outcome_record(result.run),
@@ -216,7 +216,7 @@ def fault_record(result: FaultResult, found: Recovery) -> dict[str, Any]:
 
 
 def outcome_record(run: Run) -> dict[str, Any]:
-    """How a run ended, its events in order, and the traceback of the exception that ended it."""
+    """Return outcome and events of a run, and the traceback of the exception that ended it."""
     record = {
         "finished": run.outcome is Outcome.FINISHED,
         "outcome": run.ending,
@@ -226,7 +226,7 @@ def outcome_record(run: Run) -> dict[str, Any]:
 
 
 def mean_record(group: RepeatedRuns) -> dict[str, Any]:
-    """One entry of ``repeated`` in results.json: means over the runs that finished."""
+    """Return an entry of ``repeated`` in results.json: means over the finished runs."""
     estimates = {measure: group.estimate_mean(measure)._asdict() for measure in MEASURES}
     return {
         "controller": group.controller,
@@ -234,31 +234,31 @@ def mean_record(group: RepeatedRuns) -> dict[str, Any]:
         "runs": len(group.runs),
         "finished": len(group.finished),
         **{
-            measure: _json_safe({k: found[k] for k in ("mean", "low", "high")})
-            for measure, found in estimates.items()
+            measure: _json_safe({k: estimate[k] for k in ("mean", "low", "high")})
+            for measure, estimate in estimates.items()
         },
     }
 
 
-def paired_record(found: PairedDifference) -> dict[str, Any]:
-    """One entry of ``paired`` in results.json."""
-    mean, low, high, count = found.difference
+def paired_record(pair: PairedDifference) -> dict[str, Any]:
+    """Return an entry of ``paired`` in results.json."""
+    mean, low, high, count = pair.difference
     return {
-        "first": found.first,
-        "second": found.second,
-        "duration": found.duration,
-        "measure": found.measure,
-        "unit": MEASURES[found.measure],
+        "first": pair.first,
+        "second": pair.second,
+        "duration": pair.duration,
+        "measure": pair.measure,
+        "unit": MEASURES[pair.measure],
         "seeds": count,
         "mean": mean,
         "low": low,
         "high": high,
-        "p": found.p,
-        "verdict": found.verdict,
+        "p": pair.p,
+        "verdict": pair.verdict,
     }
 
 
 def _json_safe(record: dict[str, Any]) -> dict[str, Any]:
-    """JSON has no NaN: null says that there is no number."""
-    bad = {k for k, v in record.items() if isinstance(v, float) and not isfinite(v)}
-    return {k: None if k in bad else v for k, v in record.items()}
+    """Return the record with None instead of numbers that JSON cannot represent."""
+    undefined = {k for k, v in record.items() if isinstance(v, float) and not isfinite(v)}
+    return {k: None if k in undefined else v for k, v in record.items()}

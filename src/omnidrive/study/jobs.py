@@ -1,4 +1,4 @@
-"""The runs that a scenario asks for, and how one is done."""
+"""Runs of a scenario, and their simulation."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ class Job(NamedTuple):
     task: TaskName
     controller: ControllerName
     duration: float
-    """Of the reference, in s."""
+    """Duration of the reference, s."""
     horizon: int | None = None
-    """Prediction horizon of the NMPC, in steps; None for other controllers."""
+    """Prediction horizon in steps; None for a controller without one."""
     repeat: int = 0
-    """Which of the task's random numbers, counted from 0."""
+    """Index of the repeat, from 0; part of the seed of the random numbers."""
     fault: int = 0
-    """Which fault of the task `faults`, counted from 1; 0: none."""
+    """Number of the fault of the task `faults`, from 1; 0: no fault."""
 
 
 def jobs_of(scenario: Scenario) -> list[Job]:
-    """Every run of the study, in the order in which results are listed."""
+    """Return all runs of the study, in the order of the results."""
     tasks, jobs = scenario.tasks, []
 
     def horizon(name: ControllerName) -> int | None:
@@ -92,28 +92,28 @@ def jobs_of(scenario: Scenario) -> list[Job]:
 
 
 def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
-    """Those of the task `faults`: its own, or one of every kind that the plant knows."""
+    """Return the faults of the task `faults`; by default one of every kind the plant supports."""
     task = scenario.tasks.faults
     if task is None or task.faults:
         return task.faults if task else ()
-    unknown = () if scenario.plant_capabilities.forces else NEED_FORCES
-    return tuple(f for f in default_faults(0.25 * task.duration) if f.kind not in unknown)
+    unsupported = () if scenario.plant_capabilities.forces else NEED_FORCES
+    return tuple(f for f in default_faults(0.25 * task.duration) if f.kind not in unsupported)
 
 
 def run_job(
     planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()
 ) -> TrackResult | StepResult | FaultResult:
-    """Do one run and measure it, while ``observers`` see it."""
+    """Simulate one run with observers, and evaluate it."""
     if job.task == "faults":
-        return _fault(planned, job, observers)
-    do = _step if job.task == "step" else _track
-    return do(planned, job, observers)
+        return _run_with_fault(planned, job, observers)
+    run = _run_step_response if job.task == "step" else _run_along_path
+    return run(planned, job, observers)
 
 
 def make_controller(
     scenario: Scenario, robot: Robot, name: ControllerName, horizon: int | None = None
 ) -> Controller:
-    """A fresh controller as the scenario asks for it; ``horizon`` (steps) overrides its own."""
+    """Return a new controller; ``horizon`` (steps) replaces that of the scenario."""
     steps = horizon or scenario.nmpc.horizon
     dt, preset = scenario.sample_time, scenario.preset
     table: dict[ControllerName, Callable[[], Controller]] = {
@@ -141,14 +141,14 @@ def make_controller(
 
 
 def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
-    """Of the robot on the scenario's plant: without masses it neither lags nor slips."""
+    """Return the actuation model; without lag and slip on a plant without forces."""
     section = scenario.holonomic_nmpc
     if not scenario.plant_capabilities.forces:
         return Actuation(robot.acceleration_faces / section.traction)
     return Actuation.of(robot, section.traction, may_spin=scenario.wheels_may_spin)
 
 
-def _simulated(
+def _simulate(
     planned: PlannedScenario,
     job: Job,
     plant: Plant,
@@ -157,18 +157,18 @@ def _simulated(
     start: Pose | None = None,
     faults: tuple[Fault, ...] = (),
 ) -> Run:
-    """One run under supervision, with the scenario's faults and others.
+    """Simulate one run with the supervisor, with ``faults`` added to those of the scenario.
 
-    Every controller meets the same random numbers. Those of repeat 0 are those of
-    ``[seed, duration]``: a zero at the end of a numpy seed of few words does not count. Jitter's
-    are apart from those of the sensors.
+    The random numbers are the same for every controller. Trailing zeros of a short NumPy seed have
+    no effect, so repeat 0 has the random numbers of the seed ``[seed, duration]``. The jitter of
+    the sample time has a generator of its own.
     """
     scenario, robot = planned.scenario, planned.robot
     controller = make_controller(scenario, robot, job.controller, job.horizon)
-    every = (*scenario.faults, *faults)
+    all_faults = (*scenario.faults, *faults)
     seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
-    sensing, jitter = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
-    sensors = make_sensors(scenario, robot, sensing, noise=job.task == "noise")
+    sensor_rng, jitter_rng = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
+    sensors = make_sensors(scenario, robot, sensor_rng, noise=job.task == "noise")
     return simulate(
         plant,
         controller,
@@ -178,18 +178,20 @@ def _simulated(
         sensors=sensors,
         estimator=make_estimator(scenario, robot, sensors),
         supervisor=make_supervisor(scenario, robot),
-        schedule=Schedule(every, robot) if every else None,
-        rng=jitter,
+        schedule=Schedule(all_faults, robot) if all_faults else None,
+        rng=jitter_rng,
     )
 
 
-def _fault(planned: PlannedScenario, job: Job, observers: Sequence[Observer]) -> FaultResult:
-    """Follow the path with one fault of the task, or with none."""
+def _run_with_fault(
+    planned: PlannedScenario, job: Job, observers: Sequence[Observer]
+) -> FaultResult:
+    """Simulate the task `faults` with one fault or none."""
     reference = planned.reference(job.duration)
     fault = (None, *faults_of(planned.scenario))[job.fault]
     faults = (fault,) if fault else ()
     with plant_of(planned, reference, observers=observers) as plant:
-        run = _simulated(planned, job, plant, reference, faults=faults)
+        run = _simulate(planned, job, plant, reference, faults=faults)
     metrics = measure(run, planned.robot.drive)
     return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
 
@@ -197,7 +199,7 @@ def _fault(planned: PlannedScenario, job: Job, observers: Sequence[Observer]) ->
 def make_sensors(
     scenario: Scenario, robot: Robot, rng: np.random.Generator, *, noise: bool = False
 ) -> Sensors:
-    """New simulated sensors; ``noise``: with the paper's noise on the pose."""
+    """Return new simulated sensors; with ``noise``, the noise of the paper acts on the pose."""
     section = scenario.sensors
     if section is None:
         return PaperNoise(rng) if noise else PerfectSensors()
@@ -208,7 +210,7 @@ def make_sensors(
 
 
 def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateEstimator:
-    """A new estimator for the readings of ``sensors``."""
+    """Return a new estimator for the readings of ``sensors``."""
     section = scenario.sensors
     if section is None or section.estimator is None or not isinstance(sensors, SensorSuite):
         return LatestFix()
@@ -216,26 +218,30 @@ def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateE
     return PoseEstimator(robot, sensors.settings, section.estimator, slips=slips)
 
 
-def _track(planned: PlannedScenario, job: Job, observers: Sequence[Observer]) -> TrackResult:
-    """Follow the path."""
+def _run_along_path(
+    planned: PlannedScenario, job: Job, observers: Sequence[Observer]
+) -> TrackResult:
+    """Simulate path following."""
     reference = planned.reference(job.duration)
     with plant_of(planned, reference, job.repeat, observers=observers) as plant:
-        run = _simulated(planned, job, plant, reference)
+        run = _simulate(planned, job, plant, reference)
     return TrackResult(
         job.controller, job.task, job.duration, job.task == "noise", job.horizon, run,
         measure(run, planned.robot.drive), planned.clearance(run.pose[:, :2]), job.repeat,
     )  # fmt: skip
 
 
-def _step(planned: PlannedScenario, job: Job, observers: Sequence[Observer]) -> StepResult:
-    """Let the reference jump from the start pose, on an empty floor."""
+def _run_step_response(
+    planned: PlannedScenario, job: Job, observers: Sequence[Observer]
+) -> StepResult:
+    """Simulate the step response from rest at the start, on a floor without obstacles."""
     task = planned.scenario.tasks.step
     assert task is not None
     start = planned.start
     goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
     reference = Hold(goal, job.duration)
     with plant_of(planned, reference, on_map=False, observers=observers) as plant:
-        run = _simulated(planned, job, plant, reference, start=start)
+        run = _simulate(planned, job, plant, reference, start=start)
     x, y, heading = (
         step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
     )

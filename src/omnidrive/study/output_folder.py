@@ -1,4 +1,4 @@
-"""Where results are to go: whether they can is found out before there are any."""
+"""Checks of output paths before any result is computed."""
 
 from __future__ import annotations
 
@@ -12,99 +12,99 @@ from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
 
 FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
-"""Endings of waypoint files that a plan can be written to."""
+"""Suffixes of waypoint files that a plan can be written to."""
 
-_PICTURES = (".png", ".svg")
+_FIGURE_SUFFIXES = (".png", ".svg")
 
 
 def is_waypoint_file(path: Path) -> bool:
-    """Whether a plan is to be written to a file; else to a folder.
+    """Return whether a path names a waypoint file; otherwise it names a folder.
 
     Raises:
-        InvalidInput: The name ends as that of another kind of file.
+        InvalidInput: The suffix is that of another kind of file.
     """
     if path.suffix.lower() in FORMATS:
         return True
     if path.suffix and not path.is_dir():
         raise InvalidInput(
-            f"{one_line(str(path))}: waypoint files end in {', '.join(FORMATS[:-1])}; "
-            "a folder's name has no ending"
+            f"{one_line(str(path))}: the suffix of a waypoint file is one of "
+            f"{', '.join(FORMATS[:-1])}; a folder has no suffix"
         )
     return False
 
 
-def check_picture_name(path: Path) -> None:
-    """Refuse a name that no picture can have.
+def check_figure_name(path: Path) -> None:
+    """Check the suffix of a figure.
 
     Raises:
-        InvalidInput: It ends neither in .png nor in .svg.
+        InvalidInput: The suffix is neither .png nor .svg.
     """
-    if path.suffix.lower() not in _PICTURES:
-        raise InvalidInput(f"{one_line(str(path))}: pictures are written as .png or .svg")
+    if path.suffix.lower() not in _FIGURE_SUFFIXES:
+        raise InvalidInput(f"{one_line(str(path))}: the suffix of a figure must be .png or .svg")
 
 
-def check_plan_targets(out: Path | None, picture: Path | None) -> None:
-    """Refuse places that a plan and its picture cannot be written to; nothing is made.
+def check_plan_targets(out: Path | None, figure: Path | None) -> None:
+    """Check that a plan and its figure can be written; nothing is created.
 
     Args:
-        out: A waypoint file or a new folder.
-        picture: A file, perhaps in that new folder.
+        out: A waypoint file or a new folder; None: no output.
+        figure: A figure, possibly in that new folder; None: no figure.
 
     Raises:
-        InvalidInput: A name ends as that of another kind of file.
-        CannotWrite: A file or folder could not be made, or the folder holds something already.
+        InvalidInput: A suffix is that of another kind of file.
+        CannotWrite: A file or folder cannot be created, or the folder is not empty.
     """
-    made: list[Path] = []
+    new_folders: list[Path] = []
     if out is not None and is_waypoint_file(out):
         _check_file(out)
     elif out is not None:
         check_new_folder(out)
-        made = [path.absolute() for path in (out, *out.parents)]
-    if picture is not None:
-        check_picture_name(picture)
-        if picture.parent.absolute() not in made:
-            _check_file(picture)
+        new_folders = [path.absolute() for path in (out, *out.parents)]
+    if figure is not None:
+        check_figure_name(figure)
+        if figure.parent.absolute() not in new_folders:
+            _check_file(figure)
 
 
 def check_new_folder(path: Path) -> None:
-    """Refuse a folder for results that could not be made; nothing is made.
+    """Check that a folder for results can be created; nothing is created.
 
     Raises:
-        CannotWrite: It holds something already, is no folder, or nothing can be written there.
+        CannotWrite: It is not empty, is not a folder, or is not writable.
     """
-    with _refusing(path):
+    with _write_errors(path):
         if path.exists() and any(path.iterdir()):
-            raise CannotWrite(f"{one_line(str(path))} is not empty; name a new folder with --out")
-        _try_to_write_in(next(each for each in (path, *path.parents) if each.exists()))
+            raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
+        _check_writable(next(each for each in (path, *path.parents) if each.exists()))
 
 
 def _check_file(path: Path) -> None:
-    """Refuse a file that could not be written."""
-    with _refusing(path):
+    """Check that a file can be written."""
+    with _write_errors(path):
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
         if not path.parent.is_dir():
             raise NotADirectoryError(f"there is no folder {one_line(str(path.parent))}")
         if path.exists() and not os.access(path, os.W_OK):
-            raise PermissionError("it may not be changed")
-        _try_to_write_in(path.parent)
+            raise PermissionError("it is read-only")
+        _check_writable(path.parent)
 
 
-def _try_to_write_in(folder: Path) -> None:
-    """Make a file without a name, which is gone when it is closed."""
+def _check_writable(folder: Path) -> None:
+    """Create a temporary file in a folder and remove it."""
     with TemporaryFile(dir=folder):
         pass
 
 
 @contextmanager
-def _refusing(path: Path) -> Iterator[None]:
-    """Turn the system's errors into :class:`CannotWrite`."""
+def _write_errors(path: Path) -> Iterator[None]:
+    """Convert an :class:`OSError` or an invalid path to :class:`CannotWrite`."""
     try:
         with suppress(FileNotFoundError):
-            path.stat()  # which refuses what nothing can be called
+            path.stat()  # raises an error for an invalid path
         yield
-    except (OSError, ValueError) as error:  # ValueError: the path holds a NUL
+    except (OSError, ValueError) as error:  # ValueError: the path contains NUL
         reason = getattr(error, "strerror", None) or error
         raise CannotWrite(
-            f"cannot write to {one_line(str(path))}: {reason}; name another place"
+            f"cannot write to {one_line(str(path))}: {reason}; choose another path"
         ) from None

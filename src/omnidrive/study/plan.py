@@ -10,7 +10,7 @@ import numpy as np
 from omnidrive.errors import CannotWrite
 from omnidrive.files.bounded_file import one_line
 from omnidrive.reference import Reference, TimedReference, save_waypoints, wheel_speed_used
-from omnidrive.study.output_folder import check_picture_name, is_waypoint_file
+from omnidrive.study.output_folder import check_figure_name, is_waypoint_file
 from omnidrive.study.planned_scenario import PlannedScenario
 
 _SAMPLES = 2001
@@ -31,7 +31,7 @@ class Fact(NamedTuple):
 
 
 def planned_duration(planned: PlannedScenario) -> float:
-    """Return the scenario's first path duration, in s; without one, the shortest feasible."""
+    """Return the first duration of the path in the tasks, in s; if there is none, the shortest."""
     durations = planned.scenario.tasks.path_durations
     return durations[0] if durations else planned.shortest
 
@@ -41,7 +41,7 @@ def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact
 
     Args:
         planned: The planned scenario.
-        reference: The path in time.
+        reference: The motion along the path.
     """
     found, path = planned.plan.search_result, planned.path
     attained, proved = path.max_curvature
@@ -84,7 +84,7 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: Path) -> N
     """
     from omnidrive.evaluation.figures import plan_figure, save  # noqa: PLC0415 - takes a second
 
-    check_picture_name(path)
+    check_figure_name(path)
     times = np.linspace(0.0, reference.duration, _SAMPLES)
     figure = plan_figure(
         planned.obstacles,
@@ -106,7 +106,7 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: Path) -> Non
 
     Args:
         planned: The planned scenario.
-        reference: The path in time.
+        reference: The motion along the path.
         path: A waypoint file, or a new folder for scenario.yaml, reference.csv and path.png.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A scenario with its map read, its path planned and its demands checked."""
+"""Planned scenarios: map, path and timing."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from omnidrive.study.scenario import Scenario, robot_of
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlannedScenario:
-    """What every run of a study shares.
+    """Scenario with robot, map, path and timing, shared by all runs of a study.
 
     Attributes:
-        scenario: The demand.
-        robot: The robot named in it.
-        obstacles: What the robot's body must not touch.
-        plan: How the path was found, and where the robot's centre may be.
-        path: The smooth path; for minimum time, as it was moved. Its headings are those of the
-            motion, unless the timing chose others.
-        fastest: The fastest motion along it within the limits; None for uniform timing.
-        note: What there is to say of how the timing went.
+        scenario: The scenario.
+        robot: Its robot.
+        obstacles: Map without inflation.
+        plan: Results of search and smoothing, and the free space of the robot's centre.
+        path: Smooth path; with the timing `minimum-time`, the optimised one. Its headings are those
+            of the motion unless the timing determines the heading.
+        fastest: Fastest motion along the path within the limits; None with the timing `uniform`.
+        note: Status and message of the minimum-time optimisation; otherwise empty.
     """
 
     scenario: Scenario
@@ -50,33 +50,33 @@ class PlannedScenario:
 
     @property
     def clearance_bounds(self) -> tuple[float, float]:
-        """Proved bounds on the distance in m between the robot's body and an obstacle."""
+        """Proved lower and upper bound on the least distance of the body to an obstacle, m."""
         least, most = self.path.clearance(self.obstacles)
         return least - self.robot.body_radius, most - self.robot.body_radius
 
     def clearance(self, points: Float[Array, "points 2"]) -> float:
-        """Least distance in m between the robot's body and an obstacle, centred on ``points``."""
+        """Return the least distance, m, from body to obstacles over centres ``points`` (W, m)."""
         return float(self.obstacles.clearance(points).min()) - self.robot.body_radius
 
     @property
     def start(self) -> Pose:
-        """Where the motion begins: with the timing ``limits`` not always the path's heading."""
+        """Start pose of the motion in W; m, m, rad. The timing may determine its heading."""
         if self.fastest is not None:
             return self.fastest.at(0.0).pose
         return Pose(*self.path.poses(0.0).tolist())
 
     @property
     def shortest(self) -> float:
-        """The shortest duration in s that the limits allow, to 0.1 s if the timing is uniform."""
+        """Shortest feasible duration, s; rounded to 0.1 s with the timing `uniform`."""
         if self.fastest is not None:
             return self.fastest.duration
         return shortest_duration(self.path, self.robot.chassis)
 
     def reference(self, duration: float) -> Reference:
-        """The path in ``duration`` seconds.
+        """Return the motion along the path in ``duration`` seconds.
 
         Raises:
-            InvalidReference: The robot cannot follow it that fast.
+            InvalidReference: The duration is too short for the limits of the robot.
         """
         if self.fastest is not None:
             return self.fastest.with_duration(duration)
@@ -88,10 +88,10 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
 
     Raises:
         InvalidMap: The map cannot be read.
-        InvalidWaypoint: The robot cannot stand at start or goal.
-        NoPathFound: There is no way between them.
-        InvalidInput: There is no such robot, or it cannot stand or move as it is changed.
-        InvalidReference: The timing is for other paths.
+        InvalidWaypoint: The robot would touch an obstacle at start or goal.
+        NoPathFound: There is no path between them.
+        InvalidInput: The name of the robot is unknown, or its parameters are not possible.
+        InvalidReference: The timing is not applicable to the path.
         MissingExtra: The timing needs an extra that is not installed.
     """
     robot = robot_of(scenario.robot)
@@ -102,15 +102,15 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         obstacles = grid = load_map(
             FilePath(source.source), resolution=source.resolution, unknown=source.unknown
         )
-        # centres of cells keep this; the path, which is anywhere in them, half a diagonal less
-        half = grid.resolution * 0.5**0.5
-        inflation = robot.body_radius + max(source.margin, half)
-        if half > source.margin:
+        # this distance holds for cell centres; a point of a cell is half a diagonal from its centre
+        half_diagonal = grid.resolution * 0.5**0.5
+        inflation = robot.body_radius + max(source.margin, half_diagonal)
+        if half_diagonal > source.margin:
             inflation_note = (
-                f"the body's radius of {robot.body_radius:g} m and half a cell's diagonal, "
-                f"{half:.3g} m, which is more than the margin of {source.margin:g} m"
+                f"the body radius of {robot.body_radius:g} m and half a cell diagonal, "
+                f"{half_diagonal:.3g} m, which is larger than the margin of {source.margin:g} m"
             )
-    found = plan(
+    plan_ = plan(
         grid,
         scenario.start,
         scenario.goal,
@@ -118,48 +118,49 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         options=scenario.path,
         inflation_note=inflation_note,
     )
-    path, fastest, note = _timed(scenario, robot, found)
-    return PlannedScenario(scenario, robot, obstacles, found, path, fastest, note)
+    path, fastest, note = _timed(scenario, robot, plan_)
+    return PlannedScenario(scenario, robot, obstacles, plan_, path, fastest, note)
 
 
 def _timed(
-    scenario: Scenario, robot: Robot, found: Plan
+    scenario: Scenario, robot: Robot, plan_: Plan
 ) -> tuple[SplinePath, TimedReference | None, str]:
-    """The path, the fastest motion along it, and what to say of it."""
+    """Return the path, the fastest motion along it, and the note on the timing."""
     timing, chassis = scenario.timing, robot.chassis
     if timing.law == "uniform":
-        return found.spline, None, ""
-    most = timing.wheel_acceleration
+        return plan_.spline, None, ""
     limits = MotionLimits.of_robot(robot, share=timing.traction)
-    if most is not None:
-        limits = replace(limits, wheel_acceleration=most)
+    if timing.wheel_acceleration is not None:
+        limits = replace(limits, wheel_acceleration=timing.wheel_acceleration)
     if timing.law == "minimum-time":
-        best = minimum_time(
-            found.spline,
+        result = minimum_time(
+            plan_.spline,
             chassis,
             limits,
-            found.free_space,
+            plan_.free_space,
             start_yaw=scenario.start.yaw,
             goal_yaw=scenario.goal.yaw,
         )
-        return best.path, best.reference, f"{best.status}: {best.message}"
+        return result.path, result.reference, f"{result.status}: {result.message}"
     reference = time_within_limits(
-        found.spline,
+        plan_.spline,
         chassis,
         limits,
         heading=timing.heading,
         start_yaw=scenario.start.yaw,
         goal_yaw=scenario.goal.yaw,
     )
-    return found.spline, reference, ""
+    return plan_.spline, reference, ""
 
 
 def plan_and_check(scenario: Scenario) -> PlannedScenario:
-    """As :func:`plan_scenario`, and check that the robot can follow the path in every duration.
+    """Plan a scenario and check all its durations and faults before any run.
 
     Raises:
-        InvalidReference: A duration is too short for the wheels; the message says which is not.
-        InvalidInput: A fault is of a wheel that the robot does not have.
+        InvalidReference: A duration is too short for the limits of the robot; the message states
+            the shortest feasible one.
+        InvalidInput: A fault affects a wheel that the robot does not have.
+        OmnidriveError: As :func:`plan_scenario`.
     """
     planned = plan_scenario(scenario)
     task = scenario.tasks.faults

@@ -33,15 +33,15 @@ def make_plant(
     moving: Sequence[MovingObstacle] = (),
     scene: CoppeliaSimScene | None = None,
 ) -> Plant:
-    """Return a new plant; the caller closes it. Arguments that a plant has no use for are ignored.
+    """Return a new plant; the caller closes it. Arguments that do not apply to it are ignored.
 
     Args:
         robot: The simulated robot.
         name: Name of the plant.
-        rng: Generator of the rollers' initial angles; None: equal angles.
-        obstacles: Map around the robot; None: an endless floor.
+        rng: Generator of the initial angles of the rollers. None: equal angles.
+        obstacles: Map around the robot. None: an unbounded floor without obstacles.
         moving: Moving obstacles.
-        scene: Names and connection of the scene in CoppeliaSim.
+        scene: Connection to CoppeliaSim and names of the objects in its scene.
     """
     table: dict[PlantName, Callable[[], Plant]] = {
         "kinematic": lambda: KinematicPlant(robot),
@@ -64,17 +64,17 @@ def plant_of(
     on_map: bool = True,
     observers: Sequence[Observer] = (),
 ) -> Iterator[Plant]:
-    """The scenario's plant, stopped at the end if it would go on by itself.
+    """Yield the plant of a scenario, and close it at the end.
 
     Args:
-        planned: The scenario with its map.
-        reference: What it is to follow, for onlookers.
-        repeat: Which of the random numbers; every controller meets the same ones.
-        on_map: Whether the map's obstacles stand around it, or it is on an endless floor.
+        planned: The planned scenario.
+        reference: The motion to track, for the observers.
+        repeat: Index of the repeat, from 0; part of the seed of the random numbers.
+        on_map: Whether the plant contains the obstacles of the map; otherwise an unbounded floor.
         observers: Observers of the run.
     """
     scenario = planned.scenario
-    # apart from the numbers of the noise
+    # independent of the random numbers of the noise
     seed = np.random.SeedSequence(scenario.seed, spawn_key=(repeat,))
     obstacles = planned.obstacles if on_map else None
     moving = [section.obstacle() for section in scenario.map.moving] if on_map else []

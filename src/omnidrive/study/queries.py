@@ -9,7 +9,7 @@ from omnidrive.errors import InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, Query
 from omnidrive.planning import GridSearch, HeuristicName, MethodName
 
-_ROUNDING = 1e-6  # cells; the files state eight decimals, some computed in single precision
+_ROUNDING = 1e-6  # relative; the files have eight decimals, some computed in single precision
 
 
 def solve_queries(

@@ -1,4 +1,4 @@
-"""Scenarios: one study as data, written to a file, read back, run anywhere."""
+"""Scenarios: all settings of a study, as data that can be saved and loaded."""
 
 from __future__ import annotations
 
@@ -70,220 +70,243 @@ MAX_NOISE_STEPS = 1_000_000
 """Maximum number of samples of one controller's noise runs per duration, all kept in memory."""
 
 NEED_FORCES = tuple(kind for kind in PLANT_FAULTS if kind != "pose-jump")
-"""Kinds of faults that need a plant with forces."""
+"""Kinds of faults that need a plant that simulates forces."""
 
-_Instant = Annotated[float, Bounds(0.0, 36_000.0, "s")]
+_Time = Annotated[float, Bounds(0.0, 36_000.0, "s")]
 _Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]
 _Offset = Annotated[float, Bounds(-10.0, 10.0, "m")]
 _Lag = Annotated[float, Bounds(0.0, 10.0, "s")]
 
 
 class RobotSection(Section):
-    """Which robot, in what it differs from it, and what its wheel controller believes.
+    """Named robot, and parameters that replace its own. None: the value of the named robot.
 
-    None: as the named robot is. Its lags, by which the recommended controller foretells it, are
-    those of the named robot whatever else is changed: give those of the changed robot, as
-    :func:`omnidrive.simulation.identify_lag` finds them, where they matter.
+    A changed mass, inertia, friction or motor does not change ``lag``, from which the controller
+    `holonomic-nmpc` predicts the motion. Identify it with :func:`omnidrive.simulation.identify_lag`
+    if the difference matters.
     """
 
     old_keys = {"assumed_arm": "assumed_effective_radius"}  # noqa: RUF012
 
     name: str
+    """Name of the robot."""
     assumed_effective_radius: Annotated[float, Bounds(0.01, 10.0, "m")] | None = None
-    """Distance to the wheels by which commands become wheel speeds; None: the true one."""
+    """Effective radius, m, in the wheel matrix that converts commands to wheel speeds. None: the
+    true effective radius."""
     mass: Annotated[float, Bounds(0.1, 10_000.0, "kg")] | None = None
-    """In total."""
+    """Total mass, wheels included, kg."""
     body_inertia: Annotated[float, Bounds(1e-6, 1e5, "kg m^2")] | None = None
-    """Yaw inertia of all but the wheels, about its own centre of mass."""
+    """Yaw moment of inertia of the body without wheels about its centre of mass, kg m^2."""
     com: tuple[_Offset, _Offset] | None = None
-    """Centre of mass in B; between the wheels, or one would lift off."""
+    """Centre of mass in B, m; it must be inside the support polygon of the wheels."""
     friction: Annotated[float, Bounds(0.001, 5.0, "1")] | None = None
-    """Coulomb coefficient between rollers and floor."""
+    """Coefficient of Coulomb friction between rollers and floor, dimensionless."""
     max_torque: Annotated[float, Bounds(1e-3, 1e4, "N m")] | None = None
-    """That a motor gives at its wheel."""
+    """Maximum torque of a motor at its wheel, N m."""
     servo_gain: Annotated[float, Bounds(1e-4, 1e4, "N m s/rad")] | None = None
-    """Torque per unit of wheel-speed error."""
+    """Gain of the wheel velocity servos, N m s/rad."""
     motor_lag: Annotated[float, Bounds(0.0, 2.0, "s")] | None = None
-    """Time constant with which the servos' set points follow the command."""
+    """Time constant with which the set points of the servos follow the command, s."""
     lag: tuple[_Lag, _Lag] | None = None
-    """Time constants with which translation and rotation follow commands."""
+    """Time constants with which translation and rotation follow commands, s, s."""
     roller_phase: bool = False
-    """Whether the angles at which the rollers stand at first are drawn from the scenario's seed,
-    anew for each repeat; else all wheels stand alike. Plant `rollers` only."""
+    """Whether the initial angles of the rollers are random, drawn from the seed of the scenario for
+    each repeat; otherwise they are equal at all wheels. For the plants `mujoco-rollers` and
+    `planar`."""
 
 
 class MovingSection(Section):
-    """A disc that moves on a given path, whatever stands in its way."""
+    """Disc-shaped obstacle that moves along a given path; collisions do not change its motion."""
 
     radius: Annotated[float, Bounds(0.01, 100.0, "m")]
+    """Radius of the disc, m."""
     path: Annotated[
-        tuple[tuple[_Instant, _Coordinate, _Coordinate], ...],
+        tuple[tuple[_Time, _Coordinate, _Coordinate], ...],
         Field(min_length=1, max_length=MAX_PATH_POINTS),
     ]
-    """When it is where: t (s), x (m), y (m), the times growing; evenly in between, at rest before
-    and after."""
+    """Points (t, x, y) in s, m, m with increasing times. The position is interpolated linearly; the
+    disc rests before the first point and after the last."""
     loop: bool = False
-    """Whether it starts again at the last of the times."""
+    """Whether the motion starts again at the last time."""
 
     @model_validator(mode="after")
-    def _moves(self) -> MovingSection:
+    def _check_path(self) -> MovingSection:
         self.obstacle()
         return self
 
     def obstacle(self) -> MovingObstacle:
-        """The same for the plant."""
+        """Return the obstacle of the plant."""
         times = tuple(t for t, _, _ in self.path)
         return MovingObstacle(self.radius, times, tuple((x, y) for _, x, y in self.path), self.loop)
 
 
 class MapSection(Section):
-    """Which map, and how far from its obstacles to stay."""
+    """Map, and clearance to its obstacles."""
 
     source: str
-    """`paper`, or a map's file, relative to the scenario's: of Nav2 (.yaml), MovingAI (.map), NumPy
-    (.npy) or text (.txt)."""
+    """`paper`, or a map file: Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt). In a
+    scenario file, its path is relative to that file."""
     margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
-    """Room between the robot's body and obstacles, and no less than half a cell's diagonal; the map
-    `paper` is inflated already."""
+    """Clearance between the robot's body and obstacles, m, at least half the diagonal of a cell.
+    The map `paper` is already inflated."""
     unknown: Unknown = "occupied"
-    """What cells count as of which the map does not say whether they are free."""
+    """Treatment of cells that are neither free nor occupied in the map."""
     resolution: Annotated[float, Bounds(0.001, 10.0, "m")] | None = None
-    """Side of a cell, where the map's file does not say it; 1 m if neither does."""
+    """Cell size, m, if the map file does not define it. None: as in the file, else 1 m."""
     moving: Annotated[tuple[MovingSection, ...], Field(max_length=MAX_MOVING_OBSTACLES)] = ()
-    """What moves there while the robot follows its path; on the plants `rollers` and `ball`.
-    Nobody plans around it."""
+    """Moving obstacles, for the plants `mujoco-rollers` and `mujoco-balls`. Neither planning nor
+    control takes them into account."""
 
     @model_validator(mode="after")
-    def _resolution_has_a_use(self) -> MapSection:
+    def _check_resolution(self) -> MapSection:
         if self.source == "paper" and self.resolution is not None:
             raise ValueError(
-                "resolution is for maps whose file does not say it, and the map paper has its own"
+                "resolution is for map files that do not define it; the map paper has a fixed one"
             )
         return self
 
 
 class TimingSection(Section):
-    """When the robot is to be where on its path."""
+    """Timing of the motion along the path."""
 
     law: TimingName = "uniform"
-    """`uniform`: the spline's parameter grows evenly, as in the paper, from a start in motion;
-    `limits`: from rest to rest, the fastest motion within the wheels' limits, slowed down evenly to
-    the duration asked for; `minimum-time`: the same on a path that is itself moved to be fast, and
-    with free headings (needs the extra `casadi`)."""
+    """`uniform`: the parameter of the spline is proportional to time, as in the paper; the speed is
+    not zero at the start. `limits`: the fastest motion from rest to rest within the wheel limits,
+    slowed uniformly to the duration of the task. `minimum-time`: as `limits`, with path and
+    headings optimised for time (needs the extra `casadi`)."""
     heading: Heading = "path"
-    """Of `limits`: `path`: as the path says; `tangent`; `fixed`: the start's; `free`: as is best
-    for time (needs the extra `casadi`)."""
+    """Heading with the law `limits`. `path`: headings of the planned path; `tangent`: direction of
+    motion; `fixed`: heading of the start; `free`: optimised for time (needs the extra
+    `casadi`)."""
     traction: Annotated[float, Bounds(0.01, 100.0, "1")] = 0.85
-    """Acceleration at most, as a multiple of what the wheels can push."""
+    """Maximum acceleration, as a multiple of that at the friction and torque limits."""
     wheel_acceleration: Annotated[float, Bounds(0.01, 1e5, "rad/s^2")] | None = None
-    """Of every wheel, at most; None for no limit but traction."""
+    """Maximum angular acceleration of a wheel, rad/s^2. None: no limit other than `traction`."""
 
     @model_validator(mode="after")
-    def _heading_has_a_use(self) -> TimingSection:
+    def _check_heading(self) -> TimingSection:
         if self.heading != "path" and self.law != "limits":
-            raise ValueError(f"heading: '{self.heading}' is for the law limits, not {self.law}")
+            raise ValueError(f"heading: '{self.heading}' needs the law limits, not {self.law}")
         return self
 
 
 class NmpcSection(Section):
-    """The NMPC's prediction horizon and solver."""
+    """Prediction horizon and solver of the controllers `unicycle-nmpc` and `holonomic-nmpc`."""
 
     horizon: Horizon = 15
+    """Prediction horizon, in steps of the sample time."""
     solver: Literal["sqp", "rti", "casadi"] = "sqp"
+    """`sqp`: sequential quadratic programming until convergence; `rti`: real-time iteration;
+    `casadi`: IPOPT (needs the extra `casadi`)."""
 
 
 class HolonomicNmpcSection(Section):
-    """Weights of the recommended NMPC, and how hard it may accelerate."""
+    """Weights and acceleration limits of the controller `holonomic-nmpc`."""
 
     weights: HolonomicParameters = HolonomicParameters()
+    """Weights of the cost function."""
     traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.85
-    """Acceleration that a plan may ask for, as a multiple of what the wheels can push."""
+    """Maximum acceleration of the predicted motion, as a multiple of that at the friction and
+    torque limits."""
     may_spin: bool | None = None
-    """Whether wheels may spin where the robot does not get along as planned. It then follows more
-    closely, but its odometry is lost by decimetres at a hard start: say false for robots that
-    have no other measurement of their pose. None: unless an estimator rests on odometry."""
+    """Whether the wheels may slip to reduce the tracking error. Slip makes the error smaller, but
+    the odometry drifts by decimetres in a hard start. Set it to false for a robot that measures its
+    pose by odometry only. None: false with an estimator, otherwise true."""
 
 
 class SensorsSection(Section):
-    """What the controller sees instead of the true pose; by default with an estimator."""
+    """Simulated sensors, and the estimator that computes the state from their readings."""
 
     encoders: EncoderSettings = EncoderSettings()
+    """Wheel encoders."""
     gyro: GyroSettings | None = GyroSettings()
-    """None: there is none."""
+    """Yaw-rate gyro. None: no gyro."""
     fixes: PoseFixSettings | None = PoseFixSettings()
-    """Measurements of the pose; in the task noise, their law is the paper's. None: there are none,
-    and odometry has to do."""
+    """Pose fixes; in the task `noise`, their noise is that of the paper. None: no pose fixes, only
+    odometry."""
     estimator: EstimatorSettings | None = EstimatorSettings()
-    """What makes a pose of all; None: the controller sees the latest fix as it is."""
+    """Pose estimator. None: the controller receives the latest pose fix."""
 
     @model_validator(mode="after")
-    def _something_to_see(self) -> SensorsSection:
+    def _check_pose_source(self) -> SensorsSection:
         if self.estimator is None and self.fixes is None:
-            raise ValueError("has neither fixes nor an estimator: nothing would tell the pose")
+            raise ValueError("has neither fixes nor an estimator, so the controller has no pose")
         return self
 
     @property
     def settings(self) -> SensorSettings:
-        """Of the sensors alone."""
+        """Settings of the sensors without the estimator."""
         return SensorSettings(self.encoders, self.gyro, self.fixes)
 
 
 class WatchdogSection(Section):
-    """When a run is stopped because the robot is lost.
+    """Limits beyond which the watchdog stops the robot.
 
     See :class:`~omnidrive.control.supervision.WatchdogLimits`.
     """
 
     on: bool = True
+    """Whether the watchdog is active."""
     error: Annotated[float, Bounds(0.01, 1e6, "m")] | None = None
-    """Distance to the reference, on top of that at the start; None: twice the robot's radius, and
-    no less than 1 m."""
+    """Distance to the reference, m, in addition to that at the start. None: twice the radius of the
+    robot's body, but at least 1 m."""
     position_sigma: Annotated[float, Bounds(1e-3, 1e6, "m")] = 0.5
-    """Standard deviation of the position."""
+    """Standard deviation of the estimated position, m."""
     age: Annotated[float, Bounds(0.01, 1e6, "s")] = 1.5
-    """Time since a pose was measured."""
+    """Age of the last pose fix, s."""
     patience: Annotated[float, Bounds(0.0, 60.0, "s")] = 0.3
-    """For which a limit has to be exceeded."""
+    """Time for which a limit must be exceeded before the robot is stopped, s."""
 
 
 class Scenario(Section):
-    """Everything that decides a study, and nothing computed.
+    """All settings of a study.
 
-    Lengths are in m, angles in rad, times in s. Two runs of one scenario with the same versions on
-    the same machine give the same numbers, bit for bit.
+    Lengths are in m, angles in rad, times in s. Two studies of one scenario with the same versions
+    on the same machine have bitwise equal results, except for computing times.
     """
 
     old_keys = {"recommended": "holonomic_nmpc"}  # noqa: RUF012
 
     format: Literal["omnidrive-scenario-1"] = "omnidrive-scenario-1"
+    """Name and version of the file format."""
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
+    """Name of the study, for titles."""
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
+    """Seed of all random numbers."""
     robot: RobotSection
     plant: Annotated[PlantName, accepts(OLD_PLANTS)] = "mujoco-rollers"
+    """Simulated plant."""
     coppeliasim: CoppeliaSimSection = CoppeliaSimSection()
-    """For the plant of that name."""
+    """Settings of the plant `coppeliasim`."""
     sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
+    """Sample time of controllers and log, s."""
     map: MapSection
     start: Waypoint
+    """Start pose in W; m, m, rad."""
     goal: Waypoint
+    """Goal in W; m, m, rad. The heading may be omitted."""
     path: PathOptions = PathOptions()
+    """Options of search and smoothing."""
     timing: TimingSection = TimingSection()
     controllers: Annotated[tuple[_Controller, ...], Field(min_length=1), UniqueItems]
+    """Controllers to compare."""
     preset: PresetName = "paper"
-    """Whether the paper's controllers follow its text, its published code, or what we recommend.
-
-    The classical `pid` follows the fuzzy PIDs. `nmpc` is the paper's, with its text's weights where
-    the preset is ours; our own is the controller `recommended`, the same in every preset."""
+    """Parameters of the controllers of the paper: from its text, from its published code, or
+    recommended values. They apply to `pid` and the fuzzy PIDs. `unicycle-nmpc` has the weights of
+    the text in the preset `recommended`; `holonomic-nmpc` and `feedforward` are the same in every
+    preset."""
     nmpc: NmpcSection = NmpcSection()
     feedforward: FeedforwardGains = FeedforwardGains()
+    """Gains of the controller `feedforward`."""
     holonomic_nmpc: HolonomicNmpcSection = HolonomicNmpcSection()
     faults: Faults = ()
-    """What goes wrong in every run, on top of the task `faults`."""
+    """Faults and disturbances in every run, in addition to those of the task `faults`."""
     watchdog: WatchdogSection = WatchdogSection()
     wheel_monitor: bool = True
-    """Whether dead and locked wheels are looked for, and made up for."""
+    """Whether failed wheels are detected and compensated for."""
     sensors: SensorsSection | None = None
-    """None: the controllers see the true pose, with the paper's noise in the task noise."""
+    """Simulated sensors. None: the controllers receive the true pose; in the task `noise`, with the
+    noise of the paper."""
     tasks: Tasks
 
     @property
@@ -293,13 +316,13 @@ class Scenario(Section):
 
     @property
     def wheels_may_spin(self) -> bool:
-        """See :attr:`HolonomicNmpcSection.may_spin`."""
+        """Whether the wheels may slip; see :attr:`HolonomicNmpcSection.may_spin`."""
         if self.holonomic_nmpc.may_spin is None:
             return self.sensors is None or self.sensors.estimator is None
         return self.holonomic_nmpc.may_spin
 
     @model_validator(mode="after")
-    def _movers_can_be_met(self) -> Scenario:
+    def _check_moving_obstacles(self) -> Scenario:
         if self.map.moving and not self.plant_capabilities.collides:
             raise ValueError(
                 f"map.moving: the plant {self.plant} has no obstacles; use "
@@ -308,30 +331,30 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
-    def _bounded(self) -> Scenario:
+    def _check_samples(self) -> Scenario:
         steps = self.tasks.longest / self.sample_time
         if steps > MAX_STEPS:
             raise ValueError(
-                f"asks for a run of {steps:.0f} samples, need at most {MAX_STEPS}: "
+                f"has a run of {steps:.0f} samples, need at most {MAX_STEPS}: "
                 "shorten the longest duration or lengthen sample_time"
             )
         steps = self.tasks.noise_duration / self.sample_time
         if steps > MAX_NOISE_STEPS:
             raise ValueError(
-                f"asks for {steps:.0f} samples with noise, need at most {MAX_NOISE_STEPS}: "
+                f"has {steps:.0f} samples with noise, need at most {MAX_NOISE_STEPS}: "
                 "lower tasks.noise.repeats or shorten its longest duration"
             )
         return self
 
     @model_validator(mode="after")
-    def _faults_can_be(self) -> Scenario:
+    def _check_faults(self) -> Scenario:
         task = self.tasks.faults
         of_task = [(fault, task.duration) for fault in task.faults] if task else []
-        for fault, ends in (*((f, self.tasks.shortest) for f in self.faults), *of_task):
-            if fault.at >= ends:
+        for fault, end in (*((f, self.tasks.shortest) for f in self.faults), *of_task):
+            if fault.at >= end:
                 raise ValueError(
-                    f"fault {fault.kind} begins at {fault.at:g} s, after a run's end at "
-                    f"{ends:g} s: let it begin earlier"
+                    f"fault {fault.kind} begins at {fault.at:g} s, but a run ends at {end:g} s: "
+                    "use an earlier time"
                 )
             if not self.plant_capabilities.forces and fault.kind in NEED_FORCES:
                 raise ValueError(
@@ -342,7 +365,7 @@ class Scenario(Section):
 
 
 def _plants_with(*capabilities: str) -> str:
-    """Names of the plants that have all capabilities, for messages."""
+    """Return the names of the plants that have all capabilities, for messages."""
     names = [
         n for n, has in PLANT_CAPABILITIES.items() if all(getattr(has, c) for c in capabilities)
     ]
@@ -350,30 +373,31 @@ def _plants_with(*capabilities: str) -> str:
 
 
 def robot_of(section: RobotSection) -> Robot:
-    """The named robot with what the section says of it instead.
+    """Return the named robot with the parameters of the section.
 
     Raises:
-        InvalidInput: There is no such robot, or it could not stand or move as it is changed.
+        InvalidInput: The name is unknown, or the parameters are not those of a possible robot.
     """
     changes = section.model_dump(exclude={"name", "roller_phase"}, exclude_none=True)
     return replace(named_robot(section.name), **changes)
 
 
 def robot_section(name: str, preset: PresetName) -> RobotSection:
-    """The robot as ``preset`` drives it; ``published-code`` takes over the code's slip.
+    """Return the section of a named robot with the wheel matrix of a preset.
 
-    The slip: a wheel's x coordinate, 0.5 m on the robot `paper`, stands for its distance from the
-    centre, 0.7071 m.
+    The preset `published-code` reproduces an error of the published code: its wheel matrix contains
+    the x coordinate of a wheel, 0.5 m for the robot `paper`, instead of the distance of the wheel
+    from the centre, 0.7071 m.
 
     Raises:
-        InvalidInput: There is no such robot.
+        InvalidInput: The name is unknown.
     """
-    slip = named_robot(name).effective_radius / 2**0.5 if preset == "published-code" else None
-    return RobotSection(name=name, assumed_effective_radius=slip)
+    radius = named_robot(name).effective_radius / 2**0.5 if preset == "published-code" else None
+    return RobotSection(name=name, assumed_effective_radius=radius)
 
 
 def paper_scenario(preset: PresetName = "paper") -> Scenario:
-    """The paper's study, with its controllers as ``preset`` has them."""
+    """Return the study of the paper with the controllers of a preset."""
     return Scenario(
         name="paper",
         robot=robot_section("paper", preset),
@@ -396,9 +420,17 @@ def map_scenario(
     name: str,
     preset: PresetName = "paper",
 ) -> Scenario:
-    """The paper's study on another map, from rest to rest; ``source`` is the map's file.
+    """Return the tasks of the paper on another map, with motion from rest to rest.
 
-    The times are the paper's; see :func:`~omnidrive.study.retime` for times that suit the path.
+    The durations are those of the paper; :func:`~omnidrive.study.retime` adapts them to the path.
+
+    Args:
+        source: Map file.
+        start: Start in W; m, m, rad.
+        goal: Goal in W; m, m, rad.
+        robot: Name of the robot.
+        name: Name of the study.
+        preset: Parameters of the controllers.
     """
     paper = paper_scenario(preset)
     return paper.model_copy(

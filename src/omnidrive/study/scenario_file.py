@@ -1,4 +1,4 @@
-"""Scenarios as YAML files."""
+"""Scenario files in YAML."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from omnidrive.simulation.disturbances import FAULTS
 from omnidrive.study.scenario import Scenario
 
 _MISSING = "'{key}' is missing"
-_NO_NUMBER = "{key} must be a plain number without a unit, got {value}"
-_NO_FAULT = f"{{key}}: there is no such kind of fault; there are {', '.join(FAULTS)}"
-_SAYINGS = {
+_NOT_A_NUMBER = "{key} must be a plain number without a unit, got {value}"
+_UNKNOWN_FAULT = f"{{key}}: unknown kind of fault; there are {', '.join(FAULTS)}"
+_MESSAGES = {
     **dict.fromkeys(("missing", "missing_argument"), _MISSING),
-    **dict.fromkeys(("float_parsing", "float_type", "int_parsing", "int_type"), _NO_NUMBER),
-    **dict.fromkeys(("union_tag_invalid", "union_tag_not_found"), _NO_FAULT),
+    **dict.fromkeys(("float_parsing", "float_type", "int_parsing", "int_type"), _NOT_A_NUMBER),
+    **dict.fromkeys(("union_tag_invalid", "union_tag_not_found"), _UNKNOWN_FAULT),
 }
-"""What to say of problems, by the name that pydantic has for them."""
+"""Messages by pydantic's type of the error."""
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Read a scenario; a map file is made relative to the working folder.
+    """Read a scenario file; the path of its map becomes relative to the working directory.
 
     Raises:
-        InvalidScenario: The file is missing, malformed, or says something that has no meaning; the
-            message names every wrong key.
+        InvalidScenario: The file is missing or malformed, or a value is invalid; the message names
+            every invalid key.
     """
     data = read_yaml(path, "scenario", InvalidScenario)
     if not isinstance(data, dict):
-        raise InvalidScenario(f"{path} is not a scenario: it holds no keys")
+        raise InvalidScenario(f"{path} is not a scenario: it contains no keys")
     scenario = parse_scenario(data, str(path))
     if scenario.map.source == "paper":
         return scenario
@@ -49,12 +49,12 @@ def load_scenario(path: Path) -> Scenario:
 
 
 def save_scenario(scenario: Scenario, path: Path) -> None:
-    """Write a scenario so that :func:`load_scenario` reads the same."""
+    """Write a scenario file that :func:`load_scenario` can read."""
     path.write_text(yaml.safe_dump(scenario_data(scenario), sort_keys=False), encoding="utf-8")
 
 
 def scenario_data(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as dictionaries, lists, numbers and strings."""
+    """Return the scenario as dictionaries, lists, numbers and strings."""
     data: dict[str, Any] = _plain(scenario)
     return data
 
@@ -72,10 +72,14 @@ def _plain(value: Any) -> Any:
 
 
 def parse_scenario(data: dict[Any, Any], where: str) -> Scenario:
-    """Check ``data`` and make it a scenario; ``where`` names its source in messages.
+    """Validate ``data`` and return the scenario.
+
+    Args:
+        data: Content of a scenario file.
+        where: Source of the data, for messages.
 
     Raises:
-        InvalidScenario: As for :func:`load_scenario`.
+        InvalidScenario: A key or value is invalid; the message names every one.
     """
     try:
         return Scenario.model_validate(data)
@@ -86,18 +90,18 @@ def parse_scenario(data: dict[Any, Any], where: str) -> Scenario:
 
 
 def _explain(problem: Any) -> str:
-    """One problem in words: which key, what is wrong, what would be right."""
+    """Return the message for one error: the key, the cause and the valid values."""
     kind, value = problem["type"], problem.get("input")
     if kind in {"extra_forbidden", "unexpected_keyword_argument", "invalid_key"}:
-        *outer, name = problem["loc"]  # name: as in the file, so perhaps no identifier
-        spot = _fields(outer)
-        if kind == "invalid_key":  # not text; pydantic takes true for 1
-            return f"unknown key {short_repr(value)}" + _within(spot) + _suggestion("", spot)
-        key = ".".join([*map(str, spot), one_line(str(name), 60)])
-        return f"unknown key '{key}'" + _suggestion(str(name), spot)
+        *outer, name = problem["loc"]  # the name is that in the file, not always an identifier
+        keys = _fields(outer)
+        if kind == "invalid_key":  # not a string; pydantic reports true as 1
+            return f"unknown key {short_repr(value)}" + _within(keys) + _suggestion("", keys)
+        key = ".".join([*map(str, keys), one_line(str(name), 60)])
+        return f"unknown key '{key}'" + _suggestion(str(name), keys)
     key = ".".join(map(str, _fields(problem["loc"])))
-    if kind in _SAYINGS:
-        return _SAYINGS[kind].format(key=key, value=short_repr(value))
+    if kind in _MESSAGES:
+        return _MESSAGES[kind].format(key=key, value=short_repr(value))
     message = problem["msg"].removeprefix("Value error, ")
     if kind == "value_error":
         return f"{key} {message}".lstrip()
@@ -105,16 +109,16 @@ def _explain(problem: Any) -> str:
 
 
 def _fields(loc: Iterable[Any]) -> list[Any]:
-    """``loc`` without what pydantic adds to it, such as `function-after[check(), float]`."""
+    """Return the keys in ``loc``, without additions such as `function-after[check(), float]`."""
     return [part for part in loc if isinstance(part, int) or part.isidentifier() or part in FAULTS]
 
 
-def _within(spot: list[Any]) -> str:
-    return f" in '{'.'.join(map(str, spot))}'" if spot else ""
+def _within(keys: list[Any]) -> str:
+    return f" in '{'.'.join(map(str, keys))}'" if keys else ""
 
 
 def _suggestion(name: str, loc: list[Any]) -> str:
-    """The nearest key that exists at ``loc``, or all of them."""
+    """Return a suggestion of the closest valid key at ``loc``, or of all."""
     model: Any = Scenario
     for part in loc:
         if part in FAULTS:
@@ -133,7 +137,7 @@ def _keys(model: Any) -> list[str]:
 
 
 def _type_at(model: Any, name: str) -> Any:
-    """Class of a field, with ``| None`` taken off."""
+    """Return the class of a field; ``X`` for ``X | None``."""
     hint = get_type_hints(model)[name]
     options = [h for h in get_args(hint) if h is not type(None)] if get_args(hint) else [hint]
     return options[0] if _keys(options[0]) else hint

@@ -1,4 +1,4 @@
-"""Base class of the sections of a scenario, and the names that scenarios used before."""
+"""Base class of the sections of a scenario, and former names that are still accepted."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Any, ClassVar
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, model_validator
 
 OLD_CONTROLLERS = {"nmpc": "unicycle-nmpc", "recommended": "holonomic-nmpc"}
-"""Former names of controllers, which still load."""
+"""Former and present names of controllers."""
 OLD_PLANTS = {"rollers": "mujoco-rollers", "ball": "mujoco-balls"}
-"""Former names of plants, which still load."""
+"""Former and present names of plants."""
 
 
 class Renamed(FutureWarning):
-    """A name that still works, and the one to write instead."""
+    """Warning that a former name was used; its message states the present one."""
 
 
 def current_name(name: Any, old_names: Mapping[str, str]) -> Any:
-    """Return ``name``, or the present one of a former name with a :class:`Renamed` warning."""
+    """Return the present name; warn with :class:`Renamed` if ``name`` is a former one."""
     if not (isinstance(name, str) and name in old_names):
         return name
     warnings.warn(f"'{name}' is now called '{old_names[name]}'", Renamed, stacklevel=3)
@@ -32,10 +32,10 @@ def accepts(old_names: Mapping[str, str]) -> BeforeValidator:
 
 
 class Section(BaseModel):
-    """A part of a scenario file without unknown keys and without non-finite numbers.
+    """Section of a scenario file; unknown keys and non-finite numbers are errors.
 
     Attributes:
-        old_keys: Former names of keys, which still load, and the present ones.
+        old_keys: Former and present names of keys.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -44,7 +44,7 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _current_keys(cls, data: Any) -> Any:
-        """Rename former keys."""
+        """Replace former names of keys by the present ones."""
         if not isinstance(data, dict) or not cls.old_keys.keys() & data.keys():
             return data
         twice = [new for old, new in cls.old_keys.items() if old in data and new in data]
@@ -53,11 +53,11 @@ class Section(BaseModel):
         return {current_name(key, cls.old_keys): value for key, value in data.items()}
 
 
-def _all_different(values: tuple[object, ...]) -> tuple[object, ...]:
+def _check_unique(values: tuple[object, ...]) -> tuple[object, ...]:
     if len({f"{v:g}" if isinstance(v, float) else v for v in values}) < len(values):
-        raise ValueError("lists an item twice")
+        raise ValueError("contains an item twice")
     return values
 
 
-UniqueItems = AfterValidator(_all_different)
-"""Validator of a list whose items differ."""
+UniqueItems = AfterValidator(_check_unique)
+"""Validator of a list without duplicates."""

@@ -1,4 +1,4 @@
-"""A study from its scenario to its report."""
+"""Studies: planning, simulation, evaluation and report of a scenario."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from omnidrive.evaluation import (
 )
 from omnidrive.simulation import Outcome
 from omnidrive.study.execute import Result, execute
-from omnidrive.study.folder import RunFolder, writing
+from omnidrive.study.folder import RunFolder, write_errors
 from omnidrive.study.jobs import Job, jobs_of
 from omnidrive.study.output_folder import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
@@ -32,25 +32,25 @@ from omnidrive.visualization import Observer
 
 @runtime_checkable
 class ProgressListener(Protocol):
-    """Told what a study is doing."""
+    """Receiver of progress notifications."""
 
     def part(self, name: str, steps: int) -> None:
-        """A part of the study begins; it has ``steps`` steps (0: not known)."""
+        """Handle the start of a part with ``steps`` steps (0: unknown number)."""
         ...
 
     def done(self, what: str) -> None:
-        """One step of the part is done."""
+        """Handle the end of one step of the part; ``what`` names it."""
         ...
 
 
 class NullProgress:
-    """A :class:`ProgressListener` that says nothing."""
+    """A :class:`ProgressListener` that does nothing."""
 
     def part(self, name: str, steps: int) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
     def done(self, what: str) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,10 +58,10 @@ class Study:
     """A finished study.
 
     Attributes:
-        results: All it found.
-        tables: The same as tables.
-        folder: Where it was written; None if nowhere.
-        timing: Seconds of wall time per part.
+        results: Results of all runs.
+        tables: Tables of the results.
+        folder: Output folder; None: nothing was written.
+        timing: Wall time of each part of the study, s.
     """
 
     results: StudyResults
@@ -71,19 +71,17 @@ class Study:
 
     @property
     def overlaps(self) -> list[str]:
-        """Names of the runs whose robot would have touched an obstacle, had it stood there."""
-        bumped = self.collisions
-        return [
-            r.name for r in self.results.tracks if r.min_clearance < 0.0 and r.name not in bumped
-        ]
+        """Names of runs in which the body overlaps an obstacle without a simulated collision."""
+        collisions, tracks = self.collisions, self.results.tracks
+        return [r.name for r in tracks if r.min_clearance < 0.0 and r.name not in collisions]
 
     @property
     def collisions(self) -> dict[str, int]:
-        """How often the robot ran into something, by the names of the runs in which it did."""
+        """Number of simulated collisions, by the name of the run; only runs with collisions."""
         return {r.name: r.collisions for r in self.results.tracks if r.collisions}
 
     def raise_if_failed(self) -> Study:
-        """Return self, or raise :class:`RunFailed` if a run stopped early, but for `faults`."""
+        """Return self; raise :class:`RunFailed` if a run, except those of `faults`, ended early."""
         failed = [r for r in self.results.runs if r.run.outcome is not Outcome.FINISHED]
         if failed:
             facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.ending})" for r in failed)
@@ -99,21 +97,22 @@ def run_study(
     progress: ProgressListener | None = None,
     observers: Sequence[Observer] = (),
 ) -> Study:
-    """Plan, run, measure and report.
+    """Plan a scenario, simulate and evaluate all its runs, and write the report.
 
-    Every run is written as soon as it is finished.
+    The files of a run are written as soon as it is finished.
 
     Args:
-        scenario: What to do.
-        folder: A new or empty folder for the results; None writes nothing.
-        processes: Runs done at the same time; the numbers do not depend on it.
-        progress: Told how far the work is.
-        observers: Observers of every run; the runs are then done one by one.
+        scenario: The scenario.
+        folder: New or empty folder for the results. None: nothing is written.
+        processes: Number of worker processes; the results do not depend on it.
+        progress: Receiver of progress notifications. None: no notifications.
+        observers: Observers of every run; with observers, the runs are sequential.
 
     Raises:
-        InvalidInput: The scenario cannot be done as it stands.
-        NoPathFound: There is no way from start to goal.
+        InvalidInput: The scenario is not feasible.
+        NoPathFound: There is no path from start to goal.
         CannotWrite: The folder cannot be written.
+        WorkerLost: A worker process was killed; results written before are kept.
     """
     if folder:
         check_new_folder(folder)
@@ -127,7 +126,9 @@ def run_study(
     finished: dict[Job, Result] = {}
     with (
         clock.part("simulate", len(jobs)),
-        closing(execute(planned, jobs, processes, observers)) as done,  # an error ends the workers
+        closing(
+            execute(planned, jobs, processes, observers)
+        ) as done,  # closing it ends the workers
     ):
         for job, result in done:
             finished[job] = result
@@ -138,7 +139,7 @@ def run_study(
     results = _collect(planned, jobs, finished)
     tables = study_tables(
         results,
-        published=_is_papers(scenario),
+        published=_is_published_study(scenario),
         published_rules=scenario.preset == "published-code",
     )
     if store:
@@ -149,14 +150,14 @@ def run_study(
 
 @dataclass(slots=True)
 class _Clock:
-    """Wall time per part, while a watcher looks on."""
+    """Stopwatch of the parts of a study, which also notifies a listener."""
 
     progress: ProgressListener
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def part(self, name: str, steps: int) -> Iterator[None]:
-        """Tell the watcher of a part of so many steps, and take its time."""
+        """Notify the listener of a part and measure the wall time of the block."""
         self.progress.part(name, steps)
         began = perf_counter()
         yield
@@ -166,22 +167,23 @@ class _Clock:
 def _report(
     store: RunFolder, results: StudyResults, tables: Sequence[Table], clock: _Clock
 ) -> None:
-    with clock.part("figures", 0), writing(store.path):
+    with clock.part("figures", 0), write_errors(store.path):
         for path in write_figures(results, store.path / "figures"):
             clock.progress.done(path.name)
-    with clock.part("report", 1), store.whole("report.html") as path:
+    with clock.part("report", 1), store.complete_file("report.html") as path:
         write_page(results, tables, path)
         clock.progress.done("report.html")
 
 
-_DECISIVE = ("map", "start", "goal", "path", "timing", "sample_time", "nmpc")
+_PUBLISHED_SETTINGS = ("map", "start", "goal", "path", "timing", "sample_time", "nmpc")
+"""Sections that must equal those of the paper for a comparison with its numbers."""
 
 
-def _is_papers(scenario: Scenario) -> bool:
-    """Whether the paper's numbers belong beside those of this scenario."""
+def _is_published_study(scenario: Scenario) -> bool:
+    """Return whether the results are comparable with the numbers in the paper."""
     paper = paper_scenario(scenario.preset)
     return (
-        all(getattr(scenario, name) == getattr(paper, name) for name in _DECISIVE)
+        all(getattr(scenario, name) == getattr(paper, name) for name in _PUBLISHED_SETTINGS)
         and scenario.robot.name == paper.robot.name
         and scenario.tasks.step in {None, paper.tasks.step}
     )
@@ -190,7 +192,7 @@ def _is_papers(scenario: Scenario) -> bool:
 def _collect(
     planned: PlannedScenario, jobs: Sequence[Job], finished: dict[Job, Result]
 ) -> StudyResults:
-    """What is finished so far, in the order of ``jobs``."""
+    """Return the results of the finished runs, in the order of ``jobs``."""
     done = [finished[job] for job in jobs if job in finished]
     scenario = planned.scenario
     return StudyResults(

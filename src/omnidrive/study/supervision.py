@@ -9,11 +9,11 @@ from omnidrive.study.scenario import Scenario
 
 
 def make_supervisor(scenario: Scenario, robot: Robot) -> SafetySupervisor:
-    """A new supervisor with the scenario's watchdog and wheel monitor."""
+    """Return a new supervisor with the watchdog and the wheel monitor of the scenario."""
     section = scenario.watchdog
-    usual = WatchdogLimits.of(robot)
+    default = WatchdogLimits.of(robot)
     limits = WatchdogLimits(
-        usual.error if section.error is None else section.error,
+        default.error if section.error is None else section.error,
         section.position_sigma,
         section.age,
         section.patience,

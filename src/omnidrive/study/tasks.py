@@ -1,4 +1,4 @@
-"""What the controllers of a study have to do."""
+"""Tasks of a study."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from omnidrive.study.section import Section, UniqueItems
 TaskName = Literal["track", "noise", "step", "horizon", "faults"]
 
 MAX_FAULTS = 100
-"""Most faults of one run, and most runs with a fault of one controller."""
+"""Maximum number of faults of one run, and of faults of the task `faults`."""
 
 Seconds = Annotated[float, Bounds(0.1, 36_000.0, "s")]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
@@ -23,45 +23,52 @@ _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
 
 
 class DurationsTask(Section):
-    """Follow the path in each of several times."""
+    """Follow the path, once for each of several durations."""
 
     durations: Annotated[tuple[Seconds, ...], Field(min_length=1, max_length=20), UniqueItems]
+    """Durations of the path, s."""
 
 
 class NoiseTask(DurationsTask):
-    """The same with the paper's noise on the measured pose."""
+    """Follow the path with the measurement noise of the paper on the pose."""
 
     repeats: Annotated[int, Bounds(1, 200, "seeds")] = 1
-    """How many times, each with other random numbers; every controller meets the same ones."""
+    """Number of runs with different noise; the noise is the same for every controller."""
 
 
 class StepTask(Section):
-    """Stand still, then let the reference jump in x, y (m) and heading (rad) at once."""
+    """Step response from rest at the start."""
 
     displacement: tuple[_Metres, _Metres, Annotated[float, Bounds(-pi, pi, "rad")]]
+    """Step of the reference in x, y and heading in W; m, m, rad."""
     duration: Seconds
+    """Duration of the run, s."""
 
 
 class HorizonTask(Section):
-    """Follow the path with NMPC of several prediction horizons."""
+    """Follow the path with several prediction horizons of an NMPC."""
 
     duration: Seconds
+    """Duration of the path, s."""
     horizons: Annotated[tuple[Horizon, ...], Field(min_length=1, max_length=50), UniqueItems]
+    """Prediction horizons, in steps of the sample time."""
 
 
 Faults = Annotated[tuple[Fault, ...], Field(max_length=MAX_FAULTS)]
 
 
 class FaultsTask(Section):
-    """Follow the path once as it is, and once with each of several faults."""
+    """Follow the path once without a fault, and once with each of several faults."""
 
     duration: Seconds
+    """Duration of the path, s."""
     faults: Faults = ()
-    """None: one of every kind, all beginning after a quarter of the time."""
+    """Faults, each in a run of its own. Empty: one of every kind that the plant can simulate, each
+    from a quarter of the duration on."""
 
 
 class Tasks(Section):
-    """What the controllers have to do; None leaves a task out."""
+    """Tasks of every controller. None: the study does not have this task."""
 
     track: DurationsTask | None = None
     noise: NoiseTask | None = None
@@ -70,14 +77,14 @@ class Tasks(Section):
     faults: FaultsTask | None = None
 
     @model_validator(mode="after")
-    def _something_to_do(self) -> Tasks:
+    def _check_not_empty(self) -> Tasks:
         if not any((self.track, self.noise, self.step, self.horizon, self.faults)):
-            raise ValueError("names no task; there are track, noise, step, horizon and faults")
+            raise ValueError("has no task; there are track, noise, step, horizon and faults")
         return self
 
     @property
     def path_durations(self) -> tuple[float, ...]:
-        """Every duration in which the path is followed, in s."""
+        """Different durations of the path in all tasks, in s, in increasing order."""
         lists = (task.durations for task in (self.track, self.noise) if task)
         single = [task.duration for task in (self.horizon, self.faults) if task]
         return tuple(sorted({*chain.from_iterable(lists), *single}))
@@ -96,12 +103,12 @@ class Tasks(Section):
 
     @property
     def noise_duration(self) -> float:
-        """Seconds that each controller drives with noise, all repeats of the longest together."""
+        """Total duration of the longest noise runs of one controller, over all repeats, in s."""
         return self.noise.repeats * max(self.noise.durations) if self.noise else 0.0
 
 
 def study_tasks(duration: float) -> Tasks:
-    """The paper's tasks for a path to be followed in ``duration`` and 1.5 ``duration`` seconds."""
+    """Return the tasks of the paper for a path of ``duration`` and 1.5 ``duration`` seconds."""
     slower = round(1.5 * duration, 6)
     return Tasks(
         track=DurationsTask(durations=(duration, slower)),

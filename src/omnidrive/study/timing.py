@@ -13,9 +13,9 @@ from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.tasks import DurationsTask, FaultsTask, TaskName, Tasks
 
 DEFAULT_SPEED = 0.5
-"""Default mean speed in m/s: that of the paper's path in 20 s."""
+"""Default mean speed in m/s, close to that of the paper (its path in 20 s)."""
 
-_LEAST_SAMPLES = 10  # also if the start is the goal
+_LEAST_SAMPLES = 10  # of a path, also if its length is zero
 
 
 def retime(
@@ -96,7 +96,7 @@ def _scaled(scenario: Scenario, factor: float) -> Scenario:
         tasks["horizon"]["duration"] = round(factor * tasks["horizon"]["duration"], 6)
     if tasks["faults"]:
         tasks["faults"]["duration"] = round(factor * tasks["faults"]["duration"], 6)
-    return parse_scenario({**scenario_data(scenario), "tasks": tasks}, "with these times")
+    return parse_scenario({**scenario_data(scenario), "tasks": tasks}, "with these durations")
 
 
 def with_task(scenario: Scenario, names: Sequence[str]) -> Scenario:
