@@ -1,4 +1,4 @@
-"""Raw sensors: each against what its settings say."""
+"""Simulated sensors: noise, delay and faults according to their settings; readings and states."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -45,18 +45,18 @@ def standing(pose=START, angles=()):
 
 def fixes(settings, seed=0):
     rng = np.random.default_rng(seed)
-    taker = PoseFixes(settings, rng, rng.spawn(1)[0])
-    taker.reset(START)
-    return taker
+    sensor = PoseFixes(settings, rng, rng.spawn(1)[0])
+    sensor.reset(START)
+    return sensor
 
 
 def errors(settings, seconds, seed=0):
-    """Of all fixes of a robot at rest, one row each."""
+    """Return the errors of all fixes of a robot at rest, one row each."""
     found = fixes(settings, seed).read(seconds, START)
     return np.array([np.subtract(fix.pose, START) for fix in found])
 
 
-def test_encoders_count_whole_steps():
+def test_encoders_report_whole_counts():
     encoders = Encoders(EncoderSettings(counts_per_turn=100), ROBOT.chassis)
     turned = (0.1, -7.3, 40.0, 1e-3)
     read = np.array(encoders.read(standing(angles=turned)))
@@ -65,12 +65,12 @@ def test_encoders_count_whole_steps():
     assert np.abs(read - turned).max() <= pi / 100
 
 
-def test_a_dead_encoder_tells_nothing():
+def test_dead_encoder_reports_nothing():
     read = Encoders(EncoderSettings(), ROBOT.chassis).read(standing(angles=(1.0,) * 4), {2})
     assert [isnan(angle) for angle in read] == [False, False, True, False]
 
 
-def test_a_plant_without_wheels_has_wheels_that_do_not_slip():
+def test_encoders_of_a_plant_without_wheels_measure_rolling_without_slip():
     plant, twist = KinematicPlant(ROBOT), BodyTwist(0.4, -0.2, 0.3)
     encoders = Encoders(EncoderSettings(counts_per_turn=2**20), ROBOT.chassis)
     plant.reset(START)
@@ -81,7 +81,7 @@ def test_a_plant_without_wheels_has_wheels_that_do_not_slip():
 
 
 @pytest.mark.parametrize("wheels", ["rollers", "ball"])
-def test_wheels_on_physics_turn_as_the_chassis_says(wheels):
+def test_encoders_of_a_physical_plant_match_the_chassis(wheels):
     plant, twist = MujocoPlant(ROBOT, wheels), BodyTwist(0.3, 0.2, 0.2)
     plant.reset(START)
     before = plant.step(twist, 1.0).wheel_angles
@@ -90,7 +90,7 @@ def test_wheels_on_physics_turn_as_the_chassis_says(wheels):
     assert turned == pytest.approx(ROBOT.chassis.wheel_speeds(twist), abs=0.02)
 
 
-def test_gyro_noise_has_its_density_and_bias():
+def test_gyro_noise_and_bias():
     settings = GyroSettings(noise_density=0.01, bias=0.1, bias_walk=0.0)
     gyro = Gyro(settings, np.random.default_rng(1))
     biases = []
@@ -103,7 +103,7 @@ def test_gyro_noise_has_its_density_and_bias():
     assert read.std() == pytest.approx(0.01 / 0.1**0.5, rel=0.05)
 
 
-def test_the_gyros_bias_walks():
+def test_gyro_bias_is_a_random_walk():
     settings = GyroSettings(noise_density=0.0, bias=0.0, bias_walk=0.02)
     ends = []
     for seed in range(400):
@@ -115,7 +115,7 @@ def test_the_gyros_bias_walks():
     assert np.std(ends) == pytest.approx(0.02 * 25**0.5, rel=0.12)
 
 
-def test_white_fixes_are_as_good_as_they_say():
+def test_white_noise_of_fixes():
     settings = PoseFixSettings(rate=100.0, position_sigma=0.03, yaw_sigma=0.02)
     error = errors(settings, 60.0)
     assert len(error) == 6001
@@ -124,19 +124,21 @@ def test_white_fixes_are_as_good_as_they_say():
 
 
 @pytest.mark.parametrize("damping", [0.9, 0.3, 0.1])
-def test_the_bias_begins_at_nothing_and_wanders_as_far_as_it_says(damping):
+def test_fix_bias_starts_at_zero_and_becomes_stationary(damping):
     settings = PoseFixSettings(
         rate=2.0, position_sigma=0.0, yaw_sigma=0.0, position_bias=0.1, yaw_bias=0.05,
         bias_time=3.0, bias_damping=damping,
     )  # fmt: skip
     runs = np.array([errors(settings, 60.0, seed) for seed in range(200)])
     assert not runs[:, 0].any()
-    assert (np.abs(runs[:, 1]) < 0.1).all()  # half a second later: at most some sigmas of its rate
+    assert (
+        np.abs(runs[:, 1]) < 0.1
+    ).all()  # half a second later: a few standard deviations of its rate
     late = runs[:, 20:].std(axis=(0, 1))
     assert late == pytest.approx([0.1, 0.1, 0.05], rel=0.15)
 
 
-def test_the_papers_preset_is_the_papers_noise():
+def test_law_paper_equals_the_paper_noise():
     settings = SensorSettings(fixes=PoseFixSettings(law="paper"))
     sensors = SensorSuite(settings, ROBOT.chassis, np.random.default_rng(3))
     paper = PaperNoise(np.random.default_rng(3))
@@ -147,7 +149,7 @@ def test_the_papers_preset_is_the_papers_noise():
         assert np.array(fix.pose) == pytest.approx(noisy.pose, abs=1e-12)
 
 
-def test_the_papers_preset_tells_its_spread():
+def test_law_paper_states_its_standard_deviation():
     settings = PoseFixSettings(law="paper", rate=200.0)
     found = [fix for fix in fixes(settings).read(7.9, START) if fix.stamp > 7.7]
     error = np.array([np.subtract(fix.pose, START) for fix in found])
@@ -156,23 +158,23 @@ def test_the_papers_preset_tells_its_spread():
     assert settings.bias_sigma[0] == pytest.approx(np.max(np.sin(np.arange(0, 100)) / 12), rel=0.01)
 
 
-def test_fixes_come_late_and_say_when_they_were_taken():
+def test_late_fixes_have_the_stamp_of_their_measurement():
     settings = PoseFixSettings(rate=10.0, latency=0.25)
-    taker = fixes(settings)
-    arrived = {k: [f.stamp for f in taker.read(0.1 * k, START)] for k in range(6)}
+    sensor = fixes(settings)
+    arrived = {k: [f.stamp for f in sensor.read(0.1 * k, START)] for k in range(6)}
     assert arrived[2] == []
     assert arrived[3] == [0.0]
     assert arrived[4] == pytest.approx([0.1])
 
 
-def test_fixes_that_are_late_by_chance_overtake_each_other():
-    taker = fixes(PoseFixSettings(rate=20.0, jitter=0.5))
-    stamps = [fix.stamp for k in range(60) for fix in taker.read(0.1 * k, START)]
+def test_jitter_changes_the_order_of_arrival():
+    sensor = fixes(PoseFixSettings(rate=20.0, jitter=0.5))
+    stamps = [fix.stamp for k in range(60) for fix in sensor.read(0.1 * k, START)]
     assert any(a > b for a, b in pairwise(stamps))
     assert len(set(stamps)) == len(stamps) > 100
 
 
-def test_fixes_are_lost_and_far_off_as_often_as_told():
+def test_rates_of_dropouts_and_outliers():
     settings = PoseFixSettings(
         rate=100.0, position_sigma=1e-3, dropout=0.2, outliers=0.1, outlier_size=2.0
     )
@@ -183,26 +185,26 @@ def test_fixes_are_lost_and_far_off_as_often_as_told():
     assert np.hypot(*error[far, :2].T) == pytest.approx(2.0, abs=0.01)
 
 
-def test_between_samples_a_fix_sees_where_the_robot_was():
+def test_fixes_between_samples_interpolate_the_pose():
     settings = PoseFixSettings(rate=40.0, position_sigma=0.0, yaw_sigma=0.0)
-    taker, twist = fixes(settings), BodyTwist(1.0, 0.5, 2.0)
-    taker.read(0.0, START)
-    found = taker.read(0.1, move(START, twist, 0.1))
+    sensor, twist = fixes(settings), BodyTwist(1.0, 0.5, 2.0)
+    sensor.read(0.0, START)
+    found = sensor.read(0.1, move(START, twist, 0.1))
     assert [fix.stamp for fix in found] == pytest.approx([0.025, 0.05, 0.075, 0.1])
     for fix in found:
         assert np.array(fix.pose) == pytest.approx(move(START, twist, fix.stamp), abs=1e-12)
 
 
-def test_silence_loses_what_would_be_taken_but_not_what_is_on_its_way():
-    taker = fixes(PoseFixSettings(rate=10.0, latency=0.1))
-    taker.read(0.0, START)
-    assert [fix.stamp for fix in taker.read(0.1, START, silent=True)] == [0.0]
-    assert taker.read(0.2, START, silent=True) == ()
-    assert taker.read(0.3, START) == ()
-    assert [f.stamp for f in taker.read(0.4, START)] == pytest.approx([0.3])
+def test_silence_does_not_drop_fixes_in_transit():
+    sensor = fixes(PoseFixSettings(rate=10.0, latency=0.1))
+    sensor.read(0.0, START)
+    assert [fix.stamp for fix in sensor.read(0.1, START, silent=True)] == [0.0]
+    assert sensor.read(0.2, START, silent=True) == ()
+    assert sensor.read(0.3, START) == ()
+    assert [f.stamp for f in sensor.read(0.4, START)] == pytest.approx([0.3])
 
 
-def test_conditions_hold_until_the_next_reset():
+def test_faults_act_until_the_next_reset():
     sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
     sensors.reset(START)
     sensors.read(0.0, standing())
@@ -241,7 +243,7 @@ def test_perfect_sensors_quantize_wheel_angles_and_report_torques():
     assert read.fixes == ()
 
 
-def test_a_state_derives_its_standard_deviations_from_the_covariance():
+def test_standard_deviations_of_a_state_follow_from_its_covariance():
     turn = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
     state = State(0.0, START, None, turn @ np.diag([0.04, 0.01, 0.09]) @ turn.T)
     assert state.position_sigma == pytest.approx(0.2)
@@ -250,7 +252,7 @@ def test_a_state_derives_its_standard_deviations_from_the_covariance():
     assert isnan(State(0.0, START).yaw_sigma)
 
 
-def test_conditions_of_wheels_that_are_not_there_are_refused():
+def test_faults_of_unknown_wheels_are_rejected():
     sensors = SensorSuite(SensorSettings(), ROBOT.chassis, np.random.default_rng(0))
     with pytest.raises(InvalidInput, match=r"there is no wheel 4; .* wheels 0 to 3"):
         sensors.apply(SensorFaults(dead_encoders=(4,)))
@@ -263,33 +265,33 @@ def read_all(settings, seed):
             for k in range(50)]  # fmt: skip
 
 
-def test_the_same_seed_gives_the_same_readings():
+def test_readings_are_reproducible():
     settings = SensorSettings(fixes=PoseFixSettings(jitter=0.3, dropout=0.3, outliers=0.1))
     assert repr(read_all(settings, 5)) == repr(read_all(settings, 5))
     assert repr(read_all(settings, 5)) != repr(read_all(settings, 6))
 
 
-def test_one_sensors_settings_do_not_change_anothers_numbers():
-    usual = SensorSettings()
-    other = replace(usual, gyro=None, encoders=EncoderSettings(16))
-    assert [r.fixes for r in read_all(usual, 5)] == [r.fixes for r in read_all(other, 5)]
-    lossy = replace(usual, fixes=PoseFixSettings(dropout=0.5))
-    assert [r.yaw_rate for r in read_all(usual, 5)] == [r.yaw_rate for r in read_all(lossy, 5)]
+def test_random_numbers_of_a_sensor_are_independent_of_other_settings():
+    default = SensorSettings()
+    other = replace(default, gyro=None, encoders=EncoderSettings(16))
+    assert [r.fixes for r in read_all(default, 5)] == [r.fixes for r in read_all(other, 5)]
+    lossy = replace(default, fixes=PoseFixSettings(dropout=0.5))
+    assert [r.yaw_rate for r in read_all(default, 5)] == [r.yaw_rate for r in read_all(lossy, 5)]
 
 
-def test_the_latest_fix_counts_however_late_others_come():
+def test_latest_fix_ignores_older_fixes_that_arrive_later():
     settings = SensorSettings(fixes=PoseFixSettings(rate=20.0, jitter=0.4, position_sigma=0.0,
                                                     yaw_sigma=0.0))  # fmt: skip
     suite = SensorSuite(settings, ROBOT.chassis, np.random.default_rng(2))
-    sensor = Perception(suite, LatestFix())
-    sensor.reset(START)
+    perception = Perception(suite, LatestFix())
+    perception.reset(START)
     stamps = []
     for k in range(100):
         pose = move(START, BodyTwist(0.5, 0.0, 1.0), 0.1 * k)
-        seen = sensor.update(0.1 * k, standing(pose))
-        stamps.append(0.1 * k - seen.fix_age)
-        was = move(START, BodyTwist(0.5, 0.0, 1.0), stamps[-1])
-        assert np.array(seen.pose) == pytest.approx(was, abs=1e-9)  # the yaw goes on, unwrapped
+        state = perception.update(0.1 * k, standing(pose))
+        stamps.append(0.1 * k - state.fix_age)
+        true_pose = move(START, BodyTwist(0.5, 0.0, 1.0), stamps[-1])
+        assert np.array(state.pose) == pytest.approx(true_pose, abs=1e-9)  # the yaw is not wrapped
     assert stamps == sorted(stamps)
     assert max(b - a for a, b in pairwise(stamps)) < 0.5
 
@@ -306,6 +308,6 @@ def test_the_latest_fix_counts_however_late_others_come():
         (EncoderSettings, {"counts_per_turn": 0}),
     ],
 )
-def test_settings_have_bounds(kind, wrong):
+def test_settings_out_of_bounds_are_rejected(kind, wrong):
     with pytest.raises(ValidationError):
         TypeAdapter(kind).validate_python(wrong)

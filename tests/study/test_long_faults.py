@@ -1,4 +1,4 @@
-"""Every controller under every fault, on physics; and none of it when nothing is wrong."""
+"""Every controller with every fault on physical plants, and no findings without faults."""
 
 import pytest
 
@@ -14,8 +14,8 @@ PLANTS = ("mujoco-balls", "mujoco-rollers")
 
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_nobody_diverges_silently(preset, plant):
-    """Whoever does not come back is stopped by the watchdog, which says so."""
+def test_every_run_recovers_or_is_stopped(preset, plant):
+    """A robot that does not recover is stopped by the watchdog, with an event."""
     scenario = paper_scenario(preset).model_copy(
         update={"plant": plant, "tasks": Tasks(faults=FaultsTask(duration=20.0))}
     )
@@ -29,17 +29,17 @@ def test_nobody_diverges_silently(preset, plant):
             assert found.recovered, result.name
             assert any(event.what.startswith("wheel 0 is") for event in result.run.events)
             extra = 0.05 if result.fault.kind == "wheel-locked" else 0.02
-            usual = next(
+            healthy = next(
                 r for r in results.faults if r.fault is None and r.controller == result.controller
             )
-            late = usual.run.t >= result.fault.at
-            error = (usual.run.pose - usual.run.target)[late, :2]
+            after_fault = healthy.run.t >= result.fault.at
+            error = (healthy.run.pose - healthy.run.target)[after_fault, :2]
             assert found.max_error <= (error**2).sum(axis=1).max() ** 0.5 + extra, result.name
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_nothing_is_found_where_nothing_is_wrong(preset, plant):
+def test_healthy_robot_causes_no_events(preset, plant):
     planned = plan_and_check(paper_scenario(preset).model_copy(update={"plant": plant}))
     for job in jobs_of(planned.scenario):
         if job.task != "horizon":
@@ -51,7 +51,7 @@ def test_nothing_is_found_where_nothing_is_wrong(preset, plant):
 @pytest.mark.parametrize("wheel", range(4))
 @pytest.mark.parametrize("kind", ["wheel-dead", "wheel-locked"])
 @pytest.mark.parametrize("plant", PLANTS)
-def test_every_wheel_may_fail(plant, kind, wheel):
+def test_failure_of_every_wheel_is_compensated(plant, kind, wheel):
     scenario = paper_scenario("recommended").model_copy(
         update={
             "plant": plant,

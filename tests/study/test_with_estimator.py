@@ -1,4 +1,4 @@
-"""The estimator in studies."""
+"""Studies with sensors and a state estimator."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ from tests.estimates import Perception
 from tests.study.small import small_scenario
 
 HARD = PoseFixSettings(latency=0.1, dropout=0.2, outliers=0.01, outlier_size=1.0)
-"""What the issue of the sensors asks for besides the paper's noise."""
+"""Late, lost and outlying fixes, in addition to the paper's noise."""
 
 
 def with_sensors(**changes):
@@ -40,8 +40,8 @@ def with_sensors(**changes):
 
 
 @pytest.mark.parametrize(("fixes", "limit"), [(PoseFixSettings(), 0.010), (HARD, 0.015)])
-def test_noise_is_seen_through_on_physics(fixes, limit):
-    """Far from the 0.0566 m and 0.0586 rad that the paper reached; two seeds of the long test."""
+def test_estimator_reduces_the_errors_of_the_noise_task(fixes, limit):
+    """Two seeds of the long test; the paper's errors are 0.0566 m and 0.0586 rad."""
     planned = plan_and_check(with_sensors(fixes=fixes))
     for repeat in range(2):
         result = run_job(planned, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
@@ -51,7 +51,7 @@ def test_noise_is_seen_through_on_physics(fixes, limit):
         assert (result.run.position_sigma[1:] > 0.0).all()
 
 
-def test_who_rests_on_odometry_does_not_spin_its_wheels():
+def test_wheels_may_not_spin_with_an_estimator_by_default():
     assert paper_scenario().wheels_may_spin
     assert not with_sensors().wheels_may_spin
     assert with_sensors(estimator=None).wheels_may_spin
@@ -59,7 +59,7 @@ def test_who_rests_on_odometry_does_not_spin_its_wheels():
     assert with_sensors().model_copy(update={"holonomic_nmpc": section}).wheels_may_spin
 
 
-def test_a_scenario_with_sensors_is_read_again(tmp_path):
+def test_scenario_with_sensors_round_trips(tmp_path):
     for scenario in (
         with_sensors(),
         with_sensors(gyro=None, fixes=HARD),
@@ -81,7 +81,7 @@ def test_a_scenario_with_sensors_is_read_again(tmp_path):
         ({"lidar": {}}, "unknown key 'sensors.lidar'"),
     ],
 )
-def test_wrong_sensors_are_named(tmp_path, sensors, message):
+def test_invalid_sensors_are_rejected_with_a_message(tmp_path, sensors, message):
     save_scenario(paper_scenario(), tmp_path / "s.yaml")
     data = yaml.safe_load((tmp_path / "s.yaml").read_text())
     (tmp_path / "s.yaml").write_text(yaml.safe_dump({**data, "sensors": sensors}))
@@ -90,7 +90,7 @@ def test_wrong_sensors_are_named(tmp_path, sensors, message):
     assert message in str(refused.value)
 
 
-def test_what_the_controllers_see():
+def test_sensors_and_estimator_of_a_scenario():
     robot, rng = named_robot("paper"), np.random.default_rng(0)
     plain = paper_scenario()
     exact, noisy = (make_sensors(plain, robot, rng, noise=noise) for noise in (False, True))
@@ -106,16 +106,16 @@ def test_what_the_controllers_see():
         assert isinstance(make_estimator(scenario, robot, sensors), kind)
 
 
-def test_without_an_estimator_fixes_at_every_sample_are_the_papers_noise():
+def test_fixes_in_every_sample_without_an_estimator_equal_the_paper_noise():
     robot, start = named_robot("paper"), Pose(0.0, 0.0, 0.0)
     state = PlantState(start, BodyTwist(0.0, 0.0, 0.0), 0.0, (0.0,) * 4)
-    seen = {}
+    poses = {}
     for name, scenario in (("plain", paper_scenario()), ("fix", with_sensors(estimator=None))):
         sensors = make_sensors(scenario, robot, np.random.default_rng(5), noise=True)
         perception = Perception(sensors, make_estimator(scenario, robot, sensors))
         perception.reset(start)
-        seen[name] = [perception.update(0.1 * k, state).pose for k in range(100)]
-    assert np.array(seen["fix"]) == pytest.approx(np.array(seen["plain"]), abs=1e-12)
+        poses[name] = [perception.update(0.1 * k, state).pose for k in range(100)]
+    assert np.array(poses["fix"]) == pytest.approx(np.array(poses["plain"]), abs=1e-12)
 
 
 def test_every_task_runs_with_an_estimator():
@@ -129,7 +129,7 @@ def test_every_task_runs_with_an_estimator():
         assert (again.run.pose == result.run.pose).all()
 
 
-def test_the_command_line_switches_it_on_and_off(tmp_path, capsys):
+def test_command_line_enables_and_disables_the_estimator(tmp_path, capsys):
     tasks = Tasks(noise=NoiseTask(durations=(20.0,)))
     path = tmp_path / "s.yaml"
     save_scenario(small_scenario(tasks=tasks), path)
@@ -138,6 +138,6 @@ def test_the_command_line_switches_it_on_and_off(tmp_path, capsys):
         line = [str(path), "--controller", "feedforward", option, "--out", str(folder)]
         load_verb("run")([*line, "--task", "noise"], standalone_mode=False)
         assert load_scenario(folder / "scenario.yaml").sensors == sensors
-        told = " ".join(capsys.readouterr().out.split())
-        assert ("against the estimate" in told) == (option == "--estimator")
-        assert ("against the noisy pose" in told) == (option == "--no-estimator")
+        printed = " ".join(capsys.readouterr().out.split())
+        assert ("against the estimate" in printed) == (option == "--estimator")
+        assert ("against the noisy pose" in printed) == (option == "--no-estimator")

@@ -35,7 +35,7 @@ def faulty(*texts, plant="kinematic", duration=20.0, **changes):
 
 
 def no_figures(results, folder):
-    """They take their time, and are drawn elsewhere."""
+    """Replacement for the slow drawing of figures."""
     return ()
 
 
@@ -48,7 +48,7 @@ def folder(tmp_path_factory):
     return path
 
 
-def test_every_kind_is_tried_with_every_controller(folder):
+def test_every_kind_runs_with_every_controller(folder):
     data = json.loads((folder / "results.json").read_text())
     kinds = ["encoder-dead", "pose-jump", "sensor-silent", "period-jitter", "solver-overrun"]
     found = [(r["fault"]["kind"], r["controller"]) for r in data["faults"]]
@@ -64,13 +64,13 @@ def test_every_kind_is_tried_with_every_controller(folder):
     assert 0.3 < jump["time_to_recover"] < 2.0
 
 
-def test_the_page_holds_the_table(folder):
+def test_report_contains_the_fault_table(folder):
     page = (folder / "report.html").read_text()
     for text in ("Disturbances and faults", "pose-jump at 5 s", "time to recover"):
         assert text in page
 
 
-def test_the_folders_scenario_repeats_it(folder):
+def test_scenario_of_the_folder_reproduces_the_results(folder):
     scenario = load_scenario(folder / "scenario.yaml")
     assert scenario.tasks.faults == FaultsTask(duration=20.0)
     results = run_study(scenario, processes=2).results
@@ -79,34 +79,34 @@ def test_the_folders_scenario_repeats_it(folder):
     assert len(results.faults) == 12
 
 
-def test_a_run_that_the_watchdog_stopped_has_not_recovered():
+def test_stopped_run_has_not_recovered():
     tasks = faulty("sensor-silent:at=4,duration=10", "encoder-dead:at=4").tasks
     study = run_study(small_scenario(tasks=tasks, controllers=("feedforward",)))
-    (_, silent), (_, blind) = study.results.recoveries
+    (_, silent), (_, encoder) = study.results.recoveries
     assert (silent.recovered, silent.stopped) == (False, True)
     assert np.isnan(silent.time_to_recover)
-    assert blind == (True, 0.0, blind.max_error, False)
+    assert encoder == (True, 0.0, encoder.max_error, False)
     table = next(t for t in study.tables if t.title == "Disturbances and faults")
     assert table.rows[0][2].startswith("stopped at 6")
     assert table.rows[0][-1].startswith("5.80 s: the watchdog stops the robot: its pose is lost")
-    study.raise_if_failed()  # what this task is for is no failure
+    study.raise_if_failed()  # a stop in this task is not a failure
 
 
-def test_recovery_is_for_good_and_against_the_same_controllers_usual_error():
+def test_recovery_is_permanent_and_relative_to_the_run_without_the_fault():
     run = run_study(faulty("encoder-dead:at=4")).results.faults[0].run
 
-    def off(extra):
+    def displaced(extra):
         pose = run.pose.copy()
         pose[:, 0] = run.target[:, 0] + extra
         pose[:, 1] = run.target[:, 1]
         return replace(run, pose=pose)
 
     t = run.t
-    usual = off(np.full(len(t), 0.2))
-    back = off(np.where((t > 5.95) & (t < 8.05), 0.3, 0.24))
+    usual = displaced(np.full(len(t), 0.2))
+    back = displaced(np.where((t > 5.95) & (t < 8.05), 0.3, 0.24))
     found = recovery(back, usual, 6.0)
     assert found == (True, pytest.approx(2.1), pytest.approx(0.3), False)
-    assert recovery(off(np.where(t > 19.95, 0.3, 0.2)), usual, 6.0).recovered is False
+    assert recovery(displaced(np.where(t > 19.95, 0.3, 0.2)), usual, 6.0).recovered is False
     assert recovery(usual, usual, 6.0) == (True, 0.0, pytest.approx(0.2), False)
 
 
@@ -121,7 +121,7 @@ def test_faults_act_in_every_run_of_a_scenario():
         assert [event.what for event in result.run.events] == ["pose-jump begins"]
 
 
-def test_the_papers_study_has_no_faults_and_trusts_the_watchdog():
+def test_paper_scenario_has_no_faults():
     assert not any(job.task == "faults" for job in jobs_of(paper_scenario()))
     assert paper_scenario().watchdog == WatchdogSection()
 
@@ -136,13 +136,13 @@ def test_a_watchdog_can_be_set_and_taken_away():
         assert run_study(scenario).results.faults[1].run.outcome is outcome
 
 
-def test_defaults_are_those_that_the_plant_knows():
+def test_default_faults_are_those_that_the_plant_supports():
     assert [f.kind for f in faults_of(faulty(plant="mujoco-balls"))] == list(FAULTS)
     assert {f.at for f in faults_of(faulty(plant="mujoco-balls", duration=40.0))} == {10.0}
     assert len(faults_of(faulty())) == 5
 
 
-def test_scenarios_with_faults_are_written_and_read(tmp_path):
+def test_scenario_with_faults_round_trips(tmp_path):
     path = tmp_path / "scenario.yaml"
     tasks = Tasks(faults=FaultsTask(duration=20.0, faults=default_faults(3.0)))
     scenario = small_scenario(
@@ -167,7 +167,7 @@ def test_scenarios_with_faults_are_written_and_read(tmp_path):
         ("push", "faults.0"),
     ],
 )  # fmt: skip
-def test_what_makes_no_sense_is_refused(fault, message):
+def test_invalid_faults_are_rejected_with_a_message(fault, message):
     data = scenario_data(faulty(plant="mujoco-balls"))
     data["tasks"]["faults"]["faults"] = [fault]
     with pytest.raises(InvalidScenario) as caught:
@@ -175,19 +175,19 @@ def test_what_makes_no_sense_is_refused(fault, message):
     assert message in str(caught.value)
 
 
-def test_too_many_faults_are_refused():
+def test_too_many_faults_are_rejected():
     data = scenario_data(faulty(plant="mujoco-balls"))
     data["tasks"]["faults"]["faults"] = [{"kind": "push", "at": 1.0}] * 101
     with pytest.raises(InvalidScenario, match="100"):
         parse_scenario(data, "x.yaml")
 
 
-def test_forces_need_a_plant_that_knows_them():
+def test_forces_require_a_plant_with_forces():
     with pytest.raises(InvalidScenario, match="slope needs forces, which the plant kinematic"):
         parse_scenario(scenario_data(faulty()) | {"faults": [{"kind": "slope"}]}, "x.yaml")
 
 
-def test_wheels_that_are_not_there_are_found_before_anything_runs():
+def test_unknown_wheels_are_rejected_before_the_first_run():
     with pytest.raises(InvalidInput, match="no wheel 6"):
         plan_and_check(faulty("encoder-dead:wheel=6"))
 
@@ -196,13 +196,13 @@ def verb(name, *words):
     load_verb(name)(list(map(str, words)), standalone_mode=False)
 
 
-def test_help_lists_the_kinds(capsys):
+def test_help_lists_all_kinds(capsys):
     verb("run", "--help")
     shown = capsys.readouterr().out
     assert all(kind in shown for kind in FAULTS)
 
 
-def test_run_says_what_happened(tmp_path, capsys, monkeypatch):
+def test_run_prints_and_stores_the_events(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("omnidrive.study.study.write_figures", no_figures)
     words = ("--plant", "kinematic", "--controller", "feedforward", "--out", tmp_path / "out")
     verb("run", *words, "--fault", "pose-jump:at=5", "--fault", "sensor-silent:at=8")
@@ -213,7 +213,7 @@ def test_run_says_what_happened(tmp_path, capsys, monkeypatch):
     assert record["events"][0]["what"] == "pose-jump begins"
 
 
-def test_compare_enables_the_task_and_takes_its_faults(tmp_path, capsys, monkeypatch):
+def test_compare_enables_the_task_with_the_given_faults(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("omnidrive.study.study.write_figures", no_figures)
     words = ("--plant", "kinematic", "--controllers", "feedforward", "--out", tmp_path / "out")
     verb("compare", "--tasks", "faults", *words, "--fault", "pose-jump:distance=0.2,at=3")
