@@ -156,9 +156,9 @@ def back_calculate(
 class TrackingParameters(NamedTuple):
     """Parameters of the preset `recommended` for each axis: x and y (m, m/s), heading (rad, rad/s).
 
-    Chosen on the paper's scenario (plant `rollers`, with and without noise, with a sample of delay)
-    where the results are insensitive to them, not where one result is best. Each gain is tuned
-    within its deviation, such as ``kp +- kp_deviation``.
+    Chosen on the paper's scenario (`mujoco-rollers`, with and without noise, with one sample of
+    delay) where the results are insensitive to them, not where one result is best. Each gain is
+    tuned within its deviation, such as ``kp +- kp_deviation``.
     """
 
     kp: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0

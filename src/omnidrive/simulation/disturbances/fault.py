@@ -60,6 +60,7 @@ class Slope(_BaseFault):
     direction: _Bearing = 0.5 * pi
     """Bearing in W in which the floor rises."""
     duration: _Duration | None = None
+    """Duration; None: until the end of the run."""
 
 
 class PayloadShift(_BaseFault):
@@ -73,6 +74,7 @@ class PayloadShift(_BaseFault):
     y: Annotated[float, Bounds(-2.0, 2.0, "1")] = 0.0
     """Position in B, as a multiple of the same distance."""
     duration: _Duration | None = None
+    """Duration; None: until the end of the run."""
 
 
 class SlipperyPatch(_BaseFault):
@@ -88,6 +90,7 @@ class SlipperyPatch(_BaseFault):
     y: _Metres | None = None
     """Centre in W; None: the reference position at the start time."""
     duration: _Duration | None = None
+    """Duration; None: until the end of the run."""
 
 
 class _WheelFault(_BaseFault):
@@ -96,6 +99,7 @@ class _WheelFault(_BaseFault):
     wheel: _WheelIndex = 0
     """Index of the wheel, from 0."""
     duration: _Duration | None = None
+    """Duration; None: until the end of the run."""
 
 
 class DeadWheel(_WheelFault):
@@ -139,6 +143,7 @@ class SilentSensor(_BaseFault):
 
     kind: Literal["sensor-silent"] = "sensor-silent"
     duration: _Duration | None = 1.0
+    """Duration; None: until the end of the run."""
 
 
 class PeriodJitter(_BaseFault):
@@ -149,6 +154,7 @@ class PeriodJitter(_BaseFault):
     """Largest deviation of a sample time from its nominal value, as a share of it; uniformly
     distributed."""
     duration: _Duration | None = None
+    """Duration; None: until the end of the run."""
 
 
 class SolverOverrun(_BaseFault):
@@ -156,6 +162,7 @@ class SolverOverrun(_BaseFault):
 
     kind: Literal["solver-overrun"] = "solver-overrun"
     duration: _Duration | None = 2.0
+    """Duration; None: until the end of the run."""
 
 
 Fault = Annotated[

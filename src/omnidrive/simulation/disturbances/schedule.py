@@ -94,11 +94,11 @@ class Schedule:
             dt: Nominal sample time, s.
             rng: Generator of the jitter; None: no jitter.
         """
-        # t = k dt + accumulated jitter, because a sum of sample times accumulates rounding errors
-        late, k = 0.0, 0
+        # t = k dt + accumulated jitter: a sum of sample times would accumulate rounding errors
+        accumulated, k = 0.0, 0
         last = round(duration / dt)
         while True:
-            t = k * dt + late
+            t = k * dt + accumulated
             jittered = any(isinstance(fault, PeriodJitter) for fault in self.faults)
             is_last = t >= duration - 0.5 * dt if jittered else k >= last
             step = dt
@@ -108,7 +108,7 @@ class Schedule:
             yield t, step, is_last
             if is_last:
                 return
-            late, k = late + (step - dt), k + 1
+            accumulated, k = accumulated + (step - dt), k + 1
 
     def disturbances(self, before: float, t: float, reference: Reference) -> Disturbances:
         """Return the disturbances that act on the plant from the sample at ``t`` on.
