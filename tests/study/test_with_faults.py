@@ -157,7 +157,7 @@ def test_scenario_with_faults_round_trips(tmp_path):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ({"kind": "push", "at": 30.0}, "fault push begins at 30 s, after a run's end at 20 s"),
+        ({"kind": "push", "at": 30.0}, "fault push begins at 30 s, but a run ends at 20 s"),
         ({"kind": "puhs"}, "there is no such kind of fault; there are push, slope"),
         ({"at": 3.0}, "there is no such kind of fault; there are push, slope"),
         ({"kind": "push", "speed": "fast"}, "faults.0.push.speed must be a plain number"),
