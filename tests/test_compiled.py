@@ -3,6 +3,7 @@
 import importlib
 import logging
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -10,11 +11,12 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from numba.core import serialize
 
 import omnidrive
-from omnidrive.compiled import announce_compiling, kernels, kernels_are_kept
+from omnidrive.compiled import announce_compiling, entry_point, kernels, kernels_are_kept
 from omnidrive.compiled import cache as kernel_cache
-from omnidrive.compiled.dispatcher import compile_listeners
+from omnidrive.compiled.dispatcher import Kernel, compile_listeners
 from omnidrive.compiled.key import kernel_key
 
 PACKAGE = Path(omnidrive.__file__).parent
@@ -283,6 +285,22 @@ def test_callee_that_is_on_disk_is_linked_into_a_new_caller(build):
     assert module.caller(1.0) == 10.0
     assert module.callee(3.0) == 3.0
     assert not module.callee.stats.cache_misses
+
+
+def test_compiled_signature_is_not_looked_up_again(build, monkeypatch):
+    module = build()
+    entry = entry_point(module.caller, 1.0)
+    monkeypatch.delattr(kernel_cache.KernelCache, "_path")
+    assert entry_point(module.caller, 1.0) is entry
+
+
+def test_pickled_kernel_compiles(build):
+    data = serialize.dumps(build().callee)
+    callee = pickle.loads(data)
+    del callee._memo[callee._uuid]
+    callee = pickle.loads(data)
+    assert isinstance(callee, Kernel)
+    assert callee(3.0) == 3.0
 
 
 def test_error_of_a_callee_arrives_with_its_message(build):

@@ -64,7 +64,8 @@ def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
     function = unwrap(kernel)
     if _config.DISABLE_JIT:
         return cast("Callable[P, R]", function)
-    machine = Kernel(function, {"error_model": "numpy", "nogil": True, **options})
+    targetoptions = {"error_model": "numpy", "nogil": True, **options}
+    machine = Kernel(function, targetoptions=targetoptions)
     kernels.append(machine)
     return cast("Callable[P, R]", machine)
 

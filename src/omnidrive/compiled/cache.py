@@ -82,7 +82,7 @@ class KernelCache:
         return result
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Write a compiled kernel, in place of an older entry; in one step for other processes."""
+        """Write a compiled kernel; other processes find the old entry or the complete new one."""
         if not result.library.is_complete or result.library.has_dynamic_globals:
             return
         path = self._path(signature, result.codegen)
@@ -117,14 +117,13 @@ class KernelCache:
 
     def _path(self, signature: Any, codegen: Any) -> Path:
         arguments, result = _signatures.normalize_signature(signature)
-        told = "\n".join(
-            [*map(type_text, arguments), str(result), *map(str, codegen.magic_tuple())]
-        )
-        return cache_folder() / f"{_entry_name(self._kernel)}-{short_hash(told)}.nbc"
+        types = [*map(type_text, arguments), str(result)]
+        texts = "\n".join([*types, *map(str, codegen.magic_tuple())])
+        return cache_folder() / f"{_entry_name(self._kernel)}-{short_hash(texts)}.nbc"
 
 
 def _checked(content: bytes) -> tuple[Any, ...]:
-    """Contents of an entry, whose first bytes are the checksum of the others."""
+    """Return the contents of an entry, whose first 32 bytes are the checksum of the others."""
     digest, data = content[:32], content[32:]
     if sha256(data).digest() != digest:
         raise ValueError("its checksum is wrong")
@@ -132,12 +131,12 @@ def _checked(content: bytes) -> tuple[Any, ...]:
 
 
 def entries(kernel: Any) -> Iterator[Path]:
-    """Files of a kernel as it is now, one for each signature."""
+    """Return the files of a kernel with its present key, one for each signature."""
     return cache_folder().glob(f"{_entry_name(kernel)}-*.nbc")
 
 
 def cache_folder() -> Path:
-    """Folder of the entries: the user's choice, beside the package, or in the user's cache."""
+    """Return the folder of the entries: NUMBA_CACHE_DIR, beside this file, or in ~/.cache."""
     return _folder(_config.CACHE_DIR)
 
 
@@ -171,7 +170,7 @@ def _lock_file(folder: Path) -> int | None:
 
 
 def _mark_used(path: Path) -> None:
-    """Renew the time of an entry, at most once a day."""
+    """Set the modification time of an entry to now, at most once a day."""
     with suppress(OSError):
         if time.time() - path.stat().st_mtime > _DAY:
             os.utime(path)
@@ -179,7 +178,7 @@ def _mark_used(path: Path) -> None:
 
 @cache
 def _remove_unused(folder: Path) -> None:
-    """Remove what was not used for long, and the oldest beyond a number; once per process."""
+    """Remove entries unused for long, and the oldest beyond a number; once per process."""
     ages: list[tuple[float, Path]] = []
     for path in folder.glob("*.nbc*"):
         with suppress(OSError):

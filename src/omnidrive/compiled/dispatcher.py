@@ -45,8 +45,11 @@ _NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 class Kernel(_Dispatcher):  # type: ignore[misc]
     """A compiled function, with its machine code on disk."""
 
-    def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        super().__init__(function, targetoptions={"nopython": True, "boundscheck": None, **options})
+    def __init__(
+        self, py_func: Any, locals: Any = None, targetoptions: Any = None, **more: Any
+    ) -> None:
+        options = {"nopython": True, "boundscheck": None} | (targetoptions or {})
+        super().__init__(py_func, locals, options, **more)
         self._cache = KernelCache(self)
         self._without_code: set[Types] = set()
 
@@ -56,7 +59,10 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             arguments = tuple(_normalized(sig)[0])
             if _requests and not self._is_separate:
                 return self._compile_callee(sig)
-            if arguments in self._without_code:
+            existing = self.overloads.get(arguments)
+            if existing is not None and arguments not in self._without_code:
+                return existing.entry_point
+            if existing is not None:
                 self._without_code.discard(arguments)
                 del self.overloads[arguments]
             with self._cache.locked(sig) as is_cached, _late_code(self, arguments):
