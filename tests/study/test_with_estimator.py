@@ -139,5 +139,5 @@ def test_command_line_enables_and_disables_the_estimator(tmp_path, capsys):
         load_verb("run")([*line, "--task", "noise"], standalone_mode=False)
         assert load_scenario(folder / "scenario.yaml").sensors == sensors
         printed = " ".join(capsys.readouterr().out.split())
-        assert ("against the estimate" in printed) == (option == "--estimator")
-        assert ("against the noisy pose" in printed) == (option == "--no-estimator")
+        assert ("error of the estimated pose" in printed) == (option == "--estimator")
+        assert ("error of the noisy pose" in printed) == (option == "--no-estimator")

@@ -158,8 +158,8 @@ def test_scenario_with_faults_round_trips(tmp_path):
     ("fault", "message"),
     [
         ({"kind": "push", "at": 30.0}, "fault push begins at 30 s, but a run ends at 20 s"),
-        ({"kind": "puhs"}, "there is no such kind of fault; there are push, slope"),
-        ({"at": 3.0}, "there is no such kind of fault; there are push, slope"),
+        ({"kind": "puhs"}, "unknown kind of fault; there are push, slope"),
+        ({"at": 3.0}, "unknown kind of fault; there are push, slope"),
         ({"kind": "push", "speed": "fast"}, "faults.0.push.speed must be a plain number"),
         ({"kind": "push", "speed": 11}, "speed is 11 m/s, need 0 to 10 m/s"),
         ({"kind": "wheel-dead", "whel": 1}, "unknown key 'tasks.faults.faults.0.wheel-dead.whel'; "
