@@ -1,11 +1,11 @@
-"""A study that takes a second or two."""
+"""Scenarios whose studies take a few seconds."""
 
 from omnidrive.study import paper_scenario
 from omnidrive.study.tasks import DurationsTask, HorizonTask, NoiseTask, StepTask, Tasks
 
 
 def small_scenario(**changes):
-    """All tasks, briefly, on the kinematic plant."""
+    """Return a scenario with one short run of every task but `faults`, on the kinematic plant."""
     tasks = Tasks(
         track=DurationsTask(durations=(20.0,)),
         noise=NoiseTask(durations=(20.0,)),
@@ -16,7 +16,7 @@ def small_scenario(**changes):
 
 
 def noise_scenario(repeats, **changes):
-    """The noise alone, with several seeds."""
+    """Return a scenario with the task `noise` only, repeated with several seeds."""
     tasks = Tasks(noise=NoiseTask(durations=(20.0,), repeats=repeats))
     names = ("fuzzy_t1", "fuzzy_t2", "holonomic-nmpc")
     return small_scenario(**{"tasks": tasks, "controllers": names, **changes})

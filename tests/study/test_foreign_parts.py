@@ -1,4 +1,4 @@
-"""Faulty parts written by users end their own run and nothing else."""
+"""Faulty controllers, plants and estimators of users: they end their own run only."""
 
 import json
 import subprocess
@@ -76,7 +76,7 @@ BAD_COMMANDS = {
 
 
 @pytest.mark.parametrize("name", BAD_COMMANDS)
-def test_faulty_command_ends_the_run_as_a_value(name):
+def test_faulty_command_is_an_outcome(name):
     value, reason = BAD_COMMANDS[name]
     log = run(faulty(value))
     assert log.outcome is Outcome.CONTROLLER_FAILED
@@ -87,7 +87,7 @@ def test_faulty_command_ends_the_run_as_a_value(name):
 
 
 @pytest.mark.parametrize("kind", [FaultyReset, FaultyPreparation])
-def test_controller_that_cannot_start_leaves_one_row_and_its_traceback(kind):
+def test_failed_start_of_a_controller_is_logged_with_one_row_and_traceback(kind):
     log = run(kind(DT))
     assert log.outcome is Outcome.CONTROLLER_FAILED
     assert len(log.t) == 1
@@ -114,7 +114,7 @@ class FaultyPlant(KinematicPlant):
         (PlantState((0.0, 0.0), TWIST, 0.0), "needs a Pose and a BodyTwist"),
     ],
 )
-def test_faulty_plant_ends_the_run_as_a_value(value, reason):
+def test_faulty_plant_is_an_outcome(value, reason):
     plant = type("Plant", (FaultyPlant,), {"value": value})(named_robot("small"))
     log = run(plant=plant)
     assert log.outcome is Outcome.PLANT_FAILED
@@ -131,7 +131,7 @@ def test_faulty_plant_ends_the_run_as_a_value(value, reason):
         (State(0.0, (0.0, 0.0)), "holds a tuple, not a Pose"),
     ],
 )
-def test_faulty_estimator_ends_the_run_as_a_value(value, reason):
+def test_faulty_estimator_is_an_outcome(value, reason):
     class Faulty(LatestFix):
         def update(self, readings):
             if readings.stamp < 0.45:
@@ -147,11 +147,11 @@ def test_faulty_estimator_ends_the_run_as_a_value(value, reason):
 
 
 def with_fault(value):
-    """``make_controller`` with a faulty controller in place of pid."""
-    usual = jobs.make_controller
+    """Return ``make_controller`` with a faulty controller in place of `pid`."""
+    original = jobs.make_controller
 
     def make(scenario, robot, name, horizon=None):
-        return faulty(value) if name == "pid" else usual(scenario, robot, name, horizon)
+        return faulty(value) if name == "pid" else original(scenario, robot, name, horizon)
 
     return make
 
@@ -165,7 +165,7 @@ SCENARIO = small_scenario(
 )
 
 
-def test_other_runs_of_the_study_go_on(tmp_path, monkeypatch):
+def test_other_runs_of_the_study_finish(tmp_path, monkeypatch):
     monkeypatch.setattr(jobs, "make_controller", with_fault(ZeroDivisionError("in my law")))
     study = run_study(SCENARIO, tmp_path / "out")
     data = json.loads((tmp_path / "out" / "results.json").read_text())
@@ -178,13 +178,13 @@ def test_other_runs_of_the_study_go_on(tmp_path, monkeypatch):
     assert len(study.results.steps) == 2
 
 
-def test_run_without_a_first_sample_is_reported(tmp_path, monkeypatch):
-    usual = jobs.make_controller
+def test_run_that_fails_before_its_first_sample_is_reported(tmp_path, monkeypatch):
+    original = jobs.make_controller
     monkeypatch.setattr(
         jobs,
         "make_controller",
         lambda scenario, robot, name, horizon=None: (
-            FaultyReset(DT) if name == "pid" else usual(scenario, robot, name, horizon)
+            FaultyReset(DT) if name == "pid" else original(scenario, robot, name, horizon)
         ),
     )
     run_study(SCENARIO, tmp_path / "out")
@@ -193,16 +193,16 @@ def test_run_without_a_first_sample_is_reported(tmp_path, monkeypatch):
     assert "RuntimeError: no memory left" in failed["outcome"]
 
 
-def test_command_ends_with_status_1_and_names_the_run(tmp_path):
+def test_command_exits_with_status_1_and_names_the_run(tmp_path):
     save_scenario(SCENARIO, tmp_path / "s.yaml")
     code = (
         "import sys, omnidrive.study.jobs as jobs\n"
-        "usual = jobs.make_controller\n"
+        "original = jobs.make_controller\n"
         "class Faulty:\n"
         "    def reset(self, state): pass\n"
         "    def step(self, t, state, reference): return None\n"
         "def make(scenario, robot, name, horizon=None):\n"
-        "    return Faulty() if name == 'pid' else usual(scenario, robot, name, horizon)\n"
+        "    return Faulty() if name == 'pid' else original(scenario, robot, name, horizon)\n"
         "jobs.make_controller = make\n"
         "from omnidrive.cli import main\n"
         "sys.argv[1:] = ['compare', 's.yaml', '--jobs', '1', '--out', 'out']\n"
@@ -212,7 +212,7 @@ def test_command_ends_with_status_1_and_names_the_run(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
-    told = " ".join(done.stderr.split())
-    assert "track-pid-20s at 0 s" in told
-    assert "it returned None, not a Command" in told
+    message = " ".join(done.stderr.split())
+    assert "track-pid-20s at 0 s" in message
+    assert "it returned None, not a Command" in message
     assert "Traceback" not in done.stderr

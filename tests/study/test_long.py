@@ -1,4 +1,4 @@
-"""Checks on physics that take minutes."""
+"""Long tests of whole studies on plants with forces."""
 
 import json
 from math import dist
@@ -27,7 +27,7 @@ from tests.shared_data import shared
 pytestmark = pytest.mark.long
 
 SEEDS = range(2, 12)
-PLACES = {
+MAPS = {
     "depot": ((2.0, 2.0), (27.0, 13.0, 1.57), "small"),
     "tb3_sandbox": ((-1.5, -1.5), (1.6, 1.5), "small"),
     "smoothers_world": ((5.6, 4.7, 0.0), (11.5, 14.0, 1.57), "paper"),
@@ -37,7 +37,7 @@ PLACES = {
 
 @pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc"])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_noise_rows_hold_for_other_seeds(controller, seed):
+def test_errors_with_noise_match_the_paper_for_other_seeds(controller, seed):
     planned = plan_and_check(paper_scenario().model_copy(update={"seed": seed}))
     m = run_job(planned, Job("noise", controller, 30.0, 15)).metrics
     row = PUBLISHED_ERRORS["noise", 30.0, controller]
@@ -47,15 +47,15 @@ def test_the_noise_rows_hold_for_other_seeds(controller, seed):
 
 @pytest.mark.parametrize("plant", ["mujoco-balls", "mujoco-rollers"])
 @pytest.mark.parametrize("preset", ["paper", "published-code"])
-def test_every_run_of_the_study_finishes_on_every_plant_with_forces(plant, preset):
+def test_every_run_finishes_on_plants_with_forces(plant, preset):
     planned = plan_and_check(paper_scenario(preset).model_copy(update={"plant": plant}))
     for job in jobs_of(planned.scenario):
         assert run_job(planned, job).run.outcome is Outcome.FINISHED, job
 
 
-@pytest.mark.parametrize("name", PLACES)
-def test_the_study_on_real_maps(name, tmp_path):
-    start, goal, robot = PLACES[name]
+@pytest.mark.parametrize("name", MAPS)
+def test_study_on_nav2_maps(name, tmp_path):
+    start, goal, robot = MAPS[name]
     source = str(shared(f"maps/nav2/{name}.yaml"))
     scenario = map_scenario(source, Waypoint(*start), Waypoint(*goal), robot=robot, name=name)
     run_study(retime(scenario), tmp_path / name, processes=2)
@@ -65,7 +65,7 @@ def test_the_study_on_real_maps(name, tmp_path):
     assert all(r["min_clearance"] > 0.0 and r["me_after_start"] < 0.005 for r in best)
 
 
-def test_physics_is_bitwise_the_same_across_jobs(tmp_path):
+def test_results_with_forces_are_bitwise_equal_for_any_number_of_processes(tmp_path):
     scenario = paper_scenario()
     for processes in (1, 2):
         run_study(scenario, tmp_path / str(processes), processes=processes)
@@ -77,35 +77,35 @@ def test_physics_is_bitwise_the_same_across_jobs(tmp_path):
     assert one["step_response"] == two["step_response"]
 
 
-class Odometer(MujocoPlant):
-    """Also integrates the wheels' speeds, as the robot's own odometry does, every 10 ms."""
+class PlantWithOdometry(MujocoPlant):
+    """Plant that also integrates the measured wheel speeds every 10 ms."""
 
     def reset(self, pose):
-        self.lost, self.odometry = [0.0], pose
+        self.drift, self.odometry = [0.0], pose
         return super().reset(pose)
 
     def step(self, twist, dt):
         for _ in range(10):
-            measured = super().step(twist, dt / 10)
+            state = super().step(twist, dt / 10)
             rolled = self.robot.chassis.twist(self._data.actuator_velocity)
             self.odometry = move(self.odometry, rolled, dt / 10)
-        self.lost.append(dist(measured.pose[:2], self.odometry[:2]))
-        return measured
+        self.drift.append(dist(state.pose[:2], self.odometry[:2]))
+        return state
 
 
-def test_wheels_that_must_not_spin_keep_most_of_their_odometry():
-    """The table of decision 0007; -s prints it."""
+def test_odometry_drifts_less_without_wheel_slip():
+    """Reproduce the table of decision 0007; ``-s`` prints it."""
     paper = plan_and_check(paper_scenario())
     reference, robot = paper.reference(20.0), paper.robot
-    found = {}
+    drift = {}
     for may_spin, traction in ((True, 0.85), (True, 1.0), (False, 0.85), (False, 0.6)):
         section = HolonomicNmpcSection(traction=traction, may_spin=may_spin)
         scenario = paper.scenario.model_copy(update={"holonomic_nmpc": section})
         controller = make_controller(scenario, robot, "holonomic-nmpc")
-        plant = Odometer(robot)
+        plant = PlantWithOdometry(robot)
         run = simulate(plant, controller, reference, start=reference.at(0.0).pose, dt=0.1)
         metrics = measure(run, robot.drive)
-        found[may_spin, traction] = plant.lost[10]
-        print(f"{may_spin} {traction} {metrics.me:.4f} {metrics.mae:.4f} {plant.lost[10]:.2f}")
-    assert found[False, 0.85] < 0.3 * found[True, 0.85]
-    assert found[False, 0.6] < 0.3 * found[True, 0.85]
+        drift[may_spin, traction] = plant.drift[10]
+        print(f"{may_spin} {traction} {metrics.me:.4f} {metrics.mae:.4f} {plant.drift[10]:.2f}")
+    assert drift[False, 0.85] < 0.3 * drift[True, 0.85]
+    assert drift[False, 0.6] < 0.3 * drift[True, 0.85]

@@ -1,4 +1,4 @@
-"""The recommended controller on the paper's path, on physics."""
+"""The controller `holonomic-nmpc` on the path of the paper, with simulated forces."""
 
 from math import pi
 
@@ -14,14 +14,14 @@ from omnidrive.study.jobs import make_controller
 from omnidrive.study.plants import make_plant
 
 LAWS = {
-    "quintic": lambda part: part**3 * (10.0 - part * (15.0 - 6.0 * part)),
-    "raised cosine": lambda part: 0.5 - 0.5 * np.cos(pi * part),
+    "quintic": lambda s: s**3 * (10.0 - s * (15.0 - 6.0 * s)),
+    "raised cosine": lambda s: 0.5 - 0.5 * np.cos(pi * s),
 }
-"""Part of the spline's parameter by part of the time, from rest to rest."""
+"""Motion laws from rest to rest: share of the spline parameter as a function of that of time."""
 
 
 class FromRestToRest:
-    """The spline over 20 s by one of :data:`LAWS`."""
+    """Motion along a spline in 20 s with one of :data:`LAWS`."""
 
     duration = 20.0
 
@@ -46,7 +46,7 @@ def paper():
     return plan_and_check(paper_scenario())
 
 
-def followed(paper, reference, **changes):
+def tracking_errors(paper, reference, **changes):
     section = paper.scenario.holonomic_nmpc.model_copy(update=changes)
     scenario = paper.scenario.model_copy(update={"holonomic_nmpc": section})
     controller = make_controller(scenario, paper.robot, "holonomic-nmpc")
@@ -59,13 +59,13 @@ def followed(paper, reference, **changes):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("may_spin", [True, False])
-def test_from_rest_to_rest(paper, law, may_spin):
-    metrics = followed(paper, FromRestToRest(paper.path, LAWS[law]), may_spin=may_spin)
+def test_motion_from_rest_to_rest_is_tracked_closely(paper, law, may_spin):
+    metrics = tracking_errors(paper, FromRestToRest(paper.path, LAWS[law]), may_spin=may_spin)
     assert metrics.me <= 0.0003
     assert metrics.mae <= 0.0003
 
 
-def test_on_the_kinematic_plant_nothing_is_corrected_that_is_not_there(paper):
+def test_kinematic_plant_needs_no_lag_compensation(paper):
     controller = make_controller(
         paper.scenario.model_copy(update={"plant": "kinematic"}), paper.robot, "holonomic-nmpc"
     )

@@ -1,4 +1,4 @@
-"""The paper's study on physics, against the paper's numbers: what the project promises."""
+"""Study of the paper with simulated forces: comparison with the numbers in the paper."""
 
 import pytest
 
@@ -21,21 +21,21 @@ def paper():
 
 
 @pytest.mark.parametrize("job", [j for j in TRACKS if j.controller != "holonomic-nmpc"], ids=name)
-def test_no_worse_than_the_papers_row(paper, job):
-    """With noise: within 15 % of the row, on the measured pose, as the paper's author did."""
+def test_errors_are_not_larger_than_in_the_paper(paper, job):
+    """With noise: errors of the measured pose, as in the paper, with a tolerance of 15 %."""
     row = PUBLISHED_ERRORS[job.task, job.duration, job.controller]
     result = run_job(paper, job)
     m = result.metrics
     assert result.run.outcome is Outcome.FINISHED
     assert m.fallbacks == 0
     me, mae = (m.me_measured, m.mae_measured) if result.noise else (m.me, m.mae)
-    room = 1.15 if result.noise else 1.0
-    assert me <= room * row.me
-    assert mae <= room * row.mae
+    tolerance = 1.15 if result.noise else 1.0
+    assert me <= tolerance * row.me
+    assert mae <= tolerance * row.mae
 
 
-def test_clearance_is_to_the_wall(paper):
-    """Not to the map's border, which is nearer at the start: it tells the controllers apart."""
+def test_clearance_is_measured_to_the_wall(paper):
+    """The border of the map is nearer at the start, with equal clearance for all controllers."""
     jobs = [
         Job("track", name, 20.0, 15) for name in ("fuzzy_t1", "unicycle-nmpc", "holonomic-nmpc")
     ]
@@ -45,7 +45,7 @@ def test_clearance_is_to_the_wall(paper):
 
 
 @pytest.mark.parametrize("duration", RECOMMENDED)
-def test_recommended_tracks_ten_times_closer(paper, duration):
+def test_holonomic_nmpc_has_a_tenth_of_the_published_error(paper, duration):
     m = run_job(paper, Job("track", "holonomic-nmpc", duration)).metrics
     me, mae = RECOMMENDED[duration]
     assert m.me <= me
@@ -55,15 +55,15 @@ def test_recommended_tracks_ten_times_closer(paper, duration):
 
 
 @pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc"])
-def test_step_response_arrives(paper, controller):
+def test_step_response_reaches_the_target(paper, controller):
     result = run_job(paper, Job("step", controller, 10.0))
     assert result.run.outcome is Outcome.FINISHED
     assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 0.02
 
 
 @pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc"])
-def test_published_code_turns_at_its_slip(controller):
-    """The preset takes over R = 0.5: commanded turns come out at 0.707."""
+def test_preset_published_code_has_the_wrong_effective_radius(controller):
+    """With R = 0.5 m in the wheel matrix, yaw rates are 0.707 times the commanded ones."""
     published = plan_and_check(paper_scenario("published-code"))
     assert published.robot.assumed_effective_radius == 0.5
     result = run_job(published, Job("track", controller, 20.0, 15))
@@ -90,8 +90,8 @@ def test_recommended_pids_track_closely(recommended, controller, duration):
 
 
 @pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
-def test_recommended_pids_answer_a_step_calmly(recommended, controller):
-    """The paper's overshoot: 10.8 %, 9.4 % and 78.9 % (type 1)."""
+def test_recommended_pids_have_little_overshoot(recommended, controller):
+    """In the paper, the overshoot of type 1 is 10.8 %, 9.4 % and 78.9 %."""
     result = run_job(recommended, Job("step", controller, 10.0))
     assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 1e-3
     for response in result.responses:

@@ -1,4 +1,4 @@
-"""Noise with several seeds: the same for every controller, and the first one as ever."""
+"""Repeated noise runs: seeds, equal noise for all controllers, and statistics."""
 
 import json
 from itertools import pairwise
@@ -27,25 +27,25 @@ def noise(folder, run):
     return np.array([table[f"measured_{c}"].to_numpy() - table[c].to_numpy() for c in ("x", "yaw")])
 
 
-def test_the_first_seed_is_that_of_a_study_without_repeats(folder):
+def test_first_repeat_equals_a_study_without_repeats(folder):
     once = [job for job in jobs_of(small_scenario()) if job.task == "noise"]
     assert [job.repeat for job in once] == [0] * 4
     first = next(r for r in numbers(folder)["runs"] if r["controller"] == "holonomic-nmpc")
-    alone = run_job(plan_and_check(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
-    assert alone.name == first["name"] == "noise-holonomic-nmpc-20s"
-    assert alone.metrics.me == first["me"]
+    single = run_job(plan_and_check(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
+    assert single.name == first["name"] == "noise-holonomic-nmpc-20s"
+    assert single.metrics.me == first["me"]
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2**32, 2**53])
 @pytest.mark.parametrize("duration", [0.1, 30.0, 3600.0])
-def test_a_zero_at_the_end_of_a_seed_does_not_count(seed, duration):
-    """What keeps the numbers of studies that knew no repeats."""
+def test_trailing_zero_of_a_seed_has_no_effect(seed, duration):
+    """Repeat 0 therefore has the random numbers of a study without repeats."""
     words = [seed, round(duration * 1e6)]
     before, now = (np.random.default_rng(w).random(5) for w in (words, [*words, 0]))
     assert before.tobytes() == now.tobytes()
 
 
-def test_each_seed_has_its_noise_and_all_controllers_share_it(folder):
+def test_noise_depends_on_the_repeat_and_not_on_the_controller(folder):
     runs = json.loads((folder / "results.json").read_text())["runs"]
     assert len({r["name"] for r in runs}) == len(runs) == 3 * SEEDS
     by_seed = {}
@@ -59,12 +59,12 @@ def test_each_seed_has_its_noise_and_all_controllers_share_it(folder):
     assert all(np.abs(a - b).max() > 0.05 for a, b in pairwise(rows))
 
 
-def test_the_same_numbers_on_two_cores(folder, tmp_path):
+def test_results_are_equal_with_two_processes(folder, tmp_path):
     run_study(noise_scenario(SEEDS), tmp_path / "again", processes=2)
     assert numbers(tmp_path / "again") == numbers(folder)
 
 
-def test_results_hold_means_and_differences(folder):
+def test_results_contain_means_and_paired_differences(folder):
     data = json.loads((folder / "results.json").read_text())
     errors = {
         name: np.array([r["me"] for r in data["runs"] if r["controller"] == name])
@@ -86,13 +86,13 @@ def test_results_hold_means_and_differences(folder):
     assert 0.0 <= pair["p"] <= 1.0
 
 
-def test_a_study_without_repeats_has_neither():
+def test_study_without_repeats_has_no_paired_differences():
     study = run_study(small_scenario(controllers=("holonomic-nmpc",)))
     assert study.results.repeats == 1
     assert not [t for t in study.tables if "Paired" in t.title]
 
 
-def test_other_times_keep_the_seeds_and_one_task_is_done_once():
+def test_retime_keeps_the_repeats_and_one_task_has_one():
     scenario = noise_scenario(7)
     assert retime(scenario, duration=25.0).tasks.noise.repeats == 7
     assert one_task(scenario.tasks, "noise").noise.repeats == 1

@@ -1,4 +1,4 @@
-"""Scenario files: round trip, and errors that name the key and the way out."""
+"""Scenario files: round trip, error messages, former names and retiming."""
 
 import copy
 from pathlib import Path
@@ -27,13 +27,13 @@ from tests.shared_data import shared
 
 
 @pytest.mark.parametrize("preset", ["paper", "published-code", "recommended"])
-def test_a_saved_scenario_is_read_again(tmp_path, preset):
+def test_saved_scenario_round_trips(tmp_path, preset):
     scenario = paper_scenario(preset)
     save_scenario(scenario, tmp_path / "s.yaml")
     assert load_scenario(tmp_path / "s.yaml") == scenario
 
 
-def test_a_map_is_looked_up_beside_its_scenario(tmp_path):
+def test_map_path_is_relative_to_the_scenario_file(tmp_path):
     scenario = map_scenario(
         "map.yaml", Waypoint(1, 1), Waypoint(2, 2, 0.5), robot="small", name="x"
     )
@@ -43,11 +43,11 @@ def test_a_map_is_looked_up_beside_its_scenario(tmp_path):
     assert (again.start, again.goal) == (scenario.start, scenario.goal)
 
 
-def test_a_map_gets_the_controllers_of_its_preset():
+def test_map_scenario_has_the_controllers_of_the_preset():
     def controllers(preset):
-        place = Waypoint(1, 1)
+        waypoint = Waypoint(1, 1)
         return map_scenario(
-            "m.yaml", place, place, robot="small", name="x", preset=preset
+            "m.yaml", waypoint, waypoint, robot="small", name="x", preset=preset
         ).controllers
 
     assert controllers("paper") == paper_scenario().controllers
@@ -61,10 +61,10 @@ def is_short_line(folder, error):
 
 def changed(*path, value):
     data = copy.deepcopy(scenario_data(paper_scenario()))
-    spot = data
+    section = data
     for key in path[:-1]:
-        spot = spot[key]
-    spot[path[-1]] = value
+        section = section[key]
+    section[path[-1]] = value
     return data
 
 
@@ -142,13 +142,13 @@ def changed(*path, value):
         (changed("map", "source", value=""), "map.source must name a file, got ''"),
     ],
 )
-def test_a_wrong_scenario_says_what_is_wrong_and_what_would_be_right(tmp_path, data, message):
+def test_message_names_the_invalid_key_and_the_valid_values(tmp_path, data, message):
     path = tmp_path / "s.yaml"
     path.write_text(yaml.safe_dump(data))
-    with pytest.raises(InvalidScenario) as refused:
+    with pytest.raises(InvalidScenario) as caught:
         load_scenario(path)
-    assert message in str(refused.value)
-    assert is_short_line(tmp_path, refused.value)
+    assert message in str(caught.value)
+    assert is_short_line(tmp_path, caught.value)
 
 
 @pytest.mark.parametrize(
@@ -172,9 +172,9 @@ def test_a_wrong_scenario_says_what_is_wrong_and_what_would_be_right(tmp_path, d
 def test_hostile_files_are_refused(tmp_path, text, message):
     path = tmp_path / "s.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(InvalidScenario, match=message) as refused:
+    with pytest.raises(InvalidScenario, match=message) as caught:
         load_scenario(path)
-    assert is_short_line(tmp_path, refused.value)
+    assert is_short_line(tmp_path, caught.value)
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_hostile_files_are_refused(tmp_path, text, message):
         ("a\0b", r"cannot read the scenario .*a\\x00b: embedded null byte"),
     ],
 )
-def test_what_is_no_file_is_refused(tmp_path, name, message):
+def test_path_that_is_not_a_file_is_rejected(tmp_path, name, message):
     (tmp_path / "folder").mkdir()
     (tmp_path / "loop").symlink_to("loop")
     with pytest.raises(InvalidScenario, match=message):
@@ -193,7 +193,7 @@ def test_what_is_no_file_is_refused(tmp_path, name, message):
 
 
 VALID = scenario_data(paper_scenario())
-NASTY = st.one_of(
+SCALAR = st.one_of(
     st.none(),
     st.booleans(),
     st.integers(),
@@ -203,23 +203,23 @@ NASTY = st.one_of(
     st.binary(),
     st.sampled_from([10**400, "5e-2", "\0", "a\nb", "\x1b[2J", "\ud800", "sample-time", "paper"]),
 )
-NASTIER = st.recursive(
-    NASTY, lambda v: st.lists(v, max_size=4) | st.dictionaries(NASTY, v, max_size=3), max_leaves=6
+ANY_VALUE = st.recursive(
+    SCALAR, lambda v: st.lists(v, max_size=4) | st.dictionaries(SCALAR, v, max_size=3), max_leaves=6
 )
-SPOTS = [(k,) for k in VALID] + [(k, n) for k, v in VALID.items() if isinstance(v, dict) for n in v]
+KEYS = [(k,) for k in VALID] + [(k, n) for k, v in VALID.items() if isinstance(v, dict) for n in v]
 
 
 @st.composite
 def mutated(draw):
-    """The text of a valid scenario with one value, key or piece of text exchanged."""
+    """Draw the text of a valid scenario with one value, key or piece of text replaced."""
     data = copy.deepcopy(VALID)
-    *path, key = draw(st.sampled_from(SPOTS))
+    *path, key = draw(st.sampled_from(KEYS))
     section = data[path[0]] if path else data
     change = draw(st.sampled_from(["value", "key", "text"]))
     if change == "value":
-        section[key] = draw(NASTIER)
+        section[key] = draw(ANY_VALUE)
     elif change == "key":
-        section[draw(NASTY)] = section.pop(key)
+        section[draw(SCALAR)] = section.pop(key)
     text = yaml.safe_dump(data)
     if change == "text":
         a, b = sorted(draw(st.tuples(*[st.integers(0, len(text))] * 2)))
@@ -233,7 +233,7 @@ def mutated(draw):
 
 @settings(max_examples=200, deadline=None)
 @given(content=mutated() | st.binary() | st.text().map(str.encode))
-def test_no_file_breaks_the_reader(tmp_path_factory, content):
+def test_any_file_loads_or_raises_invalid_scenario(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("scenario") / "s.yaml"
     path.write_bytes(content)
     try:
@@ -242,12 +242,12 @@ def test_no_file_breaks_the_reader(tmp_path_factory, content):
         assert str(error).isprintable()  # noqa: PT017
 
 
-def test_a_missing_scenario_is_named(tmp_path):
+def test_missing_file_is_named(tmp_path):
     with pytest.raises(InvalidScenario, match=r"none.yaml: No such file"):
         load_scenario(tmp_path / "none.yaml")
 
 
-def test_times_that_suit_a_map():
+def test_retime_adapts_the_durations_to_the_path():
     source = str(shared("maps/nav2/depot.yaml"))
     scenario = map_scenario(
         source, Waypoint(2.0, 2.0), Waypoint(27.0, 13.0), robot="small", name="d"
@@ -259,7 +259,7 @@ def test_times_that_suit_a_map():
     assert retime(scenario, duration=77.0).tasks.track.durations == (77.0, 115.5)
 
 
-def test_new_times_keep_to_the_scenarios_own_tasks():
+def test_retime_adds_no_tasks():
     tasks = Tasks(track=DurationsTask(durations=(40.0, 20.0)))
     scenario = paper_scenario().model_copy(update={"tasks": tasks})
     retimed = retime(scenario, duration=25.0).tasks
@@ -268,12 +268,12 @@ def test_new_times_keep_to_the_scenarios_own_tasks():
 
 
 @pytest.mark.parametrize("duration", [0.01, 30000.0, 1e9])
-def test_times_out_of_range_are_refused(duration):
+def test_durations_out_of_range_are_rejected(duration):
     with pytest.raises(InvalidScenario, match=r"need 0\.1 to 36000 s"):
         retime(paper_scenario(), duration=duration)
 
 
-def test_a_key_that_stands_twice_is_refused(tmp_path):
+def test_duplicate_key_is_rejected(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text("name: a\nseed: 1\nseed: 2\n")
     with pytest.raises(InvalidScenario, match="found the key 'seed' twice"):
@@ -287,7 +287,7 @@ OLD = {
 
 
 @pytest.mark.parametrize("key", OLD)
-def test_former_names_load_with_a_warning_that_names_the_new_one(key):
+def test_former_names_load_with_a_warning(key):
     former, present = OLD[key]
     data = scenario_data(paper_scenario()) | {key: former}
     with pytest.warns(
@@ -298,7 +298,7 @@ def test_former_names_load_with_a_warning_that_names_the_new_one(key):
     assert len(notes) == (2 if key == "controllers" else 1)
 
 
-def test_former_keys_load_with_a_warning_that_names_the_new_one():
+def test_former_keys_load_with_a_warning():
     data = scenario_data(paper_scenario())
     section = data.pop("holonomic_nmpc")
     data["recommended"] = section | {"traction": 0.5}
@@ -310,10 +310,10 @@ def test_former_keys_load_with_a_warning_that_names_the_new_one():
         parse_scenario(data | {"holonomic_nmpc": section}, "old.yaml")
 
 
-def test_capabilities_are_those_of_the_plants():
+def test_capabilities_equal_those_of_the_plants():
     robot = named_robot("small")
     for name, capabilities in PLANT_CAPABILITIES.items():
-        if not capabilities.exclusive:  # that one needs a running simulator
+        if not capabilities.exclusive:  # it needs a running simulator
             plant = make_plant(robot, name)
             assert plant.capabilities == capabilities
             plant.close()

@@ -1,4 +1,4 @@
-"""Studies: the same numbers on any number of cores, and a folder that is always readable."""
+"""Studies: reproducible results, output folder, report and interruption."""
 
 import json
 from math import isfinite
@@ -18,7 +18,7 @@ NOT_REPRODUCIBLE = {"step_time_us", "timing_s"}
 
 
 def numbers(folder):
-    """results.json without wall times."""
+    """Return the content of results.json without wall times."""
 
     def strip(value):
         if isinstance(value, dict):
@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
     return path
 
 
-def test_same_numbers_on_two_cores_and_from_the_folders_own_scenario(folder, tmp_path):
+def test_saved_scenario_gives_equal_results_with_two_processes(folder, tmp_path):
     again = tmp_path / "again"
     run_study(load_scenario(folder / "scenario.yaml"), again, processes=2)
     assert numbers(again) == numbers(folder)
@@ -48,16 +48,16 @@ def test_same_numbers_on_two_cores_and_from_the_folders_own_scenario(folder, tmp
         assert path.read_bytes() == (again / "figures" / path.name).read_bytes()
 
 
-def test_another_seed_gives_other_noise(folder, tmp_path):
+def test_noise_depends_on_the_seed(folder, tmp_path):
     other = small_scenario(seed=2, controllers=("holonomic-nmpc",))
     run_study(other, tmp_path / "other")
-    mine, theirs = numbers(folder)["runs"], numbers(tmp_path / "other")["runs"]
-    mine = [r for r in mine if r["controller"] == "holonomic-nmpc"]
-    assert mine[0] == theirs[0]  # without noise the seed changes nothing
-    assert mine[1]["me"] != theirs[1]["me"]
+    first, second = numbers(folder)["runs"], numbers(tmp_path / "other")["runs"]
+    first = [r for r in first if r["controller"] == "holonomic-nmpc"]
+    assert first[0] == second[0]  # without noise, the seed has no effect
+    assert first[1]["me"] != second[1]["me"]
 
 
-def test_every_controller_sees_the_same_noise(folder):
+def test_noise_is_equal_for_all_controllers(folder):
     offsets = []
     for path in sorted((folder / "series").glob("noise-*.parquet")):
         table = pq.read_table(path).to_pydict()
@@ -87,29 +87,31 @@ def test_results_follow_the_documented_schema(folder):
     assert {"overshoot", "rise_time", "settling_time"} <= set(data["step_response"][0])
 
 
-def test_metrics_can_be_had_again_from_the_time_series(folder):
+def test_metrics_can_be_computed_from_the_time_series(folder):
     for run in json.loads((folder / "results.json").read_text())["runs"]:
         table = pq.read_table(folder / run["series"])
         s = {k: np.array(v) for k, v in table.to_pydict().items()}
         error = np.hypot(s["x"] - s["target_x"], s["y"] - s["target_y"])
         assert error.mean() == pytest.approx(run["me"], abs=1e-15)
-        turn = np.abs(np.angle(np.exp(1j * (s["yaw"] - s["target_yaw"]))))
-        assert turn.mean() == pytest.approx(run["mae"], abs=1e-12)
+        yaw_error = np.abs(np.angle(np.exp(1j * (s["yaw"] - s["target_yaw"]))))
+        assert yaw_error.mean() == pytest.approx(run["mae"], abs=1e-12)
         assert table.schema.field("x").metadata == {b"unit": b"m"}
 
 
-def test_the_gains_are_in_the_time_series(folder):
+def test_time_series_contain_gains_and_solver_details(folder):
     table = pq.read_table(folder / "series" / "noise-fuzzy_t1-20s.parquet")
     for name, unit in (("kp_position", b"1/s"), ("ki_heading", b"1/s^2"), ("kd_heading", b"1")):
         assert table.schema.field(name).metadata == {b"unit": unit}
     s = {name: column.to_numpy() for name, column in zip(table.column_names, table, strict=True)}
     assert np.ptp(s["kp_position"][:-1]) > 0.05
     assert np.isnan(s["kp_position"][-1])
-    goal, seen = (np.array([s[f"{what}_{k}"] for k in "xy"]) for what in ("target", "measured"))
-    distance = np.hypot(*(goal[:, 1:] - seen[:, :-1]))
+    target, measured = (
+        np.array([s[f"{what}_{k}"] for k in "xy"]) for what in ("target", "measured")
+    )
+    distance = np.hypot(*(target[:, 1:] - measured[:, :-1]))
     assert s["error_input_position"][:-1] == pytest.approx(0.5 * distance)
-    plans = pq.read_table(folder / "series" / "track-holonomic-nmpc-20s.parquet")
-    assert plans.column_names[-4:] == [
+    nmpc = pq.read_table(folder / "series" / "track-holonomic-nmpc-20s.parquet")
+    assert nmpc.column_names[-4:] == [
         "step_time",
         "fallback_level",
         "solver_iterations",
@@ -117,7 +119,7 @@ def test_the_gains_are_in_the_time_series(folder):
     ]
 
 
-def test_the_folder_holds_report_and_figures(folder):
+def test_folder_contains_report_and_figures(folder):
     names = {p.name for p in (folder / "figures").iterdir()}
     for figure in ("kinematics", "membership_functions", "xy_comparison", "heading_comparison",
                    "horizon_xy", "horizon_heading", "horizon_bars", "step_response", "noise_xy",
@@ -127,7 +129,7 @@ def test_the_folder_holds_report_and_figures(folder):
     assert not list(folder.rglob("*.part"))
 
 
-def test_a_folder_in_use_is_not_overwritten(folder):
+def test_nonempty_folder_is_not_overwritten(folder):
     before = (folder / "results.json").read_bytes()
     with pytest.raises(CannotWrite, match="not empty"):
         run_study(small_scenario(), folder)
@@ -135,7 +137,7 @@ def test_a_folder_in_use_is_not_overwritten(folder):
 
 
 class Interrupts:
-    """A watcher that loses patience after two runs."""
+    """A progress listener that raises KeyboardInterrupt after two runs."""
 
     def __init__(self):
         self.left = 2
@@ -150,7 +152,7 @@ class Interrupts:
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-def test_what_was_finished_before_an_interruption_is_readable(tmp_path, processes):
+def test_results_before_an_interruption_are_readable(tmp_path, processes):
     folder = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
         run_study(small_scenario(), folder, processes=processes, progress=Interrupts())
@@ -161,7 +163,7 @@ def test_what_was_finished_before_an_interruption_is_readable(tmp_path, processe
         assert pq.read_table(path).num_rows > 10
 
 
-def test_a_full_disk_is_reported_and_leaves_what_was_there(tmp_path, monkeypatch):
+def test_full_disk_is_reported_and_results_are_kept(tmp_path, monkeypatch):
     import omnidrive.study.folder as module
 
     write, calls = module.pq.write_table, []
@@ -180,14 +182,14 @@ def test_a_full_disk_is_reported_and_leaves_what_was_there(tmp_path, monkeypatch
     assert len(list((tmp_path / "run" / "series").glob("*.parquet"))) == 2
 
 
-def test_a_duration_that_the_robot_cannot_do_is_refused_before_anything_runs(tmp_path):
-    hasty = paper_scenario().model_copy(update={"tasks": study_tasks(12.0)})
+def test_infeasible_duration_is_rejected_before_any_run(tmp_path):
+    infeasible = paper_scenario().model_copy(update={"tasks": study_tasks(12.0)})
     with pytest.raises(InvalidReference, match="12 s is too short"):
-        run_study(hasty, tmp_path / "run")
+        run_study(infeasible, tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
-def test_a_study_of_the_recommended_preset(tmp_path):
+def test_study_with_the_preset_recommended(tmp_path):
     names = ("pid", "fuzzy_t1", "holonomic-nmpc")
     scenario = small_scenario(preset="recommended", controllers=names)
     study = run_study(scenario, tmp_path / "run")
@@ -200,22 +202,22 @@ def test_a_study_of_the_recommended_preset(tmp_path):
     assert np.ptp(fuzzy.run.details["kp_x"][:-1]) > 0.1
 
 
-def test_jobs_of_the_papers_study():
+def test_number_of_runs_in_the_study_of_the_paper():
     jobs = jobs_of(paper_scenario())
     assert len(jobs) == len(set(jobs)) == 22
 
 
-@pytest.mark.parametrize(("law", "beside"), [("uniform", True), ("limits", False)])
-def test_the_papers_numbers_stand_beside_its_timing_only(law, beside):
+@pytest.mark.parametrize(("law", "compared"), [("uniform", True), ("limits", False)])
+def test_published_errors_are_shown_for_the_published_timing_only(law, compared):
     tasks = Tasks(track=DurationsTask(durations=(20.0,)))
     study = run_study(
         small_scenario(tasks=tasks, controllers=("fuzzy_t1",), timing=TimingSection(law=law))
     )
-    assert ("paper ME" in study.tables[0].columns) == beside
+    assert ("paper ME" in study.tables[0].columns) == compared
 
 
-def test_a_folder_in_use_is_refused_before_planning(tmp_path):
+def test_nonempty_folder_is_rejected_before_planning(tmp_path):
     (tmp_path / "something").touch()
-    nowhere = small_scenario(map=MapSection(source="no.map"))
+    without_map = small_scenario(map=MapSection(source="no.map"))
     with pytest.raises(CannotWrite, match="is not empty"):
-        run_study(nowhere, tmp_path)
+        run_study(without_map, tmp_path)
