@@ -49,7 +49,7 @@ def frame_time(image, k):
     ("options", "message"),
     [
         (["--video", "run.avi"], "run.avi: films are written as .mp4 or .gif"),
-        (["--video", "no/run.gif"], "name a file in a folder that is there"),
+        (["--video", "no/run.gif"], "name a file in an existing, writable"),
         (["--view"], "there is no display for the viewer's window"),
     ],
 )

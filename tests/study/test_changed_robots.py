@@ -83,7 +83,7 @@ DISC = {"radius": 0.3, "path": [[0.0, 5.0, 3.0], [60.0, 5.0, 3.0]]}
     [
         ([{"radius": -1.0, "path": [[0, 0, 0]]}], "map.moving.0.radius is -1 m"),
         ([{"radius": 0.3, "path": []}], "at least 1 item"),
-        ([{"radius": 0.3, "path": [[2, 0, 0], [1, 0, 0]]}], "times must grow"),
+        ([{"radius": 0.3, "path": [[2, 0, 0], [1, 0, 0]]}], "times must increase"),
         ([DISC] * 33, "at most 32 items"),
     ],
 )

@@ -204,7 +204,7 @@ def test_observers_satisfy_the_protocol():
     assert isinstance(Log(), Observer)
 
 
-def test_a_long_run_keeps_every_second_frame(monkeypatch):
+def test_long_run_keeps_every_second_frame(monkeypatch):
     monkeypatch.setattr("omnidrive.visualization.recording.MAX_FRAMES", 10)
     recorder = Recorder()
     run(observe(KinematicPlant(ROBOT), ROBOT, CIRCLE, [recorder]), duration=1.2)

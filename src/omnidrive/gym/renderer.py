@@ -38,7 +38,7 @@ class Renderer:
         size: tuple[int, int],
         obstacles: OccupancyGrid | None,
     ) -> None:
-        """Store what is drawn.
+        """Store the plant and the size of the pictures.
 
         Args:
             plant: The plant.

@@ -80,17 +80,14 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         Args:
             plant: Name of the plant, or a factory of one.
             robot: Name of the robot, or the robot.
-            reference: Reference to track; by default the paper's path in 20 s, or in the shortest
-                duration if that is longer.
+            reference: Reference to track; by default the paper's path in 20 s or longer.
             sensors: Factory of the simulated sensors from a generator; by default exact sensors.
             estimator: Factory of the state estimator that receives their readings.
             obstacles: Map of the obstacles, for plants with collisions.
             dt: Sample time, s.
             preview: Number of future reference poses in an observation, 0 to 100.
-            max_twist: Twist of an action of ones; m/s, m/s, rad/s; by default the largest along
-                each axis alone that the wheels permit.
-            start_spread: Largest initial offset from the reference: along x and y each (m), and in
-                heading (rad).
+            max_twist: Twist of an action of ones; by default that of :func:`max_axis_twist`.
+            start_spread: Largest initial offset in x and in y (m), and in heading (rad).
             max_error: Errors in position (m) and heading (rad, up to pi) that terminate a run.
             smoothness_weight: Weight of changes of the action in the reward.
             render_mode: `rgb_array` for pictures.
@@ -98,7 +95,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
         Raises:
             InvalidInput: A number is out of its range, or the plant or the robot is unknown.
-            InvalidReference: The robot cannot follow the reference.
+            InvalidReference: The robot cannot follow the default reference.
         """
         self._robot = named_robot(robot) if isinstance(robot, str) else robot
         _check(
@@ -116,9 +113,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             self._reference, dt, preview, max_error, self.max_twist, top_speed(self._reference, dt)
         )
         self.observation_space = spaces.Box(-1.0, 1.0, (self._observation_model.size,), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
+        self.action_space, self.render_mode = spaces.Box(-1.0, 1.0, (3,), np.float32), render_mode
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / dt), 1)}
-        self.render_mode = render_mode
         self._renderer = Renderer(self._plant, self._robot, self._reference, render_size, obstacles)
         self._k, self._has_reset, self._running = 0, False, False
 

@@ -286,7 +286,7 @@ def test_invalid_reply_is_refused(server, raw, fact):
         ("getSimulationTime", float("nan"), "stopped or paused .* its clock shows nan s"),
     ],
 )
-def test_an_answer_of_another_kind_ends_the_run(server, function, value, fact):
+def test_reply_of_wrong_type_ends_the_run(server, function, value, fact):
     with plant_at(server) as plant:
         plant.reset(ORIGIN)
         reply = {"ret": [] if value is None else [value]}

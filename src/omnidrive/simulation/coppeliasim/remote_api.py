@@ -140,7 +140,7 @@ class RemoteApi:
             client.socket.close(linger=0)
             client.context.term()
 
-    def _call(self, what: str, function: Any, *args: Any) -> Any:
+    def _call(self, request: str, function: Any, *args: Any) -> Any:
         self.usable = False
         self._client.socket.set_deadline(self._timeout)
         try:
@@ -149,7 +149,7 @@ class RemoteApi:
             raise
         except Exception as error:  # the client raises no class of its own
             raise PlantLost(
-                f"CoppeliaSim at {self.address} refuses {what}: {one_line(str(error), 200)}"
+                f"CoppeliaSim at {self.address} refuses {request}: {one_line(str(error), 200)}"
             ) from None
         self.usable = True
         return value

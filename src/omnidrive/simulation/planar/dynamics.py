@@ -82,9 +82,9 @@ def spin_up_rollers(
 ) -> Vector:
     """Accelerate the roller in contact on every wheel; return the momentum that the body loses.
 
-    A roller that reaches the floor still turns with what is left of its last contact. The floor
-    accelerates it to the speed of the contact, across the wheel's force, and it keeps this momentum
-    when it leaves the floor. Its spin-up reduces no other wheel force, because the neighbouring
+    The floor accelerates a roller that comes into contact from its remaining speed to the speed of
+    the contact, across the wheel's force, and the roller keeps this momentum when it leaves the
+    floor. Its spin-up reduces no other wheel force, because the neighbouring
     rollers carry load at that moment.
     """
     x, y, yaw = 0.0, 0.0, 0.0
