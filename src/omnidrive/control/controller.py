@@ -42,7 +42,7 @@ class Controller(Protocol):
     ``reset`` and then any number of ``step`` calls is one run. Two runs with the same inputs give
     the same commands: ``reset`` clears all memory, and there is no other source of state.
 
-    A controller may define, besides, any of:
+    Optional members:
 
     - ``prepare()``: compile or factorise before the first sample, see
       :class:`PreparableController`;
@@ -55,7 +55,7 @@ class Controller(Protocol):
         ...
 
     def step(self, t: float, state: State, reference: Reference) -> Command:
-        """Command to hold on [t, t + dt), t in s, for the state estimated at ``t``."""
+        """Return the command to hold on [t, t + dt), t in s, for the state estimated at ``t``."""
         ...
 
 
@@ -83,8 +83,8 @@ class DetailedController(Controller, Protocol):
 
 @runtime_checkable
 class ReducibleController(Controller, Protocol):
-    """A :class:`Controller` that can take the loss of a driven wheel into account."""
+    """A :class:`Controller` that can plan without the failed wheels of a robot."""
 
     def with_reduced_drive(self, drive: ReducedDrive) -> Controller:
-        """A controller in the same state that plans with the wheels that still drive."""
+        """Return a controller in the same state that plans with the driving wheels only."""
         ...

@@ -47,13 +47,13 @@ class PipelineStep(NamedTuple):
 class Pipeline:
     """Estimator, supervisor and controller in series: one call per sample.
 
-    Whatever a part raises or returns wrongly is reported in the step, never raised, so that the
-    caller can stop the robot.
+    An exception or an invalid result of a part is reported in the returned step and not raised, so
+    that the caller can stop the robot.
 
     Attributes:
         controller: Computes the command.
         estimator: Computes the state from the readings; by default the latest pose fix.
-        supervisor: Checks the state and limits the command; by default it does neither.
+        supervisor: Checks the state and limits the command; by default no supervisor.
     """
 
     controller: Controller
@@ -65,7 +65,7 @@ class Pipeline:
     _details: int | None = field(default=None, init=False, repr=False)
 
     def prepare(self) -> None:
-        """Let the controller compile and allocate; see ``PreparableController``."""
+        """Prepare the controller if it is a :class:`PreparableController`."""
         if isinstance(self.controller, PreparableController):
             self.controller.prepare()
 
@@ -76,11 +76,12 @@ class Pipeline:
         self.estimator.reset(pose)
         self.controller.reset(self._state)
         self.supervisor.reset(self.controller)
-        units = self.controller
-        self._details = len(units.detail_units) if isinstance(units, DetailedController) else None
+        self._details = None
+        if isinstance(self.controller, DetailedController):
+            self._details = len(self.controller.detail_units)
 
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
-        """Estimate and check at ``t`` (s) without computing a command, as at the end of a run."""
+        """Estimate and check the state at ``t`` (s) without a command, as at the end of a run."""
         part: Part = "reference"
         target = self._state.pose
         try:
@@ -119,30 +120,30 @@ class Pipeline:
             late: Whether the new command is not ready in time, so that the one computed in the
                 previous sample is sent.
         """
-        seen = self.observe(t, readings, reference)
-        if seen.failed:
-            return seen
+        observed = self.observe(t, readings, reference)
+        if observed.failed:
+            return observed
         command, step_time = _STOP, nan
         if self.supervisor.stopped is None:
             command, step_time = self._compute(t, reference)
         command, self._previous = (self._previous if late else command), command
         if command.status is Status.FAILED:
-            return PipelineStep(seen.state, seen.target, command, step_time, "controller")
+            return PipelineStep(observed.state, observed.target, command, step_time, "controller")
         try:
             command = self.supervisor.limit(command, dt)
         except Exception:
-            return self._failure("supervisor", seen.target, _traceback())
-        return PipelineStep(seen.state, seen.target, command, step_time)
+            return self._failure("supervisor", observed.target, _traceback())
+        return PipelineStep(observed.state, observed.target, command, step_time)
 
     def _compute(self, t: float, reference: Reference) -> tuple[Command, float]:
-        """The controller's command and its computing time, us."""
+        """Return the command of the controller and its computing time, us."""
         controller = self.supervisor.controller or self.controller
-        began = _clock()
+        start = _clock()
         try:
             command = controller.step(t, self._state, reference)
         except Exception:
             return _STOP._replace(status=Status.FAILED, message=_traceback()), nan
-        return _checked(command, self._details), (_clock() - began) * 1e-3
+        return _checked(command, self._details), (_clock() - start) * 1e-3
 
     def _failure(self, part: Part, target: Pose, message: str) -> PipelineStep:
         command = _STOP._replace(status=Status.FAILED, message=message)
@@ -150,7 +151,7 @@ class Pipeline:
 
 
 def _checked(command: object, details: int | None) -> Command:
-    """``command``, or one with the status ``FAILED`` and a message if it is malformed."""
+    """Return ``command``; if it is malformed, one with the status ``FAILED`` and a message."""
     if (
         type(command) is Command
         and type(command.twist) is BodyTwist
@@ -158,11 +159,11 @@ def _checked(command: object, details: int | None) -> Command:
         and (details is None or len(command.details) in {0, details})
     ):
         return command
-    return _refused(command, details)
+    return _failed(command, details)
 
 
-def _refused(command: object, details: int | None) -> Command:
-    """A failed command that says what is malformed."""
+def _failed(command: object, details: int | None) -> Command:
+    """Return a command with the status ``FAILED`` whose message describes the error."""
     failed = _STOP._replace(status=Status.FAILED)
     if not isinstance(command, Command):
         return failed._replace(
@@ -197,5 +198,5 @@ def _named(value: object) -> str:
 
 
 def _traceback() -> str:
-    """The present exception with its innermost calls."""
+    """Return the traceback of the current exception, with its innermost calls only."""
     return traceback.format_exc(limit=-_FRAMES).rstrip()

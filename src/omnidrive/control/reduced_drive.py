@@ -16,7 +16,7 @@ from omnidrive.robot import Chassis, Robot, acceleration_polytope
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReducedDrive:
-    """The wheels that still drive; the failed ones roll freely and carry their load.
+    """Driving wheels of a robot; its failed wheels roll freely and carry their load.
 
     Attributes:
         wheels: Indices of the driving wheels, from 0.
@@ -37,7 +37,7 @@ class ReducedDrive:
 
     @classmethod
     def of(cls, robot: Robot, failed: Collection[int]) -> ReducedDrive:
-        """The drive of ``robot`` without the wheels ``failed`` (indices from 0).
+        """Return the drive of ``robot`` without the wheels ``failed`` (indices from 0).
 
         Raises:
             InvalidGeometry: The remaining wheels cannot produce every twist.
@@ -55,7 +55,7 @@ class ReducedDrive:
 def limit_acceleration(
     limits: Float[Array, "faces 3"], before: BodyTwist, desired: BodyTwist, dt: float
 ) -> BodyTwist:
-    """The twist on the line from ``before`` to ``desired`` nearest to ``desired`` within limits.
+    """Return the feasible twist closest to ``desired`` on the line from ``before`` to ``desired``.
 
     Args:
         limits: Acceleration polytope ``|limits @ acceleration| <= 1``; s^2/m, s^2/m, s^2/rad.

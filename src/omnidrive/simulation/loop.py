@@ -28,7 +28,7 @@ from omnidrive.simulation.sensors import PerfectSensors, Sensors
 T = TypeVar("T")
 
 _STOP = BodyTwist(0.0, 0.0, 0.0)
-_BEFORE = -1.0  # s; a time before the first sample
+_BEFORE_START = -1.0  # s; a time before the first sample
 _FAILED = {
     "reference": Outcome.REFERENCE_FAILED,
     "estimator": Outcome.ESTIMATOR_FAILED,
@@ -50,7 +50,7 @@ def simulate(
     schedule: Schedule | None = None,
     rng: np.random.Generator | None = None,
 ) -> Run:
-    """Close the loop until the reference ends.
+    """Simulate a closed loop until the reference ends.
 
     An exception or a malformed result of a part ends the run, not the program: the outcome, the
     reason and the traceback are in the returned log.
@@ -92,12 +92,12 @@ def simulate(
     except _Ended as end:
         log.end = end
         if not log.rows:
-            log.nothing(start, reference)
+            log.add_failed_start(start)
     return log.run(environment.events)
 
 
 class _Ended(Exception):
-    """A run ends before its reference."""
+    """The run ends before its reference."""
 
     def __init__(self, outcome: Outcome, reason: str = "", traceback_: str = "") -> None:
         super().__init__(reason)
@@ -105,9 +105,9 @@ class _Ended(Exception):
 
 
 def _guarded(outcome: Outcome, call: Callable[[], T]) -> T:
-    """The result of a call of a user's part; what it raises ends the run.
+    """Return the result of a call of a user's part; an exception in it ends the run.
 
-    Errors that the package raises on purpose are the caller's: they hold for every run.
+    An :class:`OmnidriveError` other than :class:`PlantLost` is raised: it concerns every run.
     """
     try:
         return call()
@@ -116,7 +116,7 @@ def _guarded(outcome: Outcome, call: Callable[[], T]) -> T:
     except OmnidriveError:
         raise
     except Exception as error:
-        raise _Ended(outcome, _line(error), traceback.format_exc(limit=-4).rstrip()) from None
+        raise _Ended(outcome, _first_line(error), traceback.format_exc(limit=-4).rstrip()) from None
 
 
 def _loop(
@@ -126,8 +126,8 @@ def _loop(
     samples: Iterable[tuple[float, float, bool]],
     log: _Log,
 ) -> None:
-    """Read, estimate and control, act; sample by sample."""
-    before, commanded = _BEFORE, _STOP
+    """Read the sensors, compute the command and step the plant, sample by sample."""
+    before, commanded = _BEFORE_START, _STOP
     supervisor = pipeline.supervisor
     for t, h, ends in samples:
         readings = _guarded(Outcome.SENSORS_FAILED, lambda: environment.read(t, state))  # noqa: B023
@@ -150,25 +150,25 @@ def _loop(
 
 
 def _reason(message: str) -> tuple[str, str]:
-    """One line, and the traceback that it summarises, if there is one."""
+    """Return the last line of a message, and the whole message if it is a traceback."""
     lines = message.splitlines()
     return (lines[-1], message) if len(lines) > 1 else (message, "")
 
 
-def _line(error: Exception) -> str:
+def _first_line(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".splitlines()[0]
 
 
 def _samples(
     schedule: Schedule | None, reference: Reference, dt: float, rng: np.random.Generator | None
 ) -> Iterator[tuple[float, float, bool]]:
-    """Time of every sample (s), time to the next (s), and whether it is the last."""
+    """Yield the time of every sample (s), the time to the next (s), and whether it is the last."""
     if schedule is not None:
         yield from schedule.samples(reference.duration, dt, rng)
         return
     last = round(reference.duration / dt)
     for k in range(last + 1):
-        yield k * dt, dt, k == last  # never a running sum: it drifts
+        yield k * dt, dt, k == last  # a running sum would accumulate rounding errors
 
 
 @dataclass(slots=True)
@@ -183,7 +183,7 @@ class _Environment:
     _applied: Disturbances = field(default_factory=Disturbances)
 
     def check(self) -> None:
-        """Refuse faults that cannot occur in this run."""
+        """Raise InvalidInput for faults that cannot occur in this run."""
         if self.schedule is None:
             return
         self.schedule.check(self.reference.duration)
@@ -200,21 +200,21 @@ class _Environment:
         return state
 
     def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Let the plant execute ``twist`` for ``dt`` (s)."""
+        """Simulate the plant with the command ``twist`` for ``dt`` (s)."""
         return _is_state(self.plant.step(twist, dt))
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
-        """The sensors' readings at ``t`` (s)."""
+        """Return the sensor readings at ``t`` (s)."""
         if self.schedule is not None:
             self.sensors.apply(self.schedule.sensor_faults(t))
         return self.sensors.read(t, state)
 
     def overrun(self, t: float) -> bool:
-        """Whether the command of the sample at ``t`` (s) is late."""
+        """Return whether the command of the sample at ``t`` (s) is late."""
         return self.schedule is not None and self.schedule.overrun(t)
 
     def apply(self, before: float, t: float) -> None:
-        """Apply the disturbances of the sample at ``t`` (s), the previous being at ``before``."""
+        """Apply the disturbances at ``t`` (s); ``before``: time of the previous sample (s)."""
         if self.schedule is None:
             return
         for fault in self.schedule.faults:
@@ -256,16 +256,16 @@ class _Log:
         )  # fmt: skip
         self.details.append(command.details)
 
-    def nothing(self, start: Pose, reference: Reference) -> None:
-        """The one row of a run that fails before its first sample: the robot stands at start."""
-        lost = Pose(nan, nan, nan)
+    def add_failed_start(self, start: Pose) -> None:
+        """Append the only row of a run that fails before its first sample, at rest at ``start``."""
+        unknown = Pose(nan, nan, nan)
         self.rows.append(
-            (0.0, *start, *lost, *lost, *_STOP, *_STOP, nan, nan, Status.FAILED, 0, nan, nan)
+            (0.0, *start, *unknown, *unknown, *_STOP, *_STOP, nan, nan, Status.FAILED, 0, nan, nan)
         )
         self.details.append(())
 
     def run(self, events: Sequence[Event]) -> Run:
-        """All rows as columns."""
+        """Return the log of the run."""
         rows = np.array(self.rows, dtype=float)
         pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
         supervisor, units = self.pipeline.supervisor, _units(self.pipeline.controller)

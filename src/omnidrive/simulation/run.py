@@ -1,4 +1,4 @@
-"""The log that a closed loop leaves."""
+"""Log of a closed loop."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ class Run:
         t: Time of each row, in s.
         pose: True pose of B in W; x and y in m, yaw in rad, unwrapped.
         measured: Estimated pose, as ``pose``.
-        position_sigma: Standard deviation of its position along the least certain direction, m;
-            NaN if unknown.
-        yaw_sigma: Standard deviation of its yaw, rad; NaN if unknown.
+        position_sigma: Standard deviation of the estimated position along the least certain
+            direction, m; NaN if unknown.
+        yaw_sigma: Standard deviation of the estimated yaw, rad; NaN if unknown.
         target: Reference pose, as ``pose``.
-        command: Commanded body twist held from ``t``, before the wheels' limits; m/s, m/s, rad/s.
+        command: Body twist commanded at ``t``, before wheel saturation; m/s, m/s, rad/s.
         twist: True body twist, as ``command``.
-        work: Mechanical work of the motors so far, in J; NaN without forces.
+        work: Mechanical work of the motors since the start, in J; NaN without forces.
         step_time: Computing time of ``Controller.step`` in its thread, in us; NaN in the last row.
         status: :class:`~omnidrive.control.Status` of each command.
-        collisions: How often the body has begun to touch an obstacle.
+        collisions: Number of contacts with obstacles that have begun since the start.
         outcome: Why the run ended.
         details: Details of a :class:`~omnidrive.control.DetailedController` at each sample, by
-            name; NaN where its command holds none, as in the last row.
+            name; NaN for a command without details, as in the last row.
         detail_units: Unit of each detail.
-        events: Beginnings and ends of faults, findings and reactions of the supervisor, in order.
+        events: Start and end of faults, findings and reactions of the supervisor, in order.
         reason: Reason of the outcome in one line; may be empty.
         traceback: Traceback of the exception that ended the run; empty without one.
     """
@@ -74,7 +74,7 @@ class Run:
 
     @property
     def ending(self) -> str:
-        """Outcome and reason in words."""
+        """Outcome and reason as text."""
         return self.outcome.value + (f": {self.reason}" if self.reason else "")
 
     def raise_if_failed(self) -> Run:

@@ -40,9 +40,9 @@ class SafetySupervisor:
         robot: The robot without failures.
         watchdog: None: no watchdog.
         monitor: None: wheels are not monitored.
-        controller: The controller with a reduced drive; None while that of ``reset`` is in use.
+        controller: The controller with a reduced drive; None: that of ``reset`` is in use.
         events: Findings and reactions, in order.
-        stopped: Reason for which the robot is being stopped; None while it is not.
+        stopped: Reason for which the robot is being stopped; None: it is not being stopped.
     """
 
     robot: Robot
@@ -60,7 +60,8 @@ class SafetySupervisor:
     _held: float | None = field(default=None, init=False)
     """Time for which the last command was held, s; None before the first."""
     _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
-    _shown: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
+    _reported_pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
+    """Pose that the controller receives."""
 
     def reset(self, controller: Controller) -> None:
         """Start a run with ``controller`` and all wheels healthy."""
@@ -78,7 +79,7 @@ class SafetySupervisor:
         return self.stopped is not None and self._commanded == _STOP
 
     def check(self, t: float, readings: SensorReadings, state: State, target: Pose) -> State:
-        """Check wheels and estimate at ``t`` (s); returns the state that the controller receives.
+        """Check wheels and estimate at ``t`` (s) and return the state for the controller.
 
         Args:
             t: Time, s.
@@ -96,14 +97,14 @@ class SafetySupervisor:
             reason = self.watchdog.check(t, state, target)
             if reason is not None:
                 self._stop(t, reason)
-        self._pose = self._shown = state.pose
+        self._pose = self._reported_pose = state.pose
         if self._locked is None:
             return state
-        self._shown = Pose(state.pose.x, state.pose.y, target.yaw)
-        return state._replace(pose=self._shown)
+        self._reported_pose = Pose(state.pose.x, state.pose.y, target.yaw)
+        return state._replace(pose=self._reported_pose)
 
     def limit(self, command: Command, dt: float) -> Command:
-        """The command that is sent to the robot for ``dt`` (s) instead of ``command``."""
+        """Return the command to send to the robot for ``dt`` (s) instead of ``command``."""
         twist = command.twist
         if self.stopped is not None:
             twist = self._braking(dt)
@@ -158,17 +159,17 @@ class SafetySupervisor:
         return 1e-6 * self.robot.effective_radius
 
     def _rim_row(self, wheel: int) -> tuple[float, float, float]:
-        """Rim speed of a wheel per body twist, 1, 1, m/rad, by the model that commands use."""
+        """Rim speed of a wheel per body twist, 1, 1, m/rad, by the wheel matrix of the commands."""
         a, b, c = (self.robot.wheel.radius * self.robot.drive.jacobian[wheel]).tolist()
         return a, b, c
 
     def _braking(self, dt: float) -> BodyTwist:
-        """The next twist on the straight line to rest, with the largest deceleration allowed."""
+        """Return the next twist on the straight line to rest, at the maximum deceleration."""
         limits = (self._drive or self.robot).acceleration_faces
         return limit_acceleration(limits / _SHARE, self._commanded, _STOP, dt)
 
     def _in_null_space(self, twist: BodyTwist, dt: float) -> BodyTwist:
-        """The twist that moves B as ``twist`` does while the locked wheel does not turn.
+        """Return a twist that translates B as ``twist`` does while the locked wheel does not turn.
 
         The locked wheel's row (a, b, c) of the rim Jacobian constrains the twist by
         ``a vx + b vy + c yaw_rate = 0``. Because the robot rotates during the sample, the velocity
@@ -177,7 +178,7 @@ class SafetySupervisor:
         """
         assert self._locked is not None
         a, b, c = self._rim_row(self._locked)
-        goal, here = move(self._shown, twist, dt), self._pose
+        goal, here = move(self._reported_pose, twist, dt), self._pose
         dx, dy = goal.x - here.x, goal.y - here.y
         part = min(1.0, _LONGEST_STEP * abs(c) / max(hypot(dx, dy), 1e-12))
         vx, vy, turn = 0.0, 0.0, 0.0

@@ -23,17 +23,17 @@ class Event(NamedTuple):
 class Supervisor(Protocol):
     """Checks the estimate before the controller's step and limits the command after it.
 
-    ``reset``, then ``check`` and ``limit`` in turn, once per sample.
+    Call ``reset`` at the start of a run, then ``check`` and ``limit`` in turn, once per sample.
     """
 
     @property
     def controller(self) -> Controller | None:
-        """The controller to use instead of that of ``reset``; None to go on with it."""
+        """Controller that replaces that of ``reset``; None: no replacement."""
         ...
 
     @property
     def stopped(self) -> str | None:
-        """Reason for which the robot is being stopped; None while it is not."""
+        """Reason for which the robot is being stopped; None: it is not being stopped."""
         ...
 
     @property
@@ -51,18 +51,18 @@ class Supervisor(Protocol):
         ...
 
     def check(self, t: float, readings: SensorReadings, state: State, target: Pose) -> State:
-        """Check the robot at ``t`` (s); returns the state that the controller receives.
+        """Check the robot at ``t`` (s) and return the state for the controller.
 
         Args:
             t: Time, s.
-            readings: What the sensors report.
-            state: The estimate made of them.
+            readings: Sensor readings up to ``t``.
+            state: Estimate from these readings.
             target: Reference pose at ``t``.
         """
         ...
 
     def limit(self, command: Command, dt: float) -> Command:
-        """The command that is sent to the robot for ``dt`` (s) instead of ``command``."""
+        """Return the command to send to the robot for ``dt`` (s) instead of ``command``."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""The watchdog: decides when a robot must be stopped."""
+"""Watchdog: limits of tracking error and pose uncertainty, beyond which a robot is stopped."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class Watchdog:
         self._since.clear()
 
     def check(self, t: float, state: State, target: Pose) -> str | None:
-        """Reason for which the robot must stop at ``t`` (s), or None.
+        """Return the reason for which the robot must stop at ``t`` (s), or None.
 
         Args:
             t: Time, s.
-            state: Estimate; an unknown covariance is accepted.
+            state: Estimate; an unknown covariance exceeds no limit.
             target: Reference pose.
         """
         pose, sigma, age = state.pose, state.position_sigma, state.fix_age

@@ -1,4 +1,4 @@
-"""The wheel monitor: detects dead motors, locked wheels and dead encoders."""
+"""Wheel monitor: detection of dead motors, locked wheels and dead encoders."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class WheelDefect(Enum):
     """Defects of a wheel."""
 
     DEAD = "is dead"
-    """The motor gives no torque; the wheel turns freely."""
+    """The motor produces no torque; the wheel turns freely."""
     LOCKED = "is locked"
-    """The wheel does not turn although its motor gives torque."""
+    """The wheel does not turn although its motor produces torque."""
     DEAD_ENCODER = "has a dead encoder"
-    """The encoder reports no rotation, and the motor gives no torque that would explain it."""
+    """The encoder reports no rotation, but the torque is too small for a standing wheel."""
 
 
 class Finding(NamedTuple):
@@ -39,14 +39,14 @@ SAMPLES = 3
 """Samples with evidence of a defect after which it is reported."""
 
 # torques as a share of the motor's largest
-_NONE = 1e-3  # a torque below this counts as none
-_CALLED = 5e-3  # least expected torque for evidence of a dead motor
-_BRAKED = 0.05  # least expected torque for evidence of a wheel that stands
+_ZERO_TORQUE = 1e-3  # a torque up to this counts as zero
+_MIN_TORQUE_DEAD = 5e-3  # minimum expected torque for evidence of a dead motor
+_MIN_TORQUE_STANDING = 0.05  # minimum expected torque for evidence from a standing wheel
 # speeds as a share of the commanded one
-_STANDS = 0.02  # a wheel at or below this stands
-_TURNS = 0.1  # a wheel above this turns
+_STANDING = 0.02  # a wheel up to this speed stands
+_TURNING = 0.1  # a wheel above this speed turns
 _MARGIN = 1.2  # factor on the torque that friction can transmit
-_COUNTS = 3.0  # least commanded rotation per sample, in encoder counts, for evidence of standing
+_MIN_COUNTS = 3.0  # minimum commanded rotation per sample for evidence from a standing wheel
 
 
 class WheelMonitor:
@@ -57,13 +57,16 @@ class WheelMonitor:
     limit is reached are not evaluated. A healthy wheel satisfies that also when it slips, because
     slip occurs between wheel and floor, not between motor and wheel.
 
-    - A dead motor: the wheel turns with the floor, near the commanded speed while the other wheels
-      do not slip, and its torque is zero where the servo's is not.
-    - A locked wheel: it stands where it should turn, and its motor gives torque.
-    - A dead encoder: the wheel appears to stand, but its motor gives no torque.
+    - Dead motor: the wheel turns with the floor, near the commanded speed while the other wheels do
+      not slip; its torque is zero although that of the servo model is not.
+    - Locked wheel: the wheel does not turn although it is commanded to, and its motor produces
+      torque.
+    - Dead encoder: the measured speed is zero although the wheel is commanded to turn, and the
+      torque is too small for a standing wheel.
 
-    A defect is reported after three samples with evidence, that is after 0.3 s at 0.1 s or later if
-    the wheel has little to do; a sample that contradicts the defect clears its count.
+    A defect is reported after three samples with evidence: after 0.3 s at a sample time of 0.1 s,
+    or later if the expected torque is small. A sample that contradicts the defect clears its
+    count.
 
     Args:
         robot: Wheel matrix, servo gain, lag and torque limit of the robot.
@@ -89,12 +92,12 @@ class WheelMonitor:
     def update(
         self, command: BodyTwist, dt: float, angles: Sequence[float], torques: Sequence[float]
     ) -> list[Finding]:
-        """Defects found in the sample that has just ended.
+        """Return the defects found in the sample that has just ended.
 
         Args:
             command: Body twist commanded during the sample.
             dt: Duration of the sample, s.
-            angles: Encoder angle of each wheel since the reset, rad; NaN is an encoder that
+            angles: Encoder angle of each wheel since the reset, rad; NaN if an encoder
                 reports nothing, which counts as no rotation.
             torques: Mean torque of each motor during the sample, N m.
         """
@@ -107,28 +110,35 @@ class WheelMonitor:
         speeds, robot, resolution = (now - before) / dt, self._robot, self._step / dt
         scale = robot.servo_gain / robot.max_torque
         expected = scale * (commanded - speeds)
-        given = np.asarray(torques, dtype=float) / robot.max_torque
+        torque = np.asarray(torques, dtype=float) / robot.max_torque
         linear = (scale * np.abs(commanded - self._before) < 1.0) & (np.abs(expected) < 1.0)
         self._before = commanded
-        stands = np.abs(speeds) <= _STANDS * np.abs(commanded)
-        strains = np.abs(given) >= 0.5 * np.minimum(np.abs(expected), 1.0)
-        called = scale * np.abs(commanded) >= _BRAKED
-        called &= np.abs(commanded) >= _COUNTS * resolution
-        turns = np.abs(speeds) > _TURNS * np.abs(commanded)
-        none, rolls = np.abs(given) <= _NONE, np.abs(expected) <= self._transmitted
-        due = np.abs(expected) >= _CALLED + scale * resolution
+        is_standing = np.abs(speeds) <= _STANDING * np.abs(commanded)
+        has_torque = np.abs(torque) >= 0.5 * np.minimum(np.abs(expected), 1.0)
+        is_commanded = scale * np.abs(commanded) >= _MIN_TORQUE_STANDING
+        is_commanded &= np.abs(commanded) >= _MIN_COUNTS * resolution
+        is_turning = np.abs(speeds) > _TURNING * np.abs(commanded)
+        is_zero = np.abs(torque) <= _ZERO_TORQUE
+        below_friction = np.abs(expected) <= self._transmitted
+        torque_expected = np.abs(expected) >= _MIN_TORQUE_DEAD + scale * resolution
         evidence = {
             WheelDefect.DEAD: (
-                linear & turns & none & rolls & due,
-                (np.abs(given) > 2.0 * _NONE) | ~rolls,
+                linear & is_turning & is_zero & below_friction & torque_expected,
+                (np.abs(torque) > 2.0 * _ZERO_TORQUE) | ~below_friction,
             ),
-            WheelDefect.LOCKED: (stands & strains & called, ~stands & called),
-            WheelDefect.DEAD_ENCODER: (stands & ~strains & called, ~stands & called),
+            WheelDefect.LOCKED: (
+                is_standing & has_torque & is_commanded,
+                ~is_standing & is_commanded,
+            ),
+            WheelDefect.DEAD_ENCODER: (
+                is_standing & ~has_torque & is_commanded,
+                ~is_standing & is_commanded,
+            ),
         }
         return self._count(evidence)
 
     def _mean_set_points(self, command: BodyTwist, dt: float) -> Float[Array, " wheels"]:
-        """Mean set points of the servos, rad/s, which follow the command with the motors' lag."""
+        """Return the mean set points of the servos, rad/s, which follow the command with a lag."""
         target, lag = self._drive.wheel_speeds(self._drive.saturate(command)), self._robot.motor_lag
         if lag <= 0.0:
             return target
@@ -138,7 +148,7 @@ class WheelMonitor:
         return mean
 
     def _count(self, evidence: dict[WheelDefect, tuple[Array, Array]]) -> list[Finding]:
-        """Count evidence for each defect; evidence against it clears the count."""
+        """Count the evidence for each defect and return the new findings."""
         found = []
         for defect, (sign, against) in evidence.items():
             count = self._counts[defect]
