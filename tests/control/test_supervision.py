@@ -27,7 +27,7 @@ ROBOT = named_robot("paper")
 ORIGIN = Pose(0.0, 0.0, 0.0)
 LIMITS = WatchdogLimits(error=1.0, position_sigma=0.5, age=1.5, patience=0.3)
 DT = 0.1
-few = settings(max_examples=25, deadline=None)
+FEW = settings(max_examples=25, deadline=None)
 
 
 def estimate(pose, sigma=0.0, age=0.0):
@@ -139,7 +139,7 @@ def test_defect_is_reported_after_three_samples(wheel, defect):
     ]  # fmt: skip
 
 
-@few
+@FEW
 @given(st.integers(0, 2**32 - 1), st.sampled_from([FINE, DEFAULT, EncoderSettings(256)]))
 def test_healthy_wheels_are_never_reported(seed, encoders):
     """Random commands and slip, with the torque of the servos, also at its limit."""
@@ -198,9 +198,8 @@ def test_reduced_drive_with_three_wheels():
     drive = ReducedDrive.of(ROBOT, {1})
     assert drive.wheels == (0, 2, 3)
     assert drive.chassis.twist(drive.chassis.wheel_speeds(TWIST)) == pytest.approx(TWIST)
-    assert drive.force_limits == pytest.approx(
-        ROBOT.force_limits[[0, 2, 3]]
-    )  # the failed wheel still carries its load
+    # the failed wheel still carries its load
+    assert drive.force_limits == pytest.approx(ROBOT.force_limits[[0, 2, 3]])
     for axis in np.eye(3):  # weaker than four wheels in every direction
         assert (
             np.abs(drive.acceleration_faces @ axis).max()
@@ -222,16 +221,14 @@ def test_two_wheels_are_not_sufficient():
 TWISTS = st.builds(BodyTwist, *[st.floats(-2.0, 2.0)] * 3)
 
 
-@few
+@FEW
 @given(TWISTS, TWISTS)
 def test_limited_twist_is_between_old_and_desired_and_within_the_friction_limits(before, desired):
     limited = limit_acceleration(ROBOT.acceleration_faces, before, desired, DT)
-    assert np.abs(ROBOT.acceleration_faces @ np.subtract(limited, before)).max() <= DT * (
-        1.0 + 1e-9
-    )
-    along, whole = np.subtract(limited, before), np.subtract(desired, before)
-    assert np.linalg.norm(np.cross(along, whole)) == pytest.approx(0.0, abs=1e-9)
-    assert np.dot(along, whole) >= 0.0
+    step, whole = np.subtract(limited, before), np.subtract(desired, before)
+    assert np.abs(ROBOT.acceleration_faces @ step).max() <= DT * (1.0 + 1e-9)
+    assert np.linalg.norm(np.cross(step, whole)) == pytest.approx(0.0, abs=1e-9)
+    assert np.dot(step, whole) >= 0.0
 
 
 def make_supervisor(robot=ROBOT):
@@ -250,7 +247,7 @@ def test_state_and_command_of_a_healthy_robot_are_unchanged():
     assert supervisor.limit(command, DT) is command
 
 
-@few
+@FEW
 @given(
     st.integers(0, 3),
     st.builds(Pose, *[st.floats(-3.0, 3.0)] * 3),

@@ -131,9 +131,7 @@ def test_fix_bias_starts_at_zero_and_becomes_stationary(damping):
     )  # fmt: skip
     runs = np.array([errors(settings, 60.0, seed) for seed in range(200)])
     assert not runs[:, 0].any()
-    assert (
-        np.abs(runs[:, 1]) < 0.1
-    ).all()  # half a second later: a few standard deviations of its rate
+    assert (np.abs(runs[:, 1]) < 0.1).all()  # after 0.5 s: a few standard deviations of its rate
     late = runs[:, 20:].std(axis=(0, 1))
     assert late == pytest.approx([0.1, 0.1, 0.05], rel=0.15)
 
