@@ -24,7 +24,7 @@ from omnidrive.simulation.plant import (
 )
 from omnidrive.visualization.ghost_model import GhostModel, interpolate_pose
 
-_EARLY = 1e-9  # s; tolerance when two counted times are compared
+_TIME_TOLERANCE = 1e-9  # s; tolerance when two computed times are compared
 
 
 class RenderedPlant(Plant, Protocol):
@@ -69,7 +69,7 @@ class Scene:
 
 @runtime_checkable
 class Observer(Protocol):
-    """Receives the scene of a run at regular simulated times."""
+    """Object that is called with the scene of a run at regular simulated times."""
 
     @property
     def period(self) -> float:
@@ -77,11 +77,11 @@ class Observer(Protocol):
         ...
 
     def begin(self, scene: Scene) -> None:
-        """A run starts with ``scene``."""
+        """Start a run with ``scene``."""
         ...
 
     def update(self, t: float) -> None:
-        """The scene holds the state at ``t`` (s)."""
+        """Process the state of the scene at ``t`` (s)."""
         ...
 
 
@@ -94,17 +94,18 @@ def observe(
     obstacles: OccupancyGrid | None = None,
     moving: Sequence[MovingObstacle] = (),
 ) -> Plant:
-    """A plant with the same motion that calls ``observers``, also interpolate_pose its samples.
+    """Return a plant with the same motion that calls ``observers``, also between its samples.
 
-    For a plant with the capability ``renders`` they receive its own world, after the physics step
-    nearest to their period; for others a model of the robot at interpolated poses, one sample late.
+    For a plant with the capability ``renders`` they receive its own model, after the first physics
+    step at or after each period; for others a model of the robot at interpolated poses, one sample
+    late.
 
     Args:
         plant: The plant.
         robot: Its robot.
         reference: The motion that it tracks.
         observers: Without any, ``plant`` itself is returned.
-        obstacles: Map to draw around a plant without a world of its own.
+        obstacles: Map to draw around a plant without a model of its own.
         moving: Moving obstacles to draw there.
     """
     if not observers:
@@ -119,7 +120,7 @@ def observe(
 
 
 class _Clock:
-    """Calls an observer at the first instant that is not before n periods."""
+    """Calls of an observer at the first instant that is not before n periods."""
 
     def __init__(self, observer: Observer) -> None:
         self.observer = observer
@@ -137,9 +138,9 @@ class _Clock:
         self._count = 1
 
     def tick(self, t: float) -> None:
-        """Call the observer if its time has come at ``t`` (s)."""
-        if t > self.next - _EARLY:
-            self._count = floor((t + _EARLY) / self.observer.period) + 1
+        """Call the observer if the next call is due at ``t`` (s)."""
+        if t > self.next - _TIME_TOLERANCE:
+            self._count = floor((t + _TIME_TOLERANCE) / self.observer.period) + 1
             self.observer.update(t)
 
 
@@ -158,7 +159,7 @@ class _OwnWorld:
         plant.observer = self._stepped
 
     def begin(self, state: PlantState) -> None:
-        """The plant was reset."""
+        """Call the observers at the start of a run."""
         for clock in self._clocks:
             clock.begin(self._scene)
 
@@ -188,14 +189,14 @@ class _ModelledWorld:
         self._t, self._wheels = 0.0, np.zeros(len(robot.mounts))
 
     def begin(self, state: PlantState) -> None:
-        """The plant was reset."""
+        """Call the observers at the start of a run."""
         self._t, self._state, self._wheels = 0.0, state, np.zeros(len(self._wheels))
         self._ghost.set_pose(0.0, state.pose, self._wheels)
         for clock in self._clocks:
             clock.begin(self._scene)
 
     def advance(self, state: PlantState, dt: float) -> None:
-        """The plant made one step: call the observers at the times within it."""
+        """Call the observers at their times within one step of the plant."""
         if not all(map(isfinite, (*state.pose, *state.twist))):
             return
         angles = self._ghost.next_wheel_angles(self._state, state, self._wheels, dt)
@@ -203,7 +204,7 @@ class _ModelledWorld:
         times = {
             clock.next + k * clock.observer.period
             for clock in self._clocks
-            for k in range(floor((end + _EARLY - clock.next) / clock.observer.period) + 1)
+            for k in range(floor((end + _TIME_TOLERANCE - clock.next) / clock.observer.period) + 1)
         }
         for t in sorted(times):
             fraction = min(max((t - self._t) / dt, 0.0), 1.0)
@@ -222,7 +223,7 @@ class _Observed:
 
     @property
     def capabilities(self) -> PlantCapabilities:
-        """Those of the plant."""
+        """Capabilities of the plant."""
         return self._plant.capabilities
 
     def reset(self, pose: Pose) -> PlantState:

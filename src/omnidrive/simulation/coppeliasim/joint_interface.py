@@ -33,7 +33,7 @@ class JointInterface:
 
         Raises:
             InvalidScene: A joint does not exist.
-            PlantLost: The simulator does not answer.
+            PlantLost: The simulator does not reply.
         """
         self._api, self._signs = api, tuple(signs)
         self._handles = [api.handle(path, joint=True) for path in paths]

@@ -38,7 +38,7 @@ _DRAWN_HEIGHT = 0.2  # m
 
 def add_floor(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     """Add the floor with squares of 0.5 m, the sky and the lights."""
-    add(root, "statistic", center="0 0 0", extent="3")  # without the parked boxes
+    add(root, "statistic", center="0 0 0", extent="3")  # excludes the parked boxes
     visual = add(root, "visual")
     add(visual, "global", offwidth="1920", offheight="1080")
     add(visual, "headlight", ambient=".3 .3 .3", diffuse=".25 .25 .25", specular="0 0 0")

@@ -84,8 +84,8 @@ def spin_up_rollers(
 
     The floor accelerates a roller that comes into contact from its remaining speed to the speed of
     the contact, across the wheel's force, and the roller keeps this momentum when it leaves the
-    floor. Its spin-up reduces no other wheel force, because the neighbouring
-    rollers carry load at that moment.
+    floor. Its acceleration does not reduce the wheel's force, because the neighbouring rollers also
+    carry load at that moment.
     """
     x, y, yaw = 0.0, 0.0, 0.0
     for i in range(len(wheels)):
