@@ -85,9 +85,9 @@ def test_invalid_sensors_are_rejected_with_a_message(tmp_path, sensors, message)
     save_scenario(paper_scenario(), tmp_path / "s.yaml")
     data = yaml.safe_load((tmp_path / "s.yaml").read_text())
     (tmp_path / "s.yaml").write_text(yaml.safe_dump({**data, "sensors": sensors}))
-    with pytest.raises(InvalidScenario) as refused:
+    with pytest.raises(InvalidScenario) as caught:
         load_scenario(tmp_path / "s.yaml")
-    assert message in str(refused.value)
+    assert message in str(caught.value)
 
 
 def test_sensors_and_estimator_of_a_scenario():

@@ -31,7 +31,7 @@ class StateEstimator(Protocol):
 
 @dataclass(slots=True)
 class LatestFix:
-    """Returns the pose fix with the latest stamp, without odometry and without a filter."""
+    """An estimator that returns the pose fix with the latest stamp; it has no filter."""
 
     _latest: PoseFix = field(default=PoseFix(0.0, Pose(0.0, 0.0, 0.0), 0.0, 0.0), init=False)
 

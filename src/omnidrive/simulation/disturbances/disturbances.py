@@ -91,6 +91,6 @@ class SensorFaults(NamedTuple):
     dead_encoders: tuple[int, ...] = ()
     """Wheels, from 0, whose encoders report nothing."""
     fixes_silent: bool = False
-    """Whether no new pose fix is taken; fixes under way still arrive."""
+    """Whether no new pose fix is taken; fixes in transit still arrive."""
     gyro_silent: bool = False
     """Whether the gyro reports nothing."""

@@ -172,9 +172,9 @@ class Schedule:
 
 
 def _add(
-    sum_: tuple[float, float, float], x: float, y: float, turn: float = 0.0
+    total: tuple[float, float, float], x: float, y: float, turn: float = 0.0
 ) -> tuple[float, float, float]:
-    return sum_[0] + x, sum_[1] + y, sum_[2] + turn
+    return total[0] + x, total[1] + y, total[2] + turn
 
 
 def _combined(one: Payload | None, other: Payload) -> Payload:
