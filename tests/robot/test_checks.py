@@ -26,7 +26,7 @@ SMALL = named_robot("small")
         ({"motor_lag": -0.01}, "lag of the robot must not be negative, got -0.01 s"),
         ({"lag": (nan, 0.0)}, "lag of the robot must not be negative, got nan s"),
         ({"max_wheel_speed": 0.0}, "max_wheel_speed must be positive, got 0 rad/s"),
-        ({"assumed_effective_radius": 0.0}, "assumed_arm must be positive"),
+        ({"assumed_effective_radius": 0.0}, "assumed_effective_radius must be positive"),
         ({"mounts": omni_ring([0.1 * k for k in range(20)], 0.2)}, "20 wheels, need at most 16"),
         ({"mounts": (Mount(nan, 0.0, 0.0), *SMALL.mounts)}, "wheel 0 is mounted at .* finite"),
         ({"mounts": (Mount(0.2, 0.2, 0.0, 0.5 * pi), *SMALL.mounts)}, "cannot drive the robot"),

@@ -1,9 +1,11 @@
 """Compilation of the numerical kernels.
 
-This package is the only part of omnidrive that depends on internals of Numba: the cache interface
-of a dispatcher (``_cache`` with ``load_overload`` and ``save_overload``), ``CompileResult._reduce``
-and ``_rebuild``, ``serialize.dumps``, the code library and ``get_executable`` of the CPU target,
-and ``config``. The bounds of Numba in ``pyproject.toml`` are the versions that it is tested with.
+This package depends on internals of Numba: the cache interface of a dispatcher (``_cache`` with
+``load_overload`` and ``save_overload``), ``CompileResult._reduce`` and ``_rebuild``,
+``serialize.dumps``, the code library and ``get_executable`` of the CPU target, and ``config``.
+Outside it, only :mod:`omnidrive.fuzzy.unsafe_views` (``cgutils``, ``populate_array``) and
+:mod:`omnidrive.planning.search.bit_ops` (``numba.cpython.unsafe.numbers``) do. The bounds of Numba
+in ``pyproject.toml`` are the versions that all of them are tested with.
 """
 
 from __future__ import annotations

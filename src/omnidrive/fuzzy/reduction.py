@@ -1,4 +1,7 @@
-"""Type reduction: the interval of the centroids of an interval type-2 set (Mendel 2017)."""
+"""Type reduction: the interval of the centroids of an interval type-2 set.
+
+Mendel, "Uncertain Rule-Based Fuzzy Systems", 2nd ed. 2017.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,16 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, compiled_sums
 from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
-KM, EKM, EIASC, IASC, NIE_TAN = range(5)  # the order of system.ALGORITHMS
+KM, EKM, EIASC, IASC, NIE_TAN = range(5)
+"""Indices in :data:`~omnidrive.fuzzy.system.ALGORITHMS`: Karnik-Mendel, enhanced Karnik-Mendel,
+(enhanced) iterative algorithm with stop condition, Nie-Tan."""
 
 
 @compiled_sums
 def moments(
     points: Float[Array, " points"], weights: Float[Array, " points"], begin: int, end: int
 ) -> tuple[float, float]:
-    """Return sum(w) and sum(w x) over the points from ``begin`` up to ``end``."""
+    """Return sum(w) and sum(w x) over ``points[begin:end]``; the bounds are not checked."""
     area, moment, x, w = (
         0.0,
         0.0,
@@ -40,13 +45,16 @@ def type_reduce(
 
     Args:
         algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`. All but Nie-Tan find the
-            same two numbers in different numbers of steps; Nie-Tan gives one number between them.
+            same two numbers in different numbers of steps; Nie-Tan yields one number between them,
+            twice.
         points: The points x, in ascending order.
         lower: Least weight of each point, not negative.
-        upper: Greatest weight of each point; if all are zero, the result is nan.
+        upper: Greatest weight of each point; if all are zero, both results are nan.
     """
     mean = nie_tan(points, lower, upper)
-    if algorithm == KM and not np.isnan(mean):  # both ends share the start and its four sums
+    if algorithm == KM and not np.isnan(mean):
+        # both ends start from the same count and share its sums: a and b of the lower weights left
+        # and right of the mean, c and d of the upper weights; am to dm are those of weight x point
         count = _left_count(points, mean, _guess_left_count(points, mean))
         (a, am), (b, bm) = (
             moments(points, lower, 0, count),
@@ -70,7 +78,10 @@ def type_reduce(
 def nie_tan(
     points: Float[Array, " points"], lower: Float[Array, " points"], upper: Float[Array, " points"]
 ) -> float:
-    """Return the mean under the midpoints of the weights (Nie & Tan 2008), where KM starts."""
+    """Return the mean of the points with the midpoints of their weights (Nie & Tan 2008).
+
+    KM starts from it. If all weights are zero, it is nan.
+    """
     area, moment = _sum_moments(points, lower, upper)
     return moment / area if area > 0.0 else np.nan
 
@@ -96,13 +107,13 @@ def left_end(
     lower: Float[Array, " points"],
     upper: Float[Array, " points"],
 ) -> float:
-    """Return the least mean: upper weights left of it, lower weights right of it.
+    """Return the least mean: with upper weights left of it and lower weights right of it.
 
     Args:
         mean: Result of :func:`nie_tan`.
-        algorithm: As for :func:`type_reduce`; likewise the others.
-        points: The points.
-        lower: Least weight of each point.
+        algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
+        points: The points, in ascending order.
+        lower: Least weight of each point, not negative.
         upper: Greatest weight of each point.
     """
     if algorithm == NIE_TAN or np.isnan(mean):
@@ -127,10 +138,13 @@ def right_end(
     lower: Float[Array, " points"],
     upper: Float[Array, " points"],
 ) -> float:
-    """Return the greatest mean: lower weights left of it, upper weights right of it."""
+    """Return the greatest mean: with lower weights left of it and upper weights right of it.
+
+    The arguments are those of :func:`left_end`.
+    """
     if algorithm == NIE_TAN or np.isnan(mean):
         return mean
-    if algorithm in (EIASC, IASC):  # from the left, the sum of IASC would cancel
+    if algorithm in (EIASC, IASC):  # IASC scans from the left, which would lose digits
         return _scan_from_right(points, lower, upper)
     count = (
         round(len(points) / 1.7)
@@ -152,60 +166,61 @@ def _karnik_mendel(  # noqa: PLR0917
     moment: float,
     inward: int,
 ) -> float:
-    """Return the fixed point of the mean with one kind of weights on its left and one on its right.
+    """Return the mean with the weights ``before`` left of itself and ``after`` right of itself.
 
-    Karnik & Mendel 2001, "Centroid of a type-2 fuzzy set". The iteration converges in a few passes
-    from any guess, monotonically after the first (Mendel & Liu 2007). KM starts at the Nie-Tan
-    mean, EKM at a fixed fraction of the points (Wu & Mendel 2009).
+    The fixed-point iteration of Karnik & Mendel 2001, "Centroid of a type-2 fuzzy set". It
+    converges in a few passes from any start, monotonically after the first pass (Mendel & Liu
+    2007). KM starts at the Nie-Tan mean, EKM at a fixed fraction of the points: 1 / 2.4 for the
+    least mean, 1 / 1.7 for the greatest (Wu & Mendel 2009).
 
     Args:
         points: The points.
-        before: Weights left of the mean.
-        after: Weights right of the mean.
+        before: Weights of the points left of the mean.
+        after: Weights of the other points.
         count: Initial number of points left of the mean.
-        area: Sum of the weights for this number.
-        moment: Sum of weight times point for this number.
-        inward: Direction from the end in question to the other: 1 for the least mean, -1 for the
-            greatest.
+        area: Sum of the weights with that number.
+        moment: Sum of weight times point with that number.
+        inward: Change of ``count`` away from the end that is sought: 1 for the least mean, -1 for
+            the greatest.
     """
-    last, exact = len(points), area
-    mean: float = points[min(count, last - 1)]
-    for _ in range(last + 1):
+    total, summed_area = len(points), area
+    mean: float = points[min(count, total - 1)]
+    for _ in range(total + 1):
         weightless = area <= 0.0  # only if all lower weights are zero
-        while area <= 0.0 and 0 <= count + inward <= last:
+        while area <= 0.0 and 0 <= count + inward <= total:
             k = count if inward > 0 else count - 1
             area = inward * (before[k] - after[k])
             moment, count = area * points[k], count + inward
         if area <= 0.0:
             break
-        mean, begin = moment / area, count
-        if weightless:
+        mean, previous_count = moment / area, count
+        if weightless:  # the mean is the outermost point with a weight
             break
-        while count < last and points[count] < mean:
+        while count < total and points[count] < mean:
             change = before[count] - after[count]
             area, moment, count = area + change, moment + change * points[count], count + 1
         while count > 0 and points[count - 1] >= mean:
             count -= 1
             change = after[count] - before[count]
             area, moment = area + change, moment + change * points[count]
-        if count == begin:
+        if count == previous_count:
             break
-        if area < 0.5 * exact:  # sum anew, without cancellation
+        if area < 0.5 * summed_area:  # the updates cancelled: compute the sums again
             area, moment = _switched_moments(points, before, after, count)
-            exact = area
+            summed_area = area
     return mean
 
 
 @compiled
 def _guess_left_count(points: Float[Array, " points"], mean: float) -> int:
-    """Return about how many points lie left of ``mean``, as if they were evenly spaced."""
+    """Estimate how many points lie left of ``mean``, as if they were evenly spaced."""
     width = points[-1] - points[0]
     return int((mean - points[0]) / width * len(points)) if width > 0.0 else 0
 
 
 @compiled
 def _left_count(points: Float[Array, " points"], mean: float, guess: int) -> int:
-    """Return how many points lie left of ``mean``, by a search from ``guess``."""
+    """Return how many points lie left of ``mean``, by a linear search from ``guess``."""
     count = min(max(guess, 0), len(points))
     while count < len(points) and points[count] < mean:
         count += 1
@@ -233,7 +248,7 @@ def _scan_from_left(
 ) -> float:
     """Return the mean of :func:`_karnik_mendel` by a scan of the switch point from the left end.
 
-    The least mean of IASC (Duran, Bernal & Melgarejo 2008) and of EIASC (Wu & Nie 2011).
+    IASC (Duran, Bernal & Melgarejo 2008) and EIASC (Wu & Nie 2011) find the least mean in this way.
     """
     area, moment = _switched_moments(points, before, after, 0)
     count = 0
@@ -241,7 +256,8 @@ def _scan_from_left(
         area += before[count] - after[count]
         moment += (before[count] - after[count]) * points[count]
         count += 1
-    area, moment = _switched_moments(points, before, after, count)  # sum anew, without cancellation
+    # the updates may have cancelled: compute the sums again
+    area, moment = _switched_moments(points, before, after, count)
     return moment / area if area > 0.0 else points[min(count, len(points) - 1)]
 
 
@@ -251,7 +267,7 @@ def _scan_from_right(
 ) -> float:
     """Return the mean of :func:`_karnik_mendel` by a scan of the switch point from the right end.
 
-    The greatest mean of EIASC (Wu & Nie 2011).
+    EIASC (Wu & Nie 2011) finds the greatest mean in this way.
     """
     area, moment = _switched_moments(points, before, after, len(points))
     count = len(points)
@@ -259,5 +275,6 @@ def _scan_from_right(
         count -= 1
         area += after[count] - before[count]
         moment += (after[count] - before[count]) * points[count]
-    area, moment = _switched_moments(points, before, after, count)  # sum anew, without cancellation
+    # the updates may have cancelled: compute the sums again
+    area, moment = _switched_moments(points, before, after, count)
     return moment / area if area > 0.0 else points[max(count - 1, 0)]

@@ -1,10 +1,15 @@
 """Views of arrays in compiled code without reference counting and without bounds checks.
 
 Compiled code increments and decrements the reference count of an array at every call that
-passes it, in two atomic operations, and a slice is also checked against its array. Both took
-half of the time of an inference. The function that creates such a view must keep the array
-itself alive until the last use of the view: the caller keeps an argument alive, but an array
-created within a function lives only as long as a variable of that function refers to it.
+passes it, in two atomic operations, and clips the bounds of a slice to its array. Together these
+took half of the time of an inference.
+
+A view does not prevent the release of its array: an array that a function creates is released
+after the last use of its variable, even if a view of it is still in use. An argument is not
+released before the function returns. Therefore a function may use views only of arrays that it
+receives as arguments.
+
+The nested functions ``build`` emit LLVM code, through internals of Numba.
 """
 
 from __future__ import annotations
@@ -21,18 +26,18 @@ from omnidrive.arrays import Array
 
 A = TypeVar("A", bound=Array)
 
-_build: Any = cgutils  # numba's modules are not typed
-_fill: Any = populate_array
+_cgutils: Any = cgutils  # Numba's modules are not typed
+_populate_array: Any = populate_array
 _Intrinsic = tuple[Any, Callable[..., Any]]
 
 
 @intrinsic
 def _uncounted(_: Any, array: Any) -> _Intrinsic:
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        """Emit a copy of the array's descriptor without owner."""
+        """Emit a copy of the array's descriptor that refers to no reference count and no parent."""
         made = context.make_array(array)(context, builder, value=arguments[0])
-        made.meminfo = _build.get_null_value(made.meminfo.type)
-        made.parent = _build.get_null_value(made.parent.type)
+        made.meminfo = _cgutils.get_null_value(made.meminfo.type)
+        made.parent = _cgutils.get_null_value(made.parent.type)
         return made._getvalue()
 
     return array(array), build
@@ -43,7 +48,7 @@ def _unsafe_slice(_: Any, array: Any, begin: Any, end: Any) -> _Intrinsic:
     _check_contiguous(array)
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        """Emit a view from ``begin`` to ``end``."""
+        """Emit a view of the elements from ``begin`` up to, but not including, ``end``."""
         source, begin, end = arguments
         length = builder.sub(end, begin)
         return _view_in(context, builder, (array, source), begin, (array, [length]))
@@ -57,7 +62,7 @@ def _unsafe_matrix(_: Any, array: Any, begin: Any, rows: Any, columns: Any) -> _
     kind = types.Array(array.dtype, 2, "C")
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        """Emit a matrix view that starts at ``begin``."""
+        """Emit a view as a matrix whose first element is element ``begin``."""
         source, begin, *shape = arguments
         return _view_in(context, builder, (array, source), begin, (kind, shape))
 
@@ -66,11 +71,19 @@ def _unsafe_matrix(_: Any, array: Any, begin: Any, rows: Any, columns: Any) -> _
 
 def _check_contiguous(array: Any) -> None:
     if array.ndim != 1 or array.layout != "C":
-        raise TypingError(f"needs a contiguous array of one dimension, got {array}")
+        raise TypingError(f"a view needs a contiguous array of one dimension, got {array}")
 
 
 def _view_in(context: Any, builder: Any, source: Any, begin: Any, target: Any) -> Any:
-    """Emit a view within another array; source and target are pairs of type and value or shape."""
+    """Emit a view in C order within a one-dimensional array.
+
+    Args:
+        context: Numba's target context.
+        builder: LLVM builder.
+        source: Type and value of the array.
+        begin: Index of the first element of the view.
+        target: Type and shape of the view.
+    """
     kind, shape = target
     array = context.make_array(source[0])(context, builder, value=source[1])
     strides = [array.itemsize]
@@ -78,7 +91,7 @@ def _view_in(context: Any, builder: Any, source: Any, begin: Any, target: Any) -
         strides.insert(0, builder.mul(length, strides[0]))
     made = context.make_array(kind)(context, builder)
     data = builder.gep(array.data, [begin])
-    _fill(made, data, shape, strides, array.itemsize, meminfo=None)
+    _populate_array(made, data, shape, strides, array.itemsize, meminfo=None)
     return made._getvalue()
 
 
@@ -86,11 +99,11 @@ uncounted = cast("Callable[[A], A]", _uncounted)
 """``uncounted(array)``: the same array without reference counting."""
 
 unsafe_slice = cast("Callable[[A, int, int], A]", _unsafe_slice)
-"""``unsafe_slice(array, begin, end)``: elements ``begin`` to ``end`` of a contiguous vector.
+"""``unsafe_slice(array, begin, end)``: ``array[begin:end]`` of a contiguous vector.
 
-Not checked against the length of the vector."""
+The bounds are neither checked nor clipped, and must not be negative."""
 
 unsafe_matrix = cast("Callable[[Array, int, int, int], Array]", _unsafe_matrix)
-"""``unsafe_matrix(array, begin, rows, columns)``: a matrix within a contiguous vector.
+"""``unsafe_matrix(array, begin, rows, columns)``: part of a contiguous vector as a matrix.
 
-It starts at element ``begin``. Not checked against the length of the vector."""
+``array[begin : begin + rows * columns]`` row by row. The bounds are not checked."""

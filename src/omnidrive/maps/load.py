@@ -14,6 +14,7 @@ from omnidrive.maps.movingai import load_movingai_map
 from omnidrive.maps.nav2 import load_nav2_map
 from omnidrive.maps.numpy_file import load_numpy_map
 
+# an image alone is no map; it is recognised for the error message
 _SUFFIXES = {
     ".yaml": "nav2", ".yml": "nav2", ".map": "movingai", ".npy": "numpy", ".txt": "ascii",
     ".pgm": "image", ".png": "image", ".bmp": "image",
@@ -23,43 +24,46 @@ _MAGIC_BYTES = {
     b"P5": "image", b"P2": "image", b"BM": "image",
 }  # fmt: skip
 
-_HEAD = 512  # bytes inspected to detect the format
+_HEAD = 512  # bytes at the start of a file from which its format is detected
 
 
 def load_map(
     path: Path, *, resolution: float | None = None, unknown: Unknown = "occupied"
 ) -> OccupancyGrid:
-    """Read a map: Nav2's (``.yaml``), MovingAI's (``.map``), NumPy's (``.npy``) or text (``.txt``).
+    """Read a map in the format of its suffix.
 
-    The format of a file with another suffix is detected from its first bytes.
+    The formats are Nav2 (``.yaml``, ``.yml``), MovingAI (``.map``), NumPy (``.npy``) and text
+    (``.txt``). The format of a file with another suffix is detected from its first bytes.
 
     Args:
         path: The file; for a Nav2 map the YAML file, not the image.
-        resolution: Side of a cell in m, for formats that do not state it; None for 1 m.
-        unknown: Whether unknown cells count as occupied or free.
+        resolution: Side of a cell in m, for formats that do not state it. None: 1 m, or the
+            resolution that the file states.
+        unknown: Whether unknown cells count as occupied or free; MovingAI maps have none.
 
     Raises:
-        InvalidMap: The file is missing, malformed, too large or of an unsupported format, or a
-            resolution is given for a file that states its own.
+        InvalidInput: ``unknown`` is neither "occupied" nor "free".
+        InvalidMap: The file is missing, malformed, too large or of an unsupported format; the
+            resolution is outside its range; or one is given for a file that states its own.
     """
     name = one_line(str(path))
-    kind = _SUFFIXES.get(path.suffix.lower()) or _detect_format(path)
-    if kind == "nav2":
+    map_format = _SUFFIXES.get(path.suffix.lower()) or _detect_format(path)
+    if map_format == "nav2":
         if resolution is not None:
             raise InvalidMap(f"{name} states its own resolution; omit the resolution option")
         return load_nav2_map(path, unknown=unknown)
     side = 1.0 if resolution is None else resolution
-    if kind == "movingai":
+    if map_format == "movingai":
         return load_movingai_map(path, resolution=side)
     readers: dict[str, Callable[..., OccupancyGrid]] = {
         "numpy": load_numpy_map,
         "ascii": load_ascii_map,
     }
-    if kind in readers:
-        return readers[kind](path, resolution=side, unknown=unknown)
-    if kind == "image":
+    if map_format in readers:
+        return readers[map_format](path, resolution=side, unknown=unknown)
+    if map_format == "image":
         raise InvalidMap(
-            f"{name} is an image, which has no scale; load the YAML file of its Nav2 map "
+            f"{name} is an image, which states no resolution; load the YAML file of its Nav2 map "
             f"({path.with_suffix('.yaml').name})"
         )
     raise InvalidMap(
@@ -71,8 +75,9 @@ def load_map(
 def _detect_format(path: Path) -> str | None:
     """Return the format detected from the first bytes of a file, None if unknown."""
     head = read_head(path, _HEAD, "map", InvalidMap)
-    for beginning, kind in _MAGIC_BYTES.items():
-        if head.startswith(beginning):
-            return kind
+    for magic, map_format in _MAGIC_BYTES.items():
+        if head.startswith(magic):
+            return map_format
+    # a text map consists of cell characters and line ends only, and not of spaces alone
     cells = "".join(ASCII_CELLS).encode()
     return "ascii" if head.strip() and not head.strip(cells + b"\r\n") else None

@@ -21,7 +21,7 @@ class Setpoint(NamedTuple):
 
 @runtime_checkable
 class Reference(Protocol):
-    """Motion defined on [0, duration]; before and after, the reference is an end pose at rest."""
+    """Motion on [0, duration]; rest at its first pose before and at its last pose afterwards."""
 
     @property
     def duration(self) -> float:

@@ -15,10 +15,10 @@ from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference.reference import Reference, Setpoint
 
 MIN_STEP = 1e-6
-"""Shortest time between samples, in s; velocities from shorter steps are rounding errors."""
+"""Shortest time between samples, in s; over a shorter one, rounding would dominate velocities."""
 
 MAX_VALUE = 1e10
-"""Largest magnitude of a value, in s, m, rad, m/s or rad/s; Unix time is 1.8e9 s."""
+"""Largest magnitude of a value, in s, m, rad, m/s or rad/s; permits Unix times, 1.8e9 s."""
 
 MAX_SAMPLES = 100_000
 """Largest number of samples of a reference that is sampled, read or written."""
@@ -36,13 +36,13 @@ class SampledReference:
         times: Time of each sample, in s, at least 1 us after the previous one; stored relative to
             the first.
         poses: Poses of B in W; x and y in m, yaw in rad. The yaw is stored unwrapped.
-        twists: Velocities at the samples, in W, in m/s, m/s and rad/s.
-        unwrapped: Whether the given yaw is unwrapped already. If not, the robot turns by at most
-            half a turn from one sample to the next.
+        twists: Velocities of B at the samples, in W, in m/s, m/s and rad/s.
+        unwrapped: Whether the given yaw is unwrapped already. If not, it is unwrapped: the robot
+            turns by at most half a turn from one sample to the next.
 
     Raises:
-        InvalidReference: There are fewer than two samples, shapes disagree, times do not increase,
-            or a number is not finite or beyond 1e10.
+        InvalidReference: There are fewer than two samples, shapes disagree, times increase by less
+            than 1 us, or a number is not finite or above 1e10 in magnitude.
     """
 
     times: Float[Array, " samples"]
@@ -64,14 +64,14 @@ class SampledReference:
     ) -> SampledReference:
         """Interpolate poses without velocities, from rest to rest.
 
-        The result is the cubic spline with zero velocity at both ends. Of all curves through the
-        samples it has the least mean square acceleration (Holladay 1957). Its acceleration is
-        continuous, and the spline is invariant to rotations of W. Between samples at very uneven
-        times it can overshoot.
+        The result is the cubic spline with zero velocity at both ends. Of all motions through the
+        samples with such ends it has the least mean square acceleration (Holladay 1957). Its
+        acceleration is continuous. A rotation of the samples rotates the spline. Between samples at
+        very uneven times it can overshoot.
 
         Args:
             times: As for the class.
-            poses: As for the class.
+            poses: As for the class; the yaw is unwrapped.
 
         Raises:
             InvalidReference: As for the class.
@@ -83,12 +83,13 @@ class SampledReference:
 
     @classmethod
     def of(cls, reference: Reference, dt: float) -> SampledReference:
-        """Sample another reference, evenly spaced by about ``dt`` s from its start to its end.
+        """Sample another reference at even steps of about ``dt`` s from its start to its end.
 
-        Turns of more than half a turn between two samples are preserved.
+        Rotations by more than half a turn between two samples are preserved.
 
         Raises:
-            InvalidReference: ``dt`` is not a positive number, or the reference has no duration.
+            InvalidReference: ``dt`` is not positive and finite, the duration is below 1 us or above
+                1e10 s, or there would be more than 100,000 steps.
         """
         duration = reference.duration
         if not 0.0 < dt < np.inf:
@@ -105,7 +106,7 @@ class SampledReference:
             )
         times = np.linspace(0.0, duration, int(steps) + 1)
         window = reference.window(0.0, int(steps) + 1, duration / int(steps))
-        end = reference.at(duration)  # rounding may put the last row of the window past the end
+        end = reference.at(duration)  # rounding may move the last time beyond the end, to rest
         window[-1] = *end.pose, *end.twist
         return cls(times, window[:, :3], window[:, 3:], unwrapped=True)
 
@@ -120,22 +121,22 @@ class SampledReference:
         return poses, poses.derivative()
 
     def at(self, t: float) -> Setpoint:
-        """Return the setpoint at time ``t`` in s; outside [0, duration] an end pose, at rest."""
+        """Return the setpoint at time ``t`` in s; at rest outside [0, duration]."""
         x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
         return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
         """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""
         poses, twists = self._curves
-        at = t + dt * np.arange(n)
-        # k * dt may round past the end
-        inside = (at >= 0.0) & (at <= self.duration * (1.0 + 1e-12))
-        at = np.clip(at, 0.0, self.duration)
-        return np.hstack([poses(at), twists(at) * inside[:, None]])
+        times = t + dt * np.arange(n)
+        # rounding may move a time that is meant to be the end beyond it
+        inside = (times >= 0.0) & (times <= self.duration * (1.0 + 1e-12))
+        times = np.clip(times, 0.0, self.duration)
+        return np.hstack([poses(times), twists(times) * inside[:, None]])
 
 
 def first_nonincreasing(times: Float[Array, " samples"]) -> int | None:
-    """Return the index of the first sample less than 1 us after the previous one, or None."""
+    """Return the index of the first sample less than 1 us after the previous one; None: no such."""
     late = np.flatnonzero(~(np.diff(times) >= MIN_STEP))
     return int(late[0]) + 1 if len(late) else None
 
@@ -143,7 +144,7 @@ def first_nonincreasing(times: Float[Array, " samples"]) -> int | None:
 def _checked(
     times: Float[Array, " samples"], poses: Float[Array, "samples 3"]
 ) -> tuple[Float[Array, " samples"], Float[Array, "samples 3"]]:
-    """Return the times from zero and the poses, or raise InvalidReference."""
+    """Return the times relative to the first and the poses, or raise InvalidReference."""
     count = len(times)
     if count < 2:
         raise InvalidReference(f"a reference needs at least two samples, got {count}")
@@ -164,9 +165,12 @@ def _unwrapped(poses: Float[Array, "samples 3"]) -> Float[Array, "samples 3"]:
 
 
 def _checked_numbers(name: str, values: Array, shape: tuple[int, ...]) -> Array:
+    """Return a copy as floats, or raise InvalidReference for another shape or invalid numbers."""
     array = np.array(values, dtype=float)
     if array.shape != shape:
         raise InvalidReference(f"{name} have the shape {array.shape}, need {shape}")
     if not (np.abs(array) <= MAX_VALUE).all():  # also catches NaN
-        raise InvalidReference(f"{name} must be finite numbers of at most {MAX_VALUE:g}")
+        raise InvalidReference(
+            f"{name} must be finite numbers of at most {MAX_VALUE:g} in magnitude"
+        )
     return array

@@ -42,8 +42,8 @@ class Robot:
         friction: Coulomb friction coefficient between roller and floor.
         lag: Time constants of translation and rotation in response to commands, in s;
             :func:`omnidrive.simulation.identify_lag` identifies them on a simulated plant.
-        assumed_arm: Value of :attr:`effective_radius` that the wheel controller uses, in m. A value
-            that differs from the true one scales the yaw rate by
+        assumed_effective_radius: Value of :attr:`effective_radius` that the wheel controller uses,
+            in m. A value that differs from the true one scales the yaw rate by
             ``assumed_effective_radius / effective_radius``. None: the true value.
         com: Centre of mass in B, in m.
         body_inertia: Yaw inertia of the frame (the robot without its wheels) about the frame's
@@ -227,7 +227,7 @@ def _check_numbers(robot: Robot) -> None:
     if robot.body_inertia is not None:
         check_positive("the robot's body_inertia", robot.body_inertia, "kg m^2")
     if robot.assumed_effective_radius is not None:
-        check_positive("the robot's assumed_arm", robot.assumed_effective_radius, "m")
+        check_positive("the robot's assumed_effective_radius", robot.assumed_effective_radius, "m")
 
 
 def _check_mounts(robot: Robot) -> None:

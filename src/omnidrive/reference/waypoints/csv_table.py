@@ -178,5 +178,5 @@ def _check_values(name: str, lines: list[int], table: Float[Array, "rows columns
         i, j = beyond[0]
         raise InvalidReference(
             f"{name}, line {lines[i]}: {table[i, j]:g} is not a finite number of at most "
-            f"{MAX_VALUE:g}"
+            f"{MAX_VALUE:g} in magnitude"
         )

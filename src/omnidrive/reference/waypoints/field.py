@@ -60,13 +60,13 @@ class Field:
         return [Field(v, f"{self.name}[{i}]", self.file) for i, v in enumerate(self.value)]
 
     def number(self) -> float:
-        """Return the value as a finite number of at most 1e10."""
+        """Return the value as a finite number of at most 1e10 in magnitude."""
         value = self.value
         if not isinstance(value, (int, float)) or isinstance(value, bool):
             raise self.error(f"is {self.description}, need a number")
         if not -MAX_VALUE <= value <= MAX_VALUE:  # NaN as well
             raise self.error(
-                f"is {self.description}, need a finite number of at most {MAX_VALUE:g}"
+                f"is {self.description}, need a finite number of at most {MAX_VALUE:g} in magnitude"
             )
         return float(value)
 

@@ -61,12 +61,13 @@ def untimed_waypoints(
 
     Raises:
         InvalidReference: There are fewer than two poses, two consecutive poses are equal, or a
-            number is not finite or beyond 1e10.
+            number is not finite or above 1e10 in magnitude.
     """
     _check_count(file, len(poses))
     if not (np.abs(poses) <= MAX_VALUE).all():  # NaN as well
         raise InvalidReference(
-            f"{file}: a waypoint has a number that is not finite or beyond {MAX_VALUE:g}"
+            f"{file}: a waypoint has a number that is not finite or above {MAX_VALUE:g} "
+            "in magnitude"
         )
     poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
     same = np.flatnonzero((np.diff(poses, axis=0) == 0.0).all(axis=1))

@@ -32,10 +32,13 @@ from omnidrive.robot import Chassis
 
 SolverName = Literal["sqp", "rti", "casadi"]
 KeepOutForecast = Callable[[float, int, float], Sequence[KeepOutZone]]
-"""``keep_outs(t, points, dt)``: keep-out zones at the times t, t + dt, ... (s)."""
+"""``keep_outs(t, points, dt)``: keep-out zones over a horizon that starts at ``t`` (s).
+
+A moving zone has one centre for each of the ``points`` times t, t + dt, ...; see
+:class:`KeepOutZone`."""
 
 RTI_ITERATIONS = 4
-"""Maximum number of iterations of each method with the solver ``rti``."""
+"""With the solver ``rti``: most iterations of the active-set and of the interior-point method."""
 _SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
     "sqp": HolonomicSolver,
     "rti": lambda: HolonomicSolver(HolonomicSolverSettings(max_iterations=RTI_ITERATIONS)),
@@ -44,47 +47,50 @@ _SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
 _STOP = BodyTwist(0.0, 0.0, 0.0)
 
 OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
-"""Number of steps for which an old plan is followed, and of those in which the robot stops."""
+"""Without a new plan: number of steps that follow the latest plan at its full speed, and number of
+the steps after them in which the speed decreases; then the robot is stopped."""
 
 
 class FallbackLevel(IntEnum):
-    """Origin of a command, from the best to the last resort."""
+    """How a command was computed, in descending order of preference."""
 
     CONVERGED = 0
     """A locally optimal plan."""
     FEASIBLE = 1
-    """A plan that satisfies the limits, but is not known to be optimal."""
+    """A plan that is not known to be optimal; that of a :class:`HolonomicSolver` satisfies the
+    limits."""
     OLD_PLAN = 2
-    """The plan of an earlier step, without feedback."""
+    """The latest plan, computed in an earlier step: without feedback."""
     RAMP = 3
-    """The plan of an earlier step, with decreasing speed."""
+    """As ``OLD_PLAN``, with decreasing speed."""
     STOP = 4
-    """No plan: zero twist."""
+    """No plan that can still be followed: zero twist."""
 
 
 @dataclass(slots=True)
 class HolonomicController:
     """A :class:`~omnidrive.control.Controller` that solves a :class:`HolonomicProblem` every step.
 
-    The target of every state is the reference's pose at that time, and the feedforward velocity
-    connects consecutive targets: a robot on the reference stays on it. The planned twist of a stage
-    leads along an arc from its first to its last state; the commanded twist compensates the lag or
-    the slip of the wheels as well. Delay compensation: the initial state is predicted by
-    integrating the twists already commanded.
+    The target of every state is the reference's pose at that time. The feedforward velocity of a
+    stage is the difference of its two targets over ``dt``, so that a robot on the reference stays
+    on it. The planned twist of a stage is the constant body twist from its first to its last state,
+    along an arc; the commanded twist also compensates the lag of the robot or the slip of its
+    wheels. Delay compensation: the first state of a plan is predicted from the measured pose with
+    the body twists that earlier commands cause during the delay.
 
-    No solve starts from the last plan, so that an invalid measurement does not affect later steps.
-    Without a plan, the last one is followed for a few steps; then the robot is stopped: the
-    :class:`FallbackLevel`, one of the details of a command.
+    There is no warm start, so that an invalid measurement does not affect later solves. If the
+    solver finds no usable plan, the latest one is followed for a few steps, and then the robot is
+    stopped. The details of a command contain its :class:`FallbackLevel`.
 
     Attributes:
         dt: Sample time and length of a stage, in s.
         horizon: N, number of stages.
-        parameters: Weights.
+        parameters: Weights of the cost.
         chassis: The wheels and their maximum speed.
         actuation: Response of the robot to commanded twists.
         solver: Solver of the optimal control problem.
         keep_outs: Keep-out zones over the horizon.
-        solution: The latest plan; None after ``reset``.
+        solution: The latest plan; None if there is none since ``reset``.
     """
 
     dt: float
@@ -96,12 +102,13 @@ class HolonomicController:
     keep_outs: KeepOutForecast
     solution: HolonomicSolution | None = field(default=None, init=False)
     _age: int = field(default=0, init=False)
-    """Number of steps since the latest plan."""
+    """Number of steps since the one that computed the latest plan."""
     _twists: deque[BodyTwist] = field(init=False, repr=False)
-    """Predicted twists of the robot: from the one in effect at the next measurement to that of the
-    latest command."""
+    """Predicted body twists, oldest first: from the one in effect at the next measurement to the
+    one that the latest command causes."""
     _final_twist: BodyTwist = field(init=False, repr=False)
-    """Predicted twist when the next command takes effect; only with a slip model."""
+    """Predicted body twist at the time at which the next command takes effect; zero without a slip
+    model, which alone uses it."""
     _limits: Limits = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -112,22 +119,26 @@ class HolonomicController:
 
     @property
     def detail_units(self) -> Mapping[str, str]:
-        """Names and units of the details of a command."""
+        """Names and units of the details of a command.
+
+        ``fallback_level`` is a :class:`FallbackLevel`. Without a new plan ``solver_iterations`` is
+        0 and ``kkt_residual`` is NaN.
+        """
         return {"fallback_level": "1", "solver_iterations": "1", "kkt_residual": "1"}
 
     def reset(self, state: State) -> None:
-        """Clear the last plan; the robot is at rest."""
+        """Clear the latest plan and the predicted twists; the robot is at rest."""
         self._clear()
 
     def prepare(self) -> None:
-        """Compile the kernels of a step, also those of a solver with a deadline."""
+        """Compile the kernels of a step, also those that a deadline could skip in the first one."""
         run_once(self)
         if isinstance(self.solver, HolonomicSolver) and self.solver.deadline is not None:
             origin = Pose(0.0, 0.0, 0.0)
             self.solver.precompile(self._problem(0.0, origin, Hold(origin, 1.0)))
 
     def with_reduced_drive(self, drive: ReducedDrive) -> HolonomicController:
-        """Return a controller that continues from this one with the wheels that still drive."""
+        """Return a controller in the same state that plans with the wheels that still drive."""
         actuation = self.actuation.with_reduced_drive(drive)
         other = replace(self, chassis=drive.chassis, actuation=actuation)
         other.solution, other._age = self.solution, self._age
@@ -168,7 +179,7 @@ class HolonomicController:
         )
 
     def _predict(self, pose: Pose) -> Pose:
-        """Return the predicted pose when the next command takes effect."""
+        """Return the predicted pose at the time at which the next command takes effect."""
         if self.actuation.delay > 0.0:
             first, *others = self._twists
             pose = move(pose, first, self.actuation.delay - len(others) * self.dt)
@@ -177,42 +188,47 @@ class HolonomicController:
         return pose
 
     def _step_without_plan(self) -> Command:
-        """Return the command from the last plan, reduced with its age; stop at its end."""
+        """Return a command along the latest plan, the slower the older it is, or zero twist."""
         self._age += 1
-        plan, age, end = self.solution, self._age, OLD_PLAN_STEPS + RAMP_STEPS
-        if plan is None or age > end or age >= len(plan.velocities):
+        plan, age, max_age = self.solution, self._age, OLD_PLAN_STEPS + RAMP_STEPS
+        if plan is None or age > max_age or age >= len(plan.velocities):
             self._twists.append(_STOP)
             self._final_twist = _STOP
             return Command(_STOP, Status.FAILED, self._details(FallbackLevel.STOP, None))
-        factor = min(1.0, (end - age + 1) / (RAMP_STEPS + 1))
+        factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
         vx, vy, yaw_rate = self._planned_twist(plan, age)
         twist = self._compensate(BodyTwist(factor * vx, factor * vy, factor * yaw_rate))
         level = FallbackLevel.OLD_PLAN if factor == 1.0 else FallbackLevel.RAMP
         return Command(twist, Status.FALLBACK, self._details(level, None))
 
     def _planned_twist(self, plan: HolonomicSolution, stage: int) -> BodyTwist:
+        """Return the constant body twist from the first to the last state of a stage."""
         start, end = plan.states[stage : stage + 2].tolist()
         return twist_between(Pose(*start), Pose(*end), self.dt)
 
     def _compensate(self, twist: BodyTwist) -> BodyTwist:
-        """Return the commanded twist with which the robot moves by ``twist`` in spite of lag."""
+        """Return the commanded twist that moves the robot as ``twist`` would without lag and slip.
+
+        ``twist`` is appended to the predicted twists.
+        """
         before = self._twists[-1]
         self._twists.append(twist)
         if self.actuation.slip_model is not None:
             commanded, self._final_twist = self.actuation.slip_model.command(
                 twist, self._final_twist, self.dt
             )
-            return self.chassis.saturate(commanded)  # its limit may be below the robot's
-        translation, rotation = (lag / self.dt for lag in self.actuation.lag)
+            return self.chassis.saturate(commanded)  # whose limit may be lower than the model's
+        translation_gain, rotation_gain = (lag / self.dt for lag in self.actuation.lag)
         return BodyTwist(
-            twist.vx + translation * (twist.vx - before.vx),
-            twist.vy + translation * (twist.vy - before.vy),
-            twist.yaw_rate + rotation * (twist.yaw_rate - before.yaw_rate),
+            twist.vx + translation_gain * (twist.vx - before.vx),
+            twist.vy + translation_gain * (twist.vy - before.vy),
+            twist.yaw_rate + rotation_gain * (twist.yaw_rate - before.yaw_rate),
         )
 
     def _details(
         self, level: FallbackLevel, plan: HolonomicSolution | None
     ) -> tuple[float, float, float]:
+        """Return the details, as in ``detail_units``; ``plan`` is None if there is no new plan."""
         if plan is None:
             return float(level), 0.0, np.nan
         return float(level), float(plan.iterations), plan.residual
@@ -228,18 +244,20 @@ def holonomic_nmpc(
     actuation: Actuation | None = None,
     keep_outs: KeepOutForecast | Sequence[KeepOutZone] = (),
 ) -> HolonomicController:
-    """Return the NMPC of a holonomic robot with limited wheels, with its kernels compiled.
+    """Return the NMPC of a holonomic robot with limited wheel speeds, with its kernels compiled.
 
     Args:
         chassis: The wheels and their maximum speed.
-        dt: Sample time in s.
+        dt: Sample time and length of a stage, in s.
         horizon: N, number of stages.
-        parameters: Weights.
-        solver: ``sqp``: :class:`HolonomicSolver`; ``rti``: the same with few iterations: plans
-            satisfy all limits, but are not always optimal if one is active; ``casadi``: IPOPT; or
-            a solver object, for example one with a deadline.
-        actuation: Acceleration limits, lag, slip and delay; the default has none of them.
-        keep_outs: Fixed keep-out zones, or a function that returns the zones over the horizon.
+        parameters: Weights of the cost. None: the default weights.
+        solver: ``sqp``: :class:`HolonomicSolver`, an active-set and an interior-point method;
+            ``rti``: the same with at most :data:`RTI_ITERATIONS` iterations of each: plans satisfy
+            all limits, but are not always optimal if one is active; ``casadi``: IPOPT; or a solver
+            object, for example one with a deadline.
+        actuation: Acceleration limits, lag, slip and delay. None: there are none of them.
+        keep_outs: Keep-out zones that are the same in every step, or a function that returns the
+            zones over the horizon.
 
     Raises:
         InvalidInput: An argument is outside its domain.

@@ -78,7 +78,7 @@ def unicycle_law(
 class UnicycleController:
     """A :class:`~omnidrive.control.Controller` that solves a :class:`UnicycleProblem` every step.
 
-    Its only memory is the last plan: shifted by one stage, it is the initial guess of the next
+    Its only memory is the latest plan: shifted by one stage, it is the initial guess of the next
     solve. A step without a usable plan clears it, so that one invalid measurement does not affect
     later steps.
 
@@ -87,7 +87,7 @@ class UnicycleController:
         horizon: N, number of stages.
         parameters: Weights and limits.
         solver: Solver of the optimal control problem.
-        solution: The latest plan; None after ``reset``.
+        solution: The latest plan; None if there is none since ``reset``.
     """
 
     dt: float
@@ -100,7 +100,7 @@ class UnicycleController:
         check_settings(self.dt, self.horizon, self.parameters)
 
     def reset(self, state: State) -> None:
-        """Clear the last plan."""
+        """Clear the latest plan."""
         self.solution = None
 
     def prepare(self) -> None:
@@ -125,7 +125,7 @@ class UnicycleController:
         return Command(twist, _STATUS[solution.exit])
 
     def _guess(self, problem: UnicycleProblem) -> Float[Array, "stages 2"]:
-        """Return the last plan shifted by one stage; without a plan, the feedforward controls."""
+        """Return the latest plan shifted by one stage; without a plan, the feedforward controls."""
         if self.solution is None:
             return problem.feedforward
         return np.concatenate([self.solution.controls[1:], problem.feedforward[-1:]])

@@ -21,8 +21,9 @@ from omnidrive.control.nmpc.unicycle.solution import UnicycleSolution
 class UnicycleIpopt:
     """Direct multiple shooting (Bock & Plitt, IFAC 1984): states and controls are unknowns.
 
-    The nonlinear program is built once per number of stages (Andersson et al., "CasADi", Math.
-    Program. Comput. 11, 2019; Wachter & Biegler, "IPOPT", Math. Program. 106, 2006).
+    The nonlinear program is built once for each number of stages, and kept (Andersson et al.,
+    "CasADi", Math. Program. Comput. 11, 2019; Wachter & Biegler, "IPOPT", Math. Program. 106,
+    2006).
 
     Raises:
         MissingExtra: CasADi is not installed.
@@ -35,21 +36,23 @@ class UnicycleIpopt:
         casadi()
 
     def solve(self, problem: UnicycleProblem, guess: Float[Array, "stages 2"]) -> UnicycleSolution:
-        """Return a local optimum near ``guess`` (m/s, rad/s).
+        """Return a local optimum near ``guess`` (speed in m/s, yaw rate in rad/s).
 
-        If IPOPT fails, the result is its last iterate or ``guess``, whichever has the lower cost.
+        If IPOPT fails for any reason, the result is the controls of its last iterate or ``guess``,
+        whichever has the lower cost within the limits; its exit is ``CAPPED``, or ``UNUSABLE`` if
+        the cost is not finite.
         """
         stages = len(guess)
         if stages not in self._programs:
             self._programs[stages] = _program(stages, self.settings)
         guess = clip_controls(problem, guess)
-        free = np.full((stages + 1, 3), np.inf)
+        unbounded = np.full((stages + 1, 3), np.inf)
         program = self._programs[stages]
         result = program(
             x0=_pack(guess, roll_out(problem, guess)),
             p=np.concatenate([np.ravel(part) for part in problem[:-1]]),
-            lbx=_pack(np.tile(-problem.limits, (stages, 1)), -free),
-            ubx=_pack(np.tile(problem.limits, (stages, 1)), free),
+            lbx=_pack(np.tile(-problem.limits, (stages, 1)), -unbounded),
+            ubx=_pack(np.tile(problem.limits, (stages, 1)), unbounded),
             lbg=0.0,
             ubg=0.0,
         )
@@ -58,18 +61,23 @@ class UnicycleIpopt:
         exit = Exit.CONVERGED if stats["success"] else Exit.CAPPED
         controls, iterations = clip_controls(problem, found), stats["iter_count"]
         plan = UnicycleSolution.of(problem, controls, iterations, exit)
-        start = UnicycleSolution.of(problem, guess, iterations, Exit.CAPPED)
-        return plan if stats["success"] or plan.cost <= start.cost else start
+        guessed = UnicycleSolution.of(problem, guess, iterations, Exit.CAPPED)
+        return plan if stats["success"] or plan.cost <= guessed.cost else guessed
 
 
 def _pack(
     controls: Float[Array, "stages 2"], states: Float[Array, "points 3"]
 ) -> Float[Array, " unknowns"]:
+    """Return the unknowns of the program: the controls of all stages, then all states."""
     return np.concatenate([controls.ravel(), states.ravel()])
 
 
 def _program(stages: int, settings: IpoptSettings) -> Callable[..., Any]:
-    """Return :class:`UnicycleProblem` as a nonlinear program with its fields as parameters."""
+    """Return :class:`UnicycleProblem` as a nonlinear program.
+
+    Its parameters are all fields but ``limits``, in their order; the limits are bounds on the
+    unknowns, which :func:`_pack` orders.
+    """
     ca = casadi()
     controls, states = ca.SX.sym("u", 2, stages), ca.SX.sym("x", 3, stages + 1)
     dt, start = ca.SX.sym("dt"), ca.SX.sym("start", 3)
@@ -77,8 +85,8 @@ def _program(stages: int, settings: IpoptSettings) -> Callable[..., Any]:
     q, r = ca.SX.sym("q", 3, stages + 1), ca.SX.sym("r", 2)
 
     speed, yaw = controls[0, :], states[2, :-1]
-    motion = ca.vertcat(speed * ca.cos(yaw), speed * ca.sin(yaw), controls[1, :])
-    defects = states[:, 1:] - states[:, :-1] - dt * motion
+    derivative = ca.vertcat(speed * ca.cos(yaw), speed * ca.sin(yaw), controls[1, :])
+    defects = states[:, 1:] - states[:, :-1] - dt * derivative
     cost = ca.sum1(ca.vec(q * (states - targets) ** 2)) + ca.sum1(
         ca.vec(ca.repmat(r, 1, stages) * (controls - feedforward) ** 2)
     )

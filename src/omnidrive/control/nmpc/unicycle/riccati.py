@@ -1,4 +1,4 @@
-"""Newton step in the free controls, by a backward and a forward Riccati sweep."""
+"""Newton step in the controls that no limit holds, by a backward and a forward Riccati sweep."""
 
 from __future__ import annotations
 
@@ -18,10 +18,13 @@ _MIN_CURVATURE = 1e-8
 
 
 class _CostToGo(NamedTuple):
-    """Quadratic cost to go g'd + d'H d / 2 of a deviation d = (x, y, t) of a state.
+    """Quadratic cost to go g'd + d'H d / 2 of a deviation d = (x, y, t) of a state; t is the yaw.
 
-    The first-order change of J is part of the gradient by the controls. Therefore g contains only
-    the contribution of later control changes.
+    The fields are g = (gx, gy, gt) and the entries of the symmetric H.
+
+    The gradient dJ/du_k of a stage already contains the first-order effect of its controls on all
+    later states. Therefore g contains only what the optimal changes of later controls add to it; at
+    the last state it is zero.
     """
 
     gx: float
@@ -36,7 +39,12 @@ class _CostToGo(NamedTuple):
 
 
 class _ControlModel(NamedTuple):
-    """Quadratic model g'u + u'H u / 2 + u'M d of a change u = (s, r) of speed and yaw rate."""
+    """Quadratic model g'u + u'H u / 2 + u'M d of a change u = (s, r) of speed and yaw rate.
+
+    d = (x, y, t) is the deviation of the state at the start of the stage. The fields are
+    g = (gs, gr), the entries ss, sr and rr of the symmetric H, and the rows (sx, sy, st) and
+    (rx, ry, rt) of M.
+    """
 
     gs: float
     gr: float
@@ -69,8 +77,9 @@ def newton_step(
 
     Returns:
         Whether the Hessian is positive definite in the free controls, and the step. If it is not,
-        the step is a direction of negative curvature: a unit vector at the last stage whose
-        Hessian is not positive definite, zero before that stage, optimal feedback after it.
+        the step is a direction of negative curvature: a unit vector at the latest stage whose
+        Hessian is not positive definite, zero before that stage, and after it the optimal response
+        to the deviation that it causes.
     """
     feedback = np.empty((len(point.controls), 2, 4))
     definite = _backward_sweep(problem, point, curvature, feedback)
@@ -84,18 +93,18 @@ def _backward_sweep(
     curvature: float,
     feedback: Float[Array, "stages 2 4"],
 ) -> bool:
-    """Minimise the model from the last stage to the first.
+    """Minimise the quadratic model of J from the last stage to the first.
 
     Args:
         problem: The problem.
         point: Point of linearisation.
         curvature: As for :func:`newton_step`.
-        feedback: Output, for each stage: the change of the speed as a constant and the gains on
-            x, y and t, and likewise the change of the yaw rate.
+        feedback: Output, for each stage k: row 0 is the change of the speed, row 1 that of the
+            yaw rate, each as a constant and the gains on the deviations x, y and yaw.
 
     Returns:
-        Whether the model has a minimum. If not, the feedback yields the direction of negative
-        curvature.
+        Whether the Hessian is positive definite. If not, the feedback yields the direction of
+        negative curvature.
     """
     weights, free, definite = problem.state_weights, point.free, True
     last = len(free)
@@ -115,11 +124,15 @@ def _backward_sweep(
 def _stage_model(
     problem: UnicycleProblem, point: StagePoint, k: int, curvature: float, h: _CostToGo
 ) -> tuple[_CostToGo, _ControlModel]:
-    """Return cost to go and control model of stage k from the cost to go ``h`` of its end.
+    """Return the quadratic model of stage k, given the cost to go ``h`` of the state at its end.
 
-    The products with A = I + [0 0 f; 0 0 g; 0 0 0] and B = [a 0; b 0; 0 dt] are written out. The
-    Hessian includes the second derivatives of the motion, sum_i l_i d2f_i, with the costate l of
-    the stage's end.
+    The first result contains the terms in the deviation of the state at the start of the stage
+    alone, with no change of the controls; the second all terms with a change of the controls.
+
+    The linearised motion is A = I + [0 0 f; 0 0 g; 0 0 0] and B = [a 0; b 0; 0 dt], where (a, b) is
+    the derivative of the position by the speed and (f, g) that by the yaw; the products with A and
+    B are written out. The Hessian includes the second derivatives of the motion, sum_i l_i d2f_i,
+    with the costate l of the state at the stage's end.
     """
     dt, weights, gradient = problem.dt, problem.state_weights, point.gradient
     a, b = point.speed_jacobian[k, 0], point.speed_jacobian[k, 1]
@@ -160,7 +173,7 @@ def _stage_model(
 def _invert_free(
     u: _ControlModel, free_speed: bool, free_rate: bool
 ) -> tuple[bool, tuple[float, float, float]]:
-    """Invert the Hessian of the free controls; entries of fixed controls are zero.
+    """Invert the Hessian of the free controls of a stage; entries of fixed controls are zero.
 
     Returns:
         Whether it is positive definite; and the entries ss, sr and rr of the inverse.
@@ -184,7 +197,15 @@ def _minimise_stage(
     feedback: Float[Array, "stages 2 4"],
     k: int,
 ) -> _CostToGo:
-    """Return the cost to go for the optimal control change; store that in ``feedback``."""
+    """Return the cost to go of stage k with its optimal control change, stored in ``feedback``.
+
+    Args:
+        h: Terms in the deviation of the state alone.
+        u: Terms with a change of the controls.
+        inverse: Entries ss, sr and rr of the inverse of the Hessian of the free controls.
+        feedback: Output: the control change of stage k, as for :func:`_backward_sweep`.
+        k: Index of the stage.
+    """
     ss, sr, rr = inverse
     s1, sx = -ss * u.gs - sr * u.gr, -ss * u.sx - sr * u.rx
     sy, st = -ss * u.sy - sr * u.ry, -ss * u.st - sr * u.rt
@@ -213,7 +234,7 @@ def _min_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tup
     if not free_speed:
         return 0.0, 1.0
     eigenvalue = 0.5 * (u.ss + u.rr) - hypot(0.5 * (u.ss - u.rr), u.sr)
-    if u.ss > u.rr:  # of the two formulas, the one without cancellation
+    if u.ss > u.rr:  # of the two formulas for it, the one without cancellation
         speed, rate = -u.sr, u.ss - eigenvalue
     else:
         speed, rate = u.rr - eigenvalue, -u.sr
@@ -225,7 +246,7 @@ def _min_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tup
 def _mask_feedback(
     feedback: Float[Array, "stages 2 4"], stage: int, direction: tuple[float, float]
 ) -> None:
-    """Replace the feedback up to ``stage``: zero before it, ``direction`` in it."""
+    """Replace the feedback up to ``stage``, without gains: zero before it, ``direction`` at it."""
     for k in range(len(feedback)):
         for i in range(2):
             feedback[k, i, 0] = direction[i] if k == stage else 0.0
@@ -237,10 +258,10 @@ def _mask_feedback(
 def _forward_sweep(
     problem: UnicycleProblem, point: StagePoint, feedback: Float[Array, "stages 2 4"]
 ) -> Float[Array, "stages 2"]:
-    """Apply the feedback along the linearised motion; return the steps of the controls."""
+    """Apply the feedback along the linearised motion; return the changes of the controls."""
     controls, jacobian, dt, law = point.controls, point.speed_jacobian, problem.dt, feedback
     steps = np.empty((len(controls), 2))
-    x = y = t = 0.0
+    x = y = t = 0.0  # deviation of the state; t is the yaw
     for k in range(len(controls)):
         speed = law[k, 0, 0] + law[k, 0, 1] * x + law[k, 0, 2] * y + law[k, 0, 3] * t
         rate = law[k, 1, 0] + law[k, 1, 1] * x + law[k, 1, 2] * y + law[k, 1, 3] * t
