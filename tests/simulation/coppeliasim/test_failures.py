@@ -70,7 +70,7 @@ def test_address_that_zeromq_rejects(monkeypatch):
 def test_other_program_at_the_port():
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        with pytest.raises(PlantLost, match=r"did not answer within 0.5 s"):
+        with pytest.raises(PlantLost, match=r"did not reply within 0.5 s"):
             CoppeliaSimPlant(SMALL, CoppeliaSimScene(port=port, timeout=0.5))
 
 
@@ -228,7 +228,7 @@ def test_server_without_replies_during_a_run(server):
         run = drive(plant)
     assert monotonic() - began < 10.0
     assert run.outcome is Outcome.PLANT_LOST
-    assert "did not answer within 0.5 s" in run.reason
+    assert "did not reply within 0.5 s" in run.reason
     assert len(run.t) == 6
 
 
@@ -239,7 +239,7 @@ def test_simulator_that_never_finishes_a_step(server):
     with plant_at(server, timeout=0.5) as plant:
         run = drive(plant)
     assert run.outcome is Outcome.PLANT_LOST
-    assert "did not answer within 0.5 s" in run.reason
+    assert "did not reply within 0.5 s" in run.reason
 
 
 def nested(depth):
@@ -261,7 +261,7 @@ def nested(depth):
         (cbor.dumps({"success": False, "error": "new\none"}), r"another version.*: new\\none"),
         (cbor.dumps({"func": "exit", "args": []}), "requests a call of 'exit', which is refused"),
         (cbor.dumps({"err": "No such\nfunction"}), r"refuses require: No such\\nfunction"),
-        (bytes(5 * 2**20), "did not answer within 1 s"),
+        (bytes(5 * 2**20), "did not reply within 1 s"),
     ],
     ids=["empty", "http", "list", "no-list", "nested", "endless", "longer", "not-text", "version-1",
          "mismatch", "call", "refusal", "huge"],

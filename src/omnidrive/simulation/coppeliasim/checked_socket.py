@@ -49,7 +49,7 @@ class CheckedSocket:
         left = self._deadline - monotonic()
         if left <= 0.0 or not self._socket.poll(1000.0 * left):
             raise PlantLost(
-                f"CoppeliaSim at {self.endpoint} did not answer within {self._seconds:g} s: is it "
+                f"CoppeliaSim at {self.endpoint} did not reply within {self._seconds:g} s: is it "
                 "busy, does it wait in a dialogue, or does another program use that port?"
             )
         raw: bytes = self._socket.recv()

@@ -121,15 +121,15 @@ class CoppeliaSimPlant:
             self._frame = self._measure_signal_frame()
             body = self._api.numbers(7, "getObjectPose", self._body)
         base = self._api.numbers(7, "getObjectPose", self._base)
-        here = compose(planar_pose(body), self._frame)
-        self._api.call("setObjectPose", self._base, transport(base, here, pose))
+        current = compose(planar_pose(body), self._frame)
+        self._api.call("setObjectPose", self._base, transport(base, current, pose))
         self._start()
         if isinstance(self._motors, JointInterface):
             self._motors.reset()
         self._motors.command([0.0] * len(self.robot.mounts))
         self._yaw = pose.yaw
-        at, _ = self._motion()
-        return self._plant_state(at, _REST)
+        start, _ = self._motion()
+        return self._plant_state(start, _REST)
 
     def step(self, twist: BodyTwist, dt: float) -> PlantState:
         """Command ``twist`` for ``dt`` seconds, a multiple of the simulator's time step.
@@ -238,16 +238,15 @@ class CoppeliaSimPlant:
         assert self._frame is not None
         body = planar_pose(self._api.numbers(7, "getObjectPose", self._body))
         linear, angular = self._velocity()
-        at = compose(body, self._frame)
-        if (
-            isinstance(self._motors, SignalInterface) and self._time > 0.0
-        ):  # at time 0 no script has run yet
-            at = self._motors.pose()
-        self._yaw += wrap(at.yaw - self._yaw)
-        dx, dy = at.x - body.x, at.y - body.y
-        turning = angular[2]
-        velocity = WorldTwist(linear[0] - turning * dy, linear[1] + turning * dx, turning)
-        return Pose(at.x, at.y, self._yaw), to_body(velocity, self._yaw)
+        pose = compose(body, self._frame)
+        # at time 0 no script has run yet
+        if isinstance(self._motors, SignalInterface) and self._time > 0.0:
+            pose = self._motors.pose()
+        self._yaw += wrap(pose.yaw - self._yaw)
+        dx, dy = pose.x - body.x, pose.y - body.y
+        yaw_rate = angular[2]
+        velocity = WorldTwist(linear[0] - yaw_rate * dy, linear[1] + yaw_rate * dx, yaw_rate)
+        return Pose(pose.x, pose.y, self._yaw), to_body(velocity, self._yaw)
 
     def _velocity(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return linear (m/s) and angular (rad/s) velocity of the body's object, in W."""
@@ -257,11 +256,11 @@ class CoppeliaSimPlant:
             raise PlantLost(f"CoppeliaSim does not return two vectors for {name}")
         return self._api.as_numbers(3, value[0], name), self._api.as_numbers(3, value[1], name)
 
-    def _plant_state(self, at: Pose, twist: BodyTwist) -> PlantState:
+    def _plant_state(self, pose: Pose, twist: BodyTwist) -> PlantState:
         motors = self._motors
         if isinstance(motors, JointInterface):
-            return PlantState(at, twist, motors.work, motors.angles)
-        return PlantState(at, twist, nan)
+            return PlantState(pose, twist, motors.work, motors.angles)
+        return PlantState(pose, twist, nan)
 
     def _measure_signal_frame(self) -> Pose:
         """Return the pose of B, which the signal reports, in the frame of the body's object.
