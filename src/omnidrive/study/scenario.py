@@ -61,7 +61,7 @@ DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
     "published-code": _PAPERS,
     "recommended": get_args(ControllerName),
 }
-"""Controllers of a study that names none, by preset."""
+"""Default controllers of a study, by preset."""
 
 MAX_STEPS = 200_000
 """Maximum number of samples of one run: an hour at 50 Hz, with a log below one gigabyte."""
@@ -282,7 +282,7 @@ class Scenario(Section):
     """Sample time of controllers and log, s."""
     map: MapSection
     start: Waypoint
-    """Start pose in W; m, m, rad."""
+    """Start in W; m, m, rad. The heading may be omitted."""
     goal: Waypoint
     """Goal in W; m, m, rad. The heading may be omitted."""
     path: PathOptions = PathOptions()
