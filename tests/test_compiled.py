@@ -14,7 +14,7 @@ import pytest
 from numba.core import serialize
 
 import omnidrive
-from omnidrive.compiled import announce_compiling, entry_point, kernels, kernels_are_kept
+from omnidrive.compiled import announce_compiling, entry_point, has_cached_kernels, kernels
 from omnidrive.compiled import cache as kernel_cache
 from omnidrive.compiled.dispatcher import Kernel, compile_listeners
 from omnidrive.compiled.key import kernel_key
@@ -231,9 +231,9 @@ def test_unused_entries_are_removed(tmp_path, monkeypatch):
 
 def test_first_kept_kernel_is_noticed(build):
     module = build()
-    assert not kernels_are_kept()
+    assert not has_cached_kernels()
     module.caller(1.0)
-    assert kernels_are_kept()
+    assert has_cached_kernels()
 
 
 def test_compiling_is_announced_once_and_only_if_it_happens(build, caplog):

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table as RichTable
 
-from omnidrive.compiled import kernels_are_kept
+from omnidrive.compiled import has_cached_kernels
 from omnidrive.evaluation import Table
 from omnidrive.study import Study
 
@@ -49,7 +49,7 @@ class LiveProgress:
     def part(self, name: str, steps: int) -> None:
         """Start the bar of a part."""
         self._finish()
-        what = "" if kernels_are_kept() else "compiling, first use only"
+        what = "" if has_cached_kernels() else "compiling, first use only"
         self._task = self._progress.add_task(name, total=steps or None, what=what)
 
     def done(self, what: str) -> None:

@@ -33,31 +33,29 @@ kernels: list[Any] = []
 
 
 def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
-    """Compile ``kernel`` to machine code on its first call, and keep the result on disk.
+    """Compile ``kernel`` to machine code on its first call and cache the machine code on disk.
 
-    A kept result is used as long as no code changes that the kernel can reach:
-    :mod:`omnidrive.compiled.key`.
-
-    A kernel runs without the interpreter's lock, so that threads can share the work.
-
-    Run-time type checks that wrap the kernel are taken off: the compiler cannot see through them.
+    A cache entry is valid until code changes that the kernel can reach, see
+    :mod:`omnidrive.compiled.key`. A kernel releases the interpreter's lock, so that threads run in
+    parallel. Run-time type checks that wrap the kernel are removed, because Numba cannot compile
+    them.
     """
     return _compiled(kernel)
 
 
 def compiled_sums(kernel: Callable[P, R]) -> Callable[P, R]:
-    """As :func:`compiled`, for sums whose terms may be added in any order: several at once.
+    """As :func:`compiled`, for sums whose terms may be added in any order (SIMD).
 
-    The order, and with it the last digit, depends on the processor, but not on anything else.
+    The order, and with it the last digit of the sum, depends on the processor only.
     """
     return _compiled(kernel, fastmath={"reassoc"})
 
 
 def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
-    """As :func:`compiled`, for a small part of other kernels: they take it in whole.
+    """As :func:`compiled`, for a small kernel that is inlined into its callers.
 
-    A call costs two atomic operations for every array that it hands over, also inside a tuple:
-    for a dozen arrays, more than a loop over a few stages does.
+    A call that is not inlined costs two atomic operations per array argument (reference counts),
+    also for arrays in a tuple; for a dozen arrays that exceeds the cost of a short loop.
     """
     return _compiled(kernel, forceinline=True)
 
@@ -73,10 +71,10 @@ def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
 
 
 def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Callable[P, R]:
-    """A compiled kernel for arguments of exactly the types of the examples, called directly.
+    """Return the machine code of a kernel for the types of the examples, as a function.
 
-    It does without the look at every argument by which a kernel chooses its machine code; other
-    types are refused or converted.
+    A call skips Numba's dispatch on the types of the arguments; arguments of other types are
+    converted, or raise TypeError.
     """
     machine: Any = kernel
     types = tuple(map(typeof, examples))
@@ -84,8 +82,8 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
     return cast("Callable[P, R]", machine.overloads[types].entry_point)
 
 
-def kernels_are_kept() -> bool:
-    """Whether any compiled kernel is on disk."""
+def has_cached_kernels() -> bool:
+    """Whether the cache holds any kernel."""
     return any(cache_folder().glob("*.nbc"))
 
 

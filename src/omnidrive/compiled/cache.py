@@ -37,7 +37,7 @@ _signatures: Any = sigutils
 _dumps: Any = dumps
 
 _DAY = 86400.0
-_UNUSED_DAYS, _MOST_ENTRIES = 60, 4000
+_MAX_UNUSED_DAYS, _MAX_ENTRIES = 60, 4000
 
 
 class KernelCache:
@@ -96,24 +96,24 @@ class KernelCache:
         except OSError as error:
             with suppress(OSError):
                 unfinished.unlink(missing_ok=True)
-            _warn_once(f"compiled kernels cannot be kept in {path.parent}: {error}")
+            _warn_once(f"compiled kernels cannot be cached in {path.parent}: {error}")
 
     @contextmanager
     def locked(self, signature: Any) -> Iterator[bool]:
         """Yield whether there is an entry, after other processes that compile it are done."""
         path = self._path(signature, self._kernel.targetctx.codegen())
-        place = int(short_hash(path.name)[:7], 16)
+        offset = int(short_hash(path.name)[:7], 16)
         lock = None if path.exists() else _lock_file(path.parent)
         if lock is None:
             yield path.exists()
             return
         with suppress(OSError):  # a file system without locks: compile in every process
-            fcntl.lockf(lock, fcntl.LOCK_EX, 1, place)
+            fcntl.lockf(lock, fcntl.LOCK_EX, 1, offset)
         try:
             yield path.exists()
         finally:
             with suppress(OSError):
-                fcntl.lockf(lock, fcntl.LOCK_UN, 1, place)
+                fcntl.lockf(lock, fcntl.LOCK_UN, 1, offset)
 
     def _path(self, signature: Any, codegen: Any) -> Path:
         arguments, result = _signatures.normalize_signature(signature)
@@ -159,7 +159,7 @@ def _entry_name(kernel: Any) -> str:
 
 @cache
 def _lock_file(folder: Path) -> int | None:
-    """Return the descriptor of a file whose bytes stand for kernels; it stays open."""
+    """Return the descriptor of the lock file, which stays open; each kernel locks one of its bytes."""
     if fcntl is None:
         return None
     try:
@@ -178,13 +178,13 @@ def _mark_used(path: Path) -> None:
 
 @cache
 def _remove_unused(folder: Path) -> None:
-    """Remove entries unused for long, and the oldest beyond a number; once per process."""
+    """Remove entries unused for 60 days and the oldest beyond 4000; once per process."""
     ages: list[tuple[float, Path]] = []
     for path in folder.glob("*.nbc*"):
         with suppress(OSError):
             ages.append((time.time() - path.stat().st_mtime, path))
     for number, (age, path) in enumerate(sorted(ages)):
-        if age > _UNUSED_DAYS * _DAY or number >= _MOST_ENTRIES:
+        if age > _MAX_UNUSED_DAYS * _DAY or number >= _MAX_ENTRIES:
             with suppress(OSError):
                 path.unlink()
 

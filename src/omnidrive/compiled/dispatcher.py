@@ -1,8 +1,7 @@
 """Dispatcher of a kernel that runs LLVM once for a kernel and all kernels that it calls.
 
 Numba optimises and emits the machine code of every callee by itself, and again as a part of each of
-its callers, at every level. Here a callee that is compiled for the sake of another kernel is only
-translated to LLVM's intermediate language; it is linked into the kernel that Python calls, and the
+its callers, at every level. Here a callee is only translated to LLVM's intermediate language; it is linked into the kernel that Python calls, and the
 whole is optimised and emitted once. This halves the time of compilation. A kernel with ``fastmath``
 is still optimised by itself first, so that the order of its sums does not depend on its callers;
 all other floating-point operations are strict, so that their results do not depend on the order of
@@ -72,7 +71,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
                 return super().compile(sig)
 
     def add_overload(self, result: Any) -> None:
-        """Make a result known; to calls from Python only if it has machine code."""
+        """Register a result; for calls from Python only if it has machine code."""
         if getattr(result.library, "is_complete", True):
             super().add_overload(result)
         else:
@@ -125,7 +124,7 @@ class LateLibrary(_Library):  # type: ignore[misc]
                     self._codegen.set_env(variable.name, found)
 
     def module_without_callees(self) -> Any:
-        """Module for linking into a caller, together with those of the callees; None: of no use."""
+        """Module for linking into a caller with those of the callees; None if there is none."""
         if self._before_linking is not None:
             return _linkable(self._before_linking)
         variables = self._final_module.global_variables
@@ -176,19 +175,19 @@ def _linkable(module: Any) -> Any:
     return copy
 
 
-_requests: list[tuple[Kernel, Types]] = []  # the last: whose machine code is being made
+_requests: list[tuple[Kernel, Types]] = []  # the kernel being compiled is the last
 
 
 @contextmanager
 def _late_code(kernel: Kernel, arguments: Types) -> Iterator[None]:
-    """Make machine code of this kernel alone; the compiler lock must be held."""
+    """Emit machine code for this kernel only; the compiler lock must be held."""
     _requests.append((kernel, arguments))
     context = kernel.targetctx
     generator = context.codegen()
     outermost = len(_requests) == 1
     collecting = gc.isenabled()
     if outermost:
-        gc.disable()  # the compiler's objects are many and live long: a sixth of its time
+        gc.disable()  # collections take a sixth of the compile time and find little
         _runtime.initialize(context)
         generator._library_class = LateLibrary
         context.get_executable = _executable(context.get_executable)

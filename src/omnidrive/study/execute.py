@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import signal
@@ -71,7 +72,7 @@ def execute(
             min(processes, len(queue)),
             mp_context=get_context("spawn"),
             initializer=_start_worker,
-            initargs=(shared,),
+            initargs=(shared, logging.getLogger("omnidrive").level),
         )
     futures: dict[Future[Result], Job] = {}
     workers: list[BaseProcess] = []
@@ -146,8 +147,9 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(shared: Array[c_char]) -> None:
-    """Initialise a worker process with the pickled scenario in shared memory."""
+def _start_worker(shared: Array[c_char], log_level: int) -> None:
+    """Initialise a worker process with the pickled scenario and the parent's log level."""
+    logging.getLogger("omnidrive").setLevel(log_level)
     for number in _TERMINAL_SIGNALS:  # the terminal sends them to all processes; the parent reacts
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
