@@ -159,7 +159,7 @@ def _entry_name(kernel: Any) -> str:
 
 @cache
 def _lock_file(folder: Path) -> int | None:
-    """Return the descriptor of the lock file, which stays open; each kernel locks one of its bytes."""
+    """Return the descriptor of the lock file, of which each kernel locks one byte."""
     if fcntl is None:
         return None
     try:

@@ -1,11 +1,11 @@
 """Dispatcher of a kernel that runs LLVM once for a kernel and all kernels that it calls.
 
 Numba optimises and emits the machine code of every callee by itself, and again as a part of each of
-its callers, at every level. Here a callee is only translated to LLVM's intermediate language; it is linked into the kernel that Python calls, and the
-whole is optimised and emitted once. This halves the time of compilation. A kernel with ``fastmath``
-is still optimised by itself first, so that the order of its sums does not depend on its callers;
-all other floating-point operations are strict, so that their results do not depend on the order of
-optimisation.
+its callers, at every level. Here a callee is only translated to LLVM's intermediate language; it is
+linked into the kernel that Python calls, and the whole is optimised and emitted once. This halves
+the time of compilation. A kernel with ``fastmath`` is still optimised by itself first, so that the
+order of its sums does not depend on its callers; all other floating-point operations are strict, so
+that their results do not depend on the order of optimisation.
 """
 
 from __future__ import annotations
