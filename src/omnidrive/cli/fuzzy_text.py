@@ -19,8 +19,9 @@ from omnidrive.fuzzy import (
     rule_text,
 )
 
-_SETS, _RULES, _FIRED, _COLUMNS = 60, 60, 20, 20  # maximum numbers shown
-_CELL = 40  # maximum characters of a cell
+# maximum numbers shown: sets of a variable, rules, rules that fire, and rows or columns of a table
+_SETS, _RULES, _FIRED, _COLUMNS = 60, 60, 20, 20
+_CELL = 40  # maximum characters of a table cell
 _WIDTH = 300  # maximum characters of a rule
 
 
@@ -67,7 +68,11 @@ def variable_lines(system: FuzzySystem) -> list[str]:
 
 
 def rules_table(system: FuzzySystem) -> Table | None:
-    """Return the rules of a complete two-input rule base as a table, or None for other rules."""
+    """Return the rules as a table with the sets of one input down and of the other across.
+
+    None: there are not two inputs; the rules are not exactly one for each pair of their sets, with
+    "and", without hedges of the inputs and of weight 1; or the table is too large.
+    """
     if len(system.inputs) != 2 or max(len(v.sets) for v in system.inputs) > _COLUMNS:
         return None
     down, across = system.inputs
@@ -116,12 +121,16 @@ def fired_lines(inference: Inference, inputs: Sequence[float]) -> list[str]:
         f"{each.number:>{width}}  {strength}  {shortened_rule(each.rule)}"
         for each, strength in zip(fired, strengths, strict=False)
     ]
-    more = _more(len(fired), _FIRED, "weaker rule")
-    return ["Rules that fire, with their firing strengths", *lines, *filter(None, [more])]
+    more = _more(len(fired), _FIRED, "rule")
+    return [
+        "Rules that fire, strongest first, with their firing strengths",
+        *lines,
+        *filter(None, [more]),
+    ]
 
 
 def outputs_table(inference: Inference, inputs: Sequence[float]) -> Table:
-    """Return a table of the outputs; for type 2 or 3 with their intervals."""
+    """Return a table of the outputs; for type 2 or 3 also with their type-reduced intervals."""
     system = inference.system
     values = inference(dict(zip((v.name for v in system.inputs), inputs, strict=True)))
     least, greatest = inference.interval(*inputs)
@@ -148,7 +157,10 @@ def shortened_rule(rule: Rule) -> str:
 
 
 def _pair(rule: Rule, down: str, across: str) -> tuple[str, str] | None:
-    """Return the sets of two inputs that a rule combines by "and"; None for other rules."""
+    """Return the set of the input ``down`` and that of ``across`` that a rule combines by "and".
+
+    None: its antecedent has another form, or hedges.
+    """
     parts = rule.antecedent.parts if isinstance(rule.antecedent, And) else ()
     sets = {part.variable: part.set for part in parts if isinstance(part, Is) and not part.hedges}
     if len(parts) != 2 or set(sets) != {down, across}:
@@ -157,11 +169,13 @@ def _pair(rule: Rule, down: str, across: str) -> tuple[str, str] | None:
 
 
 def _consequent_text(rule: Rule, output: str) -> str:
+    """Return the hedges and the set of a rule's consequent; a dash: none for this output."""
     found = next((each for each in rule.consequents if each.variable == output), None)
     return " ".join((*found.hedges, found.set)) if found else "-"
 
 
 def _linear(function: LinearFunction, system: FuzzySystem) -> str:
+    """Return a linear function of the inputs as a sum, constant first, truncated if it is long."""
     parts = [f"{function.constant:g}"]
     named = zip(function.coefficients, system.inputs, strict=False)
     parts += [f"{c:g} {variable.name}" for c, variable in named]
@@ -170,7 +184,7 @@ def _linear(function: LinearFunction, system: FuzzySystem) -> str:
 
 
 def _description(each: FuzzySet | LinearFunction, system: FuzzySystem) -> str:
-    """Return the parameters of a set, its footprint and its secondary membership."""
+    """Return the parameters of a set, its footprint and secondary membership; or the function."""
     if isinstance(each, LinearFunction):
         return _linear(each, system)
     text = str(each.upper)

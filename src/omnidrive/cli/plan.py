@@ -31,13 +31,16 @@ from omnidrive.study import (
 )
 
 _MAX_LISTED = 10  # queries listed in the text output
-_OF_SEARCHES = {"scenario", "map", "search", "unknown"}
+_SEARCH_OPTIONS = {"scenario", "map", "search", "unknown"}  # options that --scen uses
 _JSON_NAMES = {
     "cells of grid path": "cells on the way",
     "length of grid path": "length of the way",
     "wheel force used": "traction used",
 }
-"""Results whose JSON keys differ from their names in text output, so that the keys are stable."""
+"""Names from which JSON keys are formed, by name in text output, where the two differ.
+
+They are former names, kept so that the JSON keys do not change.
+"""
 
 
 @with_options("plant", "preset", "seed", "estimator")
@@ -47,8 +50,8 @@ def plan(
         Path | None,
         option(
             "FILE.scen",
-            "Instead, search every query of a MovingAI scenario file on its map and list the "
-            "lengths that differ from those in the file.",
+            "Instead, search every query of a MovingAI scenario file on the given map and list "
+            "the path lengths that differ from those in the file.",
             PATH_PANEL,
         ),
     ] = None,
@@ -70,8 +73,9 @@ def plan(
 ) -> None:
     """Search, smooth and time a path, and report its use of the robot's limits.
 
-    On a map, or with a timing from rest to rest, the duration is the shortest that the wheels
-    allow, rounded up to whole sample times, unless a duration or a speed is given.
+    If neither a duration nor a speed is given, the duration on a map file, or with
+    `--timing limits` or `--timing minimum-time`, is the shortest that the robot's limits allow,
+    rounded up to whole sample times; otherwise it is that of the scenario.
 
     For example:
 
@@ -85,9 +89,9 @@ def plan(
         _solve(shared, scen, json)
         return
     check_plan_targets(out, png)
-    at_best = shared.map_file is not None or shared.timing in {"limits", "minimum-time"}
+    shortest_by_default = shared.map_file is not None or shared.timing in {"limits", "minimum-time"}
     with announce_compiling(_print_compiling):
-        if at_best and shared.duration is None:
+        if shortest_by_default and shared.duration is None:
             planned = plan_at(shared.resolve(retimed=False), shared.speed)
         else:
             planned = plan_and_check(shared.resolve())
@@ -95,7 +99,7 @@ def plan(
 
 
 def _print_compiling() -> None:
-    typer.echo("compiling, the first time only; this takes some seconds", err=True)
+    typer.echo("compiling, the first time only; this takes several seconds", err=True)
 
 
 def _report(planned: PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:
@@ -128,12 +132,12 @@ def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
 
 
 def _check_search_options(shared: ScenarioOptions, **options: object) -> None:
-    """Raise InvalidInput for options without effect on searches."""
+    """Raise InvalidInput if an option is given that has no effect with ``--scen``."""
     options = {field.name: getattr(shared, field.name) for field in fields(shared)} | options
     unused = [
         "--" + name.replace("_", "-")
         for name, value in options.items()
-        if value is not None and name not in _OF_SEARCHES
+        if value is not None and name not in _SEARCH_OPTIONS
     ]
     if unused:
         raise InvalidInput(f"--scen only searches: omit {', '.join(unused)}")
@@ -142,9 +146,13 @@ def _check_search_options(shared: ScenarioOptions, **options: object) -> None:
 def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
     """Search the queries of a scenario file and print the results."""
     if shared.map_file is None:
-        raise InvalidInput("--scen needs the map file: omnidrive plan FILE.map --scen FILE.scen")
+        raise InvalidInput(
+            "--scen needs the map file of its queries: omnidrive plan FILE.map --scen FILE.scen"
+        )
     method = choose_one("search", shared.search or "astar", get_args(MethodName))
-    unknown = choose_one("kind", shared.unknown or "occupied", get_args(Unknown))
+    unknown = choose_one(
+        "treatment of unknown cells", shared.unknown or "occupied", get_args(Unknown)
+    )
     grid = load_map(shared.map_file, unknown=unknown)
     solved = solve_queries(grid, load_queries(scen, grid), method=method)
     if json:
@@ -155,7 +163,7 @@ def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
 
 
 def _lines(solved: dict[str, Any]) -> list[str]:
-    """Format the results of the searches as text."""
+    """Format the results of :func:`~omnidrive.study.solve_queries`; queries count from 0."""
     differing = solved["differing"]
     lines = [
         f"{'search':<20}{solved['search']}",

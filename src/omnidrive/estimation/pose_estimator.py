@@ -106,7 +106,7 @@ class PoseEstimator:
         self.reset(Pose(0.0, 0.0, 0.0))
 
     def reset(self, pose: Pose) -> None:
-        """Clear all memory; the robot stands at rest at ``pose``, which is known exactly."""
+        """Discard all readings; at time 0 the robot is at rest at ``pose``, known exactly."""
         model, mean, covariance = self._model, np.zeros(SIZE), np.zeros((SIZE, SIZE))
         mean[POSE] = pose
         covariance[GYRO_BIAS, GYRO_BIAS] = self._gyro_bias**2

@@ -21,11 +21,11 @@ class StateEstimator(Protocol):
     """
 
     def reset(self, pose: Pose) -> None:
-        """Clear all memory; the robot stands at rest at ``pose``, which is known exactly."""
+        """Discard all readings; at time 0 the robot is at rest at ``pose``, known exactly."""
         ...
 
     def update(self, readings: SensorReadings) -> State:
-        """Estimate the state at ``readings.stamp``; stamps must not decrease."""
+        """Return the estimated state at ``readings.stamp``; stamps must not decrease."""
         ...
 
 
@@ -36,14 +36,14 @@ class LatestFix:
     _latest: PoseFix = field(default=PoseFix(0.0, Pose(0.0, 0.0, 0.0), 0.0, 0.0), init=False)
 
     def reset(self, pose: Pose) -> None:
-        """Return ``pose`` until a fix arrives."""
+        """Take ``pose`` as an exact fix at time 0, returned until a fix arrives."""
         self._latest = PoseFix(0.0, pose, 0.0, 0.0)
 
     def update(self, readings: SensorReadings) -> State:
         """Return the fix with the latest stamp; whole turns are added to its yaw for continuity.
 
-        The covariance is None if the fix does not state its precision. The twist is not
-        estimated.
+        The covariance is None unless the fix states finite standard deviations of both position
+        and yaw. The twist is None.
         """
         for fix in readings.fixes:
             if fix.stamp >= self._latest.stamp:

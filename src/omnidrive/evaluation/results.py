@@ -109,7 +109,7 @@ class StudyResults:
     Attributes:
         title: Title, one line.
         robot: The simulated robot.
-        plant: Name of the plant: rollers, ball, planar, kinematic or coppeliasim.
+        plant: Name of the plant: mujoco-rollers, mujoco-balls, planar, kinematic or coppeliasim.
         dt: Sample time of the controllers, s.
         obstacles: Occupancy grid of the obstacles.
         free_space: The inflated map, whose free cells the robot's centre may enter.

@@ -23,24 +23,31 @@ class AggregatedOutput(NamedTuple):
     """Aggregated fuzzy set of one output before defuzzification, as two polylines."""
 
     lower: Float[Array, "2 points"]
-    """Corners (x, degree) of the lower function, x ascending; the upper function in type 1."""
+    """Corners of the lower membership function: x, ascending, in the unit of the output; degrees.
+
+    Equal to ``upper`` in a type-1 system.
+    """
     upper: Float[Array, "2 points"]
-    """Corners (x, degree) of the upper function; degree 0 where no rule fires."""
+    """Corners of the upper membership function; degree 0 where no rule fires."""
 
 
 def widest_slice(inference: Inference) -> ZSlice:
-    """Return the z-slice of a type-3 system that figures show, or the full footprint otherwise."""
+    """Return the lowest, hence widest, z-slice of a type-3 inference, which figures show.
+
+    For type 1 or 2, return the full footprint.
+    """
     return z_slices(inference.options.slices)[0] if inference.system.type == 3 else FULL_FOOTPRINT
 
 
 def aggregated_outputs(inference: Inference, *inputs: float) -> tuple[AggregatedOutput, ...]:
     """Return the aggregated fuzzy set of every output, computed by the kernels of the inference.
 
-    The polylines are exact where the inference is exact, and connect its samples otherwise. Of a
-    type-3 system they show the :func:`widest_slice`.
+    The polylines are exact if the option ``centroid`` of the inference is; otherwise they connect
+    its samples. In a type-3 system, the consequents are those of the :func:`widest_slice`, and the
+    firing strengths those of the full footprints.
 
     Raises:
-        InvalidInput: The system is a Sugeno system, or an input is refused as by a call.
+        InvalidInput: The system is a Sugeno system, or as for a call of the inference.
     """
     system, options, z_slice = inference.system, inference.options, widest_slice(inference)
     if system.is_sugeno:
@@ -65,9 +72,15 @@ def aggregated_outputs(inference: Inference, *inputs: float) -> tuple[Aggregated
 def implied_consequent(
     inference: Inference, output: int, fired: FiredRule, at: Float[Array, " points"]
 ) -> tuple[Float[Array, " points"], Float[Array, " points"]] | None:
-    """Return lower and upper degree of a rule's consequent, clipped or scaled by its strength.
+    """Return lower and upper degrees of a rule's consequent, clipped or scaled by its strengths.
 
     None: the rule has no consequent for this output.
+
+    Args:
+        inference: The inference of a Mamdani system.
+        output: Index of the output.
+        fired: The rule with its firing strengths.
+        at: Points in the unit of the output.
     """
     system = inference.system
     variable = system.outputs[output]
@@ -87,6 +100,7 @@ def implied_consequent(
 
 
 def _strengths(inference: Inference, inputs: tuple[float, ...]) -> Float[Array, "2 rules"]:
+    """Return lower and upper firing strength of every rule; 0 where it does not fire."""
     strengths = np.zeros((2, len(inference.system.rules)))
     for each in inference.fired_rules(*inputs):
         strengths[:, each.number - 1] = each.lower, each.upper
@@ -94,6 +108,7 @@ def _strengths(inference: Inference, inputs: tuple[float, ...]) -> Float[Array, 
 
 
 def _clips(inference: Inference) -> bool:
+    """Return whether the implication clips consequents; otherwise it scales them."""
     return inference.system.implication == "min"
 
 
@@ -106,7 +121,7 @@ def _exact_curves(
     *,
     of_lower: bool,
 ) -> list[Float[Array, "2 points"]]:
-    """Return the exact polyline of each output."""
+    """Return the exact polyline of each output, lower or upper, from the heights of that bound."""
     system = inference.system
     segments = segments_of(system, consequents, z_slice, of_lower=of_lower and system.type > 1)
     curves = []
@@ -115,7 +130,8 @@ def _exact_curves(
         left, right, y0, y1 = aggregate_segments(
             segments, o, _clips(inference), heights[first:last]
         )
-        # across a gap between two pieces, and at both ends, the curve is zero
+        # one row per piece, and one for the end of the range: the end of the previous piece and the
+        # start of this one at degree 0, unless they touch, then the start and end of this one
         starts, ends = np.r_[left, output.high], np.r_[output.low, right]
         zero = np.zeros_like(starts)
         x = np.column_stack([ends, starts, starts, np.r_[right, output.high]])
@@ -137,7 +153,7 @@ def _sampled_curves(
     z_slice: ZSlice,
     bound: int,
 ) -> list[Float[Array, "2 points"]]:
-    """Return each output on samples."""
+    """Return the polyline of each output through its samples; ``bound`` 0: lower, 1: upper."""
     system, count = inference.system, inference.options.samples
     samples = samples_of(system, consequents, count, z_slice)
     at = samples.at.reshape(-1, count)

@@ -1,4 +1,4 @@
-"""Runs of a scenario, and their simulation."""
+"""Runs of a study, and their simulation."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ class Job(NamedTuple):
     task: TaskName
     controller: ControllerName
     duration: float
-    """Duration of the reference, s."""
+    """Duration of the reference, s; of a step response, the time that is simulated."""
     horizon: int | None = None
     """Prediction horizon in steps; None for a controller without one."""
     repeat: int = 0
     """Index of the repeat, from 0; part of the seed of the random numbers."""
     fault: int = 0
-    """Number of the fault of the task `faults`, from 1; 0: no fault."""
+    """Number of the fault in the task ``faults``, from 1; 0: no fault, or another task."""
 
 
 def jobs_of(scenario: Scenario) -> list[Job]:
@@ -76,6 +76,8 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     if tasks.step:
         seconds = tasks.step.duration
         jobs += [Job("step", name, seconds, horizon(name)) for name in scenario.controllers]
+    # the task `horizon` has one controller; if the scenario has both predictive ones, the holonomic
+    # one with the recommended preset, and that of the paper otherwise
     order = PREDICTIVE[::-1] if scenario.preset == "recommended" else PREDICTIVE
     swept = next((name for name in order if name in scenario.controllers), None)
     if tasks.horizon and swept:
@@ -92,7 +94,10 @@ def jobs_of(scenario: Scenario) -> list[Job]:
 
 
 def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
-    """Return the faults of the task `faults`; by default one of every kind the plant supports."""
+    """Return the faults of the task ``faults``; none if the study does not have this task.
+
+    By default, one of every kind that the plant supports, from a quarter of the duration on.
+    """
     task = scenario.tasks.faults
     if task is None or task.faults:
         return task.faults if task else ()
@@ -103,7 +108,7 @@ def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
 def run_job(
     planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()
 ) -> TrackResult | StepResult | FaultResult:
-    """Simulate one run with observers, and evaluate it."""
+    """Simulate one run, during which the observers are called, and evaluate it."""
     if job.task == "faults":
         return _run_with_fault(planned, job, observers)
     run = _run_step_response if job.task == "step" else _run_along_path
@@ -113,7 +118,7 @@ def run_job(
 def make_controller(
     scenario: Scenario, robot: Robot, name: ControllerName, horizon: int | None = None
 ) -> Controller:
-    """Return a new controller; ``horizon`` (steps) replaces that of the scenario."""
+    """Return a new controller; ``horizon`` in steps, None: that of the scenario."""
     steps = horizon or scenario.nmpc.horizon
     dt, preset = scenario.sample_time, scenario.preset
     table: dict[ControllerName, Callable[[], Controller]] = {
@@ -141,7 +146,7 @@ def make_controller(
 
 
 def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
-    """Return the actuation model; without lag and slip on a plant without forces."""
+    """Return the actuation model; on a plant without forces, without lag and slip."""
     section = scenario.holonomic_nmpc
     if not scenario.plant_capabilities.forces:
         return Actuation(robot.acceleration_faces / section.traction)
@@ -157,11 +162,20 @@ def _simulate(
     start: Pose | None = None,
     faults: tuple[Fault, ...] = (),
 ) -> Run:
-    """Simulate one run with the supervisor, with ``faults`` added to those of the scenario.
+    """Simulate one run with the supervisor.
 
-    The random numbers are the same for every controller. Trailing zeros of a short NumPy seed have
-    no effect, so repeat 0 has the random numbers of the seed ``[seed, duration]``. The jitter of
+    The random numbers are the same for every controller. They depend on the seed of the scenario,
+    the duration in microseconds and the repeat. Trailing zeros of a short NumPy seed have no
+    effect, so that repeat 0 has the random numbers of the seed without the repeat. The jitter of
     the sample time has a generator of its own.
+
+    Args:
+        planned: The planned scenario.
+        job: The run.
+        plant: The plant.
+        reference: The motion to track.
+        start: True initial pose in W; None: that of the reference.
+        faults: Faults in addition to those of the scenario.
     """
     scenario, robot = planned.scenario, planned.robot
     controller = make_controller(scenario, robot, job.controller, job.horizon)
@@ -186,7 +200,7 @@ def _simulate(
 def _run_with_fault(
     planned: PlannedScenario, job: Job, observers: Sequence[Observer]
 ) -> FaultResult:
-    """Simulate the task `faults` with one fault or none."""
+    """Simulate a run of the task ``faults``, with one of its faults or none."""
     reference = planned.reference(job.duration)
     fault = (None, *faults_of(planned.scenario))[job.fault]
     faults = (fault,) if fault else ()
@@ -199,7 +213,10 @@ def _run_with_fault(
 def make_sensors(
     scenario: Scenario, robot: Robot, rng: np.random.Generator, *, noise: bool = False
 ) -> Sensors:
-    """Return new simulated sensors; with ``noise``, the noise of the paper acts on the pose."""
+    """Return new simulated sensors; with ``noise``, the pose fixes have the paper's noise.
+
+    If the scenario has no sensors section, the fixes are exact without ``noise``.
+    """
     section = scenario.sensors
     if section is None:
         return PaperNoise(rng) if noise else PerfectSensors()
@@ -210,7 +227,7 @@ def make_sensors(
 
 
 def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateEstimator:
-    """Return a new estimator for the readings of ``sensors``."""
+    """Return a new estimator for ``sensors``: LatestFix if the scenario defines none."""
     section = scenario.sensors
     if section is None or section.estimator is None or not isinstance(sensors, SensorSuite):
         return LatestFix()
@@ -221,7 +238,7 @@ def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateE
 def _run_along_path(
     planned: PlannedScenario, job: Job, observers: Sequence[Observer]
 ) -> TrackResult:
-    """Simulate path following."""
+    """Simulate a run of the task ``track``, ``noise`` or ``horizon``."""
     reference = planned.reference(job.duration)
     with plant_of(planned, reference, job.repeat, observers=observers) as plant:
         run = _simulate(planned, job, plant, reference)

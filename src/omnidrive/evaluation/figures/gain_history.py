@@ -20,7 +20,10 @@ class _History(NamedTuple):
 
 
 def gain_history(results: StudyResults) -> Figure | None:
-    """Draw the gains of the longest tracking runs, without noise if there are such runs."""
+    """Draw the gains of the longest runs without noise; if none logs gains, of those with noise.
+
+    None: no run logs gains.
+    """
     return _figure(
         _histories(results.select("track")) or _histories(results.select("noise")),
         results.repeats,
@@ -28,17 +31,20 @@ def gain_history(results: StudyResults) -> Figure | None:
 
 
 def step_gain_history(results: StudyResults) -> Figure | None:
-    """Draw the gains during a step response, where errors and gain changes are large."""
+    """Draw the gains during the step responses, where errors and gain changes are large.
+
+    None: no run logs gains.
+    """
     return _figure(_histories(results.steps), results.repeats)
 
 
 def _figure(histories: list[_History], repeats: int) -> Figure | None:
-    """Draw one row per gain and per fuzzy input, and one column per channel."""
+    """Draw one row per gain and per fuzzy input, and one column per channel; None: no runs."""
     if not histories:
         return None
-    every = [each for history in histories for each in history.tuned]
-    quantities = [q for q in (*GAINS, *INPUTS) if any(each.quantity == q for each in every)]
-    channels = list(dict.fromkeys(each.channel for each in every))
+    signals = [each for history in histories for each in history.tuned]
+    quantities = [q for q in (*GAINS, *INPUTS) if any(each.quantity == q for each in signals)]
+    channels = list(dict.fromkeys(each.channel for each in signals))
     figure = new_figure(1.2 + 3.2 * len(channels), 0.9 + 1.45 * len(quantities))
     panels = figure.subplots(
         len(quantities), len(channels), sharex=True, sharey="row", squeeze=False
@@ -46,7 +52,7 @@ def _figure(histories: list[_History], repeats: int) -> Figure | None:
     for row, quantity in zip(panels, quantities, strict=True):
         for axes, channel in zip(row, channels, strict=True):
             _draw(axes, histories, quantity, channel)
-        unit = unit_text(next(each.unit for each in every if each.quantity == quantity))
+        unit = unit_text(next(each.unit for each in signals if each.quantity == quantity))
         name = INPUTS.get(quantity, quantity).replace(" of ", "\nof ")
         row[0].set_ylabel(f"{name} in {unit}" if unit else f"{name}, no unit")
     for axes, channel in zip(panels[0], channels, strict=True):
@@ -54,20 +60,22 @@ def _figure(histories: list[_History], repeats: int) -> Figure | None:
     for axes in panels[-1]:
         axes.set_xlabel("time in s")
     figure.align_ylabels(panels[:, 0])
-    handles = [axes for axes in panels.flat if axes.lines]
-    legend_above(figure, max(handles, key=lambda axes: len(axes.get_legend_handles_labels()[1])))
+    drawn = [axes for axes in panels.flat if axes.lines]
+    # the legend of the panel with the most curves
+    legend_above(figure, max(drawn, key=lambda axes: len(axes.get_legend_handles_labels()[1])))
     figure.supxlabel(_caption(histories, repeats), fontsize=7.5, color=MUTED)
     return figure
 
 
 def _histories(runs: Sequence[TrackResult | StepResult]) -> list[_History]:
-    """Return the runs with logged gains that have the longest duration."""
+    """Return the longest of the runs that log gains: several if their durations are equal."""
     logged = [h for h in (_History(r, tuning_signals(r.run)) for r in runs) if h.tuned]
     longest = max((_seconds(history.result) for history in logged), default=0.0)
     return [history for history in logged if _seconds(history.result) == longest]
 
 
 def _seconds(result: TrackResult | StepResult) -> float:
+    """Return the duration of a tracking run in s; 0 for step responses, which are all drawn."""
     return result.duration if isinstance(result, TrackResult) else 0.0
 
 
@@ -85,7 +93,7 @@ def _draw(axes: Axes, histories: list[_History], quantity: str, channel: str) ->
     axes.margins(x=0.0)
     axes.ticklabel_format(axis="y", useOffset=False)
     low, high = axes.get_ylim()
-    if high - low < 1e-6 * max(abs(low), abs(high), 1e-9):  # constant
+    if high - low < 1e-6 * max(abs(low), abs(high), 1e-9):  # constant: a range of 1
         axes.set_ylim(low - 0.5, high + 0.5)
 
 

@@ -13,13 +13,13 @@ from omnidrive.arrays import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SearchResult:
-    """Grid path found by a search.
+    """Grid path found by a search; a search without a path raises an error instead.
 
     Attributes:
-        cells: Row and column of every cell of the path, start and goal included. An any-angle
-            search returns only the cells in which the path turns.
-        cost: Length of the path from cell centre to cell centre, in cells.
-        expansions: Number of expanded cells.
+        cells: Row and column of every cell of the path, from start to goal inclusive. An any-angle
+            search returns only start, goal and the cells in which the path turns.
+        cost: Length of the path from cell centre to cell centre, in cell widths.
+        expansions: Number of expansions; a cell that is expanded twice counts twice.
         seconds: Duration of the search, in s.
     """
 
@@ -30,9 +30,10 @@ class SearchResult:
 
 
 def path_length(cells: Int[Array, "cells 2"]) -> float:
-    """Return the length of the polyline through the centres of the cells, in cells.
+    """Return the length of the polyline through the centres of the cells, in cell widths.
 
-    Straight and diagonal moves are counted, so that only the final sum is rounded.
+    If all moves are to neighbours, straight and diagonal ones are counted, so that rounding errors
+    do not accumulate. Otherwise the lengths of the moves are summed.
     """
     steps = np.abs(cells[1:] - cells[:-1])
     if steps.max(initial=0) <= 1:

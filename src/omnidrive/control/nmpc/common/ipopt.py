@@ -14,16 +14,16 @@ class IpoptSettings(NamedTuple):
     """Stopping criteria of IPOPT."""
 
     tolerance: Annotated[float, Bounds(1e-12, 1e-2, "1")] = 1e-9
-    """IPOPT's ``tol``."""
+    """IPOPT's ``tol``: tolerance of the scaled optimality error."""
     max_iterations: Annotated[int, Bounds(1, 3000, "1")] = 200
-    """IPOPT's ``max_iter``."""
+    """IPOPT's ``max_iter``, for each solution."""
 
     def options(self) -> dict[str, object]:
-        """Return the options of CasADi's ``nlpsol``: these settings, and no output."""
+        """Return the options of CasADi's ``nlpsol``: these settings, and no text output."""
         return {
             "print_time": False,
             "ipopt.print_level": 0,
-            "ipopt.sb": "yes",
+            "ipopt.sb": "yes",  # suppress the banner
             "ipopt.tol": self.tolerance,
             "ipopt.max_iter": self.max_iterations,
         }

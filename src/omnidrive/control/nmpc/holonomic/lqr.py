@@ -14,8 +14,11 @@ from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 def lqr_policy(p: HolonomicProblem) -> tuple[Float[Array, "stages 3"], Float[Array, "stages 3"]]:
     """Return gains K_k and offsets c_k of the optimal ``v_k = c_k - K_k x_k`` of every axis.
 
+    The axes are x, y and yaw in W. The gains are in 1/s, the offsets in m/s, m/s and rad/s.
+
     All weights are diagonal and every axis integrates its own velocity. Therefore the Riccati
-    recursion splits into three scalar ones: the cost to go is ``P x^2 - 2 b x`` plus a constant
+    recursion splits into three scalar ones: the cost to go is ``P x^2 - 2 b x`` plus a constant,
+    with P in ``quadratic`` and b in ``linear``
     (Rawlings, Mayne & Diehl, "Model Predictive Control", 2nd ed. 2017, section 1.3).
     """
     stages, dt = len(p.feedforward), p.dt
@@ -37,8 +40,11 @@ def lqr_policy(p: HolonomicProblem) -> tuple[Float[Array, "stages 3"], Float[Arr
 
 @inlined
 def unconstrained_velocities(p: HolonomicProblem) -> Float[Array, "stages 3"]:
-    """Return the velocities that minimise J without limits and keep-out zones."""
-    gains, velocities = lqr_policy(p)
+    """Return the velocities v_k in W that minimise J without limits and keep-out zones.
+
+    In m/s, m/s and rad/s; see :class:`HolonomicProblem` for J.
+    """
+    gains, velocities = lqr_policy(p)  # the offsets become the velocities in place
     for i in range(3):
         state = p.start[i]
         for k in range(len(velocities)):

@@ -1,4 +1,4 @@
-"""Lines and tokens of the fuzzylite language."""
+"""Lines and tokens of the FuzzyLite Language (.fll)."""
 
 from __future__ import annotations
 
@@ -10,19 +10,25 @@ from omnidrive.fuzzy.position import Position, malformed
 
 
 class Token(NamedTuple):
-    """Characters between blanks, and their position."""
+    """Characters between whitespace."""
 
     text: str
     position: Position
+    """Position, in the file, of the first character."""
 
 
 class Line(NamedTuple):
-    """A line ``key: value``, without comment."""
+    """A line ``key: value`` without its comment."""
 
     key: str
+    """Without surrounding whitespace; may be empty."""
     position: Position
+    """Position of the first character of the key."""
     value: str
+    """Without surrounding whitespace; may be empty."""
     value_position: Position
+    """Position of the first character of the value; if empty, the end of the line or the comment's
+    start."""
 
     def tokens(self) -> list[Token]:
         """Return the tokens of the value."""
@@ -33,7 +39,7 @@ class Line(NamedTuple):
 
 
 def lines(text: str) -> Iterator[Line]:
-    """Yield the lines that are not empty; comments begin with ``#``.
+    """Yield the lines except empty ones and those with only a comment, which begins with ``#``.
 
     Raises:
         InvalidFuzzyFile: A line has no colon.
