@@ -133,12 +133,12 @@ def test_pipeline_holds_its_own_estimator():
 def test_controller_prepares_once_before_the_run():
     calls = []
 
-    class Prepared(FeedforwardController):
+    class Preparable(FeedforwardController):
         def prepare(self):
             calls.append("prepare")
 
         def reset(self, state):
             calls.append("reset")
 
-    simulate(MujocoPlant(ROBOT, "ball"), Prepared(DT), Hold(START, 0.3), start=START, dt=DT)
+    simulate(MujocoPlant(ROBOT, "ball"), Preparable(DT), Hold(START, 0.3), start=START, dt=DT)
     assert calls == ["prepare", "reset"]

@@ -36,8 +36,8 @@ class MeanEstimate(NamedTuple):
         Values are rounded to two digits of the margin (1 to 6 decimals), with U+2212 as minus sign.
         """
         margin = factor * self.margin
-        wanted = 1 - floor(log10(margin)) if margin > 0.0 else 4
-        places = min(max(wanted, 1), 6)
+        digits = 1 - floor(log10(margin)) if margin > 0.0 else 4
+        places = min(max(digits, 1), 6)
         mean, low, high = (
             f"{factor * value:+.{places}f}".replace("-", "\u2212")
             for value in (self.mean, self.low, self.high)
