@@ -6,16 +6,17 @@ import logging
 import os
 import pickle
 import signal
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures import wait as wait_for_futures
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from ctypes import Array, c_char
+from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.sharedctypes import RawArray
+from queue import Empty, SimpleQueue
 from threading import Thread
 
 from omnidrive.errors import WorkerLost
@@ -26,6 +27,7 @@ from omnidrive.study.scenario import ControllerName
 from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
+_Finished = tuple[Job, Result | BaseException]
 
 _shared: list[PlannedScenario] = []  # one item in a worker process, used by all its runs
 
@@ -77,13 +79,13 @@ def execute(
             initializer=_start_worker,
             initargs=(shared, logging.getLogger("omnidrive").level),
         )
-    futures: dict[Future[Result], Job] = {}
+    finished: SimpleQueue[_Finished] = SimpleQueue()
     workers: list[BaseProcess] = []
     try:
         with ThreadPoolExecutor(1) as starter:  # Ctrl-C would interrupt a start in the main thread
-            starter.submit(_start_workers, pool, queue, futures, workers).result()
-        for future in _as_completed(futures, workers):
-            yield futures[future], future.result()
+            starter.submit(_start_workers, pool, queue, finished, workers).result()
+        for _ in queue:
+            yield _next_finished(finished, workers)
     except BrokenProcessPool as error:
         raise WorkerLost from error
     except BaseException:  # the runs in progress are abandoned
@@ -108,32 +110,45 @@ def _starting_order(jobs: Sequence[Job]) -> list[Job]:
 def _start_workers(
     pool: ProcessPoolExecutor,
     queue: Sequence[Job],
-    futures: dict[Future[Result], Job],
+    finished: SimpleQueue[_Finished],
     workers: list[BaseProcess],
 ) -> None:
-    """Submit all jobs, which starts the workers; add them to ``futures`` and ``workers``."""
+    """Submit all jobs, which starts the workers; append these to ``workers``.
+
+    A thread of the pool puts the results into ``finished``: the main thread takes no lock of a
+    future, which it would keep if a signal interrupted it at that moment.
+    """
+
+    def put(job: Job, future: Future[Result]) -> None:
+        if not future.cancelled():
+            finished.put((job, future.exception() or future.result()))
+
     with _signals_blocked():
         others = active_children()
         for job in queue:
-            futures[pool.submit(_run, job)] = job
+            pool.submit(_run, job).add_done_callback(partial(put, job))
         workers += [process for process in active_children() if process not in others]
 
 
-def _as_completed(
-    futures: Iterable[Future[Result]], workers: Sequence[BaseProcess]
-) -> Iterator[Future[Result]]:
-    """Yield futures when they are done, while all workers are alive.
+def _next_finished(
+    finished: SimpleQueue[_Finished], workers: Sequence[BaseProcess]
+) -> tuple[Job, Result]:
+    """Wait for the next finished job, while all workers are alive.
 
     Raises:
         WorkerLost: A worker ended while it was sending a result; the pool itself would wait for the
             rest of the result without end.
     """
-    pending = set(futures)
-    while pending:
-        done, pending = wait_for_futures(pending, timeout=1.0, return_when=FIRST_COMPLETED)
-        if not done and wait([process.sentinel for process in workers], timeout=0):
-            raise WorkerLost
-        yield from done
+    while True:
+        try:
+            job, outcome = finished.get(timeout=1.0)
+        except Empty:
+            if wait([process.sentinel for process in workers], timeout=0):
+                raise WorkerLost from None
+            continue
+        if isinstance(outcome, BaseException):
+            raise outcome
+        return job, outcome
 
 
 def _kill_workers(pool: ProcessPoolExecutor, workers: Sequence[BaseProcess]) -> None:
