@@ -219,7 +219,7 @@ def test_folder_that_cannot_be_written_is_reported_once(build, caplog, monkeypat
 
 
 def test_unused_entries_are_removed(tmp_path, monkeypatch):
-    monkeypatch.setattr(kernel_cache, "_MOST_ENTRIES", 2)
+    monkeypatch.setattr(kernel_cache, "_MAX_ENTRIES", 2)
     for number, days in enumerate((1, 2, 3, 61)):
         path = tmp_path / f"{number}.nbc"
         path.write_text("")
