@@ -1,5 +1,14 @@
 from .folder import RunFolder
-from .jobs import Job, faults_of, jobs_of, make_controller, make_estimator, make_sensors, run_job
+from .jobs import (
+    Job,
+    faults_of,
+    jobs_of,
+    make_controller,
+    make_estimator,
+    make_sensors,
+    make_supervisor,
+    run_job,
+)
 from .output_folder import check_new_folder, check_plan_targets
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
@@ -21,7 +30,6 @@ from .scenario import (
 )
 from .scenario_file import load_scenario, save_scenario
 from .study import ProgressListener, Study, run_study
-from .supervision import make_supervisor
 from .tasks import TaskName, Tasks, study_tasks
 from .timing import one_task, plan_at, retime, with_task
 from .warm_up import warm_up

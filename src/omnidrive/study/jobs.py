@@ -17,7 +17,8 @@ from omnidrive.control import (
     unicycle_nmpc,
 )
 from omnidrive.control.nmpc.holonomic import Actuation
-from omnidrive.estimation import LatestFix, PoseEstimator, StateEstimator
+from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits, WheelMonitor
+from omnidrive.estimation import EncoderSettings, LatestFix, PoseEstimator, StateEstimator
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold, Reference
@@ -37,7 +38,6 @@ from omnidrive.simulation import (
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import plant_of
 from omnidrive.study.scenario import NEED_FORCES, PREDICTIVE, ControllerName, Scenario
-from omnidrive.study.supervision import make_supervisor
 from omnidrive.study.tasks import TaskName
 from omnidrive.visualization import Observer
 
@@ -233,6 +233,24 @@ def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateE
         return LatestFix()
     slips = scenario.plant_capabilities.forces
     return PoseEstimator(robot, sensors.settings, section.estimator, slips=slips)
+
+
+def make_supervisor(scenario: Scenario, robot: Robot) -> SafetySupervisor:
+    """Return a new supervisor with the watchdog and the wheel monitor of the scenario."""
+    section = scenario.watchdog
+    default = WatchdogLimits.of(robot)
+    limits = WatchdogLimits(
+        default.error if section.error is None else section.error,
+        section.position_sigma,
+        section.age,
+        section.patience,
+    )
+    encoders = scenario.sensors.encoders if scenario.sensors else EncoderSettings()
+    return SafetySupervisor(
+        robot,
+        Watchdog(limits) if section.on else None,
+        WheelMonitor(robot, encoders) if scenario.wheel_monitor else None,
+    )
 
 
 def _run_along_path(
