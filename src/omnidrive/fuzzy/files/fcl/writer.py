@@ -210,5 +210,5 @@ def _antecedent(antecedent: Antecedent, top: bool = False) -> str:
             )
         return f"{antecedent.variable} IS {'NOT ' if antecedent.hedges else ''}{antecedent.set}"
     connective = " AND " if isinstance(antecedent, And) else " OR "
-    joined = connective.join(map(_antecedent, antecedent.parts))
-    return joined if top else f"({joined})"
+    text = connective.join(map(_antecedent, antecedent.parts))
+    return text if top else f"({text})"
