@@ -14,6 +14,16 @@ import pytest
 PROC = Path("/proc")
 TIMEOUT = 200  # s; the steps take two seconds on an idle desktop computer
 
+# a signal that this process ignores, as under nohup, would be ignored by the command
+WITH_DEFAULT_SIGNALS = """
+import os, signal, sys
+for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+    signal.signal(number, signal.SIG_DFL)
+os.execv(sys.executable, [sys.executable, "-m", "omnidrive", *sys.argv[1:]])
+"""
+
+COMPARE = ["compare", "--out", "cut", "--jobs", "2"]
+
 pytestmark = pytest.mark.skipif(not (PROC / "self/stat").exists(), reason="needs Linux's /proc")
 
 
@@ -45,7 +55,7 @@ def wait_for(condition, seconds=TIMEOUT):
 def compare(folder):
     """Run a study with two workers in a separate process group."""
     with subprocess.Popen(
-        [sys.executable, "-m", "omnidrive", "compare", "--out", "cut", "--jobs", "2"],
+        [sys.executable, "-S", "-c", WITH_DEFAULT_SIGNALS, *COMPARE],
         cwd=folder,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -65,8 +75,8 @@ def finish(process):
     return " ".join(errors.split())
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
-def test_workers_end_with_the_command(tmp_path, number):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_workers_end_with_the_command_and_results_are_kept(tmp_path, number):
     with compare(tmp_path) as process:
         wait_for((tmp_path / "cut" / "results.json").exists)  # both workers are running
         process.send_signal(number)

@@ -1,0 +1,1 @@
+"""Components: controllers, plants, robots, maps, estimators and references, found by name."""
