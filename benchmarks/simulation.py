@@ -22,10 +22,10 @@ from omnidrive.control import FeedforwardController
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.robot import ROBOTS, Robot
 from omnidrive.simulation import MujocoPlant, Plant, identify_lag, simulate, simulate_batch
-from omnidrive.study import PlantName, make_plant
+from omnidrive.study import make_plant
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
-PLANTS: tuple[PlantName, ...] = ("mujoco-rollers", "mujoco-balls", "planar", "kinematic")
+PLANTS = ("mujoco-rollers", "mujoco-balls", "planar", "kinematic")
 FACTORS = {"mujoco-rollers": 25.0, "mujoco-balls": 250.0, "planar": 1000.0}
 ROUNDS = 5
 SECONDS = {
@@ -52,7 +52,7 @@ console = Console(width=120)
 
 def speed_rows() -> Iterator[dict[str, object]]:
     """Yield real-time factors: steps of 0.1 s; for planar also of 0.02 s and in a batch."""
-    tasks: dict[tuple[str, PlantName, str], Callable[[], float]] = {}
+    tasks: dict[tuple[str, str, str], Callable[[], float]] = {}
     for robot in ROBOTS.values():
         for name in PLANTS:
             plant, seconds = make_plant(robot, name), SECONDS[name]
@@ -60,7 +60,7 @@ def speed_rows() -> Iterator[dict[str, object]]:
         planar = make_plant(robot, "planar")
         tasks[robot.name, "planar", "0.02 s"] = lambda p=planar: speed_of_steps(p, 20.0, 0.02)
         tasks[robot.name, "planar", "a batch"] = lambda r=robot: speed_of_batch(r)
-    factors: dict[tuple[str, PlantName, str], list[float]] = {key: [] for key in tasks}
+    factors: dict[tuple[str, str, str], list[float]] = {key: [] for key in tasks}
     for _ in range(1 + ROUNDS):
         for key, task in tasks.items():
             factors[key].append(task())

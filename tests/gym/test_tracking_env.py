@@ -2,7 +2,6 @@
 
 from functools import partial
 from math import nan, pi
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="needs the extra gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
+from omnidrive.components import component_names  # noqa: E402
 from omnidrive.control import FeedforwardController, holonomic_nmpc  # noqa: E402
 from omnidrive.control.nmpc.holonomic import Actuation  # noqa: E402
 from omnidrive.errors import InvalidInput  # noqa: E402
@@ -27,12 +27,11 @@ from omnidrive.simulation import (  # noqa: E402
     PlantState,
     simulate,
 )
-from omnidrive.study import PlantName  # noqa: E402
 from tests.laws.motions import Circle  # noqa: E402
 
 SMALL = named_robot("small")
 CIRCLE = Circle(duration=8.0)
-SIMULATED = [name for name in get_args(PlantName) if name != "coppeliasim"]
+SIMULATED = [name for name in component_names("plants") if name != "coppeliasim"]
 make = partial(gymnasium.make, f"omnidrive.gym:{ENVIRONMENT}", robot="small", reference=CIRCLE)
 
 

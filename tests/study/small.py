@@ -12,7 +12,7 @@ def small_scenario(**changes):
         step=StepTask(displacement=(1.0, 1.0, 0.7), duration=4.0),
         horizon=HorizonTask(duration=20.0, horizons=(5,)),
     )
-    return paper_scenario().model_copy(update={"plant": "kinematic", "tasks": tasks, **changes})
+    return paper_scenario().with_values(**{"plant": "kinematic", "tasks": tasks, **changes})
 
 
 def noise_scenario(repeats, **changes):

@@ -28,7 +28,7 @@ def scenario(**changes):
         "timing": TimingSection(law="limits"),
         "tasks": Tasks(track=DurationsTask(durations=(20.0,))),
     }
-    return paper_scenario().model_copy(update=default | changes)
+    return paper_scenario().with_values(**default | changes)
 
 
 def test_section_without_parameters_gives_the_named_robot():

@@ -150,8 +150,8 @@ def with_fault(value):
     """Return ``make_controller`` with a faulty controller in place of `pid`."""
     original = jobs.make_controller
 
-    def make(scenario, robot, name, horizon=None):
-        return faulty(value) if name == "pid" else original(scenario, robot, name, horizon)
+    def make(scenario, robot, label, *more):
+        return faulty(value) if label == "pid" else original(scenario, robot, label, *more)
 
     return make
 
@@ -183,8 +183,8 @@ def test_run_that_fails_before_its_first_sample_is_reported(tmp_path, monkeypatc
     monkeypatch.setattr(
         jobs,
         "make_controller",
-        lambda scenario, robot, name, horizon=None: (
-            FaultyReset(DT) if name == "pid" else original(scenario, robot, name, horizon)
+        lambda scenario, robot, label, *more: (
+            FaultyReset(DT) if label == "pid" else original(scenario, robot, label, *more)
         ),
     )
     run_study(SCENARIO, tmp_path / "out")
@@ -201,8 +201,8 @@ def test_command_exits_with_status_1_and_names_the_run(tmp_path):
         "class Faulty:\n"
         "    def reset(self, state): pass\n"
         "    def step(self, t, state, reference): return None\n"
-        "def make(scenario, robot, name, horizon=None):\n"
-        "    return Faulty() if name == 'pid' else original(scenario, robot, name, horizon)\n"
+        "def make(scenario, robot, label, *more):\n"
+        "    return Faulty() if label == 'pid' else original(scenario, robot, label, *more)\n"
         "jobs.make_controller = make\n"
         "from omnidrive.cli import main\n"
         "sys.argv[1:] = ['compare', 's.yaml', '--jobs', '1', '--out', 'out']\n"

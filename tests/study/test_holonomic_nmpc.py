@@ -47,8 +47,9 @@ def paper():
 
 
 def tracking_errors(paper, reference, **changes):
-    section = paper.scenario.holonomic_nmpc.model_copy(update=changes)
-    scenario = paper.scenario.model_copy(update={"holonomic_nmpc": section})
+    scenario = paper.scenario.with_values(
+        controllers={"holonomic-nmpc": {"type": "holonomic-nmpc", **changes}}
+    )
     controller = make_controller(scenario, paper.robot, "holonomic-nmpc")
     start = reference.at(0.0).pose
     run = simulate(
@@ -67,7 +68,7 @@ def test_motion_from_rest_to_rest_is_tracked_closely(paper, law, may_spin):
 
 def test_kinematic_plant_needs_no_lag_compensation(paper):
     controller = make_controller(
-        paper.scenario.model_copy(update={"plant": "kinematic"}), paper.robot, "holonomic-nmpc"
+        paper.scenario.with_values(plant="kinematic"), paper.robot, "holonomic-nmpc"
     )
     reference = FromRestToRest(paper.path, LAWS["quintic"])
     start = reference.at(0.0).pose

@@ -21,7 +21,6 @@ from omnidrive.study import (
     run_job,
     run_study,
 )
-from omnidrive.study.scenario import HolonomicNmpcSection
 from tests.shared_data import shared
 
 pytestmark = pytest.mark.long
@@ -48,7 +47,7 @@ def test_errors_with_noise_match_the_paper_for_other_seeds(controller, seed):
 @pytest.mark.parametrize("plant", ["mujoco-balls", "mujoco-rollers"])
 @pytest.mark.parametrize("preset", ["paper", "published-code"])
 def test_every_run_finishes_on_plants_with_forces(plant, preset):
-    planned = plan_and_check(paper_scenario(preset).model_copy(update={"plant": plant}))
+    planned = plan_and_check(paper_scenario(preset).with_values(plant=plant))
     for job in jobs_of(planned.scenario):
         assert run_job(planned, job).run.outcome is Outcome.FINISHED, job
 
@@ -99,8 +98,8 @@ def test_odometry_drifts_less_without_wheel_slip():
     reference, robot = paper.reference(20.0), paper.robot
     drift = {}
     for may_spin, traction in ((True, 0.85), (True, 1.0), (False, 0.85), (False, 0.6)):
-        section = HolonomicNmpcSection(traction=traction, may_spin=may_spin)
-        scenario = paper.scenario.model_copy(update={"holonomic_nmpc": section})
+        values = {"type": "holonomic-nmpc", "traction": traction, "may_spin": may_spin}
+        scenario = paper.scenario.with_values(controllers={"holonomic-nmpc": values})
         controller = make_controller(scenario, robot, "holonomic-nmpc")
         plant = PlantWithOdometry(robot)
         run = simulate(plant, controller, reference, start=reference.at(0.0).pose, dt=0.1)

@@ -40,7 +40,7 @@ def test_every_run_recovers_or_is_stopped(preset, plant):
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("preset", PRESETS)
 def test_healthy_robot_causes_no_events(preset, plant):
-    planned = plan_and_check(paper_scenario(preset).model_copy(update={"plant": plant}))
+    planned = plan_and_check(paper_scenario(preset).with_values(plant=plant))
     for job in jobs_of(planned.scenario):
         if job.task != "horizon":
             run = run_job(planned, job).run
@@ -52,13 +52,11 @@ def test_healthy_robot_causes_no_events(preset, plant):
 @pytest.mark.parametrize("kind", ["wheel-dead", "wheel-locked"])
 @pytest.mark.parametrize("plant", PLANTS)
 def test_failure_of_every_wheel_is_compensated(plant, kind, wheel):
-    scenario = paper_scenario("recommended").model_copy(
-        update={
-            "plant": plant,
-            "controllers": ("holonomic-nmpc",),
-            "tasks": Tasks(track=DurationsTask(durations=(20.0,))),
-            "faults": (parse_fault(f"{kind}:wheel={wheel},at=4"),),
-        }
+    scenario = paper_scenario("recommended").with_values(
+        plant=plant,
+        controllers=("holonomic-nmpc",),
+        tasks=Tasks(track=DurationsTask(durations=(20.0,))),
+        faults=(parse_fault(f"{kind}:wheel={wheel},at=4"),),
     )
     (result,) = run_study(scenario).results.tracks
     assert any(event.what.startswith(f"wheel {wheel} is") for event in result.run.events)

@@ -8,9 +8,11 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from omnidrive.components import component_names, find_component
 from omnidrive.errors import InvalidScenario
 from omnidrive.planning import Waypoint
 from omnidrive.robot import named_robot
+from omnidrive.simulation.components import static_capabilities
 from omnidrive.study import (
     load_scenario,
     make_plant,
@@ -19,7 +21,6 @@ from omnidrive.study import (
     retime,
     save_scenario,
 )
-from omnidrive.study.scenario import PLANT_CAPABILITIES
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.section import Renamed
 from omnidrive.study.tasks import DurationsTask, Tasks
@@ -74,7 +75,10 @@ def changed(*path, value):
         (changed("sead", value=1), "unknown key 'sead'; did you mean 'seed'?"),
         (changed("path", "serch", value=1), "unknown key 'path.serch'; did you mean 'search'?"),
         (changed("tasks", "trak", value=1), "unknown key 'tasks.trak'; did you mean 'track'?"),
-        (changed("feedforward", "k", value=1), "'feedforward.k'; there are position, heading"),
+        (
+            changed("controllers", "feedforward", value={"type": "feedforward", "k": 1}),
+            "controllers.feedforward has no parameter 'k'; there are position, heading",
+        ),
         (changed("tasks", "track", "duration", value=1), "did you mean 'durations'?"),
         (changed("tasks", "track", "durations", value=["20 s"]), "number without a unit, got '20"),
         (changed("tasks", "track", "durations", value=[]), "at least 1 item"),
@@ -84,7 +88,10 @@ def changed(*path, value):
         (changed("start", value=[1, 1, 90]), "is 90 rad, need -6.3 to 6.3 rad"),
         (changed("start", value=[1]), "'start.1' is missing"),
         (changed("start", value=[1, float("inf")]), "start.1: input should be a finite number"),
-        (changed("feedforward", "position", value=-1), "feedforward.position is -1 1/s, need 0"),
+        (
+            changed("controllers", "a", value={"type": "feedforward", "position": -1}),
+            "controllers.a.position is -1 1/s, need 0",
+        ),
         (changed("path", "turn_within", value=-1), "path.turn_within is -1 m, need 0 to 10 m"),
         (changed("path", "search", value="a*"), "path.search: input should be 'astar', 'jump-po"),
         (changed("path", "smooth", value="certified"), "path cannot be certified if it cuts"),
@@ -93,10 +100,16 @@ def changed(*path, value):
         (changed("map", "margin", value=-0.5), "map.margin is -0.5 m, need 0 to 10 m"),
         (
             changed("plant", value="rolers"),
-            "plant: input should be 'mujoco-rollers', 'mujoco-balls', 'plan",
+            "plant there is no plant 'rolers'; did you mean 'mujoco-rollers'?",
         ),
-        (changed("controllers", value=["nmcp"]), "'holonomic-nmpc', got 'nmcp'"),
-        (changed("nmpc", "horizon", value=0), "nmpc.horizon is 0 steps, need 1 to 200 steps"),
+        (
+            changed("controllers", value=["nmcp"]),
+            "controllers.nmcp there is no controller 'nmcp'; there are",
+        ),
+        (
+            changed("controllers", "unicycle-nmpc", "horizon", value=0),
+            "controllers.unicycle-nmpc.horizon is 0 steps, need 1 to 200 steps",
+        ),
         (changed("tasks", value={}), "tasks has no task; there are track, noise"),
         (changed("format", value="omnidrive-scenario-2"), "format: input should be 'omnidrive-sc"),
         (changed("name", value="../../etc"), "name: string should match pattern"),
@@ -123,7 +136,25 @@ def changed(*path, value):
             "'path.turn-within'; did you mean 'turn_within'?",
         ),
         (changed("start", value={"x": 1, "y": 1, "ya-w": 1}), "'start.ya-w'; did you mean 'yaw'?"),
-        (changed("feedforward", "po sition", value=1), "did you mean 'position'?"),
+        (changed("controllers", "fuzzy_t1", "pre set", value=1), "did you mean 'preset'?"),
+        (
+            changed("controllers", "fuzzy_t1", "a\nb", value=1),
+            r"controllers.fuzzy_t1 has no parameter 'a\nb'; there are preset",
+        ),
+        (
+            changed("controllers", "a b", value="pid"),
+            "contains the label 'a b', need letters, digits",
+        ),
+        (changed("controllers", "x" * 9000, value="pid"), "xxx..., need letters, digits"),
+        (changed("controllers", "a", value={"type": "y" * 9000}), "there is no controller 'yyyy"),
+        (changed("controllers", "a", value={"type": 3}), "controllers.a needs 'type'"),
+        (changed("controllers", "a", value=["pid"]), "controllers.a must be a name or a mapping"),
+        (changed("controllers", value={"a": "pid", "A": "pid"}), "contains the label 'a' twice"),
+        (changed("controllers", value=[["pid"]]), "controllers must be names, or a mapping of lab"),
+        (changed("controllers", "a", value="mine.py:Law"), "is code that is not installed; if you"),
+        (changed("controllers", "a", value="os:system"), "is code that is not installed; if you"),
+        (changed("plant", "port", value=1), "plant has no parameter 'port'"),
+        (changed("nmpc", value=3), "nmpc must be a mapping, got 3"),
         (changed("tasks", "track", "f[x]", value=1), "unknown key 'tasks.track.f[x]'"),
         (changed("", value=1), "unknown key ''; there are format, name"),
         (changed("a\nb", value=1), r"unknown key 'a\nb'; there are"),
@@ -131,7 +162,7 @@ def changed(*path, value):
         (changed(3, value=1), "unknown key 3; there are format, name"),
         (changed(None, value=1), "unknown key None; there are"),
         (changed(True, value=1), "unknown key True; there are"),
-        (changed("nmpc", 1.5, value=1), "unknown key 1.5 in 'nmpc'; there are horizon, solver"),
+        (changed("controllers", "fuzzy_t1", 1.5, value=1), "unknown key 1.5"),
         (changed("\ud800", value=1), "input should be a valid string"),
         (changed("seed", value=10**400), "is not a YAML scenario: found an integer beyond"),
         (
@@ -294,25 +325,29 @@ def test_former_names_load_with_a_warning(key):
         Renamed, match=r"is now called '(mujoco-balls|unicycle-nmpc|holonomic-nmpc)'"
     ) as notes:
         scenario = parse_scenario(data, "old.yaml")
-    assert getattr(scenario, key) == present
+    found = getattr(scenario, key)
+    assert (found.type if key == "plant" else tuple(found)) == present
     assert len(notes) == (2 if key == "controllers" else 1)
 
 
 def test_former_keys_load_with_a_warning():
     data = scenario_data(paper_scenario())
-    section = data.pop("holonomic_nmpc")
-    data["recommended"] = section | {"traction": 0.5}
+    data["controllers"] = ["recommended"]
+    data["recommended"] = {"traction": 0.5}
     data["robot"]["assumed_arm"] = data["robot"].pop("assumed_effective_radius")
-    with pytest.warns(Renamed, match="'(recommended|assumed_arm)' is now called"):
+    with pytest.warns(Renamed, match="recommended|assumed_arm"):
         scenario = parse_scenario(data, "old.yaml")
-    assert scenario.holonomic_nmpc.traction == 0.5
-    with pytest.raises(InvalidScenario, match="holds 'holonomic_nmpc' and its former name"):
-        parse_scenario(data | {"holonomic_nmpc": section}, "old.yaml")
+    assert scenario.controllers["holonomic-nmpc"].parameters.traction == 0.5
+    data["robot"]["assumed_effective_radius"] = None
+    data["controllers"] = ["pid"]
+    with pytest.raises(InvalidScenario, match="holds 'assumed_effective_radius' and its former"):
+        parse_scenario(data, "old.yaml")
 
 
 def test_capabilities_equal_those_of_the_plants():
     robot = named_robot("small")
-    for name, capabilities in PLANT_CAPABILITIES.items():
+    for name in component_names("plants"):
+        capabilities = static_capabilities(find_component("plants", name).factory)
         if not capabilities.exclusive:  # it needs a running simulator
             plant = make_plant(robot, name)
             assert plant.capabilities == capabilities
@@ -328,6 +363,15 @@ def test_scenario_of_an_earlier_version_loads():
         "'rollers' is now called 'mujoco-rollers'",
         "'nmpc' is now called 'unicycle-nmpc'",
         "'recommended' is now called 'holonomic-nmpc'",
-        "'recommended' is now called 'holonomic_nmpc'",
         "'assumed_arm' is now called 'assumed_effective_radius'",
+        *(
+            f"the values of '{section}' belong to what they configure; write controllers: "
+            f"{{{name}: {{type: {name}, ...}}}}"
+            for section, name in [
+                ("nmpc", "unicycle-nmpc"),
+                ("nmpc", "holonomic-nmpc"),
+                ("feedforward", "feedforward"),
+                ("recommended", "holonomic-nmpc"),
+            ]
+        ),
     }

@@ -20,6 +20,7 @@ from omnidrive.study import (
     Job,
     SensorsSection,
     load_scenario,
+    make_controller,
     make_estimator,
     make_sensors,
     paper_scenario,
@@ -27,6 +28,7 @@ from omnidrive.study import (
     run_job,
     save_scenario,
 )
+from omnidrive.study.scenario import robot_of
 from omnidrive.study.tasks import NoiseTask, Tasks
 from tests.estimates import Perception
 from tests.study.small import small_scenario
@@ -52,11 +54,15 @@ def test_estimator_reduces_the_errors_of_the_noise_task(fixes, limit):
 
 
 def test_wheels_may_not_spin_with_an_estimator_by_default():
-    assert paper_scenario().wheels_may_spin
-    assert not with_sensors().wheels_may_spin
-    assert with_sensors(estimator=None).wheels_may_spin
-    section = paper_scenario().holonomic_nmpc.model_copy(update={"may_spin": True})
-    assert with_sensors().model_copy(update={"holonomic_nmpc": section}).wheels_may_spin
+    def may_spin(scenario):
+        robot = robot_of(scenario.robot)
+        return make_controller(scenario, robot, "holonomic-nmpc").actuation.slip_model.may_spin
+
+    assert may_spin(paper_scenario())
+    assert not may_spin(with_sensors())
+    assert may_spin(with_sensors(estimator=None))
+    spinning = {"holonomic-nmpc": {"type": "holonomic-nmpc", "may_spin": True}}
+    assert may_spin(with_sensors().with_values(controllers=spinning))
 
 
 def test_scenario_with_sensors_round_trips(tmp_path):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Annotated, Any, get_args
 
 import typer
 
+from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RUN_PANEL,
@@ -21,8 +23,6 @@ from omnidrive.cli.progress import LiveProgress, print_events, print_tables, war
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
-    PREDICTIVE,
-    ControllerName,
     Scenario,
     TaskName,
     check_new_folder,
@@ -30,7 +30,6 @@ from omnidrive.study import (
     with_task,
 )
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.section import OLD_CONTROLLERS
 
 
 def _selection(what: str, names: object) -> Any:
@@ -41,7 +40,17 @@ def _selection(what: str, names: object) -> Any:
 @with_options()
 def compare(
     shared: ScenarioOptions,
-    controllers: Annotated[str | None, _selection("controllers", ControllerName)] = None,
+    controllers: Annotated[
+        str | None, option("A,B,...", "Only these controllers.", RUN_PANEL)
+    ] = None,
+    controller: Annotated[
+        list[str] | None,
+        option(
+            "[LABEL=]NAME[,KEY=VALUE...]",
+            f"Only this controller, with values of its parameters; repeatable: {CONTROLLER_HELP}.",
+            RUN_PANEL,
+        ),
+    ] = None,
     tasks: Annotated[str | None, _selection("tasks", TaskName)] = None,
     noise_seeds: Annotated[
         int | None,
@@ -77,12 +86,15 @@ def compare(
     * `omnidrive compare`
     * `omnidrive compare --map depot.yaml --start 2,2 --goal 27,13 --robot small --speed 0.6`
     * `omnidrive compare --tasks track --controllers pid,holonomic-nmpc --plant mujoco-balls`
+    * `omnidrive compare --controller mine.py:MyController --controller holonomic-nmpc`
+    * `omnidrive compare --controller feedforward --controller stiff=feedforward,position=9`
     * `omnidrive compare --tasks noise --noise-seeds 50`
     * `omnidrive compare --tasks faults --plant mujoco-balls`
     """
     if out is not None:
         check_new_folder(out)
-    resolved = _restrict(shared.resolve(), controllers, tasks, noise_seeds)
+    chosen = [*(controllers.split(",") if controllers else ()), *(controller or ())]
+    resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds)
     resolved = with_faults(resolved, fault)
     folder = out or default_folder(resolved.name)
     with LiveProgress() as progress:
@@ -100,13 +112,12 @@ def compare(
 
 
 def _restrict(
-    scenario: Scenario, controllers: str | None, tasks: str | None, noise_seeds: int | None
+    scenario: Scenario, controllers: Sequence[str], tasks: str | None, noise_seeds: int | None
 ) -> Scenario:
     """Return the scenario with the selected controllers and tasks and the number of seeds."""
     changes: dict[str, object] = {}
-    if controllers is not None:
-        selected = choose_many("controller", controllers, get_args(ControllerName), OLD_CONTROLLERS)
-        changes["controllers"] = selected
+    if controllers:
+        scenario = with_controllers(scenario, controllers)
     if tasks is not None:
         names = get_args(TaskName)
         selected = choose_many("task", tasks, names)
@@ -117,10 +128,10 @@ def _restrict(
         changes["tasks"] = scenario.tasks.model_copy(update=kept)
     scenario = scenario.model_copy(update=changes)
     horizon_only = [n for n in get_args(TaskName) if getattr(scenario.tasks, n)] == ["horizon"]
-    if horizon_only and not set(PREDICTIVE) & set(scenario.controllers):
+    if horizon_only and not scenario.predictive:
         raise InvalidInput(
-            f"the task horizon needs the controller {' or '.join(PREDICTIVE)}; add one of them to "
-            "--controllers"
+            "the task horizon needs a controller with the parameter horizon; add unicycle-nmpc or "
+            "holonomic-nmpc to --controllers"
         )
     return scenario if noise_seeds is None else _with_repeats(scenario, noise_seeds)
 

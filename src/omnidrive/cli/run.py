@@ -9,13 +9,13 @@ from typing import Annotated, get_args
 
 import typer
 
+from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RESULTS_PANEL,
     RUN_PANEL,
     FolderOption,
     JsonOption,
-    choice,
     choose_one,
     default_folder,
     flag,
@@ -25,8 +25,6 @@ from omnidrive.cli.progress import LiveProgress, print_events, print_tables, war
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
-    PREDICTIVE,
-    ControllerName,
     Scenario,
     TaskName,
     check_new_folder,
@@ -34,7 +32,6 @@ from omnidrive.study import (
     run_study,
     with_task,
 )
-from omnidrive.study.section import OLD_CONTROLLERS
 from omnidrive.visualization import Recorder, Viewer, check_film, film
 
 
@@ -42,7 +39,12 @@ from omnidrive.visualization import Recorder, Viewer, check_film, film
 def run(
     shared: ScenarioOptions,
     controller: Annotated[
-        str, choice(get_args(ControllerName), "Controller.", RUN_PANEL)
+        str,
+        option(
+            "[LABEL=]NAME[,KEY=VALUE...]",
+            f"Controller, with values of its parameters: {CONTROLLER_HELP}.",
+            RUN_PANEL,
+        ),
     ] = "holonomic-nmpc",
     task: Annotated[str, option("track|noise|step|faults", "Task.", RUN_PANEL)] = "track",
     horizon: Annotated[
@@ -66,6 +68,7 @@ def run(
     For example:
 
     * `omnidrive run --controller unicycle-nmpc --horizon 25`
+    * `omnidrive run --controller mine.py:MyController,gain=2`
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
     * `omnidrive run --task noise --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
@@ -76,7 +79,8 @@ def run(
     if video is not None:
         check_film(video)
     resolved = with_faults(_narrow(shared.resolve(), controller, task, horizon), fault)
-    folder = out or default_folder(f"{resolved.name}-{controller}-{task}")
+    (label,) = resolved.controllers
+    folder = out or default_folder(f"{resolved.name}-{label}-{task}")
     with ExitStack() as stack:
         viewers = [stack.enter_context(Viewer())] if view else []
         recorders = [Recorder()] if video is not None else []
@@ -109,18 +113,14 @@ def _film(recorder: Recorder, video: Path, progress: LiveProgress) -> str:
 
 def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None) -> Scenario:
     """Return the scenario with one controller and the first duration of one task."""
-    name = choose_one("controller", controller, get_args(ControllerName), OLD_CONTROLLERS)
+    scenario = with_controllers(scenario, [controller])
     chosen = choose_one("task", task, [t for t in get_args(TaskName) if t != "horizon"])
-    changes: dict[str, object] = {
-        "controllers": (name,),
-        "tasks": one_task(with_task(scenario, [chosen]).tasks, chosen),
-    }
     if horizon is not None:
-        if name not in PREDICTIVE:
+        (label,) = scenario.controllers
+        if label not in scenario.predictive:
             raise InvalidInput(
-                f"--horizon applies to the controllers {' and '.join(PREDICTIVE)}, not to {name}"
+                f"--horizon applies to controllers with the parameter horizon, not to {label}"
             )
-        if not 1 <= horizon <= 200:
-            raise InvalidInput(f"the horizon is {horizon} steps, need 1 to 200 steps")
-        changes["nmpc"] = scenario.nmpc.model_copy(update={"horizon": horizon})
-    return scenario.model_copy(update=changes)
+        scenario = with_controllers(scenario, [f"{label},horizon={horizon}"])
+    tasks = one_task(with_task(scenario, [chosen]).tasks, chosen)
+    return scenario.model_copy(update={"tasks": tasks})

@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from omnidrive.cli.components import plant_data
 from omnidrive.cli.options import (
     PATH_PANEL,
     RUN_PANEL,
@@ -21,14 +22,13 @@ from omnidrive.cli.options import (
     option,
     parse_coordinates,
 )
+from omnidrive.control.components import PresetName
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown
 from omnidrive.planning import MethodName, SmoothingName, Waypoint
 from omnidrive.reference import Heading
 from omnidrive.robot import ROBOTS
 from omnidrive.study import (
-    PlantName,
-    PresetName,
     Scenario,
     SensorsSection,
     TimingName,
@@ -39,7 +39,6 @@ from omnidrive.study import (
     robot_section,
 )
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.section import OLD_PLANTS
 
 _HEAD = 65_536  # bytes of a YAML file that are searched for the key `image` of a map
 _IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
@@ -80,10 +79,10 @@ class ScenarioOptions:
     robot: Annotated[str | None, choice(ROBOTS, "Robot.", RUN_PANEL)] = None
     plant: Annotated[
         str | None,
-        choice(
-            get_args(PlantName),
-            "Simulated plant: MuJoCo with rollers or with balls, a planar rigid body with wheel "
-            "friction, kinematics only, or a running CoppeliaSim.",
+        option(
+            "NAME[,KEY=VALUE...]",
+            "Simulated plant: mujoco-rollers; mujoco-balls; planar, a rigid body with wheel "
+            "friction; kinematic; coppeliasim, a running CoppeliaSim; or your own as FILE.py:NAME.",
             RUN_PANEL,
         ),
     ] = None
@@ -144,6 +143,15 @@ class ScenarioOptions:
         ),
     ] = None
     seed: Annotated[int | None, option("N", "Seed of the noise.", RUN_PANEL)] = None
+    allow_code: Annotated[
+        bool,
+        flag(
+            "Import code that the scenario file names, such as mine.py:MyController; only for "
+            "files that you trust.",
+            RUN_PANEL,
+            "--allow-code",
+        ),
+    ] = False
 
     @property
     def map_file(self) -> Path | None:
@@ -179,7 +187,7 @@ class ScenarioOptions:
         if self.goal is not None and not on_map:
             changes["goal"] = parse_waypoint("goal", self.goal)
         if self.plant is not None:
-            changes["plant"] = choose_one("plant", self.plant, get_args(PlantName), OLD_PLANTS)
+            changes["plant"] = plant_data(self.plant)
         if self.robot is not None and not on_map:
             name = choose_one("robot", self.robot, ROBOTS)
             changes["robot"] = robot_section(name, preset or scenario.preset)
@@ -225,7 +233,8 @@ class ScenarioOptions:
         if self.scenario == "paper":
             return paper_scenario(preset or "paper")
         path = Path(self.scenario)
-        return load_scenario(path / "scenario.yaml" if path.is_dir() else path)
+        file = path / "scenario.yaml" if path.is_dir() else path
+        return load_scenario(file, allow_code=self.allow_code)
 
 
 def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

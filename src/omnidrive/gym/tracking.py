@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from math import hypot, isfinite, pi
-from typing import Any, cast, get_args
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,6 +13,7 @@ from gymnasium import spaces
 from jaxtyping import Float32, UInt8
 
 from omnidrive.arrays import Array
+from omnidrive.components import component_names
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
@@ -23,8 +24,9 @@ from omnidrive.planning import SplinePath
 from omnidrive.reference import Reference, shortest_duration, time_uniformly
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation import PerfectSensors, Plant, PlantState, Sensors
-from omnidrive.study import PlantName, make_plant, paper_scenario, plan_scenario
-from omnidrive.study.section import OLD_PLANTS, current_name
+from omnidrive.study import make_plant, paper_scenario, plan_scenario
+from omnidrive.study.former import OLD_PLANTS
+from omnidrive.study.section import current_name
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 
@@ -262,7 +264,7 @@ def _build_plant(
     """Build the plant from its name or factory."""
     if isinstance(plant, str):
         name = current_name(plant, OLD_PLANTS)
-        return make_plant(robot, cast(PlantName, name), obstacles=obstacles)
+        return make_plant(robot, name, obstacles=obstacles)
     return plant(robot)
 
 
@@ -283,7 +285,7 @@ def _check(
     render_mode: str | None,
 ) -> None:
     """Raise InvalidInput for the first invalid argument."""
-    plants = get_args(PlantName)
+    plants = component_names("plants")
     invalid = {
         f"unknown plant '{plant}': choose one of {', '.join(plants)}": isinstance(plant, str)
         and plant not in (*plants, *OLD_PLANTS),

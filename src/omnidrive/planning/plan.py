@@ -30,6 +30,10 @@ class Waypoint(NamedTuple):
     y: float
     yaw: Annotated[float, Bounds(-6.3, 6.3, "rad")] | None = None
 
+    def plain(self) -> list[float]:
+        """Return the value of a scenario that describes the waypoint."""
+        return [each for each in self if each is not None]
+
 
 @dataclass(frozen=True, slots=True)
 class PathOptions:

@@ -15,11 +15,7 @@ from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
 from .queries import solve_queries
 from .scenario import (
-    PREDICTIVE,
-    ControllerName,
     MapSection,
-    PlantName,
-    PresetName,
     RobotSection,
     Scenario,
     SensorsSection,
@@ -35,14 +31,10 @@ from .timing import one_task, plan_at, retime, with_task
 from .warm_up import warm_up
 
 __all__ = [
-    "PREDICTIVE",
-    "ControllerName",
     "Fact",
     "Job",
     "MapSection",
     "PlannedScenario",
-    "PlantName",
-    "PresetName",
     "ProgressListener",
     "RobotSection",
     "RunFolder",

@@ -23,7 +23,7 @@ from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult
 from omnidrive.study.jobs import Job, run_job
 from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.scenario import ControllerName
+from omnidrive.study.scenario import Scenario
 from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
@@ -31,7 +31,7 @@ _Finished = tuple[Job, Result | BaseException]
 
 _shared: list[PlannedScenario] = []  # one item in a worker process, used by all its runs
 
-_COMPILE_TIMES: dict[ControllerName, float] = {
+_COMPILE_TIMES = {
     "holonomic-nmpc": 16.0, "fuzzy_t1": 9.0, "unicycle-nmpc": 3.0, "fuzzy_t2": 2.0, "fuzzy_t3": 2.0,
 }  # fmt: skip
 """Approximate time to compile the kernels of a controller after those above it, s."""
@@ -62,7 +62,7 @@ def execute(
     Raises:
         WorkerLost: A worker process was killed; results yielded before are valid.
     """
-    queue = _starting_order(jobs)
+    queue = _starting_order(planned.scenario, jobs)
     sequential = planned.scenario.plant_capabilities.exclusive or bool(observers)
     if sequential or processes <= 1 or len(queue) <= 1:
         for job in queue:
@@ -95,7 +95,7 @@ def execute(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _starting_order(jobs: Sequence[Job]) -> list[Job]:
+def _starting_order(scenario: Scenario, jobs: Sequence[Job]) -> list[Job]:
     """Sort runs: one run of each controller first, then the longest ones.
 
     On an empty cache the first runs compile the kernels of different controllers at the same time,
@@ -103,7 +103,8 @@ def _starting_order(jobs: Sequence[Job]) -> list[Job]:
     """
     longest = sorted(jobs, key=lambda job: -job.duration)
     first = {job.controller: job for job in reversed(longest)}
-    head = sorted(first.values(), key=lambda job: -_COMPILE_TIMES.get(job.controller, 0.0))
+    types = {label: controller.type for label, controller in scenario.controllers.items()}
+    head = sorted(first.values(), key=lambda job: -_COMPILE_TIMES.get(types[job.controller], 0.0))
     return head + [job for job in longest if first[job.controller] is not job]
 
 

@@ -83,6 +83,7 @@ class RunFolder:
                 "python": python_version(),
                 **{name: version(name) for name in _VERSIONS},
             },
+            "components": component_origins(planned.scenario),
             "scenario": scenario_data(_portable(planned.scenario)),
             "path": {"length": results.spline.length, "cells": len(results.grid_path.poses)},
             "runs": [track_record(result) for result in results.tracks],
@@ -106,6 +107,16 @@ class RunFolder:
                 os.replace(part, final)
             finally:
                 part.unlink(missing_ok=True)
+
+
+def component_origins(scenario: Scenario) -> dict[str, Any]:
+    """Return distribution and version, or file and hash, of the scenario's components."""
+    estimator = scenario.sensors.estimator if scenario.sensors else None
+    return {
+        "controllers": {label: c.component.origin for label, c in scenario.controllers.items()},
+        "plant": scenario.plant.component.origin,
+        "estimator": estimator and estimator.component.origin,
+    }
 
 
 def _portable(scenario: Scenario) -> Scenario:

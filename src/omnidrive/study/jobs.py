@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.control import (
-    Controller,
-    FeedforwardController,
-    classical_pid,
-    fuzzy_pid,
-    holonomic_nmpc,
-    unicycle_nmpc,
-)
-from omnidrive.control.nmpc.holonomic import Actuation
+from omnidrive.control import Controller
+from omnidrive.control.components import ControllerContext
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits, WheelMonitor
-from omnidrive.estimation import EncoderSettings, LatestFix, PoseEstimator, StateEstimator
+from omnidrive.estimation import EncoderSettings, LatestFix, StateEstimator
+from omnidrive.estimation.components import EstimatorContext
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold, Reference
@@ -37,7 +31,7 @@ from omnidrive.simulation import (
 )
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import plant_of
-from omnidrive.study.scenario import NEED_FORCES, PREDICTIVE, ControllerName, Scenario
+from omnidrive.study.scenario import NEED_FORCES, Scenario
 from omnidrive.study.tasks import TaskName
 from omnidrive.visualization import Observer
 
@@ -46,7 +40,8 @@ class Job(NamedTuple):
     """One run of a study."""
 
     task: TaskName
-    controller: ControllerName
+    controller: str
+    """Label of the controller in the scenario."""
     duration: float
     """Duration of the reference, s; of a step response, the time that is simulated."""
     horizon: int | None = None
@@ -61,8 +56,8 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     """Return all runs of the study, in the order of the results."""
     tasks, jobs = scenario.tasks, []
 
-    def horizon(name: ControllerName) -> int | None:
-        return scenario.nmpc.horizon if name in PREDICTIVE else None
+    def horizon(label: str) -> int | None:
+        return getattr(scenario.controllers[label].parameters, "horizon", None)
 
     for duration in tasks.track.durations if tasks.track else ():
         jobs += [Job("track", name, duration, horizon(name)) for name in scenario.controllers]
@@ -76,10 +71,7 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     if tasks.step:
         seconds = tasks.step.duration
         jobs += [Job("step", name, seconds, horizon(name)) for name in scenario.controllers]
-    # the task `horizon` has one controller; if the scenario has both predictive ones, the holonomic
-    # one with the recommended preset, and that of the paper otherwise
-    order = PREDICTIVE[::-1] if scenario.preset == "recommended" else PREDICTIVE
-    swept = next((name for name in order if name in scenario.controllers), None)
+    swept = _swept(scenario)
     if tasks.horizon and swept:
         seconds = tasks.horizon.duration
         jobs += [Job("horizon", swept, seconds, n) for n in tasks.horizon.horizons]
@@ -91,6 +83,19 @@ def jobs_of(scenario: Scenario) -> list[Job]:
             for name in scenario.controllers
         ]
     return jobs
+
+
+def _swept(scenario: Scenario) -> str | None:
+    """Return the label of the controller of the task `horizon`; None without a predictive one.
+
+    With several, it is the holonomic one with the preset `recommended`, otherwise that of the
+    paper, otherwise the first one.
+    """
+    preferred = "holonomic-nmpc" if scenario.preset == "recommended" else "unicycle-nmpc"
+    labels = scenario.predictive
+    return next(
+        (n for n in labels if scenario.controllers[n].type == preferred), (*labels, None)[0]
+    )
 
 
 def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
@@ -116,41 +121,34 @@ def run_job(
 
 
 def make_controller(
-    scenario: Scenario, robot: Robot, name: ControllerName, horizon: int | None = None
+    scenario: Scenario,
+    robot: Robot,
+    label: str,
+    horizon: int | None = None,
+    rng: np.random.Generator | None = None,
 ) -> Controller:
-    """Return a new controller; ``horizon`` in steps, None: that of the scenario."""
-    steps = horizon or scenario.nmpc.horizon
-    dt, preset = scenario.sample_time, scenario.preset
-    table: dict[ControllerName, Callable[[], Controller]] = {
-        "pid": lambda: classical_pid(preset, dt),
-        "fuzzy_t1": lambda: fuzzy_pid("t1", preset, dt),
-        "fuzzy_t2": lambda: fuzzy_pid("t2", preset, dt),
-        "fuzzy_t3": lambda: fuzzy_pid("t3", preset, dt),
-        "unicycle-nmpc": lambda: unicycle_nmpc(
-            "paper" if preset == "recommended" else preset,
-            dt,
-            horizon=steps,
-            solver=scenario.nmpc.solver,
-        ),
-        "feedforward": lambda: FeedforwardController(dt, scenario.feedforward),
-        "holonomic-nmpc": lambda: holonomic_nmpc(
-            robot.chassis,
-            dt,
-            horizon=steps,
-            parameters=scenario.holonomic_nmpc.weights,
-            solver=scenario.nmpc.solver,
-            actuation=_actuation(scenario, robot),
-        ),
-    }
-    return table[name]()
+    """Return a new controller of a scenario.
 
-
-def _actuation(scenario: Scenario, robot: Robot) -> Actuation:
-    """Return the actuation model; on a plant without forces, without lag and slip."""
-    section = scenario.holonomic_nmpc
-    if not scenario.plant_capabilities.forces:
-        return Actuation(robot.acceleration_faces / section.traction)
-    return Actuation.of(robot, section.traction, may_spin=scenario.wheels_may_spin)
+    Args:
+        scenario: The scenario.
+        robot: The robot, as far as the controller knows it.
+        label: Label of the controller.
+        horizon: Value of its parameter ``horizon``, in steps. None: that of the scenario.
+        rng: Generator for the controller. None: one with the seed of the scenario.
+    """
+    configured = scenario.controllers[label]
+    if horizon is not None:
+        configured = configured.with_values(horizon=horizon)
+    context = ControllerContext(
+        robot,
+        scenario.sample_time,
+        np.random.default_rng(scenario.seed) if rng is None else rng,
+        scenario.preset,
+        forces=scenario.plant_capabilities.forces,
+        odometry=scenario.odometry,
+    )
+    controller: Controller = configured.make(context)
+    return controller
 
 
 def _simulate(
@@ -167,7 +165,7 @@ def _simulate(
     The random numbers are the same for every controller. They depend on the seed of the scenario,
     the duration in microseconds and the repeat. Trailing zeros of a short NumPy seed have no
     effect, so that repeat 0 has the random numbers of the seed without the repeat. The jitter of
-    the sample time has a generator of its own.
+    the sample time and the controller have generators of their own.
 
     Args:
         planned: The planned scenario.
@@ -178,10 +176,11 @@ def _simulate(
         faults: Faults in addition to those of the scenario.
     """
     scenario, robot = planned.scenario, planned.robot
-    controller = make_controller(scenario, robot, job.controller, job.horizon)
     all_faults = (*scenario.faults, *faults)
     seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
     sensor_rng, jitter_rng = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
+    controller_rng = np.random.default_rng([*seed, 2])
+    controller = make_controller(scenario, robot, job.controller, job.horizon, controller_rng)
     sensors = make_sensors(scenario, robot, sensor_rng, noise=job.task == "noise")
     return simulate(
         plant,
@@ -231,8 +230,11 @@ def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateE
     section = scenario.sensors
     if section is None or section.estimator is None or not isinstance(sensors, SensorSuite):
         return LatestFix()
-    slips = scenario.plant_capabilities.forces
-    return PoseEstimator(robot, sensors.settings, section.estimator, slips=slips)
+    forces = scenario.plant_capabilities.forces
+    estimator: StateEstimator = section.estimator.make(
+        EstimatorContext(robot, sensors.settings, forces)
+    )
+    return estimator
 
 
 def make_supervisor(scenario: Scenario, robot: Robot) -> SafetySupervisor:

@@ -31,7 +31,8 @@ class PlannedScenario:
 
     Attributes:
         scenario: The scenario.
-        robot: Its robot.
+        robot: The robot, as far as controllers know it.
+        plant_robot: The simulated robot.
         obstacles: Map without inflation.
         plan: Results of search and smoothing, and the free space of the robot's centre.
         path: Smooth path; with the timing `minimum-time`, the optimised one. Its headings are those
@@ -42,6 +43,7 @@ class PlannedScenario:
 
     scenario: Scenario
     robot: Robot
+    plant_robot: Robot
     obstacles: OccupancyGrid
     plan: Plan
     path: SplinePath
@@ -119,7 +121,8 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         inflation_note=inflation_note,
     )
     path, fastest, note = _timed(scenario, robot, plan_)
-    return PlannedScenario(scenario, robot, obstacles, plan_, path, fastest, note)
+    true_robot = robot_of(scenario.true_robot)
+    return PlannedScenario(scenario, robot, true_robot, obstacles, plan_, path, fastest, note)
 
 
 def _timed(

@@ -2,57 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
+from omnidrive.components import configure
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot
-from omnidrive.simulation import (
-    CoppeliaSimPlant,
-    CoppeliaSimScene,
-    KinematicPlant,
-    MovingObstacle,
-    MujocoPlant,
-    PlanarPlant,
-    Plant,
-)
+from omnidrive.simulation import MovingObstacle, Plant
+from omnidrive.simulation.components import PlantContext
 from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.scenario import PlantName
 from omnidrive.visualization import Observer, observe
 
 
 def make_plant(
     robot: Robot,
-    name: PlantName,
+    name: str,
     *,
     rng: np.random.Generator | None = None,
     obstacles: OccupancyGrid | None = None,
     moving: Sequence[MovingObstacle] = (),
-    scene: CoppeliaSimScene | None = None,
+    **parameters: Any,
 ) -> Plant:
     """Return a new plant; the caller closes it. Arguments that do not apply to it are ignored.
 
     Args:
         robot: The simulated robot.
-        name: Name of the plant.
+        name: Name of the plant, or of code such as ``mine.py:MyPlant``.
         rng: Generator of the initial angles of the rollers. None: equal angles.
         obstacles: Map around the robot. None: an unbounded floor without obstacles.
         moving: Moving obstacles.
-        scene: Connection to CoppeliaSim and names of the objects in its scene.
+        parameters: Parameters of the plant.
+
+    Raises:
+        InvalidInput: There is no such plant, or it cannot be imported.
+        pydantic.ValidationError: A parameter is unknown, or its value is invalid.
     """
-    table: dict[PlantName, Callable[[], Plant]] = {
-        "kinematic": lambda: KinematicPlant(robot),
-        "planar": lambda: PlanarPlant(robot, rng),
-        "mujoco-balls": lambda: MujocoPlant(robot, "ball", obstacles=obstacles, moving=moving),
-        "mujoco-rollers": lambda: MujocoPlant(
-            robot, "rollers", rng, obstacles=obstacles, moving=moving
-        ),
-        "coppeliasim": lambda: CoppeliaSimPlant(robot, scene),
-    }
-    return table[name]()
+    context = PlantContext(robot, rng, obstacles, tuple(moving))
+    plant: Plant = configure("plants", name, parameters).make(context)
+    return plant
 
 
 @contextmanager
@@ -77,18 +68,12 @@ def plant_of(
     # independent of the random numbers of the noise
     seed = np.random.SeedSequence(scenario.seed, spawn_key=(repeat,))
     obstacles = planned.obstacles if on_map else None
-    moving = [section.obstacle() for section in scenario.map.moving] if on_map else []
-    plant = make_plant(
-        planned.robot,
-        scenario.plant,
-        rng=np.random.default_rng(seed) if scenario.robot.roller_phase else None,
-        obstacles=obstacles,
-        moving=moving,
-        scene=CoppeliaSimScene(**scenario.coppeliasim.model_dump()),
-    )
+    moving = tuple(section.obstacle() for section in scenario.map.moving) if on_map else ()
+    rng = np.random.default_rng(seed) if scenario.true_robot.roller_phase else None
+    plant = scenario.plant.make(PlantContext(planned.plant_robot, rng, obstacles, moving))
     try:
         yield observe(
-            plant, planned.robot, reference, observers, obstacles=obstacles, moving=moving
+            plant, planned.plant_robot, reference, observers, obstacles=obstacles, moving=moving
         )
     finally:
         plant.close()

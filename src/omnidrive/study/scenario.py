@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from omnidrive.control import FeedforwardGains, HolonomicParameters
+from omnidrive.components import (
+    Configured,
+    OfGroup,
+    component_names,
+    configure,
+    find_component,
+)
+from omnidrive.control.components import PresetName
+from omnidrive.errors import OmnidriveError
 from omnidrive.estimation import (
     EncoderSettings,
-    EstimatorSettings,
     GyroSettings,
     PoseFixSettings,
     SensorSettings,
@@ -20,6 +27,7 @@ from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
+from omnidrive.simulation.components import static_capabilities
 from omnidrive.simulation.disturbances import PLANT_FAULTS
 from omnidrive.simulation.moving_obstacle import (
     MAX_MOVING_OBSTACLES,
@@ -27,41 +35,23 @@ from omnidrive.simulation.moving_obstacle import (
     MovingObstacle,
 )
 from omnidrive.simulation.plant import PlantCapabilities
-from omnidrive.study.coppeliasim import CoppeliaSimSection
-from omnidrive.study.section import OLD_CONTROLLERS, OLD_PLANTS, Section, UniqueItems, accepts
-from omnidrive.study.tasks import (
-    Faults,
-    Horizon,
-    Tasks,
-    study_tasks,
-)
+from omnidrive.study.former import OLD_PLANTS, by_label, without_former_sections
+from omnidrive.study.section import Section, accepts
+from omnidrive.study.tasks import Faults, Tasks, study_tasks
 
-ControllerName = Literal[
-    "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "unicycle-nmpc", "feedforward", "holonomic-nmpc"
-]
-_Controller = Annotated[ControllerName, accepts(OLD_CONTROLLERS)]
-PREDICTIVE: tuple[ControllerName, ...] = ("unicycle-nmpc", "holonomic-nmpc")
-"""Controllers with a prediction horizon."""
-PlantName = Literal["mujoco-rollers", "mujoco-balls", "planar", "kinematic", "coppeliasim"]
-_MUJOCO = PlantCapabilities(disturbable=True, collides=True, renders=True, forces=True)
-PLANT_CAPABILITIES: dict[PlantName, PlantCapabilities] = {
-    "mujoco-rollers": _MUJOCO,
-    "mujoco-balls": _MUJOCO,
-    "planar": PlantCapabilities(disturbable=True, forces=True),
-    "kinematic": PlantCapabilities(disturbable=True),
-    "coppeliasim": PlantCapabilities(exclusive=True, forces=True),
-}
-"""Capabilities of each plant, known without building it."""
-PresetName = Literal["paper", "published-code", "recommended"]
 TimingName = Literal["uniform", "limits", "minimum-time"]
 
-_PAPERS: tuple[ControllerName, ...] = ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
-DEFAULT_CONTROLLERS: dict[PresetName, tuple[ControllerName, ...]] = {
+_PAPERS = ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
+_ALL = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "unicycle-nmpc", "feedforward", "holonomic-nmpc")
+DEFAULT_CONTROLLERS: dict[PresetName, tuple[str, ...]] = {
     "paper": _PAPERS,
     "published-code": _PAPERS,
-    "recommended": get_args(ControllerName),
+    "recommended": _ALL,
 }
 """Default controllers of a study, by preset."""
+
+MAX_CONTROLLERS = 50
+"""Maximum number of controllers of a study."""
 
 MAX_STEPS = 200_000
 """Maximum number of samples of one run: an hour at 50 Hz, with a log below one gigabyte."""
@@ -190,30 +180,6 @@ class TimingSection(Section):
         return self
 
 
-class NmpcSection(Section):
-    """Prediction horizon and solver of the controllers `unicycle-nmpc` and `holonomic-nmpc`."""
-
-    horizon: Horizon = 15
-    """Prediction horizon, in steps of the sample time."""
-    solver: Literal["sqp", "rti", "casadi"] = "sqp"
-    """`sqp`: sequential quadratic programming until convergence; `rti`: real-time iteration;
-    `casadi`: IPOPT (needs the extra `casadi`)."""
-
-
-class HolonomicNmpcSection(Section):
-    """Weights and acceleration limits of the controller `holonomic-nmpc`."""
-
-    weights: HolonomicParameters = HolonomicParameters()
-    """Weights of the cost function."""
-    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.85
-    """Maximum acceleration of the predicted motion, as a multiple of that at the friction and
-    torque limits."""
-    may_spin: bool | None = None
-    """Whether the wheels may slip to reduce the tracking error. Slip makes the error smaller, but
-    the odometry drifts by decimetres in a hard start. Set it to false for a robot that measures its
-    pose by odometry only. None: false with an estimator, otherwise true."""
-
-
 class SensorsSection(Section):
     """Simulated sensors, and the estimator that computes the state from their readings."""
 
@@ -224,8 +190,10 @@ class SensorsSection(Section):
     fixes: PoseFixSettings | None = PoseFixSettings()
     """Pose fixes; in the task `noise`, their noise is that of the paper. None: no pose fixes, only
     odometry."""
-    estimator: EstimatorSettings | None = EstimatorSettings()
-    """Pose estimator. None: the controller receives the latest pose fix."""
+    estimator: Annotated[Configured, OfGroup("estimators", "kalman")] | None = Field(
+        default_factory=lambda: configure("estimators", "kalman")
+    )
+    """State estimator, `kalman` by default. None: the controller receives the latest pose fix."""
 
     @model_validator(mode="after")
     def _check_pose_source(self) -> SensorsSection:
@@ -265,8 +233,6 @@ class Scenario(Section):
     on the same machine have bitwise equal results, except for computing times.
     """
 
-    old_keys = {"recommended": "holonomic_nmpc"}  # noqa: RUF012
-
     format: Literal["omnidrive-scenario-1"] = "omnidrive-scenario-1"
     """Name and version of the file format."""
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
@@ -274,10 +240,13 @@ class Scenario(Section):
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
     """Seed of all random numbers."""
     robot: RobotSection
-    plant: Annotated[PlantName, accepts(OLD_PLANTS)] = "mujoco-rollers"
-    """Simulated plant."""
-    coppeliasim: CoppeliaSimSection = CoppeliaSimSection()
-    """Settings of the plant `coppeliasim`."""
+    """The robot, as far as controllers and estimators know it."""
+    plant_robot: RobotSection | None = None
+    """The simulated robot. None: the same as ``robot``."""
+    plant: Annotated[Configured, OfGroup("plants"), accepts(OLD_PLANTS)] = Field(
+        default_factory=lambda: configure("plants", "mujoco-rollers")
+    )
+    """Simulated plant: a name, or `type` and parameters."""
     sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
     """Sample time of controllers and log, s."""
     map: MapSection
@@ -288,17 +257,18 @@ class Scenario(Section):
     path: PathOptions = PathOptions()
     """Options of search and smoothing."""
     timing: TimingSection = TimingSection()
-    controllers: Annotated[tuple[_Controller, ...], Field(min_length=1), UniqueItems]
-    """Controllers to compare."""
+    controllers: Annotated[
+        dict[str, Annotated[Configured, OfGroup("controllers")]],
+        Field(min_length=1, max_length=MAX_CONTROLLERS),
+        BeforeValidator(by_label),
+    ]
+    """Controllers to compare, by label: a name, or `type` and parameters. A list of names stands
+    for controllers that are labelled by their names."""
     preset: PresetName = "paper"
     """Parameters of the controllers of the paper: from its text, from its published code, or
     recommended values. They apply to `pid` and the fuzzy PIDs. `unicycle-nmpc` has the weights of
     the text in the preset `recommended`; `holonomic-nmpc` and `feedforward` are the same in every
     preset."""
-    nmpc: NmpcSection = NmpcSection()
-    feedforward: FeedforwardGains = FeedforwardGains()
-    """Gains of the controller `feedforward`."""
-    holonomic_nmpc: HolonomicNmpcSection = HolonomicNmpcSection()
     faults: Faults = ()
     """Faults and disturbances in every run, in addition to those of the task `faults`."""
     watchdog: WatchdogSection = WatchdogSection()
@@ -312,20 +282,41 @@ class Scenario(Section):
     @property
     def plant_capabilities(self) -> PlantCapabilities:
         """Capabilities of the scenario's plant."""
-        return PLANT_CAPABILITIES[self.plant]
+        return static_capabilities(self.plant.component.factory)
 
     @property
-    def wheels_may_spin(self) -> bool:
-        """Whether the wheels may slip; see :attr:`HolonomicNmpcSection.may_spin`."""
-        if self.holonomic_nmpc.may_spin is None:
-            return self.sensors is None or self.sensors.estimator is None
-        return self.holonomic_nmpc.may_spin
+    def true_robot(self) -> RobotSection:
+        """The section of the simulated robot."""
+        return self.plant_robot or self.robot
+
+    @property
+    def odometry(self) -> bool:
+        """Whether the pose is estimated from wheel angles, so that slip causes errors."""
+        return self.sensors is not None and self.sensors.estimator is not None
+
+    @property
+    def predictive(self) -> tuple[str, ...]:
+        """Labels of the controllers with a parameter ``horizon``."""
+        return tuple(k for k, each in self.controllers.items() if each.has_parameter("horizon"))
+
+    def with_values(self, **values: Any) -> Scenario:
+        """Return the scenario with other values of some keys, which are checked.
+
+        Raises:
+            pydantic.ValidationError: A key is unknown, or a value is invalid.
+        """
+        return type(self).model_validate({**dict(self), **values})
+
+    @model_validator(mode="before")
+    @classmethod
+    def _former_sections(cls, data: Any) -> Any:
+        return without_former_sections(data) if isinstance(data, dict) else data
 
     @model_validator(mode="after")
     def _check_moving_obstacles(self) -> Scenario:
         if self.map.moving and not self.plant_capabilities.collides:
             raise ValueError(
-                f"map.moving: the plant {self.plant} has no obstacles; use "
+                f"map.moving: the plant {self.plant.type} has no obstacles; use "
                 f"{_plants_with('collides')}"
             )
         return self
@@ -358,18 +349,27 @@ class Scenario(Section):
                 )
             if not self.plant_capabilities.forces and fault.kind in NEED_FORCES:
                 raise ValueError(
-                    f"fault {fault.kind} needs forces, which the plant {self.plant} does not have; "
-                    f"use {_plants_with('disturbable', 'forces')}"
+                    f"fault {fault.kind} needs forces, which the plant {self.plant.type} does not "
+                    f"have; use {_plants_with('disturbable', 'forces')}"
                 )
         return self
 
 
 def _plants_with(*capabilities: str) -> str:
-    """Return the names of the plants that have all capabilities, for messages."""
+    """Return the names of the plants of this package that have all capabilities, for messages."""
     names = [
-        n for n, has in PLANT_CAPABILITIES.items() if all(getattr(has, c) for c in capabilities)
+        name
+        for name in component_names("plants")
+        if all(getattr(_capabilities_of(name), each) for each in capabilities)
     ]
     return f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def _capabilities_of(plant: str) -> PlantCapabilities:
+    try:
+        return static_capabilities(find_component("plants", plant).factory)
+    except OmnidriveError:  # of another distribution, which cannot be imported
+        return PlantCapabilities()
 
 
 def robot_of(section: RobotSection) -> Robot:
@@ -405,7 +405,7 @@ def paper_scenario(preset: PresetName = "paper") -> Scenario:
         start=Waypoint(1.0, 1.0, 0.0),
         goal=Waypoint(8.0, 6.0),
         path=PathOptions("greedy", cut_corners=True, smooth="spline", turn_within=0.0),
-        controllers=DEFAULT_CONTROLLERS[preset],
+        controllers={name: configure("controllers", name) for name in DEFAULT_CONTROLLERS[preset]},
         preset=preset,
         tasks=study_tasks(20.0),
     )

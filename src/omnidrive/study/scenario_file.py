@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
+from omnidrive.components.configured import ALLOW_CODE, plain
+from omnidrive.components.fields import field_names, field_type
 from omnidrive.errors import InvalidScenario, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.simulation.disturbances import FAULTS
 from omnidrive.study.scenario import Scenario
 
+_KEY = re.compile(r"(?!function-)[\w.+-]+")
 _MISSING = "'{key}' is missing"
 _NOT_A_NUMBER = "{key} must be a plain number without a unit, got {value}"
 _UNKNOWN_FAULT = f"{{key}}: unknown kind of fault; there are {', '.join(FAULTS)}"
@@ -27,8 +30,13 @@ _MESSAGES = {
 """Messages by pydantic's type of the error."""
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: Path, *, allow_code: bool = False) -> Scenario:
     """Read a scenario file; the path of its map becomes relative to the working directory.
+
+    Args:
+        path: The file.
+        allow_code: Whether components may be code that is not installed, such as
+            ``mine.py:MyController``, which is imported. Only for files that you trust.
 
     Raises:
         InvalidScenario: The file is missing or malformed, or a value is invalid; the message names
@@ -37,7 +45,7 @@ def load_scenario(path: Path) -> Scenario:
     data = read_yaml(path, "scenario", InvalidScenario)
     if not isinstance(data, dict):
         raise InvalidScenario(f"{path} is not a scenario: it contains no keys")
-    scenario = parse_scenario(data, str(path))
+    scenario = parse_scenario(data, str(path), allow_code=allow_code)
     if scenario.map.source == "paper":
         return scenario
     if not scenario.map.source or "\0" in scenario.map.source:
@@ -55,34 +63,23 @@ def save_scenario(scenario: Scenario, path: Path) -> None:
 
 def scenario_data(scenario: Scenario) -> dict[str, Any]:
     """Return the scenario as dictionaries, lists, numbers and strings."""
-    data: dict[str, Any] = _plain(scenario)
+    data: dict[str, Any] = plain(scenario)
     return data
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, BaseModel):
-        return {name: _plain(getattr(value, name)) for name in type(value).model_fields}
-    if is_dataclass(value) and not isinstance(value, type):
-        return asdict(value)
-    if isinstance(value, tuple) and type(value).__name__ == "Waypoint":
-        return [v for v in value if v is not None]
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return value._asdict()
-    return [_plain(v) for v in value] if isinstance(value, tuple) else value
-
-
-def parse_scenario(data: dict[Any, Any], where: str) -> Scenario:
+def parse_scenario(data: dict[Any, Any], where: str, *, allow_code: bool = True) -> Scenario:
     """Validate ``data`` and return the scenario.
 
     Args:
         data: Content of a scenario file.
         where: Source of the data, for messages.
+        allow_code: See :func:`load_scenario`.
 
     Raises:
         InvalidScenario: A key or value is invalid; the message names every one.
     """
     try:
-        return Scenario.model_validate(data)
+        return Scenario.model_validate(data, context={ALLOW_CODE: allow_code})
     except ValidationError as error:
         problems = [p for p in error.errors() if p["type"] != "too_short"] or error.errors()
         facts = dict.fromkeys(map(_explain, problems))
@@ -103,14 +100,14 @@ def _explain(problem: Any) -> str:
     if kind in _MESSAGES:
         return _MESSAGES[kind].format(key=key, value=short_repr(value))
     message = problem["msg"].removeprefix("Value error, ")
-    if kind == "value_error":
+    if kind in {"value_error", "component"}:
         return f"{key} {message}".lstrip()
     return f"{key or 'a key'}: {message[0].lower()}{message[1:]}, got {short_repr(value)}"
 
 
 def _fields(loc: Iterable[Any]) -> list[Any]:
     """Return the keys in ``loc``, without additions such as `function-after[check(), float]`."""
-    return [part for part in loc if isinstance(part, int) or part.isidentifier() or part in FAULTS]
+    return [part for part in loc if isinstance(part, int) or _KEY.fullmatch(part)]
 
 
 def _within(keys: list[Any]) -> str:
@@ -123,21 +120,7 @@ def _suggestion(name: str, loc: list[Any]) -> str:
     for part in loc:
         if part in FAULTS:
             model = FAULTS[part]
-        elif isinstance(part, str) and part in _keys(model):
-            model = _type_at(model, part)
-    keys = _keys(model)
+        elif isinstance(part, str) and part in field_names(model):
+            model = field_type(model, part)
+    keys = field_names(model)
     return suggestion(name, keys, most=len(keys))
-
-
-def _keys(model: Any) -> list[str]:
-    for attribute in ("model_fields", "__dataclass_fields__", "_fields"):
-        if hasattr(model, attribute):
-            return list(getattr(model, attribute))
-    return []
-
-
-def _type_at(model: Any, name: str) -> Any:
-    """Return the class of a field; ``X`` for ``X | None``."""
-    hint = get_type_hints(model)[name]
-    options = [h for h in get_args(hint) if h is not type(None)] if get_args(hint) else [hint]
-    return options[0] if _keys(options[0]) else hint

@@ -8,11 +8,6 @@ from typing import Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, model_validator
 
-OLD_CONTROLLERS = {"nmpc": "unicycle-nmpc", "recommended": "holonomic-nmpc"}
-"""Former and present names of controllers."""
-OLD_PLANTS = {"rollers": "mujoco-rollers", "ball": "mujoco-balls"}
-"""Former and present names of plants."""
-
 
 class Renamed(FutureWarning):
     """Warning that a former name was used; its message states the present one."""

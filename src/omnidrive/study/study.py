@@ -9,6 +9,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol, runtime_checkable
 
+from omnidrive.components import configure
 from omnidrive.errors import RunFailed
 from omnidrive.evaluation import (
     FaultResult,
@@ -20,6 +21,7 @@ from omnidrive.evaluation import (
     write_figures,
     write_page,
 )
+from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.simulation import Outcome
 from omnidrive.study.execute import Result, execute
 from omnidrive.study.folder import RunFolder, write_errors
@@ -175,8 +177,10 @@ def _report(
         clock.progress.done("report.html")
 
 
-_PUBLISHED_SETTINGS = ("map", "start", "goal", "path", "timing", "sample_time", "nmpc")
+_PUBLISHED_SETTINGS = ("map", "start", "goal", "path", "timing", "sample_time")
 """Sections that must equal those of the paper for a comparison with its numbers."""
+
+_PUBLISHED_CONTROLLERS = {controller for _, _, controller in PUBLISHED_ERRORS}
 
 
 def _is_published_study(scenario: Scenario) -> bool:
@@ -184,6 +188,10 @@ def _is_published_study(scenario: Scenario) -> bool:
     paper = paper_scenario(scenario.preset)
     return (
         all(getattr(scenario, name) == getattr(paper, name) for name in _PUBLISHED_SETTINGS)
+        and all(
+            scenario.controllers[label] == configure("controllers", label)
+            for label in _PUBLISHED_CONTROLLERS & scenario.controllers.keys()
+        )
         and scenario.robot.name == paper.robot.name
         and scenario.tasks.step in {None, paper.tasks.step}
     )
@@ -196,9 +204,9 @@ def _collect(
     done = [finished[job] for job in jobs if job in finished]
     scenario = planned.scenario
     return StudyResults(
-        title=f"{scenario.name}: preset {scenario.preset}, plant {scenario.plant}",
+        title=f"{scenario.name}: preset {scenario.preset}, plant {scenario.plant.type}",
         robot=planned.robot,
-        plant=scenario.plant,
+        plant=scenario.plant.type,
         dt=scenario.sample_time,
         obstacles=planned.obstacles,
         free_space=planned.plan.free_space,

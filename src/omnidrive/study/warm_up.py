@@ -10,6 +10,7 @@ from typing import cast, get_args
 
 import numpy as np
 
+from omnidrive.control.components import PresetName
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings, State
@@ -20,7 +21,7 @@ from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.planned_scenario import plan_scenario
-from omnidrive.study.scenario import PREDICTIVE, ControllerName, PresetName, paper_scenario
+from omnidrive.study.scenario import paper_scenario
 from omnidrive.study.study import NullProgress, ProgressListener
 
 
@@ -60,8 +61,8 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
             raise
 
 
-def _is_cheap(controller: tuple[PresetName, ControllerName]) -> bool:
-    return controller[1] not in PREDICTIVE
+def _is_cheap(controller: tuple[PresetName, str]) -> bool:
+    return not controller[1].endswith("nmpc")
 
 
 def _start_worker() -> None:
@@ -73,13 +74,13 @@ def _start_worker() -> None:
 def _compile_part(kind: str, controller: str) -> str:
     """Compile what one part needs, and return its name."""
     if controller:
-        _control(cast("PresetName", kind), cast("ControllerName", controller))
+        _control(cast("PresetName", kind), controller)
         return f"{controller} ({kind})"
     {"planning": _plans, "batches": _batch, "estimator": _estimate}[kind]()
     return kind
 
 
-def _control(preset: PresetName, name: ControllerName) -> None:
+def _control(preset: PresetName, name: str) -> None:
     """Plan the scenario of a preset and compute one command of a controller."""
     scenario = paper_scenario(preset)
     planned = plan_scenario(scenario)

@@ -13,8 +13,8 @@ import pytest
 from omnidrive.errors import InvalidScenario, PlantLost
 from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimScene, Outcome
+from omnidrive.simulation.components import CoppeliaSimOptions
 from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
-from omnidrive.study.coppeliasim import CoppeliaSimSection
 from omnidrive.study.tasks import DurationsTask, StepTask
 from tests.simulation.coppeliasim.fake_scene import STOPPED
 from tests.simulation.coppeliasim.fake_server import cbor, fake_server
@@ -24,16 +24,13 @@ PAPER = named_robot("paper")
 
 def scenario_at(port, **section):
     """Return a scenario with the paper's path and a step, for a controller without kernels."""
-    return paper_scenario().model_copy(
-        update={
-            "plant": "coppeliasim",
-            "coppeliasim": CoppeliaSimSection(port=port, timeout=5.0, **section),
-            "controllers": ("feedforward",),
-            "tasks": Tasks(
-                track=DurationsTask(durations=(17.0,)),
-                step=StepTask(displacement=(0.5, 0.5, 0.2), duration=2.0),
-            ),
-        }
+    return paper_scenario().with_values(
+        plant={"type": "coppeliasim", "port": port, "timeout": 5.0, **section},
+        controllers=("feedforward",),
+        tasks=Tasks(
+            track=DurationsTask(durations=(17.0,)),
+            step=StepTask(displacement=(0.5, 0.5, 0.2), duration=2.0),
+        ),
     )
 
 
@@ -56,7 +53,7 @@ def free_port():
 
 
 def test_defaults_of_the_section_are_those_of_the_plant():
-    assert CoppeliaSimScene(**CoppeliaSimSection().model_dump()) == CoppeliaSimScene()
+    assert CoppeliaSimScene(**vars(CoppeliaSimOptions())) == CoppeliaSimScene()
 
 
 def test_section_is_restored_from_a_file(tmp_path):
@@ -97,7 +94,7 @@ def test_study_runs_in_one_process(monkeypatch, interface):
         study = run_study(scenario_at(server.port, interface=interface), processes=4)
         assert server.scene.state == STOPPED
     study.raise_if_failed()
-    direct = run_study(scenario_at(1).model_copy(update={"plant": "mujoco-balls"}))
+    direct = run_study(scenario_at(1).with_values(plant="mujoco-balls"))
     for remote, local in zip(study.results.tracks, direct.results.tracks, strict=True):
         assert remote.run.pose == pytest.approx(local.run.pose, abs=1e-4)
 

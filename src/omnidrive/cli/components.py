@@ -1,0 +1,67 @@
+"""Controllers and plants that are named in options, as data of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from omnidrive.components import Specification, parse_specification
+from omnidrive.errors import InvalidInput
+from omnidrive.study import Scenario
+from omnidrive.study.former import OLD_CONTROLLERS, OLD_PLANTS
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.section import current_name
+
+CONTROLLER_HELP = (
+    "a controller by its label in the scenario or by its name (`omnidrive list controllers`), or "
+    "your own as FILE.py:NAME"
+)
+
+
+def with_controllers(scenario: Scenario, texts: Sequence[str]) -> Scenario:
+    """Return the scenario with these controllers only.
+
+    Args:
+        scenario: The scenario.
+        texts: Each ``[LABEL=]TYPE[,KEY=VALUE...]``. The type is a label of the scenario, whose
+            parameters apply unless another value is given, or the name of a component.
+
+    Raises:
+        InvalidInput: A controller does not exist, a value is invalid, or two labels are alike.
+    """
+    controllers: dict[str, Any] = {}
+    own = scenario_data(scenario)["controllers"]
+    for text in texts:
+        given = _current(parse_specification(text), OLD_CONTROLLERS)
+        if given.label.lower() in map(str.lower, controllers):
+            raise InvalidInput(
+                f"two controllers are labelled '{given.label}'; name one of them, such as "
+                f"other={given.type}"
+            )
+        base = own.get(given.type, {"type": given.type})
+        controllers[given.label] = _merged(base, given.values)
+    data = scenario_data(scenario) | {"controllers": controllers}
+    return parse_scenario(data, "with these options")
+
+
+def plant_data(text: str) -> dict[str, Any]:
+    """Return the value of the scenario key ``plant`` for ``TYPE[,KEY=VALUE...]``."""
+    given = _current(parse_specification(text), OLD_PLANTS)
+    return {"type": given.type, **given.values}
+
+
+def _current(given: Specification, old_names: dict[str, str]) -> Specification:
+    """Return the specification with the present name of its type."""
+    name = current_name(given.type, old_names)
+    label = name if given.label == given.type else given.label
+    return Specification(label, name, given.values)
+
+
+def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """Return nested ``values`` on top of ``base``."""
+    result = dict(base)
+    for key, value in values.items():
+        inner = result.get(key)
+        both = isinstance(value, dict) and isinstance(inner, dict)
+        result[key] = _merged(inner, value) if both else value  # type: ignore[arg-type]
+    return result

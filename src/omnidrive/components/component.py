@@ -1,0 +1,151 @@
+"""A component: a factory with a name, an origin and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from inspect import Parameter, getdoc, signature
+from typing import Any, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+
+from omnidrive.components.fields import field_names, field_type
+from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.files.bounded_file import one_line
+
+_UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
+_FORMS = "f(), f(context) or f(context, parameters: ITS_PARAMETER_CLASS)"
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """A factory of controllers, plants, robots, maps, estimators or references.
+
+    The factory is a class or a function that is called with no argument, with a context, or with a
+    context and parameters. The context is that of its group, such as
+    :class:`~omnidrive.control.ControllerContext`. The second argument is annotated with the class
+    of the parameters: a dataclass or a pydantic model whose fields have types, defaults,
+    :class:`~omnidrive.parameter.Bounds` and docstrings.
+
+    Attributes:
+        group: Group of the component.
+        name: Name of the entry point or of the code.
+        origin: Distribution and version, or file and its hash.
+        factory: The class or function.
+    """
+
+    group: str
+    name: str
+    origin: str
+    factory: Callable[..., Any]
+
+    @property
+    def summary(self) -> str:
+        """First line of the docstring of the factory."""
+        return (getdoc(self.factory) or "").partition("\n")[0]
+
+    @cached_property
+    def parameter_class(self) -> type | None:
+        """Class of the parameters; None: the component has none.
+
+        Raises:
+            InvalidInput: The factory has another signature.
+        """
+        arguments = self._arguments
+        if len(arguments) < 2:
+            return None
+        owner: Any = self.factory
+        function = getattr(owner, "__init__") if isinstance(owner, type) else owner  # noqa: B009
+        hints = get_type_hints(function)
+        found = hints.get(arguments[1].name)
+        if not isinstance(found, type):
+            raise InvalidInput(
+                f"the argument '{arguments[1].name}' of {self.name} needs an annotation: the class "
+                "of the parameters, a dataclass or a pydantic model"
+            )
+        return found
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(field_names(self.parameter_class))
+
+    @cached_property
+    def parameter_model(self) -> type[BaseModel]:
+        """Pydantic model whose only field ``parameters`` checks the parameters."""
+        if self.parameter_class is None:
+            return create_model("NoParameters", __config__=_STRICT, parameters=(_Nothing, ...))
+        return create_model(
+            "Parameters", __config__=_STRICT, parameters=(self.parameter_class, ...)
+        )
+
+    def parse(self, values: Mapping[str, Any]) -> Any:
+        """Return the parameters with ``values``; None if the component has none.
+
+        Raises:
+            pydantic.ValidationError: A value is unknown, missing, of the wrong type or out of
+                range.
+        """
+        model: Any
+        try:
+            model = self.parameter_model.model_validate({"parameters": dict(values)})
+        except ValidationError as error:
+            details = [self._detail(problem) for problem in error.errors()]
+            raise ValidationError.from_exception_data(self.name, details) from None
+        return None if self.parameter_class is None else model.parameters
+
+    def _detail(self, problem: ErrorDetails) -> InitErrorDetails:
+        """Return an error of the parameters; that of an unknown one names the known ones."""
+        loc = problem["loc"][1:]
+        kind: str | PydanticCustomError = problem["type"]
+        if kind in _UNKNOWN:
+            group: Any = self.parameter_class
+            for part in loc[:-1]:
+                group = field_type(group, str(part)) if part in field_names(group) else None
+            known = field_names(group)
+            hint = suggestion(str(loc[-1]), known, most=30) if known else ""
+            text = f"has no parameter '{one_line(str(loc[-1]), 60)}'{hint}"
+            loc = loc[:-1]
+            kind = PydanticCustomError("component", "{text}", {"text": text})
+        return InitErrorDetails(
+            type=kind, loc=loc, input=problem["input"], ctx=problem.get("ctx", {})
+        )
+
+    def make(self, context: Any = None, parameters: Any = None) -> Any:
+        """Return a new product of the factory.
+
+        Args:
+            context: Context of the group.
+            parameters: Result of :meth:`parse`; None: the defaults.
+        """
+        count = len(self._arguments)
+        if count < 2:
+            return self.factory(*(context,)[:count])
+        return self.factory(context, self.parse({}) if parameters is None else parameters)
+
+    @cached_property
+    def _arguments(self) -> list[Parameter]:
+        """Arguments that the factory is called with."""
+        arguments = [p for p in signature(self.factory).parameters.values() if _is_passed(p)]
+        if len(arguments) > 2:
+            raise InvalidInput(
+                f"{self.name} cannot be called: its arguments are "
+                f"{', '.join(p.name for p in arguments)}, need {_FORMS}"
+            )
+        return arguments
+
+
+def _is_passed(argument: Parameter) -> bool:
+    """Return whether a component passes an argument: one without default, or the parameters."""
+    if argument.kind in {Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD}:
+        return False
+    return argument.default is Parameter.empty or argument.name in {"context", "parameters"}
+
+
+class _Nothing(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+_STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -1,0 +1,163 @@
+"""Components with parameters, as values in scenarios."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from omnidrive.components.component import Component
+from omnidrive.components.registry import Group, component_names, find_component
+from omnidrive.errors import InvalidInput, MissingExtra
+from omnidrive.files.bounded_file import short_repr
+
+ALLOW_CODE = "allow_code"
+"""Key of pydantic's validation context: whether code that is not installed may be imported."""
+
+
+@dataclass(frozen=True, eq=False)
+class Configured:
+    """A component and its parameters.
+
+    Two are equal if their types and parameters are. A pickle holds names and values only; the code
+    is imported again where it is loaded.
+
+    Attributes:
+        component: The component.
+        parameters: Instance of its parameter class; None if it has no parameters.
+    """
+
+    component: Component
+    parameters: Any = None
+
+    @property
+    def type(self) -> str:
+        """Name of the component."""
+        return self.component.name
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameters as dictionaries, lists, numbers and strings."""
+        values: dict[str, Any] = {} if self.parameters is None else plain(self.parameters)
+        return values
+
+    def plain(self) -> dict[str, Any]:
+        """Return the value of a scenario that describes the component."""
+        return {"type": self.type, **self.values}
+
+    def make(self, context: Any = None) -> Any:
+        """Return a new product of the component; ``context`` is that of its group."""
+        return self.component.make(context, self.parameters)
+
+    def with_values(self, **values: Any) -> Configured:
+        """Return the component with other values of some parameters.
+
+        Raises:
+            pydantic.ValidationError: A value is invalid.
+        """
+        return Configured(self.component, self.component.parse(self.values | values))
+
+    def has_parameter(self, name: str) -> bool:
+        """Return whether the component has a parameter ``name``."""
+        return name in self.component.parameter_names
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Configured):
+            return NotImplemented
+        mine, theirs = self.component, other.component
+        return (mine.group, mine.name, self.values) == (theirs.group, theirs.name, other.values)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        component = self.component
+        return configure, (component.group, component.name, self.values)
+
+
+def configure(
+    group: Group, name: str, values: Mapping[str, Any] | None = None, *, allow_code: bool = True
+) -> Configured:
+    """Return a component with parameters.
+
+    Args:
+        group: Group of the component.
+        name: Name of the component, see :func:`find_component`.
+        values: Values of parameters; the others have their defaults.
+        allow_code: Whether code that is not installed may be imported.
+
+    Raises:
+        InvalidInput: There is no such component, or it cannot be imported.
+        pydantic.ValidationError: A parameter is unknown, or its value is invalid.
+    """
+    component = find_component(group, name, allow_code=allow_code)
+    return Configured(component, component.parse(values or {}))
+
+
+class OfGroup(NamedTuple):
+    """Annotation of a field of type :class:`Configured` that names its group.
+
+    Valid values are a name, or a mapping with the key ``type`` and the parameters.
+    """
+
+    group: Group
+    default: str | None = None
+    """Type of a mapping without the key ``type``; None: the key is needed."""
+
+    def check(self, value: Any, info: Any) -> Configured:
+        """Return the component that ``value`` describes; ``info`` is pydantic's."""
+        if isinstance(value, Configured):
+            return value
+        if isinstance(value, str):
+            value = {"type": value}
+        if not isinstance(value, dict):
+            raise ValueError(f"must be a name or a mapping with 'type', got {short_repr(value)}")  # noqa: TRY004
+        values = dict(value)
+        odd = [key for key in values if not isinstance(key, str)]
+        if odd:
+            raise ValueError(f"has the unknown key {short_repr(odd[0])}")
+        name = values.pop("type", self.default)
+        if not isinstance(name, str):
+            raise ValueError("needs 'type', the name of a component")  # noqa: TRY004
+        allowed = (info.context or {}).get(ALLOW_CODE, True)
+        try:
+            return configure(self.group, name, values, allow_code=allowed)
+        except (InvalidInput, MissingExtra) as error:
+            raise ValueError(str(error)) from None
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Return the schema by which pydantic checks a value."""
+        return core_schema.with_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the JSON schema: a name, or a mapping with the parameters."""
+        names = list(component_names(self.group))
+        name = {"anyOf": [{"enum": names}, {"type": "string"}]}
+        required = {} if self.default else {"required": ["type"]}
+        mapping = {"type": "object", "properties": {"type": name}, **required}
+        return {"anyOf": [name, mapping]}
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` as dictionaries, lists, numbers, strings and None.
+
+    A value with a method ``plain`` is what that returns; models, dataclasses and named tuples are
+    dictionaries of their fields.
+    """
+    if callable(getattr(value, "plain", None)):
+        return value.plain()
+    if isinstance(value, BaseModel):
+        return {name: plain(getattr(value, name)) for name in type(value).model_fields}
+    if is_dataclass(value):
+        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
+    if hasattr(value, "_asdict"):
+        return {name: plain(item) for name, item in value._asdict().items()}
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, tuple | list) else value

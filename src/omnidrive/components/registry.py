@@ -1,0 +1,165 @@
+"""Registry of components: entry points of installed distributions, and code named by the user.
+
+A distribution declares its components as entry points in groups such as ``omnidrive.controllers``,
+as plugins of pytest and environments of Gymnasium do. The components of this package are declared
+in the same way.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal, get_args
+
+from omnidrive.components.component import Component
+from omnidrive.errors import InvalidInput, OmnidriveError, suggestion
+from omnidrive.files.bounded_file import one_line, read_bounded
+
+Group = Literal["controllers", "plants", "robots", "maps", "estimators", "references"]
+GROUPS: tuple[Group, ...] = get_args(Group)
+"""Groups of components; the entry points of a group are those of ``omnidrive.GROUP``."""
+
+_OWN = "omnidrive"
+_MAX_CODE = 10_000_000  # bytes of a Python file
+_FRAMES = 3  # calls shown of a traceback
+
+
+def component_names(group: Group) -> tuple[str, ...]:
+    """Return the names of the installed components of a group, those of this package first."""
+    return tuple(_entries(group))
+
+
+def find_component(group: Group, name: str, *, allow_code: bool = False) -> Component:
+    """Return a component by the name of its entry point or by the name of its code.
+
+    Args:
+        group: Group of the component.
+        name: Name of an entry point, ``FILE.py:ATTRIBUTE`` or ``MODULE:ATTRIBUTE``.
+        allow_code: Whether code that is not declared as an entry point may be imported. A name in a
+            scenario file is not trusted.
+
+    Raises:
+        InvalidInput: There is no such component, its code is not allowed or cannot be imported.
+    """
+    entries, kind = _entries(group).get(name), group.removesuffix("s")
+    if entries is not None:
+        return _installed(group, entries)
+    if ":" not in name:
+        hint = suggestion(name, component_names(group))
+        raise InvalidInput(
+            f"there is no {kind} '{one_line(name, 60)}'{hint} (your own: FILE.py:NAME)"
+        )
+    if not allow_code:
+        raise InvalidInput(
+            f"the {kind} '{one_line(name)}' is code that is not installed; if you trust it, allow "
+            "it with --allow-code (in Python: allow_code=True)"
+        )
+    module_name, _, attribute = name.rpartition(":")
+    if module_name.endswith(".py"):
+        module, origin = _load_file(kind, name, Path(module_name))
+    else:
+        module = _guarded_import(kind, name, lambda: import_module(module_name))
+        origin = f"module {module_name}, SHA-256 {_digest(module)}"
+    return Component(group, name, origin, _attribute(kind, name, module, attribute))
+
+
+@cache
+def _entries(group: Group) -> dict[str, list[EntryPoint]]:
+    """Return the entry points of a group by name."""
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in sorted(entry_points(group=f"omnidrive.{group}"), key=_order):
+        entries = found.setdefault(entry.name, [])
+        if all(entry.value != other.value for other in entries):  # installed twice, as in a venv
+            entries.append(entry)
+    return found
+
+
+def _order(entry: EntryPoint) -> tuple[bool, str]:
+    name = _distribution(entry)
+    return (name != _OWN, name)
+
+
+def _distribution(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else ""
+
+
+def _installed(group: Group, entries: list[EntryPoint]) -> Component:
+    entry, *others = entries
+    kind = group.removesuffix("s")
+    if others:
+        owners = ", ".join(map(_distribution, entries))
+        raise InvalidInput(
+            f"the {kind} '{entry.name}' is declared by several distributions: {owners}; uninstall "
+            "all but one, or use its code as MODULE:NAME"
+        )
+    factory = _guarded_import(kind, entry.name, entry.load, _distribution(entry))
+    version = entry.dist.version if entry.dist else "unknown"
+    return Component(group, entry.name, f"{_distribution(entry)} {version}", factory)
+
+
+def _load_file(kind: str, name: str, path: Path) -> tuple[ModuleType, str]:
+    """Import a Python file; a file with the same content is imported only once."""
+    content = read_bounded(path, _MAX_CODE, kind, InvalidInput, excess="is too large for code")
+    digest = sha256(content).hexdigest()
+    module_name = f"omnidrive_code_{digest[:16]}"
+    if module_name not in sys.modules:
+        spec = spec_from_file_location(module_name, path.resolve())
+        assert spec is not None
+        assert spec.loader is not None
+        module = module_from_spec(spec)
+        sys.modules[module_name] = module  # dataclasses look their module up
+
+        def run() -> None:
+            exec(compile(content, str(path.resolve()), "exec", dont_inherit=True), module.__dict__)
+
+        try:
+            _guarded_import(kind, name, run)
+        except BaseException:
+            del sys.modules[module_name]
+            raise
+    return sys.modules[module_name], f"{path.name}, SHA-256 {digest}"
+
+
+def _guarded_import(
+    kind: str, name: str, load: Callable[[], Any], distribution: str | None = None
+) -> Any:
+    """Return the result of ``load``; an exception becomes a message with the innermost calls."""
+    try:
+        return load()
+    except OmnidriveError:
+        raise
+    except Exception as error:
+        origin = f" of the distribution {distribution}" if distribution else ""
+        calls = "".join(traceback.format_tb(error.__traceback__)[1:][-_FRAMES:]).rstrip()
+        fact = "".join(traceback.format_exception_only(error)).strip()
+        shown = f"\n{calls}\n{fact}" if calls else f": {fact}"
+        raise InvalidInput(
+            f"the {kind} '{one_line(name)}'{origin} cannot be imported{shown}"
+        ) from None
+
+
+def _attribute(kind: str, name: str, module: ModuleType, attribute: str) -> Callable[..., Any]:
+    try:
+        found = getattr(module, attribute)
+    except AttributeError:
+        own = [n for n, v in vars(module).items() if callable(v) and not n.startswith("_")]
+        raise InvalidInput(
+            f"the {kind} '{one_line(name)}' does not exist{suggestion(attribute, own)}"
+        ) from None
+    if not callable(found):
+        raise InvalidInput(f"the {kind} '{one_line(name)}' is not a class or function")
+    return found  # type: ignore[no-any-return]
+
+
+def _digest(module: ModuleType) -> str:
+    """Return the hash of the file of a module; `unknown` without a file."""
+    file = getattr(module, "__file__", None)
+    return sha256(Path(file).read_bytes()).hexdigest() if file else "unknown"

@@ -1,0 +1,140 @@
+"""Controllers of this package as components, and the context that every controller gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import numpy as np
+
+from omnidrive import control  # its modules are imported on use, those of one controller only
+from omnidrive.control.controller import Controller
+from omnidrive.control.feedforward import FeedforwardGains
+from omnidrive.control.nmpc import holonomic
+from omnidrive.control.nmpc.holonomic import HolonomicParameters
+from omnidrive.parameter import Bounds
+from omnidrive.robot import Robot
+
+PresetName = Literal["paper", "published-code", "recommended"]
+Horizon = Annotated[int, Bounds(1, 200, "steps")]
+SolverName = Literal["sqp", "rti", "casadi"]
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerContext:
+    """What a controller is made for.
+
+    Attributes:
+        robot: The robot, as far as the controllers know it.
+        dt: Sample time, s.
+        rng: Generator of random numbers, for controllers that need them; it depends on the seed of
+            the run only.
+        preset: Preset of the scenario, for controllers with presets.
+        forces: Whether motors, masses and friction act; otherwise twists are executed exactly.
+        odometry: Whether the pose is estimated from wheel angles, so that slip causes errors.
+    """
+
+    robot: Robot
+    dt: float
+    rng: np.random.Generator
+    preset: PresetName = "recommended"
+    forces: bool = True
+    odometry: bool = False
+
+
+@dataclass(frozen=True)
+class PidOptions:
+    """Parameters of the PID controllers."""
+
+    preset: PresetName | None = None
+    """Parameters from the text of the paper, from its published code, or recommended values. None:
+    the preset of the scenario."""
+
+
+@dataclass(frozen=True)
+class UnicycleNmpcOptions:
+    """Parameters of the controller `unicycle-nmpc`."""
+
+    preset: Literal["paper", "published-code"] | None = None
+    """Weights and limits from the text of the paper or from its published code. None: those of the
+    preset of the scenario; `recommended` has those of the text."""
+    horizon: Horizon = 15
+    """Prediction horizon, in steps of the sample time."""
+    solver: SolverName = "sqp"
+    """`sqp`: sequential quadratic programming until convergence; `rti`: real-time iteration;
+    `casadi`: IPOPT (needs the extra `casadi`)."""
+
+
+@dataclass(frozen=True)
+class HolonomicNmpcOptions:
+    """Parameters of the controller `holonomic-nmpc`."""
+
+    horizon: Horizon = 15
+    """Prediction horizon, in steps of the sample time."""
+    solver: SolverName = "sqp"
+    """`sqp`: sequential quadratic programming until convergence; `rti`: real-time iteration;
+    `casadi`: IPOPT (needs the extra `casadi`)."""
+    weights: HolonomicParameters = field(default_factory=HolonomicParameters)
+    """Weights of the cost function."""
+    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.85
+    """Maximum acceleration of the predicted motion, as a multiple of that at the friction and
+    torque limits."""
+    may_spin: bool | None = None
+    """Whether the wheels may slip to reduce the tracking error. Slip makes the error smaller, but
+    the odometry drifts by decimetres in a hard start. Set it to false for a robot that measures its
+    pose by odometry only. None: false with an estimator, otherwise true."""
+
+
+def pid(context: ControllerContext, parameters: PidOptions) -> Controller:
+    """PID with constant gains."""
+    return control.classical_pid(parameters.preset or context.preset, context.dt)
+
+
+def fuzzy_t1(context: ControllerContext, parameters: PidOptions) -> Controller:
+    """PID tuned by a type-1 fuzzy system, as in the paper."""
+    return control.fuzzy_pid("t1", parameters.preset or context.preset, context.dt)
+
+
+def fuzzy_t2(context: ControllerContext, parameters: PidOptions) -> Controller:
+    """PID tuned by an interval type-2 fuzzy system, as in the paper."""
+    return control.fuzzy_pid("t2", parameters.preset or context.preset, context.dt)
+
+
+def fuzzy_t3(context: ControllerContext, parameters: PidOptions) -> Controller:
+    """PID tuned by an interval type-3 fuzzy system."""
+    return control.fuzzy_pid("t3", parameters.preset or context.preset, context.dt)
+
+
+def unicycle_nmpc(context: ControllerContext, parameters: UnicycleNmpcOptions) -> Controller:
+    """NMPC with the unicycle model of the paper."""
+    default: Literal["paper", "published-code"] = (
+        "published-code" if context.preset == "published-code" else "paper"
+    )
+    return control.unicycle_nmpc(
+        parameters.preset or default,
+        context.dt,
+        horizon=parameters.horizon,
+        solver=parameters.solver,
+    )
+
+
+def feedforward(context: ControllerContext, parameters: FeedforwardGains) -> Controller:
+    """Feedforward of the motion of the reference with proportional feedback."""
+    return control.FeedforwardController(context.dt, parameters)
+
+
+def holonomic_nmpc(context: ControllerContext, parameters: HolonomicNmpcOptions) -> Controller:
+    """NMPC of holonomic robots with limits in wheel space: the recommended controller."""
+    may_spin = not context.odometry if parameters.may_spin is None else parameters.may_spin
+    if context.forces:
+        actuation = holonomic.Actuation.of(context.robot, parameters.traction, may_spin=may_spin)
+    else:  # without lag and slip
+        actuation = holonomic.Actuation(context.robot.acceleration_faces / parameters.traction)
+    return control.holonomic_nmpc(
+        context.robot.chassis,
+        context.dt,
+        horizon=parameters.horizon,
+        parameters=parameters.weights,
+        solver=parameters.solver,
+        actuation=actuation,
+    )

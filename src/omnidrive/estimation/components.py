@@ -1,0 +1,38 @@
+"""State estimators of this package as components, and the context that every estimator gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omnidrive import estimation  # its modules are imported on use
+from omnidrive.estimation.estimator_settings import EstimatorSettings
+from omnidrive.estimation.sensor_settings import SensorSettings
+from omnidrive.estimation.state_estimator import StateEstimator
+from omnidrive.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatorContext:
+    """What a state estimator is made for.
+
+    Attributes:
+        robot: The robot, as far as it is known.
+        sensors: Its sensors.
+        forces: Whether motors, masses and friction act, so that wheels may slip.
+    """
+
+    robot: Robot
+    sensors: SensorSettings
+    forces: bool = True
+
+
+def kalman(context: EstimatorContext, parameters: EstimatorSettings) -> StateEstimator:
+    """Kalman filter of wheel angles, gyro and pose fixes, with slip and late fixes."""
+    return estimation.PoseEstimator(
+        context.robot, context.sensors, parameters, slips=context.forces
+    )
+
+
+def latest_fix() -> StateEstimator:
+    """Latest pose fix, without a filter."""
+    return estimation.LatestFix()
