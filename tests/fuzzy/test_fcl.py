@@ -267,7 +267,7 @@ def as_fuzzylite_reads(system):
         ("sky : real;", "room : real;", "line 7, column 5", "'room' appears twice"),
         ("(-10 .. 40)", "(40 .. 40)", "line 5", "must have a width"),
         ("(-10 .. 40)", "(-10, 40)", "line 6, column 18", "expected .."),
-        ("(-10 .. 40)", "(-10 .. 1e999)", "line 6, column 22", "finite"),
+        ("(-10 .. 40)", "(-10 .. 1e999)", "line 6, column 22", "expected a number, got"),
         ("FUZZIFY sky", "FUZZIFY sun", "line 20, column 9", "'sun'"),
         ("FUZZIFY sky", "FUZZIFY room", "line 20, column 9", "second FUZZIFY"),
         ("(5, 1) (18, 0)", "(18, 1) (5, 0)", "line 13, column 18", "ascend"),

@@ -301,7 +301,7 @@ def test_redundant_groups_are_written():
         ("AndMethod='min'", "AndMethod='mine'", 9, 11, "did you mean 'min'?"),
         ("NumInputs=2", "NumInputs=3", 6, 11, "NumInputs is 3, but there are 2 [Input] sections"),
         ("NumInputs=2", "NumInputs=1000000000", 6, 11, "is 1000000000, but there are 2"),
-        ("NumInputs=2", "NumInputs=1e999", 6, 11, "a number, which must be finite"),
+        ("NumInputs=2", "NumInputs=1e999", 6, 11, "a number, got '1e999'"),
         ("NumRules=4", "NumRules=5", 8, 10, "NumRules is 5, but there are 4 lines in [Rules]"),
         ("NumMFs=2", "NumMFs=1e9", 18, 8, "NumMFs is 1000000000, but there are 2 sets"),
         ("Name='wall'", "Name='room'", 23, 6, "there are two variables 'room'"),

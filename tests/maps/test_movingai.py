@@ -115,6 +115,7 @@ def test_malformed_map_is_reported(tmp_path, content, message):
         (SCEN.replace(b"2.0", b"nan"), "line 2: 'nan0000000' is not the length of a path"),
         (SCEN.replace(b"2.00000000", b"inf"), "'inf' is not the length of a path"),
         (SCEN.replace(b"2.0", b"-2.0"), "is not the length of a path"),
+        (SCEN.replace(b"2.00000000", b"1_000"), "'1_000' is not the length of a path"),
     ],
 )
 def test_malformed_scenario_is_reported(tmp_path, content, message):

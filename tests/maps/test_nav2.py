@@ -191,6 +191,8 @@ def test_real_maps(name, shape, free, taken):
         ({"image": "pipe.pgm"}, "cannot read the map's image .* is not a file"),
         ({"mode": ["raw"]}, r"mode \['raw'\] is not one of"),
         ({"resolution": "nan"}, "resolution must be a number, got 'nan'"),
+        ({"resolution": "0.0_5"}, "resolution must be a number, got '0.0_5'"),
+        ({"resolution": "0.٠5"}, "resolution must be a number"),
         ({"resolution": int("9" * 400)}, "is not a YAML map: found an integer beyond"),
         ({"resolution": "x" * 9000}, r"resolution must be a number, got 'xxx[x]*\.\.\.$"),
         ({"origin": [[1] * 3000, 0, 0]}, r"origin must be .* got \[\[1, [1, ]*\.\.\.$"),
@@ -216,8 +218,6 @@ def test_malformed_map_is_reported(tmp_path, changes, message):
         ("a: !!bool maybe", "is not a YAML map"),
         ("a: !!int ''", "is not a YAML map"),
         ("a: !!timestamp soon", "is not a YAML map"),
-        ("a: " + "1:" * 9000 + "1.5", "is not a YAML map: int too large"),
-        ("a: 0x" + "f" * 5000, "is not a YAML map: found an integer beyond"),
         ("a: \0", "is not a YAML map"),
         (b"a: \xff", "is not a YAML map: 'utf-8' codec"),
         ("[" * 50_000, "is not a YAML map: it is nested too deeply"),
@@ -252,6 +252,20 @@ def test_path_that_is_not_a_file_is_rejected(tmp_path, name, message):
     (tmp_path / "loop").symlink_to("loop")
     with pytest.raises(InvalidMap, match=message):
         load_nav2_map(tmp_path / name)
+
+
+@pytest.mark.parametrize("number", ["1_000", "1:30", "0x10", "0b1", "1_0.5", "1:30.5"])
+def test_numbers_of_yaml_in_other_notations_are_rejected(tmp_path, number):
+    path = write(tmp_path, origin=[1234, 0, 0])
+    path.write_text(path.read_text().replace("1234", number))
+    with pytest.raises(InvalidMap, match=r"origin must be .* got \['" + number):
+        load_nav2_map(path)
+
+
+def test_number_with_leading_zeros_is_decimal(tmp_path):
+    path = write(tmp_path, origin=[1234, 0, 0])
+    path.write_text(path.read_text().replace("1234", "010"))
+    assert load_nav2_map(path).origin == (10.0, 0.0)
 
 
 def test_numbers_with_exponent_but_without_point(tmp_path):

@@ -157,6 +157,7 @@ def test_values_are_parsed():
         ("push:speed=11", "speed is 11 m/s, need 0 to 10 m/s"),
         ("push:speed=nan", "speed"),
         ("push:at=inf", "at"),
+        ("push:at=1_0", "at must be a plain number, got '1_0'"),
         ("push:at=-1", "at is -1 s, need 0 to 36000 s"),
         ("push:at=1,at=2", "'at' is given twice"),
         ("push:kind=1", "there is no 'kind'"),

@@ -28,6 +28,7 @@ from omnidrive.errors import CannotWrite, InvalidInput, suggestion
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.number_text import parse_number
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, load, save
 from omnidrive.fuzzy.compilation import Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.fuzzy.csv_rows import evaluate_csv
@@ -298,12 +299,12 @@ def _parse_inputs(text: str, system: FuzzySystem) -> list[float]:
 
 
 def _number(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
+    number = parse_number(text)
+    if number is None:
         raise InvalidInput(
             f"--inputs: expected a number for {name!r}, got '{one_line(text.strip(), 60)}'"
-        ) from None
+        )
+    return number
 
 
 def _check_overwrite(path: Path, force: bool) -> None:

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from omnidrive.errors import InvalidInput, closest
+from omnidrive.files.number_text import parse_number
 from omnidrive.study.section import current_name
 
 PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Simulation", "Results"
@@ -51,11 +52,8 @@ JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESUL
 
 def parse_coordinates(text: str) -> list[float]:
     """Parse two or three comma-separated numbers; return an empty list for any other text."""
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        return []
-    return numbers if len(numbers) in {2, 3} else []
+    numbers = [number for part in text.split(",") if (number := parse_number(part)) is not None]
+    return numbers if len(numbers) == text.count(",") + 1 and len(numbers) in {2, 3} else []
 
 
 def choose_many(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -9,15 +10,17 @@ from typing import Any
 import yaml
 
 from omnidrive.files.bounded_file import one_line, read_bounded, short_repr
+from omnidrive.files.number_text import parse_number
 
 _MAX_BYTES = 100_000
 _MAX_DEPTH = 30
-_MAX_NUMBER_LENGTH = 40  # characters
 _NOTHING = {"", "~", "null", "Null", "NULL"}
 
 
 def read_yaml(path: Path, kind: str, error_type: type[Exception]) -> Any:
     """Return the plain value in a YAML file of at most 100 kB without aliases.
+
+    Only decimal numbers are numbers; ``1_000``, ``1:30``, ``010`` and ``0x10`` are text.
 
     Args:
         path: The file, in UTF-8.
@@ -120,10 +123,8 @@ def _scalar(event: yaml.ScalarEvent) -> str | float | None:
         return text
     if text in _NOTHING:
         return None
-    try:
-        return float(text) if len(text) <= _MAX_NUMBER_LENGTH else text
-    except ValueError:
-        return text
+    number = parse_number(text)
+    return text if number is None else number
 
 
 def _refused(event: yaml.Event, fact: str) -> yaml.YAMLError:
@@ -168,4 +169,19 @@ class _Loader(yaml.SafeLoader):
         return value
 
 
-_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_number)
+_INT, _FLOAT = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
+_Loader.yaml_implicit_resolvers = {
+    first: [each for each in pairs if each[0] not in {_INT, _FLOAT}]
+    for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+# those of YAML 1.1 without underscores (1_000), sexagesimal (1:30), octal and hexadecimal numbers
+_Loader.add_implicit_resolver(_INT, re.compile(r"[-+]?(0|[1-9][0-9]*)$"), list("-+0123456789"))
+_Loader.add_implicit_resolver(
+    _FLOAT,
+    re.compile(
+        r"([-+]?[0-9]+\.[0-9]*([eE][-+][0-9]+)?|\.[0-9]+([eE][-+][0-9]+)?"
+        r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$"
+    ),
+    list("-+0123456789."),
+)
+_Loader.add_constructor(_INT, _Loader.construct_number)

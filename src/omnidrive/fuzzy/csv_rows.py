@@ -19,13 +19,13 @@ from pyarrow import csv as arrow
 from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidInput, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.number_text import parse_number
 from omnidrive.fuzzy.inference import Inference
 
 MAX_LINE = 1_000_000
 """Maximum number of bytes of a line."""
 
 _BLOCK = 8_000_000  # bytes read at once
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 
 
 class EvaluatedTable(NamedTuple):
@@ -195,9 +195,10 @@ def _numbers(number: int, line: str, columns: _Columns) -> list[float]:
         where, text = f"line {number}, column {columns.names[k]!r}", fields[k]
         if not text.strip():
             raise InvalidInput(f"{where}: expected a number, got an empty field")
-        if not _NUMBER.fullmatch(text) or not np.isfinite(float(text)):
+        value = parse_number(text)
+        if value is None:
             raise InvalidInput(f"{where}: expected a finite number, got {short_repr(text)}")
-        found.append(float(text))
+        found.append(value)
     return found
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from math import isnan, nan
+import re
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile
+from omnidrive.files import number_text
+
+_INFINITY = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
 
 class Position(NamedTuple):
@@ -40,10 +43,9 @@ def parse_number(text: str, position: Position | None) -> float:
     Raises:
         InvalidFuzzyFile: ``text`` is not a number.
     """
-    try:
-        value = float(text) if "_" not in text and len(text) <= 400 else nan
-    except ValueError:
-        value = nan
-    if isnan(value):
+    value = number_text.parse_number(text)
+    if value is None and _INFINITY.fullmatch(text):
+        value = float(text)
+    if value is None:
         raise malformed(position, f"expected a number, got {text[:40]!r}")
     return value

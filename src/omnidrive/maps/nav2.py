@@ -14,6 +14,7 @@ from PIL import Image
 from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidMap, closest
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.number_text import parse_number
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.image import read_image
@@ -151,10 +152,10 @@ def _number(path: Path, meta: dict[Any, Any], key: str, default: float | None = 
 
 def _as_float(value: Any) -> float:
     """Return ``value`` as a number or NaN; 5e-2 is text in YAML 1.1, but not in Nav2."""
-    try:
-        return float(value) if isinstance(value, (int, float, str)) else nan
-    except ValueError:
-        return nan
+    if isinstance(value, str):
+        number = parse_number(value)
+        return nan if number is None else number
+    return float(value) if isinstance(value, (int, float)) else nan
 
 
 def _origin(path: Path, meta: dict[Any, Any]) -> tuple[float, float, float]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.number_text import parse_number
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.map_file import read_content
 
@@ -87,10 +87,7 @@ def _cell(x: int, y: int, where: str, rows: int, cols: int) -> tuple[int, int]:
 
 
 def _length(word: str, where: str) -> float:
-    try:
-        length = float(word)
-    except ValueError:
-        length = -1.0
-    if not isfinite(length) or length < 0.0:
+    length = parse_number(word)
+    if length is None or length < 0.0:
         raise InvalidMap(f"{where}: {short_repr(word)} is not the length of a path")
     return length

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from math import isfinite, nan
-
 from pydantic import ValidationError
 
 from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.files.number_text import parse_number
 from omnidrive.simulation.disturbances.fault import FAULTS, Fault, make_fault
 
 _MAX_LENGTH = 200  # characters of a fault
@@ -53,11 +52,8 @@ def parse_fault(text: str) -> Fault:
 
 
 def _number(kind: str, name: str, value: str) -> float:
-    try:
-        number = float(value)
-    except ValueError:
-        number = nan
-    if not isfinite(number):
+    number = parse_number(value)
+    if number is None:
         raise InvalidInput(f"fault {kind}: {name} must be a plain number, got '{_short(value)}'")
     return int(number) if number.is_integer() else number
 
