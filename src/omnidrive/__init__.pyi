@@ -36,7 +36,7 @@ from .reference import (
     time_uniformly,
     time_within_limits,
 )
-from .robot import Chassis, Robot, named_robot
+from .robot import Chassis, Robot, load_robot, named_robot, save_robot
 from .simulation import (
     KinematicPlant,
     MujocoPlant,
@@ -119,6 +119,7 @@ __all__ = [
     "identify_lag",
     "load_map",
     "load_nav2_map",
+    "load_robot",
     "load_scenario",
     "load_waypoints",
     "measure",
@@ -131,6 +132,7 @@ __all__ = [
     "replay",
     "run_study",
     "save_nav2_map",
+    "save_robot",
     "save_waypoints",
     "search",
     "simulate",

@@ -6,6 +6,7 @@ OmnidriveError
 │   ├── InvalidGeometry           wheels that cannot produce every planar twist
 │   ├── InvalidMap                a missing, malformed or too large map file
 │   ├── InvalidWaypoint           a start or goal outside the map or in collision
+│   ├── InvalidRobot              a missing, malformed or too large robot file
 │   ├── InvalidReference          times that do not increase, inconsistent shapes, a motion too
 │   │                             fast for the robot, a bad waypoint file
 │   ├── InvalidScenario           an unknown key, or a value of wrong type, unit or range
@@ -59,6 +60,10 @@ class InvalidMap(InvalidInput):
 
 class InvalidWaypoint(InvalidInput):
     """A start or goal lies outside the map or collides with an obstacle."""
+
+
+class InvalidRobot(InvalidInput):
+    """A robot file, or a file from which a robot is imported or identified, cannot be used."""
 
 
 class InvalidReference(InvalidInput):

@@ -76,7 +76,10 @@ class ScenarioOptions:
         float | None,
         option("M", "Cell size, m, if the map file does not define it [default: 1].", PATH_PANEL),
     ] = None
-    robot: Annotated[str | None, choice(ROBOTS, "Robot.", RUN_PANEL)] = None
+    robot: Annotated[
+        str | None,
+        option("NAME|FILE", f"Robot: {', '.join(ROBOTS)}, or a robot file (.yaml).", RUN_PANEL),
+    ] = None
     plant: Annotated[
         str | None,
         option(
@@ -189,8 +192,7 @@ class ScenarioOptions:
         if self.plant is not None:
             changes["plant"] = plant_data(self.plant)
         if self.robot is not None and not on_map:
-            name = choose_one("robot", self.robot, ROBOTS)
-            changes["robot"] = robot_section(name, preset or scenario.preset)
+            changes["robot"] = robot_section(self.robot, preset or scenario.preset)
         elif preset:
             radius = robot_section(scenario.robot.name, preset).assumed_effective_radius
             changes["robot"] = scenario.robot.model_copy(
@@ -226,7 +228,7 @@ class ScenarioOptions:
                 str(file),
                 parse_waypoint("start", self.start),
                 parse_waypoint("goal", self.goal),
-                robot=choose_one("robot", self.robot or "paper", ROBOTS),
+                robot=self.robot or "paper",
                 name=_scenario_name(file.stem),
                 preset=preset or "paper",
             )

@@ -3,28 +3,12 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile
 from omnidrive.files import number_text
+from omnidrive.files.position import Position
 
 _INFINITY = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
-
-
-class Position(NamedTuple):
-    """Position of a character in a text."""
-
-    line: int
-    """From 1."""
-    column: int
-    """From 1."""
-
-    def after(self, text: str) -> Position:
-        """Return the position of the character that follows ``text``, which starts here."""
-        lines = text.count("\n")
-        if not lines:
-            return Position(self.line, self.column + len(text))
-        return Position(self.line + lines, len(text) - text.rindex("\n"))
 
 
 def malformed(position: Position | None, what: str) -> InvalidFuzzyFile:

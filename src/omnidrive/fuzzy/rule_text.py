@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from typing import NamedTuple, NoReturn
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.position import Position, malformed, parse_number
+from omnidrive.files.position import Position
+from omnidrive.fuzzy.position import malformed, parse_number
 from omnidrive.fuzzy.rules import (
     HEDGES,
     MAX_DEPTH,

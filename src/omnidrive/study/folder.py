@@ -30,10 +30,11 @@ from omnidrive.evaluation import (
     repeated_runs,
 )
 from omnidrive.maps import save_nav2_map
+from omnidrive.robot import is_robot_file, save_robot
 from omnidrive.simulation import Outcome, Run
 from omnidrive.study.output_folder import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.scenario import Scenario
+from omnidrive.study.scenario import RobotSection, Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
 
 _POSE = (("x", "m"), ("y", "m"), ("yaw", "rad"))
@@ -60,10 +61,13 @@ class RunFolder:
             path.mkdir(parents=True, exist_ok=True)
 
     def save_inputs(self, planned: PlannedScenario) -> None:
-        """Write the scenario and, unless it is the map `paper`, the map."""
+        """Write the scenario, the map unless it is `paper`, and robots that are from files."""
         if planned.scenario.map.source != "paper":
             with write_errors(self.path):
                 save_nav2_map(planned.obstacles, self.path / "map.yaml")
+        for key in _robot_files(planned.scenario):
+            with write_errors(self.path):
+                save_robot(getattr(planned, key), self.path / f"{key}.yaml")
         with self.complete_file("scenario.yaml") as path:
             save_scenario(_portable(planned.scenario), path)
 
@@ -120,11 +124,20 @@ def component_origins(scenario: Scenario) -> dict[str, Any]:
 
 
 def _portable(scenario: Scenario) -> Scenario:
-    """Return the scenario with the copy of the map in the run folder."""
-    if scenario.map.source == "paper":
-        return scenario
-    copy = scenario.map.model_copy(update={"source": "map.yaml", "resolution": None})
-    return scenario.model_copy(update={"map": copy})
+    """Return the scenario with the copies of the map and of the robot in the run folder."""
+    changes: dict[str, object] = {}
+    if scenario.map.source != "paper":
+        copy = {"source": "map.yaml", "resolution": None}
+        changes["map"] = scenario.map.model_copy(update=copy)
+    for key, section in _robot_files(scenario).items():
+        changes[key] = section.model_copy(update={"name": f"{key}.yaml"})
+    return scenario.model_copy(update=changes)
+
+
+def _robot_files(scenario: Scenario) -> dict[str, RobotSection]:
+    """Return the sections of the scenario that name a robot file, by key."""
+    sections = {"robot": scenario.robot, "plant_robot": scenario.plant_robot}
+    return {key: each for key, each in sections.items() if each and is_robot_file(each.name)}
 
 
 @contextmanager

@@ -69,7 +69,7 @@ _Lag = Annotated[float, Bounds(0.0, 10.0, "s")]
 
 
 class RobotSection(Section):
-    """Named robot, and parameters that replace its own. None: the value of the named robot.
+    """Robot, and parameters that replace its own. None: the value of the robot.
 
     A changed mass, inertia, friction or motor does not change ``lag``, from which the controller
     `holonomic-nmpc` predicts the motion. Identify it with :func:`omnidrive.simulation.identify_lag`
@@ -79,7 +79,8 @@ class RobotSection(Section):
     old_keys = {"assumed_arm": "assumed_effective_radius"}  # noqa: RUF012
 
     name: str
-    """Name of the robot."""
+    """Name of an installed robot, or a robot file (.yaml). In a scenario file, its path is relative
+    to that file."""
     assumed_effective_radius: Annotated[float, Bounds(0.01, 10.0, "m")] | None = None
     """Effective radius, m, in the wheel matrix that converts commands to wheel speeds. None: the
     true effective radius."""
@@ -373,17 +374,18 @@ def _capabilities_of(plant: str) -> PlantCapabilities:
 
 
 def robot_of(section: RobotSection) -> Robot:
-    """Return the named robot with the parameters of the section.
+    """Return the robot with the parameters of the section.
 
     Raises:
         InvalidInput: The name is unknown, or the parameters are not those of a possible robot.
+        InvalidRobot: The robot file is invalid.
     """
     changes = section.model_dump(exclude={"name", "roller_phase"}, exclude_none=True)
     return replace(named_robot(section.name), **changes)
 
 
 def robot_section(name: str, preset: PresetName) -> RobotSection:
-    """Return the section of a named robot with the wheel matrix of a preset.
+    """Return the section of a robot, by name or file, with the wheel matrix of a preset.
 
     The preset `published-code` reproduces an error of the published code: its wheel matrix contains
     the x coordinate of a wheel, 0.5 m for the robot `paper`, instead of the distance of the wheel
@@ -428,7 +430,7 @@ def map_scenario(
         source: Map file.
         start: Start in W; m, m, rad.
         goal: Goal in W; m, m, rad.
-        robot: Name of the robot.
+        robot: Name or file of the robot.
         name: Name of the study.
         preset: Parameters of the controllers.
     """

@@ -15,6 +15,7 @@ from omnidrive.components.fields import field_names, field_type
 from omnidrive.errors import InvalidScenario, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.yaml_file import read_yaml
+from omnidrive.robot import is_robot_file
 from omnidrive.simulation.disturbances import FAULTS
 from omnidrive.study.scenario import Scenario
 
@@ -31,7 +32,7 @@ _MESSAGES = {
 
 
 def load_scenario(path: Path, *, allow_code: bool = False) -> Scenario:
-    """Read a scenario file; the path of its map becomes relative to the working directory.
+    """Read a scenario file; paths of map and robots become relative to the working directory.
 
     Args:
         path: The file.
@@ -46,14 +47,19 @@ def load_scenario(path: Path, *, allow_code: bool = False) -> Scenario:
     if not isinstance(data, dict):
         raise InvalidScenario(f"{path} is not a scenario: it contains no keys")
     scenario = parse_scenario(data, str(path), allow_code=allow_code)
-    if scenario.map.source == "paper":
-        return scenario
-    if not scenario.map.source or "\0" in scenario.map.source:
-        raise InvalidScenario(
-            f"{path}: map.source must name a file, got {short_repr(scenario.map.source)}"
-        )
-    source = str(path.parent / scenario.map.source)
-    return scenario.model_copy(update={"map": scenario.map.model_copy(update={"source": source})})
+    changes: dict[str, object] = {}
+    for key, robot in (("robot", scenario.robot), ("plant_robot", scenario.plant_robot)):
+        if robot is not None and is_robot_file(robot.name):
+            file = str(path.parent / robot.name)
+            changes[key] = robot.model_copy(update={"name": file})
+    if scenario.map.source != "paper":
+        if not scenario.map.source or "\0" in scenario.map.source:
+            raise InvalidScenario(
+                f"{path}: map.source must name a file, got {short_repr(scenario.map.source)}"
+            )
+        source = str(path.parent / scenario.map.source)
+        changes["map"] = scenario.map.model_copy(update={"source": source})
+    return scenario.model_copy(update=changes)
 
 
 def save_scenario(scenario: Scenario, path: Path) -> None:

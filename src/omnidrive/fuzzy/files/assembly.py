@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
-from omnidrive.fuzzy.position import Position, malformed
+from omnidrive.files.position import Position
+from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.rules import And, Antecedent, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import InputVariable, LinearFunction, OutputVariable

@@ -6,7 +6,8 @@ import re
 from math import isfinite
 from typing import Literal, NamedTuple, NoReturn
 
-from omnidrive.fuzzy.position import Position, malformed, parse_number
+from omnidrive.files.position import Position
+from omnidrive.fuzzy.position import malformed, parse_number
 from omnidrive.fuzzy.rule_text import RESERVED as RULE_KEYWORDS
 
 _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?(?![\w])"

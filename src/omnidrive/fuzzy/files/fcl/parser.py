@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidInput
+from omnidrive.files.position import Position
 from omnidrive.fuzzy.files.assembly import LocatedRule, locate_errors
 from omnidrive.fuzzy.files.fcl.lexer import (
     ACTIVATIONS,
@@ -20,7 +21,7 @@ from omnidrive.fuzzy.files.fcl.lexer import (
 from omnidrive.fuzzy.files.fll.lexer import Token as FllToken
 from omnidrive.fuzzy.files.fll.semantics import TERM_CLASSES
 from omnidrive.fuzzy.membership import MAX_POINTS
-from omnidrive.fuzzy.position import Position, malformed
+from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.rule_text import normalised
 from omnidrive.fuzzy.rules import (
     HEDGES,

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import NoReturn
 
-from omnidrive.fuzzy.position import Position, malformed, parse_number
+from omnidrive.files.position import Position
+from omnidrive.fuzzy.position import malformed, parse_number
 from omnidrive.fuzzy.system import MAX_VARIABLES
 
 _QUOTED_OR_COMMENT = re.compile(r"""'[^']*'|"[^"]*"|[%#]|//""")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from omnidrive.files.position import Position
 from omnidrive.fuzzy.files.fis.lexer import Cursor, code_lines
-from omnidrive.fuzzy.position import Position, malformed
+from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES
 from omnidrive.fuzzy.variables import MAX_SETS
 

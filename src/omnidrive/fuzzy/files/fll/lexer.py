@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from omnidrive.fuzzy.position import Position, malformed
+from omnidrive.files.position import Position
+from omnidrive.fuzzy.position import malformed
 
 
 class Token(NamedTuple):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from omnidrive.files.position import Position
 from omnidrive.fuzzy.files.fll.lexer import Line, lines
-from omnidrive.fuzzy.position import Position, malformed
+from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.system import MAX_VARIABLES
 
 _VARIABLE = frozenset({"description", "enabled", "range", "lock-range", "term"})

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from omnidrive.fuzzy.files.fml.lexer import Element, read_xml
-from omnidrive.fuzzy.position import Position, malformed, parse_number
+from omnidrive.files.position import Position
+from omnidrive.files.xml_elements import Element, read_xml
+from omnidrive.fuzzy.position import malformed, parse_number
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES
 from omnidrive.fuzzy.variables import MAX_SETS
 
@@ -81,7 +82,7 @@ def parse(text: str) -> FmlFile:
         InvalidFuzzyFile: The text is not XML, an element is missing or not supported, or there are
             too many.
     """
-    root = read_xml(text)
+    root = read_xml(text, malformed)
     if root.tag != "fuzzySystem":
         raise malformed(root.position, f"expected fuzzySystem, got {root.tag[:40]!r}")
     variables = _variables(root.one("knowledgeBase"))

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from omnidrive.errors import InvalidInput
+from omnidrive.files.xml_elements import Element
 from omnidrive.fuzzy.files.assembly import LocatedRule, assemble_system, locate_errors
-from omnidrive.fuzzy.files.fml.lexer import Element
 from omnidrive.fuzzy.files.fml.parser import (
     ClauseEntry,
     FmlFile,
