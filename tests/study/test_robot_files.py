@@ -70,3 +70,15 @@ def test_a_run_folder_holds_the_robot_and_can_be_repeated(base, tmp_path):
 def test_a_missing_robot_file_is_refused(tmp_path):
     with pytest.raises(InvalidRobot, match="cannot read the robot file"):
         plan_scenario(scenario(RobotSection(name=str(tmp_path / "none.yaml"))))
+
+
+def test_a_run_folder_holds_the_robot_of_the_plant_too(base, tmp_path):
+    first = scenario(RobotSection(name="small"))
+    section = RobotSection(name=str(base), friction=0.5)
+    run_study(first.model_copy(update={"plant_robot": section}), tmp_path / "a")
+    assert load_robot(tmp_path / "a" / "plant_robot.yaml") == replace(BASE, friction=0.5)
+    planned = plan_scenario(load_scenario(tmp_path / "a" / "scenario.yaml"))
+    assert (planned.robot, planned.plant_robot) == (
+        named_robot("small"),
+        replace(BASE, friction=0.5),
+    )
