@@ -68,8 +68,8 @@ lock:  ## update the lock files (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group build pyproject.toml -o requirements.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
-	  --custom-compile-command "make lock" --group dev --extra casadi --extra coppeliasim --extra gymnasium -c requirements.lock \
-	  pyproject.toml -o requirements-dev.lock
+	  --custom-compile-command "make lock" --group dev --extra casadi --extra coppeliasim --extra gymnasium --extra mcap --extra pandas \
+	  -c requirements.lock pyproject.toml -o requirements-dev.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" benchmarks/peers.in -o benchmarks/peers.lock
 

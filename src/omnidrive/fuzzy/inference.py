@@ -104,6 +104,10 @@ class Inference:
         self._count = len(self._inputs)
         self._blank = np.empty(len(self._outputs))
 
+    def _repr_html_(self) -> str:
+        """Return the fuzzy system for notebooks."""
+        return self.system._repr_html_()
+
     @overload
     def __call__(self, inputs: Mapping[str, float], /) -> dict[str, float]: ...
     @overload

@@ -8,6 +8,7 @@ from typing import Literal
 
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.fuzzy.checks import check_choice, check_unique
+from omnidrive.fuzzy.drawing import sets_svg
 from omnidrive.fuzzy.norms import CONORMS, IMPLICATIONS, NORMS
 from omnidrive.fuzzy.rules import Is, Rule, propositions
 from omnidrive.fuzzy.variables import (
@@ -19,10 +20,12 @@ from omnidrive.fuzzy.variables import (
     Secondary,
     Variable,
 )
+from omnidrive.notebook import captioned, facts_html
 
 Algorithm = Literal["km", "ekm", "eiasc", "iasc", "nie-tan"]
 ALGORITHMS: tuple[Algorithm, ...] = ("km", "ekm", "eiasc", "iasc", "nie-tan")
 MAX_VARIABLES, MAX_RULES = 64, 100_000
+_MOST_DRAWINGS, _MOST_NAMES = 8, 7  # in notebooks
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,19 @@ class FuzzySystem:
             return 3
         return 2 if any(s.lower is not None for s in sets) else 1
 
+    def _repr_html_(self) -> str:
+        """Return variables with their sets, rules and operators for notebooks."""
+        kind = "Sugeno" if self.is_sugeno else "Mamdani"
+        facts = {
+            v.name: f"{what} {v.low:g} to {v.high:g}; {_listed([each.name for each in v.sets])}"
+            for what, variables in (("input", self.inputs), ("output", self.outputs))
+            for v in variables
+        }
+        facts["rules"] = f"{len(self.rules)}; and: {self.conjunction}, or: {self.disjunction}"
+        drawings = (captioned(sets_svg(v), v.name) for v in self.variables[:_MOST_DRAWINGS])
+        title = f"Fuzzy system {self.name}: {kind}, type {self.type}"
+        return facts_html(title, facts, *drawings)
+
     def with_footprint(
         self,
         inputs: Footprint,
@@ -160,6 +176,11 @@ class FuzzySystem:
                 v if v.is_sugeno else replace(v, sets=plain(v.sets)) for v in self.outputs
             ),
         )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return the first seven names, separated by commas."""
+    return ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
 
 
 def _check_proposition(

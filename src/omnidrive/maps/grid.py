@@ -64,7 +64,7 @@ class OccupancyGrid:
     def corners(self) -> Float[Array, "4 2"]:
         """Outer corners (x, y) in W, in m, counter-clockwise from the origin."""
         rows, cols = self.occupied.shape
-        return self._in_world(np.array([(0, 0), (0, cols), (rows, cols), (rows, 0)], float))
+        return self.points_of(np.array([(0, 0), (0, cols), (rows, cols), (rows, 0)], float))
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
@@ -100,7 +100,7 @@ class OccupancyGrid:
 
     def centres(self, cells: Int[Array, "cells 2"]) -> Float[Array, "cells 2"]:
         """Return the centres (x, y) of cells (row, column) in W, in m."""
-        return self._in_world(cells + 0.5)
+        return self.points_of(cells + 0.5)
 
     def contains(self, row: int, col: int) -> bool:
         """Whether a cell lies in the grid."""
@@ -241,8 +241,12 @@ class OccupancyGrid:
             self.resolution
         )
 
-    def _in_world(self, cells: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
-        """Transform fractional (row, column) to points (x, y) in W: inverse of `_in_cells`."""
+    def points_of(self, cells: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
+        """Return points (x, y) in W, in m; ``cells`` are fractional rows and columns.
+
+        The corners of cell (row, column) are at whole numbers, its centre at (row + 0.5,
+        column + 0.5).
+        """
         along, across = cos(self.yaw), sin(self.yaw)
         v, u = (cells * self.resolution).T
         return np.column_stack(

@@ -5,22 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Real
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
 from omnidrive.errors import InvalidInput, InvalidWaypoint
 from omnidrive.files.bounded_file import short_repr
 from omnidrive.maps import OccupancyGrid
+from omnidrive.notebook import facts_html
 from omnidrive.parameter import Bounds
+from omnidrive.planning.drawing import path_svg
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.search import HeuristicName, MethodName, SearchResult, search
 from omnidrive.planning.smoothing import SmoothingName, smooth
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _CLEARANCE = 0.2
 """Distance in cells from the inflated obstacles that certified paths keep where possible. It hardly
 affects the smoothness."""
+_DRAWN = 300  # points of the path in notebooks
 
 
 class Waypoint(NamedTuple):
@@ -78,6 +84,7 @@ class Plan:
         clearance: Proved lower bound on the distance in m from ``spline`` to the occupied cells of
             ``free_space``. If the spline may enter one, it is negative: minus the greatest
             possible depth.
+        grid: The map.
     """
 
     search_result: SearchResult
@@ -85,6 +92,24 @@ class Plan:
     spline: SplinePath
     free_space: OccupancyGrid
     clearance: float
+    grid: OccupancyGrid
+
+    def plot(self) -> Figure:
+        """Return a figure of the map with the path, and of curvature and clearance along it."""
+        from omnidrive.evaluation.figures import path_figure  # noqa: PLC0415 - see decision 0012
+
+        return path_figure(self.grid, self.free_space, self.grid_path, self.spline)
+
+    def _repr_html_(self) -> str:
+        """Return drawing and main results for notebooks."""
+        facts = {
+            "grid path": f"{self.grid_path.length:.3f} m, {len(self.grid_path.poses)} cells",
+            "smooth path": f"{self.spline.length:.3f} m",
+            "clearance": f"at least {self.clearance:.3f} m from the inflated obstacles",
+            "search": f"{self.search_result.expansions} expansions",
+        }
+        positions = self.spline.poses(np.linspace(0.0, 1.0, _DRAWN))[:, :2]
+        return facts_html("Plan", facts, path_svg(self.grid, positions))
 
 
 def plan(
@@ -139,7 +164,7 @@ def plan(
         turn_within=options.turn_within,
     )
     grid_path = Path(with_headings(points, start.yaw, goal.yaw, options.turn_within))
-    return Plan(found, grid_path, smoothed.path, free_space, smoothed.clearance)
+    return Plan(found, grid_path, smoothed.path, free_space, smoothed.clearance, grid)
 
 
 def _numbers(name: str, waypoint: Waypoint) -> Waypoint:

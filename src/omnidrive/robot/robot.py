@@ -10,9 +10,11 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
+from omnidrive.notebook import facts_html
 from omnidrive.robot.acceleration_polytope import acceleration_polytope
 from omnidrive.robot.chassis import Chassis
 from omnidrive.robot.checks import check_not_negative, check_positive
+from omnidrive.robot.drawing import robot_svg
 from omnidrive.robot.mount import Mount
 from omnidrive.robot.wheel import OmniWheel
 
@@ -208,6 +210,18 @@ class Robot:
         Beyond it a wheel slips or its motor saturates; see :func:`acceleration_polytope`.
         """
         return acceleration_polytope(self.rim_jacobian, self.force_limits, self.inertia)
+
+    def _repr_html_(self) -> str:
+        """Return drawing and main properties for notebooks."""
+        kinds = sorted({"mecanum" if mount.roller_angle else "omni" for mount in self.mounts})
+        facts = {
+            "wheels": f"{len(self.mounts)} {' and '.join(kinds)}, radius {self.wheel.radius:g} m",
+            "body": f"radius {self.body_radius:g} m, {self.mass:g} kg",
+            "motors": f"{self.max_wheel_speed:g} rad/s, {self.max_torque:g} N m",
+            "friction": f"{self.friction:g}",
+        }
+        drawing = robot_svg(self.mounts, self.wheel.radius, self.body_radius)
+        return facts_html(f"Robot {self.name}", facts, drawing)
 
 
 def _check_numbers(robot: Robot) -> None:

@@ -4,12 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.control.supervision import Event
 from omnidrive.errors import RunFailed
+from omnidrive.geometry import wrap
+from omnidrive.notebook import BLUE, Drawing, box_around, facts_html
+from omnidrive.simulation.log_columns import POSE, TWIST, LogColumn, vector_columns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+_MOST_EVENTS = 5  # in notebooks
 
 
 class Outcome(Enum):
@@ -82,3 +95,73 @@ class Run:
         if self.outcome is not Outcome.FINISHED:
             raise RunFailed(f"stopped at {self.t[-1]:g} s: {self.ending}")
         return self
+
+    @property
+    def columns(self) -> tuple[LogColumn, ...]:
+        """All quantities of the log; only ``step_time`` is not reproducible."""
+        return (
+            LogColumn("t", "s", self.t),
+            *vector_columns("", POSE, self.pose),
+            *vector_columns("measured_", POSE, self.measured),
+            *vector_columns("target_", POSE, self.target),
+            *vector_columns("command_", TWIST, self.command),
+            *vector_columns("actual_", TWIST, self.twist),
+            LogColumn("work", "J", self.work),
+            LogColumn("status", "1", self.status),
+            LogColumn("collisions", "1", self.collisions),
+            LogColumn("step_time", "us", self.step_time),
+            *(LogColumn(k, self.detail_units[k], values) for k, values in self.details.items()),
+        )
+
+    def to_pandas(self) -> DataFrame:
+        """Return the log as a table with one row per sample; its ``attrs["units"]`` hold the units.
+
+        Raises:
+            MissingExtra: pandas is not installed.
+        """
+        from omnidrive.simulation.log_file import log_frame  # noqa: PLC0415 - takes a second
+
+        return log_frame(self.columns)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the log to a file.
+
+        Args:
+            path: File name; an existing file is overwritten. The suffix selects the format:
+                .parquet, .csv, or .mcap for Foxglove and other tools of robotics.
+
+        Raises:
+            InvalidInput: The suffix is another one.
+            MissingExtra: The suffix is .mcap, and the package mcap is not installed.
+            CannotWrite: The file cannot be written.
+        """
+        from omnidrive.simulation.log_file import save_log  # noqa: PLC0415 - takes a second
+
+        events = [*self.events, Event(float(self.t[-1]), f"end: {self.ending}")]
+        save_log(self.columns, events, Path(path))
+
+    def plot(self) -> Figure:
+        """Return a figure of path, position error and heading error."""
+        from omnidrive.evaluation.figures import run_figure  # noqa: PLC0415 - see decision 0012
+
+        return run_figure(self)
+
+    def _repr_html_(self) -> str:
+        """Return drawing and main results for notebooks."""
+        distance = np.hypot(*(self.pose - self.target)[:, :2].T)
+        turn = np.abs(wrap(self.pose[:, 2] - self.target[:, 2]))
+        facts = {
+            "outcome": self.ending,
+            "duration": f"{self.t[-1]:g} s, {len(self.t)} samples",
+            "position error": f"mean {distance.mean():.4g} m, largest {distance.max():.4g} m",
+            "heading error": f"mean {turn.mean():.4g} rad, largest {turn.max():.4g} rad",
+            "work": f"{self.work[-1]:.4g} J",
+            "collisions": f"{self.collisions[-1]}",
+            "events": "; ".join(f"{t:g} s {what}" for t, what in self.events[:_MOST_EVENTS]),
+        }
+        positions = np.vstack([self.pose, self.target])[:, :2]
+        drawing = Drawing(box_around(positions), width=180.0)
+        drawing.line(self.target[:, :2], dashed=True)
+        drawing.line(self.pose[:, :2], BLUE)
+        shown = {k: text for k, text in facts.items() if text and text not in {"nan J", "0"}}
+        return facts_html("Run", shown, drawing.svg())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -12,7 +11,6 @@ from pathlib import Path
 from platform import python_version
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from omnidrive.errors import CannotWrite
@@ -29,16 +27,16 @@ from omnidrive.evaluation import (
     paired_differences,
     repeated_runs,
 )
+from omnidrive.files.output_file import atomic_file
 from omnidrive.maps import save_nav2_map
 from omnidrive.robot import is_robot_file, save_robot
 from omnidrive.simulation import Outcome, Run
+from omnidrive.simulation.log_file import log_table
 from omnidrive.study.output_folder import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.scenario import RobotSection, Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
 
-_POSE = (("x", "m"), ("y", "m"), ("yaw", "rad"))
-_TWIST = (("vx", "m/s"), ("vy", "m/s"), ("yaw_rate", "rad/s"))
 _VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
 
 
@@ -75,7 +73,7 @@ class RunFolder:
         """Write the time series of a run to ``series/NAME.parquet``."""
         with self.complete_file(f"series/{name}.parquet") as path:
             path.parent.mkdir(exist_ok=True)
-            pq.write_table(series_table(run), path)
+            pq.write_table(log_table(run.columns), path)
 
     def save_results(
         self, planned: PlannedScenario, results: StudyResults, timing: dict[str, float]
@@ -104,13 +102,8 @@ class RunFolder:
     def complete_file(self, name: str) -> Iterator[Path]:
         """Yield a temporary path; rename the file there to ``name`` if the block succeeds."""
         final = self.path / name
-        part = final.with_name(final.name + ".part")
-        with write_errors(self.path):
-            try:
-                yield part
-                os.replace(part, final)
-            finally:
-                part.unlink(missing_ok=True)
+        with write_errors(self.path), atomic_file(final) as part:
+            yield part
 
 
 def component_origins(scenario: Scenario) -> dict[str, Any]:
@@ -150,26 +143,6 @@ def write_errors(folder: Path) -> Iterator[None]:
             f"cannot write to {folder}: {error.strerror or error}. Files written before are "
             "kept; free disk space, or choose another folder with --out"
         ) from None
-
-
-def series_table(run: Run) -> pa.Table:
-    """Return the log of a run as columns with units; only ``step_time`` is not reproducible."""
-    columns: list[tuple[str, str, Any]] = [("t", "s", run.t)]
-    for prefix, fields, block in (
-        ("", _POSE, run.pose),
-        ("measured_", _POSE, run.measured),
-        ("target_", _POSE, run.target),
-        ("command_", _TWIST, run.command),
-        ("actual_", _TWIST, run.twist),
-    ):
-        columns += [(prefix + name, unit, block[:, i]) for i, (name, unit) in enumerate(fields)]
-    columns += [("work", "J", run.work), ("status", "1", run.status)]
-    columns += [("collisions", "1", run.collisions), ("step_time", "us", run.step_time)]
-    columns += [(name, run.detail_units[name], column) for name, column in run.details.items()]
-    schema = pa.schema(
-        [pa.field(n, pa.from_numpy_dtype(v.dtype), metadata={"unit": u}) for n, u, v in columns]
-    )
-    return pa.table([pa.array(v) for _, _, v in columns], schema=schema)
 
 
 def track_record(result: TrackResult) -> dict[str, Any]:

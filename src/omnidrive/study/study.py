@@ -7,7 +7,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from omnidrive.components import configure
 from omnidrive.errors import RunFailed
@@ -22,6 +22,7 @@ from omnidrive.evaluation import (
     write_page,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.notebook import facts_html, table_html
 from omnidrive.simulation import Outcome
 from omnidrive.study.execute import Result, execute
 from omnidrive.study.folder import RunFolder, write_errors
@@ -30,6 +31,11 @@ from omnidrive.study.output_folder import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.study.scenario import Scenario, paper_scenario
 from omnidrive.visualization import Observer
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MOST_TABLES = 2  # in notebooks
 
 
 @runtime_checkable
@@ -89,6 +95,33 @@ class Study:
             facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.ending})" for r in failed)
             raise RunFailed(f"stopped early: {'; '.join(facts)}")
         return self
+
+    def plot(self, figure: str | None = None) -> Figure:
+        """Return a figure of the study.
+
+        Args:
+            figure: Name of the figure: that of its file in the folder ``figures`` of a run folder,
+                such as xy_comparison, heading_comparison, step_response or noise_differences. None:
+                the first that compares runs.
+
+        Raises:
+            InvalidInput: There is no such figure, or the study has no runs for it.
+        """
+        from omnidrive.evaluation.figures import draw_figure  # noqa: PLC0415 - takes a second
+
+        return draw_figure(self.results, figure)
+
+    def _repr_html_(self) -> str:
+        """Return title and tables for notebooks; a failed run is among the facts."""
+        results, runs = self.results, self.results.runs
+        ended = [r.name for r in runs if r.run.outcome is not Outcome.FINISHED]
+        facts = {
+            "runs": f"{len(runs) + len(results.faults)}",
+            "ended early": ", ".join(ended) or "none",
+            "results": str(self.folder) if self.folder else "not written",
+        }
+        tables = (table_html(t.title, t.columns, t.rows) for t in self.tables[:_MOST_TABLES])
+        return facts_html(results.title, facts) + "".join(tables)
 
 
 def run_study(

@@ -1,18 +1,22 @@
 """Figures of a study, including those of the paper, and figures of fuzzy systems."""
 
-from omnidrive.evaluation.figures.catalogue import draw_figures, write_figures
+from omnidrive.evaluation.figures.catalogue import draw_figure, draw_figures, write_figures
 from omnidrive.evaluation.figures.control_surface import control_surface
 from omnidrive.evaluation.figures.membership import membership_figure
-from omnidrive.evaluation.figures.plan import plan_figure
+from omnidrive.evaluation.figures.plan import path_figure, plan_figure
 from omnidrive.evaluation.figures.rule_viewer import rule_viewer
+from omnidrive.evaluation.figures.run import run_figure
 from omnidrive.evaluation.figures.style import save
 
 __all__ = [
     "control_surface",
+    "draw_figure",
     "draw_figures",
     "membership_figure",
+    "path_figure",
     "plan_figure",
     "rule_viewer",
+    "run_figure",
     "save",
     "write_figures",
 ]

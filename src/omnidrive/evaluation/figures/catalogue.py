@@ -7,6 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.comparison import heading_comparison, horizon_bars, xy_comparison
 from omnidrive.evaluation.figures.gain_history import gain_history, step_gain_history
 from omnidrive.evaluation.figures.kinematics import kinematics
@@ -16,6 +17,7 @@ from omnidrive.evaluation.figures.step_response import step_response
 from omnidrive.evaluation.figures.style import figure_style, save
 from omnidrive.evaluation.figures.tracking_error import tracking_error
 from omnidrive.evaluation.results import StudyResults
+from omnidrive.files.bounded_file import short_repr
 
 Draw = Callable[[StudyResults], Figure | None]
 
@@ -37,6 +39,10 @@ _FIGURES: dict[str, Draw] = {
 }
 
 
+_DIAGRAMS = ("kinematics", "tracking_error", "membership_functions")
+"""Figures without runs."""
+
+
 def draw_figures(results: StudyResults) -> Iterator[tuple[str, Figure]]:
     """Yield name and figure of every figure for which the study has runs."""
     for name, draw in _FIGURES.items():
@@ -44,6 +50,31 @@ def draw_figures(results: StudyResults) -> Iterator[tuple[str, Figure]]:
             figure = draw(results)
         if figure is not None:
             yield name, figure
+
+
+def draw_figure(results: StudyResults, name: str | None = None) -> Figure:
+    """Return one figure of a study.
+
+    Args:
+        results: Results of the study.
+        name: Name of the figure, as of its file. None: the first figure that compares runs.
+
+    Raises:
+        InvalidInput: There is no such figure, or the study has no runs for it.
+    """
+    if name is not None and name not in _FIGURES:
+        raise InvalidInput(f"there is no figure {short_repr(name)}{suggestion(name, _FIGURES)}")
+    for each in _FIGURES if name is None else (name,):
+        if name is None and each in _DIAGRAMS:
+            continue
+        with figure_style():
+            figure = _FIGURES[each](results)
+        if figure is not None:
+            return figure
+    drawn = ", ".join(each for each, _ in draw_figures(results))
+    raise InvalidInput(
+        f"the study has no runs for the figure {name or 'of a task'}; it has {drawn}"
+    )
 
 
 def write_figures(results: StudyResults, folder: Path) -> Iterator[Path]:

@@ -20,9 +20,10 @@ from omnidrive.evaluation.figures.style import (
     new_figure,
 )
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning import Path
+from omnidrive.planning import Path, SplinePath
 
 _ARROWS = 24  # headings along the path, at equal time intervals
+_SAMPLES = 1001  # points of a path without times
 _BLUE = "#0072b2"
 _OUTSIDE = "#f4f5f7"
 _OCCUPIED = np.uint8(2)
@@ -49,18 +50,67 @@ def plan_figure(
         motion: Setpoints at these times; columns as in :class:`~omnidrive.reference.Reference`.
     """
     with figure_style():
-        left, right, bottom, top = grid.extent
-        tall = 5.4 * min(max((top - bottom) / (right - left), 0.3), 1.5)
-        figure = new_figure(6.4, 2.6 + tall)
-        above, below = figure.subplots(2, 1, height_ratios=[tall, 1.5])
+        figure, above, below = _panels(grid)
         draw_map(above, grid, free_space, grid_path)
-        above.plot(motion[:, 0], motion[:, 1], color=DARK, lw=1.2, label="Smooth path")
-        x, y, yaw = motion[np.linspace(0, len(times) - 1, _ARROWS).astype(int), :3].T
-        above.quiver(x, y, np.cos(yaw), np.sin(yaw), color=_BLUE, width=0.0035, scale=32,
-                     zorder=4, label="Heading")  # fmt: skip
+        _draw_path(above, motion[:, :3])
         _draw_speeds(below, times, motion)
         legend_above(figure, above)
     return figure
+
+
+def path_figure(
+    grid: OccupancyGrid, free_space: OccupancyGrid, grid_path: Path, spline: SplinePath
+) -> Figure:
+    """Draw map, grid path, smooth path and headings, and below them curvature and clearance.
+
+    Args:
+        grid: Occupancy grid of the obstacles.
+        free_space: Inflated grid: its free cells may contain the robot's centre.
+        grid_path: Cells of the searched path.
+        spline: The smooth path.
+    """
+    u = np.linspace(0.0, 1.0, _SAMPLES)
+    poses = spline.poses(u)
+    steps = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1)
+    distance = np.concatenate([[0.0], np.cumsum(steps)])
+    with figure_style():
+        figure, above, below = _panels(grid)
+        draw_map(above, grid, free_space, grid_path)
+        _draw_path(above, poses)
+        below.plot(distance, grid.clearance(poses[:, :2]), color=DARK)
+        below.set(xlabel="distance along the path in m", xlim=(0.0, max(distance[-1], 1e-3)))
+        below.set_ylabel("distance to obstacles in m")
+        below.set_ylim(bottom=0.0)
+        curvature = np.where(np.isfinite(values := spline.curvature(u)), values, np.nan)
+        _second_axis(below, "curvature in 1/m").plot(distance, curvature, color=_BLUE, lw=0.9)
+        legend_above(figure, above)
+    return figure
+
+
+def _panels(grid: OccupancyGrid) -> tuple[Figure, Axes, Axes]:
+    """Return a figure with a panel for the map and a low one below it."""
+    left, right, bottom, top = grid.extent
+    tall = 5.4 * min(max((top - bottom) / (right - left), 0.3), 1.5)
+    figure = new_figure(6.4, 2.6 + tall)
+    above, below = figure.subplots(2, 1, height_ratios=[tall, 1.5])
+    return figure, above, below
+
+
+def _draw_path(axes: Axes, poses: Float[Array, "points 3"]) -> None:
+    """Draw positions as a line, and some headings as arrows."""
+    axes.plot(poses[:, 0], poses[:, 1], color=DARK, lw=1.2, label="Smooth path")
+    x, y, yaw = poses[np.linspace(0, len(poses) - 1, _ARROWS).astype(int)].T
+    axes.quiver(x, y, np.cos(yaw), np.sin(yaw), color=_BLUE, width=0.0035, scale=32,
+                zorder=4, label="Heading")  # fmt: skip
+
+
+def _second_axis(axes: Axes, label: str) -> Axes:
+    """Return a second ordinate on the right, in blue."""
+    second: Axes = axes.twinx()
+    second.set_ylabel(label, color=_BLUE)
+    second.grid(visible=False)
+    second.spines["right"].set_visible(True)
+    return second
 
 
 def _draw_speeds(
@@ -71,11 +121,7 @@ def _draw_speeds(
     axes.set(xlabel="time in s", xlim=(times[0], times[-1]))
     axes.set_ylabel("speed in m/s")
     axes.set_ylim(bottom=0.0)
-    yaw_rate = axes.twinx()
-    yaw_rate.plot(times, motion[:, 5], color=_BLUE, lw=0.9)
-    yaw_rate.set_ylabel("yaw rate in rad/s", color=_BLUE)
-    yaw_rate.grid(visible=False)
-    yaw_rate.spines["right"].set_visible(True)
+    _second_axis(axes, "yaw rate in rad/s").plot(times, motion[:, 5], color=_BLUE, lw=0.9)
 
 
 def draw_map(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from omnidrive.files.output_file import atomic_file
+
 DARK = "#1a1a1a"
 """Colour of references, axes and text."""
 MUTED = "#8a8a8a"
 """Colour of auxiliary lines and captions."""
 DPI = 160
 """Resolution of written images, pixels per inch."""
+_NOTEBOOK_DPI = 96
 
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -55,10 +59,21 @@ def figure_style() -> AbstractContextManager[None]:
     return mpl.rc_context(_STYLE)
 
 
+class StyledFigure(Figure):
+    """A figure that notebooks show as PNG without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        """Return the figure as PNG."""
+        image = BytesIO()
+        with figure_style():
+            self.savefig(image, format="png", dpi=_NOTEBOOK_DPI)
+        return image.getvalue()
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure with constrained layout; width and height in inches."""
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
-    return Figure(figsize=(width, height), layout=layout)
+    return StyledFigure(figsize=(width, height), layout=layout)
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
@@ -81,11 +96,6 @@ def save(figure: Figure, path: Path) -> None:
     """Write ``figure`` as PNG or SVG, by the suffix of ``path``, without a date."""
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
     kind = path.suffix.removeprefix(".")
-    part = path.with_name(path.name + ".part")  # written atomically
-    try:
-        # matplotlib also projects the uninitialised padding of surface faces
-        with figure_style(), np.errstate(over="ignore", invalid="ignore"):
-            figure.savefig(part, format=kind, dpi=DPI, metadata=metadata[kind])
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    # matplotlib also projects the uninitialised padding of surface faces
+    with figure_style(), np.errstate(over="ignore", invalid="ignore"), atomic_file(path) as part:
+        figure.savefig(part, format=kind, dpi=DPI, metadata=metadata[kind])

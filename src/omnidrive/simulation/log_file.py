@@ -1,0 +1,83 @@
+"""The log of a run as a table and as a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from omnidrive.control.supervision import Event
+from omnidrive.errors import InvalidInput, MissingExtra
+from omnidrive.files.bounded_file import one_line
+from omnidrive.files.output_file import output_file
+from omnidrive.simulation.log_columns import LogColumn
+from omnidrive.simulation.mcap_log import mcap_writer, write_mcap
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+_SUFFIXES = (".parquet", ".csv", ".mcap")
+
+
+def log_table(columns: Sequence[LogColumn]) -> pa.Table:
+    """Return the columns as a table; the metadata of each column contain its ``unit``."""
+    schema = pa.schema(
+        [
+            pa.field(name, pa.from_numpy_dtype(values.dtype), metadata={"unit": unit})
+            for name, unit, values in columns
+        ]
+    )
+    return pa.table([pa.array(column.values) for column in columns], schema=schema)
+
+
+def log_frame(columns: Sequence[LogColumn]) -> DataFrame:
+    """Return the columns as a pandas table; ``attrs["units"]`` are their units, by name.
+
+    Raises:
+        MissingExtra: pandas is not installed.
+    """
+    try:
+        pandas = import_module("pandas")
+    except ModuleNotFoundError:
+        raise MissingExtra(
+            "to_pandas needs pandas, which is not installed: pip install 'omnidrive[pandas]'"
+        ) from None
+    frame: DataFrame = pandas.DataFrame({column.name: column.values for column in columns})
+    frame.attrs["units"] = {column.name: column.unit for column in columns}
+    return frame
+
+
+def save_log(columns: Sequence[LogColumn], events: Sequence[Event], path: Path) -> None:
+    """Write the log to a Parquet, CSV or MCAP file; only MCAP contains the events.
+
+    Args:
+        columns: Columns of the log, ``t`` among them.
+        events: Events of the run.
+        path: File name; an existing file is overwritten.
+
+    Raises:
+        InvalidInput: The suffix of the file name is another one.
+        MissingExtra: The suffix is .mcap, and the package mcap is not installed.
+        CannotWrite: The file cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise InvalidInput(
+            f"{one_line(str(path))}: the suffix of a log is one of {', '.join(_SUFFIXES)}"
+        )
+    if suffix == ".mcap":
+        writer = mcap_writer()
+        with output_file(path) as part, part.open("wb") as file:
+            write_mcap(writer(file), columns, events)
+        return
+    table = log_table(columns)
+    with output_file(path) as part:
+        if suffix == ".csv":
+            pa.csv.write_csv(table, part)
+        else:
+            pa.parquet.write_table(table, part)
