@@ -69,7 +69,20 @@ def test_queries_are_parsed(tmp_path):
     grid = load_movingai_map(write(tmp_path, MAP))
     lines = [b"version 1.0", b"3 m.map 3 2 2 0 0 1 1.5e0", b"", b"3\tmy map\t3\t2\t0\t1\t0\t0\t1\r"]
     queries = load_queries(write(tmp_path, b"\n".join(lines), "m.scen"), grid)
-    assert queries == [((1, 2), (0, 0), 1.5), ((0, 0), (1, 0), 1.0)]
+    assert queries == [((1, 2), (0, 0), 1.5, 0.05), ((0, 0), (1, 0), 1.0, 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("text", "rounding"),
+    [
+        (b"2.00000000", 5e-9), (b"2.00", 5e-3), (b"2.", 0.5), (b"2", 0.5), (b"0.2e1", 0.5),
+        (b"2e-1", 0.05), (b"2e-" + b"9" * 300, 5e-301), (b"0e" + b"9" * 300, 5e299),
+    ],
+)  # fmt: skip
+def test_rounding_of_a_length_is_half_of_its_last_decimal(tmp_path, text, rounding):
+    grid = load_movingai_map(write(tmp_path, MAP))
+    (query,) = load_queries(write(tmp_path, SCEN.replace(b"2.00000000", text), "m.scen"), grid)
+    assert query.rounding == pytest.approx(rounding)
 
 
 @pytest.mark.parametrize(

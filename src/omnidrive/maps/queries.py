@@ -21,13 +21,15 @@ class Query(NamedTuple):
     Attributes:
         start: Row and column in the grid.
         goal: Row and column in the grid.
-        length: Length of a shortest path over eight neighbours, in cells, to the file's eight
-            decimals. A diagonal move has length sqrt(2) and must not cut corners.
+        length: Length of a shortest path over eight neighbours, in cells, as the file states it.
+            A diagonal move has length sqrt(2) and must not cut corners.
+        rounding: Half of the last decimal that the file writes of ``length``, in cells.
     """
 
     start: tuple[int, int]
     goal: tuple[int, int]
     length: float
+    rounding: float = 0.0
 
 
 def load_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
@@ -70,8 +72,8 @@ def _query(line: str, where: str, rows: int, cols: int) -> Query:
             f"but this map has {rows:,} rows of {cols:,}"
         )
     start, goal = (_cell(x, y, where, rows, cols) for x, y in (ends[:2], ends[2:]))
-    length = _length(words[8].strip(), where)
-    return Query(start, goal, length)
+    length = words[8].strip()
+    return Query(start, goal, _length(length, where), _rounding(length))
 
 
 def _whole(word: str, where: str) -> int:
@@ -91,3 +93,10 @@ def _length(word: str, where: str) -> float:
     if length is None or length < 0.0:
         raise InvalidMap(f"{where}: {short_repr(word)} is not the length of a path")
     return length
+
+
+def _rounding(word: str) -> float:
+    """Return half of the last decimal of a number: 0.005 for 1.41, 0.05 for 1.4e0."""
+    mantissa, _, exponent = word.lower().partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    return 0.5 * 10.0 ** max(-300, min(int(exponent or "0") - decimals, 300))

@@ -9,7 +9,7 @@ from omnidrive.errors import InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, Query
 from omnidrive.planning import GridSearch, HeuristicName, MethodName
 
-_ROUNDING = 1e-6  # relative; the files have eight decimals, some computed in single precision
+_SINGLE_PRECISION = 1e-6  # relative; in which the lengths of some files were computed
 
 
 def solve_queries(
@@ -20,6 +20,9 @@ def solve_queries(
     heuristic: HeuristicName | None = None,
 ) -> dict[str, Any]:
     """Search every query and compare the lengths with those of the file.
+
+    Two lengths differ if they are further apart than half of the last decimal in the file and the
+    rounding of single precision.
 
     Args:
         grid: The map of the queries.
@@ -44,7 +47,8 @@ def solve_queries(
         else:
             length, solved = found.cost, solved + 1
             expansions, seconds = expansions + found.expansions, seconds + found.seconds
-        if length is None or abs(length - query.length) > _ROUNDING * max(1.0, query.length):
+        allowed = query.rounding + _SINGLE_PRECISION * max(1.0, query.length)
+        if length is None or abs(length - query.length) > allowed:
             differing.append(
                 {
                     "query": number,
