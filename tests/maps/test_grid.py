@@ -212,6 +212,24 @@ def test_nonfinite_origin_is_rejected(pose):
         OccupancyGrid(np.zeros((2, 2), bool), 0.1, **pose)
 
 
+def test_origin_too_far_for_exact_positions_is_rejected():
+    for origin in ((1e308, 0.0), (0.0, -1.1e11)):
+        with pytest.raises(InvalidMap, match=r"cells of 0\.1 m from the origin of the world"):
+            OccupancyGrid(np.zeros((2, 2), bool), 0.1, origin)
+    grid = OccupancyGrid(np.zeros((2, 2), bool), 0.1, (5e5, 5e6))  # UTM
+    assert grid.cell(*grid.centre(1, 1)) == (1, 1)
+
+
+def test_any_finite_point_has_a_cell():
+    grid = OccupancyGrid(np.zeros((2, 2), bool), 0.1, yaw=0.3)
+    for x, y in [(1e308, 1e308), (-1.7e308, 1.7e308), (0.0, -1e300)]:
+        row, col = grid.cell(x, y)
+        assert not grid.contains(row, col)
+        assert grid.is_occupied(x, y)
+        assert grid.cells_of(np.array([[x, y]])).tolist() == [[row, col]]
+        assert grid.nearest_free(x, y)[1] > 1e299
+
+
 @settings(max_examples=100, deadline=None)
 @given(occupied=small_grids, x=st.floats(-3, 5), y=st.floats(-3, 5), yaw=turns)
 def test_nearest_free_cell(occupied, x, y, yaw):
@@ -234,6 +252,21 @@ def test_nearest_free_cell_of_a_distant_point():
     grid = OccupancyGrid(occupied, 0.1)
     assert grid.nearest_free(-1e250, 1e250)[0] == (3, 39)
     assert grid.nearest_free(1e5, 0.0)[1] == pytest.approx(1e5 - 3.95)
+
+
+@pytest.mark.parametrize("shape", [(2_000_000, 2), (2, 2_000_000)])
+@pytest.mark.parametrize("end", [None, 0, -1])
+def test_nearest_free_cell_of_a_long_map(shape, end):
+    """Linear in the cells; quadratic time would be hours."""
+    occupied = np.ones(shape, bool)
+    if end is not None:
+        occupied[end, end] = False
+    grid = OccupancyGrid(occupied, 1.0)
+    found = grid.nearest_free(1.5, 1.5)
+    if end is None:
+        assert found is None
+    else:
+        assert found[0] == tuple(n + end if end else 0 for n in shape)
 
 
 @pytest.mark.parametrize(("cut_corners", "sizes"), [(False, [3, 8, 2]), (True, [13, 13, 13])])

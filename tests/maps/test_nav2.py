@@ -68,8 +68,12 @@ def test_last_image_row_is_row_0_of_the_grid(tmp_path):
         ("trinary", 0, 0.0, 1.0, (255, 255), (0, 0)),
         ("trinary", 1, 0.25, 0.65, (0, 63), (166, 255)),
         ("trinary", 1, 0.2, 0.8, (0, 51), (204, 255)),
-        ("scale", 0, 0.196, 0.65, (206, 255), (0, 89)),
-        ("scale", 1, 0.25, 0.65, (0, 63), (166, 255)),
+        ("scale", 0, 0.196, 0.65, (205, 255), (0, 89)),  # grade of 205: 0.02
+        ("scale", 1, 0.25, 0.65, (0, 64), (166, 255)),  # grade of 64: 0.25
+        ("scale", 0, 0.0, 1.0, (254, 255), (0, 1)),  # grades of 254 and 1: 0.4 and 99.6
+        ("Trinary", 0, 0.25, 0.65, (192, 255), (0, 89)),
+        ("SCALE", 0, 0.0, 1.0, (254, 255), (0, 1)),
+        ("Raw", 0, 0.25, 0.65, (0, 25), (65, 100)),
         ("raw", 0, 0.25, 0.65, (0, 25), (65, 100)),
         ("raw", 1, 0.25, 0.65, (0, 25), (65, 100)),  # raw ignores negate
         ("raw", 0, 0.196, 0.9, (0, 20), (90, 100)),  # in whole percent
@@ -103,14 +107,28 @@ def test_default_mode_is_trinary_without_negation(tmp_path):
 def test_grey_values_against_exact_fractions(negate, low, high, mode):
     """Exact arithmetic, except within single precision of a threshold."""
     low, high = sorted((low, high))
-    assume(high - low > 1e-6)
+    assume(high - low > 1e-3)
     kinds = kinds_of_greys(mode, negate=negate, free_thresh=low, occupied_thresh=high)
+    half_grade = Fraction(1, 200) * (Fraction(high) - Fraction(low)) if mode == "scale" else 0
+    free, taken = Fraction(low) + half_grade, Fraction(high) - half_grade
     for grey in range(256):
         occupancy = Fraction(grey if negate else 255 - grey, 255)
-        if min(abs(occupancy - Fraction(low)), abs(occupancy - Fraction(high))) < 1e-6:
+        if min(abs(occupancy - free), abs(occupancy - taken)) < 1e-6:
             continue
-        expected = FREE if occupancy <= low else OCCUPIED if occupancy >= high else UNKNOWN
+        expected = FREE if occupancy <= free else OCCUPIED if occupancy >= taken else UNKNOWN
         assert kinds[grey] == expected
+
+
+def test_opacity_counts_except_in_mode_raw(tmp_path):
+    pixels = np.array([[[0, 255], [0, 254]]], np.uint8)
+    Image.fromarray(pixels, "LA").save(tmp_path / "map.png")
+    for mode, expected in {"Trinary": [True, False], "Scale": [True, False]}.items():
+        path = write(tmp_path, image="map.png", mode=mode)
+        assert load_nav2_map(path, unknown="free").occupied[0].tolist() == expected
+    pixels[..., 0] = 80
+    Image.fromarray(pixels, "LA").save(tmp_path / "map.png")
+    path = write(tmp_path, image="map.png", mode="RAW")
+    assert load_nav2_map(path, unknown="free").occupied[0].tolist() == [True, True]
 
 
 def test_invalid_treatment_of_unknown_cells_is_rejected():
@@ -176,6 +194,9 @@ def test_real_maps(name, shape, free, taken):
         ({"resolution": "5 cm"}, "resolution must be a number, got '5 cm'"),
         ({"resolution": None}, "does not set 'resolution'"),
         ({"origin": [0, 0]}, r"origin must be \[x, y, yaw\]"),
+        ({"origin": [1e308, 0, 0]}, r"map.yaml: the origin .* is more than 1e\+12 cells of 0.1 m"),
+        ({"mode": None, "origin": [0, -1e13, 0.3]}, "move the map nearer to it"),
+        ({"mode": "Trinari"}, "mode 'Trinari' is not one of trinary, scale, raw"),
         ({"origin": [0, float("nan"), 0]}, r"origin must be \[x, y, yaw\]"),
         ({"origin": [0, 0, "east"]}, r"origin must be \[x, y, yaw\]"),
         ({"free_thresh": 0.7}, "free_thresh .0.7. must be below"),

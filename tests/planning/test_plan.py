@@ -134,6 +134,11 @@ def test_waypoint_accepts_any_numeric_type():
     assert (found.grid_path.poses == plan_path(room()).grid_path.poses).all()
 
 
+def test_distant_waypoint_lies_outside_the_map():
+    with pytest.raises(InvalidWaypoint, match=r"the goal \(1e\+308, 1\) m lies outside the map"):
+        plan_path(room(), goal=Waypoint(1e308, 1.0))
+
+
 @pytest.mark.parametrize("inflation", [-0.1, np.nan, np.inf])
 def test_invalid_inflation_is_rejected(inflation):
     with pytest.raises(InvalidInput, match="a finite radius of 0 m or more, got"):

@@ -22,6 +22,7 @@ from omnidrive.maps.distance import (
 from omnidrive.maps.footprint import check_footprint, covered_runs, footprint_hits
 
 _FURTHEST = 2.0**62  # cells; limit of the conversion to 64-bit integers
+_FURTHEST_ORIGIN = 1e12  # cells; beyond, positions in a cell are rounded to thousandths of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class OccupancyGrid:
 
     Raises:
         InvalidMap: The array is empty or not boolean, or a number is not finite, or the resolution
-            is not positive.
+            is not positive, or the origin is more than 1e12 cells from that of W.
     """
 
     occupied: Bool[Array, "rows cols"]
@@ -57,6 +58,12 @@ class OccupancyGrid:
             raise InvalidMap(f"the resolution must be positive, got {self.resolution:g} m per cell")
         if not np.isfinite((*self.origin, self.yaw)).all():
             raise InvalidMap(f"the origin must be finite, got {self.origin} m, {self.yaw} rad")
+        if max(map(abs, self.origin)) > _FURTHEST_ORIGIN * self.resolution:
+            raise InvalidMap(
+                f"the origin {self.origin} m is more than {_FURTHEST_ORIGIN:g} cells of "
+                f"{self.resolution:g} m from the origin of the world frame, where positions are no "
+                "longer exact; move the map nearer to it"
+            )
         # one memory layout, so that kernels are compiled only once
         object.__setattr__(self, "occupied", np.require(self.occupied, requirements=["C", "W"]))
 
@@ -77,9 +84,11 @@ class OccupancyGrid:
         """Return row and column of the cell of the point (x, y) in W; it may lie outside."""
         along, across = cos(self.yaw), sin(self.yaw)
         dx, dy = x - self.origin[0], y - self.origin[1]
+        v = (along * dy - across * dx) / self.resolution
+        u = (along * dx + across * dy) / self.resolution
         return (
-            floor((along * dy - across * dx) / self.resolution),
-            floor((along * dx + across * dy) / self.resolution),
+            floor(min(max(v, -_FURTHEST), _FURTHEST)),
+            floor(min(max(u, -_FURTHEST), _FURTHEST)),
         )
 
     def cells_of(self, points: Float[Array, "points 2"]) -> Int[Array, "points 2"]:
@@ -236,10 +245,10 @@ class OccupancyGrid:
     def _in_cells(self, points: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
         """Transform points (x, y) in W to fractional (row, column), relative to the origin."""
         along, across = cos(self.yaw), sin(self.yaw)
-        dx, dy = (points - np.array(self.origin)).T
-        return np.column_stack([along * dy - across * dx, along * dx + across * dy]) / (
-            self.resolution
-        )
+        with np.errstate(over="ignore"):  # infinity is right
+            dx, dy = (points - np.array(self.origin)).T
+            cells = np.column_stack([along * dy - across * dx, along * dx + across * dy])
+            return cells / self.resolution
 
     def points_of(self, cells: Float[Array, "points 2"]) -> Float[Array, "points 2"]:
         """Return points (x, y) in W, in m; ``cells`` are fractional rows and columns.

@@ -22,6 +22,7 @@ from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, Unknown, occupied
 from omnidrive.maps.map_file import check_resolution
 
 Mode = Literal["trinary", "scale", "raw"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 
 _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _MAX_RAW = 100  # a raw pixel is an occupancy in percent; greater values are unknown
@@ -34,11 +35,12 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
     a pixel, 0 to 255 (the luma of a colour). The occupancy is 1 - p / 255, or p / 255 if
     ``negate``. In the modes ``trinary`` and ``scale``, a cell is free if the occupancy is at most
     ``free_thresh``, an obstacle if it is at least ``occupied_thresh``, and unknown otherwise or if
-    the pixel is not opaque (``scale`` grades cells between the thresholds, but the grade does not
-    decide whether they are free). In the mode ``raw``, p is the occupancy in percent, independent
-    of ``negate`` and opacity. Above 100 it is unknown; otherwise it is compared with the thresholds
-    in whole percent, as Nav2 does when it saves the map as ``trinary``. The last row of the image
-    is row 0 of the grid.
+    the pixel is not opaque. The mode ``scale`` maps the occupancies between the thresholds to
+    grades from 0 to 100: a cell whose grade rounds to 0 is free as well, and one whose grade rounds
+    to 100 an obstacle. In the mode ``raw``, p is the occupancy in percent, independent of
+    ``negate`` and opacity. Above 100 it is unknown; otherwise it is compared with the thresholds in
+    whole percent, as Nav2 does when it saves the map as ``trinary``. Upper case in the name of the
+    mode is ignored. The last row of the image is row 0 of the grid.
 
     Args:
         path: The YAML file; ``image`` is relative to its folder.
@@ -59,18 +61,32 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
                 raise InvalidMap(f"{path}: unknown key {short_repr(key)}; did you mean '{near}'?")
     resolution = _number(path, meta, "resolution")
     check_resolution(resolution, one_line(str(path)))
-    table = _kinds_of_greys(path, meta)
+    mode = _mode(path, meta)
+    table = _kinds_of_greys(path, meta, mode)
     x, y, yaw = _origin(path, meta)
     if not isinstance(meta.get("image"), str):
         raise InvalidMap(f"{path} does not set 'image', the file name of the map's image")
     grey, opaque = read_image(path.parent / meta["image"])
     kinds = table[grey]
-    if opaque is not None and meta.get("mode") != "raw":
+    if opaque is not None and mode != "raw":
         kinds[~opaque] = UNKNOWN
-    return OccupancyGrid(occupied(kinds[::-1], unknown), resolution, (x, y), yaw=yaw)
+    mask = occupied(kinds[::-1], unknown)
+    try:
+        return OccupancyGrid(mask, resolution, (x, y), yaw=yaw)
+    except InvalidMap as error:
+        raise InvalidMap(f"{path}: {error}") from None
 
 
-def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
+def _mode(path: Path, meta: dict[Any, Any]) -> Mode:
+    """Return the mode, which Nav2 converts to lower case."""
+    given = meta.get("mode", "trinary")
+    for mode in MODES:
+        if isinstance(given, str) and given.lower() == mode:
+            return mode
+    raise InvalidMap(f"{path}: mode {short_repr(given)} is not one of {', '.join(MODES)}")
+
+
+def _kinds_of_greys(path: Path, meta: dict[Any, Any], mode: Mode) -> UInt8[Array, " 256"]:
     """Return the kind of a cell for each grey value of its pixel, 0 to 255."""
     free = _number(path, meta, "free_thresh")
     occupied = _number(path, meta, "occupied_thresh")
@@ -78,11 +94,6 @@ def _kinds_of_greys(path: Path, meta: dict[Any, Any]) -> UInt8[Array, " 256"]:
         raise InvalidMap(
             f"{path}: free_thresh ({free:g}) must be below occupied_thresh ({occupied:g}), "
             "both from 0 to 1"
-        )
-    mode = meta.get("mode", "trinary")
-    if mode not in get_args(Mode):  # in a tuple: a list is not hashable
-        raise InvalidMap(
-            f"{path}: mode {short_repr(mode)} is not one of {', '.join(get_args(Mode))}"
         )
     negate = _number(path, meta, "negate", default=0.0) != 0.0
     return kinds_of_greys(mode, negate=negate, free_thresh=free, occupied_thresh=occupied)
@@ -103,10 +114,15 @@ def kinds_of_greys(
         return np.where(greys <= _MAX_RAW, kinds, UNKNOWN).astype(np.uint8)
     shade = greys.astype(np.float32) / np.float32(255.0)
     occupancy = shade if negate else np.float32(1.0) - shade
-    occupied_or_unknown = np.where(occupancy >= np.float32(occupied_thresh), OCCUPIED, UNKNOWN)
-    return np.where(occupancy <= np.float32(free_thresh), FREE, occupied_or_unknown).astype(
-        np.uint8
-    )
+    is_free = occupancy <= np.float32(free_thresh)
+    is_occupied = occupancy >= np.float32(occupied_thresh)
+    if mode == "scale":
+        span = np.float32(occupied_thresh - free_thresh)
+        grade = (occupancy - np.float32(free_thresh)) / span * np.float32(100.0)
+        # half a grade is rounded up, to 1 and to 100
+        is_free |= grade < 0.5
+        is_occupied |= grade >= 99.5
+    return np.where(is_free, FREE, np.where(is_occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
 
 
 def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
