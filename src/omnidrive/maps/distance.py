@@ -160,7 +160,8 @@ def nearest_cell(targets: Bool[Array, "rows cols"], v: float, u: float) -> tuple
     """Return row and column of the target whose centre is nearest to the point (v, u), in cells.
 
     Square rings around the cell of the point are searched until their distance exceeds the least
-    distance found. (-1, -1) if there is no target.
+    distance found; the work is at most proportional to the number of cells. (-1, -1) if there is no
+    target.
     """
     rows, cols = targets.shape
     v = min(max(v, -_FAR), _FAR)
@@ -170,15 +171,18 @@ def nearest_cell(targets: Bool[Array, "rows cols"], v: float, u: float) -> tuple
     last = max(row, rows - 1 - row, col, cols - 1 - col)
     best, found = np.inf, (-1, -1)
     while ring <= last and ring - 0.5 <= best:
-        for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
-            step = (
-                1 if abs(r - row) == ring else 2 * ring
-            )  # a whole side of the ring, or its two end cells
+        # the rows between the first and the last of the ring have no cell if its columns have none
+        between = col - ring >= 0 or col + ring < cols
+        r = max(row - ring, 0)
+        while r <= min(row + ring, rows - 1):
+            # a whole side of the ring, or its two end cells
+            step = 1 if abs(r - row) == ring else 2 * ring
             first = col - ring if step > 1 else max(col - ring, 0)
             for c in range(first, min(col + ring, cols - 1) + 1, step):
                 if c >= 0 and targets[r, c]:
                     away = np.hypot(r + 0.5 - v, c + 0.5 - u)
                     if away < best:
                         best, found = away, (r, c)
+            r += 1 if between else max(row + ring - r, 1)
         ring += 1
     return found
