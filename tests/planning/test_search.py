@@ -199,7 +199,16 @@ def test_any_angle_paths_touch_no_obstacle_and_are_short(case):
     distances = np.linalg.norm(free[:, None] - free[None], axis=2) * visible
     ends = [int(np.flatnonzero((free == end).all(axis=1))[0]) for end in (start, goal)]
     best = dijkstra(distances, indices=ends[0])[ends[1]]
-    assert best - 1e-9 <= found.cost <= max(1.1 * best, along_moves) + 1e-9
+    assert best - 1e-9 <= found.cost <= along_moves + 1e-9
+
+
+def test_any_angle_path_is_at_most_as_long_as_over_neighbours():
+    """On this map, Lazy Theta* alone finds a path that is 7 % longer."""
+    rows = ["..##.#", ".#....", "..#..#", "......", "....#.", "...#.."]
+    occupied = np.array([[cell == "#" for cell in row] for row in rows])
+    grid = GridSearch(OccupancyGrid(occupied, 0.1))
+    shortest = grid.search((0, 0), (5, 5))
+    assert grid.search((0, 0), (5, 5), method="lazy-theta").cost == pytest.approx(shortest.cost)
 
 
 @settings(max_examples=100, deadline=None)

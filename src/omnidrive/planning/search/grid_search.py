@@ -25,6 +25,8 @@ from omnidrive.planning.search.lazy_theta import lazy_theta
 from omnidrive.planning.search.moves import pruned_moves
 from omnidrive.planning.search.result import SearchResult, path_length
 
+_ROUNDING = 1e-9  # cells; of the length of a path
+
 MethodName = Literal["astar", "jump-point", "lazy-theta", "greedy"]
 SearchOutput = tuple[Int32[Array, " cells"], int]
 """Bit indices of the path's cells, empty if there is no path, and the number of expansions."""
@@ -46,9 +48,9 @@ def search(
         ``astar``: a shortest path; the recommended method.
         ``jump-point``: a shortest path, faster on maps with open spaces or long corridors; only for
             eight neighbours without cutting corners.
-        ``lazy-theta``: an any-angle path, shorter than paths over neighbours but not the shortest
-            possible. It never touches the corner of an occupied cell. Only for eight neighbours
-            without cutting corners.
+        ``lazy-theta``: an any-angle path, not always the shortest possible, or the path of
+            ``astar`` where that is shorter. It never touches the corner of an occupied cell. Only
+            for eight neighbours without cutting corners.
         ``greedy``: expands the cell nearest the goal first. It expands few cells, and the path is
             longer, in mazes much longer. The method of the paper's published code.
 
@@ -226,7 +228,11 @@ def _lazy_theta(
     # without a path, line-of-sight checks over a large region would take minutes
     if len(along_moves) == 0:
         return along_moves, expansions
-    return lazy_theta(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
+    any_angle, expansions = lazy_theta(
+        searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic
+    )
+    lengths = [path_length(searcher._bitgrid.cells(path)) for path in (along_moves, any_angle)]
+    return along_moves if lengths[0] < lengths[1] - _ROUNDING else any_angle, expansions
 
 
 _METHODS: dict[str, Callable[[GridSearch, int, int, Heuristic], SearchOutput]] = {

@@ -17,7 +17,7 @@ class SearchResult:
 
     Attributes:
         cells: Row and column of every cell of the path, from start to goal inclusive. An any-angle
-            search returns only start, goal and the cells in which the path turns.
+            path has only start, goal and the cells in which it turns.
         cost: Length of the path from cell centre to cell centre, in cell widths.
         expansions: Number of expansions; a cell that is expanded twice counts twice.
         seconds: Duration of the search, in s.
