@@ -1,11 +1,17 @@
 """Reference motions: desired pose and twist as functions of time."""
 
+from omnidrive.reference.components import ReferenceContext
 from omnidrive.reference.corridor import Corridor
-from omnidrive.reference.limits import MotionLimits
+from omnidrive.reference.limit_sampling import sample_within_limits
+from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within
+from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.minimum_time import MinimumTime, minimum_time
 from omnidrive.reference.path_timing import Heading, time_within_limits
 from omnidrive.reference.reference import Hold, Reference, Setpoint
+from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
+from omnidrive.reference.shape_reference import ShapeReference
+from omnidrive.reference.shapes import Circle, Eight, RaisedCosine, RandomSmooth, Slalom, Square
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.reference.uniform_reference import (
     UniformReference,
@@ -13,24 +19,41 @@ from omnidrive.reference.uniform_reference import (
     time_uniformly,
     wheel_speed_used,
 )
+from omnidrive.reference.waypoint_reference import spline_along, waypoint_reference
 from omnidrive.reference.waypoints import load_waypoints, save_waypoints
 
 __all__ = [
+    "Circle",
     "Corridor",
+    "Eight",
     "Heading",
     "Hold",
+    "LimitRows",
     "MinimumTime",
     "MotionLimits",
+    "RaisedCosine",
+    "RandomSmooth",
     "Reference",
+    "ReferenceContext",
+    "RetimedReference",
     "SampledReference",
     "Setpoint",
+    "ShapeReference",
+    "Slalom",
+    "Square",
     "TimedReference",
     "UniformReference",
+    "limit_rows",
+    "limit_usage",
     "load_waypoints",
     "minimum_time",
+    "sample_within_limits",
     "save_waypoints",
     "shortest_duration",
+    "shortest_duration_within",
+    "spline_along",
     "time_uniformly",
     "time_within_limits",
+    "waypoint_reference",
     "wheel_speed_used",
 ]

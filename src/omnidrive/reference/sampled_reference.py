@@ -12,6 +12,8 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
+from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.motion import Motion, limit_shares
 from omnidrive.reference.reference import Reference, Setpoint
 
 MIN_STEP = 1e-6
@@ -22,6 +24,9 @@ MAX_VALUE = 1e10
 
 MAX_SAMPLES = 100_000
 """Largest number of samples of a reference that is sampled, read or written."""
+
+_CHECKS = np.linspace(0.0, 1.0, 5)
+"""Points of an interval, as a share of its width, at which limits are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +138,27 @@ class SampledReference:
         inside = (times >= 0.0) & (times <= self.duration * (1.0 + 1e-12))
         times = np.clip(times, 0.0, self.duration)
         return np.hstack([poses(times), twists(times) * inside[:, None]])
+
+    def interval_usage(
+        self, limits: tuple[LimitRows, ...]
+    ) -> dict[str, Float[Array, " intervals"]]:
+        """Return the peak use of each limit between consecutive samples, as a share of the limit.
+
+        The accelerations are linear between samples; the limits are evaluated at both ends of each
+        interval and at three points between.
+        """
+        cubic, square, linear, constant = self._curves[0].c
+        usage = {group.name: np.zeros(len(cubic)) for group in limits}
+        for share in _CHECKS.tolist():
+            h = share * np.diff(self.times)[:, None]
+            motion = Motion(
+                ((cubic * h + square) * h + linear) * h + constant,
+                (3.0 * cubic * h + 2.0 * square) * h + linear,
+                6.0 * cubic * h + 2.0 * square,
+            )
+            for name, shares in limit_shares(motion, limits).items():
+                usage[name] = np.maximum(usage[name], shares)
+        return usage
 
 
 def first_nonincreasing(times: Float[Array, " samples"]) -> int | None:

@@ -24,7 +24,7 @@ from omnidrive.reference.waypoints.text_file import write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints
 
 _VERSION = 3
-_MIN_SPACING = 5e-4
+MIN_SPACING = 5e-4
 """Shortest time between samples, in s. Choreo's optimiser can end with samples less than 1 us
 apart, and its files are rounded to 1e-5 m: differences over a shorter time give no velocities."""
 
@@ -77,9 +77,9 @@ def write_choreo(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> No
             "a Choreo trajectory needs times, which a path does not have: convert the path to a "
             "reference, or save it as .csv, .path or .yaml"
         )
-    if np.diff(waypoints.times).min() < _MIN_SPACING:
+    if np.diff(waypoints.times).min() < MIN_SPACING:
         raise InvalidReference(
-            f"a Choreo trajectory needs samples at least {_MIN_SPACING:g} s apart; "
+            f"a Choreo trajectory needs samples at least {MIN_SPACING:g} s apart; "
             "choose a longer dt"
         )
     means = np.diff(waypoints.twists, axis=0) / np.diff(waypoints.times)[:, None]
@@ -99,7 +99,7 @@ def _spaced(samples: list[Field], times: Float[Array, " samples"]) -> Int[Array,
     for i, (before, now) in enumerate(zip(times[:-1].tolist(), times[1:].tolist(), strict=True), 1):
         if now < before:
             raise samples[i].error(f"has the time {now:.9g} s, before {before:.9g} s; sort them")
-        if now - times[kept[-1]] >= _MIN_SPACING:
+        if now - times[kept[-1]] >= MIN_SPACING:
             kept.append(i)
     if len(kept) > 1:
         kept[-1] = len(times) - 1

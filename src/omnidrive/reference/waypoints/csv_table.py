@@ -38,6 +38,9 @@ _ALIASES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
 _MAX_TITLE = 60
 _MAX_LINES = 2 * MAX_SAMPLES  # including comments and empty lines
 _PATH_HEADER = "x_m,y_m,yaw_rad"
+_INTERPOLATION = (
+    "# Between rows x, y and yaw are cubic polynomials of the poses and velocities (Hermite)."
+)
 _TIMED_HEADER = f"t_s,{_PATH_HEADER},vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
 
 
@@ -74,11 +77,14 @@ def read_csv(file: pathlib.Path) -> Waypoints:
 
 
 def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
-    """Write a table, which :func:`read_csv` restores exactly; it does not contain the frame."""
+    """Write a table, which :func:`read_csv` restores exactly; it does not contain the frame.
+
+    A comment in the first line of a timed table states the interpolation between rows.
+    """
     if isinstance(waypoints, Path):
         header, table = _PATH_HEADER, waypoints.poses
     else:
-        header = _TIMED_HEADER
+        header = f"{_INTERPOLATION}\n{_TIMED_HEADER}"
         table = np.column_stack([waypoints.times, waypoints.poses, waypoints.twists])
     rows = (",".join(map(repr, row)) for row in table.tolist())
     write_text(file, "\n".join([header, *rows, ""]))
@@ -93,15 +99,11 @@ def _lines(name: str, text: str) -> list[str]:
 
 
 def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " rows"]]) -> Waypoints:
-    def position(i: int) -> str:
-        """Return the line of waypoint i, for messages."""
-        return f"line {lines[i]}"
-
     poses = np.column_stack([column[key] for key in _POSE])
     if "t" not in column:
-        return untimed_waypoints(name, position, poses)
+        return untimed_waypoints(name, poses)
     twists = np.column_stack([column[key] for key in _TWIST]) if "vx" in column else None
-    return timed_waypoints(name, position, column["t"], poses, twists)
+    return timed_waypoints(name, lambda i: f"line {lines[i]}", column["t"], poses, twists)
 
 
 def _column(title: str) -> tuple[str, str] | None:
@@ -166,6 +168,8 @@ def _numbers(where: str, cells: list[str], count: int) -> list[float]:
     numbers: list[float] = []
     for cell in cells:
         try:
+            if "_" in cell or not cell.isascii():  # Python's syntax: 1_000, digits of other scripts
+                raise ValueError
             numbers.append(float(cell))
         except ValueError:
             raise InvalidReference(f"{where}: {short_repr(cell)} is not a number") from None

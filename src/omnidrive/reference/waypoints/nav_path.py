@@ -47,7 +47,7 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
     stamps = np.array([_stamp(pose) for pose in poses], dtype=np.int64)
     table = np.array([_pose(pose) for pose in poses], dtype=float).reshape(-1, 3)
     if len(set(stamps.tolist())) <= 1:
-        return untimed_waypoints(name, lambda i: poses[i].name, table)
+        return untimed_waypoints(name, table)
     times = (stamps - stamps[0]) / 1e9
     return timed_waypoints(name, lambda i: f"{poses[i].name}.header.stamp", times, table, None)
 

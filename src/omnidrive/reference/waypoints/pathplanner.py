@@ -83,7 +83,7 @@ def read_pathplanner(file: pathlib.Path) -> Path:
         np.interp(ordered, parameters, distance),
         np.unwrap([targets[at] for at in ordered]),
     )
-    return untimed_waypoints(root.file, lambda i: f"sample {i}", np.column_stack([points, yaw]))
+    return untimed_waypoints(root.file, np.column_stack([points, yaw]))
 
 
 def write_pathplanner(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:

@@ -11,9 +11,10 @@ import numpy as np
 from omnidrive.errors import InvalidReference
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.planning import Path
+from omnidrive.reference.limit_sampling import MIN_ADDED_STEP, sample_within_limits
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
-from omnidrive.reference.waypoints.choreo import read_choreo, write_choreo
+from omnidrive.reference.waypoints.choreo import MIN_SPACING, read_choreo, write_choreo
 from omnidrive.reference.waypoints.csv_table import read_csv, write_csv
 from omnidrive.reference.waypoints.nav_path import read_nav_path, write_nav_path
 from omnidrive.reference.waypoints.pathplanner import read_pathplanner, write_pathplanner
@@ -25,12 +26,14 @@ _DEFAULT_STEP = 0.02  # s, a common control period
 class _Format(NamedTuple):
     read: Callable[[pathlib.Path], Waypoints]
     write: Callable[[pathlib.Path, Waypoints, str], None]
+    min_step: float = MIN_ADDED_STEP
+    """Shortest time between samples, in s, that are added to keep limits."""
 
 
 _FORMATS = {
     ".csv": _Format(read_csv, write_csv),
     ".path": _Format(read_pathplanner, write_pathplanner),
-    ".traj": _Format(read_choreo, write_choreo),
+    ".traj": _Format(read_choreo, write_choreo, MIN_SPACING),
     ".yaml": _Format(read_nav_path, write_nav_path),
     ".yml": _Format(read_nav_path, write_nav_path),
 }
@@ -62,11 +65,17 @@ def save_waypoints(
     Choreo files need times; PathPlanner files have none. CSV tables and Choreo files keep all
     samples of a reference exactly; for the accuracy of the other formats see their writers.
 
+    A :class:`TimedReference` keeps its limits within 1 % when a CSV table or a Choreo file of it is
+    read again: where samples every ``dt`` are too few, in particular where the acceleration jumps,
+    further samples are written, see :func:`~omnidrive.reference.sample_within_limits`. For samples
+    at even times only, save ``SampledReference.of(reference, dt)``.
+
     Args:
         path: File name; an existing file is overwritten.
         waypoints: Path or reference to write.
-        dt: Time between the samples of a reference, in s, rounded to a whole number of steps; None:
-            the samples of a :class:`SampledReference`, and 0.02 s for other references.
+        dt: Longest time between the samples of a reference, in s, rounded to a whole number of
+            steps; None: the samples of a :class:`SampledReference`, and 0.02 s for other
+            references.
         frame_id: Name of W in ROS.
 
     Raises:
@@ -76,21 +85,22 @@ def save_waypoints(
         CannotWrite: The file cannot be written.
     """
     file = pathlib.Path(path)
-    write = _format(file).write
+    kind = _format(file)
     if isinstance(waypoints, Path):
         if dt is not None:
             raise InvalidReference(
                 "a path has no times: omit dt, or convert the path to a reference"
             )
         _check_turns(waypoints)
-        waypoints = untimed_waypoints("the path", lambda i: f"pose {i}", waypoints.poses)
+        waypoints = untimed_waypoints("the path", waypoints.poses)
     elif not isinstance(waypoints, Reference):
         raise InvalidReference(
             f"cannot save a {type(waypoints).__name__} as waypoints, only a Path or a Reference"
         )
     elif dt is not None or not isinstance(waypoints, SampledReference):
         step = _DEFAULT_STEP if dt is None else dt
-        waypoints = _check_sampled_turns(waypoints, SampledReference.of(waypoints, step), step)
+        samples = sample_within_limits(waypoints, step, min_step=kind.min_step)
+        waypoints = _check_sampled_turns(waypoints, samples, step)
     elif len(waypoints.times) > MAX_SAMPLES:
         raise InvalidReference(
             f"{len(waypoints.times):,} samples are more than {MAX_SAMPLES:,}; choose a dt"
@@ -98,7 +108,7 @@ def save_waypoints(
     else:
         longest = float(np.diff(waypoints.times).max())
         waypoints = _check_sampled_turns(waypoints, waypoints, longest)
-    write(file, waypoints, frame_id)
+    kind.write(file, waypoints, frame_id)
 
 
 def _turns_at_most_half(waypoints: Waypoints) -> bool:

@@ -54,14 +54,14 @@ def timed_waypoints(
     return SampledReference(times, poses, twists)
 
 
-def untimed_waypoints(
-    file: str, position: Callable[[int], str], poses: Float[Array, "points 3"]
-) -> Path:
-    """Return the path through poses, with the yaw unwrapped; see :func:`timed_waypoints`.
+def untimed_waypoints(file: str, poses: Float[Array, "points 3"]) -> Path:
+    """Return the path through poses, with the yaw unwrapped; ``file`` is its name, for messages.
+
+    A pose that repeats the previous one is left out.
 
     Raises:
-        InvalidReference: There are fewer than two poses, two consecutive poses are equal, or a
-            number is not finite or above 1e10 in magnitude.
+        InvalidReference: There are fewer than two different poses, or a number is not finite or
+            above 1e10 in magnitude.
     """
     _check_count(file, len(poses))
     if not (np.abs(poses) <= MAX_VALUE).all():  # NaN as well
@@ -70,15 +70,13 @@ def untimed_waypoints(
             "in magnitude"
         )
     poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-    same = np.flatnonzero((np.diff(poses, axis=0) == 0.0).all(axis=1))
-    if len(same):
-        i = int(same[0])
+    changed = (np.diff(poses, axis=0) != 0.0).any(axis=1)
+    if not changed.any():
         raise InvalidReference(
-            f"{file}, {position(i + 1)}: the same waypoint as the previous one, "
-            f"x {poses[i, 0]:g} m, y {poses[i, 1]:g} m; remove one of the two, "
-            "or add times to wait there"
+            f"{file}: all waypoints are the same, x {poses[0, 0]:g} m, y {poses[0, 1]:g} m; "
+            "a path needs two different ones"
         )
-    return Path(poses)
+    return Path(poses[np.concatenate([[True], changed])])
 
 
 def _check_count(file: str, count: int) -> None:

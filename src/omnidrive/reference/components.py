@@ -1,0 +1,89 @@
+"""Components of the group ``omnidrive.references``: the named shapes, and waypoint files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omnidrive.geometry import Pose
+from omnidrive.reference.limit_usage import shortest_duration_within
+from omnidrive.reference.limits import MotionLimits, limit_rows
+from omnidrive.reference.reference import Reference
+from omnidrive.reference.shape_reference import ORIGIN, ShapeReference
+from omnidrive.reference.shapes import (
+    Circle,
+    Eight,
+    RaisedCosine,
+    RandomSmooth,
+    Shape,
+    Slalom,
+    Square,
+)
+from omnidrive.reference.waypoint_reference import waypoint_reference
+from omnidrive.robot import Robot
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceContext:
+    """What a component of the group ``omnidrive.references`` gets besides its parameters.
+
+    The component returns a motion in its natural duration; a study slows it down or speeds it up
+    uniformly to the durations of its tasks.
+
+    Attributes:
+        robot: Robot that follows the motion.
+        start: Pose in W where the motion starts; a motion with positions of its own ignores it.
+    """
+
+    robot: Robot
+    start: Pose = ORIGIN
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WaypointFile:
+    """Parameters of the reference `waypoints`."""
+
+    file: str
+    """CSV, PathPlanner, Choreo or ROS `nav_msgs/Path` file; in a scenario file, its path is
+    relative to that file."""
+
+
+def circle(context: ReferenceContext, parameters: Circle) -> ShapeReference:
+    """Circle, or several laps of it."""
+    return _fastest(context, parameters)
+
+
+def eight(context: ReferenceContext, parameters: Eight) -> ShapeReference:
+    """Figure of eight: lemniscate of Gerono from its crossing."""
+    return _fastest(context, parameters)
+
+
+def square(context: ReferenceContext, parameters: Square) -> ShapeReference:
+    """Square with rounded corners, from corner to corner."""
+    return _fastest(context, parameters)
+
+
+def raised_cosine(context: ReferenceContext, parameters: RaisedCosine) -> ShapeReference:
+    """Line with a raised-cosine lateral offset."""
+    return _fastest(context, parameters)
+
+
+def slalom(context: ReferenceContext, parameters: Slalom) -> ShapeReference:
+    """Slalom of clothoids, at constant speed between its ends."""
+    return _fastest(context, parameters)
+
+
+def random_smooth(context: ReferenceContext, parameters: RandomSmooth) -> ShapeReference:
+    """Random smooth closed motion in x, y and heading, reproducible by its seed."""
+    return _fastest(context, parameters)
+
+
+def waypoints(context: ReferenceContext, parameters: WaypointFile) -> Reference:
+    """Waypoint file: as timed there, or in the shortest time if it has no times."""
+    return waypoint_reference(parameters.file, context.robot)
+
+
+def _fastest(context: ReferenceContext, shape: Shape) -> ShapeReference:
+    """Return the motion in the shortest duration within the limits of the robot."""
+    motion = ShapeReference(shape, 1.0, context.start)
+    limits = limit_rows(context.robot.chassis, MotionLimits.of_robot(context.robot))
+    return ShapeReference(shape, shortest_duration_within(motion, limits), context.start)

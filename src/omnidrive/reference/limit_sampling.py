@@ -1,0 +1,141 @@
+"""Samples of a motion whose cubic Hermite interpolation keeps its limits."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidReference
+from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.reference import Reference
+from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
+from omnidrive.reference.timed_reference import TimedReference
+
+EXCESS = 0.01
+"""Tolerated relative excess of a limit between samples."""
+
+MIN_ADDED_STEP = 1e-5
+"""Shortest time between samples that refinement makes, in s."""
+
+_DOMINANT = 0.25
+"""Share of all jumps between two samples from which the largest one counts as a switch."""
+
+
+def sample_within_limits(
+    reference: Reference,
+    dt: float,
+    limits: tuple[LimitRows, ...] | None = None,
+    usage: dict[str, float] | None = None,
+    min_step: float = MIN_ADDED_STEP,
+) -> SampledReference:
+    """Sample a reference at even steps of about ``dt`` s, and at further times for its limits.
+
+    Where the cubic Hermite interpolation of even samples exceeds a limit by more than 1 %, samples
+    are added: at the nodes of a :class:`TimedReference`, where its acceleration may jump, and
+    between them by halving. Without the sample at a jump, the interpolated acceleration overshoots
+    by up to half of the jump at any step.
+
+    Args:
+        reference: The motion.
+        dt: Time between samples, in s.
+        limits: Limits to keep; None: those of a :class:`TimedReference`, none for others.
+        usage: Peak use of each limit by the motion itself, as a share of the limit; where that is
+            above 1, the samples keep it within 1 %. None: 1.
+        min_step: Shortest time between an added sample and its neighbours, in s. The limits may be
+            exceeded where the acceleration jumps twice within this time.
+
+    Raises:
+        InvalidReference: ``dt`` or the duration is not possible, or more than 100,000 samples are
+            needed.
+    """
+    samples = SampledReference.of(reference, dt)
+    nodes = _Nodes(np.zeros(0), np.zeros(0))
+    if isinstance(reference, TimedReference):
+        nodes = _Nodes.of(reference)
+        limits = reference.limits if limits is None else limits
+    if not limits:
+        return samples
+    allowed = {g.name: (1.0 + EXCESS) * max((usage or {}).get(g.name, 1.0), 1.0) for g in limits}
+    while True:
+        shares = samples.interval_usage(limits)
+        over = np.max([shares[name] / most for name, most in allowed.items()], axis=0) > 1.0
+        times = _refined(samples.times, np.flatnonzero(over), nodes, min_step)
+        if len(times) > MAX_SAMPLES:
+            raise InvalidReference(
+                f"the motion needs more than {MAX_SAMPLES:,} samples to keep its limits between "
+                "them; choose a longer duration"
+            )
+        if np.array_equal(times, samples.times):
+            return samples
+        samples = _at(reference, times, samples)
+
+
+class _Nodes(NamedTuple):
+    """Inner nodes of a timed reference."""
+
+    times: Float[Array, " nodes"]
+    jumps: Float[Array, " nodes"]
+    """Magnitude of the change of d2s/dt2 at each node, in 1/s^2."""
+
+    @classmethod
+    def of(cls, reference: TimedReference) -> _Nodes:
+        change = np.diff(reference.squared_speeds, 2) * (0.5 * len(reference.squared_speeds))
+        return cls(reference.times[1:-1], np.abs(change))
+
+    def within(self, start: float, end: float) -> float | None:
+        """Return the node to add between two samples; None: there is none.
+
+        It is the one with the largest jump if that dominates, otherwise that nearest to the middle.
+        """
+        here = slice(np.searchsorted(self.times, start, "right"), np.searchsorted(self.times, end))
+        times, jumps = self.times[here], self.jumps[here]
+        if not len(times):
+            return None
+        if jumps.max() > _DOMINANT * jumps.sum():
+            return float(times[np.argmax(jumps)])
+        return float(times[np.argmin(np.abs(times - 0.5 * (start + end)))])
+
+
+def _refined(
+    times: Float[Array, " samples"],
+    intervals: Int[Array, " over"],
+    nodes: _Nodes,
+    min_step: float,
+) -> Float[Array, " more"]:
+    """Return the times with one time added in each of the given intervals, if there is room.
+
+    The added time is a node or, without a node inside, the middle. An even sample that is too near
+    to a node gives way to it.
+    """
+    removed, added = set(), []
+    is_node = np.isin(times, nodes.times)
+    is_node[[0, -1]] = True  # the ends stay
+    for i in intervals.tolist():
+        start, end = times[i : i + 2].tolist()
+        node = nodes.within(start, end)
+        if node is None:
+            if end - start >= 2.0 * min_step:
+                added.append(0.5 * (start + end))
+            continue
+        crowded = [k for k in (i, i + 1) if abs(times[k] - node) < min_step]
+        if not any(is_node[k] for k in crowded):
+            removed.update(crowded)
+            added.append(node)
+    kept = np.delete(times, sorted(removed))
+    return np.unique(np.concatenate([kept, added]))
+
+
+def _at(
+    reference: Reference, times: Float[Array, " more"], known: SampledReference
+) -> SampledReference:
+    """Return the samples at ``times``, of which those in ``known`` are not evaluated again."""
+    old = np.column_stack([known.poses, known.twists])
+    where = np.searchsorted(known.times, times).clip(0, len(known.times) - 1)
+    rows = old[where]
+    for i in np.flatnonzero(known.times[where] != times).tolist():
+        setpoint = reference.at(float(times[i]))
+        rows[i] = *setpoint.pose, *setpoint.twist
+    return SampledReference(times, rows[:, :3], rows[:, 3:], unwrapped=True)

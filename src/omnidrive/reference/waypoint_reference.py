@@ -1,0 +1,61 @@
+"""Motions along the waypoints of a file."""
+
+from __future__ import annotations
+
+import pathlib
+from math import ceil
+
+import numpy as np
+
+from omnidrive.planning import Path, SplinePath
+from omnidrive.reference.limits import MotionLimits
+from omnidrive.reference.path_timing import time_within_limits
+from omnidrive.reference.sampled_reference import SampledReference
+from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.waypoints import load_waypoints
+from omnidrive.robot import Robot
+
+_SPACING = 0.05
+"""Distance between control points, in m."""
+
+_MIN_POINTS, _MAX_POINTS = 8, 2001
+"""Smallest and largest number of control points; a path of more than 100 m has a wider spacing."""
+
+_LEVER = 0.3
+"""Distance that counts as much as a turn by 1 rad, in m."""
+
+
+def waypoint_reference(file: str | pathlib.Path, robot: Robot) -> SampledReference | TimedReference:
+    """Return the motion of a waypoint file.
+
+    A file with times is interpolated, see :class:`SampledReference`. A file without times is
+    followed from rest to rest in the shortest time within the limits of the robot, see
+    :func:`spline_along` and :meth:`MotionLimits.of_robot`.
+
+    Args:
+        file: Waypoint file, see :func:`load_waypoints`.
+        robot: Robot whose limits hold on a path without times.
+
+    Raises:
+        InvalidReference: The file is missing or malformed, or the path cannot be timed.
+    """
+    found = load_waypoints(file)
+    if isinstance(found, SampledReference):
+        return found
+    return time_within_limits(spline_along(found), robot.chassis, MotionLimits.of_robot(robot))
+
+
+def spline_along(path: Path) -> SplinePath:
+    """Return a spline along the polyline through the poses, within 0.03 m up to 100 m of length.
+
+    Its control points lie on the polyline at equal distances of at most 0.05 m, where a turn by
+    1 rad counts as 0.3 m. Corners are rounded within that distance. The robot turns on the spot
+    where the path does.
+    """
+    moves = np.linalg.norm(np.diff(path.poses[:, :2], axis=0), axis=1)
+    turns = np.abs(np.diff(path.poses[:, 2]))
+    distance = np.concatenate([[0.0], np.cumsum(moves + _LEVER * turns)])
+    count = min(max(ceil(distance[-1] / _SPACING) + 1, _MIN_POINTS), _MAX_POINTS)
+    at = np.linspace(0.0, distance[-1], count)
+    columns = [np.interp(at, distance, column) for column in path.poses.T]
+    return SplinePath(np.column_stack(columns))
