@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, suggestion
 
 
 class Bounds(NamedTuple):
@@ -44,6 +45,15 @@ def bounds_of(params: type[Any]) -> dict[str, Bounds]:
         for meta in getattr(hint, "__metadata__", ())
         if isinstance(meta, Bounds)
     }
+
+
+def check_choice(what: str, name: object, known: Collection[str]) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless ``name`` is one of the known names.
+
+    The message suggests the closest of them; ``what`` describes the argument.
+    """
+    if name not in known:
+        raise InvalidInput(f"there is no {what} {name!r}{suggestion(str(name), known)}")
 
 
 def check_sample_time(dt: float) -> None:

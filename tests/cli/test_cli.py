@@ -110,8 +110,9 @@ def test_plan_and_run(tmp_path):
     assert planned.returncode == 0, planned.stderr
     assert "shortest duration   16.400 s" in planned.stdout
     rows = (tmp_path / "p" / "reference.csv").read_text().splitlines()
-    assert rows[0].startswith("t_s,x_m,y_m,yaw_rad")
-    assert len(rows) == 202
+    assert rows[0].startswith("# Between rows")
+    assert rows[1].startswith("t_s,x_m,y_m,yaw_rad")
+    assert len(rows) == 203
     ran = omnidrive("run", "--controller", "unicycle-nmpc", "--horizon", "8",
                     "--plant", "kinematic", cwd=tmp_path)  # fmt: skip
     assert ran.returncode == 0, ran.stderr

@@ -178,7 +178,7 @@ def test_unknown_extension_is_rejected(tmp_path, name):
             "a.yaml",
             Path(np.zeros((2, 3))),
             {},
-            "the path, pose 1: the same waypoint as the previous one",
+            "the path: all waypoints are the same",
         ),
         (
             "a.csv",

@@ -60,7 +60,7 @@ def check_rejected(file, message):
         ("x,y,yaw\n1," + "9" * 100_000 + ",3\n", "line 2: inf is not a finite"),
         (
             "x,y,yaw\n1,2,3\n1,2,3\n",
-            "line 3: the same waypoint as the previous one, x 1 m, y 2 m; remove",
+            "all waypoints are the same, x 1 m, y 2 m; a path needs two different ones",
         ),
         ("t,x,y,yaw\n0,1,2,3\n# so\n0,1,2,3\n", "line 4: the time 0 s does not come after 0 s"),
         (
@@ -157,7 +157,7 @@ def stamped(sec, **pose):
             message(stamped(0), "..."),
             r"poses\[1\] is '...': ros2 topic echo truncated the list; add",
         ),
-        (message(stamped(0), stamped(0)), r"poses\[1\]: the same waypoint as the previous one"),
+        (message(stamped(0), stamped(0)), "all waypoints are the same, x 0 m, y 0 m"),
         (
             message(stamped(1), stamped(2), stamped(1.0)),
             r"poses\[2\].header.stamp: the time 0 s does not come after 1 s",

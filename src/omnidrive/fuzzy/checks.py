@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.errors import InvalidInput
 
 
 def convert_to_floats(value: object, *fields: str) -> None:
@@ -30,11 +28,3 @@ def check_unique(what: str, names: list[str]) -> None:
         if name in seen:
             raise InvalidInput(f"{what}: the name {name!r} is there twice")
         seen.add(name)
-
-
-def check_choice(
-    what: str, name: str, known: Sequence[str] | dict[str, str] | dict[str, int]
-) -> None:
-    """Raise for an unknown name, with a suggestion of the closest known one."""
-    if name not in known:
-        raise InvalidInput(f"there is no {what} {name!r}{suggestion(name, tuple(known))}")

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.checks import check_choice, convert_to_floats
+from omnidrive.fuzzy.checks import convert_to_floats
+from omnidrive.parameter import check_choice
 
 Hedge = Literal["not", "any", "very", "somewhat", "extremely", "seldom"]
 HEDGES: tuple[Hedge, ...] = ("not", "any", "very", "somewhat", "extremely", "seldom")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.fuzzy.checks import check_choice, check_unique
+from omnidrive.fuzzy.checks import check_unique
 from omnidrive.fuzzy.drawing import sets_svg
 from omnidrive.fuzzy.norms import CONORMS, IMPLICATIONS, NORMS
 from omnidrive.fuzzy.rules import Is, Rule, propositions
@@ -21,6 +21,7 @@ from omnidrive.fuzzy.variables import (
     Variable,
 )
 from omnidrive.notebook import captioned, facts_html
+from omnidrive.parameter import check_choice
 
 Algorithm = Literal["km", "ekm", "eiasc", "iasc", "nie-tan"]
 ALGORITHMS: tuple[Algorithm, ...] = ("km", "ekm", "eiasc", "iasc", "nie-tan")

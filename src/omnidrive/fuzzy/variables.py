@@ -13,9 +13,10 @@ from jaxtyping import Bool, Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.checks import check_choice, check_name, check_unique, convert_to_floats
+from omnidrive.fuzzy.checks import check_name, check_unique, convert_to_floats
 from omnidrive.fuzzy.membership import Curves, Membership, degree
 from omnidrive.fuzzy.norms import AGGREGATIONS
+from omnidrive.parameter import check_choice
 
 Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom", "lm", "rm", "wtaver", "wtsum"]
 DEFUZZIFIERS: dict[str, str] = {

@@ -108,9 +108,11 @@ def _refined(
     """Return the times with one time added in each of the given intervals, if there is room.
 
     The added time is a node or, without a node inside, the middle. An even sample that is too near
-    to a node gives way to it.
+    to a node gives way to it. If that sample is a node itself, a time next to it is added, which
+    keeps the interval that contains both nodes short.
     """
-    removed, added = set(), []
+    removed: set[int] = set()
+    added: list[float] = []
     is_node = np.isin(times, nodes.times)
     is_node[[0, -1]] = True  # the ends stay
     for i in intervals.tolist():
@@ -124,8 +126,14 @@ def _refined(
         if not any(is_node[k] for k in crowded):
             removed.update(crowded)
             added.append(node)
+        elif end - start > 3.0 * min_step:
+            added.append(start + 1.5 * min_step if crowded[0] == i else end - 1.5 * min_step)
     kept = np.delete(times, sorted(removed))
-    return np.unique(np.concatenate([kept, added]))
+    new = np.array(sorted(added))
+    where = np.searchsorted(kept, new)
+    new = new[np.minimum(new - kept[where - 1], kept[where] - new) >= min_step]
+    apart = np.concatenate([[True], np.diff(new) >= min_step])[: len(new)]
+    return np.sort(np.concatenate([kept, new[apart]]))
 
 
 def _at(

@@ -45,7 +45,8 @@ def shortest_duration_within(reference: Reference, limits: tuple[LimitRows, ...]
     """Return the shortest duration of the reference, retimed uniformly, within the limits, in s."""
     usage = limit_usage(reference, limits)
     factors = [usage[group.name] ** (1.0 / _ORDER[group.kind]) for group in limits]
-    return reference.duration * max(factors)
+    shortest: float = reference.duration * max(factors)
+    return shortest
 
 
 _ORDER = {"speed": 1, "twist rate": 2, "acceleration": 2}

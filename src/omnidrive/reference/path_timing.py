@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
+from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
 from omnidrive.reference.free_heading import free_heading
 from omnidrive.reference.initial_headings import check_end_headings
@@ -49,11 +50,12 @@ def time_within_limits(
         duration: Duration to which the whole motion is slowed, in s; None: the shortest.
 
     Raises:
-        InvalidInput: A limit or a heading is outside its domain.
+        InvalidInput: A limit or a heading is outside its domain, or its kind is unknown.
         InvalidReference: The path does not move, has no direction of travel for heading
             ``tangent``, cannot be followed in ``duration``, or contradicts an end heading.
         MissingExtra: Heading ``free`` without CasADi.
     """
+    check_choice("heading", heading, get_args(Heading))
     rows = limit_rows(chassis, limits)
     check_end_headings(start_yaw, goal_yaw)
     kind: FixedHeading = "path" if heading == "free" else heading

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import wrap
+from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
 
 FixedHeading = Literal["path", "tangent", "fixed"]
@@ -63,10 +64,11 @@ class PiecewisePath:
             yaw: Heading for ``fixed``, in rad; None: the first heading of the path.
 
         Raises:
-            InvalidInput: ``yaw`` is not finite.
+            InvalidInput: ``heading`` is unknown, or ``yaw`` is not finite.
             InvalidReference: The path does not move, has more than 250,000 pieces, turns too
                 often, or, with heading ``tangent``, has a point without a direction of travel.
         """
+        check_choice("heading", heading, get_args(FixedHeading))
         if yaw is not None and not np.isfinite(yaw):
             raise InvalidInput(f"the heading must be a finite angle in rad, got {yaw:g}")
         check_path_moves(path, 3 if heading == "path" else 2)

@@ -41,4 +41,5 @@ class Eight(PlaneCurve):
         It stays within half a turn of -pi/2, its mean over a lap.
         """
         x, y = self.points(s)[1].T
-        return np.arctan2(x, -y) - 0.5 * pi
+        direction: Float[Array, " n"] = np.arctan2(x, -y) - 0.5 * pi
+        return direction

@@ -40,4 +40,5 @@ class RaisedCosine(PlaneCurve):
     def directions(self, s: Float[Array, " n"]) -> Float[Array, " n"]:
         """Return the direction of travel in rad; it stays within a quarter turn of 0."""
         x, y = self.points(s)[1].T
-        return np.arctan2(y, x)
+        direction: Float[Array, " n"] = np.arctan2(y, x)
+        return direction

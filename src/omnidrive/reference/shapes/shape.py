@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.parameter import Bounds, bounds_of
+from omnidrive.parameter import Bounds, bounds_of, check_choice
 from omnidrive.reference.piecewise_path import PathDerivatives
 
 ShapeHeading = Literal["tangent", "fixed"]
@@ -55,8 +55,7 @@ class PlaneCurve(Shape):
 
     def __post_init__(self) -> None:
         Shape.__post_init__(self)
-        if self.heading not in get_args(ShapeHeading):
-            raise InvalidInput(f"heading must be 'tangent' or 'fixed', got '{self.heading}'")
+        check_choice("heading", self.heading, get_args(ShapeHeading))
 
     @abstractmethod
     def points(self, s: Float[Array, " n"]) -> Float[Array, "4 n 2"]:

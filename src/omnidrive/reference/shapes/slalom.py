@@ -115,4 +115,6 @@ def _clothoid(
     offset = curvature / sharpness
     (s0, c0), (s1, c1) = fresnel(scale * offset), fresnel(scale * (offset + length))
     integral = (c1 - c0) + 1j * np.sign(sharpness) * (s1 - s0)
-    return np.exp(1j * (direction - 0.5 * curvature * offset)) / scale * integral
+    turned = np.exp(1j * (direction - 0.5 * curvature * offset))
+    points: Complex[Array, " n"] = turned / scale * integral
+    return points

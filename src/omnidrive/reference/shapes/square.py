@@ -93,7 +93,8 @@ class Square(PlaneCurve):
         at = self._blend(s)
         weight = _weight(at.share)
         turn = (at.after - at.before) * np.arctan2(weight, 1.0 - weight)
-        return self._side * (0.5 * pi * at.before + turn)
+        direction: Float[Array, " n"] = self._side * (0.5 * pi * at.before + turn)
+        return direction
 
     @property
     def _side(self) -> float:
@@ -113,4 +114,5 @@ class Square(PlaneCurve):
 
 def _weight(share: Float[Array, " n"]) -> Float[Array, " n"]:
     """Return 6 w^5 - 15 w^4 + 10 w^3."""
-    return share**3 * (10.0 + share * (6.0 * share - 15.0))
+    weight: Float[Array, " n"] = share**3 * (10.0 + share * (6.0 * share - 15.0))
+    return weight

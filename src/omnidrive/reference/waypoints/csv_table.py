@@ -168,8 +168,6 @@ def _numbers(where: str, cells: list[str], count: int) -> list[float]:
     numbers: list[float] = []
     for cell in cells:
         try:
-            if "_" in cell or not cell.isascii():  # Python's syntax: 1_000, digits of other scripts
-                raise ValueError
             numbers.append(float(cell))
         except ValueError:
             raise InvalidReference(f"{where}: {short_repr(cell)} is not a number") from None
