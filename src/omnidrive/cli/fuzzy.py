@@ -36,6 +36,7 @@ from omnidrive.fuzzy.system import ALGORITHMS
 
 fuzzy = typer.Typer(
     no_args_is_help=True,
+    add_completion=False,
     rich_markup_mode="markdown",
     help="Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
 )
@@ -151,7 +152,7 @@ def show(
     inference = Inference(system)
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
-        with announce_compiling(_print_compiling):
+        with announce_compiling():
             inference.interval(*given)  # raises errors before anything is printed
     if out is not None:
         _create_folder(out)
@@ -232,7 +233,7 @@ def evaluate(
     if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
         raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
     _check_overwrite(target, force)
-    with announce_compiling(_print_compiling):
+    with announce_compiling():
         result = evaluate_csv(inference, source, target, threads=threads or available_cores())
     if result.unused:
         shown = ", ".join(result.unused[:6]) + (", ..." if len(result.unused) > 6 else "")
@@ -364,10 +365,6 @@ def _save_figures(inference: Inference, given: list[float] | None, folder: Path)
 def _file_name_part(name: str) -> str:
     """Return a name with the characters that are safe in file names."""
     return re.sub(r"[^A-Za-z0-9_]+", "-", name)[:40].strip("-") or "variable"
-
-
-def _print_compiling() -> None:
-    _warn("compiling, only the first time; this takes up to half a minute")
 
 
 def _warn(message: str) -> None:

@@ -16,6 +16,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
+from omnidrive.cli.terminal import NoteHandler, note, quiet_option
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
 
 VERBS = {
@@ -44,14 +45,16 @@ def load_verb(name: str) -> Any:
         wrapper = typer.Typer(add_completion=False, rich_markup_mode="markdown")
         wrapper.command()(verb)
         verb = wrapper
-    return typer.main.get_command(verb)
+    command: Any = typer.main.get_command(verb)
+    for each in getattr(command, "commands", {"": command}).values():
+        each.params.append(quiet_option())
+    return command
 
 
 app = typer.Typer(
     name="omnidrive",
     cls=_LazyVerbs,
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -100,16 +103,13 @@ def main() -> None:
     for number in _SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored under nohup
             signal.signal(number, _interrupt)
-    logging.getLogger("omnidrive").setLevel(logging.ERROR)  # the progress display shows the rest
+    logging.getLogger().addHandler(NoteHandler())
     with warnings.catch_warnings():
         warnings.simplefilter("always", FutureWarning)
         warnings.showwarning = _note
         status = _status()
     _restore_signals()
     sys.exit(status)
-
-
-_noted: set[str] = set()
 
 
 def _note(
@@ -120,10 +120,9 @@ def _note(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Print each warning for users once, in one line."""
-    if issubclass(category, FutureWarning) and str(message) not in _noted:
-        _noted.add(str(message))
-        typer.echo(f"omnidrive: note: {message}", err=True)
+    """Print a warning for users as a note."""
+    if issubclass(category, FutureWarning):
+        note(str(message))
 
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:

@@ -90,16 +90,12 @@ def plan(
         return
     check_plan_targets(out, png)
     shortest_by_default = shared.map_file is not None or shared.timing in {"limits", "minimum-time"}
-    with announce_compiling(_print_compiling):
+    with announce_compiling():
         if shortest_by_default and shared.duration is None:
             planned = plan_at(shared.resolve(retimed=False), shared.speed)
         else:
             planned = plan_and_check(shared.resolve())
     _report(planned, out, png, json)
-
-
-def _print_compiling() -> None:
-    typer.echo("compiling, the first time only; this takes several seconds", err=True)
 
 
 def _report(planned: PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:

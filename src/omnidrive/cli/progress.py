@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table as RichTable
 
-from omnidrive.compiled import has_cached_kernels
+from omnidrive.cli.terminal import is_quiet
 from omnidrive.evaluation import Table
 from omnidrive.study import Study
 
@@ -30,6 +30,7 @@ class LiveProgress:
             TimeElapsedColumn(),
             TextColumn("{task.fields[what]}", style="dim"),
             console=Console(stderr=True),
+            disable=is_quiet(),
         )
         self._task = self._progress.add_task("", visible=False, what="")
 
@@ -49,8 +50,7 @@ class LiveProgress:
     def part(self, name: str, steps: int) -> None:
         """Start the bar of a part."""
         self._finish()
-        what = "" if has_cached_kernels() else "compiling, first use only"
-        self._task = self._progress.add_task(name, total=steps or None, what=what)
+        self._task = self._progress.add_task(name, total=steps or None, what="")
 
     def done(self, what: str) -> None:
         """Advance the bar by one step."""
@@ -66,6 +66,8 @@ class LiveProgress:
 
 def print_tables(tables: Sequence[Table]) -> None:
     """Print tables on standard output; columns that do not fit follow below, with the keys."""
+    if is_quiet():
+        return
     console = Console()
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console = Console(width=_FILE_WIDTH)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import typer
-
 from omnidrive.cli.options import available_cores
 from omnidrive.cli.progress import LiveProgress
+from omnidrive.cli.terminal import show
 from omnidrive.study import warm_up
 
 
@@ -18,4 +17,4 @@ def warmup() -> None:
     """
     with LiveProgress() as progress:
         warm_up(progress, processes=available_cores())
-    typer.echo("all kernels are compiled and cached")
+    show("all kernels are compiled and cached")

@@ -19,7 +19,6 @@ from typing import Any, ParamSpec, TypeVar, cast
 from numba import typeof
 from numba.core import config
 
-from omnidrive.compiled.cache import cache_folder
 from omnidrive.compiled.dispatcher import Kernel, compile_listeners
 
 P = ParamSpec("P")
@@ -82,29 +81,37 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
     return cast("Callable[P, R]", machine.overloads[types].entry_point)
 
 
-def has_cached_kernels() -> bool:
-    """Whether the cache holds any kernel."""
-    return any(cache_folder().glob("*.nbc"))
-
-
 def _log_compiling() -> None:
     _log.warning(
-        "compiling numerical kernels, the first time only: up to half a minute; "
-        "`omnidrive warmup` does it beforehand"
+        "compiling numerical kernels for this processor, only once: up to half a minute, or a "
+        "minute on one core; `omnidrive warmup` does it beforehand"
     )
 
 
 @contextmanager
 def announce_compiling(announce: Callable[[], None] = _log_compiling) -> Iterator[None]:
-    """Call ``announce`` once if a kernel has to be compiled; by default it logs a warning."""
+    """Call ``announce`` once if a kernel has to be compiled; by default it logs a warning.
+
+    Within another such context, only the outer one announces.
+    """
+    if compile_listeners:
+        yield
+        return
+
+    pending = [announce]
 
     def announce_once() -> None:
-        compile_listeners.remove(announce_once)
-        announce()
+        while pending:
+            pending.pop()()
 
     compile_listeners.append(announce_once)
     try:
         yield
     finally:
-        if announce_once in compile_listeners:
-            compile_listeners.remove(announce_once)
+        compile_listeners.remove(announce_once)
+
+
+def notify_compiling() -> None:
+    """Announce that another process compiles kernels for this one."""
+    for listener in [*compile_listeners]:
+        listener()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import logging.handlers
 import os
 import pickle
 import signal
@@ -10,15 +11,17 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from ctypes import Array, c_char
+from ctypes import Array, c_bool, c_char
 from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
-from multiprocessing.sharedctypes import RawArray
+from multiprocessing.sharedctypes import RawArray, RawValue
 from queue import Empty, SimpleQueue
 from threading import Thread
+from typing import Any
 
+from omnidrive.compiled import compile_listeners, notify_compiling
 from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult
 from omnidrive.study.jobs import Job, run_job
@@ -27,9 +30,11 @@ from omnidrive.study.scenario import Scenario
 from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
-_Finished = tuple[Job, Result | BaseException]
+_Logged = tuple[Result, list[logging.LogRecord]]
+_Finished = tuple[Job, _Logged | BaseException]
 
 _shared: list[PlannedScenario] = []  # one item in a worker process, used by all its runs
+_records: SimpleQueue[logging.LogRecord] = SimpleQueue()  # of the present run in a worker process
 
 _COMPILE_TIMES = {
     "holonomic-nmpc": 16.0, "fuzzy_t1": 9.0, "unicycle-nmpc": 3.0, "fuzzy_t2": 2.0, "fuzzy_t3": 2.0,
@@ -72,12 +77,13 @@ def execute(
     # shared memory, not an argument: writing a large argument to a worker that cannot start blocks
     shared = RawArray(c_char, len(data))
     shared.raw = data
+    compiling = RawValue(c_bool, False)
     with _signals_blocked():  # this starts the resource tracker process of Python
         pool = ProcessPoolExecutor(
             min(processes, len(queue)),
             mp_context=get_context("spawn"),
             initializer=_start_worker,
-            initargs=(shared, logging.getLogger("omnidrive").level),
+            initargs=(shared, compiling, logging.getLogger("omnidrive").level),
         )
     finished: SimpleQueue[_Finished] = SimpleQueue()
     workers: list[BaseProcess] = []
@@ -85,7 +91,7 @@ def execute(
         with ThreadPoolExecutor(1) as starter:  # Ctrl-C would interrupt a start in the main thread
             starter.submit(_start_workers, pool, queue, finished, workers).result()
         for _ in queue:
-            yield _next_finished(finished, workers)
+            yield _next_finished(finished, workers, compiling)
     except BrokenProcessPool as error:
         raise WorkerLost from error
     except BaseException:  # the runs in progress are abandoned
@@ -120,7 +126,7 @@ def _start_workers(
     future, which it would keep if a signal interrupted it at that moment.
     """
 
-    def put(job: Job, future: Future[Result]) -> None:
+    def put(job: Job, future: Future[_Logged]) -> None:
         if not future.cancelled():
             finished.put((job, future.exception() or future.result()))
 
@@ -132,15 +138,19 @@ def _start_workers(
 
 
 def _next_finished(
-    finished: SimpleQueue[_Finished], workers: Sequence[BaseProcess]
+    finished: SimpleQueue[_Finished], workers: Sequence[BaseProcess], compiling: Any
 ) -> tuple[Job, Result]:
-    """Wait for the next finished job, while all workers are alive.
+    """Wait for the next finished job, while all workers are alive, and log what its worker logged.
+
+    Workers write nothing to the terminal: their messages would break the progress display.
 
     Raises:
         WorkerLost: A worker ended while it was sending a result; the pool itself would wait for the
             rest of the result without end.
     """
     while True:
+        if compiling.value:
+            notify_compiling()
         try:
             job, outcome = finished.get(timeout=1.0)
         except Empty:
@@ -149,7 +159,10 @@ def _next_finished(
             continue
         if isinstance(outcome, BaseException):
             raise outcome
-        return job, outcome
+        result, records = outcome
+        for record in records:
+            logging.getLogger(record.name).handle(record)
+        return job, result
 
 
 def _kill_workers(pool: ProcessPoolExecutor, workers: Sequence[BaseProcess]) -> None:
@@ -178,9 +191,18 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(shared: Array[c_char], log_level: int) -> None:
-    """Initialise a worker process with the pickled scenario and the parent's log level."""
+def _start_worker(shared: Array[c_char], compiling: Any, log_level: int) -> None:
+    """Initialise a worker process.
+
+    Args:
+        shared: The pickled scenario.
+        compiling: Shared flag to set when a kernel is compiled.
+        log_level: Log level of the parent.
+    """
     logging.getLogger("omnidrive").setLevel(log_level)
+    logging.getLogger().addHandler(logging.handlers.QueueHandler(_records))
+    logging.captureWarnings(True)
+    compile_listeners.append(partial(setattr, compiling, "value", True))
     for number in _TERMINAL_SIGNALS:  # the terminal sends them to all processes; the parent reacts
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
@@ -197,5 +219,7 @@ def _exit_with_parent() -> None:
         os._exit(1)
 
 
-def _run(job: Job) -> Result:
-    return run_job(_shared[0], job)
+def _run(job: Job) -> _Logged:
+    """Return the result of a run and what it logged."""
+    result = run_job(_shared[0], job)
+    return result, [_records.get() for _ in range(_records.qsize())]

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+from omnidrive.compiled import announce_compiling
 from omnidrive.components import configure
 from omnidrive.errors import RunFailed
 from omnidrive.evaluation import (
@@ -124,6 +125,7 @@ class Study:
         return facts_html(results.title, facts) + "".join(tables)
 
 
+@announce_compiling()
 def run_study(
     scenario: Scenario,
     folder: Path | None = None,

@@ -1,0 +1,89 @@
+"""Output of the verbs: results on standard output, notes on standard error."""
+
+from __future__ import annotations
+
+import json
+import logging
+from typing import Annotated, Any
+
+import typer
+
+
+class _Output:
+    """What is printed.
+
+    Attributes:
+        quiet: Print errors and the last line only.
+        noted: Notes that were printed.
+    """
+
+    quiet = False
+    noted: set[str] = set()  # noqa: RUF012
+
+
+def is_quiet() -> bool:
+    """Return whether only errors and the last line are printed."""
+    return _Output.quiet
+
+
+def show(text: str = "") -> None:
+    """Print a line of results, unless ``--quiet`` is given."""
+    if not _Output.quiet:
+        typer.echo(text)
+
+
+def conclude(text: str, *, beside_json: bool = False) -> None:
+    """Print the last line, which names the folder or file of the results.
+
+    Args:
+        text: The line.
+        beside_json: Print it on standard error, because standard output holds JSON.
+    """
+    typer.echo(text, err=beside_json)
+
+
+def print_json(data: Any) -> None:
+    """Print JSON on standard output."""
+    typer.echo(json.dumps(data, indent=2))
+
+
+def note(text: str) -> None:
+    """Print a note on standard error, once and in one line, unless ``--quiet`` is given."""
+    if not _Output.quiet and text not in _Output.noted:
+        _Output.noted.add(text)
+        typer.echo(f"omnidrive: note: {' '.join(text.split())}", err=True)
+
+
+class NoteHandler(logging.Handler):
+    """Prints log records of all libraries as notes, above the progress display."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the message of a record; warnings of Python are for developers."""
+        if record.name != "py.warnings":
+            note(record.getMessage())
+
+
+def _set_quiet(value: bool) -> None:
+    _Output.quiet = value
+
+
+def quiet_option() -> Any:
+    """Return the option ``--quiet``, which every verb has."""
+
+    def declaration(
+        _quiet: Annotated[
+            bool,
+            typer.Option(
+                "--quiet",
+                "-q",
+                help="Print errors and the last line only, which names the results.",
+                callback=_set_quiet,
+                expose_value=False,
+                show_default=False,
+            ),
+        ] = False,
+    ) -> None: ...
+
+    app = typer.Typer(add_completion=False)
+    app.command()(declaration)
+    return typer.main.get_command(app).params[0]
