@@ -6,6 +6,7 @@ import os
 import pickle
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numba
@@ -14,7 +15,7 @@ import pytest
 from numba.core import serialize
 
 import omnidrive
-from omnidrive.compiled import announce_compiling, entry_point, has_cached_kernels, kernels
+from omnidrive.compiled import announce_compiling, entry_point, kernels, notify_compiling
 from omnidrive.compiled import cache as kernel_cache
 from omnidrive.compiled.dispatcher import Kernel, compile_listeners
 from omnidrive.compiled.key import kernel_key
@@ -229,13 +230,6 @@ def test_unused_entries_are_removed(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0.nbc", "1.nbc"]
 
 
-def test_first_kept_kernel_is_noticed(build):
-    module = build()
-    assert not has_cached_kernels()
-    module.caller(1.0)
-    assert has_cached_kernels()
-
-
 def test_compiling_is_announced_once_and_only_if_it_happens(build, caplog):
     def announced():
         caplog.clear()
@@ -245,9 +239,21 @@ def test_compiling_is_announced_once_and_only_if_it_happens(build, caplog):
             module.later(1.0)
         return [record.message.split(",")[0] for record in caplog.records]
 
-    assert announced() == ["compiling numerical kernels"]
+    assert announced() == ["compiling numerical kernels for this processor"]
     assert announced() == []
     assert compile_listeners == []
+
+
+def test_only_the_outer_context_announces_and_once_for_all_processes(build):
+    announced = []
+    with announce_compiling(partial(announced.append, "outer")):
+        with announce_compiling(partial(announced.append, "inner")):
+            build().caller(1.0)
+        notify_compiling()
+    assert announced == ["outer"]
+    with announce_compiling(partial(announced.append, "second")):
+        notify_compiling()
+    assert announced == ["outer", "second"]
 
 
 def test_unknown_kind_of_global_is_refused(build):

@@ -1,15 +1,18 @@
 """Execution of runs in worker processes: ends of workers, signals and incomplete results."""
 
+import logging
 import os
 import signal
 import struct
 import subprocess
 import sys
+import warnings
 from multiprocessing import active_children, get_context
 from time import sleep
 
 import pytest
 
+from omnidrive.compiled import announce_compiling, compile_listeners
 from omnidrive.errors import WorkerLost
 from omnidrive.study.execute import execute
 from omnidrive.study.jobs import Job, jobs_of
@@ -109,6 +112,35 @@ def test_interruption_while_a_worker_sends_a_result_ends_the_execution(planned):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     assert not active_children()
+
+
+class LoggingJob(Job):
+    """Job whose worker logs, warns and reports a compilation when it unpickles the job."""
+
+    def __reduce__(self):
+        return log_and_compile, tuple(self)
+
+
+def log_and_compile(*values):
+    logging.getLogger("mine").warning("the step %d is infeasible", 3)
+    logging.getLogger("mine").info("not shown")
+    warnings.warn("division by zero", RuntimeWarning, stacklevel=1)
+    for listener in compile_listeners:
+        listener()
+    return Job(*values)
+
+
+def test_messages_of_workers_are_logged_here_and_the_compilation_once(planned, caplog, capfd):
+    job = jobs_of(planned.scenario)[0]
+    with announce_compiling():
+        done = list(execute(planned, [LoggingJob(*job), LoggingJob(*job)], 2))
+    assert len(done) == 2
+    messages = [record.message for record in caplog.records]
+    assert messages.count("the step 3 is infeasible") == 2
+    assert any("division by zero" in message for message in messages)
+    assert sum("compiling" in message for message in messages) == 1
+    assert "not shown" not in messages
+    assert capfd.readouterr() == ("", "")
 
 
 UNGUARDED = """

@@ -6,8 +6,6 @@ import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, get_args
 
-import typer
-
 from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
@@ -21,6 +19,7 @@ from omnidrive.cli.options import (
 )
 from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
+from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
     Scenario,
@@ -105,8 +104,8 @@ def compare(
         print_tables(study.tables)
         print_events(study)
         parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
-        typer.echo(f"{parts} = {sum(study.timing.values()):.1f} s")
-        typer.echo(f"results: {folder} (open {folder / 'report.html'})")
+        show(f"{parts} = {sum(study.timing.values()):.1f} s")
+    conclude(f"results: {folder} (open {folder / 'report.html'})", beside_json=json)
     warn_of_collisions(study)
     study.raise_if_failed()
 

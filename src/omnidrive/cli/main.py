@@ -63,12 +63,13 @@ for _name, _help in VERBS.items():
     app.command(_name, help=_help)(lambda: None)
 
 
-def _print_version(requested: bool) -> None:
+def _print_version(requested: bool) -> bool:
     if requested:
         from importlib.metadata import version  # noqa: PLC0415 - slow to import
 
         typer.echo(f"omnidrive {version('omnidrive')}")
         raise typer.Exit
+    return requested
 
 
 @app.callback()

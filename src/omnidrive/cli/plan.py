@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json as json_format
 import re
 from dataclasses import fields
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
-import typer
-
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
+from omnidrive.cli.terminal import conclude, print_json, show
 from omnidrive.compiled import announce_compiling
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import Unknown, load_map, load_queries
@@ -103,16 +101,16 @@ def _report(planned: PlannedScenario, out: Path | None, png: Path | None, json: 
     reference = planned.reference(planned_duration(planned))
     facts = plan_facts(planned, reference)
     if json:
-        typer.echo(json_format.dumps(dict(_key(*item) for item in facts.items()), indent=2))
+        print_json(dict(_key(*item) for item in facts.items()))
     else:
         for name, fact in facts.items():
-            typer.echo(f"{name:<20}{fact}")
+            show(f"{name:<20}{fact}")
     if out:
         save_plan(planned, reference, out)
-        typer.echo(f"written to {out}", err=json)
+        conclude(f"written to {out}", beside_json=json)
     if png:
         save_figure(planned, reference, png)
-        typer.echo(f"figure written to {png}", err=json)
+        conclude(f"figure written to {png}", beside_json=json)
 
 
 def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
@@ -133,7 +131,7 @@ def _check_search_options(shared: ScenarioOptions, **options: object) -> None:
     unused = [
         "--" + name.replace("_", "-")
         for name, value in options.items()
-        if value is not None and name not in _SEARCH_OPTIONS
+        if value not in {None, False} and name not in _SEARCH_OPTIONS
     ]
     if unused:
         raise InvalidInput(f"--scen only searches: omit {', '.join(unused)}")
@@ -152,10 +150,10 @@ def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
     grid = load_map(shared.map_file, unknown=unknown)
     solved = solve_queries(grid, load_queries(scen, grid), method=method)
     if json:
-        typer.echo(json_format.dumps(solved, indent=2))
+        print_json(solved)
         return
     for line in _lines(solved):
-        typer.echo(line)
+        show(line)
 
 
 def _lines(solved: dict[str, Any]) -> list[str]:

@@ -88,7 +88,7 @@ def print_tables(tables: Sequence[Table]) -> None:
 
 def print_events(study: Study) -> None:
     """Print the events of tracking runs and step responses: faults, detections and reactions."""
-    console = Console()
+    console = Console(quiet=is_quiet())
     for result in study.results.runs:
         if result.run.events:
             lines = "\n".join(f"  {e.t:6.2f} s  {e.what}" for e in result.run.events)
@@ -99,12 +99,12 @@ def warn_of_collisions(study: Study) -> None:
     """Print on standard error which runs collided with an obstacle, or overlapped one."""
     if study.collisions:
         counts = (f"{name} ({count})" for name, count in study.collisions.items())
-        Console(stderr=True).print(
+        Console(stderr=True, quiet=is_quiet()).print(
             f"Runs with collisions: {', '.join(counts)}.",
             markup=False, highlight=False,
         )  # fmt: skip
     if study.overlaps:
-        Console(stderr=True).print(
+        Console(stderr=True, quiet=is_quiet()).print(
             f"Runs in which the robot overlaps an obstacle: {', '.join(study.overlaps)}.",
             markup=False, highlight=False,
         )  # fmt: skip

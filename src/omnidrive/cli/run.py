@@ -7,8 +7,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, get_args
 
-import typer
-
 from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
@@ -23,6 +21,7 @@ from omnidrive.cli.options import (
 )
 from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
+from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 from omnidrive.study import (
     Scenario,
@@ -93,8 +92,8 @@ def run(
         print_tables(study.tables)
         print_events(study)
         for each in videos:
-            typer.echo(f"video: {each}")
-        typer.echo(f"results: {folder} (open {folder / 'report.html'})")
+            show(f"video: {each}")
+    conclude(f"results: {folder} (open {folder / 'report.html'})", beside_json=json)
     warn_of_collisions(study)
     study.raise_if_failed()
 
