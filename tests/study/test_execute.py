@@ -12,7 +12,8 @@ from time import sleep
 
 import pytest
 
-from omnidrive.compiled import announce_compiling, compile_listeners
+from omnidrive.compiled import announce_compiling
+from omnidrive.compiled.dispatcher import compile_listeners
 from omnidrive.errors import WorkerLost
 from omnidrive.study.execute import execute
 from omnidrive.study.jobs import Job, jobs_of

@@ -21,7 +21,8 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
 
-from omnidrive.compiled import compile_listeners, notify_compiling
+from omnidrive.compiled import notify_compiling
+from omnidrive.compiled.dispatcher import compile_listeners
 from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult
 from omnidrive.study.jobs import Job, run_job
