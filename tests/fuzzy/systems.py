@@ -5,11 +5,12 @@ import random
 
 from hypothesis import strategies as st
 
+from omnidrive.choices import ALGORITHMS
 from omnidrive.fuzzy.membership import SHAPES, Membership
 from omnidrive.fuzzy.norms import AGGREGATIONS, CONORMS, IMPLICATIONS, NORMS
 from omnidrive.fuzzy.rule_text import RESERVED, normalised
 from omnidrive.fuzzy.rules import HEDGES, And, Is, Or, Rule
-from omnidrive.fuzzy.system import ALGORITHMS, FuzzySystem
+from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import (
     DEFUZZIFIERS,
     Footprint,

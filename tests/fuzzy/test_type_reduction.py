@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from omnidrive.choices import ALGORITHMS
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.reduction import type_reduce
 from omnidrive.fuzzy.segment_centroid import centroid_interval
-from omnidrive.fuzzy.system import ALGORITHMS
 from omnidrive.fuzzy.variables import Footprint
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems

@@ -3,12 +3,14 @@
 from contextlib import suppress
 from itertools import pairwise
 from math import hypot, pi
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from omnidrive.choices import FaultKind
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
@@ -186,3 +188,8 @@ def test_slope_direction_is_a_bearing_in_w():
         BEFORE, 0.0, REFERENCE
     )
     assert found.slope == pytest.approx((0.0, np.tan(0.1)), abs=1e-12)
+
+
+def test_kinds_in_options_are_those_that_exist():
+    assert tuple(FAULTS) == get_args(FaultKind)
+    assert tuple(fault.model_fields["kind"].default for fault in FAULTS.values()) == tuple(FAULTS)

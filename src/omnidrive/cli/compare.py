@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, get_args
 
+from omnidrive.choices import TaskName
 from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
@@ -21,13 +22,7 @@ from omnidrive.cli.progress import LiveProgress, print_events, print_tables, war
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
-from omnidrive.study import (
-    Scenario,
-    TaskName,
-    check_new_folder,
-    run_study,
-    with_task,
-)
+from omnidrive.study import Scenario, check_new_folder, run_study, with_task
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 

@@ -13,6 +13,7 @@ import typer
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from omnidrive.choices import ALGORITHMS, Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.cli.fuzzy_text import (
     fired_lines,
     outputs_table,
@@ -30,9 +31,7 @@ from omnidrive.evaluation.figures import save as save_figure
 from omnidrive.files.bounded_file import one_line
 from omnidrive.files.number_text import parse_number
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, load, save
-from omnidrive.fuzzy.compilation import Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.fuzzy.csv_rows import evaluate_csv
-from omnidrive.fuzzy.system import ALGORITHMS
 
 fuzzy = typer.Typer(
     no_args_is_help=True,

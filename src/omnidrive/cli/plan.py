@@ -8,13 +8,13 @@ from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
+from omnidrive.choices import MethodName, Unknown
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, print_json, show
 from omnidrive.compiled import announce_compiling
 from omnidrive.errors import InvalidInput
-from omnidrive.maps import Unknown, load_map, load_queries
-from omnidrive.planning import MethodName
+from omnidrive.maps import load_map, load_queries
 from omnidrive.study import (
     Fact,
     PlannedScenario,

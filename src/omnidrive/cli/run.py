@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, get_args
 
+from omnidrive.choices import TaskName
 from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
@@ -23,14 +24,7 @@ from omnidrive.cli.progress import LiveProgress, print_events, print_tables, war
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
-from omnidrive.study import (
-    Scenario,
-    TaskName,
-    check_new_folder,
-    one_task,
-    run_study,
-    with_task,
-)
+from omnidrive.study import Scenario, check_new_folder, one_task, run_study, with_task
 from omnidrive.visualization import Recorder, Viewer, check_film, film
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from omnidrive.choices import Heading, MethodName, PresetName, SmoothingName, TimingName, Unknown
 from omnidrive.cli.components import plant_data
 from omnidrive.cli.options import (
     PATH_PANEL,
@@ -22,16 +23,12 @@ from omnidrive.cli.options import (
     option,
     parse_coordinates,
 )
-from omnidrive.control.components import PresetName
 from omnidrive.errors import InvalidInput
-from omnidrive.maps import Unknown
-from omnidrive.planning import MethodName, SmoothingName, Waypoint
-from omnidrive.reference import Heading
+from omnidrive.planning import Waypoint
 from omnidrive.robot import ROBOTS
 from omnidrive.study import (
     Scenario,
     SensorsSection,
-    TimingName,
     load_scenario,
     map_scenario,
     paper_scenario,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from omnidrive import control  # its modules are imported on use, those of one controller only
+from omnidrive.choices import PresetName
 from omnidrive.control.controller import Controller
 from omnidrive.control.feedforward import FeedforwardGains
 from omnidrive.control.nmpc import holonomic
@@ -15,7 +16,6 @@ from omnidrive.control.nmpc.holonomic import HolonomicParameters
 from omnidrive.parameter import Bounds
 from omnidrive.robot import Robot
 
-PresetName = Literal["paper", "published-code", "recommended"]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 SolverName = Literal["sqp", "rti", "casadi"]
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
+from omnidrive.choices import ALGORITHMS, Algorithm, Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.antecedents import antecedents_of
 from omnidrive.fuzzy.centre_of_sets import centroids_of
@@ -26,14 +27,9 @@ from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.segments import reason_not_exact, segments_of
 from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice, flatten_sets
 from omnidrive.fuzzy.sugeno import flatten_functions
-from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
+from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.system_arrays import Header, arrays_of
 from omnidrive.fuzzy.trapezoid_centroid import trapezoids_of
-
-Centroid = Literal["exact", "matlab"]
-Reduction = Literal["centroid", "cos"]
-OutOfRange = Literal["clamp", "matlab", "raise"]
-NoRule = Literal["default", "raise"]
 
 _OUT_OF_RANGE = {"clamp": CLAMP, "matlab": AS_IS, "raise": RAISE}
 _NO_RULE = {"default": CLAMP, "raise": RAISE}

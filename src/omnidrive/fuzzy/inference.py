@@ -12,18 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.choices import ALGORITHMS, Algorithm, Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.compiled import entry_point
 from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.fuzzy.compilation import (
-    MAX_SAMPLES,
-    MAX_SLICES,
-    Centroid,
-    InferenceOptions,
-    NoRule,
-    OutOfRange,
-    Reduction,
-    compile_system,
-)
+from omnidrive.fuzzy.compilation import MAX_SAMPLES, MAX_SLICES, InferenceOptions, compile_system
 from omnidrive.fuzzy.kernels import (
     NO_RULE,
     NOT_FINITE,
@@ -33,7 +25,7 @@ from omnidrive.fuzzy.kernels import (
 )
 from omnidrive.fuzzy.rules import Rule
 from omnidrive.fuzzy.segments import reason_not_exact
-from omnidrive.fuzzy.system import ALGORITHMS, Algorithm, FuzzySystem
+from omnidrive.fuzzy.system import FuzzySystem
 
 
 class FiredRule(NamedTuple):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
+from omnidrive.choices import ALGORITHMS, Algorithm
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.fuzzy.checks import check_unique
 from omnidrive.fuzzy.drawing import sets_svg
@@ -23,8 +23,6 @@ from omnidrive.fuzzy.variables import (
 from omnidrive.notebook import captioned, facts_html
 from omnidrive.parameter import check_choice
 
-Algorithm = Literal["km", "ekm", "eiasc", "iasc", "nie-tan"]
-ALGORITHMS: tuple[Algorithm, ...] = ("km", "ekm", "eiasc", "iasc", "nie-tan")
 MAX_VARIABLES, MAX_RULES = 64, 100_000
 _MOST_DRAWINGS, _MOST_NAMES = 8, 7  # in notebooks
 

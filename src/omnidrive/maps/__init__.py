@@ -1,8 +1,8 @@
 """Occupancy grids, their file formats, and randomly generated maps."""
 
+from omnidrive.choices import Unknown
 from omnidrive.maps.ascii import load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import Unknown
 from omnidrive.maps.load import load_map
 from omnidrive.maps.maze import maze_map
 from omnidrive.maps.movingai import load_movingai_map

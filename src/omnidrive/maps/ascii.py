@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omnidrive.choices import Unknown
 from omnidrive.files.bounded_file import one_line
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, Unknown, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
 from omnidrive.maps.map_file import MAX_TEXT_BYTES, check_resolution, read_content
 from omnidrive.maps.text_rows import read_rows
 

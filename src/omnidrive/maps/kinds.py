@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 from jaxtyping import Bool, UInt8
 
 from omnidrive.arrays import Array
+from omnidrive.choices import Unknown
 from omnidrive.errors import InvalidInput
 from omnidrive.files.bounded_file import short_repr
-
-Unknown = Literal["occupied", "free"]
-"""Treatment of cells that a map file marks as unknown."""
 
 FREE, OCCUPIED, UNKNOWN = range(3)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from omnidrive.choices import Unknown
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, read_head
 from omnidrive.maps.ascii import ASCII_CELLS, load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import Unknown
 from omnidrive.maps.movingai import load_movingai_map
 from omnidrive.maps.nav2 import load_nav2_map
 from omnidrive.maps.numpy_file import load_numpy_map

@@ -12,13 +12,14 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from omnidrive.arrays import Array
+from omnidrive.choices import Unknown
 from omnidrive.errors import CannotWrite, InvalidMap, closest
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.image import read_image
-from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, Unknown, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
 from omnidrive.maps.map_file import check_resolution
 
 Mode = Literal["trinary", "scale", "raw"]

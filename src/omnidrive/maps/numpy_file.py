@@ -12,10 +12,11 @@ from jaxtyping import Shaped, UInt8
 from numpy.lib import format as npy
 
 from omnidrive.arrays import Array
+from omnidrive.choices import Unknown
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, open_file, short_repr
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, Unknown, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
 from omnidrive.maps.map_file import check_resolution, check_size
 
 _BLOCK = 1 << 20  # cells read at a time

@@ -1,9 +1,10 @@
 """Path planning on occupancy grids: grid search, smoothing and geometric paths without time."""
 
+from omnidrive.choices import HeuristicName, MethodName, SmoothingName
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.plan import PathOptions, Plan, Waypoint, plan
-from omnidrive.planning.search import GridSearch, HeuristicName, MethodName, SearchResult, search
-from omnidrive.planning.smoothing import SmoothedPath, SmoothingName, smooth
+from omnidrive.planning.search import GridSearch, SearchResult, search
+from omnidrive.planning.smoothing import SmoothedPath, smooth
 
 __all__ = [
     "GridSearch",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
+from omnidrive.choices import HeuristicName, MethodName, SmoothingName
 from omnidrive.errors import InvalidInput, InvalidWaypoint
 from omnidrive.files.bounded_file import short_repr
 from omnidrive.maps import OccupancyGrid
@@ -17,8 +18,8 @@ from omnidrive.parameter import Bounds
 from omnidrive.planning.drawing import path_svg
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path, SplinePath
-from omnidrive.planning.search import HeuristicName, MethodName, SearchResult, search
-from omnidrive.planning.smoothing import SmoothingName, smooth
+from omnidrive.planning.search import SearchResult, search
+from omnidrive.planning.smoothing import smooth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

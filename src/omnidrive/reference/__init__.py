@@ -1,12 +1,13 @@
 """Reference motions: desired pose and twist as functions of time."""
 
+from omnidrive.choices import Heading
 from omnidrive.reference.components import ReferenceContext
 from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.limit_sampling import sample_within_limits
 from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.minimum_time import MinimumTime, minimum_time
-from omnidrive.reference.path_timing import Heading, time_within_limits
+from omnidrive.reference.path_timing import time_within_limits
 from omnidrive.reference.reference import Hold, Reference, Setpoint
 from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
+from omnidrive.choices import Heading
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.parameter import check_choice
@@ -17,9 +18,6 @@ from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
 from omnidrive.reference.time_parameterization import time_optimal_reference
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.robot import Chassis
-
-Heading = Literal["path", "tangent", "fixed", "free"]
-"""Headings of the path; direction of travel; one constant heading; headings optimised for time."""
 
 _TOLERANCE = 1e-6
 """Largest difference of headings that count as equal, in rad."""

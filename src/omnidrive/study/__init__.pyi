@@ -19,14 +19,13 @@ from .scenario import (
     RobotSection,
     Scenario,
     SensorsSection,
-    TimingName,
     map_scenario,
     paper_scenario,
     robot_section,
 )
 from .scenario_file import load_scenario, save_scenario
 from .study import ProgressListener, Study, run_study
-from .tasks import TaskName, Tasks, study_tasks
+from .tasks import Tasks, study_tasks
 from .timing import one_task, plan_at, retime, with_task
 from .warm_up import warm_up
 
@@ -41,9 +40,7 @@ __all__ = [
     "Scenario",
     "SensorsSection",
     "Study",
-    "TaskName",
     "Tasks",
-    "TimingName",
     "check_new_folder",
     "check_plan_targets",
     "faults_of",

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive.choices import TaskName
 from omnidrive.control import Controller
 from omnidrive.control.components import ControllerContext
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits, WheelMonitor
@@ -32,7 +33,6 @@ from omnidrive.simulation import (
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import plant_of
 from omnidrive.study.scenario import NEED_FORCES, Scenario
-from omnidrive.study.tasks import TaskName
 from omnidrive.visualization import Observer
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from omnidrive.choices import HeuristicName, MethodName
 from omnidrive.errors import InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, Query
-from omnidrive.planning import GridSearch, HeuristicName, MethodName
+from omnidrive.planning import GridSearch
 
 _SINGLE_PRECISION = 1e-6  # relative; in which the lengths of some files were computed
 

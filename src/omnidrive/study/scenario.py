@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from omnidrive.choices import Heading, PresetName, TimingName, Unknown
 from omnidrive.components import (
     Configured,
     OfGroup,
@@ -14,7 +15,6 @@ from omnidrive.components import (
     configure,
     find_component,
 )
-from omnidrive.control.components import PresetName
 from omnidrive.errors import OmnidriveError
 from omnidrive.estimation import (
     EncoderSettings,
@@ -22,10 +22,8 @@ from omnidrive.estimation import (
     PoseFixSettings,
     SensorSettings,
 )
-from omnidrive.maps import Unknown
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Waypoint
-from omnidrive.reference import Heading
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation.components import static_capabilities
 from omnidrive.simulation.disturbances import PLANT_FAULTS
@@ -38,8 +36,6 @@ from omnidrive.simulation.plant import PlantCapabilities
 from omnidrive.study.former import OLD_PLANTS, by_label, without_former_sections
 from omnidrive.study.section import Section, accepts
 from omnidrive.study.tasks import Faults, Tasks, study_tasks
-
-TimingName = Literal["uniform", "limits", "minimum-time"]
 
 _PAPERS = ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
 _ALL = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "unicycle-nmpc", "feedforward", "holonomic-nmpc")

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from itertools import chain
 from math import pi
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from omnidrive.parameter import Bounds
 from omnidrive.simulation.disturbances import Fault
 from omnidrive.study.section import Section, UniqueItems
-
-TaskName = Literal["track", "noise", "step", "horizon", "faults"]
 
 MAX_FAULTS = 100
 """Maximum number of faults of one run, and of faults of the task `faults`."""

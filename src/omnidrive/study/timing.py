@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, isfinite
 
+from omnidrive.choices import TaskName
 from omnidrive.errors import InvalidInput
 from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.tasks import DurationsTask, FaultsTask, TaskName, Tasks
+from omnidrive.study.tasks import DurationsTask, FaultsTask, Tasks
 
 DEFAULT_SPEED = 0.5
 """Default mean speed in m/s, close to that of the paper (its path in 20 s)."""

@@ -10,13 +10,13 @@ from typing import cast, get_args
 
 import numpy as np
 
-from omnidrive.control.components import PresetName
+from omnidrive.choices import MethodName, PresetName
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings, State
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
-from omnidrive.planning import MethodName, PathOptions, Waypoint, plan, search
+from omnidrive.planning import PathOptions, Waypoint, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
 from omnidrive.study.jobs import make_controller

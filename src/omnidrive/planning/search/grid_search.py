@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from operator import index
 from time import perf_counter
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Int32, UInt8
@@ -27,7 +26,6 @@ from omnidrive.planning.search.result import SearchResult, path_length
 
 _ROUNDING = 1e-9  # cells; of the length of a path
 
-MethodName = Literal["astar", "jump-point", "lazy-theta", "greedy"]
 SearchOutput = tuple[Int32[Array, " cells"], int]
 """Bit indices of the path's cells, empty if there is no path, and the number of expansions."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from omnidrive.compiled import inlined
 
@@ -36,7 +36,6 @@ class Heuristic(NamedTuple):
         return self.greater + self.lesser <= DIAGONAL
 
 
-HeuristicName = Literal["octile", "manhattan", "euclidean", "zero"]
 HEURISTICS: dict[str, Heuristic] = {
     "octile": Heuristic(STRAIGHT, DIAGONAL - STRAIGHT),
     "manhattan": Heuristic(STRAIGHT, STRAIGHT),

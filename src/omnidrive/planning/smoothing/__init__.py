@@ -1,5 +1,5 @@
 """Smoothing of a grid path to a spline that is proved to be free of collisions."""
 
-from omnidrive.planning.smoothing.smooth import SmoothedPath, SmoothingName, smooth
+from omnidrive.planning.smoothing.smooth import SmoothedPath, smooth
 
-__all__ = ["SmoothedPath", "SmoothingName", "smooth"]
+__all__ = ["SmoothedPath", "smooth"]

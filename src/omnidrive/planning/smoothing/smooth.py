@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.choices import SmoothingName
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.clearance import Obstacles, curve_clearance
@@ -20,8 +20,6 @@ from omnidrive.planning.polyline import resample
 from omnidrive.planning.smoothing.initial_spline import certified_initial_spline
 from omnidrive.planning.smoothing.polygon import free_polygon
 from omnidrive.planning.smoothing.relaxation import relax
-
-SmoothingName = Literal["spline", "certified"]
 
 _MIN_CLEARANCE = 1e-6  # cells; required of the curved parts of a certified path
 _TOLERANCE = 1e-3  # cells; of the proved clearance

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from omnidrive.choices import FaultKind
 from omnidrive.parameter import Bounds
 
 _StartTime = Annotated[float, Bounds(0.0, 36_000.0, "s")]
@@ -181,7 +182,7 @@ Fault = Annotated[
     Field(discriminator="kind"),
 ]
 
-FAULTS: dict[str, type[_BaseFault]] = {
+FAULTS: dict[FaultKind, type[_BaseFault]] = {
     "push": Push,
     "slope": Slope,
     "payload": PayloadShift,

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import cast
 
+from omnidrive.choices import Algorithm
 from omnidrive.errors import suggestion
 from omnidrive.fuzzy.files.assembly import locate_errors
 from omnidrive.fuzzy.files.fis.parser import (
@@ -20,7 +21,7 @@ from omnidrive.fuzzy.files.fis.parser import (
 from omnidrive.fuzzy.membership import SHAPES, Membership
 from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.rules import And, Hedge, Is, Or, Rule
-from omnidrive.fuzzy.system import Algorithm, FuzzySystem
+from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import (
     Defuzzifier,
     Footprint,
