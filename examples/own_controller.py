@@ -15,12 +15,14 @@ class PureProportional:
         """Return a body twist of 3 1/s times the pose error."""
         pose, target = state.pose, reference.at(t).pose
         velocity = od.WorldTwist(
-            3.0 * (target.x - pose.x), 3.0 * (target.y - pose.y), 3.0 * (target.yaw - pose.yaw)
+            3.0 * (target.x - pose.x),
+            3.0 * (target.y - pose.y),
+            3.0 * od.wrap(target.yaw - pose.yaw),  # the shorter way round
         )
         return od.Command(od.to_body(velocity, pose.yaw))
 
 
-goal = od.Pose(1.0, 0.5, 0.3)
+goal = od.Pose(1.0, 0.5, 6.0)  # 6.0 rad is 0.28 rad clockwise of 0
 robot = od.named_robot("small")
 run = od.simulate(
     od.MujocoPlant(robot, "ball"),
@@ -30,4 +32,4 @@ run = od.simulate(
     dt=0.05,
 )
 distance = hypot(run.pose[-1, 0] - goal.x, run.pose[-1, 1] - goal.y)
-print(f"{run.outcome.value}; {distance * 1e3:.2f} mm from the goal")
+print(f"{run.ending}; {distance * 1e3:.2f} mm from the goal, turned by {run.pose[-1, 2]:.2f} rad")

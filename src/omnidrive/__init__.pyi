@@ -10,6 +10,8 @@ from .control import (
     Status,
     TrackingPidController,
     UnicycleController,
+    WheelSpeeds,
+    WheelTorques,
     classical_pid,
     fuzzy_pid,
     holonomic_nmpc,
@@ -19,7 +21,7 @@ from .control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOutZone
 from .errors import OmnidriveError
 from .estimation import PoseEstimator, PoseFix, SensorReadings, State, StateEstimator
 from .evaluation import Metrics, StepResponse, measure, step_response
-from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
+from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world, wrap
 from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
 from .planning import Path, PathOptions, Plan, SplinePath, Waypoint, plan, search, smooth
 from .reference import (
@@ -47,6 +49,7 @@ from .simulation import (
     Plant,
     PlantState,
     Run,
+    Saturation,
     SensorSuite,
     identify_lag,
     simulate,
@@ -95,6 +98,7 @@ __all__ = [
     "Robot",
     "Run",
     "SampledReference",
+    "Saturation",
     "Scenario",
     "SensorReadings",
     "SensorSuite",
@@ -111,6 +115,8 @@ __all__ = [
     "UniformReference",
     "Viewer",
     "Waypoint",
+    "WheelSpeeds",
+    "WheelTorques",
     "WorldTwist",
     "classical_pid",
     "film",
@@ -144,4 +150,5 @@ __all__ = [
     "to_body",
     "to_world",
     "unicycle_nmpc",
+    "wrap",
 ]

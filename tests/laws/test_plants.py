@@ -5,9 +5,11 @@ from math import nan
 import numpy as np
 import pytest
 
+from omnidrive.control import WheelSpeeds, WheelTorques
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, to_body, to_world
 from omnidrive.robot import ROBOTS, named_robot
-from omnidrive.simulation import KinematicPlant, MujocoPlant, PlanarPlant, Plant
+from omnidrive.simulation import KinematicPlant, MujocoPlant, PlanarPlant, Plant, Saturation
 from tests.laws.motions import rotated
 
 PLANTS = {
@@ -94,6 +96,70 @@ def test_saturated_command_keeps_its_direction(make):
     states = drive(make(robot), Pose(0.0, 0.0, 0.0), command, 40)
     realised = np.array(states[-1].twist)
     assert realised == pytest.approx(np.array(saturated), rel=0.05, abs=0.05)
+
+
+@every_plant
+@every_robot
+@pytest.mark.parametrize("twist", [BodyTwist(0.5, -0.2, 0.7), BodyTwist(30.0, 10.0, 5.0)])
+def test_wheel_speeds_of_a_twist_give_the_motion_of_the_twist(make, robot, twist):
+    """Also when they are scaled down to the largest wheel speed."""
+    plant, start = make(named_robot(robot)), Pose(0.2, 0.1, 0.3)
+    by_twist = drive(plant, start, twist, 5)
+    by_wheels = drive(plant, start, WheelSpeeds(plant.robot.drive.wheel_speeds(twist)), 5)
+    for a, b in zip(by_twist, by_wheels, strict=True):
+        assert np.array(a.pose) == pytest.approx(b.pose, abs=1e-9)
+        assert np.array(a.twist) == pytest.approx(b.twist, abs=1e-8)
+        assert a.saturated == b.saturated
+
+
+@every_plant
+def test_reported_wheel_speeds_are_those_of_the_motion(make):
+    """Without slip; rollers cause a ripple."""
+    plant = make(named_robot("mecanum"))
+    assert plant.reset(Pose(0.0, 0.0, 0.0)).wheel_speeds == (0.0,) * 4
+    for k in range(21):
+        state = plant.step(BodyTwist(0.02 * k, 0.01 * k, 0.01 * k), 0.1)
+    expected = plant.robot.chassis.wheel_speeds(state.twist)
+    assert state.wheel_speeds == pytest.approx(expected, rel=0.02, abs=0.05)
+    assert state.saturated == Saturation.NONE
+
+
+@every_plant
+def test_excessive_wheel_speeds_are_reported(make):
+    plant = make(named_robot("small"))
+    assert plant.reset(Pose(0.0, 0.0, 0.0)).saturated == Saturation.NONE
+    for command in (BodyTwist(9.0, 0.0, 0.0), WheelSpeeds([80.0, 0.0, 0.0, 0.0])):
+        assert plant.step(command, 0.1).saturated & Saturation.WHEEL_SPEED
+
+
+@every_plant
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (WheelSpeeds([1.0, 2.0, 3.0]), "holds 3 wheel speeds, but the robot has 4 wheels"),
+        ((0.1, 0.0, 0.0), "got a tuple"),
+        (WorldTwist(0.1, 0.0, 0.0), "got a WorldTwist"),
+    ],
+)
+def test_malformed_command_is_refused(make, command, message):
+    plant = make(named_robot("small"))
+    plant.reset(Pose(0.0, 0.0, 0.0))
+    with pytest.raises(InvalidInput, match=message):
+        type(plant).step.__wrapped__(plant, command, 0.1)  # without type checks
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_torques_are_executed_or_refused(plant):
+    plant = PLANTS[plant](named_robot("small"))
+    plant.reset(Pose(0.0, 0.0, 0.0))
+    torques = WheelTorques([0.1, 0.1, 0.1, 0.1])
+    if plant.capabilities.wheel_torques:
+        state = plant.step(torques, 0.05)
+        assert state.wheel_torques == pytest.approx(torques)
+        assert state.twist.yaw_rate > 0.05
+    else:
+        with pytest.raises(InvalidInput, match="does not execute wheel torques: command a BodyTw"):
+            plant.step(torques, 0.05)
 
 
 @every_plant

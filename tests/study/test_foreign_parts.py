@@ -68,7 +68,7 @@ BAD_COMMANDS = {
     "tuple": ((0.1, 0.0, 0.0), "returned a tuple, not a Command"),
     "twist": (TWIST, "returned a BodyTwist, not a Command"),
     "world twist": (Command(WorldTwist(0.1, 0.0, 0.0)), "holds a WorldTwist, not a BodyTwist"),
-    "array": (Command(np.zeros(3)), "holds a ndarray, not a BodyTwist"),
+    "array": (Command(np.zeros(3)), "holds an ndarray, not a BodyTwist"),
     "nan": (Command(BodyTwist(nan, 0.0, 0.0)), "its twist is not finite"),
     "text": (Command(BodyTwist("a", 0.0, 0.0)), "its twist is not finite"),
     "failed": (Command(TWIST, Status.FAILED, message="no solution"), "no solution"),

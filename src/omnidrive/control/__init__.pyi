@@ -1,10 +1,13 @@
 from .controller import (
     Command,
+    CommandValue,
     Controller,
     DetailedController,
     PreparableController,
     ReducibleController,
     Status,
+    WheelSpeeds,
+    WheelTorques,
 )
 from .feedforward import FeedforwardController, FeedforwardGains
 from .nmpc import UnicycleController, unicycle_nmpc
@@ -24,6 +27,7 @@ from .reduced_drive import ReducedDrive
 
 __all__ = [
     "Command",
+    "CommandValue",
     "Controller",
     "DetailedController",
     "FeedforwardController",
@@ -39,6 +43,8 @@ __all__ = [
     "Status",
     "TrackingPidController",
     "UnicycleController",
+    "WheelSpeeds",
+    "WheelTorques",
     "classical_pid",
     "fuzzy_pid",
     "holonomic_nmpc",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.estimation import State
@@ -22,17 +22,67 @@ class Status(IntEnum):
     """No usable command; the run ends and the robot must be stopped."""
 
 
-class Command(NamedTuple):
-    """Body twist to hold until the next sample."""
+class WheelSpeeds(tuple[float, ...]):
+    """Speed of each wheel, rad/s, in the order of the robot's mounts.
 
-    twist: BodyTwist
-    """Commanded velocity of B in B; m/s, m/s, rad/s."""
+    The signs are those of the wheel matrix: ``WheelSpeeds(robot.chassis.wheel_speeds(twist))`` are
+    the speeds that produce ``twist`` without slip.
+    """
+
+    __slots__ = ()
+    noun: ClassVar[str] = "wheel speeds"
+
+    def __new__(cls, speeds: Iterable[float]) -> WheelSpeeds:
+        """Take one speed per wheel from a list, a tuple or an array."""
+        return super().__new__(cls, map(float, speeds))
+
+    def __repr__(self) -> str:
+        return f"WheelSpeeds({list(self)})"
+
+
+class WheelTorques(tuple[float, ...]):
+    """Torque of each motor at its wheel, N m, in the order of the robot's mounts.
+
+    The signs are those of the wheel matrix J, so that without slip the torques exert the wrench
+    ``J^T torques`` (force along x and y and moment about z, in B) on the robot: by the principle of
+    virtual work, ``wrench . twist = torques . (J twist)``.
+    """
+
+    __slots__ = ()
+    noun: ClassVar[str] = "wheel torques"
+
+    def __new__(cls, torques: Iterable[float]) -> WheelTorques:
+        """Take one torque per wheel from a list, a tuple or an array."""
+        return super().__new__(cls, map(float, torques))
+
+    def __repr__(self) -> str:
+        return f"WheelTorques({list(self)})"
+
+
+CommandValue = BodyTwist | WheelSpeeds | WheelTorques
+"""What a plant can be commanded to do."""
+
+
+class Command(NamedTuple):
+    """Body twist, wheel speeds or wheel torques to hold until the next sample.
+
+    Every plant executes a body twist; ``capabilities`` of a plant tell whether it takes wheel
+    speeds and wheel torques too.
+    """
+
+    value: CommandValue
+    """Velocity of B in B (m/s, m/s, rad/s), or speeds (rad/s) or torques (N m) of the wheels."""
     status: Status = Status.OK
     details: tuple[float, ...] = ()
     """Internal quantities for the log, in the order of :class:`DetailedController`'s
     ``detail_units``."""
     message: str = ""
     """Reason of the status ``FAILED``, or a traceback; may be empty."""
+
+    @property
+    def twist(self) -> BodyTwist | None:
+        """The body twist; None for a command of wheel speeds or torques."""
+        return self.value if isinstance(self.value, BodyTwist) else None
 
 
 @runtime_checkable
@@ -46,6 +96,7 @@ class Controller(Protocol):
 
     - ``prepare()``: compile or factorise before the first sample, see
       :class:`PreparableController`;
+    - ``dt``: sample time for which the controller is built, s; a loop of another one is refused;
     - ``detail_units``: see :class:`DetailedController`;
     - ``with_reduced_drive(drive)``: see :class:`ReducibleController`.
     """

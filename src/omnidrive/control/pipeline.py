@@ -10,20 +10,24 @@ from typing import Literal, NamedTuple
 
 from omnidrive.control.controller import (
     Command,
+    CommandValue,
     Controller,
     DetailedController,
     PreparableController,
     Status,
+    WheelSpeeds,
+    WheelTorques,
 )
 from omnidrive.control.supervision import NullSupervisor, Supervisor
 from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
-from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.reference import Reference
 
 # a thread's own time is not disturbed by other processes; some systems count it too coarsely
 _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
 _STOP = Command(BodyTwist(0.0, 0.0, 0.0))
 _FRAMES = 4  # calls shown of a traceback
+_VALUES = (BodyTwist, WheelSpeeds, WheelTorques)
 
 Part = Literal["reference", "estimator", "supervisor", "controller"]
 
@@ -154,8 +158,8 @@ def _checked(command: object, details: int | None) -> Command:
     """Return ``command``; if it is malformed, one with the status ``FAILED`` and a message."""
     if (
         type(command) is Command
-        and type(command.twist) is BodyTwist
-        and _is_finite(command.twist)
+        and type(command.value) in _VALUES
+        and _is_finite(command.value)
         and (details is None or len(command.details) in {0, details})
     ):
         return command
@@ -167,18 +171,19 @@ def _failed(command: object, details: int | None) -> Command:
     failed = _STOP._replace(status=Status.FAILED)
     if not isinstance(command, Command):
         return failed._replace(
-            message=f"it returned {_named(command)}, not a Command: "
-            "return Command(BodyTwist(vx, vy, yaw_rate))"
+            message=f"it returned {_named(command)}, not a Command: {_way_out(command)}"
         )
+    value = command.value
     if command.status is Status.FAILED:
-        return command if isinstance(command.twist, BodyTwist) else failed
-    if not isinstance(command.twist, BodyTwist):
+        return command if isinstance(value, _VALUES) else failed._replace(message=command.message)
+    if not isinstance(value, _VALUES):
         return failed._replace(
-            message=f"its command holds {_named(command.twist)}, not a BodyTwist"
-            + (": convert it with to_body" if hasattr(command.twist, "vx") else "")
+            message=f"its command holds {_named(value)}, not a BodyTwist, WheelSpeeds or "
+            f"WheelTorques: {_way_out(value)}"
         )
-    if not _is_finite(command.twist):
-        return failed._replace(message=f"its twist is not finite: {command.twist}")
+    if not _is_finite(value):
+        name = "twist is" if isinstance(value, BodyTwist) else f"{value.noun} are"
+        return failed._replace(message=f"its {name} not finite: {value}")
     if details is not None and len(command.details) not in {0, details}:
         return failed._replace(
             message=f"its command holds {len(command.details)} details, its detail_units {details}"
@@ -186,15 +191,30 @@ def _failed(command: object, details: int | None) -> Command:
     return command
 
 
-def _is_finite(twist: BodyTwist) -> bool:
+def _is_finite(value: CommandValue) -> bool:
     try:
-        return isfinite(twist.vx) and isfinite(twist.vy) and isfinite(twist.yaw_rate)
+        return all(map(isfinite, value))
     except TypeError:  # not a number
         return False
 
 
 def _named(value: object) -> str:
-    return "None" if value is None else f"a {type(value).__name__}"
+    """Return the type of a value with its article, for messages."""
+    if value is None:
+        return "None"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    name = type(value).__name__
+    return f"an {name}" if name[0] in "aeiouAEIOU" or name == "ndarray" else f"a {name}"
+
+
+def _way_out(value: object) -> str:
+    """Return what a controller has to return instead of ``value``."""
+    if isinstance(value, WorldTwist):
+        return "return Command(to_body(twist, state.pose.yaw))"
+    if isinstance(value, _VALUES):
+        return f"return Command({type(value).__name__}(...))"
+    return "return Command(BodyTwist(vx, vy, yaw_rate))"
 
 
 def _traceback() -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,3 +68,28 @@ def limit_acceleration(
     if used <= 1.0:
         return desired
     return BodyTwist(*(np.asarray(before) + change / used).tolist())
+
+
+def reallocate(
+    robot: Robot, drive: ReducedDrive, torques: Sequence[float], share: float
+) -> Float[Array, " wheels"]:
+    """Return torques of the driving wheels with the wrench that ``torques`` of all wheels exert.
+
+    The wrench is ``J^T torques``, with the wheel matrix J; of the torques with this wrench, those
+    with the least sum of squares. All are scaled together to the limits.
+
+    Args:
+        robot: The robot without failures.
+        drive: Its driving wheels.
+        torques: Torque of each wheel of the robot, N m.
+        share: Share of the driving wheels' force limits that may be used.
+
+    Returns:
+        One torque for each wheel of the robot, N m; 0 for a failed wheel.
+    """
+    jacobian, kept = robot.chassis.jacobian, list(drive.wheels)
+    driving = np.linalg.pinv(jacobian[kept].T) @ (jacobian.T @ np.asarray(torques))
+    used = np.abs(driving) / (share * drive.force_limits * robot.wheel.radius)
+    allocated = np.zeros(len(jacobian))
+    allocated[kept] = driving / max(1.0, float(used.max()))
+    return allocated

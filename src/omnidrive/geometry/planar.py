@@ -11,6 +11,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from omnidrive.errors import InvalidInput
+
 
 class Pose(NamedTuple):
     """Pose of B in W: x and y in m, yaw in rad."""
@@ -43,6 +45,20 @@ def wrap(angle: Angle) -> Angle:
     """Return the angle in [-pi, pi) equal to ``angle`` modulo 2 pi; arrays element-wise."""
     wrapped = (angle + pi) % (2.0 * pi) - pi
     return wrapped - 2.0 * pi * (wrapped >= pi)  # rounding can yield exactly pi
+
+
+def check_heading(name: str, yaw: float) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` beyond two turns, as of a heading in degrees.
+
+    Args:
+        name: Name of the heading, for the message.
+        yaw: Heading, in rad.
+    """
+    if abs(yaw) > 4.0 * pi:
+        raise InvalidInput(
+            f"{name} is {yaw:g} rad, more than two turns: headings are in rad, not degrees (90 "
+            f"degrees are {0.5 * pi:.4f} rad); if it is meant, wrap it with omnidrive.wrap"
+        )
 
 
 def to_body(twist: WorldTwist, yaw: float) -> BodyTwist:

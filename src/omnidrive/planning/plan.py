@@ -12,6 +12,7 @@ import numpy as np
 from omnidrive.choices import HeuristicName, MethodName, SmoothingName
 from omnidrive.errors import InvalidInput, InvalidWaypoint
 from omnidrive.files.bounded_file import short_repr
+from omnidrive.geometry import check_heading
 from omnidrive.maps import OccupancyGrid
 from omnidrive.notebook import facts_html
 from omnidrive.parameter import Bounds
@@ -136,7 +137,7 @@ def plan(
         inflation_note: Composition of the inflation, for messages.
 
     Raises:
-        InvalidInput: The inflation is negative or not finite.
+        InvalidInput: The inflation is negative or not finite, or a heading seems to be in degrees.
         InvalidWaypoint: Start or goal is not numeric, or the robot collides there.
         NoPathFound: There is no path between them.
     """
@@ -189,6 +190,7 @@ def _check_waypoint(
         waypoint.yaw is None or np.isfinite(waypoint.yaw)
     ):
         raise InvalidWaypoint(f"{where} must be finite numbers: x and y in m, heading in rad")
+    check_heading(f"the {name}'s heading", waypoint.yaw or 0.0)
     if not grid.contains(*grid.cell(waypoint.x, waypoint.y)):
         left, right, bottom, top = grid.extent
         raise InvalidWaypoint(

@@ -112,3 +112,13 @@ class Chassis:
             return twist
         k = self.max_wheel_speed / peak
         return BodyTwist(k * twist.vx, k * twist.vy, k * twist.yaw_rate)
+
+    def saturate_wheels(
+        self, wheel_speeds: Sequence[float] | Float[Array, " wheels"]
+    ) -> Float[Array, " wheels"]:
+        """Return the largest multiple of the wheel speeds, at most 1, within the limit of each.
+
+        As :meth:`saturate`, for speeds in rad/s.
+        """
+        speeds: Float[Array, " wheels"] = np.asarray(wheel_speeds, dtype=float)
+        return speeds * min(1.0, self.max_wheel_speed / max(float(np.abs(speeds).max()), 1e-300))

@@ -15,7 +15,15 @@ from .loop import simulate
 from .moving_obstacle import MovingObstacle
 from .mujoco.plant import MujocoPlant
 from .planar import PlanarPlant, simulate_batch
-from .plant import DisturbablePlant, Plant, PlantCapabilities, PlantState
+from .plant import (
+    DisturbablePlant,
+    Plant,
+    PlantCapabilities,
+    PlantState,
+    Saturation,
+    check_command,
+    check_robot,
+)
 from .run import Outcome, Run
 from .sensors import (
     Lidar,
@@ -51,10 +59,13 @@ __all__ = [
     "PlantState",
     "PoseOffset",
     "Run",
+    "Saturation",
     "Schedule",
     "SensorFaults",
     "SensorSuite",
     "Sensors",
+    "check_command",
+    "check_robot",
     "default_faults",
     "identify_lag",
     "parse_fault",

@@ -17,7 +17,8 @@ from omnidrive.robot import Robot
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.plant import Plant, PlantCapabilities
 
-_MUJOCO = PlantCapabilities(disturbable=True, collides=True, renders=True, forces=True)
+_WHEELS = PlantCapabilities(wheel_speeds=True, wheel_torques=True)
+_MUJOCO = _WHEELS._replace(disturbable=True, collides=True, renders=True, forces=True)
 _ScenePath = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]{1,200}$")]
 
 
@@ -108,19 +109,19 @@ def mujoco_balls(context: PlantContext) -> Plant:
     )
 
 
-@_capable(PlantCapabilities(disturbable=True, forces=True))
+@_capable(_WHEELS._replace(disturbable=True, forces=True))
 def planar(context: PlantContext) -> Plant:
     """Planar rigid body with motors, wheel slip and friction, without obstacles."""
     return simulation.PlanarPlant(context.robot, context.rng)
 
 
-@_capable(PlantCapabilities(disturbable=True))
+@_capable(PlantCapabilities(disturbable=True, wheel_speeds=True))
 def kinematic(context: PlantContext) -> Plant:
     """Exact execution of commands within the wheel speed limits."""
     return simulation.KinematicPlant(context.robot)
 
 
-@_capable(PlantCapabilities(exclusive=True, forces=True))
+@_capable(PlantCapabilities(exclusive=True, forces=True, wheel_speeds=True))
 def coppeliasim(context: PlantContext, parameters: CoppeliaSimOptions) -> Plant:
     """Robot in the open scene of a running CoppeliaSim."""
     scene = simulation.CoppeliaSimScene(**vars(parameters))

@@ -5,11 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import nan
 
+from omnidrive.control.controller import CommandValue
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
-from omnidrive.simulation.plant import PlantCapabilities, PlantState
+from omnidrive.simulation.plant import (
+    PlantCapabilities,
+    PlantState,
+    Saturation,
+    check_command,
+    check_robot,
+)
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 
@@ -18,29 +25,46 @@ _REST = BodyTwist(0.0, 0.0, 0.0)
 class KinematicPlant:
     """Exact SE(2) motion within the wheel-speed limits; no mass, no slip.
 
-    ``robot.drive`` converts the command to wheel speeds, ``robot.chassis`` converts these to
-    motion; the two differ for a miscalibrated robot.
+    ``robot.drive`` converts a body twist to wheel speeds, ``robot.chassis`` converts these to
+    motion; the two differ for a miscalibrated robot. Wheel speeds that no twist has in common
+    (four wheels, three degrees of freedom) give the motion with the least squares of slip.
     """
 
     robot: Robot
     _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
 
+    def __post_init__(self) -> None:
+        check_robot(self.robot, "KinematicPlant")
+
     @property
     def capabilities(self) -> PlantCapabilities:
-        """Disturbable by pose offsets only: there are no forces."""
-        return PlantCapabilities(disturbable=True)
+        """Disturbable by pose offsets only: there are no forces, and it takes no torques."""
+        return PlantCapabilities(disturbable=True, wheel_speeds=True)
 
     def reset(self, pose: Pose) -> PlantState:
         """Start at rest at ``pose``."""
         self._pose = pose
-        return PlantState(pose, _REST, nan)
+        return PlantState(pose, _REST, nan, wheel_speeds=(0.0,) * len(self.robot.mounts))
 
-    def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Hold ``twist``, saturated in wheel space, for ``dt`` (s)."""
+    def step(self, command: CommandValue, dt: float) -> PlantState:
+        """Hold ``command``, saturated in wheel space, for ``dt`` (s)."""
         drive = self.robot.drive
-        actual = self.robot.chassis.twist(drive.wheel_speeds(drive.saturate(twist)))
+        if isinstance(command, BodyTwist):
+            twist = drive.saturate(command)
+            speeds, scaled = drive.wheel_speeds(twist), twist is not command
+        else:
+            check_command(command, self.capabilities, len(self.robot.mounts))
+            speeds = drive.saturate_wheels(command)
+            scaled = max(map(abs, command)) > drive.max_wheel_speed
+        actual = self.robot.chassis.twist(speeds)
         self._pose = move(self._pose, actual, dt)
-        return PlantState(self._pose, actual, nan)
+        return PlantState(
+            self._pose,
+            actual,
+            nan,
+            wheel_speeds=tuple(speeds.tolist()),
+            saturated=Saturation.WHEEL_SPEED if scaled else 0,
+        )
 
     def apply(self, disturbances: Disturbances) -> None:
         """Add a pose offset.

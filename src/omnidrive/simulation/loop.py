@@ -5,29 +5,41 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, nan
+from math import isclose, isfinite, nan
+from numbers import Real
 from typing import TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.control import Controller, DetailedController, Pipeline, PipelineStep, Status
+from omnidrive.control import (
+    Command,
+    CommandValue,
+    Controller,
+    DetailedController,
+    Pipeline,
+    PipelineStep,
+    Status,
+    WheelSpeeds,
+    WheelTorques,
+)
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput, OmnidriveError, PlantLost
 from omnidrive.estimation import LatestFix, SensorReadings, StateEstimator
-from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.disturbances import Disturbances
-from omnidrive.simulation.plant import DisturbablePlant, Plant, PlantState
+from omnidrive.simulation.plant import DisturbablePlant, Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
 
 T = TypeVar("T")
 
 _STOP = BodyTwist(0.0, 0.0, 0.0)
+_UNKNOWN = (nan, nan, nan)
 _BEFORE_START = -1.0  # s; a time before the first sample
 _FAILED = {
     "reference": Outcome.REFERENCE_FAILED,
@@ -68,9 +80,10 @@ def simulate(
         rng: Generator for jitter of the sample time; None: no jitter.
 
     Raises:
-        InvalidInput: ``dt`` is not a positive number of seconds, a fault begins after the end or
-            needs a plant with other capabilities, or a pipeline is combined with an estimator or a
-            supervisor.
+        InvalidInput: ``dt`` is not a positive number of seconds or not that of the controller, the
+            controller has no ``step`` or ``reset``, the initial heading seems to be in degrees, a
+            fault begins after the end or needs a plant with other capabilities, or a pipeline is
+            combined with an estimator or a supervisor.
         OmnidriveError: The plant cannot start.
     """
     check_sample_time(dt)
@@ -82,6 +95,7 @@ def simulate(
         pipeline = Pipeline(controller, estimator or LatestFix(), supervisor or NullSupervisor())
     environment = _Environment(plant, sensors or PerfectSensors(), reference, schedule)
     environment.check()
+    _check_start(pipeline.controller, reference, start, dt)
     log = _Log(pipeline)
     samples = _samples(schedule, reference, dt, rng)
     try:
@@ -94,6 +108,37 @@ def simulate(
         if not log.rows:
             log.add_failed_start(start)
     return log.run(environment.events)
+
+
+def _check_start(controller: Controller, reference: Reference, start: Pose, dt: float) -> None:
+    """Raise InvalidInput for a controller, a start or a reference that cannot be meant."""
+    if isinstance(controller, type):
+        raise InvalidInput(
+            f"the controller is the class {controller.__name__}: pass an object, such as "
+            f"{controller.__name__}()"
+        )
+    missing = [name for name in ("reset", "step") if not hasattr(controller, name)]
+    if missing:
+        raise InvalidInput(
+            f"a controller needs the methods reset(state) and step(t, state, reference): "
+            f"{type(controller).__name__} has no {' and no '.join(missing)}"
+        )
+    built_for = getattr(controller, "dt", None)
+    if isinstance(built_for, Real) and not isclose(built_for, dt, rel_tol=1e-6):
+        raise InvalidInput(
+            f"the controller is built for a sample time of {built_for:g} s, but the loop runs with "
+            f"dt={dt:g} s: build the controller with dt={dt:g}, or simulate with dt={built_for:g}"
+        )
+    if not isinstance(start, Pose):
+        raise InvalidInput(
+            f"the start is a {type(start).__name__}: pass Pose(x, y, yaw), in m, m, rad"
+        )
+    check_heading("the start's heading", start.yaw)
+    try:
+        first = reference.at(0.0).pose.yaw
+    except Exception:  # the run reports it
+        return
+    check_heading("the reference's heading at its start", first)
 
 
 class _Ended(Exception):
@@ -127,7 +172,8 @@ def _loop(
     log: _Log,
 ) -> None:
     """Read the sensors, compute the command and step the plant, sample by sample."""
-    before, commanded = _BEFORE_START, _STOP
+    before = _BEFORE_START
+    commanded: CommandValue = _STOP
     supervisor = pipeline.supervisor
     for t, h, ends in samples:
         readings = _guarded(Outcome.SENSORS_FAILED, lambda: environment.read(t, state))  # noqa: B023
@@ -136,13 +182,15 @@ def _loop(
         else:
             late = environment.overrun(t)
             step = pipeline.step(t, readings, environment.reference, h, late=late)
+            if not isinstance(step.command.value, BodyTwist):
+                step = environment.checked(step, state)
         log.add(t, state, step)
         if step.failed:
             raise _Ended(_FAILED[step.failed], *_reason(step.command.message))
         if ends or (supervisor.at_rest and commanded == _STOP):
             return
         _guarded(Outcome.PLANT_FAILED, lambda: environment.apply(before, t))  # noqa: B023
-        commanded = step.command.twist
+        commanded = step.command.value
         state = _guarded(Outcome.PLANT_FAILED, lambda: environment.step(commanded, h))  # noqa: B023
         before = t
         if not all(map(isfinite, (*state.pose, *state.twist))):
@@ -199,9 +247,18 @@ class _Environment:
         self.sensors.reset(pose)
         return state
 
-    def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Simulate the plant with the command ``twist`` for ``dt`` (s)."""
-        return _is_state(self.plant.step(twist, dt))
+    def step(self, command: CommandValue, dt: float) -> PlantState:
+        """Simulate the plant with ``command`` for ``dt`` (s)."""
+        return _is_state(self.plant.step(command, dt))
+
+    def checked(self, step: PipelineStep, state: PlantState) -> PipelineStep:
+        """Return ``step``; if the plant cannot execute its command, a failure of the controller."""
+        try:
+            check_command(step.command.value, self.plant.capabilities, len(state.wheel_speeds))
+        except InvalidInput as error:
+            refused = Command(_STOP, Status.FAILED, message=str(error))
+            return step._replace(command=refused, failed="controller")
+        return step
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
         """Return the sensor readings at ``t`` (s)."""
@@ -244,30 +301,41 @@ class _Log:
     pipeline: Pipeline
     rows: list[tuple[float, ...]] = field(default_factory=list)
     details: list[tuple[float, ...]] = field(default_factory=list)
+    wheels: list[tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=list)
+    """Speeds and torques of the wheels."""
+    wheel_commands: dict[int, WheelSpeeds | WheelTorques] = field(default_factory=dict)
+    """Commands other than body twists, by row."""
     end: _Ended = field(default_factory=lambda: _Ended(Outcome.FINISHED))
 
     def add(self, t: float, state: PlantState, step: PipelineStep) -> None:
         """Append one sample."""
         estimate, command = step.state, step.command
+        twist: tuple[float, ...] = command.value
+        if not isinstance(command.value, BodyTwist):
+            self.wheel_commands[len(self.rows)] = command.value
+            twist = _UNKNOWN
         self.rows.append(
-            (t, *state.pose, *estimate.pose, *step.target, *command.twist, *state.twist,
+            (t, *state.pose, *estimate.pose, *step.target, *twist, *state.twist,
              state.work, step.step_time, command.status, state.collisions,
-             estimate.position_sigma, estimate.yaw_sigma)
+             estimate.position_sigma, estimate.yaw_sigma, state.saturated)
         )  # fmt: skip
         self.details.append(command.details)
+        self.wheels.append((state.wheel_speeds, state.wheel_torques))
 
     def add_failed_start(self, start: Pose) -> None:
         """Append the only row of a run that fails before its first sample, at rest at ``start``."""
-        unknown = Pose(nan, nan, nan)
         self.rows.append(
-            (0.0, *start, *unknown, *unknown, *_STOP, *_STOP, nan, nan, Status.FAILED, 0, nan, nan)
-        )
+            (0.0, *start, *_UNKNOWN, *_UNKNOWN, *_STOP, *_STOP, nan, nan, Status.FAILED, 0,
+             nan, nan, 0)
+        )  # fmt: skip
         self.details.append(())
+        self.wheels.append(((), ()))
 
     def run(self, events: Sequence[Event]) -> Run:
         """Return the log of the run."""
         rows = np.array(self.rows, dtype=float)
         pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
+        wheel_speed, wheel_torque = (_columns([row[k] for row in self.wheels]) for k in (0, 1))
         supervisor, units = self.pipeline.supervisor, _units(self.pipeline.controller)
         outcome, reason = self.end.outcome, supervisor.stopped or self.end.reason
         if reason and outcome is Outcome.FINISHED:
@@ -281,6 +349,11 @@ class _Log:
             target=target,
             command=command,
             twist=twist,
+            wheel_speed=wheel_speed,
+            wheel_torque=wheel_torque,
+            saturated=rows[:, 22].astype(np.int64),
+            wheel_speed_command=self._wheel_commands(WheelSpeeds),
+            wheel_torque_command=self._wheel_commands(WheelTorques),
             work=rows[:, 16],
             step_time=rows[:, 17],
             status=rows[:, 18].astype(np.int64),
@@ -292,6 +365,23 @@ class _Log:
             reason=reason,
             traceback=self.end.traceback,
         )
+
+    def _wheel_commands(self, kind: type) -> Float[Array, "rows wheels"]:
+        """Return the commands of one kind; NaN in the rows of others."""
+        rows: list[tuple[float, ...]] = [()] * len(self.rows)
+        for k, command in self.wheel_commands.items():
+            if isinstance(command, kind):
+                rows[k] = command
+        return _columns(rows)
+
+
+def _columns(rows: Sequence[tuple[float, ...]]) -> Float[Array, "rows wheels"]:
+    """Return the rows as an array, without columns if all are empty; NaN in shorter rows."""
+    wheels = max(map(len, rows))
+    none = (nan,) * wheels
+    return np.array([row if len(row) == wheels else none for row in rows], dtype=float).reshape(
+        len(rows), wheels
+    )
 
 
 def _units(controller: Controller) -> Mapping[str, str]:

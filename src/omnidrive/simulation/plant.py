@@ -1,11 +1,29 @@
-"""The interface of every plant: anything that accepts a body twist and reports its true motion."""
+"""The interface of every plant: anything that executes commands and reports its true motion."""
 
 from __future__ import annotations
 
+from enum import IntFlag
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
+
+
+class Saturation(IntFlag):
+    """Limits of a plant that were reached, as the sum of their values."""
+
+    NONE = 0
+    """No limit."""
+    WHEEL_SPEED = 1
+    """The largest wheel speed: all commanded speeds are scaled down, or a commanded torque is
+    reduced because it would accelerate a wheel beyond it."""
+    TORQUE = 2
+    """The largest torque of a motor."""
+    FRICTION = 4
+    """The friction of a wheel on the floor: the wheel slips."""
 
 
 class PlantState(NamedTuple):
@@ -26,6 +44,10 @@ class PlantState(NamedTuple):
     forces."""
     collisions: int = 0
     """Number of contacts of the body with obstacles that began since ``reset``."""
+    wheel_speeds: tuple[float, ...] = ()
+    """Speed of each wheel, rad/s, with the signs of the wheel matrix; empty if not reported."""
+    saturated: int = 0
+    """Limits that were reached during the last step, a sum of :class:`Saturation`."""
 
 
 class PlantCapabilities(NamedTuple):
@@ -41,6 +63,10 @@ class PlantCapabilities(NamedTuple):
     """Whether it has a MuJoCo ``model`` and ``data`` to draw, and an ``observer`` hook."""
     forces: bool = False
     """Whether motors, masses and friction act; otherwise twists are executed exactly."""
+    wheel_speeds: bool = False
+    """Whether it executes commands of wheel speeds, as every plant executes body twists."""
+    wheel_torques: bool = False
+    """Whether it executes commands of wheel torques."""
 
 
 @runtime_checkable
@@ -56,10 +82,14 @@ class Plant(Protocol):
         """Start a run at rest at ``pose``."""
         ...
 
-    def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Command ``twist`` for ``dt`` (s); return the state at the end.
+    def step(self, command: CommandValue, dt: float) -> PlantState:
+        """Execute ``command`` for ``dt`` (s); return the state at the end.
+
+        Without the capabilities ``wheel_speeds`` and ``wheel_torques`` it receives body twists
+        only.
 
         Raises:
+            InvalidInput: The plant cannot execute the command, see :func:`check_command`.
             PlantLost: The simulator cannot be reached any more.
         """
         ...
@@ -80,3 +110,43 @@ class DisturbablePlant(Plant, Protocol):
             InvalidInput: A disturbance names a wheel that the robot does not have.
         """
         ...
+
+
+def check_command(command: object, capabilities: PlantCapabilities, wheels: int) -> None:
+    """Check that a plant can execute a command.
+
+    Args:
+        command: The command.
+        capabilities: Capabilities of the plant.
+        wheels: Number of wheels of its robot; 0: unknown.
+
+    Raises:
+        InvalidInput: It is not a command, the plant does not take wheel speeds or torques, or the
+            number of values is not that of the wheels.
+    """
+    if isinstance(command, BodyTwist):
+        return
+    if not isinstance(command, WheelSpeeds | WheelTorques):
+        raise InvalidInput(
+            f"a plant executes a BodyTwist, WheelSpeeds or WheelTorques, got a "
+            f"{type(command).__name__}"
+        )
+    speeds = isinstance(command, WheelSpeeds)
+    if not (capabilities.wheel_speeds if speeds else capabilities.wheel_torques):
+        raise InvalidInput(
+            f"this plant does not execute {command.noun}: command a BodyTwist, or use a plant that "
+            "does, such as planar"
+        )
+    if wheels and len(command) != wheels:
+        raise InvalidInput(
+            f"the command holds {len(command)} {command.noun}, but the robot has {wheels} wheels: "
+            "give one value per wheel, in the order of robot.mounts"
+        )
+
+
+def check_robot(robot: object, plant: str) -> None:
+    """Raise :class:`InvalidInput` if ``robot`` is not a :class:`Robot`; ``plant``: its name."""
+    if isinstance(robot, Robot):
+        return
+    way = f"od.named_robot('{robot}')" if isinstance(robot, str) else "the robot itself"
+    raise InvalidInput(f"{plant} needs a Robot, got a {type(robot).__name__}: pass {way}")

@@ -51,8 +51,18 @@ class Run:
             direction, m; NaN if unknown.
         yaw_sigma: Standard deviation of the estimated yaw, rad; NaN if unknown.
         target: Reference pose, as ``pose``.
-        command: Body twist commanded at ``t``, before wheel saturation; m/s, m/s, rad/s.
+        command: Body twist commanded at ``t``, before wheel saturation; m/s, m/s, rad/s. NaN for
+            a command of wheel speeds or torques.
         twist: True body twist, as ``command``.
+        wheel_speed: True speed of each wheel, rad/s, with the signs of the wheel matrix. No columns
+            if the plant does not report it.
+        wheel_torque: Mean torque of each motor at its wheel in the sample that ends at ``t``, N m.
+            No columns if the plant does not report it.
+        saturated: Limits that were reached in the sample that ends at ``t``: a sum of
+            :class:`~omnidrive.simulation.Saturation`.
+        wheel_speed_command: Wheel speeds commanded at ``t``, rad/s; NaN for another command. No
+            columns if the controller commands none.
+        wheel_torque_command: Wheel torques commanded at ``t``, N m, likewise.
         work: Mechanical work of the motors since the start, in J; NaN without forces.
         step_time: Computing time of ``Controller.step`` in its thread, in us; NaN in the last row.
         status: :class:`~omnidrive.control.Status` of each command.
@@ -74,6 +84,11 @@ class Run:
     target: Float[Array, "rows 3"]
     command: Float[Array, "rows 3"]
     twist: Float[Array, "rows 3"]
+    wheel_speed: Float[Array, "rows _"]
+    wheel_torque: Float[Array, "rows _"]
+    saturated: Int[Array, " rows"]
+    wheel_speed_command: Float[Array, "rows _"]
+    wheel_torque_command: Float[Array, "rows _"]
     work: Float[Array, " rows"]
     step_time: Float[Array, " rows"]
     status: Int[Array, " rows"]
@@ -110,6 +125,11 @@ class Run:
             LogColumn("status", "1", self.status),
             LogColumn("collisions", "1", self.collisions),
             LogColumn("step_time", "us", self.step_time),
+            LogColumn("saturated", "1", self.saturated),
+            *_wheel_columns("wheel_speed", "rad/s", self.wheel_speed),
+            *_wheel_columns("wheel_torque", "N m", self.wheel_torque),
+            *_wheel_columns("command_wheel_speed", "rad/s", self.wheel_speed_command),
+            *_wheel_columns("command_wheel_torque", "N m", self.wheel_torque_command),
             *(LogColumn(k, self.detail_units[k], values) for k, values in self.details.items()),
         )
 
@@ -165,3 +185,8 @@ class Run:
         drawing.line(self.pose[:, :2], BLUE)
         shown = {k: text for k, text in facts.items() if text and text not in {"nan J", "0"}}
         return facts_html("Run", shown, drawing.svg())
+
+
+def _wheel_columns(name: str, unit: str, block: Float[Array, "rows _"]) -> tuple[LogColumn, ...]:
+    """Return one column per wheel, with the wheel's number from 0 at the end of its name."""
+    return tuple(LogColumn(f"{name}_{i}", unit, values) for i, values in enumerate(block.T))

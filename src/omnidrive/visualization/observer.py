@@ -10,6 +10,7 @@ from typing import Protocol, cast, runtime_checkable
 import mujoco
 import numpy as np
 
+from omnidrive.control import CommandValue
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
@@ -232,9 +233,9 @@ class _Observed:
         self._source.begin(state)
         return state
 
-    def step(self, twist: BodyTwist, dt: float) -> PlantState:
+    def step(self, command: CommandValue, dt: float) -> PlantState:
         """Step the plant."""
-        state = self._plant.step(twist, dt)
+        state = self._plant.step(command, dt)
         self._source.advance(state, dt)
         return state
 

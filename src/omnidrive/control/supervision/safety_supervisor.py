@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import hypot
+from math import hypot, isfinite
 
-from omnidrive.control.controller import Command, Controller, ReducibleController
-from omnidrive.control.reduced_drive import ReducedDrive, limit_acceleration
+import numpy as np
+
+from omnidrive.control.controller import (
+    Command,
+    CommandValue,
+    Controller,
+    ReducibleController,
+    WheelTorques,
+)
+from omnidrive.control.reduced_drive import ReducedDrive, limit_acceleration, reallocate
 from omnidrive.control.supervision.supervisor import Event
 from omnidrive.control.supervision.watchdog import Watchdog
 from omnidrive.control.supervision.wheel_monitor import Finding, WheelDefect, WheelMonitor
@@ -57,18 +65,26 @@ class SafetySupervisor:
     _locked: int | None = field(default=None, init=False)
     _drive: ReducedDrive | None = field(default=None, init=False)
     _commanded: BodyTwist = field(default=_STOP, init=False)
+    """Twist of the last command; the present twist while torques are commanded."""
+    _sent: CommandValue = field(default=_STOP, init=False)
+    """The last command."""
     _held: float | None = field(default=None, init=False)
     """Time for which the last command was held, s; None before the first."""
     _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
     _reported_pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
     """Pose that the controller receives."""
+    _angles: tuple[float, ...] = field(default=(), init=False)
+    """Wheel angles of the previous sample, rad."""
+    _t: float = field(default=0.0, init=False)
+    """Time of the sample, s."""
 
     def reset(self, controller: Controller) -> None:
         """Start a run with ``controller`` and all wheels healthy."""
         self.controller, self._original, self.stopped = None, controller, None
         self.events = []
         self._dead, self._locked, self._drive = set(), None, None
-        self._commanded, self._held = _STOP, None
+        self._commanded, self._sent, self._held = _STOP, _STOP, None
+        self._angles, self._t = (), 0.0
         for part in (self.watchdog, self.monitor):
             if part is not None:
                 part.reset()
@@ -89,10 +105,13 @@ class SafetySupervisor:
         """
         if self._held is not None and self.monitor is not None and self.stopped is None:
             found = self.monitor.update(
-                self._commanded, self._held, readings.wheel_angles, readings.wheel_torques
+                self._sent, self._held, readings.wheel_angles, readings.wheel_torques
             )
             for finding in found:
                 self._compensate(t, finding)
+        if isinstance(self._sent, WheelTorques):
+            self._commanded = self._present_twist(readings, state.pose)
+        self._angles, self._t = readings.wheel_angles, t
         if self.watchdog is not None and self.stopped is None:
             reason = self.watchdog.check(t, state, target)
             if reason is not None:
@@ -104,19 +123,60 @@ class SafetySupervisor:
         return state._replace(pose=self._reported_pose)
 
     def limit(self, command: Command, dt: float) -> Command:
-        """Return the command to send to the robot for ``dt`` (s) instead of ``command``."""
-        twist = command.twist
+        """Return the command to send to the robot for ``dt`` (s) instead of ``command``.
+
+        The robot is stopped by twists. With a dead wheel, wheel speeds become the twist of the
+        other wheels, and wheel torques become torques of the other wheels with the same force and
+        moment. With a locked wheel, wheel speeds become a twist too, and wheel torques stop the
+        robot.
+        """
+        value = command.value
+        if not isinstance(value, BodyTwist) and len(value) != len(self.robot.mounts):
+            return command  # the plant refuses it
+        if isinstance(value, WheelTorques) and self._locked is not None and self.stopped is None:
+            self._stop(self._t, f"wheel {self._locked} is locked, which torques cannot compensate")
         if self.stopped is not None:
-            twist = self._braking(dt)
+            value = self._braking(dt)
         elif self._locked is not None:
-            twist = self._in_null_space(twist, dt)
+            value = self._in_null_space(self._twist_of(value), dt)
         elif self._drive is not None:
-            twist = self._drive.chassis.saturate(twist)
-            if self.controller is None:
-                limits = self._drive.acceleration_faces / _SHARE
-                twist = limit_acceleration(limits, self._commanded, twist, dt)
-        self._commanded, self._held = twist, dt
-        return command if twist is command.twist else command._replace(twist=twist)
+            value = self._with_driving_wheels(self._drive, value, dt)
+        self._commanded, self._sent, self._held = self._twist_of(value), value, dt
+        return command if value is command.value else command._replace(value=value)
+
+    def _twist_of(self, value: CommandValue) -> BodyTwist:
+        """Return the twist of a command; for torques, which have none, the present twist."""
+        if isinstance(value, BodyTwist):
+            return value
+        if isinstance(value, WheelTorques):
+            return self._commanded
+        drive = self._drive
+        if drive is None:
+            return self.robot.drive.twist(value)
+        return drive.chassis.twist([value[i] for i in drive.wheels])
+
+    def _with_driving_wheels(
+        self, drive: ReducedDrive, value: CommandValue, dt: float
+    ) -> CommandValue:
+        """Return the command for the driving wheels, within their limits."""
+        if isinstance(value, WheelTorques):
+            return WheelTorques(reallocate(self.robot, drive, value, _SHARE))
+        twist = drive.chassis.saturate(self._twist_of(value))
+        if self.controller is None:
+            limits = drive.acceleration_faces / _SHARE
+            twist = limit_acceleration(limits, self._commanded, twist, dt)
+        return twist
+
+    def _present_twist(self, readings: SensorReadings, pose: Pose) -> BodyTwist:
+        """Return the mean twist since the previous sample by wheel angles, otherwise by poses."""
+        before, now, dt = self._angles, readings.wheel_angles, self._held
+        if dt is None:
+            return _STOP
+        if len(before) == len(now) > 0 and all(map(isfinite, (*before, *now))):
+            return self.robot.drive.twist(np.subtract(now, before) / dt)
+        if all(map(isfinite, (*pose, *self._pose))):
+            return twist_between(self._pose, pose, dt)
+        return self._commanded
 
     def _stop(self, t: float, reason: str) -> None:
         self.stopped = f"at {t:.2f} s {reason}"

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
 from omnidrive.estimation import EncoderSettings
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Robot
@@ -46,6 +47,7 @@ _MIN_TORQUE_STANDING = 0.05  # minimum expected torque for evidence from a stand
 _STANDING = 0.02  # a wheel up to this speed stands
 _TURNING = 0.1  # a wheel above this speed turns
 _MARGIN = 1.2  # factor on the torque that friction can transmit
+_SLOW = 0.9  # share of the largest wheel speed up to which a commanded torque is evaluated
 _MIN_COUNTS = 3.0  # minimum commanded rotation per sample for evidence from a standing wheel
 
 
@@ -63,6 +65,9 @@ class WheelMonitor:
       torque.
     - Dead encoder: the measured speed is zero although the wheel is commanded to turn, and the
       torque is too small for a standing wheel.
+
+    While torques are commanded, only dead motors are detected: their torque is zero although the
+    commanded one is not.
 
     A defect is reported after three samples with evidence: after 0.3 s at a sample time of 0.1 s,
     or later if the expected torque is small. A sample that contradicts the defect clears its
@@ -90,12 +95,16 @@ class WheelMonitor:
         self._known: set[int] = set()
 
     def update(
-        self, command: BodyTwist, dt: float, angles: Sequence[float], torques: Sequence[float]
+        self,
+        command: CommandValue,
+        dt: float,
+        angles: Sequence[float],
+        torques: Sequence[float],
     ) -> list[Finding]:
         """Return the defects found in the sample that has just ended.
 
         Args:
-            command: Body twist commanded during the sample.
+            command: Command during the sample.
             dt: Duration of the sample, s.
             angles: Encoder angle of each wheel since the reset, rad; NaN if an encoder
                 reports nothing, which counts as no rotation.
@@ -106,8 +115,10 @@ class WheelMonitor:
             return []
         now, before = np.asarray(angles, dtype=float), self._angles
         self._angles = now = np.where(np.isnan(now), before, now)
-        commanded = self._mean_set_points(command, dt)
         speeds, robot, resolution = (now - before) / dt, self._robot, self._step / dt
+        if isinstance(command, WheelTorques):
+            return self._count(self._torque_evidence(command, speeds, torques))
+        commanded = self._mean_set_points(command, dt)
         scale = robot.servo_gain / robot.max_torque
         expected = scale * (commanded - speeds)
         torque = np.asarray(torques, dtype=float) / robot.max_torque
@@ -137,9 +148,30 @@ class WheelMonitor:
         }
         return self._count(evidence)
 
-    def _mean_set_points(self, command: BodyTwist, dt: float) -> Float[Array, " wheels"]:
+    def _torque_evidence(
+        self, command: WheelTorques, speeds: Float[Array, " wheels"], torques: Sequence[float]
+    ) -> dict[WheelDefect, tuple[Array, Array]]:
+        """Return the evidence of a sample with commanded torques: that for a dead motor only.
+
+        A motor at the largest wheel speed gives no torque, and is not evaluated.
+        """
+        robot, none = self._robot, np.zeros(len(speeds), dtype=bool)
+        self._before = self._set_points = speeds  # where servos start that are commanded next
+        expected, torque = (np.abs(values) / robot.max_torque for values in (command, torques))
+        is_slow = np.abs(speeds) < _SLOW * robot.max_wheel_speed
+        dead = is_slow & (expected >= _MIN_TORQUE_DEAD) & (torque <= _ZERO_TORQUE)
+        evidence = dict.fromkeys(WheelDefect, (none, none))
+        return evidence | {WheelDefect.DEAD: (dead, torque > 2.0 * _ZERO_TORQUE)}
+
+    def _mean_set_points(
+        self, command: BodyTwist | WheelSpeeds, dt: float
+    ) -> Float[Array, " wheels"]:
         """Return the mean set points of the servos, rad/s, which follow the command with a lag."""
-        target, lag = self._drive.wheel_speeds(self._drive.saturate(command)), self._robot.motor_lag
+        lag = self._robot.motor_lag
+        if isinstance(command, WheelSpeeds):
+            target = self._drive.saturate_wheels(command)
+        else:
+            target = self._drive.wheel_speeds(self._drive.saturate(command))
         if lag <= 0.0:
             return target
         difference, decay = self._set_points - target, exp(-dt / lag)

@@ -46,6 +46,11 @@ class JointInterface:
         self._last = self._read()
         self.angles, self.work = (0.0,) * len(self._handles), 0.0
 
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """Speed of each joint after the last step, rad/s."""
+        return tuple(joint.speed for joint in self._last)
+
     def command(self, speeds: Sequence[float]) -> None:
         """Command the wheel speeds, rad/s."""
         for handle, sign, speed in zip(self._handles, self._signs, speeds, strict=True):

@@ -8,6 +8,7 @@ from time import monotonic, sleep
 from types import TracebackType
 from typing import get_args
 
+from omnidrive.control.controller import CommandValue
 from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.robot import Robot
@@ -22,7 +23,13 @@ from omnidrive.simulation.coppeliasim.object_pose import (
 from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
 from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene, Interface
 from omnidrive.simulation.coppeliasim.signal_interface import SignalInterface
-from omnidrive.simulation.plant import PlantCapabilities, PlantState
+from omnidrive.simulation.plant import (
+    PlantCapabilities,
+    PlantState,
+    Saturation,
+    check_command,
+    check_robot,
+)
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 _MIN_UPRIGHTNESS = 0.9  # cosine of the tilt up to which the yaw is well defined
@@ -33,7 +40,7 @@ _POLL_PERIOD = 0.01  # s; period of the state queries while a simulation stops
 class CoppeliaSimPlant:
     """A robot in the open scene of CoppeliaSim, which is simulated in stepping mode.
 
-    ``robot.drive`` converts the command into wheel speeds, scaled together if one exceeds its
+    ``robot.drive`` converts a body twist into wheel speeds, scaled together if one exceeds its
     limit, which are held for the sample time. The wheels and the simulation are stopped at the end
     of every run: by :meth:`close`, at the end of a ``with``, or after an error in :meth:`step`.
     """
@@ -46,11 +53,12 @@ class CoppeliaSimPlant:
             scene: Connection and names; None: the defaults.
 
         Raises:
-            InvalidInput: The settings do not fit the robot.
+            InvalidInput: ``robot`` is not a robot, or the settings do not fit it.
             InvalidScene: The scene lacks an object of the settings.
             MissingExtra: The vendor's client is not installed.
             PlantLost: CoppeliaSim does not reply.
         """
+        check_robot(robot, "CoppeliaSimPlant")
         self.robot = robot
         self.scene = scene or CoppeliaSimScene()
         _check_scene(robot, self.scene)
@@ -82,8 +90,8 @@ class CoppeliaSimPlant:
 
     @property
     def capabilities(self) -> PlantCapabilities:
-        """The plant is exclusive, because a running CoppeliaSim has one scene, and has forces."""
-        return PlantCapabilities(exclusive=True, forces=True)
+        """Exclusive, because a running CoppeliaSim has one scene; with forces and wheel speeds."""
+        return PlantCapabilities(exclusive=True, forces=True, wheel_speeds=True)
 
     def reset(self, pose: Pose) -> PlantState:
         """Stop the simulation, move the robot to ``pose`` and start it in stepping mode.
@@ -131,24 +139,37 @@ class CoppeliaSimPlant:
         start, _ = self._motion()
         return self._plant_state(start, _REST)
 
-    def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Command ``twist`` for ``dt`` seconds, a multiple of the simulator's time step.
+    def step(self, command: CommandValue, dt: float) -> PlantState:
+        """Execute ``command`` for ``dt`` seconds, a multiple of the simulator's time step.
 
         Raises:
-            InvalidInput: ``dt`` is not a multiple of the time step.
+            InvalidInput: The command is of wheel torques, or ``dt`` is not a multiple of the time
+                step.
             PlantLost: CoppeliaSim does not reply, or was stopped or paused.
         """
+        speeds, scaled = self._wheel_speeds(command)
         steps = self._steps(dt)
         try:
-            self._motors.command(self._drive.wheel_speeds(self._drive.saturate(twist)).tolist())
+            self._motors.command(speeds)
             self._advance(steps)
-            return self._plant_state(*self._motion())
+            state = self._plant_state(*self._motion())
+            return state._replace(saturated=Saturation.WHEEL_SPEED) if scaled else state
         except InvalidScene as error:
             self.close()
             raise PlantLost(str(error)) from None
         except BaseException:
             self.close()
             raise
+
+    def _wheel_speeds(self, command: CommandValue) -> tuple[list[float], bool]:
+        """Return the wheel speeds of a command, rad/s, and whether a limit scaled them down."""
+        drive = self._drive
+        if isinstance(command, BodyTwist):
+            twist = drive.saturate(command)
+            return drive.wheel_speeds(twist).tolist(), twist is not command
+        check_command(command, self.capabilities, len(self.robot.mounts))
+        scaled = max(map(abs, command)) > drive.max_wheel_speed
+        return drive.saturate_wheels(command).tolist(), scaled
 
     def close(self) -> None:
         """Stop the wheels and the simulation, move the robot back, and disconnect.
@@ -259,7 +280,7 @@ class CoppeliaSimPlant:
     def _plant_state(self, pose: Pose, twist: BodyTwist) -> PlantState:
         motors = self._motors
         if isinstance(motors, JointInterface):
-            return PlantState(pose, twist, motors.work, motors.angles)
+            return PlantState(pose, twist, motors.work, motors.angles, wheel_speeds=motors.speeds)
         return PlantState(pose, twist, nan)
 
     def _measure_signal_frame(self) -> Pose:

@@ -51,7 +51,7 @@ class MujocoDisturbances:
         self._nominal = copy.copy(model)
         self._mounts = mounts
         self._base = model.body("base").id
-        self._tyre_geoms = [_subtree_geoms(model, f"wheel{i}") for i in range(len(mounts))]
+        self.tyre_geoms = [_subtree_geoms(model, f"wheel{i}") for i in range(len(mounts))]
         self._active = Disturbances()
 
     @property
@@ -153,7 +153,7 @@ class MujocoDisturbances:
         for name in _FRICTION:
             getattr(self._model, name)[:] = getattr(self._nominal, name)
         if self._active.patch is not None:
-            self._model.geom_priority[list(chain(*self._tyre_geoms))] = 1
+            self._model.geom_priority[list(chain(*self.tyre_geoms))] = 1
             self.update_patch(data)
 
     def update_patch(self, data: mujoco.MjData) -> None:
@@ -164,7 +164,7 @@ class MujocoDisturbances:
         x, y = data.qpos[:2].tolist()
         w, _, _, z = data.qpos[3:7].tolist()
         c, s = w * w - z * z, 2.0 * w * z  # of the yaw; the robot is upright
-        for i, (mount, tyre) in enumerate(zip(self._mounts, self._tyre_geoms, strict=True)):
+        for i, (mount, tyre) in enumerate(zip(self._mounts, self.tyre_geoms, strict=True)):
             dx = x + c * mount.x - s * mount.y - patch.x
             dy = y + s * mount.x + c * mount.y - patch.y
             inside = hypot(dx, dy) <= patch.radius

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.control.controller import CommandValue, WheelTorques
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.maps import OccupancyGrid
@@ -22,10 +23,21 @@ from omnidrive.simulation.mujoco.obstacle_boxes import ObstacleBoxes
 from omnidrive.simulation.mujoco.obstacles import MujocoObstacles
 from omnidrive.simulation.mujoco.robot_model import TIMESTEPS, WheelModel, robot_mjcf
 from omnidrive.simulation.mujoco.servos import VelocityServos
-from omnidrive.simulation.plant import PlantCapabilities, PlantState
+from omnidrive.simulation.plant import (
+    PlantCapabilities,
+    PlantState,
+    Saturation,
+    check_command,
+    check_robot,
+)
 
 _UPDATE_PERIOD = 0.05  # s; period of the updates of near obstacles and of substeps
 _SETTLING_TIME = 0.2  # s; time in which the axle springs settle before a run
+_WHEEL_SPEED, _TORQUE, _FRICTION = map(
+    int, (Saturation.WHEEL_SPEED, Saturation.TORQUE, Saturation.FRICTION)
+)
+_SLIP_SHARE = 0.95  # share of the friction limit above which a wheel counts as slipping
+_ON_CONE = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
 
 
 # divergence is read from the counters; without this MuJoCo writes a log file into the folder
@@ -35,7 +47,7 @@ mujoco.set_mju_user_warning(lambda _: None)
 class MujocoPlant:
     """A robot in MuJoCo; :mod:`omnidrive.simulation.mujoco.robot_model` describes the models.
 
-    ``robot.drive`` converts the command into wheel speeds, scaled together if one exceeds its
+    ``robot.drive`` converts a body twist into wheel speeds, scaled together if one exceeds its
     limit; velocity servos with the robot's torque limit drive the wheels. :attr:`model` and
     :attr:`data` are public for disturbances and rendering; B is the frame of the body ``base``.
 
@@ -63,8 +75,10 @@ class MujocoPlant:
             moving: Moving obstacles; their time starts at ``reset``.
 
         Raises:
-            InvalidInput: The wheel model is unknown, or there are too many moving obstacles.
+            InvalidInput: ``robot`` is not a robot, the wheel model is unknown, or there are too
+                many moving obstacles.
         """
+        check_robot(robot, "MujocoPlant")
         if wheels not in get_args(WheelModel):
             raise InvalidInput(
                 f"unknown wheel model '{wheels}': choose one of {', '.join(get_args(WheelModel))}"
@@ -82,6 +96,10 @@ class MujocoPlant:
         self._servos = VelocityServos(self._model, self._data)
         self._timestep = TIMESTEPS[wheels]
         self._disturbances = MujocoDisturbances(self._model, robot.mounts)
+        self._wheel_of_geom = np.full(self._model.ngeom, -1)
+        for wheel, geoms in enumerate(self._disturbances.tyre_geoms):
+            self._wheel_of_geom[geoms] = wheel
+        self._drive_directions = np.array([mount.drive_direction for mount in robot.mounts])
         self._joints = [
             int(self._model.joint(f"wheel{i}").qposadr[0]) for i in range(len(robot.mounts))
         ]
@@ -103,8 +121,15 @@ class MujocoPlant:
 
     @property
     def capabilities(self) -> PlantCapabilities:
-        """The plant is disturbable, has forces and collisions, and can be rendered."""
-        return PlantCapabilities(disturbable=True, collides=True, renders=True, forces=True)
+        """Disturbable, with forces, collisions, rendering, wheel speeds and torques."""
+        return PlantCapabilities(
+            disturbable=True,
+            collides=True,
+            renders=True,
+            forces=True,
+            wheel_speeds=True,
+            wheel_torques=True,
+        )
 
     def close(self) -> None:
         """Do nothing: MuJoCo's memory is freed with the object."""
@@ -112,6 +137,7 @@ class MujocoPlant:
     def reset(self, pose: Pose) -> PlantState:
         """Start at rest at ``pose``, with settled springs."""
         data = self._data
+        self._servos.restore_limits()
         self._disturbances.clear()
         mujoco.mj_resetData(self._model, data)
         self._model.opt.timestep = self._timestep
@@ -128,22 +154,72 @@ class MujocoPlant:
         self._start(pose.yaw)
         return self._measure()
 
-    def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Command ``twist`` for ``dt`` seconds."""
-        self._data.ctrl[:] = self._drive.wheel_speeds(self._drive.saturate(twist))
+    def step(self, command: CommandValue, dt: float) -> PlantState:
+        """Execute ``command`` for ``dt`` seconds."""
+        if isinstance(command, BodyTwist):
+            twist = self._drive.saturate(command)
+            self._servos.command_speeds(self._drive.wheel_speeds(twist))
+            self._simulate(dt, scaled=twist is not command)
+            return self._measure()
+        check_command(command, self.capabilities, len(self.robot.mounts))
+        if isinstance(command, WheelTorques):
+            self._step_torques(command, dt)
+        else:
+            self._servos.command_speeds(self._drive.saturate_wheels(command))
+            scaled = max(map(abs, command)) > self.robot.max_wheel_speed
+            self._simulate(dt, scaled=scaled)
+        return self._measure()
+
+    def _step_torques(self, command: WheelTorques, dt: float) -> None:
+        """Simulate ``dt`` seconds with the commanded torques."""
+        limited = self._servos.command_torques(command, self.robot.max_wheel_speed)
+        self._simulate(dt, scaled=False)
+        self._torques[self._disturbances.locked] = limited[self._disturbances.locked]
+        works = self._model.actuator_gainprm[:, 0] != 0.0
+        reduced = np.abs(self._torques) < (1.0 - 1e-6) * np.abs(limited)
+        self._reached &= _FRICTION
+        self._reached |= _TORQUE * bool((np.abs(command) > np.abs(limited)).any())
+        self._reached |= _WHEEL_SPEED * bool((works & reduced).any())
+
+    def _simulate(self, dt: float, *, scaled: bool) -> None:
+        """Simulate ``dt`` seconds; ``scaled``: whether commanded speeds were above the limit."""
         count = ceil(dt / self._timestep - 1e-9)
         length, torques = dt / count, np.zeros(len(self.robot.mounts))
         period, done = max(1, round(_UPDATE_PERIOD / length)), 0
+        reached = _WHEEL_SPEED if scaled else 0
         while done < count:
             substeps = self._servos.substeps(length)
             steps = 1 if substeps > 1 else min(period - done % period, count - done)
             torques += steps * self._advance(steps * substeps, length / substeps)
             done += steps
-        self._torques = torques / count
+            if self._servos.at_limit:
+                reached |= _TORQUE
+            if not reached & _FRICTION and self._slips():
+                reached |= _FRICTION
+        self._torques, self._reached = torques / count, reached
         for i in self._disturbances.locked:  # torque of the motor of a locked wheel
             limit = self.robot.max_torque
             self._torques[i] = np.clip(self.robot.servo_gain * self._data.ctrl[i], -limit, limit)
-        return self._measure()
+
+    def _slips(self) -> bool:
+        """Return whether friction limits the force of a wheel along its drive direction.
+
+        A roller that has just reached the floor is at its limit too, but across that direction.
+        """
+        data = self._data
+        if _ON_CONE not in data.efc_state.tolist():
+            return False
+        contacts = data.contact
+        wheels = self._wheel_of_geom[contacts.geom].max(axis=1)
+        of_wheel = (wheels >= 0) & (contacts.efc_address >= 0)
+        wheels, rows = wheels[of_wheel], contacts.efc_address[of_wheel]
+        tangents = contacts.frame[of_wheel].reshape(-1, 3, 3)[:, 1:, :2]
+        to_world = data.body("base").xmat.reshape(3, 3)[:2, :2]
+        components = np.einsum("cij,cj->ci", tangents, self._drive_directions[wheels] @ to_world.T)
+        normal, first, second = (data.efc_force[rows + k] for k in range(3))
+        driving = np.bincount(wheels, first * components[:, 0] + second * components[:, 1])
+        limits = np.bincount(wheels, contacts.friction[of_wheel, 1] * normal)
+        return bool((np.abs(driving) > _SLIP_SHARE * np.maximum(limits, 1e-9)).any())
 
     def _advance(self, steps: int, length: float) -> Float[Array, " wheels"]:
         """Make physics steps of ``length`` (s); return the mean torque of each motor, N m."""
@@ -176,14 +252,16 @@ class MujocoPlant:
         Raises:
             InvalidInput: The number of motors differs from the number of wheels.
         """
+        self._servos.restore_limits()
         self._disturbances.apply(disturbances, self._data)
         self._yaw += disturbances.offset.yaw
 
     def _start(self, yaw: float) -> None:
-        """Set yaw, work, torques and wheel angles to their initial values."""
+        """Set yaw, work, torques, limits reached and wheel angles to their initial values."""
         wheels = len(self.robot.mounts)
         self._yaw, self._work = yaw, 0.0
         self._torques = np.zeros(wheels)
+        self._reached = 0
         self._initial_positions = self._data.qpos[self._joints].copy()
 
     def _wheel_angles(self) -> Float[Array, " wheels"]:
@@ -217,6 +295,8 @@ class MujocoPlant:
             wheel_angles=tuple(self._wheel_angles().tolist()),
             wheel_torques=tuple(self._torques.tolist()),
             collisions=collisions,
+            wheel_speeds=tuple(self._servos.speeds.tolist()),
+            saturated=self._reached,
         )
 
 

@@ -20,20 +20,26 @@ from omnidrive.simulation.planar.contact import (
 
 _FLOOR_ANGLE = 1.5 * pi  # rad; angle from roller 0, which starts ahead of the axle, to the floor
 _AXLE_LAG = 0.02  # s; time constant with which sprung axles transmit a change of load
+_WHEEL_SPEED, _TORQUE, _FRICTION = 1, 2, 4  # of Saturation
 
 
 @inlined
-def set_commands(body: Any, wheels: Array, wheel_states: Array, twist: Vector) -> None:
-    """Set the commanded wheel speeds of a body twist, scaled together if one exceeds its limit."""
+def set_commands(body: Any, wheels: Array, wheel_states: Array, twist: Vector) -> bool:
+    """Set the commanded wheel speeds of a body twist; return whether a limit scaled them down.
+
+    They are scaled together.
+    """
     peak = 0.0
     for i in range(len(wheels)):
         wheel = wheels[i]
         speed = wheel.drive_x * twist[0] + wheel.drive_y * twist[1] + wheel.drive_yaw * twist[2]
         wheel_states[i].command = speed
         peak = max(peak, abs(speed))
-    if not peak <= body.max_wheel_speed:  # true for NaN too
+    scaled = not peak <= body.max_wheel_speed  # true for NaN too
+    if scaled:
         for i in range(len(wheels)):
             wheel_states[i].command *= body.max_wheel_speed / peak
+    return scaled
 
 
 @inlined
@@ -130,7 +136,9 @@ def update_wheels(
     x, y = 0.0, 0.0
     for i in range(len(wheels)):
         wheel, wheel_state = wheels[i], wheel_states[i]
-        q, _, _ = contact_impulse(wheel, wheel_state, v, h)
+        q, _, mode = contact_impulse(wheel, wheel_state, v, h)
+        if abs(mode) == 2:
+            motion.saturated |= _FRICTION
         x, y = x + wheel.direction_x * q / h, y + wheel.direction_y * q / h
         if wheel.locked:
             wheel_state.speed = 0.0
@@ -141,6 +149,7 @@ def update_wheels(
             w = (angular_momentum + gain * wheel_state.target) / (wheel.inertia + gain)
             torque = wheel.gain * (wheel_state.target - w)
             if abs(torque) > wheel.limit:
+                motion.saturated |= _TORQUE
                 torque = saturate(torque, wheel.limit)
                 w = (angular_momentum + h * torque) / wheel.inertia
             wheel_state.speed = w
@@ -162,37 +171,21 @@ def update_pose(motion: Any, v: Vector, h: float) -> None:
     motion.vx, motion.vy, motion.yaw_rate = v
 
 
-@compiled
-def integrate(  # noqa: PLR0917
+@inlined
+def advance(  # noqa: PLR0917
     bodies: Array,
     wheels: Array,
     motions: Array,
     wheel_states: Array,
     rollers: Float[Array, "wheels rollers"],
-    vx: float,
-    vy: float,
-    yaw_rate: float,
     h: float,
     steps: int,
 ) -> None:
-    """Integrate one command for ``steps`` steps of ``h`` seconds, in place.
-
-    Args:
-        bodies: Record of the body in the model.
-        wheels: Records of the wheels in the model.
-        motions: Record of the body in the state.
-        wheel_states: Records of the wheels in the state; afterwards with the mean torques.
-        rollers: Speeds of the rollers in the state.
-        vx: Commanded velocity along x of B, m/s.
-        vy: Commanded velocity along y of B, m/s.
-        yaw_rate: Commanded yaw rate, rad/s.
-        h: Length of a step, s.
-        steps: Number of steps; positive.
-    """
+    """Integrate the commanded wheel speeds; the arguments are those of :func:`integrate_wheels`."""
     body, motion = bodies[0], motions[0]
-    set_commands(body, wheels, wheel_states, (vx, vy, yaw_rate))
     decay = exp(-h / body.motor_lag) if body.motor_lag > 0.0 else 0.0
     axle_gain = 1.0 - exp(-h / _AXLE_LAG)
+    motion.saturated = 0
     for i in range(len(wheel_states)):
         wheel_states[i].torque = 0.0
     for _ in range(steps):
@@ -212,3 +205,60 @@ def integrate(  # noqa: PLR0917
         update_pose(motion, v, h)
     for i in range(len(wheel_states)):
         wheel_states[i].torque /= steps
+
+
+@compiled
+def integrate(  # noqa: PLR0917
+    bodies: Array,
+    wheels: Array,
+    motions: Array,
+    wheel_states: Array,
+    rollers: Float[Array, "wheels rollers"],
+    vx: float,
+    vy: float,
+    yaw_rate: float,
+    h: float,
+    steps: int,
+) -> None:
+    """Integrate the command of a body twist for ``steps`` steps of ``h`` seconds, in place.
+
+    Args:
+        bodies: Record of the body in the model.
+        wheels: Records of the wheels in the model.
+        motions: Record of the body in the state.
+        wheel_states: Records of the wheels in the state; afterwards with the mean torques.
+        rollers: Speeds of the rollers in the state.
+        vx: Commanded velocity along x of B, m/s.
+        vy: Commanded velocity along y of B, m/s.
+        yaw_rate: Commanded yaw rate, rad/s.
+        h: Length of a step, s.
+        steps: Number of steps; positive.
+    """
+    scaled = set_commands(bodies[0], wheels, wheel_states, (vx, vy, yaw_rate))
+    advance(bodies, wheels, motions, wheel_states, rollers, h, steps)
+    if scaled:
+        motions[0].saturated |= _WHEEL_SPEED
+
+
+@compiled
+def integrate_wheels(  # noqa: PLR0917
+    bodies: Array,
+    wheels: Array,
+    motions: Array,
+    wheel_states: Array,
+    rollers: Float[Array, "wheels rollers"],
+    h: float,
+    steps: int,
+) -> None:
+    """Integrate the commanded wheel speeds in ``wheel_states``, in place.
+
+    Args:
+        bodies: Record of the body in the model.
+        wheels: Records of the wheels in the model.
+        motions: Record of the body in the state.
+        wheel_states: Records of the wheels in the state; afterwards with the mean torques.
+        rollers: Speeds of the rollers in the state.
+        h: Length of a step, s.
+        steps: Number of steps; positive.
+    """
+    advance(bodies, wheels, motions, wheel_states, rollers, h, steps)

@@ -5,15 +5,24 @@ from __future__ import annotations
 from math import ceil, cos, pi, sin
 
 import numpy as np
+from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import entry_point
+from omnidrive.control.controller import CommandValue, WheelTorques
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
-from omnidrive.simulation.planar.dynamics import integrate
+from omnidrive.simulation.planar.dynamics import integrate, integrate_wheels
 from omnidrive.simulation.planar.model import mass_matrix, planar_model
 from omnidrive.simulation.planar.state import PlanarState
-from omnidrive.simulation.plant import PlantCapabilities, PlantState
+from omnidrive.simulation.plant import (
+    PlantCapabilities,
+    PlantState,
+    Saturation,
+    check_command,
+    check_robot,
+)
 
 TIMESTEP = 0.002
 """Longest integration step, s."""
@@ -22,11 +31,15 @@ TIMESTEP = 0.002
 class PlanarPlant:
     """A robot of three degrees of freedom; see :mod:`omnidrive.simulation.planar.contact`.
 
-    ``robot.drive`` converts the command into wheel speeds, scaled together if one exceeds its
-    limit; velocity servos with the robot's lag and torque limit track them. Every wheel carries its
-    share of the weight, which changes with the acceleration, and its force acts along the axis of
-    its rollers. Rollers absorb momentum when they reach the floor, and their two rows have
-    different distances from the robot's centre. There are no obstacles, and the robot cannot tip.
+    ``robot.drive`` converts a body twist into wheel speeds, scaled together if one exceeds its
+    limit; velocity servos with the robot's lag and torque limit track them. A motor with a
+    commanded torque is a servo at the largest wheel speed, without lag, whose torque limit is the
+    commanded torque: near that speed the torque falls to 0.
+
+    Every wheel carries its share of the weight, which changes with the acceleration, and its force
+    acts along the axis of its rollers. Rollers absorb momentum when they reach the floor, and their
+    two rows have different distances from the robot's centre. There are no obstacles, and the robot
+    cannot tip.
 
     Attributes:
         robot: The robot.
@@ -47,36 +60,78 @@ class PlanarPlant:
             rng: Generator of the wheel angles at every reset; None: those of the MuJoCo model.
             timestep: Longest integration step, s.
         """
+        check_robot(robot, "PlanarPlant")
         self.robot = robot
         self.timestep = timestep
         count, pitch = len(robot.mounts), 2.0 * pi / robot.wheel.rollers_per_row
         self._phases = rng.uniform(0.0, pitch, count) if rng is not None else np.zeros(count)
+        self._own_limits: Float[Array, " wheels"] | None = None
+        """Torque limits of the motors while torques are commanded, N m."""
         self._model = planar_model(robot, Disturbances())
         self._state = self._at_rest(Pose(0.0, 0.0, 0.0))
         self._integrate = entry_point(integrate, *self._model, *self._state, 0.0, 0.0, 0.0, 0.1, 1)
 
     @property
     def capabilities(self) -> PlantCapabilities:
-        """Disturbable; it has forces, but no obstacles."""
-        return PlantCapabilities(disturbable=True, forces=True)
+        """Disturbable, with forces, wheel speeds and torques; it has no obstacles."""
+        return PlantCapabilities(
+            disturbable=True, forces=True, wheel_speeds=True, wheel_torques=True
+        )
 
     def close(self) -> None:
         """Do nothing: the plant holds no resources."""
 
     def reset(self, pose: Pose) -> PlantState:
         """Start at rest at ``pose``, without disturbances."""
+        self._own_limits = None
         self._model = planar_model(self.robot, Disturbances())
         self._state = self._at_rest(pose)
         return self._measure()
 
-    def step(self, twist: BodyTwist, dt: float) -> PlantState:
-        """Command ``twist`` for ``dt`` seconds."""
-        vx, vy, yaw_rate = twist
+    def step(self, command: CommandValue, dt: float) -> PlantState:
+        """Execute ``command`` for ``dt`` seconds."""
         steps = ceil(dt / self.timestep - 1e-9)
-        self._integrate(
-            *self._model, *self._state, float(vx), float(vy), float(yaw_rate), dt / steps, steps
-        )
-        return self._measure()
+        if isinstance(command, BodyTwist):
+            vx, vy, yaw_rate = command
+            self._end_torques()
+            self._integrate(
+                *self._model, *self._state, float(vx), float(vy), float(yaw_rate), dt / steps, steps
+            )
+            return self._measure()
+        check_command(command, self.capabilities, len(self.robot.mounts))
+        if isinstance(command, WheelTorques):
+            return self._step_torques(command, dt / steps, steps)
+        self._end_torques()
+        self._state.wheels["command"] = self.robot.drive.saturate_wheels(command)
+        integrate_wheels(*self._model, *self._state, dt / steps, steps)
+        scaled = max(map(abs, command)) > self.robot.max_wheel_speed
+        return self._measure(Saturation.WHEEL_SPEED if scaled else 0)
+
+    def _step_torques(self, command: WheelTorques, h: float, steps: int) -> PlantState:
+        """Integrate ``steps`` steps of ``h`` seconds with the commanded torques."""
+        wheels = self._state.wheels
+        if self._own_limits is None:
+            self._own_limits = self._model.wheels["limit"].copy()
+        limits = self._own_limits
+        torques = np.clip(command, -limits, limits)
+        self._model.wheels["limit"] = np.abs(torques)
+        wheels["command"] = np.copysign(self.robot.max_wheel_speed, torques)
+        wheels["target"] = wheels["command"]
+        integrate_wheels(*self._model, *self._state, h, steps)
+        self._state.motion["saturated"] &= Saturation.FRICTION
+        reached = 0
+        if (np.abs(command) > limits).any():
+            reached |= Saturation.TORQUE
+        if (np.abs(wheels["torque"]) < (1.0 - 1e-6) * np.abs(torques)).any():
+            reached |= Saturation.WHEEL_SPEED
+        return self._measure(reached)
+
+    def _end_torques(self) -> None:
+        """Return to velocity servos with the motors' own limits, from the present wheel speeds."""
+        if self._own_limits is not None:
+            self._model.wheels["limit"] = self._own_limits
+            self._state.wheels["target"] = self._state.wheels["speed"]
+            self._own_limits = None
 
     def apply(self, disturbances: Disturbances) -> None:
         """Set the disturbances that act from now on; ``reset`` removes them.
@@ -86,6 +141,7 @@ class PlanarPlant:
         Raises:
             InvalidInput: The number of motors differs from the number of wheels.
         """
+        self._end_torques()
         self._model = planar_model(self.robot, disturbances)
         motion, wheels = self._state.motion, self._state.wheels
         for name, change in zip(("x", "y", "yaw"), disturbances.offset, strict=True):
@@ -104,8 +160,9 @@ class PlanarPlant:
         state.wheels["angle"] = self._phases
         return state
 
-    def _measure(self) -> PlantState:
-        x, y, yaw, vx, vy, yaw_rate, work, _, _ = self._state.motion.item()
+    def _measure(self, reached: int = 0) -> PlantState:
+        """Return the state; ``reached``: limits in addition to those that the kernel found."""
+        x, y, yaw, vx, vy, yaw_rate, work, _, _, saturated = self._state.motion.item()
         wheels = self._state.wheels
         return PlantState(
             Pose(x, y, yaw),
@@ -113,4 +170,6 @@ class PlanarPlant:
             work,
             tuple((wheels["angle"] - self._phases).tolist()),
             tuple(wheels["torque"].tolist()),
+            wheel_speeds=tuple(wheels["speed"].tolist()),
+            saturated=saturated | reached,
         )

@@ -21,6 +21,7 @@ MOTION = np.dtype(
         ("work", float),  # absolute mechanical work of the motors, J
         ("force_x", float),  # floor's force on the robot after the lag of the axles, in B, N
         ("force_y", float),
+        ("saturated", int),  # limits reached during the last command, a sum of Saturation
     ]
 )
 """Record of the body."""
