@@ -7,15 +7,17 @@ from math import hypot, isfinite
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.components import Component
-from omnidrive.control import Command, Controller, Status
+from omnidrive.control import Command, Controller, Status, WheelSpeeds, WheelTorques
 from omnidrive.control.components import ControllerContext
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import Robot, named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, Run, simulate
+from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, Plant, Run, simulate
 from omnidrive.testing.laws import Circle, Law, check_laws, first_difference, rotated
 
 _START = Pose(0.1, -0.8, 0.2)  # beside the circle
@@ -38,8 +40,9 @@ def check_controller(
       memory.
     - Commands are finite, or their status is ``FAILED``, for any pose.
     - Unknown parts of the state (None) are no error.
-    - Rotating the world does not change the body twist (``invariant``).
-    - It reaches a pose, on a plant that executes commands exactly (``converges``).
+    - Rotating the world does not change the command (``invariant``).
+    - It reaches a pose, on a plant that executes commands exactly; with wheel torques, on the plant
+      ``planar`` (``converges``).
 
     Args:
         factory: The class or function that makes the controller, as for ``--controller``.
@@ -81,8 +84,15 @@ class _Laws:
         return made
 
     def run(self, controller: Controller, start: Pose = _START) -> Run:
-        plant = KinematicPlant(self.robot)
-        return simulate(plant, controller, Circle(), start=start, dt=self.dt)
+        return simulate(self.plant(), controller, Circle(), start=start, dt=self.dt)
+
+    def plant(self) -> Plant:
+        """Return a plant that executes the commands."""
+        controller, state = self.make(), State(0.0, _START)
+        controller.reset(state)
+        first = controller.step(0.0, state, Circle())
+        torques = isinstance(first.value, WheelTorques)
+        return PlanarPlant(self.robot) if torques else KinematicPlant(self.robot)
 
     def protocol(self) -> str | None:
         made = self.make()
@@ -96,8 +106,11 @@ class _Laws:
         command: object = controller.step(0.0, state, Circle())
         if not isinstance(command, Command):
             return f"step returns a {_named(command)}, need Command(BodyTwist(vx, vy, yaw_rate))"
-        if command.twist is not None and not isinstance(command.twist, BodyTwist):
-            return f"the twist of its command is a {_named(command.twist)}, need a BodyTwist"
+        if not isinstance(command.value, BodyTwist | WheelSpeeds | WheelTorques):
+            return (
+                f"its command holds a {_named(command.value)}, need a BodyTwist, WheelSpeeds or "
+                "WheelTorques"
+            )
         return None
 
     def determinism(self) -> str | None:
@@ -105,10 +118,10 @@ class _Laws:
         once, again, fresh = self.run(controller), self.run(controller), self.run(self.make())
         if once.outcome is not Outcome.FINISHED:
             return f"its run on a circle ends early: {once.ending}"
-        row = first_difference(once.command, again.command)
+        row = first_difference(_commands(once), _commands(again))
         if row is not None:
             return f"after reset, the command at {once.t[row]:g} s differs: reset keeps some memory"
-        row = first_difference(once.command, fresh.command)
+        row = first_difference(_commands(once), _commands(fresh))
         if row is not None:
             return f"a new controller differs at {once.t[row]:g} s: randomness or global state"
         return None
@@ -118,9 +131,8 @@ class _Laws:
             controller = self.make()
             controller.reset(State(0.0, _START))
             command = controller.step(0.0, State(0.0, pose), Circle())
-            numbers = command.twist or ()
-            if command.status is not Status.FAILED and not all(map(isfinite, numbers)):
-                return f"at the pose {tuple(pose)} its command is {tuple(numbers)}, with status OK"
+            if command.status is not Status.FAILED and not all(map(isfinite, command.value)):
+                return f"at the pose {tuple(pose)} its command is {command.value}, with status OK"
         return None
 
     def rotation(self) -> str | None:
@@ -130,19 +142,18 @@ class _Laws:
         one.reset(State(0.0, _START))
         two.reset(State(0.0, turned))
         for t in (0.0, self.dt):
-            a = one.step(t, State(t, _START), Circle()).twist
-            b = two.step(t, State(t, turned), Circle(angle)).twist
+            a = one.step(t, State(t, _START), Circle()).value
+            b = two.step(t, State(t, turned), Circle(angle)).value
             if not np.allclose(a, b, rtol=0.0, atol=1e-5):
                 return (
-                    f"with the world turned by {angle} rad, the twist at {t:g} s is {tuple(b)} "
-                    f"instead of {tuple(a)}: are errors in W used as velocities in B?"
+                    f"with the world turned by {angle} rad, the command at {t:g} s is {b} instead "
+                    f"of {a}: are errors in W used as velocities in B?"
                 )
         return None
 
     def convergence(self) -> str | None:
         hold, start = Hold(_GOAL, 15.0), Pose(0.0, 0.0, 0.0)
-        plant = KinematicPlant(self.robot)
-        run = simulate(plant, self.make(), hold, start=start, dt=self.dt)
+        run = simulate(self.plant(), self.make(), hold, start=start, dt=self.dt)
         if run.outcome is not Outcome.FINISHED:
             return f"its run towards a pose ends early: {run.ending}"
         x, y, yaw = (run.pose[-1] - np.array(_GOAL)).tolist()
@@ -152,6 +163,11 @@ class _Laws:
                 f"{abs(yaw):.2g} rad away, need 0.05 m and 0.05 rad"
             )
         return None
+
+
+def _commands(run: Run) -> Float[Array, "rows _"]:
+    """Return all commands of a run, one row per sample."""
+    return np.hstack([run.command, run.wheel_speed_command, run.wheel_torque_command])
 
 
 def _named(value: object) -> str:
