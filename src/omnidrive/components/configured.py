@@ -10,7 +10,8 @@ from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from omnidrive.components.component import Component
-from omnidrive.components.registry import Group, component_names, find_component
+from omnidrive.components.entry_points import Group, component_names
+from omnidrive.components.registry import find_component
 from omnidrive.errors import InvalidInput, MissingExtra
 from omnidrive.files.bounded_file import short_repr
 

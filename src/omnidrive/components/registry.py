@@ -1,40 +1,25 @@
-"""Registry of components: entry points of installed distributions, and code named by the user.
-
-A distribution declares its components as entry points in groups such as ``omnidrive.controllers``,
-as plugins of pytest and environments of Gymnasium do. The components of this package are declared
-in the same way.
-"""
+"""Registry of components: entry points of installed distributions, and code named by the user."""
 
 from __future__ import annotations
 
 import sys
 import traceback
 from collections.abc import Callable
-from functools import cache
 from hashlib import sha256
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal, get_args
+from typing import Any
 
 from omnidrive.components.component import Component
+from omnidrive.components.entry_points import Group, component_names, distribution_of, entries_of
 from omnidrive.errors import InvalidInput, OmnidriveError, suggestion
 from omnidrive.files.bounded_file import one_line, read_bounded
 
-Group = Literal["controllers", "plants", "robots", "maps", "estimators", "references"]
-GROUPS: tuple[Group, ...] = get_args(Group)
-"""Groups of components; the entry points of a group are those of ``omnidrive.GROUP``."""
-
-_OWN = "omnidrive"
 _MAX_CODE = 10_000_000  # bytes of a Python file
 _FRAMES = 3  # calls shown of a traceback
-
-
-def component_names(group: Group) -> tuple[str, ...]:
-    """Return the names of the installed components of a group, those of this package first."""
-    return tuple(_entries(group))
 
 
 def find_component(group: Group, name: str, *, allow_code: bool = False) -> Component:
@@ -49,7 +34,7 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
     Raises:
         InvalidInput: There is no such component, its code is not allowed or cannot be imported.
     """
-    entries, kind = _entries(group).get(name), group.removesuffix("s")
+    entries, kind = entries_of(group).get(name), group.removesuffix("s")
     if entries is not None:
         return _installed(group, entries)
     if ":" not in name:
@@ -71,38 +56,18 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
     return Component(group, name, origin, _attribute(kind, name, module, attribute))
 
 
-@cache
-def _entries(group: Group) -> dict[str, list[EntryPoint]]:
-    """Return the entry points of a group by name."""
-    found: dict[str, list[EntryPoint]] = {}
-    for entry in sorted(entry_points(group=f"omnidrive.{group}"), key=_order):
-        entries = found.setdefault(entry.name, [])
-        if all(entry.value != other.value for other in entries):  # installed twice, as in a venv
-            entries.append(entry)
-    return found
-
-
-def _order(entry: EntryPoint) -> tuple[bool, str]:
-    name = _distribution(entry)
-    return (name != _OWN, name)
-
-
-def _distribution(entry: EntryPoint) -> str:
-    return entry.dist.name if entry.dist else ""
-
-
 def _installed(group: Group, entries: list[EntryPoint]) -> Component:
     entry, *others = entries
     kind = group.removesuffix("s")
     if others:
-        owners = ", ".join(map(_distribution, entries))
+        owners = ", ".join(map(distribution_of, entries))
         raise InvalidInput(
             f"the {kind} '{entry.name}' is declared by several distributions: {owners}; uninstall "
             "all but one, or use its code as MODULE:NAME"
         )
-    factory = _guarded_import(kind, entry.name, entry.load, _distribution(entry))
+    factory = _guarded_import(kind, entry.name, entry.load, distribution_of(entry))
     version = entry.dist.version if entry.dist else "unknown"
-    return Component(group, entry.name, f"{_distribution(entry)} {version}", factory)
+    return Component(group, entry.name, f"{distribution_of(entry)} {version}", factory)
 
 
 def _load_file(kind: str, name: str, path: Path) -> tuple[ModuleType, str]:

@@ -1,0 +1,44 @@
+"""Names of the installed components, known without importing their code.
+
+A distribution declares its components as entry points in groups such as ``omnidrive.controllers``,
+as plugins of pytest and environments of Gymnasium do. The components of this package are declared
+in the same way.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Literal, get_args
+
+Group = Literal["controllers", "plants", "robots", "maps", "estimators", "references"]
+GROUPS: tuple[Group, ...] = get_args(Group)
+"""Groups of components; the entry points of a group are those of ``omnidrive.GROUP``."""
+
+_OWN = "omnidrive"
+
+
+def component_names(group: Group) -> tuple[str, ...]:
+    """Return the names of the installed components of a group, those of this package first."""
+    return tuple(entries_of(group))
+
+
+@cache
+def entries_of(group: Group) -> dict[str, list[EntryPoint]]:
+    """Return the entry points of a group by name."""
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in sorted(entry_points(group=f"omnidrive.{group}"), key=_order):
+        entries = found.setdefault(entry.name, [])
+        if all(entry.value != other.value for other in entries):  # installed twice, as in a venv
+            entries.append(entry)
+    return found
+
+
+def _order(entry: EntryPoint) -> tuple[bool, str]:
+    name = distribution_of(entry)
+    return (name != _OWN, name)
+
+
+def distribution_of(entry: EntryPoint) -> str:
+    """Return the name of the distribution that declares an entry point."""
+    return entry.dist.name if entry.dist else ""
