@@ -22,7 +22,13 @@ from omnidrive.cli.fuzzy_text import (
     summary_lines,
     variable_lines,
 )
-from omnidrive.cli.options import available_cores, choose_one, parse_coordinates
+from omnidrive.cli.options import (
+    ForceOption,
+    available_cores,
+    check_overwrite,
+    choose_one,
+    parse_coordinates,
+)
 from omnidrive.cli.progress import print_tables
 from omnidrive.compiled import announce_compiling
 from omnidrive.errors import CannotWrite, InvalidInput, suggestion
@@ -116,7 +122,6 @@ ThreadsOption = Annotated[
         help="Number of threads; does not change the results [default: one per core].",
     ),
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 
 
 @fuzzy.command()
@@ -186,7 +191,7 @@ def convert(
     * `omnidrive fuzzy convert tipper.fll tipper2.fis --type2 0.8,0.2`
     """
     system = _load(file, type2)
-    _check_overwrite(out, force)
+    check_overwrite(out, force)
     save(system, out)
     typer.echo(f"written to {one_line(str(out))}")
 
@@ -231,7 +236,7 @@ def evaluate(
     inference = Inference(system, samples=101 if samples is None else samples, **choices)
     if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
         raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
-    _check_overwrite(target, force)
+    check_overwrite(target, force)
     with announce_compiling():
         result = evaluate_csv(inference, source, target, threads=threads or available_cores())
     if result.unused:
@@ -305,14 +310,6 @@ def _number(name: str, text: str) -> float:
             f"--inputs: expected a number for {name!r}, got '{one_line(text.strip(), 60)}'"
         )
     return number
-
-
-def _check_overwrite(path: Path, force: bool) -> None:
-    """Raise unless the path is free, or a plain file and ``force`` is set."""
-    if path.is_symlink() or (path.exists() and not path.is_file()):  # such as /dev/stdout
-        raise CannotWrite(f"{one_line(str(path))} is not a plain file; choose another")
-    if path.exists() and not force:
-        raise CannotWrite(f"{one_line(str(path))} already exists; choose another, or add --force")
 
 
 def _create_folder(path: Path) -> None:

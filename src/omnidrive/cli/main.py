@@ -23,6 +23,7 @@ VERBS = {
     "compare": "Run a whole study: plan, simulate every controller, evaluate, report.",
     "plan": "Search, smooth and time a path, and report its use of the robot's limits.",
     "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
+    "robot": "Show, import and identify robots.",
     "warmup": "Compile all numerical kernels in advance.",
     "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
 }

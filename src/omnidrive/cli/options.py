@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from omnidrive.errors import InvalidInput, closest
+from omnidrive.errors import CannotWrite, InvalidInput, closest
+from omnidrive.files.bounded_file import one_line
 from omnidrive.files.number_text import parse_number
 from omnidrive.study.section import current_name
 
@@ -47,7 +48,20 @@ FolderOption = Annotated[
         "FOLDER", "New folder for the results [default: runs/NAME-TIME].", RESULTS_PANEL, "--out"
     ),
 ]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESULTS_PANEL, "--json")]
+
+
+def check_overwrite(path: Path, force: bool) -> None:
+    """Check that a file may be written.
+
+    Raises:
+        CannotWrite: It is not a plain file, or it exists and ``force`` is not set.
+    """
+    if path.is_symlink() or (path.exists() and not path.is_file()):  # such as /dev/stdout
+        raise CannotWrite(f"{one_line(str(path))} is not a plain file; choose another")
+    if path.exists() and not force:
+        raise CannotWrite(f"{one_line(str(path))} already exists; choose another, or add --force")
 
 
 def parse_coordinates(text: str) -> list[float]:

@@ -1,0 +1,131 @@
+"""Command `omnidrive robot`: show, import and identify robots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from omnidrive.cli.options import ForceOption, check_overwrite
+from omnidrive.cli.progress import print_tables
+from omnidrive.cli.robot_text import robot_tables
+from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.evaluation.figures import save as save_figure
+from omnidrive.evaluation.figures.robot_card import robot_card
+from omnidrive.evaluation.robot_summary import RobotSummary
+from omnidrive.files.bounded_file import one_line
+from omnidrive.robot import is_robot_file, named_robot, save_robot
+from omnidrive.robot.imports import FORMATS, import_robot
+from omnidrive.study import check_plan_targets
+
+robot = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Show, import and identify robots.",
+)
+
+
+@robot.command()
+def show(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME|FILE", help="Robot, or a robot file (.yaml).")
+    ],
+    png: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw the robot; .svg is supported too."),
+    ] = None,
+) -> None:
+    """Print a robot's wheels, largest speeds and accelerations, and warnings; optionally draw it.
+
+    For example:
+
+    * `omnidrive robot show mecanum`
+    * `omnidrive robot show my_base.yaml --png my_base.png`
+    """
+    if png is not None:
+        check_plan_targets(None, png)
+    summary = RobotSummary.of(named_robot(name))
+    print_tables(robot_tables(summary))
+    for warning in summary.warnings:
+        _echo(f"warning: {warning}")
+    if png is not None:
+        try:
+            save_figure(robot_card(summary), png)
+        except OSError as error:
+            reason = error.strerror or error
+            raise CannotWrite(f"cannot write {one_line(str(png))}: {reason}") from None
+        typer.echo(f"figure written to {one_line(str(png))}")
+
+
+@robot.command(name="import")
+def import_(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="URDF, MJCF, or the parameters of a mecanum_drive_controller or an "
+            "omni_wheel_drive_controller of ros2_control (.yaml).",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.yaml", help="Robot file to write.")
+    ] = None,
+    format: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(FORMATS), help="Format of FILE [default: by suffix and content]."
+        ),
+    ] = None,
+    wheel: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT",
+            help="Joint of a wheel in URDF and MJCF, once per wheel [default: found by axis and "
+            "name].",
+        ),
+    ] = None,
+    wheel_radius: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Radius of the wheels, m [default: that in FILE]."),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Make a robot file from a description in another format.
+
+    It prints what the description states, what is guessed, and what is missing: there, typical
+    values are used, which you should check. Meshes and macros are not read.
+
+    For example:
+
+    * `omnidrive robot import base.urdf --out my_base.yaml`
+    * `omnidrive robot import controllers.yaml --out my_base.yaml`
+    * `omnidrive robot import base.urdf --wheel fl --wheel fr --wheel rl --wheel rr
+      --wheel-radius 0.08`
+    """
+    if out is not None:
+        _check_out(out, force)
+    found = import_robot(file, format=format, wheels=wheel or (), wheel_radius=wheel_radius)
+    parts = {"read": found.read, "guessed": found.guessed, "missing": found.missing}
+    for name, facts in parts.items():
+        for fact in facts:
+            typer.echo(f"{name:<9}{fact}")
+    for warning in RobotSummary.of(found.robot).warnings:
+        _echo(f"warning: {warning}")
+    if out is not None:
+        notes = [f"Imported from {file.name}."]
+        notes += [f"{name}: {fact}" for name in ("guessed", "missing") for fact in parts[name]]
+        save_robot(found.robot, out, notes=notes)
+        typer.echo(f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}")
+
+
+def _check_out(out: Path, force: bool) -> None:
+    """Check name and place of a robot file that will be written."""
+    if not is_robot_file(out.name):
+        raise InvalidInput(f"{one_line(str(out))}: the suffix of a robot file is .yaml")
+    check_overwrite(out, force)
+
+
+def _echo(message: str) -> None:
+    Console(stderr=True).print(f"omnidrive: {message}", markup=False, highlight=False)

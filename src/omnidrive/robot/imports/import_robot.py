@@ -1,0 +1,97 @@
+"""Import of a robot from a file in another format."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal, get_args
+
+from omnidrive.errors import InvalidInput, InvalidRobot, suggestion
+from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.files.xml_elements import Element, read_xml
+from omnidrive.files.yaml_file import read_yaml
+from omnidrive.robot.imports.draft import ImportedRobot, RobotDraft
+from omnidrive.robot.imports.mjcf import read_mjcf
+from omnidrive.robot.imports.ros2_control import read_ros2_control
+from omnidrive.robot.imports.rotations import malformed
+from omnidrive.robot.imports.urdf import read_urdf
+
+Format = Literal["urdf", "mjcf", "ros2_control"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+"""Formats from which a robot can be imported."""
+
+_MAX_BYTES = 10_000_000
+_MAX_ELEMENTS = 100_000
+_ROOTS: dict[str, Format] = {"robot": "urdf", "mujoco": "mjcf"}
+
+
+def import_robot(
+    path: Path | str,
+    *,
+    format: str | None = None,
+    wheels: Sequence[str] = (),
+    wheel_radius: float | None = None,
+) -> ImportedRobot:
+    """Return the robot that a URDF, an MJCF or a ros2_control parameter file describes.
+
+    Args:
+        path: The file.
+        format: One of :data:`FORMATS`; None: by suffix and content.
+        wheels: Names of the wheel joints in URDF and MJCF; empty: found by axis and name.
+        wheel_radius: Radius of the wheels, m; None: that in the file.
+
+    Raises:
+        InvalidInput: There is no such format.
+        InvalidRobot: The file cannot be read or does not describe an omnidirectional robot; the
+            message names what is missing.
+    """
+    path = Path(path)
+    if format is not None and format not in FORMATS:
+        raise InvalidInput(
+            f"there is no format '{one_line(format, 60)}'{suggestion(format, FORMATS)}"
+        )
+    is_yaml = path.suffix.lower() in {".yaml", ".yml"}
+    kind = format or ("ros2_control" if is_yaml else None)
+    try:
+        draft = _draft(path, kind, wheels, wheel_radius)
+        if wheel_radius is not None and kind == "ros2_control":
+            draft.radius = wheel_radius
+        imported = draft.finish()
+    except InvalidRobot as error:
+        name = one_line(str(path))
+        raise error if name in str(error) else InvalidRobot(f"{name}: {error}") from None
+    name = imported.robot.name
+    if not (name.isprintable() and name.strip()):
+        return replace(imported, robot=replace(imported.robot, name="robot"))
+    return imported
+
+
+def _draft(
+    path: Path, kind: str | None, wheels: Sequence[str], wheel_radius: float | None
+) -> RobotDraft:
+    if kind == "ros2_control":
+        if wheels:
+            raise InvalidRobot("--wheel is for URDF and MJCF; the controller names its wheels")
+        return read_ros2_control(read_yaml(path, "parameter file", InvalidRobot))
+    root = _xml(path)
+    if kind is None:
+        if root.tag not in _ROOTS:
+            raise InvalidRobot(
+                f"the root element is <{root.tag[:40]}>, need <robot> (URDF) or <mujoco> (MJCF)"
+            )
+        kind = _ROOTS[root.tag]
+    read = read_urdf if kind == "urdf" else read_mjcf
+    return read(root).draft(wheels, wheel_radius)
+
+
+def _xml(path: Path) -> Element:
+    content = read_bounded(
+        path, _MAX_BYTES, "robot description", InvalidRobot,
+        excess=f"is too large for a robot description: more than {_MAX_BYTES:,} bytes",
+    )  # fmt: skip
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InvalidRobot("it is not UTF-8 text") from None
+    return read_xml(text, malformed, max_elements=_MAX_ELEMENTS)

@@ -1,0 +1,333 @@
+"""Bodies and joints of a robot, and the wheels among them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from math import atan2, cos, hypot, pi, sin
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidRobot, suggestion
+from omnidrive.robot.imports.draft import RobotDraft, mecanum_roller
+from omnidrive.robot.mount import Mount
+from omnidrive.robot.robot import MAX_WHEELS
+
+_WHEEL_NAME = re.compile(r"wheel|mecanum|omni|rueda|roue|rad(?![a-z])|tire|tyre", re.IGNORECASE)
+_OTHER_NAME = re.compile(r"roller|caster|castor|steer|swivel|suspension|spring", re.IGNORECASE)
+_MAX_AXIS_SLOPE = 0.1  # vertical component of the axis of a wheel
+_PARALLEL = 0.1  # rad
+_SAME = 0.01  # relative difference of wheel radii
+
+Vector = Float[Array, " 3"]
+
+
+@dataclass(slots=True)
+class Body:
+    """Rigid body; positions and axes are in the frame of the robot's base.
+
+    Attributes:
+        name: Name.
+        parent: Index of the parent body; -1 for the base.
+        rotation: Axes of the body's frame, as columns.
+        position: Origin of the body's frame, m.
+        mass: Mass, kg; 0: unknown or massless.
+        com: Centre of mass, m.
+        yaw_inertia: Inertia about the vertical through its centre of mass, kg m^2.
+        shapes: Shapes.
+    """
+
+    name: str
+    parent: int
+    rotation: Float[Array, "3 3"]
+    position: Vector
+    mass: float = 0.0
+    com: Vector = field(default_factory=lambda: np.zeros(3))
+    yaw_inertia: float = 0.0
+    shapes: list[Shape] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shape:
+    """Ellipsoid, cylinder, capsule or box, as centre and half axes.
+
+    Attributes:
+        centre: Centre in the frame of the base, m.
+        axes: Axes of the shape in the frame of the base, as columns.
+        half: Half lengths along the axes, m.
+        is_round: Whether the radius is the half length along x, as for cylinders along z.
+    """
+
+    centre: Vector
+    axes: Float[Array, "3 3"]
+    half: Vector
+    is_round: bool
+
+    @property
+    def reach(self) -> float:
+        """Largest horizontal distance from the origin, by the corners of the enclosing box, m."""
+        if self.is_round and abs(self.axes[2, 2]) > 1.0 - 1e-6:
+            return hypot(*self.centre[:2]) + float(self.half[0])
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
+        corners = self.centre[:, None] + self.axes @ (self.half[:, None] * signs)
+        return float(np.hypot(corners[0], corners[1]).max())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Joint:
+    """Hinge.
+
+    Attributes:
+        name: Name.
+        body: Index of the body that it turns.
+        axis: Unit vector in the frame of the base.
+        point: A point of the axis, m.
+        max_speed: Speed limit, rad/s; None: unknown.
+        max_torque: Torque limit, N m; None: unknown.
+        servo_gain: Gain of a velocity servo, N m s/rad; None: unknown.
+        inertia: Inertia of the motor, kg m^2; None: unknown.
+        turns_freely: Whether it has no limits of its angle.
+    """
+
+    name: str
+    body: int
+    axis: Vector
+    point: Vector
+    max_speed: float | None = None
+    max_torque: float | None = None
+    servo_gain: float | None = None
+    inertia: float | None = None
+    turns_freely: bool = True
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Mechanism:
+    """Tree of bodies; the first is the base."""
+
+    name: str
+    bodies: list[Body]
+    joints: list[Joint]
+
+    def draft(self, names: Sequence[str] = (), radius: float | None = None) -> RobotDraft:
+        """Return the draft of the robot with these wheels.
+
+        Args:
+            names: Names of the wheel joints; empty: found by axis and name.
+            radius: Radius of the wheels, m; None: that of their shapes.
+
+        Raises:
+            InvalidRobot: There are no such joints, or the radius is unknown.
+        """
+        wheels = self._named_wheels(names) if names else self._found_wheels()
+        groups = [self._descendants(joint.body) for joint in wheels]
+        rollers = [self._rollers(joint, group) for joint, group in zip(wheels, groups, strict=True)]
+        found = radius if radius is not None else self._radius(wheels, groups)
+        mounts, kind = _mounts(wheels, rollers)
+        draft = RobotDraft(self.name, mounts, found)
+        joints = ", ".join(joint.name for joint in wheels)
+        text = f"{len(wheels)} wheels, in this order: {joints}"
+        if names:
+            draft.read.append(text)
+        else:
+            draft.guessed.append(f"{text} (hinges with a horizontal axis and the name of a wheel)")
+        (draft.read if any(rollers) else draft.guessed).append(kind)
+        draft.read.append("positions and axes of the wheels")
+        if radius is None:
+            draft.read.append(f"wheel radius {found:g} m")
+        self._add_masses(draft, wheels, groups, found)
+        self._add_rollers(draft, rollers)
+        _add_motors(draft, wheels)
+        reach = max((shape.reach for body in self.bodies for shape in body.shapes), default=0.0)
+        if reach > 0.0:
+            draft.body_radius = reach
+            draft.read.append(f"body radius {reach:.4g} m, that of the shapes")
+        _note_origin(draft)
+        return draft
+
+    def _named_wheels(self, names: Sequence[str]) -> list[Joint]:
+        joints = {joint.name: joint for joint in self.joints}
+        for name in names:
+            if name not in joints:
+                raise InvalidRobot(f"there is no hinge '{name[:60]}'{suggestion(name, joints)}")
+        return [joints[name] for name in names]
+
+    def _found_wheels(self) -> list[Joint]:
+        chosen: list[Joint] = []
+        inside: set[int] = set()
+        for joint in self.joints:  # parents come before children
+            name = f"{joint.name} {self.bodies[joint.body].name}"
+            if (
+                joint.turns_freely
+                and joint.body not in inside
+                and abs(joint.axis[2]) < _MAX_AXIS_SLOPE
+                and _WHEEL_NAME.search(name)
+                and not _OTHER_NAME.search(name)
+            ):
+                chosen.append(joint)
+                inside |= self._descendants(joint.body)
+        if not 3 <= len(chosen) <= MAX_WHEELS:
+            hinges = [j.name for j in self.joints if abs(j.axis[2]) < _MAX_AXIS_SLOPE]
+            listed = ", ".join(hinges[:12]) + (", ..." if len(hinges) > 12 else "")
+            raise InvalidRobot(
+                f"{len(chosen)} wheels found by axis and name, need 3 to {MAX_WHEELS}; name them "
+                f"by --wheel JOINT, once per wheel; hinges with a horizontal axis: "
+                f"{listed or 'none'}"
+            )
+        return chosen
+
+    def _descendants(self, body: int) -> set[int]:
+        """Return a body and all bodies that it carries."""
+        found = {body}
+        for i in range(body + 1, len(self.bodies)):  # parents come before children
+            if self.bodies[i].parent in found:
+                found.add(i)
+        return found
+
+    def _rollers(self, wheel: Joint, group: Collection[int]) -> list[Joint]:
+        return [j for j in self.joints if j.body in group and j.body != wheel.body]
+
+    def _radius(self, wheels: Sequence[Joint], groups: Sequence[Collection[int]]) -> float:
+        """Return the radius of the wheels' shapes."""
+        radii = []
+        for wheel, group in zip(wheels, groups, strict=True):
+            shapes = [shape for i in group for shape in self.bodies[i].shapes]
+            found = max((_extent(shape, wheel) for shape in shapes), default=0.0)
+            if not found > 0.0:
+                raise InvalidRobot(
+                    f"the radius of the wheel '{wheel.name[:60]}' is unknown, because it has no "
+                    "cylinder, sphere or ellipsoid (meshes are not read); give it by --wheel-radius"
+                )
+            radii.append(found)
+        if max(radii) > (1.0 + _SAME) * min(radii):
+            raise InvalidRobot(
+                f"the wheels have radii of {min(radii):.4g} to {max(radii):.4g} m; all wheels of a "
+                "robot are equal here: give one radius by --wheel-radius, or select wheels by "
+                "--wheel"
+            )
+        return float(f"{np.mean(radii):.9g}")
+
+    def _add_masses(
+        self,
+        draft: RobotDraft,
+        wheels: Sequence[Joint],
+        groups: Sequence[Collection[int]],
+        radius: float,
+    ) -> None:
+        total = sum(body.mass for body in self.bodies)
+        if not total > 0.0:
+            return
+        com = sum((body.mass * body.com for body in self.bodies), np.zeros(3)) / total
+        floor = float(np.mean([joint.point[2] for joint in wheels])) - radius
+        draft.mass = float(f"{total:.9g}")
+        draft.com = (_tidy(com[0]), _tidy(com[1]))
+        draft.read.append(f"mass {total:.4g} kg, centre of mass ({com[0]:.3g}, {com[1]:.3g}) m")
+        if com[2] > floor:
+            draft.com_height = float(f"{com[2] - floor:.9g}")
+        each = sum(self.bodies[i].mass for group in groups for i in group) / len(wheels)
+        if each > 0.0:
+            draft.wheel_mass = each
+            draft.read.append(f"mass of a wheel {each:.4g} kg")
+        in_wheels = set().union(*groups)
+        frame = [body for i, body in enumerate(self.bodies) if i not in in_wheels and body.mass]
+        mass = sum(body.mass for body in frame)
+        if mass > 0.0 and any(body.yaw_inertia > 0.0 for body in frame):
+            centre = sum((body.mass * body.com for body in frame), np.zeros(3)) / mass
+            inertia = sum(
+                body.yaw_inertia + body.mass * float(((body.com - centre)[:2] ** 2).sum())
+                for body in frame
+            )
+            draft.body_inertia = float(f"{inertia:.9g}")
+            draft.read.append(f"yaw inertia of the body {inertia:.4g} kg m^2")
+
+    def _add_rollers(self, draft: RobotDraft, rollers: Sequence[Sequence[Joint]]) -> None:
+        if not all(rollers):
+            return
+        bodies = [self.bodies[joint.body] for group in rollers for joint in group]
+        draft.rollers = len(rollers[0])
+        shapes = [shape for body in bodies for shape in body.shapes]
+        if shapes:
+            draft.roller_radius = float(f"{np.mean([min(s.half) for s in shapes]):.9g}")
+        masses = [body.mass for body in bodies]
+        if min(masses) > 0.0:
+            draft.roller_mass = float(f"{np.mean(masses):.9g}")
+        draft.read.append(f"{draft.rollers} rollers per wheel")
+
+
+def _mounts(
+    wheels: Sequence[Joint], rollers: Sequence[Sequence[Joint]]
+) -> tuple[tuple[Mount, ...], str]:
+    """Return the mounts of the wheels, and how their roller angles are known.
+
+    A wheel that turns about the horizontal axis a on the floor rolls along (a_y, -a_x), which is
+    (-sin axle_angle, cos axle_angle).
+    """
+    angles = [atan2(-joint.axis[1], -joint.axis[0]) for joint in wheels]
+    if all(rollers):
+        tilts = [_floor_roller(group, a) for group, a in zip(rollers, angles, strict=True)]
+        text = "roller angles, from the axes of the lowest rollers"
+    elif all(abs(sin(angle - angles[0])) < _PARALLEL for angle in angles):
+        c, s = cos(angles[0] + 0.5 * pi), sin(angles[0] + 0.5 * pi)
+        centre = np.mean([joint.point for joint in wheels], axis=0)
+        tilts = []
+        for joint, angle in zip(wheels, angles, strict=True):
+            x, y, _ = joint.point - centre
+            along, aside = c * x + s * y, c * y - s * x
+            tilts.append(mecanum_roller(along, aside, angle - angles[0] - 0.5 * pi))
+        text = (
+            "mecanum wheels with rollers at 45 degrees (the axles are parallel); seen from above, "
+            "the axes of the rollers on the floor form a diamond"
+        )
+    else:
+        tilts = [0.0 for _ in wheels]
+        text = "omni wheels with rollers along the axle's normal (the axles are not parallel)"
+    mounts = tuple(
+        Mount(_tidy(j.point[0]), _tidy(j.point[1]), _tidy(angle), _tidy(tilt))
+        for j, angle, tilt in zip(wheels, angles, tilts, strict=True)
+    )
+    return mounts, text
+
+
+def _floor_roller(rollers: Sequence[Joint], axle_angle: float) -> float:
+    """Return the angle from the rolling direction to the axis of the lowest roller, rad."""
+    lowest = min(rollers, key=lambda joint: float(joint.point[2]))
+    line = atan2(lowest.axis[1], lowest.axis[0])
+    return (axle_angle + 0.5 * pi - line + 0.5 * pi) % pi - 0.5 * pi
+
+
+def _extent(shape: Shape, wheel: Joint) -> float:
+    """Return how far a round shape reaches from the axis of a wheel, m; 0 for another shape."""
+    if not shape.is_round:
+        return 0.0
+    offset = shape.centre - wheel.point
+    radial = float(np.linalg.norm(offset - (offset @ wheel.axis) * wheel.axis))
+    return radial + float(shape.half[0])
+
+
+def _add_motors(draft: RobotDraft, wheels: Sequence[Joint]) -> None:
+    for key, attribute, unit in (
+        ("max_wheel_speed", "max_speed", "rad/s"),
+        ("max_torque", "max_torque", "N m"),
+        ("servo_gain", "servo_gain", "N m s/rad"),
+        ("rotor_inertia", "inertia", "kg m^2"),
+    ):
+        values = [getattr(joint, attribute) for joint in wheels]
+        if None not in values and min(values) > 0.0:
+            setattr(draft, key, min(values))
+            draft.read.append(f"{key} {min(values):g} {unit}")
+
+
+def _note_origin(draft: RobotDraft) -> None:
+    x, y = np.mean([(m.x, m.y) for m in draft.mounts], axis=0)
+    if hypot(x, y) > 0.05 * max(hypot(m.x - x, m.y - y) for m in draft.mounts):
+        draft.guessed.append(
+            f"frame B is that of the base, although the wheels' centre is at ({x:.3g}, {y:.3g}) m"
+        )
+
+
+def _tidy(value: float) -> float:
+    """Return a number without rounding errors of a rotation."""
+    rounded = round(float(value), 12)
+    return rounded + 0.0  # no negative zero

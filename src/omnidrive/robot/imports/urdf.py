@@ -1,0 +1,139 @@
+"""Robots described in URDF, the Unified Robot Description Format of ROS."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.files.xml_elements import Element
+from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
+from omnidrive.robot.imports.rotations import Matrix, about, malformed, number, numbers
+
+_HINGES = {"continuous", "revolute"}
+_JOINTS = _HINGES | {"fixed", "prismatic", "floating", "planar"}
+
+
+def read_urdf(root: Element) -> Mechanism:
+    """Return the mechanism that a URDF describes, with all joints at zero.
+
+    The frame of the base is that of the root link (http://wiki.ros.org/urdf/XML).
+
+    Raises:
+        InvalidRobot: The text is not the URDF of one tree of links.
+    """
+    links = {each.get("name"): each for each in root.all("link")}
+    joints = [each for each in root.all("joint") if "type" in each.attributes]
+    children: dict[str, list[Element]] = {}
+    parents: dict[str, str] = {}
+    for joint in joints:
+        if joint.get("type") not in _JOINTS:
+            raise malformed(joint.position, f"unknown type of joint '{joint.get('type')[:40]}'")
+        parent, child = (joint.one(tag).get("link") for tag in ("parent", "child"))
+        for name in (parent, child):
+            if name not in links:
+                raise malformed(joint.position, f"there is no link '{name[:40]}'")
+        if child in parents:
+            raise malformed(joint.position, f"link '{child[:40]}' has two parents")
+        parents[child] = parent
+        children.setdefault(parent, []).append(joint)
+    roots = [name for name in links if name not in parents]
+    if len(roots) != 1:
+        raise malformed(root.position, f"expected one root link, got {len(roots)}")
+    bodies = [_body(links[roots[0]], roots[0], -1, np.eye(3), np.zeros(3))]
+    hinges: list[Joint] = []
+    queue = [0]
+    for index in queue:  # breadth first; it grows
+        for joint in children.get(bodies[index].name, []):
+            bodies.append(_child(joint, index, links, bodies, hinges))
+            queue.append(len(bodies) - 1)
+    return Mechanism(root.attributes.get("name", "robot")[:64], bodies, hinges)
+
+
+def _child(
+    joint: Element,
+    index: int,
+    links: dict[str, Element],
+    bodies: list[Body],
+    hinges: list[Joint],
+) -> Body:
+    """Return the body that a joint carries on body ``index``; append the joint if it is a hinge."""
+    parent = bodies[index]
+    rotation, position = _origin(joint)
+    rotation, position = parent.rotation @ rotation, parent.position + parent.rotation @ position
+    name = joint.one("child").get("link")
+    if joint.get("type") in _HINGES:
+        element, limit = joint.first("axis"), joint.first("limit")
+        axis = numbers(element, "xyz", 3) if element else np.array([1.0, 0.0, 0.0])
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise malformed(joint.position, "the axis of a joint is zero")
+        hinges.append(
+            Joint(
+                joint.get("name"),
+                len(bodies),
+                rotation @ axis / length,
+                position,
+                number(limit, "velocity", 0.0) or None if limit else None,
+                number(limit, "effort", 0.0) or None if limit else None,
+                turns_freely=joint.get("type") == "continuous",
+            )
+        )
+    return _body(links[name], name, index, rotation, position)
+
+
+def _body(
+    link: Element, name: str, parent: int, rotation: Matrix, position: Float[Array, " 3"]
+) -> Body:
+    body = Body(name, parent, rotation, position)
+    inertial = link.first("inertial")
+    if inertial is not None:
+        turned, offset = _origin(inertial)
+        body.mass = number(inertial.one("mass"), "value")
+        if body.mass < 0.0:
+            raise malformed(inertial.position, f"the mass of '{name[:40]}' is negative")
+        body.com = position + rotation @ offset
+        inertia = inertial.first("inertia")
+        if inertia is not None:
+            xx, xy, xz, yy, yz, zz = (
+                number(inertia, key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+            )
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            up = (rotation @ turned)[2]
+            body.yaw_inertia = float(up @ tensor @ up)
+    tag = "collision" if any(_shapes(link, "collision", body)) else "visual"
+    body.shapes = _shapes(link, tag, body)
+    return body
+
+
+def _shapes(link: Element, tag: str, body: Body) -> list[Shape]:
+    """Return the shapes of a link; meshes are not read."""
+    shapes = []
+    for each in link.all(tag):
+        geometry = each.first("geometry")
+        if geometry is None:
+            continue
+        turned, offset = _origin(each)
+        axes, centre = body.rotation @ turned, body.position + body.rotation @ offset
+        for shape in geometry.children:
+            if shape.tag == "box":
+                half = 0.5 * numbers(shape, "size", 3)
+            elif shape.tag == "cylinder":
+                radius = number(shape, "radius")
+                half = np.array([radius, radius, 0.5 * number(shape, "length")])
+            elif shape.tag == "sphere":
+                half = np.full(3, number(shape, "radius"))
+            else:
+                continue
+            shapes.append(Shape(centre, axes, np.abs(half), shape.tag != "box"))
+    return shapes
+
+
+def _origin(element: Element) -> tuple[Matrix, Float[Array, " 3"]]:
+    """Return rotation and translation of the child `origin`, which may be absent."""
+    origin = element.first("origin")
+    if origin is None:
+        return np.eye(3), np.zeros(3)
+    roll, pitch, yaw = numbers(origin, "rpy", 3, (0.0, 0.0, 0.0)).tolist()
+    rotation = about(2, yaw) @ about(1, pitch) @ about(0, roll)
+    return rotation, numbers(origin, "xyz", 3, (0.0, 0.0, 0.0))

@@ -1,0 +1,56 @@
+"""The verb robot: show and import."""
+
+import pytest
+from typer.testing import CliRunner
+
+from omnidrive.cli.robot import robot
+from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot
+from omnidrive.robot import load_robot
+from tests.robot.descriptions import mecanum_urdf
+
+
+def run(*args):
+    done = CliRunner().invoke(robot, [str(arg) for arg in args], catch_exceptions=False,
+                              env={"COLUMNS": "160"})  # fmt: skip
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_show_prints_and_draws(tmp_path):
+    text = run("show", "mecanum", "--png", tmp_path / "m.png")
+    for part in ("Robot mecanum", "wheel matrix", "condition", "dead wheel",
+                 "warning: footprint"):  # fmt: skip
+        assert part in text
+    assert (tmp_path / "m.png").read_bytes()[:4] == b"\x89PNG"
+    assert "no longer omnidirectional" in run("show", "kiwi")
+
+
+def test_import_writes_a_file_that_can_be_shown_and_names_what_is_unknown(tmp_path):
+    (tmp_path / "base.urdf").write_text(mecanum_urdf())
+    text = run("import", tmp_path / "base.urdf", "--out", tmp_path / "base.yaml")
+    kinds = {line.split()[0] for line in text.splitlines()}
+    assert {"read", "guessed", "missing", "written"} <= kinds
+    content = (tmp_path / "base.yaml").read_text()
+    assert content.startswith("# Imported from base.urdf.\n# guessed: ")
+    assert "# missing: friction: 0.8 (typical)" in content
+    assert load_robot(tmp_path / "base.yaml").name == "my_base"
+    assert "Robot my_base" in run("show", tmp_path / "base.yaml")
+
+
+@pytest.mark.parametrize(
+    ("args", "error", "message"),
+    [
+        (["show", "mecanun"], InvalidInput, "there is no robot 'mecanun'"),
+        (["show", "none.yaml"], InvalidRobot, "cannot read the robot file none.yaml"),
+        (["show", "kiwi", "--png", "a.jpg"], InvalidInput, "must be .png or .svg"),
+        (["import", "none.urdf"], InvalidRobot, "cannot read the robot description none.urdf"),
+        (["import", "BASE", "--out", "a.txt"], InvalidInput, "suffix of a robot file is .yaml"),
+        (["import", "BASE", "--out", "BASE.yaml"], CannotWrite, "already exists; .* --force"),
+    ],
+)
+def test_bad_input_is_refused(tmp_path, monkeypatch, args, error, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "BASE").write_text(mecanum_urdf())
+    (tmp_path / "BASE.yaml").write_text("")
+    with pytest.raises(error, match=message):
+        CliRunner().invoke(robot, args, catch_exceptions=False)
