@@ -26,6 +26,20 @@ robot = typer.Typer(
     help="Show, import and identify robots.",
 )
 
+FormatOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(FORMATS), help="Format of FILE [default: by suffix and content]."
+    ),
+]
+WheelOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="JOINT",
+        help="Joint of a wheel in URDF and MJCF, once per wheel [default: found by axis and name].",
+    ),
+]
+
 
 @robot.command()
 def show(
@@ -72,20 +86,8 @@ def import_(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.yaml", help="Robot file to write.")
     ] = None,
-    format: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(FORMATS), help="Format of FILE [default: by suffix and content]."
-        ),
-    ] = None,
-    wheel: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="JOINT",
-            help="Joint of a wheel in URDF and MJCF, once per wheel [default: found by axis and "
-            "name].",
-        ),
-    ] = None,
+    format: FormatOption = None,
+    wheel: WheelOption = None,
     wheel_radius: Annotated[
         float | None,
         typer.Option(metavar="M", help="Radius of the wheels, m [default: that in FILE]."),

@@ -29,11 +29,10 @@ def robot_card(summary: RobotSummary) -> Figure:
         figure = new_figure(11.0, 7.2)
         rows = max(len(summary.robot.mounts) + 2, 5)
         grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 0.085 * rows))
-        above, speed, acceleration = (
-            figure.add_subplot(each)
-            for each in grid[0].subgridspec(1, 3, width_ratios=(1.15, 1, 1))
-        )
-        matrix, lost = (figure.add_subplot(each) for each in grid[1].subgridspec(1, 2))
+        upper = grid[0].subgridspec(1, 3, width_ratios=(1.15, 1, 1))
+        lower = grid[1].subgridspec(1, 2)
+        above, speed, acceleration = (figure.add_subplot(upper[0, k]) for k in range(3))
+        matrix, lost = (figure.add_subplot(lower[0, k]) for k in range(2))
         _chassis(above, summary.robot)
         _polytope(speed, summary.speed, "Largest speeds, m/s", "rad/s", "yaw rate")
         _polytope(

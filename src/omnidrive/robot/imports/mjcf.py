@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import pi
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -161,7 +162,7 @@ class _Reader:
         k = names.index(element.attributes["joint"])
         joint, gear = self.joints[k], abs(_first(element, "gear", 1.0))
         limits = numbers(element, "forcerange", 2, (0.0, 0.0))
-        changes: dict[str, float] = {}
+        changes: dict[str, Any] = {}
         if limits[1] > limits[0]:
             changes["max_torque"] = gear * float(np.abs(limits).max())
         if element.tag == "velocity":
