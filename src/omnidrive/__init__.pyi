@@ -17,12 +17,15 @@ from .control import (
     holonomic_nmpc,
     unicycle_nmpc,
 )
+from .control.components import ControllerContext
 from .control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOutZone
 from .errors import OmnidriveError
 from .estimation import PoseEstimator, PoseFix, SensorReadings, State, StateEstimator
+from .estimation.components import EstimatorContext
 from .evaluation import Metrics, StepResponse, measure, step_response
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world, wrap
 from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
+from .parameter import Bounds
 from .planning import Path, PathOptions, Plan, SplinePath, Waypoint, plan, search, smooth
 from .reference import (
     Hold,
@@ -47,6 +50,7 @@ from .simulation import (
     PerfectSensors,
     PlanarPlant,
     Plant,
+    PlantCapabilities,
     PlantState,
     Run,
     Saturation,
@@ -55,15 +59,19 @@ from .simulation import (
     simulate,
     simulate_batch,
 )
+from .simulation.components import PlantContext
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
 from .visualization import Observer, Recorder, Recording, Viewer, film, observe, replay
 
 __all__ = [
     "Actuation",
     "BodyTwist",
+    "Bounds",
     "Chassis",
     "Command",
     "Controller",
+    "ControllerContext",
+    "EstimatorContext",
     "FeedforwardController",
     "FeedforwardGains",
     "FuzzyPidController",
@@ -88,6 +96,8 @@ __all__ = [
     "Plan",
     "PlanarPlant",
     "Plant",
+    "PlantCapabilities",
+    "PlantContext",
     "PlantState",
     "Pose",
     "PoseEstimator",

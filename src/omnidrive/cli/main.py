@@ -24,6 +24,8 @@ VERBS = {
     "plan": "Search, smooth and time a path, and report its use of the robot's limits.",
     "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
     "robot": "Show, import and identify robots.",
+    "list": "List controllers, plants, robots, maps, estimators, references and their parameters.",
+    "new": "Write a commented, runnable file with a controller or plant of your own, and its test.",
     "warmup": "Compile all numerical kernels in advance.",
     "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
 }

@@ -128,7 +128,10 @@ class Component:
     @cached_property
     def _arguments(self) -> list[Parameter]:
         """Arguments that the factory is called with."""
-        arguments = [p for p in signature(self.factory).parameters.values() if _is_passed(p)]
+        try:
+            arguments = [p for p in signature(self.factory).parameters.values() if _is_passed(p)]
+        except ValueError as error:  # of some built-in classes
+            raise InvalidInput(f"{self.name} cannot be called: {error}; need {_FORMS}") from None
         if len(arguments) > 2:
             raise InvalidInput(
                 f"{self.name} cannot be called: its arguments are "

@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from inspect import cleandoc, getsource
 from itertools import pairwise
-from typing import Any
+
+from omnidrive.components.fields import field_names
 
 _ROLE = re.compile(r":[a-z:]+:`[~.]?(?:[\w.]*\.)?(\w+)`")  # such as :class:`~omnidrive.Robot`
 _ENTRY = re.compile(r"    (\w+)(?: \([^)]*\))?: *(.*)")  # of a section `Attributes:`
@@ -29,15 +30,6 @@ def field_docs(cls: type) -> dict[str, str]:
         docs |= _listed_attributes(base.__dict__.get("__doc__") or "")
         docs |= _literals(base.__module__).get(base.__qualname__, {})
     return {name: docs[name] for name in field_names(cls) if name in docs}
-
-
-def field_names(cls: Any) -> list[str]:
-    """Return the names of the fields of a dataclass, a pydantic model or a NamedTuple."""
-    for attribute in ("__pydantic_fields__", "__dataclass_fields__", "_fields"):
-        names: Iterable[str] | None = getattr(cls, attribute, None)
-        if names is not None:
-            return list(names)
-    return []
 
 
 def plain_text(docstring: str) -> str:

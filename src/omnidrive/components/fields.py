@@ -7,7 +7,7 @@ from typing import Any, get_args, get_type_hints
 
 def field_names(cls: Any) -> list[str]:
     """Return the names of the fields of a pydantic model, dataclass or named tuple; else none."""
-    for attribute in ("model_fields", "__dataclass_fields__", "_fields"):
+    for attribute in ("__pydantic_fields__", "__dataclass_fields__", "_fields"):
         if hasattr(cls, attribute):
             return list(getattr(cls, attribute))
     return []

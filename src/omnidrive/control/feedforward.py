@@ -17,7 +17,9 @@ class FeedforwardGains(NamedTuple):
     """Decay rates of the position and heading errors."""
 
     position: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0
+    """Decay rate of the position error, 1/s."""
     heading: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0
+    """Decay rate of the heading error, 1/s."""
 
 
 def feedforward_law(

@@ -134,7 +134,9 @@ class PoseEstimator:
         The first readings after a reset are those of the start. Stamps must not decrease.
         """
         t = float(readings.stamp)
-        angles = np.array(readings.wheel_angles, dtype=float)
+        angles = np.full(len(self._angles), nan)
+        if readings.wheel_angles:
+            angles[:] = readings.wheel_angles
         begin = self._intervals[-1].end if self._intervals else t
         if not self._intervals:
             self._last_accepted = t

@@ -77,11 +77,11 @@ class _Laws:
     def __init__(self, component: Component, robot: Robot, dt: float, parameters: Any) -> None:
         self.component, self.robot, self.dt, self.parameters = component, robot, dt, parameters
 
-    def make(self) -> Controller:
+    def make(self) -> Any:
+        """Return a new product, whose type is not known yet."""
         rng = np.random.default_rng(0)
         context = ControllerContext(self.robot, self.dt, rng, forces=False)
-        made: Controller = self.component.make(context, self.parameters)
-        return made
+        return self.component.make(context, self.parameters)
 
     def run(self, controller: Controller, start: Pose = _START) -> Run:
         return simulate(self.plant(), controller, Circle(), start=start, dt=self.dt)

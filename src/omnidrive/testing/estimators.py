@@ -76,10 +76,10 @@ class _Laws:
         self.component, self.robot = component, robot
         self.parameters, self.accuracy = parameters, accuracy
 
-    def make(self) -> StateEstimator:
+    def make(self) -> Any:
+        """Return a new product, whose type is not known yet."""
         context = EstimatorContext(self.robot, _SETTINGS, forces=False)
-        made: StateEstimator = self.component.make(context, self.parameters)
-        return made
+        return self.component.make(context, self.parameters)
 
     def estimates(self, estimator: StateEstimator) -> list[tuple[Pose, State]]:
         """Return true poses and estimates on an arc, with the same noise for every estimator."""

@@ -70,9 +70,9 @@ class _Laws:
         self.component, self.robot = component, robot
         self.parameters, self.tolerance = parameters, tolerance
 
-    def make(self) -> Plant:
-        made: Plant = self.component.make(PlantContext(self.robot), self.parameters)
-        return made
+    def make(self) -> Any:
+        """Return a new product, whose type is not known yet."""
+        return self.component.make(PlantContext(self.robot), self.parameters)
 
     def drive(
         self, start: Pose, twist: BodyTwist, steps: int, plant: Plant | None = None
@@ -149,8 +149,10 @@ class _Laws:
         return None
 
     def continuous_yaw(self) -> str | None:
-        states = self.drive(Pose(0.0, 0.0, 3.0), BodyTwist(0.0, 0.0, 2.0), 20)
-        jump = float(np.abs(np.diff([state.pose.yaw for state in states])).max())
+        start = Pose(0.0, 0.0, 3.0)
+        states = self.drive(start, BodyTwist(0.0, 0.0, 2.0), 20)
+        yaws = [start.yaw, *(state.pose.yaw for state in states)]
+        jump = float(np.abs(np.diff(yaws)).max())
         return f"its yaw jumps by {jump:.3g} rad: it must not be wrapped" if jump > 1.0 else None
 
     def reported_twist(self) -> str | None:

@@ -1,0 +1,107 @@
+"""``omnidrive list``: installed components and their parameters."""
+
+from __future__ import annotations
+
+import json as json_format
+import sys
+from shutil import get_terminal_size
+from textwrap import fill
+from typing import Annotated, Any
+
+import typer
+
+from omnidrive.cli.options import RESULTS_PANEL, choose_one, flag
+from omnidrive.components import GROUPS, Component, component_names, find_component
+from omnidrive.components.configured import plain
+from omnidrive.components.parameters import Parameter, parameters_of
+from omnidrive.errors import InvalidInput, OmnidriveError
+
+
+def list(  # the name of the verb
+    group: Annotated[str, typer.Argument(help=f"{', '.join(GROUPS)}.", metavar="GROUP")],
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="Show only this one; an installed component or your own as FILE.py:NAME.",
+            show_default=False,
+        ),
+    ] = None,
+    json: Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")] = False,
+) -> None:
+    """List components with their origin and their parameters with unit, range and default.
+
+    For example:
+
+    * `omnidrive list controllers`
+    * `omnidrive list plants coppeliasim`
+    * `omnidrive list controllers mine.py:MyController`
+    """
+    chosen = choose_one("group", group, GROUPS)
+    if name is not None:
+        found: dict[str, Component | str] = {name: find_component(chosen, name, allow_code=True)}
+    else:
+        found = {each: _try_to_find(chosen, each) for each in component_names(chosen)}
+    if not found:
+        raise InvalidInput(f"no {chosen} are installed")
+    if json:
+        data = [_record(name, component) for name, component in found.items()]
+        sys.stdout.write(json_format.dumps(data, indent=1) + "\n")
+        return
+    for each, component in found.items():
+        _print(each, component)
+
+
+def _try_to_find(group: Any, name: str) -> Component | str:
+    """Return a component, or the reason for which it cannot be imported."""
+    try:
+        component = find_component(group, name)
+        component.parameter_class  # noqa: B018 - reads the signature
+    except OmnidriveError as error:
+        return str(error)
+    return component
+
+
+def _record(name: str, component: Component | str) -> dict[str, Any]:
+    if isinstance(component, str):
+        return {"name": name, "error": component}
+    parameters = [
+        {
+            "name": each.name,
+            "type": each.kind,
+            "unit": each.unit,
+            "range": each.range,
+            "required": each.default is ...,
+            "default": None if each.default is ... else plain(each.default),
+            "description": each.doc,
+        }
+        for each in parameters_of(component.parameter_class)
+    ]
+    return {
+        "name": name,
+        "summary": component.summary,
+        "origin": component.origin,
+        "parameters": parameters,
+    }
+
+
+def _print(name: str, component: Component | str) -> None:
+    """Print one component: name, origin and summary, then a line for each parameter."""
+    if isinstance(component, str):
+        typer.secho(name, bold=True, nl=False)
+        typer.echo(f"  {component}")
+        return
+    typer.secho(name, bold=True, nl=False)
+    typer.echo(f"  ({component.origin})\n    {component.summary}")
+    for each in parameters_of(component.parameter_class):
+        width = min(get_terminal_size().columns, 100)
+        typer.echo(fill(_line(each), width, initial_indent=" " * 4, subsequent_indent=" " * 8))
+
+
+def _line(parameter: Parameter) -> str:
+    """Return a parameter as text, such as ``horizon = 15 steps (integer, 1 to 200): Number``."""
+    value = "required" if parameter.default is ... else json_format.dumps(plain(parameter.default))
+    unit = f" {parameter.unit}" if parameter.unit and parameter.default is not None else ""
+    limits = parameter.range
+    span = f", {limits[0]:g} to {limits[1]:g}" if limits else ""
+    doc = f": {parameter.doc}" if parameter.doc else ""
+    return f"{parameter.name} = {value}{unit} ({parameter.kind}{span}){doc}"

@@ -1,0 +1,83 @@
+"""`omnidrive new` and `omnidrive list`: written files run as they are."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+
+def run(*args, cwd):
+    command = [sys.executable, *map(str, args)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def omnidrive(*args, cwd):
+    return run("-m", "omnidrive", *args, cwd=cwd)
+
+
+@pytest.mark.parametrize("kind", ["controller", "plant"])
+def test_written_file_runs_passes_its_test_and_is_well_formed(tmp_path, kind):
+    name = f"Swift{kind.capitalize()}"
+    done = omnidrive("new", kind, name, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    file, test = tmp_path / f"swift_{kind}.py", tmp_path / f"test_swift_{kind}.py"
+    assert f"My{kind.capitalize()}" not in file.read_text() + test.read_text()
+    for command in (
+        ("pytest", "-q", "-p", "no:cacheprovider", test.name),
+        ("ruff", "check", "--isolated", "--select", "E,F,B,D1", "--ignore", "D103,D107", "."),
+    ):
+        checked = subprocess.run(
+            [sys.executable, "-m", *command],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert checked.returncode == 0, checked.stdout
+    spec = f"{file.name}:{name}"
+    options = {
+        "controller": ("--controller", spec, "--plant", "kinematic"),
+        "plant": ("--plant", spec, "--controller", "feedforward"),
+    }[kind]
+    done = omnidrive("run", *options, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    origins = json.loads((tmp_path / "out" / "results.json").read_text())["components"]
+    assert f"{file.name}, SHA-256" in str(origins)
+
+
+def test_existing_file_is_not_replaced(tmp_path):
+    (tmp_path / "law.py").write_text("precious")
+    done = omnidrive("new", "controller", "Law", cwd=tmp_path)
+    assert (done.returncode, (tmp_path / "law.py").read_text()) == (2, "precious")
+    assert "law.py exists already" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("controller", "../x"), "cannot be the name of a class"),
+        (("robto", "X"), "there is no kind 'robto'"),
+    ],
+)
+def test_bad_arguments_are_rejected(tmp_path, arguments, message):
+    done = omnidrive("new", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_list_prints_parameters_as_json(tmp_path):
+    done = omnidrive("list", "controllers", "--json", cwd=tmp_path)
+    records = {record["name"]: record for record in json.loads(done.stdout)}
+    parameters = {each["name"]: each for each in records["holonomic-nmpc"]["parameters"]}
+    assert parameters["horizon"]["range"] == [1, 200]
+    assert parameters["horizon"]["unit"] == "steps"
+    assert parameters["weights.position_weight"]["default"] == 90.0
+    assert records["pid"]["origin"].startswith("omnidrive ")
+
+
+def test_list_of_an_unknown_group_is_rejected(tmp_path):
+    done = omnidrive("list", "controler", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "did you mean 'controllers'" in " ".join(done.stderr.split())

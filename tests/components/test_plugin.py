@@ -1,0 +1,79 @@
+"""The package in examples/plugin, installed into an environment of its own."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+PLUGIN = Path(__file__).parents[2] / "examples" / "plugin"
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """Return environment variables with which Python finds the installed plugin."""
+    target = tmp_path_factory.mktemp("environment")
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"),
+            *("--no-deps", "--no-build-isolation", "--no-index", "--target", target, PLUGIN),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    paths = [str(target), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}
+
+
+def run(environment, cwd, *arguments):
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        env=environment,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_controller_of_the_plugin_is_listed(environment, tmp_path):
+    out = run(environment, tmp_path, "-m", "omnidrive", "list", "controllers", "decay")
+    assert "decay  (omnidrive-decay 0.1.0)" in out
+    assert "position = 5.0 1/s (number, 0 to 50): Decay rate of the position error" in out
+
+
+def test_tests_of_the_plugin_pass(environment, tmp_path):
+    test = PLUGIN / "tests" / "test_laws.py"
+    assert "1 passed" in run(
+        environment,
+        tmp_path,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-c",
+        os.devnull,
+        test,
+    )
+
+
+def test_same_law_as_a_plugin_and_built_in_are_bit_identical(environment, tmp_path):
+    arguments = ("--tasks", "track", "--plant", "planar", "--jobs", "2", "--out", "out")
+    controllers = ("--controller", "decay", "--controller", "feedforward")
+    run(environment, tmp_path, "-m", "omnidrive", "compare", *controllers, *arguments)
+    for duration in (20, 30):
+        one, two = (
+            pq.read_table(tmp_path / "out" / "series" / f"track-{name}-{duration}s.parquet")
+            for name in ("decay", "feedforward")
+        )
+        for column in one.column_names:
+            if column != "step_time":
+                assert one[column].to_numpy().tobytes() == two[column].to_numpy().tobytes()
+    origins = json.loads((tmp_path / "out" / "results.json").read_text())["components"]
+    assert origins["controllers"]["decay"] == "omnidrive-decay 0.1.0"

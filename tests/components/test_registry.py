@@ -1,0 +1,209 @@
+"""Finding components by name, and their parameters."""
+
+import pickle
+import sys
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+from typing import Annotated
+
+import pytest
+from pydantic import ValidationError
+
+import omnidrive as od
+from omnidrive.components import (
+    component_names,
+    configure,
+    find_component,
+    parse_specification,
+    registry,
+)
+from omnidrive.components.component import Component
+from omnidrive.components.parameters import parameters_of
+from omnidrive.errors import InvalidInput
+
+LAW = """
+from dataclasses import dataclass
+import omnidrive as od
+
+@dataclass
+class Gains:
+    gain: float = 2.0
+
+class Law:
+    '''A law.'''
+    def __init__(self, context, parameters: Gains):
+        self.parameters = parameters
+    def reset(self, state): pass
+    def step(self, t, state, reference):
+        return od.Command(od.BodyTwist(0.0, 0.0, 0.0))
+"""
+
+
+@pytest.fixture
+def law(tmp_path):
+    path = tmp_path / "law.py"
+    path.write_text(LAW)
+    return f"{path}:Law"
+
+
+def test_own_components_are_found():
+    assert "holonomic-nmpc" in component_names("controllers")
+    assert "planar" in component_names("plants")
+    assert find_component("controllers", "pid").origin.startswith("omnidrive ")
+
+
+def test_unknown_name_is_rejected_with_the_closest():
+    with pytest.raises(InvalidInput, match="no controller 'holonomic-mpc'; did you mean 'holonomi"):
+        find_component("controllers", "holonomic-mpc")
+
+
+def test_file_is_imported_only_if_allowed(law):
+    with pytest.raises(InvalidInput, match="is code that is not installed; if you trust it, allow"):
+        find_component("controllers", law)
+    component = find_component("controllers", law, allow_code=True)
+    assert component.summary == "A law."
+    assert "law.py, SHA-256" in component.origin
+    assert component.make(None).parameters.gain == 2.0
+
+
+def test_changed_file_is_imported_again(law, tmp_path):
+    before = find_component("controllers", law, allow_code=True)
+    assert find_component("controllers", law, allow_code=True).factory is before.factory
+    (tmp_path / "law.py").write_text(LAW.replace("2.0", "3.0"))
+    after = find_component("controllers", law, allow_code=True)
+    assert after.make(None).parameters.gain == 3.0
+    assert after.origin != before.origin
+
+
+def test_failed_import_shows_where(tmp_path):
+    (tmp_path / "law.py").write_text("import math\n\nx = math.sqrt(-1.0)\n")
+    with pytest.raises(InvalidInput, match=r"(?s)cannot be imported.*law.py.*line 3.*ValueError"):
+        find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
+    (tmp_path / "law.py").write_text("def f(:\n")
+    with pytest.raises(InvalidInput, match=r"(?s)cannot be imported.*SyntaxError"):
+        find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
+    assert not [
+        name for name in sys.modules if name.startswith("omnidrive_code_") and "law" in name
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("{path}/nothing.py:Law", "cannot read the controller"),
+        ("{path}/law.py:Lwa", "does not exist; did you mean 'Law'"),
+        ("no_such_module_x:Law", "cannot be imported.*No module named 'no_such_module_x'"),
+        ("math:pi", "is not a class or function"),
+    ],
+)
+def test_bad_code_names_are_rejected(law, tmp_path, name, message):
+    with pytest.raises(InvalidInput, match=f"(?s){message}"):
+        find_component("controllers", name.format(path=tmp_path), allow_code=True)
+
+
+def test_name_of_two_distributions_is_rejected(monkeypatch):
+    entries = [EntryPoint("twice", value, "omnidrive.controllers") for value in ("a:f", "b:f")]
+    monkeypatch.setattr(registry, "_entries", lambda group: {"twice": entries})
+    with pytest.raises(InvalidInput, match="declared by several distributions"):
+        find_component("controllers", "twice")
+
+
+def test_entry_point_that_fails_to_import_is_named(monkeypatch):
+    entry = EntryPoint("broken", "no_such_module_y:f", "omnidrive.controllers")
+    monkeypatch.setattr(registry, "_entries", lambda group: {"broken": [entry]})
+    with pytest.raises(InvalidInput, match=r"'broken'.*cannot be imported(?s:.*)no_such_module_y"):
+        find_component("controllers", "broken")
+
+
+@dataclass(frozen=True)
+class Inner:
+    rate: Annotated[float, od.Bounds(0.0, 5.0, "1/s")] = 1.0
+    """Rate, 1/s."""
+
+
+@dataclass(frozen=True)
+class Outer:
+    steps: int
+    """Number of steps."""
+    inner: Inner = Inner(2.0)
+    name: str | None = None
+
+
+def factory(context, parameters: Outer):
+    """Return the parameters."""
+    return parameters
+
+
+def test_parameters_are_checked():
+    component = Component("controllers", "mine", "", factory)
+    assert component.parse({"steps": 3, "inner": {"rate": 4.0}}) == Outer(3, Inner(4.0))
+    for values, message in [
+        ({"steps": 3, "inner": {"rate": 9.0}}, "is 9 1/s, need 0 to 5 1/s"),
+        ({"steps": 3, "inner": {"rat": 1.0}}, "no parameter 'rat'; did you mean 'rate'"),
+        ({"steps": 3, "stepz": 1}, "no parameter 'stepz'; did you mean 'steps'"),
+        ({}, "Field required"),
+        ({"steps": float("nan")}, "finite number"),
+    ]:
+        with pytest.raises(ValidationError, match=message):
+            component.parse(values)
+
+
+def test_parameters_are_described():
+    steps, rate, name = parameters_of(Outer)
+    assert (steps.name, steps.kind, steps.default, steps.doc) == (
+        "steps", "integer", ..., "Number of steps.",
+    )  # fmt: skip
+    assert (rate.name, rate.unit, rate.range, rate.default) == (
+        "inner.rate",
+        "1/s",
+        (0.0, 5.0),
+        2.0,
+    )
+    assert (name.kind, name.default) == ("text", None)
+
+
+def test_factories_with_other_signatures_are_rejected():
+    with pytest.raises(InvalidInput, match="its arguments are a, b, c, need f"):
+        Component("controllers", "mine", "", lambda a, b, c: None).make()
+    with pytest.raises(InvalidInput, match="needs an annotation: the class of the parameters"):
+        Component("controllers", "mine", "", lambda context, parameters: None).make()
+
+
+def test_configured_component_is_restored_from_a_pickle(law):
+    configured = configure("controllers", law, {"gain": 7.0})
+    again = pickle.loads(pickle.dumps(configured))
+    assert again == configured
+    assert again.make(None).parameters.gain == 7.0
+    assert again.with_values(gain=8.0) != configured
+
+
+@pytest.mark.parametrize(
+    ("text", "specification"),
+    [
+        ("pid", ("pid", "pid", {})),
+        ("mine.py:Law", ("Law", "mine.py:Law", {})),
+        ("a=mine.py:Law,gain=2", ("a", "mine.py:Law", {"gain": 2})),
+        ("n, w.p=3.5 ,w.q=no,s=x y", ("n", "n", {"w": {"p": 3.5, "q": False}, "s": "x y"})),
+        ("n,a=null,b=[1]", ("n", "n", {"a": None, "b": "[1]"})),
+    ],
+)
+def test_specification_is_parsed(text, specification):
+    assert parse_specification(text) == specification
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is not of the form"),
+        ("=pid", "is not of the form"),
+        ("a=", "is not of the form"),
+        ("pid,gain", "is not KEY=VALUE"),
+        ("pid,=2", "is not KEY=VALUE"),
+        ("pid,a=1,a=2", "'a' occurs twice"),
+        ("pid,a=1,a.b=2", "'a' has a value already"),
+        ("p" * 3000, "at most 2000 characters"),
+    ],
+)
+def test_bad_specification_is_rejected(text, message):
+    with pytest.raises(InvalidInput, match=message):
+        parse_specification(text)
