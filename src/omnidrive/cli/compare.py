@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, get_args
 
 from omnidrive.choices import TaskName
-from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
+from omnidrive.cli.components import ControllersOption, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RUN_PANEL,
@@ -37,14 +37,7 @@ def compare(
     controllers: Annotated[
         str | None, option("A,B,...", "Only these controllers.", RUN_PANEL)
     ] = None,
-    controller: Annotated[
-        list[str] | None,
-        option(
-            "[LABEL=]NAME[,KEY=VALUE...]",
-            f"Only this controller, with values of its parameters; repeatable: {CONTROLLER_HELP}.",
-            RUN_PANEL,
-        ),
-    ] = None,
+    controller: ControllersOption = None,
     tasks: Annotated[str | None, _selection("tasks", TaskName)] = None,
     noise_seeds: Annotated[
         int | None,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
+from omnidrive.cli.options import RUN_PANEL, option
 from omnidrive.components import Specification, parse_specification
 from omnidrive.errors import InvalidInput
 from omnidrive.study import Scenario
@@ -12,10 +13,15 @@ from omnidrive.study.former import OLD_CONTROLLERS, OLD_PLANTS
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.section import current_name
 
-CONTROLLER_HELP = (
-    "a controller by its label in the scenario or by its name (`omnidrive list controllers`), or "
-    "your own as FILE.py:NAME"
+_FORM = "[LABEL=]NAME[,KEY=VALUE...]"
+_HELP = (
+    "with values of its parameters: its label in the scenario, its name (`omnidrive list "
+    "controllers`), or your own as FILE.py:NAME."
 )
+ControllerOption = Annotated[str, option(_FORM, f"Controller, {_HELP}", RUN_PANEL)]
+ControllersOption = Annotated[
+    list[str] | None, option(_FORM, f"Only this controller (repeatable), {_HELP}", RUN_PANEL)
+]
 
 
 def with_controllers(scenario: Scenario, texts: Sequence[str]) -> Scenario:

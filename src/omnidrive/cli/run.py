@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, get_args
 
 from omnidrive.choices import TaskName
-from omnidrive.cli.components import CONTROLLER_HELP, with_controllers
+from omnidrive.cli.components import ControllerOption, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RESULTS_PANEL,
@@ -31,14 +31,7 @@ from omnidrive.visualization import Recorder, Viewer, check_film, film
 @with_options()
 def run(
     shared: ScenarioOptions,
-    controller: Annotated[
-        str,
-        option(
-            "[LABEL=]NAME[,KEY=VALUE...]",
-            f"Controller, with values of its parameters: {CONTROLLER_HELP}.",
-            RUN_PANEL,
-        ),
-    ] = "holonomic-nmpc",
+    controller: ControllerOption = "holonomic-nmpc",
     task: Annotated[str, option("track|noise|step|faults", "Task.", RUN_PANEL)] = "track",
     horizon: Annotated[
         int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
