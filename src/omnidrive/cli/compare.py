@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Annotated, Any, get_args
+from typing import Annotated, get_args
 
 from omnidrive.choices import TaskName
 from omnidrive.cli.components import ControllersOption, with_controllers
@@ -25,10 +25,27 @@ from omnidrive.errors import InvalidInput
 from omnidrive.study import Scenario, check_new_folder, run_study, with_task
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
-
-def _selection(what: str, names: object) -> Any:
-    """Return an option for a comma-separated selection of the names of a literal type."""
-    return option("A,B,...", f"Only these {what}: {', '.join(get_args(names))}.", RUN_PANEL)
+_TasksOption = Annotated[
+    str | None, option("A,B,...", f"Only these tasks: {', '.join(get_args(TaskName))}.", RUN_PANEL)
+]
+_SeedsOption = Annotated[
+    int | None,
+    option(
+        "N",
+        "Repeat the task noise with N seeds; report means with confidence intervals and paired "
+        "differences.",
+        RUN_PANEL,
+    ),
+]
+_JobsOption = Annotated[
+    int | None,
+    option(
+        "N",
+        "Number of parallel runs; does not affect results [default: all cores].",
+        RUN_PANEL,
+        least=1,
+    ),
+]
 
 
 @with_options()
@@ -38,25 +55,9 @@ def compare(
         str | None, option("A,B,...", "Only these controllers.", RUN_PANEL)
     ] = None,
     controller: ControllersOption = None,
-    tasks: Annotated[str | None, _selection("tasks", TaskName)] = None,
-    noise_seeds: Annotated[
-        int | None,
-        option(
-            "N",
-            "Repeat the task noise with N seeds; report means with confidence intervals and paired "
-            "differences.",
-            RUN_PANEL,
-        ),
-    ] = None,
-    jobs: Annotated[
-        int | None,
-        option(
-            "N",
-            "Number of parallel runs; does not affect results [default: all cores].",
-            RUN_PANEL,
-            least=1,
-        ),
-    ] = None,
+    tasks: _TasksOption = None,
+    noise_seeds: _SeedsOption = None,
+    jobs: _JobsOption = None,
     fault: FaultOption = None,
     out: FolderOption = None,
     json: JsonOption = False,
