@@ -103,14 +103,14 @@ def test_bad_code_names_are_rejected(law, tmp_path, name, message):
 
 def test_name_of_two_distributions_is_rejected(monkeypatch):
     entries = [EntryPoint("twice", value, "omnidrive.controllers") for value in ("a:f", "b:f")]
-    monkeypatch.setattr(registry, "_entries", lambda group: {"twice": entries})
+    monkeypatch.setattr(registry, "entries_of", lambda group: {"twice": entries})
     with pytest.raises(InvalidInput, match="declared by several distributions"):
         find_component("controllers", "twice")
 
 
 def test_entry_point_that_fails_to_import_is_named(monkeypatch):
     entry = EntryPoint("broken", "no_such_module_y:f", "omnidrive.controllers")
-    monkeypatch.setattr(registry, "_entries", lambda group: {"broken": [entry]})
+    monkeypatch.setattr(registry, "entries_of", lambda group: {"broken": [entry]})
     with pytest.raises(InvalidInput, match=r"'broken'.*cannot be imported(?s:.*)no_such_module_y"):
         find_component("controllers", "broken")
 
