@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, get_type_hints
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.errors import InvalidInput, closest
 
 
 class Bounds(NamedTuple):
@@ -50,10 +50,17 @@ def bounds_of(params: type[Any]) -> dict[str, Bounds]:
 def check_choice(what: str, name: object, known: Collection[str]) -> None:
     """Raise :class:`~omnidrive.errors.InvalidInput` unless ``name`` is one of the known names.
 
-    The message suggests the closest of them; ``what`` describes the argument.
+    Args:
+        what: Kind of the name for the message, such as "search method".
+        name: The argument to check; any object.
+        known: The known names; the message lists them and suggests the closest.
     """
+    if not isinstance(name, str):
+        raise InvalidInput(f"a {what} is one of {', '.join(known)}, got {name!r:.60}")
     if name not in known:
-        raise InvalidInput(f"there is no {what} {name!r}{suggestion(str(name), known)}")
+        near = closest(name, known)
+        hint = f"; did you mean '{near}'?" if near else ""
+        raise InvalidInput(f"there is no {what} {name!r:.60}; there are {', '.join(known)}{hint}")
 
 
 def check_sample_time(dt: float) -> None:

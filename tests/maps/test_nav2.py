@@ -17,7 +17,7 @@ from PIL import Image
 
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, load_nav2_map, save_nav2_map
-from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN
 from omnidrive.maps.nav2 import kinds_of_greys
 from tests.shared_data import shared
 
@@ -132,8 +132,11 @@ def test_opacity_counts_except_in_mode_raw(tmp_path):
 
 
 def test_invalid_treatment_of_unknown_cells_is_rejected():
-    with pytest.raises(InvalidInput, match="can count as 'occupied' or 'free', got 'grey'"):
-        unwrap(occupied)(np.zeros((1, 1), np.uint8), "grey")
+    with pytest.raises(
+        InvalidInput,
+        match="there is no treatment of unknown cells 'grey'; there are occupied, free",
+    ):
+        unwrap(load_nav2_map)("absent.yaml", unknown="grey")
 
 
 def test_colours_are_reduced_to_luma(tmp_path):

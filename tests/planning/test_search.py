@@ -295,8 +295,8 @@ def test_map_without_free_cells_is_reported():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "dijkstra"}, "no search method 'dijkstra'; choose astar, jump-point"),
-        ({"heuristic": "chebyshev"}, "no heuristic 'chebyshev'; choose octile, manhattan"),
+        ({"method": "dijkstra"}, "no search method 'dijkstra'; there are astar, jump-point"),
+        ({"heuristic": "chebyshev"}, "no heuristic 'chebyshev'; there are octile, manhattan"),
         ({"neighbours": 6}, "neighbours must be 8 or 4, got 6"),
         ({"method": "jump-point", "neighbours": 4}, "jump-point .* use astar"),
         ({"method": "jump-point", "cut_corners": True}, "jump-point .* use astar"),

@@ -182,7 +182,7 @@ def test_invalid_size_is_refused(recording, tmp_path, size):
 
 
 def test_unknown_camera_is_refused(recording, tmp_path):
-    with pytest.raises(InvalidInput, match="unknown camera 'side': choose one of auto, whole"):
+    with pytest.raises(InvalidInput, match="there is no camera 'side'; there are auto, whole"):
         unwrap(film)(recording, tmp_path / "run.gif", camera="side")  # without type checks
 
 

@@ -11,6 +11,8 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Literal, get_args
 
+from omnidrive.errors import InvalidInput, suggestion
+
 Group = Literal["controllers", "plants", "robots", "maps", "estimators", "references"]
 GROUPS: tuple[Group, ...] = get_args(Group)
 """Groups of components; the entry points of a group are those of ``omnidrive.GROUP``."""
@@ -19,13 +21,23 @@ _OWN = "omnidrive"
 
 
 def component_names(group: Group) -> tuple[str, ...]:
-    """Return the names of the installed components of a group, those of this package first."""
+    """Return the names of the installed components of a group, those of this package first.
+
+    Raises:
+        InvalidInput: There is no such group.
+    """
     return tuple(entries_of(group))
 
 
 @cache
 def entries_of(group: Group) -> dict[str, list[EntryPoint]]:
-    """Return the entry points of a group by name."""
+    """Return the entry points of a group by name.
+
+    Raises:
+        InvalidInput: There is no such group.
+    """
+    if group not in GROUPS:
+        raise InvalidInput(f"there is no group of components {group!r}{suggestion(group, GROUPS)}")
     found: dict[str, list[EntryPoint]] = {}
     for entry in sorted(entry_points(group=f"omnidrive.{group}"), key=_order):
         entries = found.setdefault(entry.name, [])

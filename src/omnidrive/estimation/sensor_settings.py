@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import pi
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.parameter import Bounds
+from omnidrive.parameter import Bounds, check_choice
+
+NoiseLaw = Literal["white", "paper"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ class PoseFixSettings:
     change are known, which can be read from a log of a robot at rest.
     """
 
-    law: Literal["white", "paper"] = "white"
+    law: NoiseLaw = "white"
     """Law of the noise."""
     rate: Annotated[float, Bounds(0.01, 1000.0, "Hz")] = 10.0
     """Rate of the fixes; the first is taken at t = 0."""
@@ -80,6 +82,9 @@ class PoseFixSettings:
     """Probability that a fix is an outlier."""
     outlier_size: Annotated[float, Bounds(0.0, 1000.0, "m")] = 1.0
     """Displacement of an outlier, in a random direction."""
+
+    def __post_init__(self) -> None:
+        check_choice("law of the noise", self.law, get_args(NoiseLaw))
 
     @property
     def bias_sigma(self) -> Float[Array, " 3"]:

@@ -26,6 +26,7 @@ from omnidrive.fuzzy.kernels import (
 from omnidrive.fuzzy.rules import Rule
 from omnidrive.fuzzy.segments import reason_not_exact
 from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.parameter import check_choice
 
 
 class FiredRule(NamedTuple):
@@ -267,8 +268,7 @@ def _check(options: InferenceOptions) -> None:
         "no_rule": (options.no_rule, get_args(NoRule)),
     }
     for name, (value, known) in choices.items():
-        if value not in known:
-            raise InvalidInput(f"there is no {name} {value!r}{suggestion(value, known)}")
+        check_choice(name, value, known)
     if not 2 <= options.samples <= MAX_SAMPLES:
         raise InvalidInput(f"needs 2 to {MAX_SAMPLES} samples, got {options.samples}")
     if not 1 <= options.slices <= MAX_SLICES:

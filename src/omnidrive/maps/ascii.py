@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from omnidrive.choices import Unknown
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, check_unknown, occupied
 from omnidrive.maps.map_file import MAX_TEXT_BYTES, check_resolution, read_content
 from omnidrive.maps.text_rows import read_rows
 
@@ -23,7 +22,7 @@ ASCII_CELLS = {
 
 
 def load_ascii_map(
-    path: Path, *, resolution: float = 1.0, unknown: Unknown = "occupied"
+    path: StrPath, *, resolution: float = 1.0, unknown: Unknown = "occupied"
 ) -> OccupancyGrid:
     """Read a text file with one character per cell, the topmost row first.
 
@@ -36,8 +35,11 @@ def load_ascii_map(
         unknown: Whether unknown cells count as occupied or free.
 
     Raises:
+        InvalidInput: ``unknown`` is neither "occupied" nor "free".
         InvalidMap: The file is missing, malformed or too large.
     """
+    check_unknown(unknown)
+    path = to_path(path)
     name = one_line(str(path))
     check_resolution(resolution, name)
     content = read_content(path, MAX_TEXT_BYTES)

@@ -8,8 +8,10 @@ from pathlib import Path
 from omnidrive.choices import Unknown
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, read_head
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.ascii import ASCII_CELLS, load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
+from omnidrive.maps.kinds import check_unknown
 from omnidrive.maps.movingai import load_movingai_map
 from omnidrive.maps.nav2 import load_nav2_map
 from omnidrive.maps.numpy_file import load_numpy_map
@@ -28,7 +30,7 @@ _HEAD = 512  # bytes at the start of a file from which its format is detected
 
 
 def load_map(
-    path: Path, *, resolution: float | None = None, unknown: Unknown = "occupied"
+    path: StrPath, *, resolution: float | None = None, unknown: Unknown = "occupied"
 ) -> OccupancyGrid:
     """Read a map in the format of its suffix.
 
@@ -46,6 +48,8 @@ def load_map(
         InvalidMap: The file is missing, malformed, too large or of an unsupported format; the
             resolution is outside its range; or one is given for a file that states its own.
     """
+    check_unknown(unknown)
+    path = to_path(path)
     name = one_line(str(path))
     map_format = _SUFFIXES.get(path.suffix.lower()) or _detect_format(path)
     if map_format == "nav2":

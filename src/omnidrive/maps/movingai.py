@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, OCCUPIED, occupied
 from omnidrive.maps.map_file import MAX_TEXT_BYTES, check_resolution, check_size, read_content
@@ -23,7 +22,7 @@ _TERRAIN = {
 _HEADER_LINES = 4
 
 
-def load_movingai_map(path: Path, *, resolution: float = 1.0) -> OccupancyGrid:
+def load_movingai_map(path: StrPath, *, resolution: float = 1.0) -> OccupancyGrid:
     """Read a ``.map`` file of type octile.
 
     Format: Sturtevant 2012, "Benchmarks for grid-based pathfinding". Ground (``.``,
@@ -38,6 +37,7 @@ def load_movingai_map(path: Path, *, resolution: float = 1.0) -> OccupancyGrid:
     Raises:
         InvalidMap: The file is missing, malformed or too large.
     """
+    path = to_path(path)
     name = one_line(str(path))
     check_resolution(resolution, name)
     content = read_content(path, MAX_TEXT_BYTES)

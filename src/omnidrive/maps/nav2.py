@@ -16,10 +16,11 @@ from omnidrive.choices import Unknown
 from omnidrive.errors import CannotWrite, InvalidMap, closest
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.number_text import parse_number
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.image import read_image
-from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, check_unknown, occupied
 from omnidrive.maps.map_file import check_resolution
 
 Mode = Literal["trinary", "scale", "raw"]
@@ -29,7 +30,7 @@ _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "
 _MAX_RAW = 100  # a raw pixel is an occupancy in percent; greater values are unknown
 
 
-def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid:
+def load_nav2_map(path: StrPath, *, unknown: Unknown = "occupied") -> OccupancyGrid:
     """Read a Nav2 map.
 
     The rules are those of ``nav2_map_server/src/map_io.cpp`` since 2025. Let p be the grey value of
@@ -48,8 +49,11 @@ def load_nav2_map(path: Path, *, unknown: Unknown = "occupied") -> OccupancyGrid
         unknown: Whether unknown cells count as occupied or free.
 
     Raises:
+        InvalidInput: ``unknown`` is neither "occupied" nor "free".
         InvalidMap: The file is missing, malformed or too large.
     """
+    check_unknown(unknown)
+    path = to_path(path)
     meta = read_yaml(path, "map", InvalidMap)
     if not isinstance(meta, dict):
         raise InvalidMap(
@@ -126,7 +130,7 @@ def kinds_of_greys(
     return np.where(is_free, FREE, np.where(is_occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
 
 
-def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
+def save_nav2_map(grid: OccupancyGrid, path: StrPath) -> None:
     """Write ``path`` (YAML) and a PGM image of the same stem, to be read by :func:`load_nav2_map`.
 
     The format does not store ``walled``; a loaded map is walled.
@@ -135,6 +139,7 @@ def save_nav2_map(grid: OccupancyGrid, path: Path) -> None:
         InvalidMap: The resolution is out of range, or the suffix is not .yaml or .yml.
         CannotWrite: A file cannot be written.
     """
+    path = to_path(path)
     name = one_line(str(path))
     if path.suffix.lower() not in {".yaml", ".yml"}:
         raise InvalidMap(f"{name}: a Nav2 map is saved as .yaml, with its image beside it")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from math import prod
 from os import fstat
-from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
@@ -15,8 +14,9 @@ from omnidrive.arrays import Array
 from omnidrive.choices import Unknown
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, open_file, short_repr
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, occupied
+from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, check_unknown, occupied
 from omnidrive.maps.map_file import check_resolution, check_size
 
 _BLOCK = 1 << 20  # cells read at a time
@@ -24,7 +24,7 @@ _VERSION = (1, 0)  # later versions are for structured types, which are not maps
 
 
 def load_numpy_map(
-    path: Path, *, resolution: float = 1.0, unknown: Unknown = "occupied"
+    path: StrPath, *, resolution: float = 1.0, unknown: Unknown = "occupied"
 ) -> OccupancyGrid:
     """Read an ``.npy`` file: an array of rows and columns with the layout of the grid, row 0 first.
 
@@ -37,8 +37,11 @@ def load_numpy_map(
         unknown: Whether unknown cells count as occupied or free.
 
     Raises:
+        InvalidInput: ``unknown`` is neither "occupied" nor "free".
         InvalidMap: The file is missing, malformed or too large.
     """
+    check_unknown(unknown)
+    path = to_path(path)
     name = one_line(str(path))
     check_resolution(resolution, name)
     with open_file(path, "map", InvalidMap) as file:

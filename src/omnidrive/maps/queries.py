@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidMap
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.number_text import parse_number
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.map_file import read_content
 
@@ -32,7 +32,7 @@ class Query(NamedTuple):
     rounding: float = 0.0
 
 
-def load_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
+def load_queries(path: StrPath, grid: OccupancyGrid) -> list[Query]:
     """Read a ``.scen`` file of version 1 for a map loaded by :func:`load_movingai_map`.
 
     The file counts y from the top: its cell (x, y) is row ``height - 1 - y``, column x of the grid.
@@ -44,6 +44,7 @@ def load_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
     Raises:
         InvalidMap: The file is missing, malformed, too large or for a map of another size.
     """
+    path = to_path(path)
     name = one_line(str(path))
     lines = read_content(path, _MAX_BYTES).decode("latin-1").split("\n")
     if lines[0].split() not in (["version", "1"], ["version", "1.0"]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Real
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from omnidrive.files.bounded_file import short_repr
 from omnidrive.geometry import check_heading
 from omnidrive.maps import OccupancyGrid
 from omnidrive.notebook import facts_html
-from omnidrive.parameter import Bounds
+from omnidrive.parameter import Bounds, check_choice
 from omnidrive.planning.drawing import path_svg
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path, SplinePath
@@ -57,7 +57,7 @@ class PathOptions:
             points.
 
     Raises:
-        InvalidInput: ``smooth`` is certified and ``cut_corners`` is true.
+        InvalidInput: A name is unknown, or ``smooth`` is certified and ``cut_corners`` is true.
     """
 
     search: MethodName = "astar"
@@ -67,6 +67,10 @@ class PathOptions:
     turn_within: Annotated[float, Bounds(0.0, 10.0, "m")] = 1.0
 
     def __post_init__(self) -> None:
+        check_choice("search method", self.search, get_args(MethodName))
+        if self.heuristic is not None:
+            check_choice("heuristic", self.heuristic, get_args(HeuristicName))
+        check_choice("smoothing method", self.smooth, get_args(SmoothingName))
         if self.cut_corners and self.smooth == "certified":
             raise InvalidInput(
                 "cannot be certified if it cuts corners, because it then touches obstacles; use "

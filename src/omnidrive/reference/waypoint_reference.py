@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import pathlib
 from math import ceil
 
 import numpy as np
 
+from omnidrive.files.str_path import StrPath
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference.limits import MotionLimits
 from omnidrive.reference.path_timing import time_within_limits
@@ -25,7 +25,7 @@ _LEVER = 0.3
 """Distance that counts as much as a turn by 1 rad, in m."""
 
 
-def waypoint_reference(file: str | pathlib.Path, robot: Robot) -> SampledReference | TimedReference:
+def waypoint_reference(file: StrPath, robot: Robot) -> SampledReference | TimedReference:
     """Return the motion of a waypoint file.
 
     A file with times is interpolated, see :class:`SampledReference`. A file without times is

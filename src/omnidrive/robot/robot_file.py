@@ -6,13 +6,13 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, fields
 from math import isfinite
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot.mount import Mount
 from omnidrive.robot.robot import MAX_WHEELS, Robot
@@ -72,14 +72,14 @@ def is_robot_file(name: str) -> bool:
     return name.lower().endswith((".yaml", ".yml"))
 
 
-def load_robot(path: Path | str) -> Robot:
+def load_robot(path: StrPath) -> Robot:
     """Read a robot file.
 
     Raises:
         InvalidRobot: The file is missing, too large or malformed, a key is unknown or missing, or
             the values are not those of an omnidirectional robot; the message names the key.
     """
-    path = Path(path)
+    path = to_path(path)
     return parse_robot(read_yaml(path, "robot file", InvalidRobot), str(path))
 
 
@@ -115,7 +115,7 @@ def parse_robot(data: Any, where: str) -> Robot:
         raise source.error(str(error)) from None
 
 
-def save_robot(robot: Robot, path: Path | str, *, notes: Sequence[str] = ()) -> None:
+def save_robot(robot: Robot, path: StrPath, *, notes: Sequence[str] = ()) -> None:
     """Write a robot file, from which :func:`load_robot` restores every number exactly.
 
     An existing file is replaced only when the new one is complete.
@@ -129,7 +129,7 @@ def save_robot(robot: Robot, path: Path | str, *, notes: Sequence[str] = ()) -> 
         InvalidRobot: The name of the robot or a number is not allowed in robot files.
         CannotWrite: The file cannot be written.
     """
-    path, text = Path(path), robot_text(robot, notes=notes)
+    path, text = to_path(path), robot_text(robot, notes=notes)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         try:

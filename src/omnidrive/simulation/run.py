@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +12,7 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.control.supervision import Event
 from omnidrive.errors import RunFailed
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.geometry import wrap
 from omnidrive.notebook import BLUE, Drawing, box_around, facts_html
 from omnidrive.simulation.log_columns import POSE, TWIST, LogColumn, vector_columns
@@ -143,7 +142,7 @@ class Run:
 
         return log_frame(self.columns)
 
-    def save(self, path: str | PathLike[str]) -> None:
+    def save(self, path: StrPath) -> None:
         """Write the log to a file.
 
         Args:
@@ -155,10 +154,11 @@ class Run:
             MissingExtra: The suffix is .mcap, and the package mcap is not installed.
             CannotWrite: The file cannot be written.
         """
+        path = to_path(path)
         from omnidrive.simulation.log_file import save_log  # noqa: PLC0415 - takes a second
 
         events = [*self.events, Event(float(self.t[-1]), f"end: {self.ending}")]
-        save_log(self.columns, events, Path(path))
+        save_log(self.columns, events, path)
 
     def plot(self) -> Figure:
         """Return a figure of path, position error and heading error."""

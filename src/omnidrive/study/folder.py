@@ -28,6 +28,7 @@ from omnidrive.evaluation import (
     repeated_runs,
 )
 from omnidrive.files.output_file import atomic_file
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps import save_nav2_map
 from omnidrive.robot import is_robot_file, save_robot
 from omnidrive.simulation import Outcome, Run
@@ -47,16 +48,16 @@ class RunFolder:
         path: The folder.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: StrPath) -> None:
         """Create the folder.
 
         Raises:
             CannotWrite: It cannot be created, or is not empty.
         """
-        self.path = path
-        check_new_folder(path)
-        with write_errors(path):
-            path.mkdir(parents=True, exist_ok=True)
+        self.path = to_path(path)
+        check_new_folder(self.path)
+        with write_errors(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
 
     def save_inputs(self, planned: PlannedScenario) -> None:
         """Write the scenario, the map unless it is `paper`, and robots that are from files."""

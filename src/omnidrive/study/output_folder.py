@@ -10,6 +10,7 @@ from tempfile import TemporaryFile
 
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.str_path import StrPath, to_path
 
 FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 """Suffixes of waypoint files that a plan can be written to."""
@@ -17,12 +18,13 @@ FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 _FIGURE_SUFFIXES = (".png", ".svg")
 
 
-def is_waypoint_file(path: Path) -> bool:
+def is_waypoint_file(path: StrPath) -> bool:
     """Return whether a path names a waypoint file; otherwise it names a folder.
 
     Raises:
         InvalidInput: The suffix is that of another kind of file.
     """
+    path = to_path(path)
     if path.suffix.lower() in FORMATS:
         return True
     if path.suffix and not path.is_dir():
@@ -43,7 +45,7 @@ def check_figure_name(path: Path) -> None:
         raise InvalidInput(f"{one_line(str(path))}: the suffix of a figure must be .png or .svg")
 
 
-def check_plan_targets(out: Path | None, figure: Path | None) -> None:
+def check_plan_targets(out: StrPath | None, figure: StrPath | None) -> None:
     """Check that a plan and its figure can be written; nothing is created.
 
     Args:
@@ -54,6 +56,7 @@ def check_plan_targets(out: Path | None, figure: Path | None) -> None:
         InvalidInput: A suffix is that of another kind of file.
         CannotWrite: A file or folder cannot be created, or the folder is not empty.
     """
+    out, figure = (None if path is None else to_path(path) for path in (out, figure))
     new_folders: list[Path] = []
     if out is not None and is_waypoint_file(out):
         _check_file(out)
@@ -66,12 +69,13 @@ def check_plan_targets(out: Path | None, figure: Path | None) -> None:
             _check_file(figure)
 
 
-def check_new_folder(path: Path) -> None:
+def check_new_folder(path: StrPath) -> None:
     """Check that a folder for results can be created; nothing is created.
 
     Raises:
         CannotWrite: It is not empty, is not a folder, or is not writable.
     """
+    path = to_path(path)
     with _write_errors(path):
         if path.exists() and any(path.iterdir()):
             raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from omnidrive.errors import CannotWrite
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.reference import Reference, TimedReference, save_waypoints, wheel_speed_used
 from omnidrive.study.output_folder import check_figure_name, is_waypoint_file
 from omnidrive.study.planned_scenario import PlannedScenario
@@ -75,7 +75,7 @@ def _limit_usage(planned: PlannedScenario, reference: Reference) -> dict[str, fl
     return {"wheel speed": share}
 
 
-def save_figure(planned: PlannedScenario, reference: Reference, path: Path) -> None:
+def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
     """Draw map, grid path, path and headings, and the speeds over time, as PNG or SVG.
 
     Raises:
@@ -84,6 +84,7 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: Path) -> N
     """
     from omnidrive.evaluation.figures import plan_figure, save  # noqa: PLC0415 - takes a second
 
+    path = to_path(path)
     check_figure_name(path)
     times = np.linspace(0.0, reference.duration, _SAMPLES)
     figure = plan_figure(
@@ -101,7 +102,7 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: Path) -> N
         ) from None
 
 
-def save_plan(planned: PlannedScenario, reference: Reference, path: Path) -> None:
+def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
     """Write the reference to a waypoint file, one row per sample time, or to a folder.
 
     Args:
@@ -113,6 +114,7 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: Path) -> Non
         InvalidInput: The suffix is that of another kind of file.
         CannotWrite: The file or folder cannot be created, or the folder is not empty.
     """
+    path = to_path(path)
     if is_waypoint_file(path):
         save_waypoints(path, reference, dt=planned.scenario.sample_time)
         return

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 from omnidrive.choices import HeuristicName, MethodName
 from omnidrive.errors import InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, Query
+from omnidrive.parameter import check_choice
 from omnidrive.planning import GridSearch
 
 _SINGLE_PRECISION = 1e-6  # relative; in which the lengths of some files were computed
@@ -36,7 +37,13 @@ def solve_queries(
         and ``differing``: for every query whose length differs from the file's, its number (from
         0), start and goal (row, column), both lengths in cells, and the error message if no path
         was found (``length`` is then None).
+
+    Raises:
+        InvalidInput: The method or heuristic is unknown.
     """
+    check_choice("search method", method, get_args(MethodName))
+    if heuristic is not None:
+        check_choice("heuristic", heuristic, get_args(HeuristicName))
     search, differing = GridSearch(grid), []
     expansions, seconds, solved = 0, 0.0, 0
     for number, query in enumerate(queries):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -22,7 +22,7 @@ from omnidrive.estimation import (
     PoseFixSettings,
     SensorSettings,
 )
-from omnidrive.parameter import Bounds
+from omnidrive.parameter import Bounds, check_choice
 from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation.components import static_capabilities
@@ -388,14 +388,19 @@ def robot_section(name: str, preset: PresetName) -> RobotSection:
     from the centre, 0.7071 m.
 
     Raises:
-        InvalidInput: The name is unknown.
+        InvalidInput: The name of the robot or of the preset is unknown.
     """
+    check_choice("preset", preset, get_args(PresetName))
     radius = named_robot(name).effective_radius / 2**0.5 if preset == "published-code" else None
     return RobotSection(name=name, assumed_effective_radius=radius)
 
 
 def paper_scenario(preset: PresetName = "paper") -> Scenario:
-    """Return the study of the paper with the controllers of a preset."""
+    """Return the study of the paper with the controllers of a preset.
+
+    Raises:
+        InvalidInput: The preset is unknown.
+    """
     return Scenario(
         name="paper",
         robot=robot_section("paper", preset),
@@ -429,6 +434,9 @@ def map_scenario(
         robot: Name or file of the robot.
         name: Name of the study.
         preset: Parameters of the controllers.
+
+    Raises:
+        InvalidInput: The robot or the preset is unknown.
     """
     paper = paper_scenario(preset)
     return paper.model_copy(

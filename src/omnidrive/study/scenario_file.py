@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -14,6 +13,7 @@ from omnidrive.components.configured import ALLOW_CODE, plain
 from omnidrive.components.fields import field_names, field_type
 from omnidrive.errors import InvalidScenario, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot import is_robot_file
 from omnidrive.simulation.disturbances import FAULTS
@@ -31,7 +31,7 @@ _MESSAGES = {
 """Messages by pydantic's type of the error."""
 
 
-def load_scenario(path: Path, *, allow_code: bool = False) -> Scenario:
+def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
     """Read a scenario file; paths of map and robots become relative to the working directory.
 
     Args:
@@ -43,6 +43,7 @@ def load_scenario(path: Path, *, allow_code: bool = False) -> Scenario:
         InvalidScenario: The file is missing or malformed, or a value is invalid; the message names
             every invalid key.
     """
+    path = to_path(path)
     data = read_yaml(path, "scenario", InvalidScenario)
     if not isinstance(data, dict):
         raise InvalidScenario(f"{path} is not a scenario: it contains no keys")
@@ -62,9 +63,10 @@ def load_scenario(path: Path, *, allow_code: bool = False) -> Scenario:
     return scenario.model_copy(update=changes)
 
 
-def save_scenario(scenario: Scenario, path: Path) -> None:
+def save_scenario(scenario: Scenario, path: StrPath) -> None:
     """Write a scenario file that :func:`load_scenario` can read."""
-    path.write_text(yaml.safe_dump(scenario_data(scenario), sort_keys=False), encoding="utf-8")
+    text = yaml.safe_dump(scenario_data(scenario), sort_keys=False)
+    to_path(path).write_text(text, encoding="utf-8")
 
 
 def scenario_data(scenario: Scenario) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from omnidrive.evaluation import (
     write_page,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.simulation import Outcome
 from omnidrive.study.execute import Result, execute
@@ -128,7 +129,7 @@ class Study:
 @announce_compiling()
 def run_study(
     scenario: Scenario,
-    folder: Path | None = None,
+    folder: StrPath | None = None,
     *,
     processes: int = 1,
     progress: ProgressListener | None = None,
@@ -151,12 +152,13 @@ def run_study(
         CannotWrite: The folder cannot be written.
         WorkerLost: A worker process was killed; results written before are kept.
     """
-    if folder:
-        check_new_folder(folder)
+    path = None if folder is None else to_path(folder)
+    if path:
+        check_new_folder(path)
     clock = _Clock(progress or NullProgress())
     with clock.part("plan", 0):
         planned = plan_and_check(scenario)
-    store = RunFolder(folder) if folder else None
+    store = RunFolder(path) if path else None
     if store:
         store.save_inputs(planned)
     jobs = jobs_of(scenario)
@@ -182,7 +184,7 @@ def run_study(
     if store:
         _report(store, results, tables, clock)
         store.save_results(planned, results, clock.seconds)
-    return Study(results, tables, folder, clock.seconds)
+    return Study(results, tables, path, clock.seconds)
 
 
 @dataclass(slots=True)

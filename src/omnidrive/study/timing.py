@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, isfinite
+from typing import get_args
 
 from omnidrive.choices import TaskName
 from omnidrive.errors import InvalidInput
+from omnidrive.parameter import check_choice
 from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
@@ -117,8 +119,9 @@ def one_task(tasks: Tasks, name: TaskName) -> Tasks:
     """Return the tasks reduced to one task with the first of its durations.
 
     Raises:
-        InvalidInput: The scenario does not have this task.
+        InvalidInput: The name is unknown, or the scenario does not have this task.
     """
+    check_choice("task", name, get_args(TaskName))
     task = getattr(tasks, name)
     if task is None:
         raise InvalidInput(f"the scenario has no task '{name}'")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from math import cos, radians, sin, tan
-from typing import Literal
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.parameter import check_choice
 
 CameraName = Literal["auto", "whole", "follow"]
 """`whole`: the picture contains the whole path; `follow`: the robot is at its centre; `auto`:
@@ -23,7 +24,12 @@ _NORTH = 90.0  # degrees; azimuth of a view along y of W, with x to the right
 
 
 def is_following(name: CameraName, path: Float[Array, "points 2"], radius: float) -> bool:
-    """Return whether the camera follows a robot of this radius (m) along its path (m, in W)."""
+    """Return whether the camera follows a robot of this radius (m) along its path (m, in W).
+
+    Raises:
+        InvalidInput: The name is unknown.
+    """
+    check_choice("camera", name, get_args(CameraName))
     length = float(np.hypot(*np.ptp(path, axis=0)))
     return name == "follow" or (name == "auto" and length > _MAX_OVERVIEW * radius)
 
@@ -38,6 +44,9 @@ def make_camera(
         path: Points of the path in W, m.
         radius: Radius of the robot, m.
         aspect: Width of the picture divided by its height.
+
+    Raises:
+        InvalidInput: The name is unknown.
     """
     if not is_following(name, path, radius):
         return overview_camera(path, 1.3 * radius, aspect)

@@ -16,7 +16,9 @@ from jaxtyping import UInt8
 from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.geometry import Pose
+from omnidrive.parameter import check_choice
 from omnidrive.visualization.camera import CameraName, follow, is_following, make_camera
 from omnidrive.visualization.canvas import Canvas
 from omnidrive.visualization.ghost_model import update_kinematics
@@ -31,7 +33,7 @@ _MAX_FRAMES_BY_SUFFIX = {".mp4": MAX_FRAMES, ".gif": 800}
 _SIDES = (64, 1920)  # pixels; limits of width and height
 
 
-def check_film(path: Path | str) -> None:
+def check_film(path: StrPath) -> None:
     """Check, before a run, that a film can be made.
 
     Raises:
@@ -40,7 +42,7 @@ def check_film(path: Path | str) -> None:
         CannotDraw: OpenGL is not available.
         CannotWrite: The folder does not exist or is not writable.
     """
-    path = Path(path)
+    path = to_path(path)
     if _suffix(path) == ".mp4":
         check_encoder()
     if not path.parent.is_dir() or path.is_dir() or not os.access(path.parent, os.W_OK):
@@ -56,7 +58,7 @@ def check_film(path: Path | str) -> None:
 
 def film(
     recording: Recording,
-    path: Path | str,
+    path: StrPath,
     *,
     size: tuple[int, int] | None = None,
     camera: CameraName = "auto",
@@ -84,13 +86,10 @@ def film(
         CannotDraw: OpenGL is not available.
         CannotWrite: The file cannot be written.
     """
-    path = Path(path)
+    path = to_path(path)
     kind = _suffix(path)
     width, height = _check_size(size or _DEFAULT_SIZES[kind])
-    if camera not in get_args(CameraName):
-        raise InvalidInput(
-            f"unknown camera '{camera}': choose one of {', '.join(get_args(CameraName))}"
-        )
+    check_choice("camera", camera, get_args(CameraName))
     stride = -(-len(recording.t) // _MAX_FRAMES_BY_SUFFIX[kind])
     chosen = range(0, len(recording.t), stride)
     speed = _speed(recording, stride)

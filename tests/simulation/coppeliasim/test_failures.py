@@ -101,10 +101,6 @@ def test_settings_for_another_robot_are_refused(server):
         plant_at(server, signs=(1,))
     with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
         plant_at(server, signs=(1, 1, 1, 2))
-    scene = CoppeliaSimScene(port=server.port)
-    object.__setattr__(scene, "interface", "ros")
-    with pytest.raises(InvalidInput, match="unknown interface 'ros' to CoppeliaSim"):
-        CoppeliaSimPlant(SMALL, scene)
 
 
 def test_tilted_body_is_refused():

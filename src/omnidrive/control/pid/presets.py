@@ -18,8 +18,7 @@ from omnidrive.control.pid.laws import (
     TrackingParameters,
 )
 from omnidrive.control.pid.tuners import Kind, fuzzy_tuner
-from omnidrive.errors import InvalidInput
-from omnidrive.parameter import check_sample_time
+from omnidrive.parameter import check_choice, check_sample_time
 
 PidPreset = Literal["paper", "published-code", "recommended"]
 
@@ -43,6 +42,7 @@ def fuzzy_pid(kind: Kind, preset: PidPreset, dt: float) -> PidController:
     Raises:
         InvalidInput: ``dt`` is not positive, or the kind or preset is unknown.
     """
+    check_choice("preset", preset, get_args(PidPreset))
     return _pid(fuzzy_tuner(kind, "paper" if preset == "recommended" else preset), preset, dt)
 
 
@@ -56,6 +56,7 @@ def classical_pid(preset: PidPreset, dt: float) -> PidController:
     Raises:
         InvalidInput: ``dt`` is not positive, or the preset is unknown.
     """
+    check_choice("preset", preset, get_args(PidPreset))
     return _pid(no_tuning, preset, dt)
 
 
@@ -71,7 +72,5 @@ def _pid(tune: Tuner, preset: PidPreset, dt: float) -> PidController:
             SelfTuningChannel(tune, dt, SelfTuningParameters(limit=MAX_YAW_RATE)),
             wraps_heading=True,
         )
-    if preset == "recommended":
-        x, y, heading = (TrackingChannel(tune, dt, TrackingParameters()) for _ in range(3))
-        return TrackingPidController(dt, x, y, heading)
-    raise InvalidInput(f"there is no preset '{preset}'; there are {', '.join(get_args(PidPreset))}")
+    x, y, heading = (TrackingChannel(tune, dt, TrackingParameters()) for _ in range(3))
+    return TrackingPidController(dt, x, y, heading)

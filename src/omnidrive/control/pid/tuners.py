@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache, partial
 from math import isfinite, nan
-from typing import Literal
+from typing import Literal, get_args
 
 from omnidrive.control.pid.channel import Tuner
 from omnidrive.control.pid.gain_tuning import gain_tuning_system
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
-from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, Secondary
+from omnidrive.parameter import check_choice
 
 Kind = Literal["t1", "t2", "t3"]
 Preset = Literal["paper", "published-code"]
@@ -41,11 +40,9 @@ def gain_inference(kind: Kind, preset: Preset) -> Inference:
     Raises:
         InvalidInput: The kind or preset is unknown.
     """
-    makers: dict[str, Callable[[Kind], Inference]] = {"paper": _paper, "published-code": _published}
-    if preset not in makers or kind not in {"t1", "t2", "t3"}:
-        known = ", ".join(f"{k} of {p}" for p in makers for k in ("t1", "t2", "t3"))
-        raise InvalidInput(f"there is no fuzzy system {kind} of {preset}; there are {known}")
-    return makers[preset](kind)
+    check_choice("preset", preset, get_args(Preset))
+    check_choice("kind of fuzzy system", kind, get_args(Kind))
+    return _paper(kind) if preset == "paper" else _published(kind)
 
 
 def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:

@@ -18,6 +18,7 @@ from omnidrive.evaluation.figures.style import figure_style, save
 from omnidrive.evaluation.figures.tracking_error import tracking_error
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.files.bounded_file import short_repr
+from omnidrive.files.str_path import StrPath, to_path
 
 Draw = Callable[[StudyResults], Figure | None]
 
@@ -77,7 +78,7 @@ def draw_figure(results: StudyResults, name: str | None = None) -> Figure:
     )
 
 
-def write_figures(results: StudyResults, folder: Path) -> Iterator[Path]:
+def write_figures(results: StudyResults, folder: StrPath) -> Iterator[Path]:
     """Write every figure as PNG and SVG; equal results give identical files.
 
     Args:
@@ -90,6 +91,7 @@ def write_figures(results: StudyResults, folder: Path) -> Iterator[Path]:
     Raises:
         OSError: A file cannot be written.
     """
+    folder = to_path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in draw_figures(results):
         for suffix in ("png", "svg"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -14,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from omnidrive.files.output_file import atomic_file
+from omnidrive.files.str_path import StrPath, to_path
 
 DARK = "#1a1a1a"
 """Colour of references, axes and text."""
@@ -92,8 +92,9 @@ def hide_axes(axes: Axes) -> None:
     axes.axis("off")
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: StrPath) -> None:
     """Write ``figure`` as PNG or SVG, by the suffix of ``path``, without a date."""
+    path = to_path(path)
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
     kind = path.suffix.removeprefix(".")
     # matplotlib also projects the uninitialised padding of surface faces

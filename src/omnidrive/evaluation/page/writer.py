@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from hashlib import sha256
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 
 from omnidrive.evaluation.page.markup import facts_markup, tables_markup
 from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import Table
+from omnidrive.files.str_path import StrPath, to_path
 
 _STYLES = ("vendor/uPlot.min.css", "page.css")
 _EARLY = ("theme.js",)
@@ -28,7 +28,7 @@ _SCRIPTS = (
 )
 
 
-def write_page(results: StudyResults, tables: Sequence[Table], path: Path) -> None:
+def write_page(results: StudyResults, tables: Sequence[Table], path: StrPath) -> None:
     """Write the report of a study: one HTML file that needs no network.
 
     Args:
@@ -39,7 +39,7 @@ def write_page(results: StudyResults, tables: Sequence[Table], path: Path) -> No
     Raises:
         OSError: The file cannot be written.
     """
-    path.write_text(page_text(results, tables), encoding="utf-8")
+    to_path(path).write_text(page_text(results, tables), encoding="utf-8")
 
 
 def page_text(results: StudyResults, tables: Sequence[Table]) -> str:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
 from omnidrive.fuzzy.files.fll import read_fll, write_fll
@@ -45,7 +46,7 @@ MAX_BYTES = 8_000_000
 """Size of the largest file that is read; a system of 100,000 rules has about 3 MB."""
 
 
-def load(path: Path | str) -> FuzzySystem:
+def load(path: StrPath) -> FuzzySystem:
     """Read a fuzzy system from a file: ``.fis``, ``.fll``, ``.fcl``, ``.fml`` or ``.xml`` (FML).
 
     Warns:
@@ -55,7 +56,7 @@ def load(path: Path | str) -> FuzzySystem:
         InvalidFuzzyFile: The file cannot be read, is too large, or does not contain a system; the
             message names the file, the position and what was expected.
     """
-    path = Path(path)
+    path = to_path(path)
     name = one_line(str(path))
     read = _format_of(path, InvalidFuzzyFile).read
     text = _read_text(path)
@@ -75,7 +76,7 @@ def load(path: Path | str) -> FuzzySystem:
     return system
 
 
-def save(system: FuzzySystem, path: Path | str) -> None:
+def save(system: FuzzySystem, path: StrPath) -> None:
     """Write a system to a file in the format of its suffix, as :func:`load` reads it.
 
     An existing file is replaced only when the new one is complete.
@@ -84,7 +85,7 @@ def save(system: FuzzySystem, path: Path | str) -> None:
         InvalidInput: The format does not support a part of the system; the message names the part.
         CannotWrite: The file cannot be written.
     """
-    path = Path(path)
+    path = to_path(path)
     name = one_line(str(path))
     write = _format_of(path, InvalidInput).write
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from operator import index
@@ -14,6 +14,7 @@ from jaxtyping import Int32, UInt8
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid
+from omnidrive.parameter import check_choice
 from omnidrive.planning.search.astar import astar
 from omnidrive.planning.search.bitgrid import BitGrid, Cell
 from omnidrive.planning.search.greedy import greedy
@@ -117,13 +118,13 @@ class GridSearch:
         heuristic: str | None = None,
     ) -> SearchResult:
         """Find a path; arguments and errors as for :func:`search`."""
-        run = _METHODS.get(method)
-        if run is None:
-            raise InvalidInput(f"there is no search method {method!r}; choose {_list(_METHODS)}")
+        check_choice("search method", method, _METHODS)
         _load(method)
         began = perf_counter()
         start_index, goal_index = self._index("start", start), self._index("goal", goal)
-        indices, expansions = run(self, start_index, goal_index, self._heuristic(method, heuristic))
+        indices, expansions = _METHODS[method](
+            self, start_index, goal_index, self._heuristic(method, heuristic)
+        )
         if len(indices) == 0:
             raise NoPathFound(self._unreachable(start))
         cells = self._bitgrid.cells(indices)
@@ -145,8 +146,7 @@ class GridSearch:
         if name is None:
             name = "octile" if self.neighbours == 8 else "manhattan"
             name = "euclidean" if method == "lazy-theta" else name
-        if name not in HEURISTICS:
-            raise InvalidInput(f"there is no heuristic {name!r}; choose {_list(HEURISTICS)}")
+        check_choice("heuristic", name, HEURISTICS)
         return HEURISTICS[name]
 
     def _index(self, name: str, cell: Cell) -> int:
@@ -247,7 +247,3 @@ def _load(method: str) -> None:
     tiny = GridSearch(OccupancyGrid(np.zeros((1, 2), bool), 1.0))
     start_index, goal_index = tiny._bitgrid.index_of((0, 0)), tiny._bitgrid.index_of((0, 1))
     _METHODS[method](tiny, start_index, goal_index, HEURISTICS["octile"])
-
-
-def _list(names: Iterable[str]) -> str:
-    return ", ".join(names)

@@ -11,6 +11,7 @@ from omnidrive.arrays import Array
 from omnidrive.choices import SmoothingName
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
+from omnidrive.parameter import check_choice
 from omnidrive.planning.clearance import Obstacles, curve_clearance
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.headings import with_headings
@@ -70,9 +71,10 @@ def smooth(
             to the direction of the path, in m.
 
     Raises:
-        InvalidInput: There is no point, a point is not finite, the polygon enters an obstacle
-            (certified only), or ``clearance`` is negative or not finite.
+        InvalidInput: The method is unknown, there is no point, a point is not finite, the polygon
+            enters an obstacle (certified only), or ``clearance`` is negative or not finite.
     """
+    check_choice("smoothing method", method, _METHODS)
     points = np.asarray(points, float)
     if len(points) == 0 or not np.isfinite(points).all():
         raise InvalidInput(

@@ -10,6 +10,7 @@ import numpy as np
 
 from omnidrive.errors import InvalidReference
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.planning import Path
 from omnidrive.reference.limit_sampling import MIN_ADDED_STEP, sample_within_limits
 from omnidrive.reference.reference import Reference
@@ -39,7 +40,7 @@ _FORMATS = {
 }
 
 
-def load_waypoints(path: str | pathlib.Path) -> Path | SampledReference:
+def load_waypoints(path: StrPath) -> Path | SampledReference:
     """Read waypoints from a CSV, PathPlanner, Choreo or ROS `nav_msgs/Path` file.
 
     The file name extension determines the format: `.csv`, `.path`, `.traj`, `.yaml` or `.yml`. A
@@ -49,12 +50,12 @@ def load_waypoints(path: str | pathlib.Path) -> Path | SampledReference:
     Raises:
         InvalidReference: The file is missing, malformed, too large or inconsistent.
     """
-    file = pathlib.Path(path)
+    file = to_path(path)
     return _format(file).read(file)
 
 
 def save_waypoints(
-    path: str | pathlib.Path,
+    path: StrPath,
     waypoints: Path | Reference,
     *,
     dt: float | None = None,
@@ -84,7 +85,7 @@ def save_waypoints(
             restore.
         CannotWrite: The file cannot be written.
     """
-    file = pathlib.Path(path)
+    file = to_path(path)
     kind = _format(file)
     if isinstance(waypoints, Path):
         if dt is not None:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from math import nan
 from time import monotonic, sleep
 from types import TracebackType
-from typing import get_args
 
 from omnidrive.control.controller import CommandValue
 from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
@@ -21,7 +20,7 @@ from omnidrive.simulation.coppeliasim.object_pose import (
     uprightness,
 )
 from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
-from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene, Interface
+from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene
 from omnidrive.simulation.coppeliasim.signal_interface import SignalInterface
 from omnidrive.simulation.plant import (
     PlantCapabilities,
@@ -301,11 +300,6 @@ class CoppeliaSimPlant:
 
 def _check_scene(robot: Robot, scene: CoppeliaSimScene) -> None:
     wheels = len(robot.mounts)
-    if scene.interface not in get_args(Interface):
-        raise InvalidInput(
-            f"unknown interface '{scene.interface}' to CoppeliaSim: choose one of "
-            f"{', '.join(get_args(Interface))}"
-        )
     if scene.interface == "signals":
         if wheels != 4:
             raise InvalidInput(

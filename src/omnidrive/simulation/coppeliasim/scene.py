@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
+
+from omnidrive.parameter import check_choice
 
 Interface = Literal["joints", "signals"]
 
@@ -25,6 +27,9 @@ class CoppeliaSimScene:
         body_yaw: Bearing of B's x axis in the frame of that object, rad.
         joints: Path of every wheel's joint, in the order of the robot's mounts.
         signs: Per joint, 1 if its positive direction is that of the mount, -1 if it is opposite.
+
+    Raises:
+        InvalidInput: The interface is unknown.
     """
 
     host: str = "localhost"
@@ -36,3 +41,6 @@ class CoppeliaSimScene:
     body_yaw: float = 0.0
     joints: tuple[str, ...] = ("/omni/motor3", "/omni/motor2", "/omni/motor1", "/omni/motor4")
     signs: tuple[int, ...] = (-1, -1, -1, -1)
+
+    def __post_init__(self) -> None:
+        check_choice("interface to CoppeliaSim", self.interface, get_args(Interface))

@@ -12,9 +12,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import CommandValue, WheelTorques
-from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.maps import OccupancyGrid
+from omnidrive.parameter import check_choice
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.moving_obstacle import MovingObstacle
@@ -79,10 +79,7 @@ class MujocoPlant:
                 many moving obstacles.
         """
         check_robot(robot, "MujocoPlant")
-        if wheels not in get_args(WheelModel):
-            raise InvalidInput(
-                f"unknown wheel model '{wheels}': choose one of {', '.join(get_args(WheelModel))}"
-            )
+        check_choice("wheel model", wheels, get_args(WheelModel))
         self.robot = robot
         self.wheels = wheels
         self._drive = robot.drive

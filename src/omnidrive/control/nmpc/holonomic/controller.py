@@ -24,9 +24,9 @@ from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSo
 from omnidrive.control.nmpc.holonomic.tracking import tracking_problem
 from omnidrive.control.preparation import run_once
 from omnidrive.control.reduced_drive import ReducedDrive
-from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
+from omnidrive.parameter import check_choice
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Chassis
 
@@ -264,8 +264,7 @@ def holonomic_nmpc(
         MissingExtra: ``solver`` is ``casadi``, which is not installed.
     """
     if isinstance(solver, str):
-        if solver not in _SOLVERS:
-            raise InvalidInput(f"there is no solver '{solver}'; there are {', '.join(_SOLVERS)}")
+        check_choice("solver", solver, _SOLVERS)
         solver = _SOLVERS[solver]()
     controller = HolonomicController(
         dt,

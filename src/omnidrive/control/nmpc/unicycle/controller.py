@@ -21,9 +21,9 @@ from omnidrive.control.nmpc.unicycle.solution import UnicycleOptimizer, Unicycle
 from omnidrive.control.nmpc.unicycle.solver import UnicycleSolver, UnicycleSolverSettings
 from omnidrive.control.nmpc.unicycle.tracking import tracking_problem
 from omnidrive.control.preparation import run_once
-from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, WorldTwist, to_body
+from omnidrive.parameter import check_choice
 from omnidrive.reference import Reference
 
 SolverName = Literal["sqp", "rti", "casadi"]
@@ -152,11 +152,10 @@ def unicycle_nmpc(
         InvalidInput: ``dt``, ``horizon`` or a name is outside its domain.
         MissingExtra: ``solver`` is ``casadi``, which is not installed.
     """
-    if isinstance(preset, str) and preset not in PRESETS:
-        raise InvalidInput(f"there is no preset '{preset}'; there are {', '.join(PRESETS)}")
-    if solver not in _SOLVERS:
-        raise InvalidInput(f"there is no solver '{solver}'; there are {', '.join(_SOLVERS)}")
-    parameters = PRESETS[preset] if isinstance(preset, str) else preset
+    if not isinstance(preset, UnicycleParameters):
+        check_choice("preset", preset, PRESETS)
+    check_choice("solver", solver, _SOLVERS)
+    parameters = preset if isinstance(preset, UnicycleParameters) else PRESETS[preset]
     controller = UnicycleController(dt, horizon, parameters, _SOLVERS[solver]())
     controller.prepare()
     return controller

@@ -27,6 +27,7 @@ from omnidrive.fuzzy.rule_text import normalised, rule_text
 from omnidrive.fuzzy.rules import And, Antecedent, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import FuzzySet, InputVariable, LinearFunction, OutputVariable
+from omnidrive.parameter import check_choice
 
 LANGUAGE: dict[Dialect, str] = {"iec": "IEC 61131-7", "fuzzylite": "fuzzylite's FCL"}
 
@@ -46,8 +47,9 @@ def write_fcl(system: FuzzySystem, dialect: Dialect = "iec") -> str:
             more shapes, operators and hedges.
 
     Raises:
-        InvalidInput: The dialect does not support a part of the system.
+        InvalidInput: The dialect is unknown, or does not support a part of the system.
     """
+    check_choice("dialect", dialect, LANGUAGE)
     language = LANGUAGE[dialect]
     check_type_1(system, language)
     check_consequents(system, language)

@@ -1,0 +1,27 @@
+"""Paths given as ``str`` or ``os.PathLike``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from omnidrive.errors import InvalidInput
+from omnidrive.files.bounded_file import short_repr
+
+StrPath = str | os.PathLike[str]
+"""Path of a file or folder, as every public function accepts it."""
+
+
+def to_path(path: Any) -> Path:
+    """Return ``path`` as a :class:`pathlib.Path`.
+
+    Raises:
+        InvalidInput: It is neither a ``str`` nor an ``os.PathLike`` of text.
+    """
+    try:
+        return Path(path)
+    except TypeError:
+        raise InvalidInput(
+            f"a path must be text, such as 'map.yaml', or a pathlib.Path, got {short_repr(path)}"
+        ) from None
