@@ -31,6 +31,7 @@ EXTRAS = {"omnidrive.cli", "omnidrive.gym"}
 SYSTEM = gain_tuning_system(paper_rules())
 OTHERS: dict[str, dict[str, Any]] = {
     "omnidrive.film": {"path": "a.gif"},
+    "omnidrive.MujocoPlant": {"robot": omnidrive.named_robot("small")},
     "omnidrive.fuzzy.FuzzySystem": {
         each.name: getattr(SYSTEM, each.name) for each in fields(SYSTEM)
     },

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 
 from omnidrive.errors import InvalidInput, InvalidRobot, suggestion
 from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.xml_elements import Element, read_xml
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot.imports.draft import ImportedRobot, RobotDraft
@@ -27,7 +28,7 @@ _ROOTS: dict[str, Format] = {"robot": "urdf", "mujoco": "mjcf"}
 
 
 def import_robot(
-    path: Path | str,
+    path: StrPath,
     *,
     format: str | None = None,
     wheels: Sequence[str] = (),
@@ -46,7 +47,7 @@ def import_robot(
         InvalidRobot: The file cannot be read or does not describe an omnidirectional robot; the
             message names what is missing.
     """
-    path = Path(path)
+    path = to_path(path)
     if format is not None and format not in FORMATS:
         raise InvalidInput(
             f"there is no format '{one_line(format, 60)}'{suggestion(format, FORMATS)}"
