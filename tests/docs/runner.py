@@ -1,0 +1,153 @@
+"""Execution of the code blocks of one page, in order, in one folder and one Python namespace."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import runpy
+import shlex
+import tomllib
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from omnidrive.cli.main import app
+from omnidrive.errors import OmnidriveError
+from omnidrive.study import load_scenario
+from tests.docs.blocks import ROOT, Block
+
+FILES = {"yaml", "python", "text", "csv", "json", "toml", "xml"}
+"""Languages of blocks that may be files."""
+
+_EXTERNAL = {"cd", "git", "uv", "open", "xdg-open"}
+"""Commands of other programs, which tests do not run."""
+
+_SIMULATING = {"run", "compare"}
+
+
+class PageRunner:
+    """Runs the blocks of one page; what they print is kept for the next block of output."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.namespace = {"__name__": "__page__"}
+        self.output = ""
+
+    def run(self, block: Block) -> None:
+        if block.before:
+            self.python(block, block.before, block.line)
+        if block.title:
+            assert block.language in FILES, f"a block of {block.language!r} cannot be a file"
+            path = self.folder / block.title
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(block.text, encoding="utf-8")
+        elif block.language == "python":
+            self.output = self.python(block, block.text, block.line)
+        elif block.language == "sh":
+            self.output = "".join(self.command(block, line) for line in commands(block.text))
+        elif block.language == "text":
+            check_output(block.text, self.output)
+        elif block.language == "yaml":
+            check_yaml(block.text, self.folder)
+        else:
+            pytest.fail(f"a block of {block.language or 'no language'!r} cannot be tested")
+
+    def python(self, block: Block, code: str, line: int) -> str:
+        """Execute Python code; errors show the line of the page."""
+        printed = io.StringIO()
+        if not block.is_run:
+            compile(code, str(block.page), "exec")
+            return ""
+        with contextlib.redirect_stdout(printed):
+            exec(compile("\n" * (line - 1) + code, str(block.page), "exec"), self.namespace)
+        return printed.getvalue()
+
+    def command(self, block: Block, line: str) -> str:
+        """Run one command line; return what it prints."""
+        program, *words = shlex.split(line)
+        if program == "omnidrive":
+            return self.omnidrive(block, words)
+        if program == "python":
+            return self.script(words)
+        if program == "make":
+            makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+            assert re.search(rf"^{re.escape(words[0])}:", makefile, re.MULTILINE), words[0]
+        elif program == "pip":
+            check_extras(words)
+        else:
+            assert program in _EXTERNAL, f"unknown command: {line}"
+        return ""
+
+    def omnidrive(self, block: Block, words: list[str]) -> str:
+        if not block.is_run:
+            check_options(words)
+            return ""
+        if words and words[0] in _SIMULATING:
+            words = [*words, *block.options]
+            if words[0] == "compare" and "--jobs" not in words:
+                words += ["--jobs", "1"]  # worker processes would import the package again
+        result = CliRunner().invoke(app, words, env={"COLUMNS": "110"})
+        error = result.exception
+        if "fails" in block.marks:
+            assert isinstance(error, OmnidriveError) or result.exit_code == 2, words
+            return f"{result.output}{error}\n"
+        if error is not None and not isinstance(error, SystemExit):
+            raise error
+        assert result.exit_code == 0, f"{words}: {result.output}"
+        return result.output
+
+    def script(self, words: list[str]) -> str:
+        """Run a script of the page, or one of the examples."""
+        assert len(words) == 1, words
+        path = self.folder / words[0]
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            runpy.run_path(str(path if path.exists() else ROOT / words[0]), run_name="__main__")
+        return printed.getvalue()
+
+
+def commands(text: str) -> list[str]:
+    """Return the command lines of a block, without comments; a backslash continues a line."""
+    joined = re.sub(r"\\\n *", " ", text)
+    parts = [
+        part for line in joined.splitlines() for part in re.sub(r"(^|\s)#.*", "", line).split("&&")
+    ]
+    return [part.strip() for part in parts if part.strip()]
+
+
+def check_output(expected: str, output: str) -> None:
+    """Check that the lines are in the output, in order; `...` stands for any text."""
+    lines = [" ".join(line.split()) for line in output.splitlines()]
+    for line in expected.splitlines():
+        wanted = re.escape(" ".join(line.split())).replace(re.escape("..."), ".*")
+        while lines and not re.fullmatch(wanted, lines[0]):
+            lines.pop(0)
+        assert lines, f"the output lacks {line!r}:\n{output}"
+        if wanted != ".*":
+            lines.pop(0)
+
+
+def check_yaml(text: str, folder) -> None:
+    """Check that a fragment of YAML is a valid scenario."""
+    assert isinstance(yaml.safe_load(text), dict)
+    path = folder / "fragment.yaml"
+    path.write_text(text, encoding="utf-8")
+    load_scenario(path)
+
+
+def check_extras(words: list[str]) -> None:
+    """Check that the extras in `pip install 'omnidrive[EXTRA]'` exist."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for named in re.findall(r"\[(.+?)\]", " ".join(words)):
+        for extra in named.split(","):
+            assert extra in project["optional-dependencies"], extra
+
+
+def check_options(words: list[str]) -> None:
+    """Check the names of a verb and its options."""
+    help_text = CliRunner().invoke(app, [words[0], "--help"], env={"COLUMNS": "200"}).output
+    for word in words[1:]:
+        if word.startswith("--"):
+            assert re.search(rf"{word}\b", help_text), word

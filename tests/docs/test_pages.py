@@ -1,0 +1,49 @@
+"""Every code block of the README and of the documentation runs."""
+
+import shutil
+
+import pytest
+
+from tests.docs.blocks import PAGES, ROOT, blocks
+from tests.docs.runner import PageRunner
+from tests.shared_data import shared
+
+WITH_CODE = [page for page in PAGES if blocks(page)]
+
+
+def named(page):
+    return str(page.relative_to(ROOT))
+
+
+def run_page(page, folder, monkeypatch, *, is_long):
+    monkeypatch.chdir(folder)
+    runner = PageRunner(folder)
+    for block in blocks(page):
+        if is_long or not block.is_long:
+            try:
+                runner.run(block)
+            except BaseException as error:
+                error.add_note(f"in the block at {named(page)}:{block.line}")
+                raise
+
+
+@pytest.fixture
+def folder(tmp_path, request):
+    """A folder with the map that pages name."""
+    if any("depot.yaml" in block.text for block in blocks(request.getfixturevalue("page"))):
+        for name in ("depot.yaml", "depot.pgm"):
+            shutil.copy(shared(f"maps/nav2/{name}"), tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=named)
+def test_the_code_of_a_page_runs(page, folder, monkeypatch):
+    run_page(page, folder, monkeypatch, is_long=False)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "page", [p for p in WITH_CODE if any(b.is_long for b in blocks(p))], ids=named
+)
+def test_the_long_code_of_a_page_runs(page, folder, monkeypatch):
+    run_page(page, folder, monkeypatch, is_long=True)
