@@ -5,7 +5,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # byte code of the environment on all cores, faster than pip, which uses one
 BYTECODE := $(BIN)/python -m compileall -q -q -j 0 .venv/lib src || true
 
-.PHONY: help demo env test lint types contract test-long peers-if-possible lock clean
+.PHONY: help demo env test lint types contract test-long docs notebook peers-if-possible lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z%-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -42,6 +42,12 @@ peers-if-possible: | .venv/made
 bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints its results and writes benchmarks/out/NAME.json
 	$(BIN)/python benchmarks/$*.py
 
+docs: .venv/docs/ready  ## build the documentation site into site/; broken links fail
+	NO_MKDOCS_2_WARNING=1 PATH="$$PWD/.venv/docs/bin:$$PATH" .venv/docs/bin/mkdocs build --strict
+
+notebook: .venv/docs/ready  ## execute the notebook of the documentation and store its outputs
+	.venv/docs/bin/python docs/mkdocs/execute.py docs/notebooks/first_steps.ipynb
+
 .venv/made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "omnidrive needs Python 3.11 or newer; select one with: make PYTHON=python3.12 demo" >&2; exit 2; }
@@ -64,6 +70,12 @@ bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints its results an
 	.venv/peers/bin/python -m pip --disable-pip-version-check --quiet install --require-hashes -r benchmarks/peers.lock
 	@touch $@
 
+.venv/docs/ready: requirements-docs.lock pyproject.toml | .venv/made
+	@$(PYTHON) -m venv --clear .venv/docs
+	.venv/docs/bin/python -m pip --disable-pip-version-check --quiet install --require-hashes -r requirements-docs.lock
+	.venv/docs/bin/python -m pip --disable-pip-version-check --quiet install --no-deps --no-build-isolation -e .
+	@touch $@
+
 lock:  ## update the lock files (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group build pyproject.toml -o requirements.lock
@@ -71,7 +83,10 @@ lock:  ## update the lock files (needs uv)
 	  --custom-compile-command "make lock" --group dev --extra casadi --extra coppeliasim --extra gymnasium --extra mcap --extra pandas \
 	  -c requirements.lock pyproject.toml -o requirements-dev.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
+	  --custom-compile-command "make lock" --group build --group docs -c requirements.lock pyproject.toml \
+	  -o requirements-docs.lock
+	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" benchmarks/peers.in -o benchmarks/peers.lock
 
 clean:  ## remove the environment and the caches
-	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv build dist site .mypy_cache .ruff_cache .pytest_cache .hypothesis

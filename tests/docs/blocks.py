@@ -4,6 +4,7 @@ A mark is a comment on the line above a block, invisible on the page:
 
     <!-- test: long -->                     run only by `make test-long`
     <!-- test: with --plant kinematic -->   options added to `run` and `compare`
+    <!-- test: coppeliasim -->              a fake server replies at port 23000
     <!-- test: fails -->                    every command ends with a message, not with success
     <!-- test: not run, needs a display --> only the names of the options are checked
     <!-- test: before
@@ -22,7 +23,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 _FENCE = re.compile(
     r"^( *)```(\w*)(?: +title=\"([^\"]+)\")?[^\n`]*\n(.*?)^\1```$", re.MULTILINE | re.DOTALL
 )
-_MARK = re.compile(r"<!-- test: (.*?) ?-->\s*\Z", re.DOTALL)
+_MARK = re.compile(r"<!-- test: ((?:(?!-->).)*?) ?-->\s*\Z", re.DOTALL)
 
 
 class Block(NamedTuple):

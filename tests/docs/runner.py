@@ -15,8 +15,11 @@ from typer.testing import CliRunner
 
 from omnidrive.cli.main import app
 from omnidrive.errors import OmnidriveError
-from omnidrive.study import load_scenario
+from omnidrive.robot import named_robot
+from omnidrive.study import load_scenario, paper_scenario
+from omnidrive.study.scenario_file import scenario_data
 from tests.docs.blocks import ROOT, Block
+from tests.simulation.coppeliasim.fake_server import fake_server
 
 FILES = {"yaml", "python", "text", "csv", "json", "toml", "xml"}
 """Languages of blocks that may be files."""
@@ -57,10 +60,10 @@ class PageRunner:
     def python(self, block: Block, code: str, line: int) -> str:
         """Execute Python code; errors show the line of the page."""
         printed = io.StringIO()
-        if not block.is_run:
-            compile(code, str(block.page), "exec")
-            return ""
-        with contextlib.redirect_stdout(printed):
+        with contextlib.redirect_stdout(printed), contextlib.ExitStack() as stack:
+            if "coppeliasim" in block.marks:
+                server = stack.enter_context(fake_server(named_robot("paper"), step=0.05))
+                code = code.replace("23000", str(server.port))
             exec(compile("\n" * (line - 1) + code, str(block.page), "exec"), self.namespace)
         return printed.getvalue()
 
@@ -130,10 +133,9 @@ def check_output(expected: str, output: str) -> None:
 
 
 def check_yaml(text: str, folder) -> None:
-    """Check that a fragment of YAML is a valid scenario."""
-    assert isinstance(yaml.safe_load(text), dict)
+    """Check that a fragment of YAML is a part of a scenario; the other parts are the paper's."""
     path = folder / "fragment.yaml"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(yaml.safe_dump({**scenario_data(paper_scenario()), **yaml.safe_load(text)}))
     load_scenario(path)
 
 

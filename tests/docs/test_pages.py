@@ -4,11 +4,19 @@ import shutil
 
 import pytest
 
+from omnidrive.errors import CannotDraw
 from tests.docs.blocks import PAGES, ROOT, blocks
 from tests.docs.runner import PageRunner
 from tests.shared_data import shared
 
-WITH_CODE = [page for page in PAGES if blocks(page)]
+WITH_CODE = [page for page in PAGES if blocks(page) and page.name != "README.md"]
+MAPS = {
+    "depot.yaml": ("depot.yaml", "maps/nav2/depot.yaml"),
+    "depot.pgm": ("depot.yaml", "maps/nav2/depot.pgm"),
+    "maze.map": ("maze.map", "maps/movingai/maze-32-32-4.map"),
+    "maze.map.scen": ("maze.map", "maps/movingai/maze-32-32-4.map.scen"),
+}
+"""File that pages use: name that the page mentions, name in the reference data."""
 
 
 def named(page):
@@ -22,6 +30,8 @@ def run_page(page, folder, monkeypatch, *, is_long):
         if is_long or not block.is_long:
             try:
                 runner.run(block)
+            except CannotDraw as error:
+                pytest.skip(str(error))
             except BaseException as error:
                 error.add_note(f"in the block at {named(page)}:{block.line}")
                 raise
@@ -29,10 +39,11 @@ def run_page(page, folder, monkeypatch, *, is_long):
 
 @pytest.fixture
 def folder(tmp_path, request):
-    """A folder with the map that pages name."""
-    if any("depot.yaml" in block.text for block in blocks(request.getfixturevalue("page"))):
-        for name in ("depot.yaml", "depot.pgm"):
-            shutil.copy(shared(f"maps/nav2/{name}"), tmp_path)
+    """A folder with the maps that the page names."""
+    code = "".join(block.text for block in blocks(request.getfixturevalue("page")))
+    for name, (mentioned, source) in MAPS.items():
+        if mentioned in code:
+            shutil.copy(shared(source), tmp_path / name)
     return tmp_path
 
 

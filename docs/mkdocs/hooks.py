@@ -17,7 +17,11 @@ from mkdocs.structure.files import File, InclusionLevel
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+PAGES = {
+    "README.md": "index.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+}
 PACKAGES = {
     "omnidrive": "The public names",
     "omnidrive.geometry": "Poses and twists",
@@ -118,8 +122,12 @@ def _source(link):
 def _source_page(target):
     path = ROOT / target
     if path.is_dir():
-        files = (each for each in sorted(path.rglob("*")) if each.suffix in {".py", ".pyi", ".yaml"})
-        rows = "\n".join(f"| `{each.relative_to(path).as_posix()}` | {_title(each)} |" for each in files)
+        files = (
+            each for each in sorted(path.rglob("*")) if each.suffix in {".py", ".pyi", ".yaml"}
+        )
+        rows = "\n".join(
+            f"| `{each.relative_to(path).as_posix()}` | {_title(each)} |" for each in files
+        )
         return f"# {target}\n\n| file | content |\n|---|---|\n{rows}\n"
     language = {".py": "python", ".pyi": "python", ".md": "markdown"}.get(path.suffix, "text")
     return f"# {target}\n\n````{language}\n{path.read_text('utf-8').rstrip()}\n````\n"
@@ -143,7 +151,9 @@ def _api(name):
     if name == "omnidrive":
         owners = _owners(ast.parse(source.read_text("utf-8")))
         rows = "\n".join(f"| `od.{each}` | `{owners[each]}` |" for each in names)
-        return f"`import omnidrive as od` gives these names.\n\n| name | from |\n|---|---|\n{rows}\n"
+        return (
+            f"`import omnidrive as od` gives these names.\n\n| name | from |\n|---|---|\n{rows}\n"
+        )
     members = "".join(f"        - {each}\n" for each in names)
     chosen = f"      members:\n{members}" if members else ""
     return f"::: {name}\n    options:\n      show_root_heading: false\n{chosen}"

@@ -1,0 +1,54 @@
+"""Links between pages: files and headings exist, and every page is in the site."""
+
+import re
+
+import pytest
+import yaml
+
+from tests.docs.blocks import PAGES, ROOT
+
+LINKED = [*PAGES, ROOT / "CHANGELOG.md"]
+CODE = re.compile(r"^( *)```.*?^\1```$|`[^`\n]+`", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
+
+
+def anchors(page):
+    """Anchors of the headings of a page, as GitHub and the site make them."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.M)
+    headings = re.findall(r"^#+ +(.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", each).strip().lower().replace(" ", "-") for each in headings}
+
+
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_are_valid(page):
+    """Files and headings exist; a link text that is a file name is that of its target."""
+    for text, link in LINK.findall(page.read_text(encoding="utf-8")):
+        if "://" in link or link.startswith("mailto:"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.exists(), link
+        if text.strip("`").endswith(".py"):
+            assert path.endswith(text.strip("`")), link
+        if anchor:
+            assert target.suffix == ".md", link
+            assert anchor in anchors(target), link
+
+
+def test_every_page_is_in_the_navigation_of_the_site():
+    """Pages made from other files are not checked here, but by `make docs`."""
+    config = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    listed = set(re.findall(r"[\w./-]+\.md", str(yaml.safe_load(config)["nav"])))
+    pages = {
+        str(page.relative_to(ROOT / "docs")) for page in PAGES if ROOT / "docs" in page.parents
+    }
+    assert {page for page in pages if not page.startswith("decisions/")} <= listed
+
+
+def test_the_site_loads_nothing_from_the_network():
+    config = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert yaml.safe_load(config)["theme"]["font"] is False
+    assert "://" not in config
+    for page in PAGES:
+        text = CODE.sub("", page.read_text(encoding="utf-8"))
+        assert not re.search(r"!\[[^\]]*\]\(\w+://|<(script|img|link|iframe)\b", text), page
