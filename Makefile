@@ -43,6 +43,7 @@ bench-%: .venv/ready-dev  ## run benchmarks/NAME.py, which prints its results an
 	$(BIN)/python benchmarks/$*.py
 
 docs: .venv/docs/ready  ## build the documentation site into site/; broken links fail
+	.venv/docs/bin/python docs/mkdocs/scenario_page.py
 	NO_MKDOCS_2_WARNING=1 PATH="$$PWD/.venv/docs/bin:$$PATH" .venv/docs/bin/mkdocs build --strict
 
 notebook: .venv/docs/ready  ## execute the notebook of the documentation and store its outputs

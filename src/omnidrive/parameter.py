@@ -6,7 +6,7 @@ from collections.abc import Collection
 from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
-from pydantic import GetCoreSchemaHandler
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from omnidrive.errors import InvalidInput, closest
@@ -34,6 +34,15 @@ class Bounds(NamedTuple):
     ) -> CoreSchema:
         """Return the schema by which pydantic checks the value after its type."""
         return core_schema.no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the JSON schema with the range and, as the keyword ``unit``, the unit."""
+        limits = {"minimum": self.low, "maximum": self.high}
+        known = {name: value for name, value in limits.items() if isfinite(value)}
+        unit = {} if self.unit in {"", "1"} else {"unit": self.unit}
+        return handler(schema) | known | unit
 
 
 def bounds_of(params: type[Any]) -> dict[str, Bounds]:

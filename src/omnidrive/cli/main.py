@@ -27,6 +27,7 @@ VERBS = {
     "list": "List controllers, plants, robots, maps, estimators, references and their parameters.",
     "new": "Write a commented, runnable file with a controller or plant of your own, and its test.",
     "warmup": "Compile all numerical kernels in advance.",
+    "schema": "Print the JSON schema of scenario or robot files, for editors.",
     "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
 }
 """Verbs, each with a module of the same name in this package, and the first line of their help."""
@@ -68,7 +69,7 @@ for _name, _help in VERBS.items():
 
 def _print_version(requested: bool) -> bool:
     if requested:
-        from importlib.metadata import version  # noqa: PLC0415 - slow to import
+        from importlib.metadata import version
 
         typer.echo(f"omnidrive {version('omnidrive')}")
         raise typer.Exit
@@ -180,7 +181,7 @@ def _handle(error: BaseException) -> int:
 
 
 def _print_error(message: str) -> None:
-    from rich.console import Console  # noqa: PLC0415 - only needed for errors
+    from rich.console import Console
 
     console = Console(stderr=True)
     with suppress(OSError):  # the terminal is closed

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema, core_schema
 
 from omnidrive.components.component import Component
@@ -137,12 +138,33 @@ class OfGroup(NamedTuple):
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """Return the JSON schema: a name, or a mapping with the parameters."""
-        names = list(component_names(self.group))
-        name = {"anyOf": [{"enum": names}, {"type": "string"}]}
-        required = {} if self.default else {"required": ["type"]}
-        mapping = {"type": "object", "properties": {"type": name}, **required}
-        return {"anyOf": [name, mapping]}
+        """Return the JSON schema: a name, or ``type`` and the parameters; or code by its name."""
+        code = {"type": "string", "pattern": ":"}
+        options = []
+        for name in component_names(self.group):
+            with suppress(InvalidInput, MissingExtra):  # it cannot be imported
+                options.append(self._json_schema(name, handler))
+        other = {"type": "object", "properties": {"type": code}, "required": ["type"]}
+        return {"anyOf": [{"enum": list(component_names(self.group))}, code, *options, other]}
+
+    def _json_schema(self, name: str, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON schema of ``type`` and the parameters of one component."""
+        component = find_component(self.group, name)
+        kind = component.parameter_class
+        found = handler(TypeAdapter(kind).core_schema) if kind else {}
+        options = handler.resolve_ref_schema(found) if found else {}
+        parameters = next(
+            (each for each in (options, *options.get("anyOf", ())) if "properties" in each), {}
+        )
+        return {
+            "type": "object",
+            "description": component.summary,
+            "properties": {"type": {"const": name}, **parameters.get("properties", {})},
+            "required": [
+                *(() if name == self.default else ("type",)), *parameters.get("required", ()),
+            ],
+            "additionalProperties": False,
+        }  # fmt: skip
 
 
 def plain(value: Any) -> Any:

@@ -35,8 +35,11 @@ class Waypoint(NamedTuple):
     """Start or goal: x, y in m, yaw in rad; a yaw of None leaves the heading to the path."""
 
     x: float
+    """Position in W, m."""
     y: float
+    """Position in W, m."""
     yaw: Annotated[float, Bounds(-6.3, 6.3, "rad")] | None = None
+    """Heading in W, rad."""
 
     def plain(self) -> list[float]:
         """Return the value of a scenario that describes the waypoint."""

@@ -59,6 +59,8 @@ _ROBOT_KEYS = {
     "assumed_effective_radius": "m, in the wheel controller; omit it unless it is miscalibrated",
 }
 _PAIRS, _INTEGERS = {"com", "lag"}, {"rollers_per_row", "rows"}
+_NULLABLE = {"body_inertia", "assumed_effective_radius"}
+_REQUIRED_OF_MOUNTS = ("x", "y", "axle_angle")
 _HEADER = """\
 # Frame B: origin at the centre of the robot, x forward, y left; angles are counter-clockwise.
 # A wheel that turns in the positive sense rolls along (-sin axle_angle, cos axle_angle).
@@ -159,6 +161,41 @@ def robot_text(robot: Robot, *, notes: Sequence[str] = ()) -> str:
     return text
 
 
+def robot_schema() -> dict[str, Any]:
+    """Return the JSON schema of robot files, for editors; descriptions state units."""
+    mount = _schema_of(_MOUNT_KEYS, _REQUIRED_OF_MOUNTS)
+    wheel = _schema_of(_WHEEL_KEYS, _required(OmniWheel))
+    robot = _schema_of(_ROBOT_KEYS, _required(Robot))
+    about = _ROBOT_KEYS
+    robot["properties"] |= {
+        "format": {"const": FORMAT, "description": "name and version of the file format"},
+        "name": {"type": "string", "maxLength": _MAX_NAME, "description": about["name"]},
+        "mounts": {"type": "array", "items": mount, "maxItems": MAX_WHEELS}
+        | {"description": about["mounts"]},
+        "wheel": wheel | {"description": about["wheel"]},
+    }
+    robot["required"].insert(0, "format")
+    dialect = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": dialect, "title": "omnidrive robot", **robot}
+
+
+def _schema_of(keys: Mapping[str, str], required: Collection[str]) -> dict[str, Any]:
+    """Return the JSON schema of a dictionary of numbers."""
+
+    def type_of(key: str) -> dict[str, Any]:
+        if key in _PAIRS:
+            return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        kind = "integer" if key in _INTEGERS else "number"
+        return {"type": [kind, "null"] if key in _NULLABLE else kind}
+
+    return {
+        "type": "object",
+        "properties": {key: type_of(key) | {"description": keys[key]} for key in keys},
+        "required": [key for key in keys if key in required],
+        "additionalProperties": False,
+    }
+
+
 _STRUCTURE = {"name", "mounts", "wheel"}
 
 
@@ -221,7 +258,7 @@ class _Source(NamedTuple):
 
     def mount(self, label: str, data: Any) -> Mount:
         """Return the mount of one wheel."""
-        self.check_keys(label, data, _MOUNT_KEYS, ("x", "y", "axle_angle"))
+        self.check_keys(label, data, _MOUNT_KEYS, _REQUIRED_OF_MOUNTS)
         return Mount(**self.numbers(label, data, _MOUNT_KEYS))
 
     def numbers(self, label: str, data: Mapping[str, Any], keys: Mapping[str, str]) -> Any:
@@ -229,7 +266,7 @@ class _Source(NamedTuple):
         values: dict[str, Any] = {}
         for key, value in data.items():
             full = f"{label}.{key}" if label else key
-            if value is None and key in {"body_inertia", "assumed_effective_radius"}:
+            if value is None and key in _NULLABLE:
                 continue
             if key in _PAIRS:
                 if not isinstance(value, list) or len(value) != 2:

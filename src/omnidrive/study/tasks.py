@@ -69,10 +69,15 @@ class Tasks(Section):
     """Tasks of every controller. None: the study does not have this task."""
 
     track: DurationsTask | None = None
+    """Follow the path."""
     noise: NoiseTask | None = None
+    """Follow the path with measurement noise."""
     step: StepTask | None = None
+    """Step response."""
     horizon: HorizonTask | None = None
+    """Follow the path with several prediction horizons."""
     faults: FaultsTask | None = None
+    """Follow the path with faults and disturbances."""
 
     @model_validator(mode="after")
     def _check_not_empty(self) -> Tasks:
