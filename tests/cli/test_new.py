@@ -56,7 +56,7 @@ def test_existing_file_is_not_replaced(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("controller", "../x"), "cannot be the name of a class"),
+        (("controller", "../x"), "cannot be used as a name"),
         (("robto", "X"), "there is no kind 'robto'"),
     ],
 )
@@ -81,3 +81,10 @@ def test_list_of_an_unknown_group_is_rejected(tmp_path):
     done = omnidrive("list", "controler", cwd=tmp_path)
     assert done.returncode == 2
     assert "did you mean 'controllers'" in " ".join(done.stderr.split())
+
+
+def test_written_robot_is_used(tmp_path):
+    assert omnidrive("new", "robot", "MyBase", cwd=tmp_path).returncode == 0
+    shown = omnidrive("robot", "show", "my_base.yaml", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert "my_base" in shown.stdout

@@ -25,7 +25,7 @@ VERBS = {
     "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
     "robot": "Show, import and identify robots.",
     "list": "List controllers, plants, robots, maps, estimators, references and their parameters.",
-    "new": "Write a commented, runnable file with a controller or plant of your own, and its test.",
+    "new": "Write a commented, runnable file with a controller, plant or robot of your own.",
     "warmup": "Compile all numerical kernels in advance.",
     "schema": "Print the JSON schema of scenario or robot files, for editors.",
     "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",

@@ -1,8 +1,11 @@
-"""``omnidrive new``: files for a controller or plant of one's own."""
+"""``omnidrive new``: files for a controller, plant or robot of one's own."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal, get_args
@@ -10,59 +13,80 @@ from typing import Annotated, Literal, get_args
 import typer
 
 from omnidrive.cli.options import RESULTS_PANEL, choose_one, option
+from omnidrive.cli.terminal import show
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
+from omnidrive.robot import named_robot, save_robot
 
-Kind = Literal["controller", "plant"]
+Kind = Literal["controller", "plant", "robot"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
-_TRY = {
-    "controller": "omnidrive compare --controller {file}:{name} --controller holonomic-nmpc",
-    "plant": "omnidrive run --plant {file}:{name} --controller feedforward",
+_TRY: dict[Kind, tuple[str, ...]] = {
+    "controller": (
+        "omnidrive compare --controller {file}:{name} --controller holonomic-nmpc",
+        "python -m pytest {test}",
+    ),
+    "plant": (
+        "omnidrive run --plant {file}:{name} --controller feedforward",
+        "python -m pytest {test}",
+    ),
+    "robot": ("omnidrive robot show {file}", "omnidrive compare --robot {file}"),
 }
+"""Commands that use the written files."""
 
 
 def new(
     kind: Annotated[str, typer.Argument(help=f"{', '.join(get_args(Kind))}.", metavar="KIND")],
-    name: Annotated[str, typer.Argument(help="Name of the class, such as MyController.")],
+    name: Annotated[
+        str, typer.Argument(help="Name of the class, such as MyController, or of the robot.")
+    ],
     out: Annotated[
         Path, option("FOLDER", "Folder of the new files.", RESULTS_PANEL, "--out")
     ] = Path(),
 ) -> None:
-    """Write a commented, runnable file with a controller or plant, and a test of its laws.
+    """Write a commented file with a controller or plant, and a test of its laws; or a robot file.
 
     For example:
 
     * `omnidrive new controller MyController`
     * `omnidrive new plant MyPlant --out my_project`
+    * `omnidrive new robot my_base`
     """
-    chosen = choose_one("kind", kind, get_args(Kind))
+    chosen: Kind = choose_one("kind", kind, get_args(Kind))
     if not _NAME.fullmatch(name):
         raise InvalidInput(
-            f"'{one_line(name, 60)}' cannot be the name of a class; use letters, digits and "
+            f"'{one_line(name, 60)}' cannot be used as a name; use letters, digits and "
             "underscores, at most 40, such as MyController"
         )
     class_name = "".join(part[:1].upper() + part[1:] for part in name.split("_"))
     module = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", class_name).lower()
-    paths = {
-        out / f"{module}.py": f"{chosen}.py.txt",
-        out / f"test_{module}.py": f"test_{chosen}.py.txt",
-    }
-    existing = [path for path in paths if path.exists()]
-    if existing:
-        raise InvalidInput(f"{existing[0]} exists already; choose another name or --out FOLDER")
-    for path, template in paths.items():
-        text = (files("omnidrive.cli") / "templates" / template).read_text(encoding="utf-8")
-        text = text.replace(f"My{chosen.capitalize()}", class_name)
-        _write(path, text.replace(f"my_{chosen}", module))
-        typer.echo(f"wrote {path}")
-    file = out / f"{module}.py"
-    typer.echo(f"try it:   {_TRY[chosen].format(file=file, name=class_name)}")
-    typer.echo(f"test it:  python -m pytest {out / f'test_{module}.py'}")
+    file = out / (f"{module}.yaml" if chosen == "robot" else f"{module}.py")
+    test = None if chosen == "robot" else out / f"test_{module}.py"
+    for path in filter(None, (file, test)):
+        if path.exists():
+            raise InvalidInput(f"{path} exists already; choose another name or --out FOLDER")
+    with _write_errors(file):
+        out.mkdir(parents=True, exist_ok=True)
+        if test is None:
+            save_robot(replace(named_robot("small"), name=module), file)
+        else:
+            file.write_text(_filled(f"{chosen}.py.txt", chosen, class_name, module), "utf-8")
+            test.write_text(_filled(f"test_{chosen}.py.txt", chosen, class_name, module), "utf-8")
+    for path in filter(None, (file, test)):
+        show(f"wrote {path}")
+    for command in _TRY[chosen]:
+        show(f"  {command.format(file=file, name=class_name, test=test)}")
 
 
-def _write(path: Path, text: str) -> None:
+def _filled(template: str, kind: Kind, class_name: str, module: str) -> str:
+    """Return a template with the names of the class and of its module."""
+    text = (files("omnidrive.cli") / "templates" / template).read_text(encoding="utf-8")
+    return text.replace(f"My{kind.capitalize()}", class_name).replace(f"my_{kind}", module)
+
+
+@contextmanager
+def _write_errors(path: Path) -> Iterator[None]:
+    """Convert an :class:`OSError` to :class:`CannotWrite`."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        yield
     except OSError as error:
         raise CannotWrite(f"cannot write {path}: {error.strerror or error}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
@@ -16,6 +17,7 @@ from omnidrive.components.registry import find_component
 from omnidrive.errors import InvalidInput, MissingExtra
 from omnidrive.files.bounded_file import short_repr
 
+_OBJECT = "Python object"  # origin of a component that was not found by a name
 ALLOW_CODE = "allow_code"
 """Key of pydantic's validation context: whether code that is not installed may be imported."""
 
@@ -74,8 +76,16 @@ class Configured:
 
     __hash__ = None  # type: ignore[assignment]
 
+    @property
+    def is_importable(self) -> bool:
+        """Whether another process can import the code; not if it was typed into a session."""
+        module = sys.modules.get(self.component.factory.__module__)
+        return self.component.origin != _OBJECT or hasattr(module, "__file__")
+
     def __reduce__(self) -> tuple[Any, ...]:
         component = self.component
+        if component.origin == _OBJECT:
+            return _configure_object, (component.group, component.factory, self.values)
         return configure, (component.group, component.name, self.values)
 
 
@@ -98,10 +108,18 @@ def configure(
     return Configured(component, component.parse(values or {}))
 
 
+def _configure_object(group: str, factory: Any, values: Mapping[str, Any]) -> Configured:
+    """Return a component whose factory is a Python object, not a name."""
+    name = f"{factory.__module__}:{getattr(factory, '__qualname__', repr(factory))}"
+    component = Component(group, name, _OBJECT, factory)
+    return Configured(component, component.parse(values))
+
+
 class OfGroup(NamedTuple):
     """Annotation of a field of type :class:`Configured` that names its group.
 
-    Valid values are a name, or a mapping with the key ``type`` and the parameters.
+    Valid values are a name, or a mapping with the key ``type`` and the parameters. In Python, the
+    type may also be a class or function itself.
     """
 
     group: Group
@@ -112,7 +130,7 @@ class OfGroup(NamedTuple):
         """Return the component that ``value`` describes; ``info`` is pydantic's."""
         if isinstance(value, Configured):
             return value
-        if isinstance(value, str):
+        if isinstance(value, str) or callable(value):
             value = {"type": value}
         if not isinstance(value, dict):
             raise ValueError(f"must be a name or a mapping with 'type', got {short_repr(value)}")  # noqa: TRY004
@@ -121,10 +139,12 @@ class OfGroup(NamedTuple):
         if odd:
             raise ValueError(f"has the unknown key {short_repr(odd[0])}")
         name = values.pop("type", self.default)
-        if not isinstance(name, str):
+        if not (isinstance(name, str) or callable(name)):
             raise ValueError("needs 'type', the name of a component")  # noqa: TRY004
         allowed = (info.context or {}).get(ALLOW_CODE, True)
         try:
+            if not isinstance(name, str):
+                return _configure_object(self.group, name, values)
             return configure(self.group, name, values, allow_code=allowed)
         except (InvalidInput, MissingExtra) as error:
             raise ValueError(str(error)) from None

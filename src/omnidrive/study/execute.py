@@ -57,7 +57,8 @@ def execute(
     """Yield each job and its result when it is finished.
 
     The order depends on ``processes``, the results do not: every run has its own plant, controller
-    and random numbers. The runs are sequential if there are observers or if the plant is exclusive.
+    and random numbers. The runs are sequential if there are observers, if the plant is exclusive,
+    or if a component was typed into a Python session, which a worker process cannot import.
 
     Args:
         planned: The planned scenario.
@@ -69,7 +70,13 @@ def execute(
         WorkerLost: A worker process was killed; results yielded before are valid.
     """
     queue = _starting_order(planned.scenario, jobs)
-    sequential = planned.scenario.plant_capabilities.exclusive or bool(observers)
+    scenario = planned.scenario
+    components = (*scenario.controllers.values(), scenario.plant)
+    sequential = (
+        scenario.plant_capabilities.exclusive
+        or bool(observers)
+        or not all(each.is_importable for each in components)
+    )
     if sequential or processes <= 1 or len(queue) <= 1:
         for job in queue:
             yield job, run_job(planned, job, observers)
