@@ -148,6 +148,19 @@ def test_colours_are_reduced_to_luma(tmp_path):
     assert load_nav2_map(path).occupied[0, 0]
 
 
+@pytest.mark.parametrize(
+    ("palette", "entries"), [(None, 0), (b"", 0), (b"\xff" * 3, 1), (b"\xff" * 5, 1)]
+)
+def test_pixels_without_a_colour_in_the_palette_are_rejected(tmp_path, palette, entries):
+    chunks = [] if palette is None else [(b"PLTE", palette)]
+    (tmp_path / "map.png").write_bytes(png(8, 3, b"\0\1", *chunks))
+    path = write(tmp_path, image="map.png")
+    with pytest.raises(InvalidMap, match=f"map.png has no colour .* palette has {entries} entries"):
+        load_nav2_map(path)
+    (tmp_path / "map.png").write_bytes(png(8, 3, b"\0\1", (b"PLTE", b"\0\0\0\xff\xff\xff")))
+    assert load_nav2_map(path).occupied[0].tolist() == [True, False]
+
+
 def test_rotated_map(tmp_path):
     grid = load_nav2_map(write(tmp_path, [[254, 0], [254, 254]], origin=[1.0, 2.0, 0.5]))
     assert grid.yaw == 0.5

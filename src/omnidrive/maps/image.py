@@ -17,7 +17,8 @@ from omnidrive.maps.map_file import MAX_CELLS
 
 _FORMATS = ("PPM", "PNG", "BMP")  # PPM: PGM and PBM as well
 _GREY = {"1", "L", "LA"}
-_COLOUR = {"P", "PA", "RGB", "RGBA"}
+_INDEXED = {"P", "PA"}
+_COLOUR = {*_INDEXED, "RGB", "RGBA"}
 _GREY_16_BIT = {"I", "I;16", "I;16B"}  # I: mode of a PGM with more than 256 grey values in Pillow
 
 Pixels = tuple[UInt8[Array, "rows cols"], Bool[Array, "rows cols"] | None]
@@ -67,6 +68,13 @@ def _pixels(image: ImageFile, name: str) -> Pixels:
         raise InvalidMap(
             f"{name} has the pixel mode {image.mode}; save it as greyscale, RGB or RGBA"
         )
+    if image.mode in _INDEXED:
+        colours = len(image.getpalette() or ()) // 3
+        if int(np.asarray(image).max()) >= colours:
+            raise InvalidMap(
+                f"{name} has no colour for some of its pixels: its palette has {colours} entries; "
+                "save it as greyscale"
+            )
     if image.mode == "L" and "transparency" in image.info:
         # for 4 or 16 grey values, Pillow scales the pixels but not the transparent value
         image.info["transparency"] *= {"L;2": 85, "L;4": 17}.get(str(image.tile[0][3]), 1)
