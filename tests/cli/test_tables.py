@@ -2,7 +2,7 @@
 
 import pytest
 
-from omnidrive.cli.progress import print_tables
+from omnidrive.cli.tables import print_tables
 from omnidrive.evaluation import Table
 
 WIDE = Table(

@@ -100,7 +100,9 @@ def test_tables_have_means_and_differences_with_intervals(repeated):
     low, high = stats.t.interval(
         0.95, SEEDS - 1, np.mean(ME["fuzzy_t1"]), stats.sem(ME["fuzzy_t1"])
     )
-    assert cells["ME true, m"] == f"{np.mean(ME['fuzzy_t1']):.5f} ± {0.5 * (high - low):.5f}"
+    mean, half = 1e3 * np.mean(ME["fuzzy_t1"]), 0.5e3 * (high - low)
+    assert cells["ME true, mm"] == f"{mean:.1f} ± {half:.1f}"
+    assert half > 10.0  # two digits of the half width, at least one decimal
     assert "Over 12 seeds" in noise.note
     paired = table(repeated, "Paired differences with noise")
     assert len(paired.rows) == 3 * 4

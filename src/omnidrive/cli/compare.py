@@ -18,8 +18,9 @@ from omnidrive.cli.options import (
     default_folder,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
+from omnidrive.cli.progress import LiveProgress, print_events, warn_of_collisions
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
+from omnidrive.cli.tables import FullOption, print_tables
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 from omnidrive.study import Scenario, check_new_folder, run_study, with_task
@@ -61,13 +62,14 @@ def compare(
     fault: FaultOption = None,
     out: FolderOption = None,
     json: JsonOption = False,
+    full: FullOption = False,
 ) -> None:
     """Run a whole study: plan, simulate every controller, evaluate, report.
 
     The tasks are tracking with two durations, tracking with noise, step response and prediction
-    horizon of the NMPC. The command prints the tables of the paper, with the published values for
-    comparison, and writes a run folder with scenario, results.json, time series, figures and
-    report.html.
+    horizon of the NMPC. The command prints the best controller of each task and the main tables,
+    with the published values of the paper for comparison, and writes a run folder with scenario,
+    results.json, time series, figures, tables and report.html.
 
     For example:
 
@@ -90,7 +92,7 @@ def compare(
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
-        print_tables(study.tables)
+        print_tables(study.tables, full=full)
         print_events(study)
         parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
         show(f"{parts} = {sum(study.timing.values()):.1f} s")

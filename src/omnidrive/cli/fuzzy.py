@@ -29,7 +29,7 @@ from omnidrive.cli.options import (
     choose_one,
     parse_coordinates,
 )
-from omnidrive.cli.progress import print_tables
+from omnidrive.cli.tables import print_tables
 from omnidrive.compiled import announce_compiling
 from omnidrive.errors import CannotWrite, InvalidInput, suggestion
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer

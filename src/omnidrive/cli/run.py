@@ -20,8 +20,9 @@ from omnidrive.cli.options import (
     flag,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_events, print_tables, warn_of_collisions
+from omnidrive.cli.progress import LiveProgress, print_events, warn_of_collisions
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
+from omnidrive.cli.tables import FullOption, print_tables
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 from omnidrive.study import Scenario, check_new_folder, one_task, run_study, with_task
@@ -46,6 +47,7 @@ def run(
         option("FILE", "Video of the run in real time: .mp4 or .gif.", RESULTS_PANEL),
     ] = None,
     json: JsonOption = False,
+    full: FullOption = False,
 ) -> None:
     """Simulate one controller in one task; write metrics, time series, figures and report.
 
@@ -76,7 +78,7 @@ def run(
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
-        print_tables(study.tables)
+        print_tables(study.tables, full=full)
         print_events(study)
         for each in videos:
             show(f"video: {each}")

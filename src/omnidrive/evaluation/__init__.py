@@ -20,7 +20,9 @@ from omnidrive.evaluation.results import (
 )
 from omnidrive.evaluation.step_response import StepResponse, step_response
 from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.table_files import write_tables
 from omnidrive.evaluation.tables import study_tables
+from omnidrive.evaluation.verdict import Verdict, headline, verdicts
 
 __all__ = [
     "MEASURES",
@@ -35,7 +37,9 @@ __all__ = [
     "StudyResults",
     "Table",
     "TrackResult",
+    "Verdict",
     "heading_error",
+    "headline",
     "measure",
     "paired_differences",
     "position_error",
@@ -43,6 +47,8 @@ __all__ = [
     "repeated_runs",
     "step_response",
     "study_tables",
+    "verdicts",
     "write_figures",
     "write_page",
+    "write_tables",
 ]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 from omnidrive.evaluation.recovery import Recovery
 from omnidrive.evaluation.results import FaultResult, StudyResults
-from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.table import Table, number_text
 from omnidrive.simulation import Outcome
 from omnidrive.simulation.disturbances import FAULTS
 
@@ -15,14 +13,13 @@ def fault_table(results: StudyResults) -> Table:
     """Return a table of recovery, maximum error and recovery time by fault and controller."""
     rows = [
         (f"{r.number} {_fault_text(r)}", r.controller, _verdict(r, recovery),
-         f"{recovery.max_error:.3f}",
-         f"{recovery.time_to_recover:.1f}" if isfinite(recovery.time_to_recover) else "–",
-         f"{r.metrics.me:.4f}", _first_detection(r))
+         number_text(1e3 * recovery.max_error), number_text(recovery.time_to_recover),
+         number_text(1e3 * r.metrics.me), _first_detection(r))
         for r, recovery in results.recoveries
     ]  # fmt: skip
     return Table(
         "Disturbances and faults",
-        ("fault", "controller", "recovered", "maximum error, m", "time to recover, s", "ME, m",
+        ("fault", "controller", "recovered", "max. error, mm", "time to recover, s", "ME, mm",
          "first detection"),
         tuple(rows),
         "Recovered: from some time until the end, the position error exceeds that of the same "
@@ -31,7 +28,7 @@ def fault_table(results: StudyResults) -> Table:
         "first event that the watchdog or the wheel monitor reported.",
         keys=2,
         prose=True,
-    )  # fmt: skip
+    ).mark_best(("max. error, mm", "time to recover, s", "ME, mm"), group=0)  # fmt: skip
 
 
 def _fault_text(result: FaultResult) -> str:

@@ -24,7 +24,7 @@ MEASURE_LABELS = {
 
 
 class RepeatedRuns(NamedTuple):
-    """Runs of one controller with noise, for one duration and several seeds."""
+    """Runs of one controller for one duration, one per seed of the noise."""
 
     controller: str
     duration: float
@@ -67,17 +67,21 @@ class PairedDifference(NamedTuple):
         return "better" if self.difference.mean < 0.0 else "worse"
 
 
-def repeated_runs(results: StudyResults) -> list[RepeatedRuns]:
-    """Group the runs with noise by duration and controller; empty if there is only one seed."""
-    every = results.select("noise", repeat=None)
-    if not any(r.repeat for r in every):
-        return []
+def group_runs(results: StudyResults, task: str) -> list[RepeatedRuns]:
+    """Group the runs of the task `track` or `noise` by duration and controller."""
+    every = results.select(task, repeat=None)
     keys = dict.fromkeys((r.duration, r.controller) for r in every)
     return [
         RepeatedRuns(name, seconds,
-                 {r.repeat: r for r in every if (r.duration, r.controller) == (seconds, name)})
+                     {r.repeat: r for r in every if (r.duration, r.controller) == (seconds, name)})
         for seconds, name in keys
     ]  # fmt: skip
+
+
+def repeated_runs(results: StudyResults) -> list[RepeatedRuns]:
+    """Group the runs with noise by duration and controller; empty if there is only one seed."""
+    groups = group_runs(results, "noise")
+    return groups if any(k for group in groups for k in group.runs) else []
 
 
 def paired_differences(results: StudyResults) -> list[PairedDifference]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from omnidrive.evaluation.metrics import Metrics
 from omnidrive.evaluation.recovery import Recovery, recovery
@@ -20,7 +21,7 @@ class TrackResult:
     """One tracking run.
 
     Attributes:
-        controller: Name of the controller in scenarios, such as fuzzy_t1.
+        controller: Label of the controller in the scenario, such as fuzzy_t1.
         task: Task of the study: track, noise or horizon.
         duration: Duration of the reference, s.
         noise: Whether the controller received noisy poses.
@@ -60,7 +61,7 @@ class StepResult:
     """One step response: the reference steps in x, y and heading at the same time.
 
     Attributes:
-        controller: Name of the controller.
+        controller: Label of the controller.
         run: Log of the run; the target is constant.
         responses: Step-response figures, one per axis of :data:`STEP_AXES`.
     """
@@ -80,7 +81,7 @@ class FaultResult:
     """One run of the task ``faults``.
 
     Attributes:
-        controller: Name of the controller.
+        controller: Label of the controller.
         number: Number of the fault in the task, counted from 1; 0: run without a fault.
         fault: The injected fault; None: run without a fault.
         duration: Duration of the reference, s.
@@ -118,6 +119,8 @@ class StudyResults:
         tracks: Tracking runs.
         steps: Step responses.
         faults: Runs of the task ``faults``.
+        types: Type of each controller, such as fuzzy_t1, by its label; a label that is absent is
+            its own type.
     """
 
     title: str
@@ -131,6 +134,17 @@ class StudyResults:
     tracks: tuple[TrackResult, ...]
     steps: tuple[StepResult, ...]
     faults: tuple[FaultResult, ...] = ()
+    types: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        """Labels of all controllers, in the order of their first runs."""
+        every = (*self.tracks, *self.steps, *self.faults)
+        return tuple(dict.fromkeys(result.controller for result in every))
+
+    def type_of(self, controller: str) -> str:
+        """Return the type of a controller, by its label."""
+        return self.types.get(controller, controller)
 
     @property
     def runs(self) -> tuple[TrackResult | StepResult, ...]:

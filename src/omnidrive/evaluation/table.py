@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+
+NO_VALUE = "–"
+"""Cell of a value that does not exist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -10,12 +16,16 @@ class Table:
     """A table of formatted text cells.
 
     Attributes:
-        title: Title.
-        columns: Heading of each column, with its unit.
+        title: Title, unique in a study.
+        columns: Heading of each column, with its unit after a comma.
         rows: Cells of each row.
         note: Text below the table; may be empty.
         keys: Number of leading columns that identify a row.
         prose: Whether the last column contains sentences, which may be wrapped.
+        best: Row and column of each cell with the best value of its column.
+        details: Headings of the columns that :meth:`brief` omits.
+        is_detail: Whether the command line prints the table only with ``--full``.
+        lead: Result in one or two sentences, above the table; may be empty.
     """
 
     title: str
@@ -24,3 +34,78 @@ class Table:
     note: str = ""
     keys: int = 1
     prose: bool = False
+    best: frozenset[tuple[int, int]] = frozenset()
+    details: frozenset[str] = frozenset()
+    is_detail: bool = False
+    lead: str = ""
+
+    @property
+    def stem(self) -> str:
+        """Title in lower case with hyphens, for the names of files."""
+        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
+
+    def brief(self) -> Table:
+        """Return the table without the columns in :attr:`details`."""
+        return self.select([i for i, name in enumerate(self.columns) if name not in self.details])
+
+    def select(self, kept: Sequence[int]) -> Table:
+        """Return the table with the columns of the given indices, which contain all keys."""
+        place = {old: new for new, old in enumerate(kept)}
+        return replace(
+            self,
+            columns=tuple(self.columns[i] for i in kept),
+            rows=tuple(tuple(row[i] for i in kept) for row in self.rows),
+            prose=self.prose and len(self.columns) - 1 in place,
+            best=frozenset((row, place[column]) for row, column in self.best if column in place),
+        )
+
+    def mark_best(
+        self, lower: Iterable[str] = (), higher: Iterable[str] = (), *, group: int | None = None
+    ) -> Table:
+        """Return the table with the best cells of some columns marked.
+
+        Cells with equal text are equally good. A column whose numbers are all equal has no best.
+
+        Args:
+            lower: Headings of the columns in which the lowest number is best.
+            higher: Headings of the columns in which the highest number is best.
+            group: Column whose equal cells form the groups of rows that are compared; None: all
+                rows are compared.
+        """
+        signs = {name: 1.0 for name in lower} | {name: -1.0 for name in higher}
+        groups: dict[str, list[int]] = {}
+        for k, row in enumerate(self.rows):
+            groups.setdefault("" if group is None else row[group], []).append(k)
+        best: set[tuple[int, int]] = set()
+        for i, name in enumerate(self.columns):
+            if name not in signs:
+                continue
+            for rows in groups.values():
+                values = {k: signs[name] * leading_number(self.rows[k][i]) for k in rows}
+                finite = [value for value in values.values() if isfinite(value)]
+                if len(set(finite)) > 1:
+                    best |= {(k, i) for k, value in values.items() if value == min(finite)}
+        return replace(self, best=self.best | best)
+
+
+def leading_number(cell: str) -> float:
+    """Return the number at the start of a cell; NaN if there is none."""
+    try:
+        return float(cell.split(" ", 1)[0].replace("\N{MINUS SIGN}", "-"))
+    except ValueError:
+        return nan
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """Format a number with at least ``digits`` significant digits; a nonzero value is never zero.
+
+    Numbers below 1e-4 and from 1e7 on are in scientific notation; a number that is not finite is a
+    dash.
+    """
+    if not isfinite(value):
+        return NO_VALUE
+    if value == 0.0:
+        return "0"
+    scientific = f"{value:.{digits - 1}e}"
+    exponent = int(scientific.partition("e")[2])
+    return f"{value:.{max(digits - 1 - exponent, 0)}f}" if -5 < exponent < 7 else scientific

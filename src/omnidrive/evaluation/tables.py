@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from math import isfinite, nan
 
 import numpy as np
@@ -22,14 +21,21 @@ from omnidrive.evaluation.paired import (
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
-from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.table import NO_VALUE, Table, number_text
+from omnidrive.evaluation.uncertainty import p_text
+from omnidrive.evaluation.verdict import verdicts
+from omnidrive.evaluation.verdict_table import verdict_table
 from omnidrive.simulation import Outcome
 
 
 def study_tables(
     results: StudyResults, *, published: bool, published_rules: bool = False
 ) -> list[Table]:
-    """Return the tables of a study; tables without rows and columns without values are omitted.
+    """Return the tables of a study, the verdict first.
+
+    Tables without rows and columns without values are omitted. Lengths are in mm and angles in
+    mrad, with three significant digits. The best cell of each column is marked among the
+    controllers of one task and duration.
 
     Args:
         results: Results of the study.
@@ -37,34 +43,38 @@ def study_tables(
         published_rules: Whether the fuzzy controllers used the rules of the published code.
     """
     tables = [
+        verdict_table(verdicts(results)),
         _tracking_table(results, published),
         _noise_table(results, published),
         paired_table(results),
         _step_table(results, published),
         _horizon_table(results),
         fault_table(results),
+        _controller_table(results),
     ]
-    if any(r.controller.startswith("fuzzy") for r in results.runs):
+    if any(results.type_of(name).startswith("fuzzy") for name in results.controllers):
         tables.append(rule_table(published_rules=published_rules))
     return [_without_empty_columns(table) for table in tables if table.rows]
 
 
 _COST_COLUMNS = (
-    "max. error, m", "effort, rad/s²", "work, J", "step time, µs", "p99, µs", "min. clearance, m",
-    "collisions",
+    "max. error, mm", "effort, rad/s²", "work, J", "step time, µs", "p99, µs",
+    "min. clearance, mm", "collisions",
 )  # fmt: skip
+_LOW_COSTS = ("max. error, mm", "effort, rad/s²", "work, J", "step time, µs", "p99, µs")
+_DETAILS = frozenset({"effort, rad/s²", "p99, µs", "min. clearance, mm"})
 
 
 def _cost_cells(result: TrackResult) -> tuple[str, ...]:
     """Return the cells of ``_COST_COLUMNS`` for one run."""
     m = result.metrics
     return (
-        _cell(result, m.max_error, 4),
-        _cell(result, m.wheel_acceleration, 1),
-        _cell(result, m.work, 0),
-        _format(m.step_time_median, 0),
-        _format(m.step_time_p99, 0),
-        _cell(result, result.min_clearance, 3),
+        _cell(result, m.max_error, 1e3),
+        _cell(result, m.wheel_acceleration),
+        _cell(result, m.work),
+        number_text(m.step_time_median),
+        number_text(m.step_time_p99),
+        _cell(result, result.min_clearance, 1e3),
         _count_text(result.collisions),
     )
 
@@ -76,13 +86,9 @@ def _run_name(result: TrackResult | StepResult) -> str:
     return result.controller + stopped
 
 
-def _cell(result: TrackResult | StepResult, value: float, decimals: int) -> str:
-    """Format a value of a whole run; a dash if the run stopped early."""
-    return _format(value if result.run.outcome is Outcome.FINISHED else nan, decimals)
-
-
-def _format(value: float, decimals: int) -> str:
-    return f"{value:.{decimals}f}" if isfinite(value) else "–"
+def _cell(result: TrackResult | StepResult, value: float, factor: float = 1.0) -> str:
+    """Format a value of a whole run, times ``factor``; a dash if the run stopped early."""
+    return number_text(factor * value) if result.run.outcome is Outcome.FINISHED else NO_VALUE
 
 
 def _count_text(count: int) -> str:
@@ -91,9 +97,9 @@ def _count_text(count: int) -> str:
 
 
 def _published_cells(published: bool, key: tuple[str, float, str]) -> tuple[str, str]:
-    """Return the published ME and MAE of one row, or empty cells."""
+    """Return the published ME (mm) and MAE (mrad) of one row, or empty cells."""
     row = PUBLISHED_ERRORS.get(key) if published else None
-    return (f"{row.me:.4f}", f"{row.mae:.4f}") if row else ("", "")
+    return (number_text(1e3 * row.me), number_text(1e3 * row.mae)) if row else ("", "")
 
 
 def _tracking_table(results: StudyResults, published: bool) -> Table:
@@ -102,18 +108,22 @@ def _tracking_table(results: StudyResults, published: bool) -> Table:
         m = r.metrics
         me, mae = _published_cells(published, (r.task, r.duration, r.controller))
         rows.append(
-            (f"{r.duration:g} s", _run_name(r), _cell(r, m.me, 4), me, _cell(r, m.mae, 4), mae,
-             _cell(r, m.me_after_start, 4), _cell(r, m.mae_after_start, 4), *_cost_cells(r))
+            (f"{r.duration:g} s", _run_name(r), _cell(r, m.me, 1e3), me, _cell(r, m.mae, 1e3), mae,
+             _cell(r, m.me_after_start, 1e3), _cell(r, m.mae_after_start, 1e3), *_cost_cells(r))
         )  # fmt: skip
     return Table(
         "Tracking error without noise",
-        ("time", "controller", "ME, m", "paper ME", "MAE, rad", "paper MAE",
+        ("time", "controller", "ME, mm", "paper ME", "MAE, mrad", "paper MAE",
          "ME after 2 s", "MAE after 2 s", *_COST_COLUMNS),
         tuple(rows),
         "ME: mean distance to the reference. MAE: mean absolute heading error, wrapped. The robot "
         "starts from rest. If the reference starts with a nonzero speed, as in the paper, the "
         "first 2 s cause most of the mean error of an accurate controller.",
         keys=2,
+        details=_DETAILS | {"MAE after 2 s"},
+    ).mark_best(
+        ("ME, mm", "MAE, mrad", "ME after 2 s", "MAE after 2 s", *_LOW_COSTS),
+        ("min. clearance, mm",), group=0,
     )  # fmt: skip
 
 
@@ -124,8 +134,8 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
         m = r.metrics
         me, mae = _published_cells(published, (r.task, r.duration, r.controller))
         rows.append(
-            (f"{r.duration:g} s", _run_name(r), _cell(r, m.me_measured, 4), me,
-             _cell(r, m.mae_measured, 4), mae, _cell(r, m.me, 4), _cell(r, m.mae, 4),
+            (f"{r.duration:g} s", _run_name(r), _cell(r, m.me_measured, 1e3), me,
+             _cell(r, m.mae_measured, 1e3), mae, _cell(r, m.me, 1e3), _cell(r, m.mae, 1e3),
              *_cost_cells(r))
         )  # fmt: skip
     for group in repeated:
@@ -137,8 +147,8 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
         )  # fmt: skip
     return Table(
         "Tracking error with the paper's noise",
-        ("time", "controller", "ME measured, m", "paper ME", "MAE measured, rad", "paper MAE",
-         "ME true, m", "MAE true, rad", *_COST_COLUMNS),
+        ("time", "controller", "ME measured, mm", "paper ME", "MAE measured, mrad", "paper MAE",
+         "ME true, mm", "MAE true, mrad", *_COST_COLUMNS),
         tuple(rows),
         (
             "Measured: error of the estimated pose that the controllers received. True: error of "
@@ -150,6 +160,10 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
         )
         + (_SEEDS_NOTE.format(results.repeats) if repeated else ""),
         keys=2,
+        details=_DETAILS | {"MAE true, mrad"},
+    ).mark_best(
+        ("ME measured, mm", "MAE measured, mrad", "ME true, mm", "MAE true, mrad", *_LOW_COSTS),
+        ("min. clearance, mm",), group=0,
     )  # fmt: skip
 
 
@@ -166,26 +180,30 @@ def _repeated_name(group: RepeatedRuns) -> str:
 
 
 def _mean(group: RepeatedRuns, measure: str) -> str:
+    """Format the mean in mm or mrad and half the width of its confidence interval."""
     estimate = group.estimate_mean(measure)
-    return f"{_format(estimate.mean, 5)} ± {_format(estimate.margin, 5)}"
+    if not isfinite(estimate.margin):
+        return number_text(1e3 * estimate.mean)
+    mean, margin, _, _ = estimate.text(1e3)
+    return f"{mean.removeprefix('+')} ± {margin}"
 
 
 def _mean_cost_cells(group: RepeatedRuns) -> tuple[str, ...]:
     """Return the cells of ``_COST_COLUMNS``: extremes of the distances, means of the others."""
     results = group.finished.values()
 
-    def reduced(reduce: Callable[[Array], float], values: list[float], decimals: int) -> str:
+    def reduced(reduce: Callable[[Array], float], values: list[float]) -> str:
         """Format the reduced values; a dash if there are none."""
-        return _format(float(reduce(np.array(values))) if values else nan, decimals)
+        return number_text(float(reduce(np.array(values))) if values else nan)
 
     metrics = [r.metrics for r in results]
     return (
-        reduced(np.max, [m.max_error for m in metrics], 4),
-        reduced(np.mean, [m.wheel_acceleration for m in metrics], 1),
-        reduced(np.mean, [m.work for m in metrics], 0),
-        reduced(np.mean, [m.step_time_median for m in metrics], 0),
-        reduced(np.mean, [m.step_time_p99 for m in metrics], 0),
-        reduced(np.min, [r.min_clearance for r in results], 3),
+        reduced(np.max, [1e3 * m.max_error for m in metrics]),
+        reduced(np.mean, [m.wheel_acceleration for m in metrics]),
+        reduced(np.mean, [m.work for m in metrics]),
+        reduced(np.mean, [m.step_time_median for m in metrics]),
+        reduced(np.mean, [m.step_time_p99 for m in metrics]),
+        reduced(np.min, [1e3 * r.min_clearance for r in results]),
         _count_text(sum(r.collisions for r in group.runs.values())),
     )
 
@@ -205,6 +223,7 @@ def paired_table(results: StudyResults) -> Table:
         "paired t-test, Holm-corrected for the number of pairs, separately for each error; no "
         "difference shown: p >= 0.05. Only seeds for which both runs finished count.",
         keys=3,
+        is_detail=True,
     )  # fmt: skip
 
 
@@ -220,7 +239,7 @@ def _paired_row(d: PairedDifference) -> tuple[str, ...]:
         f"{MEASURE_LABELS[d.measure]}, m{MEASURES[d.measure]}",
         mean,
         f"{low} to {high}",
-        f"{d.p:.3f}" if d.p >= 1e-3 else "< 0.001",
+        p_text(d.p).removeprefix("= "),
         str(d.difference.sample_size),
         d.verdict,
     )
@@ -231,12 +250,8 @@ def _step_table(results: StudyResults, published: bool) -> Table:
     for r in results.steps:
         paper_responses = PUBLISHED_STEPS.get(r.controller) if published else None
         for i, (axis, response) in enumerate(zip(STEP_AXES, r.responses, strict=True)):
-            cells = [
-                _cell(r, response[0], 2),
-                _cell(r, response[1], 3),
-                _cell(r, response[2], 3),
-            ]
-            paper = [f"{v:.3f}" for v in paper_responses[i]] if paper_responses else [""] * 3
+            cells = [_cell(r, value) for value in response]
+            paper = [number_text(v) for v in paper_responses[i]] if paper_responses else [""] * 3
             pairs = [cell for pair in zip(cells, paper, strict=True) for cell in pair]
             rows.append((_run_name(r), axis, *pairs))
     return Table(
@@ -247,30 +262,55 @@ def _step_table(results: StudyResults, published: bool) -> Table:
         "Definitions of python-control's step_info, with the commanded value as final value. The "
         "reference steps in x, y and heading at the same time.",
         keys=2,
-    )  # fmt: skip
+    ).mark_best(("overshoot, %", "rise 10-90 %, s", "settling ±10 %, s"), group=1)  # fmt: skip
 
 
 def _horizon_table(results: StudyResults) -> Table:
     rows = [
-        (f"N = {r.horizon}", _cell(r, r.metrics.me, 4), _cell(r, r.metrics.mae, 4),
+        (f"N = {r.horizon}", _cell(r, r.metrics.me, 1e3), _cell(r, r.metrics.mae, 1e3),
          str(r.metrics.fallbacks), _active_share(r), *_cost_cells(r))
         for r in results.select("horizon")
     ]  # fmt: skip
     return Table(
         "NMPC by prediction horizon",
-        ("horizon", "ME, m", "MAE, rad", "fallbacks", "active limits, %", *_COST_COLUMNS),
+        ("horizon", "ME, mm", "MAE, mrad", "fallbacks", "active limits, %", *_COST_COLUMNS),
         tuple(rows),
         "The paper shows these results only as bars. Fallbacks: steps without a converged "
         "solution. Active limits: share of the steps with an active inequality constraint. Only "
         "in these steps does the horizon affect the holonomic NMPC: otherwise its terminal cost "
         "equals the cost of the remaining path.",
-    )  # fmt: skip
+        details=_DETAILS,
+    ).mark_best(("ME, mm", "MAE, mrad", *_LOW_COSTS), ("min. clearance, mm",))  # fmt: skip
 
 
 def _active_share(result: TrackResult) -> str:
     """Return the share of steps with an active limit; a dash if the controller does not log it."""
     iterations = result.run.details.get("solver_iterations")
-    return "–" if iterations is None else f"{100.0 * np.mean(iterations[:-1] > 0.0):.1f}"
+    if iterations is None:
+        return NO_VALUE
+    return number_text(100.0 * float(np.mean(iterations[:-1] > 0.0)))
+
+
+_DESCRIPTIONS = {
+    "pid": "PID",
+    "fuzzy_t1": "type-1 fuzzy PID",
+    "fuzzy_t2": "interval type-2 fuzzy PID",
+    "fuzzy_t3": "interval type-3 fuzzy PID",
+    "unicycle-nmpc": "NMPC of a unicycle",
+    "feedforward": "velocity feedforward with feedback",
+    "holonomic-nmpc": "NMPC of a holonomic robot with wheel and force limits",
+}
+
+
+def _controller_table(results: StudyResults) -> Table:
+    rows = [
+        (name, results.type_of(name), _DESCRIPTIONS.get(results.type_of(name), ""))
+        for name in results.controllers
+    ]
+    return Table(
+        "Controllers", ("controller", "type", "description"), tuple(rows),
+        keys=3, is_detail=True,
+    )  # fmt: skip
 
 
 def rule_table(*, published_rules: bool) -> Table:
@@ -292,16 +332,12 @@ def rule_table(*, published_rules: bool) -> Table:
         ("error \\ change of error", *LABELS),
         tuple(rows),
         "N: negative, P: positive; B: big, M: medium, S: small; ZO: zero.",
+        is_detail=True,
     )
 
 
 def _without_empty_columns(table: Table) -> Table:
     """Return the table without the columns whose cells are all empty or dashes."""
     last = len(table.columns) - 1
-    keep = [i for i in range(last + 1) if any(row[i] not in {"", "–"} for row in table.rows)]
-    return replace(
-        table,
-        columns=tuple(table.columns[i] for i in keep),
-        rows=tuple(tuple(row[i] for i in keep) for row in table.rows),
-        prose=table.prose and last in keep,
-    )
+    keep = [i for i in range(last + 1) if any(row[i] not in {"", NO_VALUE} for row in table.rows)]
+    return table.select(keep)

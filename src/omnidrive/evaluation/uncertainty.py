@@ -33,11 +33,11 @@ class MeanEstimate(NamedTuple):
     def text(self, factor: float = 1.0) -> tuple[str, str, str, str]:
         """Format mean, margin, low and high times ``factor``; all but the margin have a sign.
 
-        Values are rounded to two digits of the margin (1 to 6 decimals), with U+2212 as minus sign.
+        Values are rounded to two digits of the margin (1 to 15 decimals); the minus sign is U+2212.
         """
         margin = factor * self.margin
         digits = 1 - floor(log10(margin)) if margin > 0.0 else 4
-        places = min(max(digits, 1), 6)
+        places = min(max(digits, 1), 15)
         mean, low, high = (
             f"{factor * value:+.{places}f}".replace("-", "\u2212")
             for value in (self.mean, self.low, self.high)
@@ -86,6 +86,11 @@ def holm(p_values: Sequence[float]) -> list[float]:
         largest = max(largest, min((count - rank) * p_values[i], 1.0))
         adjusted[i] = largest
     return adjusted
+
+
+def p_text(p: float) -> str:
+    """Format a p-value with its relation, such as ``= 0.021`` or ``< 0.001``."""
+    return f"= {p:.3f}" if p >= 1e-3 else "< 0.001"
 
 
 def _standard_error(values: Float[Array, " repeats"]) -> float:

@@ -24,9 +24,12 @@ from omnidrive.evaluation import (
     StepResult,
     StudyResults,
     TrackResult,
+    Verdict,
     paired_differences,
     repeated_runs,
+    verdicts,
 )
+from omnidrive.evaluation.verdict import Advantage
 from omnidrive.files.output_file import atomic_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps import save_nav2_map
@@ -89,6 +92,7 @@ class RunFolder:
             "components": component_origins(planned.scenario),
             "scenario": scenario_data(_portable(planned.scenario)),
             "path": {"length": results.spline.length, "cells": len(results.grid_path.poses)},
+            "verdict": [verdict_record(verdict) for verdict in verdicts(results)],
             "runs": [track_record(result) for result in results.tracks],
             "step_response": [row for step in results.steps for row in step_records(step)],
             "repeated": [mean_record(group) for group in repeated_runs(results)],
@@ -253,6 +257,22 @@ def paired_record(pair: PairedDifference) -> dict[str, Any]:
         "high": high,
         "p": pair.p,
         "verdict": pair.verdict,
+    }
+
+
+def verdict_record(verdict: Verdict) -> dict[str, Any]:
+    """Return an entry of ``verdict`` in results.json; null if undefined."""
+    advantage = verdict.advantage
+    return {
+        "task": verdict.task,
+        "name": verdict.name,
+        "measure": verdict.measure,
+        "tied": advantage is not None and advantage.is_tied,
+        **_json_safe(
+            dict.fromkeys(Advantage._fields) if advantage is None else advantage._asdict()
+        ),
+        "ranking": [_json_safe(contender._asdict()) for contender in verdict.ranking],
+        "unranked": list(verdict.unranked),
     }
 
 

@@ -21,6 +21,7 @@ from omnidrive.evaluation import (
     study_tables,
     write_figures,
     write_page,
+    write_tables,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.files.str_path import StrPath, to_path
@@ -209,6 +210,9 @@ def _report(
     with clock.part("figures", 0), write_errors(store.path):
         for path in write_figures(results, store.path / "figures"):
             clock.progress.done(path.name)
+    with clock.part("tables", 0), write_errors(store.path):
+        for path in write_tables(tables, store.path / "tables"):
+            clock.progress.done(path.name)
     with clock.part("report", 1), store.complete_file("report.html") as path:
         write_page(results, tables, path)
         clock.progress.done("report.html")
@@ -252,4 +256,5 @@ def _collect(
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),
         faults=tuple(r for r in done if isinstance(r, FaultResult)),
+        types={label: each.type for label, each in scenario.controllers.items()},
     )

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.comparison import heading_comparison, horizon_bars, xy_comparison
+from omnidrive.evaluation.figures.effort import effort
 from omnidrive.evaluation.figures.gain_history import gain_history, step_gain_history
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.membership import membership_functions
@@ -32,6 +33,7 @@ _FIGURES: dict[str, Draw] = {
     "horizon_heading": lambda results: heading_comparison(results, "horizon"),
     "horizon_bars": horizon_bars,
     "step_response": step_response,
+    "effort": effort,
     "noise_xy": lambda results: xy_comparison(results, "noise"),
     "noise_heading": lambda results: heading_comparison(results, "noise"),
     "noise_differences": noise_differences,
@@ -79,7 +81,7 @@ def draw_figure(results: StudyResults, name: str | None = None) -> Figure:
 
 
 def write_figures(results: StudyResults, folder: StrPath) -> Iterator[Path]:
-    """Write every figure as PNG and SVG; equal results give identical files.
+    """Write every figure as PDF and SVG; equal results give identical files.
 
     Args:
         results: Results of the study; figures without runs are omitted.
@@ -94,7 +96,8 @@ def write_figures(results: StudyResults, folder: StrPath) -> Iterator[Path]:
     folder = to_path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in draw_figures(results):
-        for suffix in ("png", "svg"):
+        for suffix in ("svg", "pdf"):
             path = folder / f"{name}.{suffix}"
             save(figure, path)
             yield path
+            figure.set_layout_engine("none")  # the layout is that of the first file

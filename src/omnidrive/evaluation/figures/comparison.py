@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -14,10 +14,18 @@ from scipy.spatial import cKDTree
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.plan import Box, draw_map
-from omnidrive.evaluation.figures.style import DARK, legend_above, new_figure
+from omnidrive.evaluation.figures.style import (
+    COLUMN,
+    DARK,
+    PAGE,
+    curve_style,
+    legend_above,
+    new_figure,
+)
 from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
-from omnidrive.evaluation.palette import controller_colour, controller_label, horizon_colours
+from omnidrive.evaluation.palette import ControllerStyle, controller_styles, horizon_styles
 from omnidrive.evaluation.results import StudyResults, TrackResult
+from omnidrive.evaluation.table import number_text
 
 _DASHES = (0, (4, 2.5))
 _MIN_HALF_SIDE = 0.04  # m; of the magnified square
@@ -28,14 +36,17 @@ _MIN_ERROR = 1e-2  # mm; smaller errors are drawn at this value
 
 
 class Curve(NamedTuple):
-    """One run in a figure, with its label and colour."""
+    """One run in a figure, with its label and style."""
 
     label: str
     """Text of the legend."""
-    colour: str
-    """Colour as ``#rrggbb``."""
+    style: ControllerStyle
     result: TrackResult
-    """The run."""
+
+    def properties(self, k: int, lines: list[Curve], *, marked: bool = True) -> dict[str, Any]:
+        """Return the line properties as curve ``k`` of ``lines``."""
+        rows = len(self.result.run.t)
+        return curve_style(self.style, k, len(lines), rows, marked=marked)
 
 
 def xy_comparison(results: StudyResults, task: str) -> Figure | None:
@@ -43,7 +54,7 @@ def xy_comparison(results: StudyResults, task: str) -> Figure | None:
     lines = _curves(results, task)
     if not lines:
         return None
-    figure = new_figure(8.6, 4.6)
+    figure = new_figure(PAGE, 4.1)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0), height_ratios=(1.15, 1.0))
     whole, close, error = (figure.add_subplot(grid[cell]) for cell in _CELLS)
     draw_map(whole, results.obstacles, results.free_space, results.grid_path, _view(results))
@@ -75,19 +86,19 @@ def heading_comparison(results: StudyResults, task: str) -> Figure | None:
     lines = _curves(results, task)
     if not lines:
         return None
-    figure = new_figure(7.2, 4.6)
+    figure = new_figure(COLUMN, 4.1)
     heading, error = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
-    for k, (label, colour, result) in enumerate(lines):
-        run = result.run
-        heading.plot(run.t, run.pose[:, 2], color=colour, label=label, lw=_width(k, lines))
-        error.plot(run.t, heading_error(run.pose, run.target) * 1e3, color=colour)
+    for k, line in enumerate(lines):
+        run, properties = line.result.run, line.properties(k, lines)
+        heading.plot(run.t, run.pose[:, 2], label=line.label, **properties)
+        error.plot(run.t, heading_error(run.pose, run.target) * 1e3, **properties)
     run = _longest(lines).result.run
     heading.plot(run.t, run.target[:, 2], color=DARK, ls=_DASHES, lw=1.0, label="Reference")
     heading.set(ylabel="heading in rad", xlim=(0.0, max(run.t[-1], 1e-3)))
     error.set_yscale("symlog", linthresh=1.0, linscale=0.6)
     error.yaxis.set_major_formatter(StrMethodFormatter(_TICK_FORMAT))
     error.set(ylabel="heading error in mrad", xlabel="time in s")
-    error.set_title("Heading minus reference; linear up to 1 mrad, logarithmic above")
+    error.set_title("Heading minus reference (linear to 1 mrad)")
     legend_above(figure, heading)
     return figure
 
@@ -97,13 +108,13 @@ def horizon_bars(results: StudyResults) -> Figure | None:
     lines = _curves(results, "horizon")
     if not lines:
         return None
-    figure = new_figure(7.2, 3.0)
+    figure = new_figure(COLUMN, 2.2)
     distance, turn = figure.subplots(1, 2)
     metrics = [line.result.metrics for line in lines]
     _bars(distance, lines, [m.me * 1e3 for m in metrics], "ME in mm")
     _bars(turn, lines, [m.mae * 1e3 for m in metrics], "MAE in mrad")
-    distance.set_title("Mean position error")
-    turn.set_title("Mean absolute heading error")
+    distance.set_title("Position")
+    turn.set_title("Heading")
     return figure
 
 
@@ -113,39 +124,31 @@ def _curves(results: StudyResults, task: str) -> list[Curve]:
     longest = max((r.duration for r in runs), default=0.0)
     runs = tuple(r for r in runs if r.duration == longest)
     if task != "horizon":
-        return [
-            Curve(controller_label(r.controller), controller_colour(r.controller).light, r)
-            for r in runs
-        ]
+        styles = controller_styles(results)
+        return [Curve(r.controller, styles[r.controller], r) for r in runs]
     runs = tuple(sorted(runs, key=lambda r: r.horizon or 0))
-    colours = horizon_colours(len(runs))
     one_controller = len({r.controller for r in runs}) == 1
     return [
         Curve(
-            f"N = {r.horizon}"
-            if one_controller
-            else f"{controller_label(r.controller)}, N = {r.horizon}",
-            colour.light,
+            f"N = {r.horizon}" if one_controller else f"{r.controller}, N = {r.horizon}",
+            style,
             r,
         )
-        for r, colour in zip(runs, colours, strict=True)
+        for r, style in zip(runs, horizon_styles(len(runs)), strict=True)
     ]
 
 
 def _bars(axes: Axes, lines: list[Curve], heights: list[float], label: str) -> None:
     positions = range(len(lines))
-    bars = axes.bar(positions, heights, width=0.68, color=[line.colour for line in lines])
-    axes.bar_label(bars, fmt="%.2f", padding=2, fontsize=7.5)
+    bars = axes.bar(
+        positions, heights, width=0.68, color=[line.style.colour.light for line in lines]
+    )
+    axes.bar_label(bars, map(number_text, heights), padding=2, fontsize=6)
     names = [line.label.removeprefix("N = ") for line in lines]
     axes.set_xticks(positions, names, rotation=0 if max(map(len, names)) < 4 else 45)
-    axes.set(xlabel="prediction horizon N in steps", ylabel=label)
+    axes.set(xlabel="horizon N in steps", ylabel=label)
     axes.margins(y=0.12)
     axes.grid(visible=False, axis="x")
-
-
-def _width(k: int, lines: list[Curve]) -> float:
-    """Line width of curve ``k``: later curves are thinner, so that earlier ones stay visible."""
-    return 2.8 - 1.5 * k / max(len(lines) - 1, 1)
 
 
 def _longest(lines: list[Curve]) -> Curve:
@@ -165,17 +168,17 @@ def _view(results: StudyResults) -> Box:
 
 
 def _paths(axes: Axes, lines: list[Curve]) -> None:
-    for k, (label, colour, result) in enumerate(lines):
-        x, y = result.run.pose[:, 0], result.run.pose[:, 1]
-        axes.plot(x, y, color=colour, label=label, lw=_width(k, lines), zorder=2 + k)
+    for k, line in enumerate(lines):
+        x, y = line.result.run.pose[:, 0], line.result.run.pose[:, 1]
+        axes.plot(x, y, label=line.label, **line.properties(k, lines))
     x, y = _longest(lines).result.run.target[:, :2].T
     axes.plot(x, y, color=DARK, ls=_DASHES, lw=1.0, label="Reference", zorder=40)
 
 
 def _measured(axes: Axes, lines: list[Curve], seeds: int) -> None:
-    for _, colour, result in lines:
+    for _, style, result in lines:
         x, y = result.run.measured[:, 0], result.run.measured[:, 1]
-        axes.plot(x, y, ".", color=colour, ms=3.5, alpha=0.45, mew=0.0, zorder=1)
+        axes.plot(x, y, ".", color=style.colour.light, ms=3.5, alpha=0.45, mew=0.0, zorder=1)
     text = "dots: measured" + (f"; first of {seeds} seeds" if seeds > 1 else "")
     axes.text(0.985, 0.04, text, transform=axes.transAxes, ha="right", fontsize=7.5)
 
@@ -183,10 +186,11 @@ def _measured(axes: Axes, lines: list[Curve], seeds: int) -> None:
 def _distances(axes: Axes, lines: list[Curve]) -> None:
     """Draw the distance to the reference over time, on a logarithmic axis."""
     low_quantiles = []
-    for _, colour, result in lines:
+    for k, line in enumerate(lines):
+        result = line.result
         distance = np.maximum(position_error(result.run.pose, result.run.target) * 1e3, _MIN_ERROR)
         low_quantiles.append(float(np.quantile(distance, 0.03)))
-        axes.plot(result.run.t, distance, color=colour)
+        axes.plot(result.run.t, distance, **line.properties(k, lines))
     axes.set_yscale("log")
     axes.set_ylim(bottom=0.7 * min(low_quantiles))  # the first samples are 0
     low, high = axes.get_ylim()

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, truncate
-from omnidrive.evaluation.figures.style import DARK, figure_style, new_figure
+from omnidrive.evaluation.figures.style import DARK, PAGE, figure_style, new_figure
 from omnidrive.fuzzy import Inference, InputVariable
 
 _COLOUR = "#0072b2"
@@ -80,7 +80,7 @@ def _curve(
     rows = np.tile(point, (len(at), 1))
     rows[:, k] = at
     value, least, greatest = inference.batch(rows)[:, :, o]
-    figure = new_figure(6.4, 3.4)
+    figure = new_figure(PAGE, 3.4)
     axes = figure.add_subplot()
     if inference.system.type > 1:
         axes.fill_between(at, least, greatest, color=_COLOUR, alpha=0.2, lw=0.0,
@@ -108,7 +108,7 @@ def _surface(
     rows = np.tile(point, (across.size, 1))
     rows[:, free[0]], rows[:, free[1]] = across.ravel(), up.ravel()
     value = inference.batch(rows)[0, :, o].reshape(across.shape)
-    figure = new_figure(8.6, 3.8)
+    figure = new_figure(PAGE, 3.4)
     halves: Any = figure.subfigures(1, 2, width_ratios=(1.08, 1.0))
     left, right = halves
     flat = left.add_subplot()

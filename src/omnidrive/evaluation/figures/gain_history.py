@@ -8,8 +8,15 @@ from typing import NamedTuple
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.evaluation.figures.style import MUTED, legend_above, new_figure
-from omnidrive.evaluation.palette import controller_colour, controller_label
+from omnidrive.evaluation.figures.style import (
+    COLUMN,
+    MUTED,
+    PAGE,
+    curve_style,
+    legend_above,
+    new_figure,
+)
+from omnidrive.evaluation.palette import ControllerStyle, controller_styles
 from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.tuning import GAINS, INPUTS, TuningSignal, tuning_signals, unit_text
 
@@ -25,8 +32,7 @@ def gain_history(results: StudyResults) -> Figure | None:
     None: no run logs gains.
     """
     return _figure(
-        _histories(results.select("track")) or _histories(results.select("noise")),
-        results.repeats,
+        results, _histories(results.select("track")) or _histories(results.select("noise"))
     )
 
 
@@ -35,23 +41,25 @@ def step_gain_history(results: StudyResults) -> Figure | None:
 
     None: no run logs gains.
     """
-    return _figure(_histories(results.steps), results.repeats)
+    return _figure(results, _histories(results.steps))
 
 
-def _figure(histories: list[_History], repeats: int) -> Figure | None:
+def _figure(results: StudyResults, histories: list[_History]) -> Figure | None:
     """Draw one row per gain and per fuzzy input, and one column per channel; None: no runs."""
     if not histories:
         return None
     signals = [each for history in histories for each in history.tuned]
     quantities = [q for q in (*GAINS, *INPUTS) if any(each.quantity == q for each in signals)]
     channels = list(dict.fromkeys(each.channel for each in signals))
-    figure = new_figure(1.2 + 3.2 * len(channels), 0.9 + 1.45 * len(quantities))
+    styles = controller_styles(results)
+    width = PAGE if len(channels) > 1 else COLUMN
+    figure = new_figure(width, 0.9 + 1.25 * len(quantities))
     panels = figure.subplots(
         len(quantities), len(channels), sharex=True, sharey="row", squeeze=False
     )
     for row, quantity in zip(panels, quantities, strict=True):
         for axes, channel in zip(row, channels, strict=True):
-            _draw(axes, histories, quantity, channel)
+            _draw(axes, histories, styles, quantity, channel)
         unit = unit_text(next(each.unit for each in signals if each.quantity == quantity))
         name = INPUTS.get(quantity, quantity).replace(" of ", "\nof ")
         row[0].set_ylabel(f"{name} in {unit}" if unit else f"{name}, no unit")
@@ -63,7 +71,7 @@ def _figure(histories: list[_History], repeats: int) -> Figure | None:
     drawn = [axes for axes in panels.flat if axes.lines]
     # the legend of the panel with the most curves
     legend_above(figure, max(drawn, key=lambda axes: len(axes.get_legend_handles_labels()[1])))
-    figure.supxlabel(_caption(histories, repeats), fontsize=7.5, color=MUTED)
+    figure.supxlabel(_caption(histories, results.repeats), fontsize=7, color=MUTED)
     return figure
 
 
@@ -79,17 +87,19 @@ def _seconds(result: TrackResult | StepResult) -> float:
     return result.duration if isinstance(result, TrackResult) else 0.0
 
 
-def _draw(axes: Axes, histories: list[_History], quantity: str, channel: str) -> None:
-    """Draw one quantity of one channel; later curves are thinner, so that all stay visible."""
+def _draw(
+    axes: Axes,
+    histories: list[_History],
+    styles: dict[str, ControllerStyle],
+    quantity: str,
+    channel: str,
+) -> None:
+    """Draw one quantity of one channel."""
     for k, (result, tuned) in enumerate(histories):
         for each in tuned:
             if (each.quantity, each.channel) == (quantity, channel):
-                axes.step(
-                    result.run.t, each.values, where="post",
-                    color=controller_colour(result.controller).light,
-                    label=controller_label(result.controller),
-                    lw=2.4 - 1.4 * k / max(len(histories) - 1, 1),
-                )  # fmt: skip
+                style = curve_style(styles[result.controller], k, len(histories), len(result.run.t))
+                axes.step(result.run.t, each.values, where="post", label=result.controller, **style)
     axes.margins(x=0.0)
     axes.ticklabel_format(axis="y", useOffset=False)
     low, high = axes.get_ylim()

@@ -17,7 +17,7 @@ from omnidrive.evaluation.figures.primitives import (
     robot_outline,
     transform_points,
 )
-from omnidrive.evaluation.figures.style import DARK, MUTED, hide_axes, new_figure
+from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, hide_axes, new_figure
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 
@@ -27,7 +27,7 @@ _YAW = 0.35  # rad; heading of the drawn robot
 
 def kinematics(robot: Robot) -> Figure:
     """Draw the robot from above, to scale, and the velocity of one wheel."""
-    figure = new_figure(9.0, 4.3)
+    figure = new_figure(PAGE, 3.7)
     above, wheel = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
     _above(above, robot)
     _wheel(wheel, robot)
@@ -51,7 +51,7 @@ def _above(axes: Axes, robot: Robot) -> None:
     bearing = atan2(first[1], first[0])
     angle(axes, (0.0, 0.0), 0.26 * size, _YAW, bearing, colour=_GREEN)
     middle = 0.5 * (_YAW + bearing)
-    name = "$a_1$" if _is_ring(robot) else "$b_1$"
+    name = "$a_0$" if _is_ring(robot) else "$b_0$"
     annotate(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), name, colour=_GREEN)
     length = hypot(last[0], last[1])
     text = f"{'R = ' if _is_ring(robot) else ''}{length:.4g} m"
@@ -59,7 +59,7 @@ def _above(axes: Axes, robot: Robot) -> None:
     axes.plot([0.0, first[0]], [0.0, first[1]], color=_GREEN, lw=0.9, ls=(0, (2, 2)), zorder=3)
     axes.set_title(f"Robot '{robot.name}' from above, to scale", parse_math=False)
     axes.set(xlim=(-1.85 * size, 1.5 * size), ylim=(-1.62 * size, 1.3 * size))
-    axes.text(0.0, -1.6 * size, _facts(robot), ha="center", va="bottom", fontsize=8)
+    axes.text(0.0, -1.6 * size, _facts(robot), ha="center", va="bottom", fontsize=7)
 
 
 def _facts(robot: Robot) -> str:
@@ -95,8 +95,8 @@ def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, mount: Mount) -> None:
          (end[0] + 0.1 * size * cos(turn), end[1] + 0.1 * size * sin(turn))],
     ).tolist()  # fmt: skip
     arrow(axes, tuple(tail), tuple(tip), colour=_RED)
-    annotate(axes, tuple(name), str(k + 1), size=10)
-    annotate(axes, tuple(speed), rf"$v_{k + 1}$", colour=_RED)
+    annotate(axes, tuple(name), str(k), size=9)
+    annotate(axes, tuple(speed), rf"$v_{k}$", colour=_RED)
 
 
 def _wheel(axes: Axes, robot: Robot) -> None:
@@ -135,7 +135,7 @@ def _wheel(axes: Axes, robot: Robot) -> None:
             r"$v_i = r\,\omega_i\cos\rho_i = -\sin(a_i-\rho_i)\,(\dot{x} - y_i\dot{\theta})"
             r" + \cos(a_i-\rho_i)\,(\dot{y} + x_i\dot{\theta})$"
         )
-    axes.text(0.0, -1.72, law, ha="center", va="bottom", fontsize=10.5 if _is_ring(robot) else 8)
+    axes.text(0.0, -1.72, law, ha="center", va="bottom", fontsize=9 if _is_ring(robot) else 6.5)
 
 
 def _components(axes: Axes, bearing: float) -> None:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
 from omnidrive.control.pid import gain_inference
-from omnidrive.evaluation.figures.style import DARK, MUTED, figure_style, new_figure
+from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, figure_style, new_figure
 from omnidrive.fuzzy import FuzzySet, InputVariable, LinearFunction, OutputVariable
 from omnidrive.fuzzy.sets import ZSlice, membership_bounds
 
@@ -29,16 +29,17 @@ _LEVELS = (0.25, 0.5, 0.75)  # drawn levels of the secondary functions
 
 def membership_functions() -> Figure:
     """Draw the paper's input and output sets: type 1 above, interval type 2 below."""
-    figure = new_figure(8.6, 4.4)
+    figure = new_figure(PAGE, 3.8)
     panels = figure.subplots(2, 2, sharey=True)
     systems = (gain_inference("t1", "paper").system, gain_inference("t2", "paper").system)
     for (left, right), system in zip(panels, systems, strict=True):
         title = "Type-1" if system.type == 1 else "Interval type-2"
-        draw_sets(left, system.inputs[0], 3.6)
+        draw_sets(left, system.inputs[0], 3.0)
         left.set(title=f"{title} sets of the inputs", ylabel="degree of membership")
         left.set_xlabel("scaled error e, change of error de")
-        draw_sets(right, system.outputs[0], 3.6)
+        draw_sets(right, system.outputs[0], 3.0)
         right.set(title=f"{title} sets of the outputs", xlabel="change of gain kp, ki, kd")
+        right.locator_params(axis="x", nbins=5)
     return figure
 
 
@@ -50,7 +51,7 @@ def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "
         unit: Unit of its values, for the axis label.
     """
     with figure_style(), mpl.rc_context(NO_MATH_TEXT):
-        figure = new_figure(7.2, 2.9)
+        figure = new_figure(PAGE, 2.9)
         axes = figure.add_subplot()
         axes.set_title(truncate(variable.name, 60))
         axes.set_xlabel(truncate(variable.name, 60) + (f" in {unit}" if unit else ""))

@@ -8,14 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from omnidrive.evaluation.figures.style import DARK, MUTED, new_figure
+from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, new_figure
 from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
     MEASURES,
     PairedDifference,
     paired_differences,
 )
-from omnidrive.evaluation.palette import controller_short
 from omnidrive.evaluation.results import StudyResults
 
 _FILL = {"better": "#bfdff2", "worse": "#f8d9b0", "no difference shown": "#ececec"}
@@ -29,8 +28,8 @@ def noise_differences(results: StudyResults) -> Figure | None:
     if not found:
         return None
     names = list(dict.fromkeys(name for d in found for name in (d.second, d.first)))
-    size = max(1.2 + 0.86 * (len(names) - 1), 2.6)
-    figure = new_figure(2.0 * size, 0.5 + 1.2 * size)
+    tall = 0.5 + 0.42 * len(names)
+    figure = new_figure(PAGE, 0.6 + 2.0 * tall)
     for axes, measure in zip(figure.subplots(2, 2).flat, MEASURES, strict=True):
         _matrix(axes, names, [d for d in found if d.measure == measure])
         axes.set_title(f"{MEASURE_LABELS[measure]} in m{MEASURES[measure]}")
@@ -55,14 +54,14 @@ def _matrix(axes: Axes, names: list[str], found: list[PairedDifference]) -> None
         style: dict[str, Any] = {
             "ha": "center",
             "va": "center",
-            "fontsize": 7.0,
+            "fontsize": 6.0,
             "color": DARK,
         }
         axes.text(column, row - 0.14, mean, fontweight="bold", **style)
         axes.text(column, row + 0.18, f"± {margin}", **style)
     axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
-    axes.set_xticks(range(len(columns)), [controller_short(name) for name in columns])
-    axes.set_yticks(range(len(rows)), [controller_short(name) for name in rows])
+    axes.set_xticks(range(len(columns)), columns, rotation=30, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(len(rows)), rows)
     axes.tick_params(length=0.0)
     axes.grid(visible=False)
     for side in axes.spines.values():

@@ -15,6 +15,7 @@ from omnidrive.evaluation.figures.style import (
     DARK,
     DPI,
     MUTED,
+    PAGE,
     figure_style,
     legend_above,
     new_figure,
@@ -91,7 +92,7 @@ def _panels(grid: OccupancyGrid) -> tuple[Figure, Axes, Axes]:
     """Return a figure with a panel for the map and a low one below it."""
     left, right, bottom, top = grid.extent
     tall = 5.4 * min(max((top - bottom) / (right - left), 0.3), 1.5)
-    figure = new_figure(6.4, 2.6 + tall)
+    figure = new_figure(PAGE, 2.6 + tall)
     above, below = figure.subplots(2, 1, height_ratios=[tall, 1.5])
     return figure, above, below
 

@@ -6,8 +6,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.evaluation.figures.style import DARK, MUTED, legend_above, new_figure
-from omnidrive.evaluation.palette import controller_colour, controller_label
+from omnidrive.evaluation.figures.style import (
+    DARK,
+    MUTED,
+    PAGE,
+    curve_style,
+    legend_above,
+    new_figure,
+)
+from omnidrive.evaluation.palette import controller_styles
 from omnidrive.evaluation.results import StepResult, StudyResults
 
 _BEFORE = -0.06  # start of the time axis relative to its end, before the step
@@ -19,18 +26,16 @@ def step_response(results: StudyResults) -> Figure | None:
     steps = results.steps
     if not steps:
         return None
-    figure = new_figure(8.6, 3.1)
+    figure, styles = new_figure(PAGE, 2.6), controller_styles(results)
     panels = figure.subplots(1, 3)
     end = _end(steps)
     for axis, axes in enumerate(panels):
         _command(axes, steps[0], axis, end)
         for k, step in enumerate(steps):
-            colour, label = (
-                controller_colour(step.controller).light,
-                controller_label(step.controller),
+            style = curve_style(
+                styles[step.controller], k, len(steps), int(np.sum(step.run.t <= end))
             )
-            width = 2.4 - 1.3 * k / max(len(steps) - 1, 1)
-            axes.plot(step.run.t, step.run.pose[:, axis], color=colour, label=label, lw=width)
+            axes.plot(step.run.t, step.run.pose[:, axis], label=step.controller, **style)
         axes.set(xlabel="time in s", ylabel=_LABELS[axis])
         axes.set_xlim(_BEFORE * end, end)
     legend_above(figure, panels[0])

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from functools import cache
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.files.output_file import atomic_file
 from omnidrive.files.str_path import StrPath, to_path
 
@@ -21,15 +25,16 @@ MUTED = "#8a8a8a"
 """Colour of auxiliary lines and captions."""
 DPI = 160
 """Resolution of written images, pixels per inch."""
+COLUMN, PAGE = 3.5, 7.16
+"""Widths of a figure over one and over two columns of a journal, inches."""
 _NOTEBOOK_DPI = 96
 
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
-    "font.size": 8.5,
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
-    "axes.labelsize": 8.5,
+    "axes.labelsize": 8.0,
     "axes.edgecolor": DARK,
     "axes.labelcolor": DARK,
     "axes.linewidth": 0.7,
@@ -41,21 +46,23 @@ _STYLE: Any = {
     "grid.linewidth": 0.6,
     "xtick.color": DARK,
     "ytick.color": DARK,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
     "lines.linewidth": 1.3,
     "lines.solid_capstyle": "round",
     "legend.frameon": False,
-    "legend.fontsize": 8,
+    "legend.fontsize": 7.5,
     "legend.columnspacing": 1.4,
-    "legend.handlelength": 1.7,
+    "legend.handlelength": 2.4,
     "svg.hashsalt": "omnidrive",
-    "svg.fonttype": "path",
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
 }
 
 
 def figure_style() -> AbstractContextManager[None]:
     """Return the context in which figures are created and saved."""
+    register_fonts()
     return mpl.rc_context(_STYLE)
 
 
@@ -70,10 +77,45 @@ class StyledFigure(Figure):
         return image.getvalue()
 
 
+@cache
+def register_fonts() -> None:
+    """Make the fonts of matplotlib available if its cache lacks them.
+
+    The cache of the user is shared by all environments; one that was written while an environment
+    was incomplete contains only the fonts of the system, and every formula then causes warnings.
+    """
+    folder = Path(mpl.get_data_path(), "fonts", "ttf")
+    if not any(Path(font.fname).parent == folder for font in fontManager.ttflist):
+        for path in sorted(folder.glob("*.ttf")):
+            fontManager.addfont(path)
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure with constrained layout; width and height in inches."""
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
     return StyledFigure(figsize=(width, height), layout=layout)
+
+
+def curve_style(
+    style: ControllerStyle, k: int, count: int, rows: int, *, marked: bool = True
+) -> dict[str, Any]:
+    """Return the line properties of curve ``k`` of ``count`` with ``rows`` points.
+
+    Later curves are thinner, dashed and have markers at other points, so that equal curves stay
+    visible.
+    """
+    period = max(rows // 6, 1)
+    marks = {
+        "marker": style.marker, "markevery": (k * period // max(count, 1), period), "ms": 3.2,
+        "mfc": "white", "mew": 0.8,
+    }  # fmt: skip
+    return {
+        "color": style.colour.light,
+        "ls": (0, style.dash) if style.dash else "-",
+        "lw": 2.0 - 0.9 * k / max(count - 1, 1),
+        "zorder": 2.0 + 0.01 * k,
+        **(marks if marked else {}),
+    }
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
@@ -93,9 +135,13 @@ def hide_axes(axes: Axes) -> None:
 
 
 def save(figure: Figure, path: StrPath) -> None:
-    """Write ``figure`` as PNG or SVG, by the suffix of ``path``, without a date."""
+    """Write ``figure`` as PNG, SVG or PDF, by the suffix of ``path``, without a date."""
     path = to_path(path)
-    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
+    metadata = {
+        "png": {"Software": None},
+        "svg": {"Date": None, "Creator": None},
+        "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    }
     kind = path.suffix.removeprefix(".")
     # matplotlib also projects the uninitialised padding of surface faces
     with figure_style(), np.errstate(over="ignore", invalid="ignore"), atomic_file(path) as part:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.primitives import angle, annotate, arrow, robot_outline
-from omnidrive.evaluation.figures.style import DARK, MUTED, hide_axes, new_figure
+from omnidrive.evaluation.figures.style import COLUMN, DARK, MUTED, hide_axes, new_figure
 from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 
@@ -18,7 +18,7 @@ _BLUE, _RED, _GREEN = "#0072b2", "#d55e00", "#007a59"
 def tracking_error(robot: Robot) -> Figure:
     """Draw the robot, its target on the path, and the errors between them."""
     size = robot.body_radius
-    figure = new_figure(5.2, 4.2)
+    figure = new_figure(COLUMN, 2.9)
     axes = figure.subplots()
     hide_axes(axes)
     here = Pose(0.0, 0.0, 0.3)

@@ -4,8 +4,8 @@
 const Charts = (() => {
   const MM = 1e3;
   const KINDS = [
-    { column: "distance", title: "Position error", unit: "mm", factor: MM, digits: 2, fromZero: true },
-    { column: "turn", title: "Heading error", unit: "mrad", factor: 1e3, digits: 2, fromZero: false },
+    { column: "distance", title: "Position error", unit: "mm", factor: MM, digits: 2, fromZero: true, error: true },
+    { column: "turn", title: "Heading error", unit: "mrad", factor: 1e3, digits: 2, fromZero: false, error: true },
     { column: "speed", title: "Speed", unit: "m/s", factor: 1, digits: 3, fromZero: true },
     { column: "yawRate", title: "Yaw rate", unit: "rad/s", factor: 1, digits: 3, fromZero: false },
   ];
@@ -16,6 +16,8 @@ const Charts = (() => {
   const tuningHost = document.getElementById("tuning-charts");
   const channel = document.getElementById("tuning-channel");
   const rangeText = document.getElementById("chart-range");
+  const logBox = document.getElementById("chart-log");
+  const DECADES = 5; // at most, of a log scale
   const HELD = uPlot.paths.stepped({ align: 1 }); // a gain is constant until the next sample
   const panels = [];
   let group = null;
@@ -31,11 +33,15 @@ const Charts = (() => {
     return made;
   };
 
+  const isLog = (kind) => Boolean(kind.error) && logBox.checked;
+
+  /* Values in the unit of the chart; on a log scale absolute ones, without zeros. */
   function columns(kind) {
     const rows = group.t.length;
+    const shown = isLog(kind) ? (value) => Math.abs(value) || null : (value) => value;
     const series = group.runs.map((run) => {
       const column = run.column(kind.column);
-      return Array.from({ length: rows }, (_, k) => (column && Number.isFinite(column[k]) ? column[k] * kind.factor : null));
+      return Array.from({ length: rows }, (_, k) => (column && Number.isFinite(column[k]) ? shown(column[k] * kind.factor) : null));
     });
     return [Array.from(group.t), ...series];
   }
@@ -52,7 +58,8 @@ const Charts = (() => {
   function options(panel, width) {
     const { kind } = panel;
     const range = (_, low, high) => {
-      if (low === null || high === null) return [0, 1];
+      if (low === null || high === null) return isLog(kind) ? [0.1, 1] : [0, 1];
+      if (isLog(kind)) return [Math.max(0.8 * low, high / 10 ** DECADES), 1.25 * high];
       if (kind.fromZero) return [0, high > 0 ? 1.08 * high : 1];
       const pad = 0.08 * (high - low) || 0.5;
       return [low - pad, high + pad];
@@ -60,9 +67,9 @@ const Charts = (() => {
     return {
       width, height: 190, legend: { show: false },
       cursor: { sync: { key: "playback" }, drag: { x: true, y: false, dist: 4 }, points: { size: 7 } },
-      scales: { x: { time: false }, y: { range } },
+      scales: { x: { time: false }, y: { range, distr: isLog(kind) ? 3 : 1 } },
       axes: [axis(30, (_, ticks) => ticks.map((t) => `${+t.toPrecision(6)} s`)), axis(52)],
-      series: [{}, ...group.runs.map((run) => ({ label: run.label, show: run.visible, stroke: run.colour(), width: 1.6, spanGaps: false, paths: kind.held ? HELD : undefined }))],
+      series: [{}, ...group.runs.map((run) => ({ label: run.label, show: run.visible, stroke: run.colour(), width: 1.6, dash: run.dash.map((length) => 2 * length), spanGaps: false, paths: kind.held ? HELD : undefined }))],
       hooks: {
         ready: [(chart) => attach(panel, chart)],
         setCursor: [(chart) => show(panel, chart.cursor.idx)],
@@ -122,7 +129,8 @@ const Charts = (() => {
   function build(kind, container) {
     const root = element("figure", "chart", container);
     const head = element("figcaption", "chart-head", root);
-    element("strong", "", head).textContent = kind.unit ? `${kind.title} in ${kind.unit}` : `${kind.title}, no unit`;
+    const title = isLog(kind) && !kind.fromZero ? `${kind.title}, absolute` : kind.title;
+    element("strong", "", head).textContent = kind.unit ? `${title} in ${kind.unit}` : `${title}, no unit`;
     const panel = { kind, root, container, items: [], values: [], clock: element("span", "clock", head), chart: null };
     const list = element("div", "chart-values", root);
     for (const run of group.runs) {
@@ -172,6 +180,12 @@ const Charts = (() => {
       build({ column, title: each.title, unit: each.unit, factor: 1, digits: DIGITS, fromZero: false, held: true }, tuningHost);
     }
   }
+
+  logBox.addEventListener("change", () => {
+    const [min, max] = span;
+    load(group);
+    zoomTo(min, max);
+  });
 
   channel.addEventListener("change", () => {
     const [min, max] = span;

@@ -4,16 +4,62 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from math import atan2, degrees
+from math import atan2, degrees, isfinite
 
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.table import Table, number_text
+from omnidrive.evaluation.verdict import Contender, Verdict, headline, verdicts
 from omnidrive.robot import Robot
 
 
 def tables_markup(tables: Sequence[Table]) -> str:
     """Return the HTML of all tables, one section each."""
     return "\n".join(_table(k, table) for k, table in enumerate(tables))
+
+
+def verdict_markup(results: StudyResults) -> str:
+    """Return the best controller of each task as cards; empty if nothing is compared."""
+    found = verdicts(results)
+    if not found:
+        return ""
+    cards = "\n".join(map(_card, found))
+    return (
+        '<section class="verdict" aria-labelledby="verdict-title">\n'
+        '<h2 id="verdict-title" class="unseen">Verdict</h2>\n'
+        f'<p class="lead">{escape(" ".join(headline(found)))}</p>\n'
+        f'<ul class="cards">\n{cards}\n</ul>\n</section>'
+    )
+
+
+def _card(verdict: Verdict) -> str:
+    """Return the list item of one task: best controller, value, advantage and cost."""
+    best = verdict.best
+    lines = [
+        verdict.value_text(best), _advantage(verdict),
+        verdict.confidence_text, _cost(best),
+    ]  # fmt: skip
+    text = "".join(f"<span>{escape(line)}</span>" for line in lines if line)
+    name = escape(best.name)
+    return (
+        f'<li class="card"><b class="task">{escape(verdict.name)}</b>'
+        f'<strong><i class="swatch" data-controller="{name}"></i>{name}</strong>{text}</li>'
+    )
+
+
+def _advantage(verdict: Verdict) -> str:
+    """Return by how much the best result differs from the next one."""
+    following = verdict.following
+    if following is None:
+        return ""
+    factor = verdict.factor_text
+    words = "than" if factor.endswith("more") else "times lower than"
+    return f"{factor} {words} {following.name} ({verdict.value_text(following)})"
+
+
+def _cost(contender: Contender) -> str:
+    """Return work and computing time; empty if neither is known."""
+    parts = ((contender.work, "J"), (contender.step_time, "µs per step"))
+    return ", ".join(f"{number_text(value)} {unit}" for value, unit in parts if isfinite(value))
 
 
 def facts_markup(results: StudyResults) -> str:
@@ -27,7 +73,8 @@ def facts_markup(results: StudyResults) -> str:
         "Sample time": f"{results.dt:g} s",
         "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
         f"planning grid {results.free_space.resolution:g} m",
-        "Path": f"{results.grid_path.length:.2f} m, {len(results.grid_path.poses)} cells",
+        "Path": f"{results.spline.length:.2f} m smoothed; grid path "
+        f"{results.grid_path.length:.2f} m, {len(results.grid_path.poses)} cells",
     }
     return "\n".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()
@@ -47,8 +94,10 @@ def _table(k: int, table: Table) -> str:
         f'<th scope="col"{name}>{escape(column)}</th>'
         for name, column in zip(classes, table.columns, strict=True)
     )
-    body = "\n".join(_row(classes, row) for row in table.rows)
-    note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
+    best = [{i for row, i in table.best if row == k} for k in range(len(table.rows))]
+    body = "\n".join(_row(classes, row, best[k]) for k, row in enumerate(table.rows))
+    text = " ".join(t for t in ("Bold: best in its column." if table.best else "", table.note) if t)
+    note = f'<p class="note">{escape(text)}</p>' if text else ""
     return (
         f'<section class="card table-card">\n'
         f'<h3 id="table-{k}">{escape(table.title)}</h3>\n'
@@ -66,9 +115,10 @@ def _classes(table: Table) -> list[str]:
     return classes
 
 
-def _row(classes: Sequence[str], row: tuple[str, ...]) -> str:
+def _row(classes: Sequence[str], row: tuple[str, ...], best: set[int]) -> str:
+    """Return one row; the cells with the indices ``best`` are marked."""
     cells = [
-        f"<td{name}>{escape(cell)}</td>"
-        for name, cell in zip(classes[1:], row[1:], strict=True)
-    ]  # fmt: skip
+        f'<td class="best">{escape(cell)}</td>' if i in best else f"<td{name}>{escape(cell)}</td>"
+        for i, (name, cell) in enumerate(zip(classes[1:], row[1:], strict=True), 1)
+    ]
     return f'<tr><th scope="row">{escape(row[0])}</th>{"".join(cells)}</tr>'

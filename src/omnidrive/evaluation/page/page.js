@@ -8,6 +8,8 @@ const Playback = (() => {
   const scene = new Scene(canvas, camera);
   const lens = new Lens(find("lens"));
   const MAGNIFY = 1.4;
+  const OPENING = 0.25; // share of the duration at which a group opens
+  const MAX_FRAME = 0.1; // s; longest time step, for example after the page was hidden
 
   let group = null;
   let time = 0;
@@ -36,7 +38,7 @@ const Playback = (() => {
   function frame(stamp) {
     queued = false;
     if (playing) {
-      if (lastStamp !== null) time += ((stamp - lastStamp) / 1000) * Number(find("speed").value);
+      if (lastStamp !== null) time += Math.min((stamp - lastStamp) / 1000, MAX_FRAME) * Number(find("speed").value);
       lastStamp = stamp;
       if (time >= group.duration) {
         time = group.duration;
@@ -190,10 +192,11 @@ const Playback = (() => {
     camera.zoom(factor);
   }
 
+  /* Show a group from a time at which the robots move; a running playback goes on. */
   function choose(next) {
-    pause();
     group = next;
-    time = 0;
+    time = Math.round((OPENING * group.duration) / Study.dt) * Study.dt;
+    lastStamp = null;
     pointer = null;
     find("scrub").max = group.duration;
     find("scrub").step = Study.dt;
@@ -229,6 +232,15 @@ const Playback = (() => {
       if (run.ended !== null) element("small", "ended", head).textContent = run.ended;
       return { run, cells: [0, 1, 2].map(() => element("td", "", line)) };
     });
+  }
+
+  /* Colour the swatches beside names outside the playback. */
+  function colourNames() {
+    const runs = Study.groups.flatMap((each) => each.runs);
+    for (const swatch of document.querySelectorAll("[data-controller]")) {
+      const run = runs.find((each) => each.short === swatch.dataset.controller);
+      if (run) swatch.style.background = run.colour();
+    }
   }
 
   function listGroups() {
@@ -330,6 +342,7 @@ const Playback = (() => {
     Theme.onChange(() => {
       scene.recolour();
       lens.scene.recolour();
+      colourNames();
       const [min, max] = Charts.span();
       listRuns();
       Charts.load(group);
@@ -339,6 +352,9 @@ const Playback = (() => {
     scene.resize();
     lens.scene.resize();
     choose(Study.groups[0]);
+    colourNames();
+    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play();
+    for (const [event, printing] of [["beforeprint", true], ["afterprint", false]]) addEventListener(event, () => Theme.print(printing));
     new ResizeObserver(() => {
       scene.resize();
       lens.scene.resize();

@@ -9,13 +9,7 @@ import numpy as np
 from jaxtyping import Int, Num
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.palette import (
-    ThemeColour,
-    controller_colour,
-    controller_label,
-    controller_short,
-    horizon_colours,
-)
+from omnidrive.evaluation.palette import ControllerStyle, controller_styles, horizon_styles
 from omnidrive.evaluation.results import (
     FaultResult,
     StepResult,
@@ -81,6 +75,7 @@ def _run_lengths(kinds: Int[Array, " cells"]) -> list[int]:
 
 def _groups(results: StudyResults) -> list[dict[str, Any]]:
     """Return the groups of runs: by task and duration, then the step responses and faults."""
+    styles = controller_styles(results)
     keys = dict.fromkeys((r.task, r.duration) for r in results.tracks)
     groups = []
     for task, duration in sorted(keys, key=lambda key: (list(_TASKS).index(key[0]), key[1])):
@@ -88,24 +83,24 @@ def _groups(results: StudyResults) -> list[dict[str, Any]]:
         if task == "horizon":
             runs = tuple(sorted(runs, key=lambda r: (r.horizon or 0, r.controller)))
             encoded = [
-                _horizon(r, colour)
-                for r, colour in zip(runs, horizon_colours(len(runs)), strict=True)
+                _run(r.run, f"{r.controller}, N = {r.horizon}", f"N = {r.horizon}", style)
+                for r, style in zip(runs, horizon_styles(len(runs)), strict=True)
             ]
         else:
-            encoded = [_controller(r) for r in runs]
+            encoded = [_controller(r, styles) for r in runs]
         name = f"{_TASKS[task]} {duration:g} s"
         seeds = len({r.repeat for r in results.select(task, duration=duration, repeat=None)})
         name += f", first of {seeds}" if seeds > 1 else ""
         groups.append(_group(f"{task}-{duration:g}", name, [r.run for r in runs], encoded))
     if results.steps:
         step_runs = [r.run for r in results.steps]
-        encoded = [_controller(r) for r in results.steps]
+        encoded = [_controller(r, styles) for r in results.steps]
         groups.append(_group("step", "Step response", step_runs, encoded))
     for number in dict.fromkeys(sorted(r.number for r in results.faults)):
         of_fault = [r for r in results.faults if r.number == number]
         fault = of_fault[0].fault
         name = f"{fault.kind} at {fault.at:g} s" if fault else "no fault"
-        encoded = [_controller(r) for r in of_fault]
+        encoded = [_controller(r, styles) for r in of_fault]
         groups.append(_group(f"fault-{number}", name, [r.run for r in of_fault], encoded))
     return groups
 
@@ -138,23 +133,21 @@ def _quantities(runs: list[Run]) -> list[dict[str, str]]:
     ]
 
 
-def _controller(result: TrackResult | StepResult | FaultResult) -> dict[str, Any]:
+def _controller(
+    result: TrackResult | StepResult | FaultResult, styles: dict[str, ControllerStyle]
+) -> dict[str, Any]:
     name = result.controller
-    return _run(result.run, controller_label(name), controller_short(name), controller_colour(name))
+    return _run(result.run, name, name, styles[name])
 
 
-def _horizon(result: TrackResult, colour: ThemeColour) -> dict[str, Any]:
-    label = f"{controller_label(result.controller)}, N = {result.horizon}"
-    return _run(result.run, label, f"N = {result.horizon}", colour)
-
-
-def _run(run: Run, label: str, short: str, colour: ThemeColour) -> dict[str, Any]:
+def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, Any]:
     noisy = not np.array_equal(run.measured, run.pose)
     speed = np.hypot(run.twist[:, 0], run.twist[:, 1])
     return {
         "label": label,
         "short": short,
-        "ink": list(colour),
+        "ink": list(style.colour),
+        "dash": list(style.dash),
         "pose": [_column(run.pose[:, i]) for i in range(3)],
         "measured": [_column(run.measured[:, i]) for i in (0, 1)] if noisy else None,
         "speed": _column(speed),

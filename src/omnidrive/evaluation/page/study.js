@@ -24,7 +24,7 @@ const Study = (() => {
     }
     const tuning = Object.fromEntries(Object.entries(run.tuning).map(([name, column]) => [name, numbers(column)]));
     return {
-      label: run.label, short: run.short, ink: run.ink, ended: run.ended, rows, visible: true,
+      label: run.label, short: run.short, ink: run.ink, dash: run.dash, ended: run.ended, rows, visible: true,
       x, y, yaw, distance, turn, speed: numbers(run.speed), yawRate: numbers(run.yawRate),
       measured: run.measured && run.measured.map(numbers),
       tuning,

@@ -9,7 +9,7 @@ from hashlib import sha256
 from html import escape
 from importlib.resources import files
 
-from omnidrive.evaluation.page.markup import facts_markup, tables_markup
+from omnidrive.evaluation.page.markup import facts_markup, tables_markup, verdict_markup
 from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import Table
@@ -49,6 +49,7 @@ def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
         "policy": _policy(early + late, styles),
         "title": escape(results.title),
         "facts": facts_markup(results),
+        "verdict": verdict_markup(results),
         "tables": tables_markup(tables),
         "data": payload(results),
         "styles": "".join(f"<style>{text}</style>\n" for text in styles),

@@ -1,0 +1,112 @@
+"""Result tables in a terminal."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from rich.console import Console
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from omnidrive.cli.options import RESULTS_PANEL, flag
+from omnidrive.cli.terminal import is_quiet
+from omnidrive.evaluation import Table
+
+FullOption = Annotated[
+    bool,
+    flag(
+        "Print all tables with all columns, also paired differences and fuzzy rules.",
+        RESULTS_PANEL,
+        "--full",
+    ),
+]
+
+_FILE_WIDTH = 160  # characters; the tables of a study with one seed fit
+_SENTENCE_WIDTH = 30  # characters; minimum of a column with sentences
+_MARK = "*"  # before the best cell of a column, for files and terminals without bold text
+_LEGEND = f"{_MARK} best in its column."
+
+
+def print_tables(tables: Sequence[Table], *, full: bool = True) -> None:
+    """Print tables on standard output; columns that do not fit follow below, with the keys.
+
+    Args:
+        tables: Tables to print, in this order.
+        full: Whether to print all tables and columns. False: without details.
+    """
+    if is_quiet():
+        return
+    console = Console()
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console = Console(width=_FILE_WIDTH)
+    shown = tables if full else [table.brief() for table in tables if not table.is_detail]
+    for table in shown:
+        if table.lead:
+            console.print(Text(table.lead, style="bold"))
+        parts = _split(table, console.width)
+        for part in parts:
+            drawn = RichTable(
+                title=Text(table.title if part is parts[0] else f"{table.title} (continued)"),
+                title_justify="left",
+                caption=Text(_caption(table)) if part is parts[-1] and _caption(table) else None,
+                caption_justify="left",
+            )
+            _fill(drawn, table, part, tight=len(parts) > 1)
+            console.print(drawn)
+        console.print()
+
+
+def _caption(table: Table) -> str:
+    return " ".join(text for text in (_LEGEND if table.best else "", table.note) if text)
+
+
+def _split(table: Table, width: int) -> list[list[int]]:
+    """Split the columns into parts of at most ``width`` characters; each part repeats the keys."""
+    needed = [3 + _min_width(table, i) for i in range(len(table.columns))]
+    keys = list(range(table.keys))
+    parts = [[*keys]]
+    for i in range(table.keys, len(needed)):
+        part = parts[-1]
+        if len(part) > len(keys) and 1 + sum(needed[k] for k in part) + needed[i] > width:
+            parts.append([*keys])
+        parts[-1].append(i)
+    return parts
+
+
+def _min_width(table: Table, i: int) -> int:
+    """Return the minimum width of column ``i``: its longest cell or heading word, in characters.
+
+    Sentences can be wrapped to a smaller width.
+    """
+    cells = (_cell(table, k, i) for k in range(len(table.rows)))
+    least = max(map(len, [*table.columns[i].split(), *cells]))
+    return min(least, _SENTENCE_WIDTH) if _is_prose(table, i) else least
+
+
+def _cell(table: Table, row: int, i: int) -> str:
+    return (_MARK if (row, i) in table.best else "") + table.rows[row][i]
+
+
+def _is_prose(table: Table, i: int) -> bool:
+    return table.prose and i == len(table.columns) - 1
+
+
+def _fill(drawn: RichTable, table: Table, columns: list[int], *, tight: bool) -> None:
+    """Add columns and the rows with values in them, with a rule between groups of the first key."""
+    for i in columns:
+        words = i < table.keys or _is_prose(table, i)
+        side: Literal["left", "right"] = "left" if words else "right"
+        least = _min_width(table, i)
+        most = least if tight and not _is_prose(table, i) else None
+        drawn.add_column(Text(table.columns[i]), justify=side, min_width=least, max_width=most)
+    grouped = len({row[0] for row in table.rows}) < len(table.rows)
+    rows = [k for k, row in enumerate(table.rows) if any(row[i] for i in columns[table.keys :])]
+    for previous, k in zip((None, *rows), rows, strict=False):
+        if grouped and previous is not None and table.rows[k][0] != table.rows[previous][0]:
+            drawn.add_section()
+        cells = (
+            Text(_cell(table, k, i), style="bold" if (k, i) in table.best else "") for i in columns
+        )
+        drawn.add_row(*cells)

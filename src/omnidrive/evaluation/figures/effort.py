@@ -1,0 +1,124 @@
+"""Wheel speeds and control effort of the controllers over time."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from omnidrive.arrays import Array
+from omnidrive.evaluation.figures.style import DARK, PAGE, curve_style, legend_above, new_figure
+from omnidrive.evaluation.metrics import START_PHASE
+from omnidrive.evaluation.palette import controller_styles
+from omnidrive.evaluation.results import StudyResults
+from omnidrive.robot import Robot
+from omnidrive.simulation import Run
+
+_WINDOW = 1.0  # s; of the moving mean of the wheel accelerations
+
+
+class _Curve(NamedTuple):
+    label: str
+    style: dict[str, Any]
+    run: Run
+    speeds: Float[Array, "rows wheels"]
+
+
+def effort(results: StudyResults) -> Figure | None:
+    """Draw wheel speeds, wheel acceleration and work of the shortest, fastest tracking runs.
+
+    The wheel speeds of the first 2 s, in which the robot accelerates, have a scale of their own.
+    None: there are no runs of the tasks ``track`` and ``noise``.
+    """
+    runs = results.select("track") or results.select("noise")
+    if not runs:
+        return None
+    fastest = min(r.duration for r in runs)
+    runs = tuple(r for r in runs if r.duration == fastest)
+    styles = controller_styles(results)
+    curves = [
+        _Curve(
+            r.controller, curve_style(styles[r.controller], k, len(runs), len(r.run.t)), r.run,
+            wheel_speeds(r.run, results.robot),
+        )
+        for k, r in enumerate(runs)
+    ]  # fmt: skip
+    wheels = len(results.robot.mounts)
+    figure = new_figure(PAGE, 1.7 + 0.95 * wheels)
+    panels = figure.subplots(
+        wheels + 1, 2, width_ratios=(1.0, 1.6), height_ratios=[*([1.0] * wheels), 1.4]
+    )
+    for i in range(wheels):
+        _draw_wheel(panels[i], curves, i, results.robot.max_wheel_speed)
+        if i < wheels - 1:
+            panels[i, 0].tick_params(labelbottom=False)
+            panels[i, 1].tick_params(labelbottom=False)
+    panels[0, 0].set_title(f"Wheel speeds in rad/s: first {START_PHASE:g} s")
+    panels[0, 1].set_title("Rest")
+    _draw_effort(panels[-1], curves)
+    figure.align_ylabels(panels[:, 0])
+    legend_above(figure, panels[0, 0])
+    return figure
+
+
+def wheel_speeds(run: Run, robot: Robot) -> Float[Array, "rows wheels"]:
+    """Return the commanded wheel speeds before saturation, rad/s; the last row has no command."""
+    speeds: Float[Array, "rows wheels"] = run.command @ robot.drive.jacobian.T
+    speeds[-1] = np.nan
+    return speeds
+
+
+def _draw_wheel(panels: Array, curves: list[_Curve], i: int, limit: float) -> None:
+    """Draw the speed of one wheel: the start on the left, the rest on the right."""
+    for label, style, run, speeds in curves:
+        late = run.t >= START_PHASE
+        for axes, rows in zip(panels, (~late, late), strict=True):
+            axes.plot(run.t[rows], speeds[rows, i], label=label, **style)
+    for axes in panels:
+        _draw_limits(axes, limit)
+        axes.margins(x=0.0)
+        axes.locator_params(axis="y", nbins=4)
+    panels[0].set_ylabel(f"wheel {i}")
+
+
+def _draw_limits(axes: Axes, limit: float) -> None:
+    """Draw the largest wheel speed, if the curves come near to it."""
+    low, high = axes.get_ylim()
+    if np.isfinite(limit) and max(-low, high) > 0.7 * limit:
+        for sign in (-1.0, 1.0):
+            axes.axhline(sign * limit, color=DARK, ls=(0, (4, 2.5)), lw=0.8)
+
+
+def _draw_effort(panels: Array, curves: list[_Curve]) -> None:
+    """Draw the moving mean of the wheel accelerations, and the work if the plant has forces."""
+    acceleration, work = panels
+    for _, style, run, speeds in curves:
+        rate = _mean_acceleration(run, speeds)
+        acceleration.plot(run.t[1:], np.where(rate > 0.0, rate, np.nan), **style)
+        work.plot(run.t, run.work, **style)
+    acceleration.set_yscale("log")
+    acceleration.set_ylabel("effort in rad/s²")
+    acceleration.set_title(f"Mean wheel acceleration over {_WINDOW:g} s")
+    work.set_ylabel("work in J")
+    work.set_title("Mechanical work")
+    for axes in panels:
+        axes.set_xlabel("time in s")
+        axes.margins(x=0.0)
+    if not any(np.isfinite(run.work).any() for _, _, run, _ in curves):
+        work.set_visible(False)
+
+
+def _mean_acceleration(run: Run, speeds: Float[Array, "rows wheels"]) -> Float[Array, " intervals"]:
+    """Return the mean absolute rate of change of the wheel speeds, rad/s^2, as a moving mean."""
+    if len(run.t) < 2:
+        return np.zeros(0)
+    change = np.abs(np.diff(speeds[:-1], axis=0, prepend=0.0)).mean(axis=1)
+    dt = np.diff(run.t)
+    window = np.ones(min(max(round(_WINDOW / float(dt.mean())), 1), len(dt)))
+    totals = (np.convolve(v, window, "same")[: len(dt)] for v in (change / dt, np.ones(len(dt))))
+    rate, count = totals
+    smoothed: Float[Array, " intervals"] = rate / count
+    return smoothed

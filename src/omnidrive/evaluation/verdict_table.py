@@ -1,0 +1,48 @@
+"""Table of the verdicts of all tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from omnidrive.evaluation.table import NO_VALUE, Table, number_text
+from omnidrive.evaluation.verdict import Verdict, headline
+
+
+def verdict_table(found: Sequence[Verdict]) -> Table:
+    """Return a table with the best controller of each task, its advantage and its cost."""
+    note = (
+        "Factor: result of the next over that of the best. Confidence: 95 % interval of the factor "
+        "over the seeds, and p-value of equal means (Holm-corrected). ME: mean distance to the "
+        "reference; with noise, of the true pose. Settling: of the slowest axis."
+    )
+    unranked = [f"{', '.join(v.unranked)} ({v.name})" for v in found if v.unranked]
+    if unranked:
+        note += (
+            f" Not ranked, because a run stopped early or did not settle: {'; '.join(unranked)}."
+        )
+    return Table(
+        "Verdict",
+        ("task", "best", "result", "next", "result of next", "factor", "confidence",
+         "work, J", "work of next, J", "step time, µs", "step time of next, µs"),
+        tuple(_row(verdict) for verdict in found),
+        note,
+        keys=2,
+        lead=" ".join(headline(found)),
+    )  # fmt: skip
+
+
+def _row(verdict: Verdict) -> tuple[str, ...]:
+    best, following = verdict.best, verdict.following
+    return (
+        verdict.name,
+        best.name,
+        verdict.value_text(best),
+        following.name if following else NO_VALUE,
+        verdict.value_text(following) if following else NO_VALUE,
+        verdict.factor_text,
+        verdict.confidence_text,
+        number_text(best.work),
+        number_text(following.work) if following else NO_VALUE,
+        number_text(best.step_time),
+        number_text(following.step_time) if following else NO_VALUE,
+    )

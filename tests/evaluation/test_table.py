@@ -1,0 +1,104 @@
+"""Cells of tables, marks of the best, and LaTeX and CSV files."""
+
+import csv
+from io import StringIO
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from omnidrive.evaluation import Table, study_tables, write_tables
+from omnidrive.evaluation.table import leading_number, number_text
+from omnidrive.evaluation.table_files import csv_text, latex_text
+from omnidrive.evaluation.uncertainty import estimate_mean
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"), (3.934, "3.93"), (49.6, "49.6"), (9.996, "10.0"), (999.6, "1000"),
+        (53699.4, "53699"), (0.0982, "0.0982"), (-0.000123, "-0.000123"), (3.21e-9, "3.21e-09"),
+        (float("nan"), "–"), (float("inf"), "–"),
+    ],
+)  # fmt: skip
+def test_number_text(value, text):
+    assert number_text(value) == text
+
+
+@given(st.floats(-1e300, 1e300, allow_subnormal=False).filter(bool))
+def test_nonzero_number_is_never_printed_as_zero(value):
+    assert float(number_text(value)) == pytest.approx(value, rel=6e-3)
+
+
+@given(st.floats(1e-12, 1e6), st.floats(1e-12, 1e3))
+def test_margin_of_a_mean_is_never_printed_as_zero(mean, spread):
+    estimate = estimate_mean(np.array([mean - spread, mean + spread]))
+    assert estimate.margin == 0.0 or float(estimate.text(1e3)[1]) > 0.0
+
+
+ERRORS = Table(
+    "Errors & more",
+    ("time", "controller", "ME, mm", "clearance, mm", "p"),
+    (
+        ("20 s", "a_1", "2.0 ± 0.3", "−4", "0.02"),
+        ("20 s", "b", "1.0 ± 0.1", "7", "< 0.001"),
+        ("30 s", "a_1", "1.0 ± 0.2", "7", "–"),
+        ("30 s", "b", "1.0 ± 0.3", "–", ""),
+    ),
+    "A 50 % note.",
+    keys=2,
+    details=frozenset({"p"}),
+)  # fmt: skip
+
+
+def test_best_cells_are_marked_in_each_group():
+    marked = ERRORS.mark_best(("ME, mm",), ("clearance, mm",), group=0)
+    assert marked.best == {(1, 2), (1, 3)}  # equal or single values have no best
+    assert ERRORS.mark_best(("ME, mm",)).best == {(1, 2), (2, 2), (3, 2)}
+    assert marked.select([0, 1, 3]).best == {(1, 2)}
+    assert marked.brief().columns == ("time", "controller", "ME, mm", "clearance, mm")
+    assert leading_number("none") != leading_number("none")
+
+
+def test_csv_has_numbers_in_cells_of_their_own():
+    rows = list(csv.reader(StringIO(csv_text(ERRORS))))
+    assert rows[0] == ["time", "controller", "ME, mm", "ME, mm (half 95 % interval)",
+                       "clearance, mm", "p"]  # fmt: skip
+    assert rows[1] == ["20 s", "a_1", "2.0", "0.3", "-4", "0.02"]
+    assert rows[3] == ["30 s", "a_1", "1.0", "0.2", "7", ""]
+
+
+def test_latex_is_escaped_and_marks_the_best():
+    text = latex_text(ERRORS.mark_best(("ME, mm",), group=0))
+    assert r"\caption{Errors \& more}" in text
+    assert r"time & controller & ME (mm) & clearance (mm) & p \\" in text
+    assert r"20 s & a\_1 & 2.0 $\pm$ 0.3 & $-$4 & 0.02 \\" in text
+    assert r"20 s & b & \textbf{1.0 $\pm$ 0.1} & 7 & $<$ 0.001 \\" in text
+    assert r"A 50 \% note." in text
+    assert text.count(r"\addlinespace") == 1
+    for rule in (r"\toprule", r"\midrule", r"\bottomrule"):
+        assert text.count(rule) == 1
+
+
+def test_every_table_of_a_study_is_written(study, tmp_path):
+    tables = study_tables(study, published=True)
+    files = list(write_tables(tables, tmp_path / "tables"))
+    assert {path.suffix for path in files} == {".tex", ".csv"}
+    assert len(set(files)) == 2 * len(tables)
+    assert {path.name for path in files} == {p.name for p in (tmp_path / "tables").iterdir()}
+    for table in tables:
+        rows = (tmp_path / "tables" / f"{table.stem}.csv").read_text(encoding="utf-8").splitlines()
+        assert len(rows) == 1 + len(table.rows)
+        latex = (tmp_path / "tables" / f"{table.stem}.tex").read_text(encoding="utf-8")
+        assert latex.isascii(), table.title
+        assert latex.count(r"\textbf") == len(table.best)
+
+
+def test_study_tables_mark_the_best_controller(study):
+    (tracking,) = (t for t in study_tables(study, published=False) if "without noise" in t.title)
+    column = tracking.columns.index("ME, mm")
+    for duration in ("20 s", "30 s"):
+        rows = {k: float(r[column]) for k, r in enumerate(tracking.rows) if r[0] == duration}
+        (best,) = {k for k, i in tracking.best if i == column} & rows.keys()
+        assert rows[best] == min(rows.values())

@@ -1,0 +1,146 @@
+"""Verdicts: best controller, factor, confidence, work and computing time of each task."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from omnidrive.control.supervision import Event
+from omnidrive.evaluation import FaultResult, StepResponse, headline, study_tables, verdicts
+from omnidrive.simulation import Outcome
+from omnidrive.simulation.disturbances import parse_fault
+from tests.evaluation.truncation import truncated
+
+SEEDS = 12
+RNG = np.random.default_rng(5)
+NOISE = RNG.normal(size=SEEDS)
+RATIO = np.exp(0.2 + 0.05 * RNG.normal(size=SEEDS))
+
+
+def with_me(result, me, **changes):
+    return replace(result, metrics=result.metrics._replace(me=me, work=10.0), **changes)
+
+
+def of_task(results, task):
+    return [verdict for verdict in verdicts(results) if verdict.task == task]
+
+
+def test_every_task_has_a_verdict(study):
+    found = verdicts(study)
+    assert [v.name for v in found] == [
+        "track 20 s", "track 30 s", "noise 30 s", "step response", "N of unicycle-nmpc",
+    ]  # fmt: skip
+    for verdict in found:
+        values = [contender.value for contender in verdict.ranking]
+        assert values == sorted(values)
+    track = {r.controller: r.metrics.me for r in study.select("track", duration=20.0)}
+    assert found[0].best.name == min(track, key=track.get)
+    ordered = sorted(track.values())
+    assert found[0].advantage.factor == pytest.approx(ordered[1] / ordered[0])
+    assert found[0].confidence_text == "one run: no interval"
+    times = {r.controller: np.nanmedian(r.run.step_time) for r in study.select("track")[:4]}
+    assert found[0].best.step_time == pytest.approx(times[found[0].best.name])
+
+
+def test_first_table_is_the_verdict(study):
+    table = study_tables(study, published=False)[0]
+    assert table.title == "Verdict"
+    cells = dict(zip(table.columns, table.rows[0], strict=True))
+    best = verdicts(study)[0]
+    assert (cells["task"], cells["best"]) == ("track 20 s", best.best.name)
+    assert cells["result"] == f"ME {1e3 * best.best.value:.3g} mm"
+    assert table.lead == " ".join(headline(verdicts(study)))
+    assert f"Best in track 20 s, track 30 s and step response: {best.best.name}." in table.lead
+
+
+def test_one_run_with_noise_is_no_proof(study):
+    (noise,) = of_task(study, "noise")
+    assert f"Noise 30 s: {noise.best.name} is best in one run" in " ".join(headline([noise]))
+
+
+@pytest.fixture
+def repeated(study):
+    """Noise runs of three controllers; the first two differ by ``RATIO`` in every seed."""
+    some = study.select("noise")[0]
+    me = {"b": 0.05 + 0.01 * np.abs(NOISE)}
+    me["a"], me["c"] = me["b"] * RATIO, me["b"] + 1e-4 * RNG.normal(size=SEEDS) + 1e-6
+    runs = [
+        with_me(some, values[k], controller=name, repeat=k)
+        for k in range(SEEDS)
+        for name, values in me.items()
+    ]
+    return replace(study, tracks=tuple(runs), steps=())
+
+
+def test_factor_over_seeds_has_an_interval(repeated):
+    two = replace(repeated, tracks=tuple(r for r in repeated.tracks if r.controller != "c"))
+    (verdict,) = verdicts(two)
+    assert (verdict.best.name, verdict.following.name) == ("b", "a")
+    low, high = np.exp(stats.t.interval(0.95, SEEDS - 1, np.mean(np.log(RATIO)),
+                                        stats.sem(np.log(RATIO))))  # fmt: skip
+    assert verdict.advantage[:3] == pytest.approx((stats.gmean(RATIO), low, high))
+    me = {name: [r.metrics.me for r in two.tracks if r.controller == name] for name in ("a", "b")}
+    assert verdict.advantage.p == pytest.approx(stats.ttest_rel(me["a"], me["b"]).pvalue, rel=1e-6)
+    assert verdict.confidence_text == f"{low:.2f} to {high:.2f}, p < 0.001"
+    assert headline([verdict]) == ["Best in noise 30 s: b."]
+
+
+def test_tie_is_no_win(repeated):
+    (verdict,) = verdicts(repeated)
+    assert verdict.advantage.is_tied
+    assert verdict.confidence_text.startswith("no difference shown, p = ")
+    assert headline([verdict]) == ["Noise 30 s: no difference shown between c and b."]
+
+
+def test_stopped_run_is_not_ranked(part):
+    first, second = part.tracks
+    stopped = replace(first, run=truncated(first.run, 60, outcome=Outcome.CONTROLLER_FAILED))
+    (verdict,) = verdicts(replace(part, tracks=(stopped, second)))
+    assert (verdict.best.name, verdict.unranked) == (second.controller, (first.controller,))
+    assert (verdict.following, verdict.confidence_text) == (None, "no other result")
+    (table,) = (t for t in study_tables(replace(part, tracks=(stopped, second)), published=False)
+                if t.title == "Verdict")  # fmt: skip
+    assert f"{first.controller} (track 20 s)" in table.note
+    assert verdicts(replace(part, tracks=(stopped, stopped))) == []
+
+
+def test_one_controller_has_no_verdict(part):
+    assert verdicts(replace(part, tracks=part.tracks[:1])) == []
+
+
+def test_step_response_is_ranked_by_its_slowest_axis(study):
+    some = study.steps[0]
+    undefined = StepResponse(float("nan"), float("nan"), float("nan"))  # an axis without a step
+
+    def step(name, *times):
+        responses = tuple(StepResponse(0.0, 0.1, seconds) for seconds in times)
+        return replace(some, controller=name, responses=(*responses, undefined))
+
+    steps = (step("a", 1.0, 0.2), step("b", 0.9, 0.8), step("c", 0.1, float("nan")))
+    (verdict,) = verdicts(replace(study, tracks=(), steps=steps))
+    assert [c.name for c in verdict.ranking] == ["b", "a"]
+    assert verdict.unranked == ("c",)
+    assert verdict.value_text(verdict.best) == "settling 0.900 s"
+    assert verdict.factor_text == "1.11"
+
+
+def test_faults_are_ranked_by_recoveries_then_by_error(part):
+    result = part.tracks[0]
+    fault = parse_fault("encoder-dead:wheel=1,at=4")
+    stopped = truncated(
+        result.run, 60, outcome=Outcome.STOPPED, events=(Event(4.5, "the watchdog stops"),)
+    )
+
+    def runs(name, *made):
+        first = FaultResult(name, 0, None, 20.0, result.run, result.metrics)
+        return [first, *(FaultResult(name, k, fault, 20.0, run, result.metrics)
+                         for k, run in enumerate(made, 1))]  # fmt: skip
+
+    faults = (*runs("frail", stopped, result.run), *runs("robust", result.run, result.run))
+    (verdict,) = verdicts(replace(part, tracks=(), faults=faults))
+    assert [c.name for c in verdict.ranking] == ["robust", "frail"]
+    assert [c.recovered for c in verdict.ranking] == [2, 1]
+    assert verdict.factor_text == "1 more"
+    assert verdict.value_text(verdict.best).startswith("2 of 2 recovered, max. error ")
+    assert headline([verdict]) == ["Best in faults: robust."]
