@@ -51,7 +51,7 @@ def test_compare_with_the_recommended_preset(tmp_path):
     data = json.loads((tmp_path / "here" / "results.json").read_text())
     assert {r["controller"] for r in data["runs"]} == {"pid", "fuzzy_t2"}
     assert all(r["me"] < 0.005 for r in data["runs"])
-    assert "Interval type-2 fuzzy PID" in (tmp_path / "here" / "report.html").read_text()
+    assert "interval type-2 fuzzy PID" in (tmp_path / "here" / "report.html").read_text()
 
 
 def test_default_controllers_depend_on_preset(tmp_path):
@@ -85,11 +85,27 @@ def test_compare_with_several_seeds(tmp_path):
         "--controllers", "fuzzy_t1,holonomic-nmpc", "--out", "here", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "Paired differences with noise" in done.stdout
+    assert done.stdout.startswith("Best in noise 30 s: holonomic-nmpc.")
+    assert "p < 0.001" in done.stdout
+    assert "Paired differences with noise" not in done.stdout
+    assert "Fuzzy rules" not in done.stdout
     data = json.loads((tmp_path / "here" / "results.json").read_text())
     assert data["scenario"]["tasks"]["noise"]["repeats"] == 3
     assert len(data["runs"]) == 6
     assert "Paired differences with noise" in (tmp_path / "here" / "report.html").read_text()
+
+
+def test_compare_full_prints_every_table(tmp_path):
+    done = omnidrive(
+        "compare", "--plant", "kinematic", "--tasks", "track", "--full",
+        "--controllers", "fuzzy_t1,holonomic-nmpc", "--out", "here", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Best in track 20 s and track 30 s: holonomic-nmpc.")
+    for shown in ("Verdict", "Fuzzy rules", "Controllers", "effort"):
+        assert shown in done.stdout
+    assert "not found" not in done.stderr  # fonts
+    assert "0.0000" not in done.stdout
 
 
 def test_compare_on_user_map(tmp_path):
