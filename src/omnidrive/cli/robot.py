@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 
 from omnidrive.cli.options import ForceOption, check_overwrite
-from omnidrive.cli.progress import print_tables
 from omnidrive.cli.robot_text import robot_tables
+from omnidrive.cli.tables import print_tables
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.evaluation.figures import save as save_figure
 from omnidrive.evaluation.figures.robot_card import robot_card
