@@ -136,7 +136,7 @@ def check_yaml(text: str, folder) -> None:
     """Check that a fragment of YAML is a part of a scenario; the other parts are the paper's."""
     path = folder / "fragment.yaml"
     path.write_text(yaml.safe_dump({**scenario_data(paper_scenario()), **yaml.safe_load(text)}))
-    load_scenario(path)
+    load_scenario(path, allow_code=True)
 
 
 def check_extras(words: list[str]) -> None:

@@ -25,6 +25,7 @@ def named(page):
 
 def run_page(page, folder, monkeypatch, *, is_long):
     monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
     runner = PageRunner(folder)
     for block in blocks(page):
         if is_long or not block.is_long:
