@@ -39,6 +39,16 @@ def test_examples_run(example, tmp_path):
     assert run(example, cwd=tmp_path).strip()
 
 
+def test_own_controller_turns_the_shorter_way(tmp_path):
+    """To a heading of 6.0 rad, by -0.28 rad."""
+    assert "turned by -0.28 rad" in run(ROOT / "examples" / "own_controller.py", cwd=tmp_path)
+
+
+def test_example_of_wheel_torques_follows_its_reference(tmp_path):
+    printed = run(ROOT / "examples" / "wheel_torque_control.py", cwd=tmp_path)
+    assert float(re.search(r"mean ([\d.]+) mm", printed)[1]) < 2.0
+
+
 def test_every_verb_has_an_example():
     assert {"compare", "plan", "run"} <= {path.stem for path in EXAMPLES}
 

@@ -10,7 +10,7 @@ from omnidrive.robot import named_robot
 from omnidrive.simulation import Outcome, Run
 
 
-def log(pose, target, measured=None, command=None):
+def log(pose, target, measured=None, command=None, wheel_speed_command=None):
     n = len(pose)
     zeros = np.zeros((n, 3))
     return Run(
@@ -23,7 +23,9 @@ def log(pose, target, measured=None, command=None):
         wheel_speed=np.zeros((n, 4)),
         wheel_torque=np.zeros((n, 4)),
         saturated=np.zeros(n, np.int64),
-        wheel_speed_command=np.zeros((n, 0)),
+        wheel_speed_command=np.zeros((n, 0))
+        if wheel_speed_command is None
+        else wheel_speed_command,
         wheel_torque_command=np.zeros((n, 0)),
         work=np.linspace(0.0, 7.0, n),
         step_time=np.append(np.arange(1.0, n), np.nan),
@@ -75,3 +77,14 @@ def test_effort_is_the_mean_change_of_wheel_speed():
 def test_step_times_exclude_the_last_row():
     m = metrics(np.zeros((5, 3)), np.zeros((5, 3)))
     assert m.step_time_median == 2.5
+
+
+def test_effort_of_commanded_wheel_speeds_equals_that_of_their_twists():
+    robot = named_robot("paper")
+    twists = np.array([(0.1, 0.0, 1.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)])
+    unknown, still = np.full((4, 3), np.nan), np.zeros((4, 3))
+    speeds = twists @ robot.chassis.jacobian.T
+    by_twists = metrics(still, still, command=twists)
+    by_wheels = metrics(still, still, command=unknown, wheel_speed_command=speeds)
+    assert by_wheels.wheel_acceleration == pytest.approx(by_twists.wheel_acceleration)
+    assert np.isnan(metrics(still, still, command=unknown).wheel_acceleration)

@@ -35,7 +35,8 @@ class Metrics(NamedTuple):
     work: float
     """Mechanical work of the motors, J; NaN if the plant does not simulate forces."""
     wheel_acceleration: float
-    """Control effort: mean absolute rate of change of the commanded wheel speeds, rad/s^2."""
+    """Control effort: mean absolute rate of change of the commanded wheel speeds, rad/s^2; NaN if
+    torques were commanded."""
     step_time_median: float
     """Median computing time of a controller step, us."""
     step_time_p99: float
@@ -67,6 +68,8 @@ def measure(run: Run, chassis: Chassis) -> Metrics:
     if not late.any():
         late[-1] = True
     wheels = run.command[:-1] @ chassis.jacobian.T
+    if run.wheel_speed_command.size:
+        wheels = np.where(np.isnan(wheels), run.wheel_speed_command[:-1], wheels)
     change = np.abs(np.diff(wheels, axis=0, prepend=np.zeros((1, wheels.shape[1]))))
     step_time = run.step_time[np.isfinite(run.step_time)]
     median, p99 = np.percentile(step_time, [50, 99]) if len(step_time) else (nan, nan)

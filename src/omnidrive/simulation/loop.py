@@ -301,8 +301,8 @@ class _Log:
     pipeline: Pipeline
     rows: list[tuple[float, ...]] = field(default_factory=list)
     details: list[tuple[float, ...]] = field(default_factory=list)
-    wheels: list[tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=list)
-    """Speeds and torques of the wheels."""
+    wheel_speeds: list[tuple[float, ...]] = field(default_factory=list)
+    wheel_torques: list[tuple[float, ...]] = field(default_factory=list)
     wheel_commands: dict[int, WheelSpeeds | WheelTorques] = field(default_factory=dict)
     """Commands other than body twists, by row."""
     end: _Ended = field(default_factory=lambda: _Ended(Outcome.FINISHED))
@@ -320,7 +320,8 @@ class _Log:
              estimate.position_sigma, estimate.yaw_sigma, state.saturated)
         )  # fmt: skip
         self.details.append(command.details)
-        self.wheels.append((state.wheel_speeds, state.wheel_torques))
+        self.wheel_speeds.append(state.wheel_speeds)
+        self.wheel_torques.append(state.wheel_torques)
 
     def add_failed_start(self, start: Pose) -> None:
         """Append the only row of a run that fails before its first sample, at rest at ``start``."""
@@ -329,13 +330,13 @@ class _Log:
              nan, nan, 0)
         )  # fmt: skip
         self.details.append(())
-        self.wheels.append(((), ()))
+        self.wheel_speeds.append(())
+        self.wheel_torques.append(())
 
     def run(self, events: Sequence[Event]) -> Run:
         """Return the log of the run."""
         rows = np.array(self.rows, dtype=float)
         pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
-        wheel_speed, wheel_torque = (_columns([row[k] for row in self.wheels]) for k in (0, 1))
         supervisor, units = self.pipeline.supervisor, _units(self.pipeline.controller)
         outcome, reason = self.end.outcome, supervisor.stopped or self.end.reason
         if reason and outcome is Outcome.FINISHED:
@@ -349,8 +350,8 @@ class _Log:
             target=target,
             command=command,
             twist=twist,
-            wheel_speed=wheel_speed,
-            wheel_torque=wheel_torque,
+            wheel_speed=_columns(self.wheel_speeds),
+            wheel_torque=_columns(self.wheel_torques),
             saturated=rows[:, 22].astype(np.int64),
             wheel_speed_command=self._wheel_commands(WheelSpeeds),
             wheel_torque_command=self._wheel_commands(WheelTorques),
@@ -378,10 +379,9 @@ class _Log:
 def _columns(rows: Sequence[tuple[float, ...]]) -> Float[Array, "rows wheels"]:
     """Return the rows as an array, without columns if all are empty; NaN in shorter rows."""
     wheels = max(map(len, rows))
-    none = (nan,) * wheels
-    return np.array([row if len(row) == wheels else none for row in rows], dtype=float).reshape(
-        len(rows), wheels
-    )
+    if min(map(len, rows)) < wheels:
+        rows = [row if len(row) == wheels else (nan,) * wheels for row in rows]
+    return np.array(rows, dtype=float)
 
 
 def _units(controller: Controller) -> Mapping[str, str]:

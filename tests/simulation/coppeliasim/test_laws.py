@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnidrive.control import FeedforwardController
+from omnidrive.control import FeedforwardController, WheelTorques
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
@@ -15,6 +16,7 @@ from omnidrive.simulation import (
     MujocoPlant,
     Outcome,
     Plant,
+    Saturation,
     simulate,
 )
 from tests.laws import test_plants as laws
@@ -89,6 +91,28 @@ def test_wheel_angles_are_continuous_over_whole_turns(make):
     assert state.wheel_angles == pytest.approx(2.0 * robot.chassis.wheel_speeds(twist), rel=0.1)
     assert state.wheel_torques == ()  # the simulator reports instantaneous torques, not means
     assert state.work > 0.5 * robot.mass * 1.0
+
+
+def test_wheel_speeds_of_a_twist_give_the_motion_of_the_twist(make):
+    twist = BodyTwist(0.5, -0.2, 0.7)
+    laws.test_wheel_speeds_of_a_twist_give_the_motion_of_the_twist(make, "small", twist)
+
+
+def test_wheel_torques_are_refused(make):
+    plant = make(named_robot("small"))
+    plant.reset(Pose(0.0, 0.0, 0.0))
+    with pytest.raises(InvalidInput, match="this plant does not execute wheel torques"):
+        plant.step(WheelTorques([0.1] * 4), 0.1)
+
+
+def test_reports_wheel_speeds_and_their_limit(make):
+    plant = make(named_robot("small"))
+    twist = BodyTwist(0.4, 0.2, 0.5)
+    state = laws.drive(plant, Pose(0.0, 0.0, 0.0), twist, 20)[-1]
+    expected = plant.robot.chassis.wheel_speeds(twist)
+    assert state.wheel_speeds == pytest.approx(expected, rel=0.05, abs=0.1)
+    assert state.saturated == Saturation.NONE
+    assert plant.step(BodyTwist(9.0, 0.0, 0.0), 0.1).saturated == Saturation.WHEEL_SPEED
 
 
 def test_body_object_with_another_orientation(make):

@@ -193,7 +193,8 @@ class MujocoPlant:
                 reached |= _TORQUE
             if not reached & _FRICTION and self._slips():
                 reached |= _FRICTION
-        self._torques, self._reached = torques / count, reached
+        self._torques, self._speeds = torques / count, self._servos.last_speeds
+        self._reached = reached
         for i in self._disturbances.locked:  # torque of the motor of a locked wheel
             limit = self.robot.max_torque
             self._torques[i] = np.clip(self.robot.servo_gain * self._data.ctrl[i], -limit, limit)
@@ -254,10 +255,10 @@ class MujocoPlant:
         self._yaw += disturbances.offset.yaw
 
     def _start(self, yaw: float) -> None:
-        """Set yaw, work, torques, limits reached and wheel angles to their initial values."""
+        """Set what the plant reports besides MuJoCo's state to its initial values."""
         wheels = len(self.robot.mounts)
         self._yaw, self._work = yaw, 0.0
-        self._torques = np.zeros(wheels)
+        self._torques, self._speeds = np.zeros(wheels), np.zeros(wheels)
         self._reached = 0
         self._initial_positions = self._data.qpos[self._joints].copy()
 
@@ -292,7 +293,7 @@ class MujocoPlant:
             wheel_angles=tuple(self._wheel_angles().tolist()),
             wheel_torques=tuple(self._torques.tolist()),
             collisions=collisions,
-            wheel_speeds=tuple(self._servos.speeds.tolist()),
+            wheel_speeds=tuple(self._speeds.tolist()),
             saturated=self._reached,
         )
 

@@ -22,6 +22,7 @@ class VelocityServos:
 
     Attributes:
         at_limit: Whether a motor was at its torque limit in the last steps.
+        last_speeds: Speed of each wheel at their end, rad/s.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -31,6 +32,7 @@ class VelocityServos:
         self._gears = model.actuator_gear[:, 0]
         self._own_limits: Float[Array, "wheels 2"] | None = None
         self.at_limit = False
+        self.last_speeds = np.zeros(model.nu)
 
     @property
     def speeds(self) -> Float[Array, " wheels"]:
@@ -109,10 +111,10 @@ class VelocityServos:
         limits, gains = model.actuator_forcerange[:, 1], -model.actuator_biasprm[:, 2]
         changes = np.empty_like(speeds)
         changes[:-1] = speeds[1:]
-        changes[-1] = self.speeds
+        self.last_speeds = changes[-1] = self.speeds
         changes -= speeds
         below = np.abs(forces) < limits
-        self.at_limit = not below.all()
+        self.at_limit = np.count_nonzero(below) < below.size
         corrections = gains * changes * below
         mean: Float[Array, " wheels"] = (forces - corrections).sum(axis=0) / len(forces)
         return mean

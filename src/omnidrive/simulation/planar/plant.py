@@ -170,6 +170,7 @@ class PlanarPlant:
             work,
             tuple((wheels["angle"] - self._phases).tolist()),
             tuple(wheels["torque"].tolist()),
-            wheel_speeds=tuple(wheels["speed"].tolist()),
-            saturated=saturated | reached,
+            0,
+            tuple(wheels["speed"].tolist()),
+            saturated | reached,
         )
