@@ -10,6 +10,7 @@ from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.step_response import StepResponse
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path, SplinePath
+from omnidrive.reference import ReferencePath
 from omnidrive.robot import Robot
 from omnidrive.simulation import Fault, Run
 
@@ -114,8 +115,8 @@ class StudyResults:
         dt: Sample time of the controllers, s.
         obstacles: Occupancy grid of the obstacles.
         free_space: The inflated map, whose free cells the robot's centre may enter.
-        grid_path: Cells of the searched path, as poses.
-        spline: The smoothed path.
+        grid_path: Cells of the searched path, as poses; None for a reference that is not planned.
+        spline: The smoothed path, or the path of a reference that is not planned.
         tracks: Tracking runs.
         steps: Step responses.
         faults: Runs of the task ``faults``.
@@ -129,8 +130,8 @@ class StudyResults:
     dt: float
     obstacles: OccupancyGrid
     free_space: OccupancyGrid
-    grid_path: Path
-    spline: SplinePath
+    grid_path: Path | None
+    spline: SplinePath | ReferencePath
     tracks: tuple[TrackResult, ...]
     steps: tuple[StepResult, ...]
     faults: tuple[FaultResult, ...] = ()

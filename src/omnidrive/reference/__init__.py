@@ -9,6 +9,7 @@ from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.minimum_time import MinimumTime, minimum_time
 from omnidrive.reference.path_timing import time_within_limits
 from omnidrive.reference.reference import Hold, Reference, Setpoint
+from omnidrive.reference.reference_path import ReferencePath
 from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.shape_reference import ShapeReference
@@ -36,6 +37,7 @@ __all__ = [
     "RandomSmooth",
     "Reference",
     "ReferenceContext",
+    "ReferencePath",
     "RetimedReference",
     "SampledReference",
     "Setpoint",

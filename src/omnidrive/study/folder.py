@@ -9,10 +9,12 @@ from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
 from platform import python_version
+from shutil import copyfile
 from typing import Any
 
 import pyarrow.parquet as pq
 
+from omnidrive.components import configure
 from omnidrive.errors import CannotWrite
 from omnidrive.evaluation import (
     MEASURES,
@@ -38,7 +40,7 @@ from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.log_file import log_table
 from omnidrive.study.output_folder import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.scenario import RobotSection, Scenario
+from omnidrive.study.scenario import WAYPOINTS, RobotSection, Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
 
 _VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
@@ -63,10 +65,14 @@ class RunFolder:
             self.path.mkdir(parents=True, exist_ok=True)
 
     def save_inputs(self, planned: PlannedScenario) -> None:
-        """Write the scenario, the map unless it is `paper`, and robots that are from files."""
-        if planned.scenario.map.source != "paper":
+        """Write the scenario and copies of its map, robot and waypoint files."""
+        if planned.scenario.map.is_file:
             with write_errors(self.path):
                 save_nav2_map(planned.obstacles, self.path / "map.yaml")
+        waypoints = _waypoint_file(planned.scenario)
+        if waypoints:
+            with write_errors(self.path):
+                copyfile(waypoints, self.path / f"waypoints{waypoints.suffix}")
         for key in _robot_files(planned.scenario):
             with write_errors(self.path):
                 save_robot(getattr(planned, key), self.path / f"{key}.yaml")
@@ -91,7 +97,10 @@ class RunFolder:
             },
             "components": component_origins(planned.scenario),
             "scenario": scenario_data(_portable(planned.scenario)),
-            "path": {"length": results.spline.length, "cells": len(results.grid_path.poses)},
+            "path": {
+                "length": results.spline.length,
+                "cells": len(results.grid_path.poses) if results.grid_path else None,
+            },
             "verdict": [verdict_record(verdict) for verdict in verdicts(results)],
             "runs": [track_record(result) for result in results.tracks],
             "step_response": [row for step in results.steps for row in step_records(step)],
@@ -114,7 +123,9 @@ class RunFolder:
 def component_origins(scenario: Scenario) -> dict[str, Any]:
     """Return distribution and version, or file and hash, of the scenario's components."""
     estimator = scenario.sensors.estimator if scenario.sensors else None
+    reference = scenario.reference
     return {
+        "reference": None if reference == "path" else reference.component.origin,
         "controllers": {label: c.component.origin for label, c in scenario.controllers.items()},
         "plant": scenario.plant.component.origin,
         "estimator": estimator and estimator.component.origin,
@@ -122,14 +133,26 @@ def component_origins(scenario: Scenario) -> dict[str, Any]:
 
 
 def _portable(scenario: Scenario) -> Scenario:
-    """Return the scenario with the copies of the map and of the robot in the run folder."""
+    """Return the scenario with the copies of its files in the run folder."""
     changes: dict[str, object] = {}
-    if scenario.map.source != "paper":
+    waypoints = _waypoint_file(scenario)
+    if waypoints:
+        file = f"waypoints{waypoints.suffix}"
+        changes["reference"] = configure("references", WAYPOINTS, {"file": file})
+    if scenario.map.is_file:
         copy = {"source": "map.yaml", "resolution": None}
         changes["map"] = scenario.map.model_copy(update=copy)
     for key, section in _robot_files(scenario).items():
         changes[key] = section.model_copy(update={"name": f"{key}.yaml"})
     return scenario.model_copy(update=changes)
+
+
+def _waypoint_file(scenario: Scenario) -> Path | None:
+    """Return the waypoint file of the scenario's reference; None for another reference."""
+    reference = scenario.reference
+    if reference == "path" or reference.type != WAYPOINTS:
+        return None
+    return Path(reference.values["file"])
 
 
 def _robot_files(scenario: Scenario) -> dict[str, RobotSection]:

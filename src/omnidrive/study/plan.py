@@ -9,7 +9,15 @@ import numpy as np
 from omnidrive.errors import CannotWrite
 from omnidrive.files.bounded_file import one_line
 from omnidrive.files.str_path import StrPath, to_path
-from omnidrive.reference import Reference, TimedReference, save_waypoints, wheel_speed_used
+from omnidrive.planning import SplinePath
+from omnidrive.reference import (
+    Reference,
+    TimedReference,
+    limit_usage,
+    sample_within_limits,
+    save_waypoints,
+    wheel_speed_used,
+)
 from omnidrive.study.output_folder import check_figure_name, is_waypoint_file
 from omnidrive.study.planned_scenario import PlannedScenario
 
@@ -33,7 +41,7 @@ class Fact(NamedTuple):
 def planned_duration(planned: PlannedScenario) -> float:
     """Return the first duration of the path in the tasks, in s; if there is none, the shortest."""
     durations = planned.scenario.tasks.path_durations
-    return durations[0] if durations else planned.shortest
+    return durations[0] if durations else planned.natural or planned.shortest
 
 
 def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact]:
@@ -43,19 +51,17 @@ def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact
         planned: The planned scenario.
         reference: The motion along the path.
     """
-    found, path = planned.plan.search_result, planned.path
-    attained, proved = path.max_curvature
+    path = planned.path
     facts = {
-        "search": Fact(planned.scenario.path.search),
-        "expansions": Fact(found.expansions, digits=0),
-        "search time": Fact(1e3 * found.seconds, "ms"),
-        "cells of grid path": Fact(len(found.cells), digits=0),
-        "length of grid path": Fact(planned.plan.grid_path.length, "m"),
-        "smoothing": Fact(planned.scenario.path.smooth),
+        **_search_facts(planned),
         "length": Fact(path.length, "m"),
         "clearance": Fact(planned.clearance_bounds[0], "m"),
-        "largest curvature": Fact(attained if np.isinf(proved) else proved, "1/m"),
-        "timing": Fact(planned.scenario.timing.law),
+    }
+    if isinstance(path, SplinePath):
+        attained, proved = path.max_curvature
+        facts["largest curvature"] = Fact(attained if np.isinf(proved) else proved, "1/m")
+        facts["timing"] = Fact(planned.scenario.timing.law)
+    facts |= {
         "shortest duration": Fact(planned.shortest, "s"),
         "duration": Fact(reference.duration, "s"),
         "mean speed": Fact(path.length / reference.duration, "m/s"),
@@ -67,12 +73,30 @@ def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact
     return facts | ({"note": Fact(planned.note)} if planned.note else {})
 
 
+def _search_facts(planned: PlannedScenario) -> dict[str, Fact]:
+    """Return the facts on search and smoothing, or the name of another reference."""
+    if planned.plan is None:
+        assert planned.scenario.reference != "path"
+        return {"reference": Fact(planned.scenario.reference.type)}
+    found = planned.plan.search_result
+    return {
+        "search": Fact(planned.scenario.path.search),
+        "expansions": Fact(found.expansions, digits=0),
+        "search time": Fact(1e3 * found.seconds, "ms"),
+        "cells of grid path": Fact(len(found.cells), digits=0),
+        "length of grid path": Fact(planned.plan.grid_path.length, "m"),
+        "smoothing": Fact(planned.scenario.path.smooth),
+    }
+
+
 def _limit_usage(planned: PlannedScenario, reference: Reference) -> dict[str, float]:
-    """Return the peak utilisation of every limit by the reference, by name."""
+    """Return the peak use of every limit by the reference, as a share of the limit, by name."""
     if isinstance(reference, TimedReference):
         return reference.limit_usage
-    share = wheel_speed_used(planned.path, reference.duration, planned.robot.chassis)
-    return {"wheel speed": share}
+    if isinstance(planned.path, SplinePath):
+        share = wheel_speed_used(planned.path, reference.duration, planned.robot.chassis)
+        return {"wheel speed": share}
+    return limit_usage(reference, planned.limits)
 
 
 def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
@@ -89,8 +113,8 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -
     times = np.linspace(0.0, reference.duration, _SAMPLES)
     figure = plan_figure(
         planned.obstacles,
-        planned.plan.free_space,
-        planned.plan.grid_path,
+        planned.free_space,
+        planned.plan.grid_path if planned.plan else None,
         times,
         _window(reference),
     )
@@ -103,7 +127,10 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -
 
 
 def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
-    """Write the reference to a waypoint file, one row per sample time, or to a folder.
+    """Write the reference to a waypoint file or to a folder.
+
+    There is one row per sample time, and further rows where the limits would otherwise be exceeded
+    by more than 1 % between rows; see :func:`~omnidrive.reference.sample_within_limits`.
 
     Args:
         planned: The planned scenario.
@@ -116,13 +143,22 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> 
     """
     path = to_path(path)
     if is_waypoint_file(path):
-        save_waypoints(path, reference, dt=planned.scenario.sample_time)
+        _save_motion(planned, reference, path)
         return
     from omnidrive.study.folder import RunFolder  # noqa: PLC0415 - takes a second
 
     RunFolder(path).save_inputs(planned)
-    save_waypoints(path / "reference.csv", reference, dt=planned.scenario.sample_time)
+    _save_motion(planned, reference, path / "reference.csv")
     save_figure(planned, reference, path / "path.png")
+
+
+def _save_motion(planned: PlannedScenario, reference: Reference, path: Path) -> None:
+    dt = planned.scenario.sample_time
+    if isinstance(reference, TimedReference):  # it has limits of its own
+        save_waypoints(path, reference, dt=dt)
+        return
+    usage = _limit_usage(planned, reference)
+    save_waypoints(path, sample_within_limits(reference, dt, planned.limits, usage))
 
 
 def _window(reference: Reference) -> np.ndarray:

@@ -1,43 +1,63 @@
-"""Planned scenarios: map, path and timing."""
+"""Planned scenarios: map, motion and its path."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path as FilePath
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid, load_map, paper_map, paper_wall
 from omnidrive.planning import Plan, SplinePath, plan
 from omnidrive.reference import (
+    LimitRows,
     MotionLimits,
     Reference,
+    ReferenceContext,
+    ReferencePath,
+    RetimedReference,
+    ShapeReference,
     TimedReference,
+    limit_rows,
+    limit_usage,
     minimum_time,
     shortest_duration,
+    shortest_duration_within,
     time_uniformly,
     time_within_limits,
 )
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances import Schedule
-from omnidrive.study.scenario import Scenario, robot_of
+from omnidrive.study.scenario import MapSection, Scenario, robot_of
+
+_FLOOR_CELLS = 200
+"""Largest number of cells of an open floor along x and y; the plants do not use them."""
+
+_ROUNDING = 1e-3
+"""Tolerated relative excess of the wheel speed limit by rounding and sampling."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlannedScenario:
-    """Scenario with robot, map, path and timing, shared by all runs of a study.
+    """Scenario with robot, map and motion, shared by all runs of a study.
 
     Attributes:
         scenario: The scenario.
         robot: The robot, as far as controllers know it.
         plant_robot: The simulated robot.
         obstacles: Map without inflation.
-        plan: Results of search and smoothing, and the free space of the robot's centre.
-        path: Smooth path; with the timing `minimum-time`, the optimised one. Its headings are those
-            of the motion unless the timing determines the heading.
-        fastest: Fastest motion along the path within the limits; None with the timing `uniform`.
+        free_space: The inflated map, whose free cells the robot's centre may enter.
+        plan: Results of search and smoothing; None unless the reference is a planned path.
+        path: Path of the motion: the smooth path or, with the timing `minimum-time`, the optimised
+            one. Its headings are those of the motion unless the timing determines the heading.
+        motion: Motion that is slowed down or sped up to the durations of the tasks: the fastest one
+            along the planned path within the limits, or that of the scenario's reference. None for
+            a planned path with the timing `uniform`.
         note: Status and message of the minimum-time optimisation; otherwise empty.
     """
 
@@ -45,14 +65,18 @@ class PlannedScenario:
     robot: Robot
     plant_robot: Robot
     obstacles: OccupancyGrid
-    plan: Plan
-    path: SplinePath
-    fastest: TimedReference | None
+    free_space: OccupancyGrid
+    plan: Plan | None
+    path: SplinePath | ReferencePath
+    motion: Reference | None
     note: str = ""
 
     @property
     def clearance_bounds(self) -> tuple[float, float]:
-        """Proved lower and upper bound on the least distance of the body to an obstacle, m."""
+        """Lower and upper bound on the least distance of the body to an obstacle, m.
+
+        Those of a planned path are proved.
+        """
         least, most = self.path.clearance(self.obstacles)
         return least - self.robot.body_radius, most - self.robot.body_radius
 
@@ -63,55 +87,81 @@ class PlannedScenario:
     @property
     def start(self) -> Pose:
         """Start pose of the motion in W; m, m, rad. The timing may determine its heading."""
-        if self.fastest is not None:
-            return self.fastest.at(0.0).pose
+        if self.motion is not None:
+            return self.motion.at(0.0).pose
         return Pose(*self.path.poses(0.0).tolist())
 
     @property
+    def limits(self) -> tuple[LimitRows, ...]:
+        """Limits of the motion: wheel speed and, unless the timing is `uniform`, accelerations."""
+        rows = limit_rows(self.robot.chassis, _motion_limits(self.scenario, self.robot))
+        return rows[:1] if self.motion is None else rows
+
+    @property
     def shortest(self) -> float:
-        """Shortest feasible duration, s; rounded to 0.1 s with the timing `uniform`."""
-        if self.fastest is not None:
-            return self.fastest.duration
+        """Shortest duration within the limits, s; rounded to 0.1 s with the timing `uniform`."""
+        if isinstance(self.motion, TimedReference):
+            return self.motion.duration
+        if self.motion is not None:
+            return shortest_duration_within(self.motion, self.limits)
+        assert isinstance(self.path, SplinePath)
         return shortest_duration(self.path, self.robot.chassis)
 
+    @property
+    def natural(self) -> float | None:
+        """Duration of a motion with times of its own, s; None: only limits determine it."""
+        by_limits = self.motion is None or isinstance(self.motion, TimedReference | ShapeReference)
+        return None if by_limits or self.motion is None else self.motion.duration
+
     def reference(self, duration: float) -> Reference:
-        """Return the motion along the path in ``duration`` seconds.
+        """Return the motion in ``duration`` seconds.
 
         Raises:
-            InvalidReference: The duration is too short for the limits of the robot.
+            InvalidReference: The duration is too short for the limits of the robot. Only the wheel
+                speed limits a motion that is not along a planned path.
         """
-        if self.fastest is not None:
-            return self.fastest.with_duration(duration)
-        return time_uniformly(self.path, duration, self.robot.chassis)
+        if isinstance(self.motion, TimedReference):
+            return self.motion.with_duration(duration)
+        if self.motion is None:
+            assert isinstance(self.path, SplinePath)
+            return time_uniformly(self.path, duration, self.robot.chassis)
+        self._check_wheel_speed(self.motion, duration)
+        if duration == self.motion.duration:
+            return self.motion
+        return RetimedReference(self.motion, duration)
+
+    def _check_wheel_speed(self, motion: Reference, duration: float) -> None:
+        limits = self.limits[:1]
+        (share,) = limit_usage(motion, limits).values()
+        share *= motion.duration / duration
+        if share > 1.0 + _ROUNDING:
+            top = self.robot.max_wheel_speed
+            raise InvalidReference(
+                f"{duration:g} s is too short for this reference: a wheel would need "
+                f"{share * top:.0f} rad/s and reaches {top:g} rad/s. The shortest duration is "
+                f"{ceil(10.0 * share * duration) / 10.0:g} s"
+            )
 
 
 def plan_scenario(scenario: Scenario) -> PlannedScenario:
-    """Read the map, plan the path and find the fastest motion along it.
+    """Read the map, plan the path and find the fastest motion along it, or make the reference.
 
     Raises:
         InvalidMap: The map cannot be read.
         InvalidWaypoint: The robot would touch an obstacle at start or goal.
         NoPathFound: There is no path between them.
         InvalidInput: The name of the robot is unknown, or its parameters are not possible.
-        InvalidReference: The timing is not applicable to the path.
+        InvalidReference: The timing is not applicable to the path, or the reference is not
+            possible.
         MissingExtra: The timing needs an extra that is not installed.
     """
-    robot = robot_of(scenario.robot)
-    source, inflation_note = scenario.map, ""
-    if source.source == "paper":
-        obstacles, grid, inflation = paper_wall(), paper_map(), source.margin
-    else:
-        obstacles = grid = load_map(
-            FilePath(source.source), resolution=source.resolution, unknown=source.unknown
-        )
-        # this distance holds for cell centres; a point of a cell is half a diagonal from its centre
-        half_diagonal = grid.resolution * 0.5**0.5
-        inflation = robot.body_radius + max(source.margin, half_diagonal)
-        if half_diagonal > source.margin:
-            inflation_note = (
-                f"the body radius of {robot.body_radius:g} m and half a cell diagonal, "
-                f"{half_diagonal:.3g} m, which is larger than the margin of {source.margin:g} m"
-            )
+    robot, true_robot = robot_of(scenario.robot), robot_of(scenario.true_robot)
+    if scenario.reference != "path":
+        return _with_reference(scenario, robot, true_robot)
+    assert scenario.start is not None
+    assert scenario.goal is not None
+    obstacles, grid = _grids(scenario.map)
+    inflation, inflation_note = _inflation(scenario.map, grid, robot)
     plan_ = plan(
         grid,
         scenario.start,
@@ -121,8 +171,90 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         inflation_note=inflation_note,
     )
     path, fastest, note = _timed(scenario, robot, plan_)
-    true_robot = robot_of(scenario.true_robot)
-    return PlannedScenario(scenario, robot, true_robot, obstacles, plan_, path, fastest, note)
+    return PlannedScenario(
+        scenario, robot, true_robot, obstacles, plan_.free_space, plan_, path, fastest, note
+    )
+
+
+def _with_reference(scenario: Scenario, robot: Robot, true_robot: Robot) -> PlannedScenario:
+    """Return the planned scenario of a reference that is not a planned path."""
+    assert scenario.reference != "path"
+    x, y, yaw = scenario.start or (0.0, 0.0, None)
+    made = scenario.reference.make(ReferenceContext(robot, Pose(x, y, yaw or 0.0)))
+    motion = _checked_motion(scenario.reference.type, made)
+    path = ReferencePath.of(motion)
+    if scenario.map.source == "none":
+        obstacles = grid = _open_floor(path, robot)
+        free_space = grid
+    else:
+        obstacles, grid = _grids(scenario.map)
+        free_space = grid.inflated(_inflation(scenario.map, grid, robot)[0])
+    return PlannedScenario(scenario, robot, true_robot, obstacles, free_space, None, path, motion)
+
+
+def _checked_motion(name: str, motion: object) -> Reference:
+    """Return what a component made, if it is a reference with a finite motion."""
+    if not isinstance(motion, Reference):
+        raise InvalidReference(
+            f"the reference '{name}' returned a {type(motion).__name__}, need an object with "
+            "duration, at(t) and window(t, n, dt)"
+        )
+    duration = motion.duration
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise InvalidReference(f"the reference '{name}' has a duration of {duration:g} s")
+    rows = motion.window(0.0, 11, 0.1 * duration)
+    if np.shape(rows) != (11, 6) or not np.isfinite(rows).all():
+        raise InvalidReference(
+            f"the reference '{name}' must return finite rows (x, y, yaw, vx, vy, yaw rate) from "
+            f"window(t, n, dt), got an array of shape {np.shape(rows)}"
+        )
+    return motion
+
+
+def _grids(section: MapSection) -> tuple[OccupancyGrid, OccupancyGrid]:
+    """Return the map of the obstacles, and that for planning."""
+    if section.source == "paper":
+        return paper_wall(), paper_map()
+    grid = load_map(
+        FilePath(section.source), resolution=section.resolution, unknown=section.unknown
+    )
+    return grid, grid
+
+
+def _inflation(section: MapSection, grid: OccupancyGrid, robot: Robot) -> tuple[float, str]:
+    """Return the distance of the robot's centre from obstacles, m, and a note on its parts.
+
+    It holds for cell centres; a point of a cell is half a diagonal from its centre.
+    """
+    if section.source == "paper":
+        return section.margin, ""
+    half_diagonal = grid.resolution * 0.5**0.5
+    inflation = robot.body_radius + max(section.margin, half_diagonal)
+    if half_diagonal <= section.margin:
+        return inflation, ""
+    return inflation, (
+        f"the body radius of {robot.body_radius:g} m and half a cell diagonal, "
+        f"{half_diagonal:.3g} m, which is larger than the margin of {section.margin:g} m"
+    )
+
+
+def _open_floor(path: ReferencePath, robot: Robot) -> OccupancyGrid:
+    """Return a map without obstacles around a path, for pictures."""
+    around = 2.0 * robot.body_radius + 0.5
+    low, high = path.samples[:, :2].min(axis=0) - around, path.samples[:, :2].max(axis=0) + around
+    cell = max(0.05, float((high - low).max()) / _FLOOR_CELLS)
+    cols, rows = np.ceil((high - low) / cell).astype(int).tolist()
+    x, y = low.tolist()
+    return OccupancyGrid(np.zeros((rows, cols), dtype=bool), cell, (x, y), walled=False)
+
+
+def _motion_limits(scenario: Scenario, robot: Robot) -> MotionLimits:
+    """Return the limits of the section `timing`."""
+    timing = scenario.timing
+    limits = MotionLimits.of_robot(robot, share=timing.traction)
+    if timing.wheel_acceleration is None:
+        return limits
+    return replace(limits, wheel_acceleration=timing.wheel_acceleration)
 
 
 def _timed(
@@ -132,9 +264,9 @@ def _timed(
     timing, chassis = scenario.timing, robot.chassis
     if timing.law == "uniform":
         return plan_.spline, None, ""
-    limits = MotionLimits.of_robot(robot, share=timing.traction)
-    if timing.wheel_acceleration is not None:
-        limits = replace(limits, wheel_acceleration=timing.wheel_acceleration)
+    limits = _motion_limits(scenario, robot)
+    assert scenario.start is not None
+    assert scenario.goal is not None
     if timing.law == "minimum-time":
         result = minimum_time(
             plan_.spline,

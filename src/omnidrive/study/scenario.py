@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, WrapValidator, model_validator
 
 from omnidrive.choices import Heading, PresetName, TimingName, Unknown
 from omnidrive.components import (
@@ -54,6 +55,9 @@ MAX_STEPS = 200_000
 
 MAX_NOISE_STEPS = 1_000_000
 """Maximum number of samples of one controller's noise runs per duration, all kept in memory."""
+
+WAYPOINTS = "waypoints"
+"""Name of the reference that reads a file."""
 
 NEED_FORCES = tuple(kind for kind in PLANT_FAULTS if kind != "pose-jump")
 """Kinds of faults that need a plant that simulates forces."""
@@ -131,8 +135,9 @@ class MapSection(Section):
     """Map, and clearance to its obstacles."""
 
     source: str
-    """`paper`, or a map file: Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt). In a
-    scenario file, its path is relative to that file."""
+    """`paper`; `none`, a floor without obstacles, for references other than a planned path; or a
+    map file: Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt). In a scenario file, its
+    path is relative to that file."""
     margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
     """Clearance between the robot's body and obstacles, m, at least half the diagonal of a cell.
     The map `paper` is already inflated."""
@@ -144,11 +149,17 @@ class MapSection(Section):
     """Moving obstacles, for the plants `mujoco-rollers` and `mujoco-balls`. Neither planning nor
     control takes them into account."""
 
+    @property
+    def is_file(self) -> bool:
+        """Whether the source is a map file."""
+        return self.source not in {"paper", "none"}
+
     @model_validator(mode="after")
     def _check_resolution(self) -> MapSection:
-        if self.source == "paper" and self.resolution is not None:
+        if not self.is_file and self.resolution is not None:
             raise ValueError(
-                "resolution is for map files that do not define it; the map paper has a fixed one"
+                "resolution is for map files that do not define it; the map "
+                f"{self.source} has a fixed one"
             )
         return self
 
@@ -246,14 +257,24 @@ class Scenario(Section):
     """Simulated plant: a name, or `type` and parameters."""
     sample_time: Annotated[float, Bounds(0.005, 1.0, "s")] = 0.1
     """Sample time of controllers and log, s."""
-    map: MapSection
-    start: Waypoint
-    """Start in W; m, m, rad. The heading may be omitted."""
-    goal: Waypoint
-    """Goal in W; m, m, rad. The heading may be omitted."""
+    reference: Annotated[
+        Configured | Literal["path"], OfGroup("references"), WrapValidator(path_or_component)
+    ] = "path"
+    """Motion to follow. `path`: the planned path from ``start`` to ``goal``, timed as in
+    ``timing``. Otherwise a name, or `type` and parameters, such as `{type: circle, radius: 1.5}` or
+    `{type: waypoints, file: w.csv}`; it is slowed down or sped up to the durations of the tasks."""
+    map: MapSection = MapSection(source="none")
+    """Map; needed for a planned path."""
+    start: Waypoint | None = None
+    """Start in W; m, m, rad. The heading may be omitted. Needed for a planned path; shapes begin
+    there, by default at the origin; waypoint files have a start of their own."""
+    goal: Waypoint | None = None
+    """Goal in W; m, m, rad. The heading may be omitted. Needed for a planned path, not used by
+    other references."""
     path: PathOptions = PathOptions()
-    """Options of search and smoothing."""
+    """Options of search and smoothing, for a planned path."""
     timing: TimingSection = TimingSection()
+    """Timing of a planned path, and limits of the acceleration of every motion."""
     controllers: Annotated[
         dict[str, Annotated[Configured, OfGroup("controllers")]],
         Field(min_length=1, max_length=MAX_CONTROLLERS),
@@ -310,6 +331,17 @@ class Scenario(Section):
         return without_former_sections(data) if isinstance(data, dict) else data
 
     @model_validator(mode="after")
+    def _check_path(self) -> Scenario:
+        absent = [name for name in ("start", "goal") if getattr(self, name) is None]
+        absent = [*(["map"] if self.map.source == "none" else []), *absent]
+        if self.reference == "path" and absent:
+            raise ValueError(
+                f"{' and '.join(absent)} missing: a planned path needs a map, a start and a goal; "
+                f"other motions are set by reference, such as circle or {WAYPOINTS}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_moving_obstacles(self) -> Scenario:
         if self.map.moving and not self.plant_capabilities.collides:
             raise ValueError(
@@ -350,6 +382,11 @@ class Scenario(Section):
                     f"have; use {_plants_with('disturbable', 'forces')}"
                 )
         return self
+
+
+def path_or_component(value: Any, handler: Callable[[Any], Any]) -> Any:
+    """Return `path` for a planned path, and otherwise what ``handler`` makes of the value."""
+    return "path" if value in ("path", {"type": "path"}) else handler(value)
 
 
 def _plants_with(*capabilities: str) -> str:

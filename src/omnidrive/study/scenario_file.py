@@ -17,7 +17,7 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot import is_robot_file
 from omnidrive.simulation.disturbances import FAULTS
-from omnidrive.study.scenario import Scenario
+from omnidrive.study.scenario import WAYPOINTS, Scenario
 
 _KEY = re.compile(r"(?!function-)[\w.+-]+")
 _MISSING = "'{key}' is missing"
@@ -32,7 +32,7 @@ _MESSAGES = {
 
 
 def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
-    """Read a scenario file; paths of map and robots become relative to the working directory.
+    """Read a scenario file; paths of its files become relative to the working directory.
 
     Args:
         path: The file.
@@ -53,14 +53,21 @@ def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
         if robot is not None and is_robot_file(robot.name):
             file = str(path.parent / robot.name)
             changes[key] = robot.model_copy(update={"name": file})
-    if scenario.map.source != "paper":
-        if not scenario.map.source or "\0" in scenario.map.source:
-            raise InvalidScenario(
-                f"{path}: map.source must name a file, got {short_repr(scenario.map.source)}"
-            )
-        source = str(path.parent / scenario.map.source)
+    if scenario.map.is_file:
+        source = _relative_to(path, scenario.map.source, "map.source")
         changes["map"] = scenario.map.model_copy(update={"source": source})
+    reference = scenario.reference
+    if reference != "path" and reference.type == WAYPOINTS:
+        file = _relative_to(path, reference.values["file"], "reference.file")
+        changes["reference"] = reference.with_values(file=file)
     return scenario.model_copy(update=changes)
+
+
+def _relative_to(scenario: Path, name: str, key: str) -> str:
+    """Return the path of a file that a scenario file names, as the value of ``key``."""
+    if not name or "\0" in name:
+        raise InvalidScenario(f"{scenario}: {key} must name a file, got {short_repr(name)}")
+    return str(scenario.parent / name)
 
 
 def save_scenario(scenario: Scenario, path: StrPath) -> None:

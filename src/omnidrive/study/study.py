@@ -218,7 +218,7 @@ def _report(
         clock.progress.done("report.html")
 
 
-_PUBLISHED_SETTINGS = ("map", "start", "goal", "path", "timing", "sample_time")
+_PUBLISHED_SETTINGS = ("reference", "map", "start", "goal", "path", "timing", "sample_time")
 """Sections that must equal those of the paper for a comparison with its numbers."""
 
 _PUBLISHED_CONTROLLERS = {controller for _, _, controller in PUBLISHED_ERRORS}
@@ -250,8 +250,8 @@ def _collect(
         plant=scenario.plant.type,
         dt=scenario.sample_time,
         obstacles=planned.obstacles,
-        free_space=planned.plan.free_space,
-        grid_path=planned.plan.grid_path,
+        free_space=planned.free_space,
+        grid_path=planned.plan.grid_path if planned.plan else None,
         spline=planned.path,
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),

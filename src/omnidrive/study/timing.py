@@ -30,7 +30,8 @@ def retime(
         scenario: The scenario; the duration of its step response is unchanged.
         duration: First (shortest) duration of the path, in s.
         speed: Mean speed in m/s that determines this duration instead. If neither is given, the
-            speed is :data:`DEFAULT_SPEED`, or the greatest feasible mean speed if that is lower.
+            speed is :data:`DEFAULT_SPEED`, or the greatest feasible mean speed if that is lower;
+            a motion with times of its own keeps its duration.
 
     Raises:
         InvalidInput: Both are given, one is not positive, or a scaled time is out of range.
@@ -53,7 +54,8 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
 
     Args:
         scenario: The scenario.
-        speed: Mean speed in m/s; None for the shortest feasible duration.
+        speed: Mean speed in m/s; None for the duration of a motion with times of its own, and
+            otherwise the shortest feasible one.
 
     Raises:
         InvalidInput: The speed is not positive, or a scaled time is out of range.
@@ -64,7 +66,7 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
     durations = scenario.tasks.path_durations
     if not durations:
         return planned
-    desired = planned.shortest if speed is None else planned.path.length / speed
+    desired = planned.path.length / speed if speed else planned.natural or planned.shortest
     duration = _whole(desired, scenario.sample_time)
     planned.reference(duration)
     return replace(planned, scenario=_scaled(scenario, duration / durations[0]))
@@ -75,7 +77,7 @@ def _default_duration(scenario: Scenario, speed: float | None) -> float:
     planned = plan_scenario(scenario)
     desired = planned.path.length / (speed or DEFAULT_SPEED)
     if speed is None:
-        desired = max(desired, planned.shortest)
+        desired = planned.natural or max(desired, planned.shortest)
     return _whole(desired, scenario.sample_time)
 
 

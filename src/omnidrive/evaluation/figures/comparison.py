@@ -32,6 +32,7 @@ _MIN_HALF_SIDE = 0.04  # m; of the magnified square
 _WHOLE_MAP_RATIO = 0.6  # size of path to map from which the whole map is shown
 _MAX_RATIO = 0.12  # half side of the magnified square to extent of the path, at most
 _TICK_FORMAT = "{x:g}"  # 0.1, 1, 10 instead of powers of ten
+_SHARES = np.linspace(0.0, 1.0, 1001)  # parameters of the points of a path
 _MIN_ERROR = 1e-2  # mm; smaller errors are drawn at this value
 
 
@@ -158,7 +159,8 @@ def _longest(lines: list[Curve]) -> Curve:
 
 def _view(results: StudyResults) -> Box:
     """Return the visible box: the whole map, or the surroundings of a path that is small on it."""
-    low, high = (f(results.grid_path.poses[:, :2], axis=0) for f in (np.min, np.max))
+    path = results.grid_path.poses if results.grid_path else results.spline.poses(_SHARES)
+    low, high = (f(path[:, :2], axis=0) for f in (np.min, np.max))
     left, right, bottom, top = results.obstacles.extent
     if np.max((high - low) / (right - left, top - bottom)) >= _WHOLE_MAP_RATIO:
         return left, right, bottom, top

@@ -37,7 +37,7 @@ Box = tuple[float, float, float, float]
 def plan_figure(
     grid: OccupancyGrid,
     free_space: OccupancyGrid,
-    grid_path: Path,
+    grid_path: Path | None,
     times: Float[Array, " times"],
     motion: Float[Array, "times 6"],
 ) -> Figure:
@@ -129,7 +129,7 @@ def draw_map(
     axes: Axes,
     grid: OccupancyGrid,
     free_space: OccupancyGrid,
-    grid_path: Path,
+    grid_path: Path | None,
     view: Box | None = None,
 ) -> None:
     """Draw obstacles, inflated cells and the grid path.
@@ -162,8 +162,9 @@ def draw_map(
         interpolation="nearest",
         zorder=0,
     )
-    x, y = grid_path.poses[:, 0], grid_path.poses[:, 1]
-    axes.plot(x, y, ".", color=MUTED, ms=2.5, label="Grid path", zorder=1)
+    if grid_path is not None:
+        x, y = grid_path.poses[:, 0], grid_path.poses[:, 1]
+        axes.plot(x, y, ".", color=MUTED, ms=2.5, label="Grid path", zorder=1)
     axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
     axes.set(xlabel="x in m", ylabel="y in m")
     axes.grid(visible=False)

@@ -73,11 +73,20 @@ def facts_markup(results: StudyResults) -> str:
         "Sample time": f"{results.dt:g} s",
         "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
         f"planning grid {results.free_space.resolution:g} m",
-        "Path": f"{results.spline.length:.2f} m smoothed; grid path "
-        f"{results.grid_path.length:.2f} m, {len(results.grid_path.poses)} cells",
+        "Path": _path(results),
     }
     return "\n".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()
+    )
+
+
+def _path(results: StudyResults) -> str:
+    """Return the length of the path and, if it is planned, that of the grid path."""
+    if results.grid_path is None:
+        return f"{results.spline.length:.2f} m"
+    return (
+        f"{results.spline.length:.2f} m smoothed; grid path "
+        f"{results.grid_path.length:.2f} m, {len(results.grid_path.poses)} cells"
     )
 
 

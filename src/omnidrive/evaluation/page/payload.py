@@ -43,7 +43,9 @@ def payload(results: StudyResults) -> str:
             ],
         },
         "map": _map(results.obstacles, results.free_space),
-        "cells": [_column(results.grid_path.poses[:, i]) for i in (0, 1)],
+        "cells": [
+            _column(results.grid_path.poses[:, i]) if results.grid_path else [] for i in (0, 1)
+        ],
         "spline": [_column(spline[:, i]) for i in (0, 1)],
         "groups": _groups(results),
     }
