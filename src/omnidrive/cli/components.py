@@ -1,8 +1,9 @@
-"""Controllers and plants that are named in options, as data of a scenario."""
+"""Controllers, plants and references that are named in options, as data of a scenario."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from omnidrive.cli.options import RUN_PANEL, option
@@ -10,6 +11,8 @@ from omnidrive.components import Specification, parse_specification
 from omnidrive.errors import InvalidInput
 from omnidrive.study import Scenario
 from omnidrive.study.former import OLD_CONTROLLERS, OLD_PLANTS
+from omnidrive.study.output_folder import WAYPOINT_FORMATS
+from omnidrive.study.scenario import WAYPOINTS
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.section import current_name
 
@@ -53,6 +56,23 @@ def with_controllers(scenario: Scenario, texts: Sequence[str]) -> Scenario:
 def plant_data(text: str) -> dict[str, Any]:
     """Return the value of the scenario key ``plant`` for ``TYPE[,KEY=VALUE...]``."""
     given = _current(parse_specification(text), OLD_PLANTS)
+    return {"type": given.type, **given.values}
+
+
+def reference_data(text: str) -> Any:
+    """Return the value of the scenario key ``reference`` for an option.
+
+    Args:
+        text: ``path``, ``TYPE[,KEY=VALUE...]``, or the name of a waypoint file.
+
+    Raises:
+        InvalidInput: The text has another form.
+    """
+    if Path(text).suffix.lower() in WAYPOINT_FORMATS and "=" not in text:
+        return {"type": WAYPOINTS, "file": text}
+    given = parse_specification(text)
+    if "=" in text.split(",", maxsplit=1)[0]:
+        raise InvalidInput(f"a reference has no label: write {given.type} instead of '{text}'")
     return {"type": given.type, **given.values}
 
 

@@ -57,7 +57,7 @@ def plan(
         Path | None,
         option(
             "FILE|FOLDER",
-            "Write the reference to a waypoint file: .csv, .path (PathPlanner), .traj (Choreo) or "
+            "Write the motion to a waypoint file: .csv, .path (PathPlanner), .traj (Choreo) or "
             ".yaml (ROS nav_msgs/Path); any other name is a new folder for scenario.yaml, "
             "reference.csv and path.png.",
             RESULTS_PANEL,
@@ -73,13 +73,15 @@ def plan(
 
     If neither a duration nor a speed is given, the duration on a map file, or with
     `--timing limits` or `--timing minimum-time`, is the shortest that the robot's limits allow,
-    rounded up to whole sample times; otherwise it is that of the scenario.
+    rounded up to whole sample times; that of a waypoint file with times is its own; otherwise it is
+    that of the scenario.
 
     For example:
 
     * `omnidrive plan`
     * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --png depot.png`
     * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --out depot.traj`
+    * `omnidrive plan --reference circle,radius=1.5 --png circle.png`
     * `omnidrive plan maze.map --scen maze.map.scen --json`
     """
     if scen is not None:
@@ -87,7 +89,11 @@ def plan(
         _solve(shared, scen, json)
         return
     check_plan_targets(out, png)
-    shortest_by_default = shared.map_file is not None or shared.timing in {"limits", "minimum-time"}
+    shortest_by_default = (
+        shared.map_file is not None
+        or shared.defines_motion
+        or shared.timing in {"limits", "minimum-time"}
+    )
     with announce_compiling():
         if shortest_by_default and shared.duration is None:
             planned = plan_at(shared.resolve(retimed=False), shared.speed)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 import typer
 
 from omnidrive.choices import Heading, MethodName, PresetName, SmoothingName, TimingName, Unknown
-from omnidrive.cli.components import plant_data
+from omnidrive.cli.components import plant_data, reference_data
 from omnidrive.cli.options import (
     PATH_PANEL,
     RUN_PANEL,
@@ -35,10 +35,15 @@ from omnidrive.study import (
     retime,
     robot_section,
 )
+from omnidrive.study.output_folder import WAYPOINT_FORMATS
+from omnidrive.study.scenario import WAYPOINTS
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 _HEAD = 65_536  # bytes of a YAML file that are searched for the key `image` of a map
 _IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
+_POSES_KEY = re.compile(rb"""(?:^|[{,])\s*["']?poses["']?\s*:""", re.MULTILINE)
+_PATH_OPTIONS = ("goal", "search", "cut_corners", "smooth", "timing", "heading")
+"""Options for planned paths only."""
 _KEYS = {
     "search": "path.search", "cut_corners": "path.cut_corners", "smooth": "path.smooth",
     "timing": "timing.law", "heading": "timing.heading", "margin": "map.margin",
@@ -55,10 +60,21 @@ class ScenarioOptions:
         str,
         typer.Argument(
             help="`paper`, a scenario file (.yaml), the folder of a scenario, or a map file: Nav2 "
-            "(.yaml), MovingAI (.map), NumPy (.npy) or text (.txt)."
+            "(.yaml), MovingAI (.map), NumPy (.npy) or text (.txt), or a waypoint file: .csv, "
+            ".path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path)."
         ),
     ] = "paper"
     map: Annotated[Path | None, option("FILE", "Map file.", PATH_PANEL)] = None
+    reference: Annotated[
+        str | None,
+        option(
+            "NAME[,KEY=VALUE...]|FILE",
+            "Motion instead of a planned path: circle, eight, square, raised-cosine, slalom, "
+            "random-smooth, a waypoint file, or your own as FILE.py:NAME; without a map on an open "
+            "floor.",
+            PATH_PANEL,
+        ),
+    ] = None
     start: Annotated[str | None, option("X,Y[,HEADING]", "Start, m, m, rad.", PATH_PANEL)] = None
     goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal, m, m, rad.", PATH_PANEL)] = None
     duration: Annotated[float | None, option("S", "Duration of the path, s.", PATH_PANEL)] = None
@@ -156,13 +172,39 @@ class ScenarioOptions:
     @property
     def map_file(self) -> Path | None:
         """Map file given as argument or by ``--map``; None: no map file."""
-        if self.map is not None and self.scenario != "paper":
+        kind = self._kind
+        if self.map is not None and kind in {"map", "scenario"}:
             raise InvalidInput(
                 "a scenario or map argument and --map exclude each other; give one of them"
             )
-        if self.map is None and self.scenario != "paper" and _is_map(Path(self.scenario)):
-            return Path(self.scenario)
-        return self.map
+        return Path(self.scenario) if kind == "map" else self.map
+
+    @property
+    def defines_motion(self) -> bool:
+        """Whether the options name a motion that is not a planned path."""
+        return self._motion not in (None, {"type": "path"})
+
+    @property
+    def _moves_without_scenario(self) -> bool:
+        """Whether there is a motion that is not a planned path, but no scenario file."""
+        return self.defines_motion and self._kind != "scenario"
+
+    @property
+    def _kind(self) -> str:
+        """Kind of the argument: paper, scenario, map or waypoints."""
+        return "paper" if self.scenario == "paper" else _kind_of(Path(self.scenario))
+
+    @property
+    def _motion(self) -> dict[str, Any] | None:
+        """Value of the scenario key `reference`; None: that of the scenario."""
+        if self._kind != "waypoints":
+            return None if self.reference is None else reference_data(self.reference)
+        if self.reference is not None:
+            raise InvalidInput(
+                "a waypoint file as the argument and --reference exclude each other; give one of "
+                "them"
+            )
+        return {"type": WAYPOINTS, "file": self.scenario}
 
     def resolve(self, *, retimed: bool = True) -> Scenario:
         """Return the scenario defined by the options.
@@ -181,14 +223,16 @@ class ScenarioOptions:
         )
         scenario = self._base(preset)
         changes: dict[str, object] = {}
-        on_map = self.map_file is not None
-        if self.start is not None and not on_map:
+        motion, on_map = self._motion, self.map_file is not None
+        if motion is not None:
+            changes["reference"] = motion
+        if self.start is not None:
             changes["start"] = parse_waypoint("start", self.start)
-        if self.goal is not None and not on_map:
+        if self.goal is not None:
             changes["goal"] = parse_waypoint("goal", self.goal)
         if self.plant is not None:
             changes["plant"] = plant_data(self.plant)
-        if self.robot is not None and not on_map:
+        if self.robot is not None and not (on_map or self._moves_without_scenario):
             changes["robot"] = robot_section(self.robot, preset or scenario.preset)
         elif preset:
             radius = robot_section(scenario.robot.name, preset).assumed_effective_radius
@@ -203,9 +247,23 @@ class ScenarioOptions:
             changes["sensors"] = (scenario.sensors or SensorsSection()) if self.estimator else None
         scenario = scenario.model_copy(update=changes)
         scenario = parse_scenario(self._with_keys(scenario_data(scenario)), "with these options")
-        if retimed and (on_map or self.duration is not None or self.speed is not None):
+        self._check_path_options(scenario)
+        given = self.duration is not None or self.speed is not None
+        if retimed and (on_map or motion is not None or given):
             scenario = retime(scenario, duration=self.duration, speed=self.speed)
         return scenario
+
+    def _check_path_options(self, scenario: Scenario) -> None:
+        """Raise InvalidInput if an option has no effect on the scenario's reference."""
+        if scenario.reference == "path":
+            return
+        names = (*_PATH_OPTIONS, *(["start"] if scenario.reference.type == WAYPOINTS else []))
+        unused = [f"--{n.replace('_', '-')}" for n in names if getattr(self, n) is not None]
+        if unused:
+            raise InvalidInput(
+                f"{', '.join(unused)}: not for the reference {scenario.reference.type}, only for a "
+                "planned path"
+            )
 
     def _with_keys(self, data: dict[str, Any]) -> dict[str, Any]:
         """Return the scenario data with the options of ``_KEYS`` applied."""
@@ -218,6 +276,19 @@ class ScenarioOptions:
 
     def _base(self, preset: PresetName | None) -> Scenario:
         file = self.map_file
+        if self._moves_without_scenario:
+            motion = self._motion or {}
+            name = Path(motion.get("file", motion["type"])).stem
+            origin = Waypoint(0.0, 0.0)
+            scenario = map_scenario(
+                "none" if file is None else str(file),
+                origin,
+                origin,
+                robot=self.robot or "paper",
+                name=_scenario_name(name),
+                preset=preset or "paper",
+            )
+            return scenario.model_copy(update={"start": None, "goal": None})
         if file is not None:
             if self.start is None or self.goal is None:
                 raise InvalidInput("a map needs --start X,Y and --goal X,Y (m, in the map frame)")
@@ -274,17 +345,21 @@ def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[...
     return decorate
 
 
-def _is_map(path: Path) -> bool:
-    """Return whether a file is a map, not a scenario; an unreadable YAML file counts as no map."""
-    if path.suffix.lower() not in {".yaml", ".yml"}:
-        return path.suffix != "" or path.is_file()
-    if not path.is_file():
-        return False
+def _kind_of(path: Path) -> str:
+    """Return the kind of a file: map, waypoints or scenario; also that of a folder."""
+    suffix = path.suffix.lower()
+    if suffix not in {".yaml", ".yml"}:
+        if suffix in WAYPOINT_FORMATS:
+            return "waypoints"
+        return "map" if suffix or path.is_file() else "scenario"
     try:
         with path.open("rb") as file:
-            return _IMAGE_KEY.search(file.read(_HEAD)) is not None
+            head = file.read(_HEAD)
     except OSError:
-        return False
+        return "scenario"
+    if _IMAGE_KEY.search(head):
+        return "map"
+    return "waypoints" if _POSES_KEY.search(head) else "scenario"
 
 
 def _scenario_name(text: str) -> str:

@@ -255,7 +255,9 @@ def max_axis_twist(robot: Robot) -> BodyTwist:
 
 @cache
 def _paper_path() -> SplinePath:
-    return plan_scenario(paper_scenario()).path
+    path = plan_scenario(paper_scenario()).path
+    assert isinstance(path, SplinePath)
+    return path
 
 
 def _build_plant(

@@ -34,7 +34,9 @@ class ReferencePath:
     def poses(self, u: float | Float[Array, "*n"]) -> Float[Array, "*n 3"]:
         """Return the poses at shares ``u`` of the duration, from 0 to 1."""
         at = np.linspace(0.0, 1.0, len(self.samples))
-        return np.stack([np.interp(u, at, column) for column in self.samples.T], axis=-1)
+        columns = [np.interp(u, at, column) for column in self.samples.T]
+        poses: Float[Array, "*n 3"] = np.stack(columns, axis=-1)
+        return poses
 
     @cached_property
     def _steps(self) -> Float[Array, " steps"]:

@@ -12,7 +12,7 @@ from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
 from omnidrive.files.str_path import StrPath, to_path
 
-FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
+WAYPOINT_FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 """Suffixes of waypoint files that a plan can be written to."""
 
 _FIGURE_SUFFIXES = (".png", ".svg")
@@ -25,12 +25,12 @@ def is_waypoint_file(path: StrPath) -> bool:
         InvalidInput: The suffix is that of another kind of file.
     """
     path = to_path(path)
-    if path.suffix.lower() in FORMATS:
+    if path.suffix.lower() in WAYPOINT_FORMATS:
         return True
     if path.suffix and not path.is_dir():
         raise InvalidInput(
             f"{one_line(str(path))}: the suffix of a waypoint file is one of "
-            f"{', '.join(FORMATS[:-1])}; a folder has no suffix"
+            f"{', '.join(WAYPOINT_FORMATS[:-1])}; a folder has no suffix"
         )
     return False
 

@@ -57,6 +57,8 @@ def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact
         "length": Fact(path.length, "m"),
         "clearance": Fact(planned.clearance_bounds[0], "m"),
     }
+    if planned.scenario.map.source == "none":
+        facts["clearance"] = Fact("no obstacles")
     if isinstance(path, SplinePath):
         attained, proved = path.max_curvature
         facts["largest curvature"] = Fact(attained if np.isinf(proved) else proved, "1/m")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path as FilePath
@@ -40,6 +41,11 @@ _FLOOR_CELLS = 200
 
 _ROUNDING = 1e-3
 """Tolerated relative excess of the wheel speed limit by rounding and sampling."""
+
+_FORCE_ROUNDING = 0.011
+"""Likewise of the limit of the wheel force, which written motions keep within 1 %."""
+
+_log = logging.getLogger("omnidrive")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -291,6 +297,9 @@ def _timed(
 def plan_and_check(scenario: Scenario) -> PlannedScenario:
     """Plan a scenario and check all its durations and faults before any run.
 
+    A warning is logged if a reference that is not a planned path overlaps an obstacle, or exceeds
+    the acceleration limits in its shortest task.
+
     Raises:
         InvalidReference: A duration is too short for the limits of the robot; the message states
             the shortest feasible one.
@@ -298,8 +307,32 @@ def plan_and_check(scenario: Scenario) -> PlannedScenario:
         OmnidriveError: As :func:`plan_scenario`.
     """
     planned = plan_scenario(scenario)
+    if planned.plan is None:
+        _note_excess(planned)
     task = scenario.tasks.faults
     Schedule((*scenario.faults, *(task.faults if task else ())), planned.robot)
     for duration in scenario.tasks.path_durations:
         planned.reference(duration)
     return planned
+
+
+def _note_excess(planned: PlannedScenario) -> None:
+    """Log a warning for every limit that the reference exceeds, and for obstacles on its path."""
+    durations = planned.scenario.tasks.path_durations
+    if durations:
+        usage = limit_usage(planned.reference(durations[0]), planned.limits)
+        name, share = max(usage.items(), key=lambda item: item[1])
+        if share > 1.0 + _FORCE_ROUNDING:
+            _log.warning(
+                "the reference in %g s exceeds the limit of the %s by a factor of %.2f, so that "
+                "the robot cannot follow it exactly; the shortest duration within the limits is "
+                "%.1f s",
+                durations[0], name, share, ceil(10.0 * planned.shortest) / 10.0,
+            )  # fmt: skip
+    depth = -planned.clearance_bounds[1]
+    if depth > 0.0:
+        _log.warning(
+            "the robot overlaps an obstacle of the map on the reference, by up to %.2g m; move "
+            "the start, or choose another map, such as none",
+            depth,
+        )

@@ -336,7 +336,7 @@ class Scenario(Section):
         absent = [*(["map"] if self.map.source == "none" else []), *absent]
         if self.reference == "path" and absent:
             raise ValueError(
-                f"{' and '.join(absent)} missing: a planned path needs a map, a start and a goal; "
+                f"{', '.join(absent)} missing: a planned path needs a map, a start and a goal; "
                 f"other motions are set by reference, such as circle or {WAYPOINTS}"
             )
         return self

@@ -1,0 +1,316 @@
+"""References of a scenario: shapes, waypoint files, and code of the user."""
+
+import logging
+from math import pi
+
+import numpy as np
+import pytest
+
+from omnidrive.errors import InvalidReference, InvalidScenario
+from omnidrive.geometry import Pose
+from omnidrive.maps import OccupancyGrid, save_nav2_map
+from omnidrive.planning import Path
+from omnidrive.reference import (
+    SampledReference,
+    ShapeReference,
+    TimedReference,
+    load_waypoints,
+    save_waypoints,
+)
+from omnidrive.reference.shapes import Circle, Eight
+from omnidrive.study import (
+    load_scenario,
+    paper_scenario,
+    plan_and_check,
+    plan_at,
+    retime,
+    run_study,
+)
+from omnidrive.study.plan import plan_facts, save_plan
+from omnidrive.study.scenario_file import parse_scenario, save_scenario, scenario_data
+from tests.study.small import small_scenario
+
+SHAPES = ("circle", "eight", "square", "raised-cosine", "slalom", "random-smooth")
+DATA = {
+    "name": "shapes", "robot": {"name": "small"}, "plant": "kinematic",
+    "controllers": ["pid", "holonomic-nmpc"],
+    "tasks": {
+        "track": {"durations": [20.0]},
+        "noise": {"durations": [20.0]},
+        "step": {"displacement": [0.5, 0.5, 0.3], "duration": 2.0},
+        "horizon": {"duration": 20.0, "horizons": [5]},
+        "faults": {"duration": 20.0, "faults": [{"kind": "pose-jump", "at": 1.0, "distance": 0.1}]},
+    },
+}  # fmt: skip
+
+
+def scenario(reference, **changes):
+    return parse_scenario(DATA | {"reference": reference} | changes, "test")
+
+
+def circle_file(tmp_path, name="w.csv", duration=12.0):
+    save_waypoints(tmp_path / name, ShapeReference(Circle(), duration, Pose(3.0, 2.0, 0.5)))
+    return tmp_path / name
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shape_begins_at_the_start_and_takes_the_durations_of_the_tasks(name):
+    planned = plan_and_check(scenario(name, start=[1.0, -1.0, 0.5]))
+    reference = planned.reference(20.0)
+    assert reference.duration == 20.0
+    assert reference.at(0.0).pose[:2] == pytest.approx((1.0, -1.0))
+    assert planned.start == reference.at(0.0).pose
+    assert planned.path.length / 20.0 < 1.0
+    assert planned.clearance_bounds == (np.inf, np.inf)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_default_duration_is_that_of_half_a_metre_per_second_or_the_shortest(name):
+    planned = plan_and_check(retime(scenario(name)))
+    (first, *_) = planned.scenario.tasks.path_durations
+    desired = max(planned.path.length / 0.5, planned.shortest)
+    assert desired - 1e-6 <= first <= desired + 0.1
+    fastest = plan_at(scenario(name))
+    (first, *_) = fastest.scenario.tasks.path_durations
+    used = plan_facts(fastest, fastest.reference(first))
+    assert (
+        85.0 < max(used[f"{each} used"].value for each in ("wheel speed", "wheel force")) <= 100.1
+    )
+
+
+def test_every_task_runs_with_a_shape_and_with_a_file(tmp_path):
+    file = {"type": "waypoints", "file": str(circle_file(tmp_path))}
+    for reference in ({"type": "circle", "radius": 0.8}, file):
+        study = run_study(
+            scenario(reference), tmp_path / f"out-{len(reference)}-{reference['type']}"
+        )
+        assert {r.task for r in study.results.tracks} == {"track", "noise", "horizon"}
+        assert len(study.results.steps) == 2
+        assert len(study.results.faults) == 4
+        errors = {r.controller: r.metrics.me for r in study.results.select("track")}
+        assert errors["holonomic-nmpc"] < 1e-3
+        assert not study.overlaps
+        assert (study.folder / "report.html").stat().st_size > 10_000
+
+
+def test_run_folder_holds_a_copy_of_the_waypoints(tmp_path):
+    file = circle_file(tmp_path)
+    tasks = {"track": {"durations": [12.0]}}
+    reference = {"type": "waypoints", "file": str(file)}
+    made = scenario(reference, tasks=tasks, controllers=["feedforward"])
+    first = run_study(made, tmp_path / "out")
+    file.unlink()
+    again = load_scenario(tmp_path / "out" / "scenario.yaml")
+    second = run_study(again)
+    assert second.results.tracks[0].metrics.me == first.results.tracks[0].metrics.me
+
+
+def test_file_is_relative_to_the_scenario_file(tmp_path):
+    circle_file(tmp_path)
+    made = scenario({"type": "waypoints", "file": "w.csv"})
+    save_scenario(made, tmp_path / "s.yaml")
+    planned = plan_and_check(load_scenario(tmp_path / "s.yaml"))
+    assert planned.start == pytest.approx((3.0, 2.0, 0.5))
+
+
+def test_file_with_times_keeps_its_duration(tmp_path):
+    made = scenario({"type": "waypoints", "file": str(circle_file(tmp_path, duration=12.0))})
+    assert retime(made).tasks.track.durations == (12.0,)
+    assert plan_at(made).scenario.tasks.track.durations == (12.0,)
+    assert retime(made, duration=24.0).tasks.track.durations == (24.0,)
+    planned = plan_and_check(retime(made))
+    assert isinstance(planned.reference(12.0), SampledReference)
+    faster, same = planned.reference(6.0), planned.reference(12.0)
+    np.testing.assert_allclose(faster.at(2.0).pose, same.at(4.0).pose, atol=1e-12)
+    np.testing.assert_allclose(faster.at(2.0).twist, 2.0 * np.array(same.at(4.0).twist), atol=1e-9)
+
+
+def test_file_without_times_is_timed_within_the_limits(tmp_path):
+    corners = np.array([[0.0, 0, 0], [2, 0, 0], [2, 0, pi / 2], [2, 2, pi / 2], [2, 2, pi / 2]])
+    save_waypoints(tmp_path / "w.csv", Path(corners))
+    planned = plan_at(scenario({"type": "waypoints", "file": str(tmp_path / "w.csv")}))
+    assert isinstance(planned.motion, TimedReference)
+    assert max(planned.motion.limit_usage.values()) == pytest.approx(1.0, abs=0.01)
+    assert planned.path.length == pytest.approx(4.0, abs=0.05)
+    poses = planned.path.samples
+    distance = np.hypot(*(poses[:, :2] - corners[1, :2]).T).min()
+    assert distance < 0.03
+    np.testing.assert_allclose(poses[[0, -1]], corners[[0, -1]], atol=1e-9)
+
+
+def test_plan_that_was_written_is_followed_again(tmp_path):
+    planned = plan_and_check(paper_scenario())
+    save_plan(planned, planned.reference(20.0), tmp_path / "p")
+    written = load_waypoints(tmp_path / "p" / "reference.csv")
+    reference = {"type": "waypoints", "file": str(tmp_path / "p" / "reference.csv")}
+    made = plan_and_check(scenario(reference, robot={"name": "paper"}))
+    assert made.motion.duration == written.duration == 20.0
+    assert made.path.length == pytest.approx(planned.path.length, rel=1e-3)
+
+
+@pytest.mark.parametrize("ending", ["csv", "traj"])
+def test_shape_is_written_within_its_limits(tmp_path, ending):
+    planned = plan_at(scenario({"type": "circle", "radius": 0.2}))
+    duration = planned.scenario.tasks.path_durations[0]
+    file = tmp_path / f"w.{ending}"
+    save_plan(planned, planned.reference(duration), file)
+    again = plan_and_check(scenario({"type": "waypoints", "file": str(file)}))
+    facts = plan_facts(again, again.motion)
+    assert facts["wheel force used"].value < 101.0
+    assert facts["wheel speed used"].value < 101.0
+
+
+def test_too_fast_shape_is_rejected_with_the_shortest_duration():
+    made = scenario({"type": "circle", "radius": 5.0})
+    slow = retime(made, duration=60.0)
+    with pytest.raises(InvalidReference, match=r"2 s is too short .* shortest duration is \d+"):
+        plan_and_check(retime(slow, duration=2.0))
+    with pytest.raises(InvalidReference) as error:
+        plan_and_check(retime(slow, duration=2.0))
+    shortest = float(str(error.value).split()[-2])
+    plan_and_check(retime(slow, duration=shortest))
+
+
+def test_motion_beyond_the_acceleration_limits_is_noted(caplog):
+    made = scenario({"type": "circle", "radius": 0.3, "laps": 3})
+    with caplog.at_level(logging.WARNING, "omnidrive"):
+        plan_and_check(plan_at(made).scenario)
+        assert not caplog.records
+        fastest = plan_at(made).scenario.tasks.path_durations[0]
+        plan_and_check(retime(made, duration=0.8 * fastest))
+    (record,) = caplog.records
+    assert "exceeds the limit of the wheel force by a factor of 1.5" in record.getMessage()
+
+
+def test_obstacle_on_the_reference_is_noted(caplog, tmp_path):
+    occupied = np.zeros((100, 100), bool)
+    occupied[50, 50:] = True
+    save_nav2_map(OccupancyGrid(occupied, 0.1, (-5.0, -5.0)), tmp_path / "m.yaml")
+    wall = {"source": str(tmp_path / "m.yaml")}
+    plan_and_check(scenario("circle", map=wall, start=[-3.0, -3.0]))
+    assert not caplog.records
+    planned = plan_and_check(scenario("circle", map=wall, start=[2.0, -1.0]))
+    (record,) = caplog.records
+    assert "overlaps an obstacle of the map on the reference" in record.getMessage()
+    assert planned.clearance_bounds[1] < 0.0
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [
+        ("cirle", "there is no reference 'cirle'; did you mean 'circle'"),
+        ({"type": "circle", "radis": 1.0}, "no parameter 'radis'; did you mean 'radius'"),
+        ({"type": "circle", "radius": -1.0}, "reference.radius is -1 m, need 0.01 to 1000 m"),
+        ({"type": "circle", "heading": "tangnet"}, "reference.heading"),
+        ({"type": "square", "rounding": 3.0}, "rounding is 3 m, need at most half the side, 1 m"),
+        ({"type": "waypoints"}, "'reference.file' is missing"),
+        ({"radius": 1.0}, "reference needs 'type'"),
+        (7, "reference must be a name or a mapping"),
+        ("path", "map, start, goal missing: a planned path needs a map, a start and a goal"),
+        (None, "reference must be a name or a mapping"),
+    ],
+)
+def test_invalid_references_are_rejected(reference, message):
+    with pytest.raises(InvalidScenario, match=message):
+        scenario(reference)
+
+
+def test_missing_waypoint_file_is_reported(tmp_path):
+    with pytest.raises(InvalidReference, match=r"cannot read the waypoints .*nope.csv"):
+        plan_and_check(scenario({"type": "waypoints", "file": str(tmp_path / "nope.csv")}))
+    (tmp_path / "s.yaml").write_text(
+        "name: a\nrobot: {name: small}\ncontrollers: [pid]\ntasks: {track: {durations: [5]}}\n"
+        "reference: {type: waypoints, file: ''}\n"
+    )
+    with pytest.raises(InvalidScenario, match=r"reference.file must name a file, got ''"):
+        load_scenario(tmp_path / "s.yaml")
+
+
+CODE = '''
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from omnidrive.geometry import Pose, WorldTwist
+from omnidrive.parameter import Bounds
+from omnidrive.reference import ReferenceContext, Setpoint
+
+
+@dataclass(frozen=True)
+class Chirp:
+    rate: Annotated[float, Bounds(0.01, 1.0, "rad/s^2")] = 0.1
+    """Rate of the angular frequency, rad/s^2."""
+
+
+class Swing:
+    """Sideways swing of rising frequency."""
+
+    def __init__(self, context: ReferenceContext, parameters: Chirp):
+        self.start, self.rate, self.duration = context.start, parameters.rate, 6.0
+
+    def at(self, t):
+        row = self.window(t, 1, 0.0)[0]
+        return Setpoint(Pose(*row[:3]), WorldTwist(*row[3:]))
+
+    def window(self, t, n, dt):
+        t = np.clip(t + dt * np.arange(n), 0.0, self.duration)
+        rows = np.zeros((n, 6))
+        rows[:, :3] = self.start
+        rows[:, 1] += 0.2 * np.sin(0.5 * self.rate * t**2)
+        rows[:, 4] = 0.2 * self.rate * t * np.cos(0.5 * self.rate * t**2)
+        return rows
+
+
+def not_a_motion(context):
+    return 3
+
+
+class Broken(Swing):
+    """Motion with a wrong shape."""
+
+    def __init__(self, context: ReferenceContext):
+        super().__init__(context, Chirp())
+
+    def window(self, t, n, dt):
+        return np.full((n, 5), np.nan)
+'''
+
+
+@pytest.fixture
+def own(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text(CODE)
+    return file
+
+
+def test_own_reference_keeps_its_duration_in_worker_processes_too(own):
+    reference = {"type": f"{own}:Swing", "rate": 0.3}
+    tasks = {"track": {"durations": [6.0]}}
+    made = scenario(reference, tasks=tasks, controllers=["pid", "feedforward"])
+    assert retime(made).tasks.track.durations == (6.0,)
+    parallel, single = run_study(made, processes=2), run_study(made)
+    for a, b in zip(parallel.results.tracks, single.results.tracks, strict=True):
+        assert a.metrics.me == b.metrics.me
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("not_a_motion", "returned a int, need an object with duration, at"),
+        ("Broken", r"must return finite rows .* got an array of shape \(11, 5\)"),
+    ],
+)
+def test_own_reference_of_another_kind_is_rejected(own, name, message):
+    with pytest.raises(InvalidReference, match=message):
+        plan_and_check(scenario(f"{own}:{name}"))
+
+
+def test_planned_path_is_the_default_and_saved_as_such():
+    data = scenario_data(small_scenario())
+    assert data["reference"] == "path"
+    assert parse_scenario(data, "again") == small_scenario()
+    assert parse_scenario(data | {"reference": {"type": "path"}}, "again") == small_scenario()
+    made = scenario({"type": "eight", "length": 3.0})
+    assert scenario_data(made)["reference"]["length"] == 3.0
+    assert parse_scenario(scenario_data(made), "again") == made
+    assert made.reference.parameters == Eight(length=3.0)
