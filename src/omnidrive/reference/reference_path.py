@@ -40,7 +40,8 @@ class ReferencePath:
 
     @cached_property
     def _steps(self) -> Float[Array, " steps"]:
-        return np.linalg.norm(np.diff(self.samples[:, :2], axis=0), axis=1)
+        steps: Float[Array, " steps"] = np.linalg.norm(np.diff(self.samples[:, :2], axis=0), axis=1)
+        return steps
 
     @property
     def length(self) -> float:

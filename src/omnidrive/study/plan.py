@@ -154,7 +154,7 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> 
     save_figure(planned, reference, path / "path.png")
 
 
-def _save_motion(planned: PlannedScenario, reference: Reference, path: Path) -> None:
+def _save_motion(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
     dt = planned.scenario.sample_time
     if isinstance(reference, TimedReference):  # it has limits of its own
         save_waypoints(path, reference, dt=dt)
