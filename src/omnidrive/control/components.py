@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from omnidrive.control.controller import Controller
 from omnidrive.control.feedforward import FeedforwardGains
 from omnidrive.control.nmpc import holonomic
 from omnidrive.control.nmpc.holonomic import HolonomicParameters
-from omnidrive.parameter import Bounds
+from omnidrive.parameter import Bounds, check_choice
 from omnidrive.robot import Robot
 
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
@@ -32,6 +32,9 @@ class ControllerContext:
         preset: Preset of the scenario, for controllers with presets.
         forces: Whether motors, masses and friction act; otherwise twists are executed exactly.
         odometry: Whether the pose is estimated from wheel angles, so that slip causes errors.
+
+    Raises:
+        InvalidInput: The preset is unknown.
     """
 
     robot: Robot
@@ -40,6 +43,9 @@ class ControllerContext:
     preset: PresetName = "recommended"
     forces: bool = True
     odometry: bool = False
+
+    def __post_init__(self) -> None:
+        check_choice("preset", self.preset, get_args(PresetName))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from omnidrive.choices import Unknown
 from omnidrive.maps.ascii import load_ascii_map
 from omnidrive.maps.grid import OccupancyGrid
-from omnidrive.maps.load import load_map
+from omnidrive.maps.load import is_named_map, load_map
 from omnidrive.maps.maze import maze_map
 from omnidrive.maps.movingai import load_movingai_map
 from omnidrive.maps.nav2 import load_nav2_map, save_nav2_map
@@ -16,6 +16,7 @@ __all__ = [
     "OccupancyGrid",
     "Query",
     "Unknown",
+    "is_named_map",
     "load_ascii_map",
     "load_map",
     "load_movingai_map",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, replace
 from math import ceil
-from pathlib import Path as FilePath
 
 import numpy as np
 from jaxtyping import Float
@@ -221,9 +220,7 @@ def _grids(section: MapSection) -> tuple[OccupancyGrid, OccupancyGrid]:
     """Return the map of the obstacles, and that for planning."""
     if section.source == "paper":
         return paper_wall(), paper_map()
-    grid = load_map(
-        FilePath(section.source), resolution=section.resolution, unknown=section.unknown
-    )
+    grid = load_map(section.source, resolution=section.resolution, unknown=section.unknown)
     return grid, grid
 
 

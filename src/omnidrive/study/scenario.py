@@ -23,6 +23,7 @@ from omnidrive.estimation import (
     PoseFixSettings,
     SensorSettings,
 )
+from omnidrive.maps import is_named_map
 from omnidrive.parameter import Bounds, check_choice
 from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.robot import Robot, named_robot
@@ -135,9 +136,10 @@ class MapSection(Section):
     """Map, and clearance to its obstacles."""
 
     source: str
-    """`paper`; `none`, a floor without obstacles, for references other than a planned path; or a
-    map file: Nav2 (.yaml), MovingAI (.map), NumPy (.npy) or text (.txt). In a scenario file, its
-    path is relative to that file."""
+    """Name of an installed map, such as `paper`; `none`, a floor without obstacles, for references
+    other than a planned path; or a map file: Nav2 (.yaml), MovingAI (.map), NumPy (.npy), text
+    (.txt) or a format of an installed distribution. In a scenario file, its path is relative to
+    that file."""
     margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
     """Clearance between the robot's body and obstacles, m, at least half the diagonal of a cell.
     The map `paper` is already inflated."""
@@ -152,7 +154,7 @@ class MapSection(Section):
     @property
     def is_file(self) -> bool:
         """Whether the source is a map file."""
-        return self.source not in {"paper", "none"}
+        return self.source != "none" and not is_named_map(self.source)
 
     @model_validator(mode="after")
     def _check_resolution(self) -> MapSection:
