@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import traceback
 from collections.abc import Callable
+from functools import cache
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import EntryPoint
@@ -36,7 +37,7 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
     """
     entries, kind = entries_of(group).get(name), group.removesuffix("s")
     if entries is not None:
-        return _installed(group, entries)
+        return _installed(group, tuple(entries))
     if ":" not in name:
         hint = suggestion(name, component_names(group))
         raise InvalidInput(
@@ -56,7 +57,8 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
     return Component(group, name, origin, _attribute(kind, name, module, attribute))
 
 
-def _installed(group: Group, entries: list[EntryPoint]) -> Component:
+@cache  # reading the version of a distribution takes milliseconds
+def _installed(group: Group, entries: tuple[EntryPoint, ...]) -> Component:
     entry, *others = entries
     kind = group.removesuffix("s")
     if others:

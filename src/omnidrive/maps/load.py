@@ -61,7 +61,8 @@ def load_map(
     if isinstance(path, str) and is_named_map(path):
         return _call(find_component("maps", path), f"the map {path}", **options)
     file = to_path(path)
-    name, suffix = one_line(str(file)), file.suffix.lower()
+    name = one_line(str(file))
+    suffix: str | None = file.suffix.lower()
     suffixes = [each for each in component_names("maps") if each.startswith(".")]
     if suffix not in suffixes:
         suffix = suffix if suffix in _IMAGES else _detect_format(file)
