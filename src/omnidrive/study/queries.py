@@ -23,8 +23,7 @@ def solve_queries(
 ) -> dict[str, Any]:
     """Search every query and compare the lengths with those of the file.
 
-    Two lengths differ if they are further apart than half of the last decimal in the file and the
-    rounding of single precision.
+    Two lengths differ by more than half of the last decimal in the file and single precision.
 
     Args:
         grid: The map of the queries.
