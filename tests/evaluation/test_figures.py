@@ -5,12 +5,15 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
 from matplotlib.patches import Polygon
 from PIL import Image
 
 from omnidrive.evaluation.figures import draw_figures, save, write_figures
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.plan import draw_map
+from omnidrive.evaluation.figures.style import register_fonts
+from omnidrive.evaluation.metrics import measure
 from omnidrive.evaluation.palette import controller_styles, horizon_styles
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
@@ -224,3 +227,74 @@ def test_kinematic_diagram_shows_every_wheel(name):
     assert len([p for p in above.patches if isinstance(p, Polygon)]) == len(robot.mounts)
     mecanum = any(mount.roller_angle for mount in robot.mounts)
     assert any("rho" in text.get_text() for text in wheel.texts) == mecanum
+
+
+def test_effort_shows_speeds_of_every_wheel(study):
+    figure = dict(draw_figures(study))["effort"]
+    panels = figure.axes
+    assert [axes.get_ylabel() for axes in panels[:8:2]] == [f"wheel {i}" for i in range(4)]
+    runs = study.select("track", duration=20.0)
+    for i in range(4):
+        for line, result in zip(panels[2 * i + 1].lines, runs, strict=True):
+            late = result.run.t >= 2.0
+            np.testing.assert_array_equal(line.get_ydata(), result.run.wheel_speed[late, i])
+    assert [axes.get_visible() for axes in panels[-2:]] == [True, False]  # the plant has no forces
+
+
+def test_effort_of_commanded_wheel_speeds_and_torques(part):
+    chassis = part.robot.drive
+    run = part.tracks[0].run
+    speeds = run.command @ chassis.jacobian.T
+    twists = np.full_like(run.command, np.nan)
+    by_wheels = replace(run, command=twists, wheel_speed_command=speeds)
+    same = (measure(each, chassis).wheel_acceleration for each in (run, by_wheels))
+    assert len(set(same)) == 1
+    by_torques = replace(run, command=twists, wheel_torque_command=speeds)
+    assert np.isnan(measure(by_torques, chassis).wheel_acceleration)
+    result = replace(part.tracks[0], run=by_torques)
+    assert "effort" in dict(draw_figures(replace(part, tracks=(result,))))
+
+
+def test_figures_have_the_widths_of_journal_columns(study):
+    for name, figure in draw_figures(study):
+        width, height = figure.get_size_inches()
+        assert width in {3.5, 7.16}, name
+        assert height < 9.0, name
+
+
+def test_text_in_files_is_text(files):
+    for path in files:
+        if path.suffix == ".svg":
+            text = "".join(ElementTree.parse(path).getroot().itertext())
+            assert ("time in s" in text) == (path.stem in ALL - DIAGRAMS - {"horizon_bars"})
+        else:
+            data = path.read_bytes()
+            assert data.startswith(b"%PDF-")
+            assert b"/Subtype /Type3" not in data  # bitmaps of glyphs; journals reject them
+            assert b"/FontFile2" in data
+
+
+def test_equal_curves_are_both_visible(study):
+    """Two controllers with the same run: each colour covers pixels of the error panel."""
+    first = study.select("track", duration=20.0)[0]
+    twin = replace(first, controller="fuzzy_t2")
+    figure = dict(draw_figures(replace(study, tracks=(first, twin), steps=())))["xy_comparison"]
+    canvas = FigureCanvasAgg(figure)
+    figure.set_dpi(150)
+    canvas.draw()
+    box = figure.axes[2].get_window_extent()
+    pixels = np.asarray(canvas.buffer_rgba())[::-1, :, :3].astype(int)
+    panel = pixels[int(box.y0) : int(box.y1), int(box.x0) : int(box.x1)]
+    styles = controller_styles(study)
+    for name in ("fuzzy_t1", "fuzzy_t2"):
+        colour = [int(styles[name].colour.light[i : i + 2], 16) for i in (1, 3, 5)]
+        assert (np.abs(panel - colour).max(axis=2) < 40).sum() > 100, name
+
+
+def test_missing_fonts_of_the_font_cache_are_added(monkeypatch):
+    system = [f for f in fontManager.ttflist if f.name == "DejaVu Sans"]
+    elsewhere = replace(system[0], fname="/usr/share/fonts/DejaVuSans.ttf")
+    monkeypatch.setattr(fontManager, "ttflist", [elsewhere])
+    register_fonts.cache_clear()
+    register_fonts()
+    assert {"STIXGeneral", "cmr10", "DejaVu Sans"} <= {f.name for f in fontManager.ttflist}

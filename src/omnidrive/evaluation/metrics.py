@@ -35,8 +35,8 @@ class Metrics(NamedTuple):
     work: float
     """Mechanical work of the motors, J; NaN if the plant does not simulate forces."""
     wheel_acceleration: float
-    """Control effort: mean absolute rate of change of the commanded wheel speeds, rad/s^2; NaN if
-    torques were commanded."""
+    """Control effort: mean absolute rate of change of the commanded wheel speeds, rad/s^2; NaN for
+    commands of wheel torques."""
     step_time_median: float
     """Median computing time of a controller step, us."""
     step_time_p99: float
@@ -60,6 +60,18 @@ def position_error(pose: Float[Array, "rows 3"], target: Float[Array, "rows 3"])
     return error
 
 
+def commanded_wheel_speeds(run: Run, chassis: Chassis) -> Float[Array, "rows wheels"]:
+    """Return the commanded wheel speeds before saturation, rad/s.
+
+    Those of a commanded twist follow from the wheel matrix. NaN for commanded torques, and usually
+    in the last row, which has no command.
+    """
+    speeds: Float[Array, "rows wheels"] = run.command @ chassis.jacobian.T
+    if run.wheel_speed_command.shape[1]:
+        return np.where(np.isnan(speeds), run.wheel_speed_command, speeds)
+    return speeds
+
+
 def measure(run: Run, chassis: Chassis) -> Metrics:
     """Compute the metrics of a run; ``chassis`` converts body twists to wheel speeds."""
     distance = position_error(run.pose, run.target)
@@ -67,9 +79,7 @@ def measure(run: Run, chassis: Chassis) -> Metrics:
     late = run.t >= START_PHASE
     if not late.any():
         late[-1] = True
-    wheels = run.command[:-1] @ chassis.jacobian.T
-    if run.wheel_speed_command.size:
-        wheels = np.where(np.isnan(wheels), run.wheel_speed_command[:-1], wheels)
+    wheels = commanded_wheel_speeds(run, chassis)[:-1]
     change = np.abs(np.diff(wheels, axis=0, prepend=np.zeros((1, wheels.shape[1]))))
     step_time = run.step_time[np.isfinite(run.step_time)]
     median, p99 = np.percentile(step_time, [50, 99]) if len(step_time) else (nan, nan)

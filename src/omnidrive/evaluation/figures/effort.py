@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.style import DARK, PAGE, curve_style, legend_above, new_figure
-from omnidrive.evaluation.metrics import START_PHASE
+from omnidrive.evaluation.metrics import START_PHASE, commanded_wheel_speeds
 from omnidrive.evaluation.palette import controller_styles
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.robot import Robot
 from omnidrive.simulation import Run
 
 _WINDOW = 1.0  # s; of the moving mean of the wheel accelerations
@@ -25,6 +24,9 @@ class _Curve(NamedTuple):
     style: dict[str, Any]
     run: Run
     speeds: Float[Array, "rows wheels"]
+    """True wheel speeds; the commanded ones if the plant does not report them, rad/s."""
+    commands: Float[Array, "rows wheels"]
+    """Commanded wheel speeds, rad/s."""
 
 
 def effort(results: StudyResults) -> Figure | None:
@@ -39,13 +41,13 @@ def effort(results: StudyResults) -> Figure | None:
     fastest = min(r.duration for r in runs)
     runs = tuple(r for r in runs if r.duration == fastest)
     styles = controller_styles(results)
-    curves = [
-        _Curve(
-            r.controller, curve_style(styles[r.controller], k, len(runs), len(r.run.t)), r.run,
-            wheel_speeds(r.run, results.robot),
-        )
-        for k, r in enumerate(runs)
-    ]  # fmt: skip
+    curves = []
+    for k, r in enumerate(runs):
+        commands = commanded_wheel_speeds(r.run, results.robot.drive)
+        commands[-1] = np.nan
+        speeds = r.run.wheel_speed if r.run.wheel_speed.shape[1] else commands
+        style = curve_style(styles[r.controller], k, len(runs), len(r.run.t))
+        curves.append(_Curve(r.controller, style, r.run, speeds, commands))
     wheels = len(results.robot.mounts)
     figure = new_figure(PAGE, 1.7 + 0.95 * wheels)
     panels = figure.subplots(
@@ -64,16 +66,9 @@ def effort(results: StudyResults) -> Figure | None:
     return figure
 
 
-def wheel_speeds(run: Run, robot: Robot) -> Float[Array, "rows wheels"]:
-    """Return the commanded wheel speeds before saturation, rad/s; the last row has no command."""
-    speeds: Float[Array, "rows wheels"] = run.command @ robot.drive.jacobian.T
-    speeds[-1] = np.nan
-    return speeds
-
-
 def _draw_wheel(panels: Array, curves: list[_Curve], i: int, limit: float) -> None:
     """Draw the speed of one wheel: the start on the left, the rest on the right."""
-    for label, style, run, speeds in curves:
+    for label, style, run, speeds, _ in curves:
         late = run.t >= START_PHASE
         for axes, rows in zip(panels, (~late, late), strict=True):
             axes.plot(run.t[rows], speeds[rows, i], label=label, **style)
@@ -95,30 +90,33 @@ def _draw_limits(axes: Axes, limit: float) -> None:
 def _draw_effort(panels: Array, curves: list[_Curve]) -> None:
     """Draw the moving mean of the wheel accelerations, and the work if the plant has forces."""
     acceleration, work = panels
-    for _, style, run, speeds in curves:
-        rate = _mean_acceleration(run, speeds)
+    for _, style, run, _, commands in curves:
+        rate = _mean_acceleration(run.t, commands)
         acceleration.plot(run.t[1:], np.where(rate > 0.0, rate, np.nan), **style)
         work.plot(run.t, run.work, **style)
     acceleration.set_yscale("log")
-    acceleration.set_ylabel("effort in rad/s²")
-    acceleration.set_title(f"Mean wheel acceleration over {_WINDOW:g} s")
-    work.set_ylabel("work in J")
+    acceleration.set_ylabel("rad/s²")
+    acceleration.set_title(f"Commanded acceleration, mean of {_WINDOW:g} s")
+    work.set_ylabel("J")
     work.set_title("Mechanical work")
     for axes in panels:
         axes.set_xlabel("time in s")
         axes.margins(x=0.0)
-    if not any(np.isfinite(run.work).any() for _, _, run, _ in curves):
+    if not any(np.isfinite(run.work).any() for _, _, run, _, _ in curves):
         work.set_visible(False)
 
 
-def _mean_acceleration(run: Run, speeds: Float[Array, "rows wheels"]) -> Float[Array, " intervals"]:
-    """Return the mean absolute rate of change of the wheel speeds, rad/s^2, as a moving mean."""
-    if len(run.t) < 2:
+def _mean_acceleration(
+    t: Float[Array, " rows"], commands: Float[Array, "rows wheels"]
+) -> Float[Array, " intervals"]:
+    """Return the moving mean of the absolute rate of change of the commands, rad/s^2."""
+    if len(t) < 2:
         return np.zeros(0)
-    change = np.abs(np.diff(speeds[:-1], axis=0, prepend=0.0)).mean(axis=1)
-    dt = np.diff(run.t)
+    change = np.abs(np.diff(commands[:-1], axis=0, prepend=0.0)).mean(axis=1)
+    dt = np.diff(t)
     window = np.ones(min(max(round(_WINDOW / float(dt.mean())), 1), len(dt)))
-    totals = (np.convolve(v, window, "same")[: len(dt)] for v in (change / dt, np.ones(len(dt))))
-    rate, count = totals
+    rate, count = (
+        np.convolve(values, window, "same")[: len(dt)] for values in (change / dt, np.ones(len(dt)))
+    )
     smoothed: Float[Array, " intervals"] = rate / count
     return smoothed
