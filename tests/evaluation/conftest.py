@@ -9,7 +9,7 @@ from omnidrive.control import FeedforwardController, FeedforwardGains
 from omnidrive.evaluation.metrics import measure
 from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.step_response import step_response
-from omnidrive.geometry import Pose
+from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference import Hold, time_uniformly
@@ -33,7 +33,7 @@ class LaggingController:
 
     def step(self, t, state, reference):
         command = self.inner.step(t, state, reference)
-        return command._replace(twist=type(command.twist)(*(self.share * v for v in command.twist)))
+        return command._replace(value=BodyTwist(*(self.share * v for v in command.value)))
 
 
 def grid():
@@ -63,6 +63,7 @@ def tracked(controller, task, duration, horizon=None):
         dt=DT,
         sensors=noise,
     )
+    run.raise_if_failed()
     clearance = float(grid().clearance(run.pose[:, :2]).min()) - ROBOT.body_radius
     metrics = measure(run, ROBOT.drive)
     return TrackResult(
