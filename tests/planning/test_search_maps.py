@@ -25,17 +25,18 @@ def test_lengths_match_the_benchmark_files(name, method):
     grid, queries = benchmark(name)
     grid_search = GridSearch(grid)
     assert len(queries) >= 100
-    for start, goal, cost in queries:
-        assert grid_search.search(start, goal, method=method).cost == pytest.approx(cost, abs=1e-6)
+    for start, goal, length, _ in queries:
+        found = grid_search.search(start, goal, method=method)
+        assert found.cost == pytest.approx(length, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", MAPS)
 def test_any_angle_paths_are_shorter(name):
     grid, queries = benchmark(name)
     grid_search = GridSearch(grid)
-    found = [grid_search.search(a, b, method="lazy-theta").cost for a, b, _ in queries]
-    lengths = np.array([cost for *_, cost in queries])
-    straight = [np.hypot(a[0] - b[0], a[1] - b[1]) for a, b, _ in queries]
+    found = [grid_search.search(a, b, method="lazy-theta").cost for a, b, *_ in queries]
+    lengths = np.array([query.length for query in queries])
+    straight = [np.hypot(a[0] - b[0], a[1] - b[1]) for a, b, *_ in queries]
     assert (found >= np.array(straight) - 1e-9).all()
     assert (found <= lengths + 1e-6).all()
     assert np.sum(found) < 0.99 * lengths.sum()

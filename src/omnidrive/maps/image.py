@@ -42,7 +42,7 @@ def read_image(file: Path) -> Pixels:
     except InvalidMap:
         raise
     except Image.DecompressionBombError:
-        raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells") from None
+        raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells; crop it") from None
     except (UnidentifiedImageError, SyntaxError, ValueError):
         raise InvalidMap(f"{name} is not an image (PGM, PNG or BMP), or it is empty") from None
     except OSError as error:
@@ -54,7 +54,7 @@ def _decode(file: Path, name: str) -> Pixels:
         warnings.simplefilter("ignore")  # Pillow warns about sizes that are rejected below
         with Image.open(file, formats=_FORMATS) as image:
             if image.width * image.height > MAX_CELLS:
-                raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells")
+                raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells; crop it")
             return _pixels(image, name)
 
 

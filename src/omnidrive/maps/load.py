@@ -74,7 +74,8 @@ def load_map(
     if suffix in _IMAGES:
         raise InvalidMap(
             f"{name} is an image, which states no resolution; load the YAML file of its Nav2 map "
-            f"({file.with_suffix('.yaml').name})"
+            f"({file.with_suffix('.yaml').name}), or write one with image, resolution, origin, "
+            "free_thresh and occupied_thresh"
         )
     others = ", ".join(sorted(set(suffixes) - _OWN))
     raise InvalidMap(

@@ -33,7 +33,9 @@ def check_size(rows: int, cols: int, name: str) -> None:
     if rows < 1 or cols < 1:
         raise InvalidMap(f"{name} has no cells: {rows} rows of {cols}")
     if rows * cols > MAX_CELLS:
-        raise InvalidMap(f"{name} has {rows:,} rows of {cols:,}: more than {MAX_CELLS:,} cells")
+        raise InvalidMap(
+            f"{name} has {rows:,} rows of {cols:,}: more than {MAX_CELLS:,} cells; crop the map or make its cells larger"
+        )
 
 
 def check_resolution(resolution: float, name: str) -> None:

@@ -27,6 +27,11 @@ Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 
 _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+_TYPICAL = {
+    "resolution": ", the side of a cell in m",
+    "free_thresh": ", usually 0.25",
+    "occupied_thresh": ", usually 0.65",
+}
 _MAX_RAW = 100  # a raw pixel is an occupancy in percent; greater values are unknown
 
 
@@ -165,7 +170,7 @@ def save_nav2_map(grid: OccupancyGrid, path: StrPath) -> None:
 def _number(path: Path, meta: dict[Any, Any], key: str, default: float | None = None) -> float:
     value = meta.get(key, default)
     if value is None:
-        raise InvalidMap(f"{path} does not set '{key}'")
+        raise InvalidMap(f"{path} does not set '{key}'{_TYPICAL.get(key, '')}")
     number = _as_float(value)
     if not isfinite(number):
         raise InvalidMap(f"{path}: {key} must be a number, got {short_repr(value)}")
