@@ -34,7 +34,8 @@ def check_size(rows: int, cols: int, name: str) -> None:
         raise InvalidMap(f"{name} has no cells: {rows} rows of {cols}")
     if rows * cols > MAX_CELLS:
         raise InvalidMap(
-            f"{name} has {rows:,} rows of {cols:,}: more than {MAX_CELLS:,} cells; crop the map or make its cells larger"
+            f"{name} has {rows:,} rows of {cols:,}: more than {MAX_CELLS:,} cells; crop the map or "
+            "make its cells larger"
         )
 
 
