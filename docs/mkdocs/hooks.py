@@ -98,6 +98,7 @@ def on_page_markdown(markdown, page, config, files):
         if not link or "://" in link or link.startswith("mailto:"):
             return match[1]
         target = posixpath.normpath(posixpath.join(posixpath.dirname(here), link))
+        target = re.sub(r"\.ipynb$", ".md", target)
         uri = PAGES.get(target) or (
             target.removeprefix("docs/") if target.startswith("docs/") else f"source/{target}.md"
         )

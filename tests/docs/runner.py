@@ -1,24 +1,33 @@
-"""Execution of the code blocks of one page, in order, in one folder and one Python namespace."""
+"""Execution of the code blocks of pages, each page in one folder and one Python namespace.
+
+As a program it runs in a process of its own, as users' code does: without the type checks of the
+tests, which make pages ten times slower, and once for many pages. It reads one page per line from
+its standard input, and answers each with one line.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import io
+import json
+import os
 import re
 import runpy
 import shlex
+import sys
 import tomllib
+import traceback
+from pathlib import Path
 
-import pytest
 import yaml
 from typer.testing import CliRunner
 
 from omnidrive.cli.main import app
-from omnidrive.errors import OmnidriveError
+from omnidrive.errors import CannotDraw, OmnidriveError
 from omnidrive.robot import named_robot
-from omnidrive.study import load_scenario, paper_scenario
+from omnidrive.study import load_scenario, paper_scenario, study
 from omnidrive.study.scenario_file import scenario_data
-from tests.docs.blocks import ROOT, Block
+from tests.docs.blocks import ROOT, Block, blocks
 from tests.simulation.coppeliasim.fake_server import fake_server
 
 FILES = {"yaml", "python", "text", "csv", "json", "toml", "xml"}
@@ -29,11 +38,13 @@ _EXTERNAL = {"cd", "git", "uv", "open", "xdg-open"}
 
 _SIMULATING = {"run", "compare"}
 
+write_figures = study.write_figures
+
 
 class PageRunner:
     """Runs the blocks of one page; what they print is kept for the next block of output."""
 
-    def __init__(self, folder):
+    def __init__(self, folder: Path):
         self.folder = folder
         self.namespace = {"__name__": "__page__"}
         self.output = ""
@@ -55,7 +66,7 @@ class PageRunner:
         elif block.language == "yaml":
             check_yaml(block.text, self.folder)
         else:
-            pytest.fail(f"a block of {block.language or 'no language'!r} cannot be tested")
+            raise AssertionError(f"a block of {block.language or 'no language'!r} cannot be tested")
 
     def python(self, block: Block, code: str, line: int) -> str:
         """Execute Python code; errors show the line of the page."""
@@ -113,7 +124,7 @@ class PageRunner:
 
 def commands(text: str) -> list[str]:
     """Return the command lines of a block, without comments; a backslash continues a line."""
-    joined = re.sub(r"\\\n *", " ", text)
+    joined = re.sub(r" *\\\n *", " ", text)
     parts = [
         part for line in joined.splitlines() for part in re.sub(r"(^|\s)#.*", "", line).split("&&")
     ]
@@ -153,3 +164,44 @@ def check_options(words: list[str]) -> None:
     for word in words[1:]:
         if word.startswith("--"):
             assert re.search(rf"{word}\b", help_text), word
+
+
+def run_page(page: Path, folder: Path, *, is_long: bool) -> str:
+    """Run the blocks of a page in a folder; return why it failed, or an empty text.
+
+    Without long blocks, figures of studies are not drawn: they take most of the time, and have
+    tests of their own.
+    """
+    os.chdir(folder)
+    sys.path[0] = str(folder)  # as for a script in the folder
+    before = set(sys.modules)
+    try:
+        return _run_blocks(page, folder, is_long=is_long)
+    finally:
+        for name in set(sys.modules) - before:
+            if str(getattr(sys.modules[name], "__file__", "")).startswith(str(folder)):
+                del sys.modules[name]
+
+
+def _run_blocks(page: Path, folder: Path, *, is_long: bool) -> str:
+    study.write_figures = write_figures if is_long else lambda results, folder: ()
+    runner = PageRunner(folder)
+    for block in blocks(page):
+        if block.is_long and not is_long:
+            continue
+        try:
+            runner.run(block)
+        except CannotDraw as error:
+            return f"skip: {error}"
+        except BaseException:
+            return f"{page}:{block.line}\n{traceback.format_exc()}"
+    return ""
+
+
+if __name__ == "__main__":
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what pages print does not mix with the answers
+    for line in sys.stdin:
+        page, folder, is_long = json.loads(line)
+        answer = run_page(Path(page), Path(folder), is_long=is_long)
+        print(json.dumps(answer), file=answers, flush=True)

@@ -1,12 +1,14 @@
 """Every code block of the README and of the documentation runs."""
 
+import json
 import shutil
+import subprocess
+import sys
 
 import pytest
 
-from omnidrive.errors import CannotDraw
 from tests.docs.blocks import PAGES, ROOT, blocks
-from tests.docs.runner import PageRunner
+from tests.docs.runner import check_output, commands
 from tests.shared_data import shared
 
 WITH_CODE = [page for page in PAGES if blocks(page) and page.name != "README.md"]
@@ -23,39 +25,66 @@ def named(page):
     return str(page.relative_to(ROOT))
 
 
-def run_page(page, folder, monkeypatch, *, is_long):
-    monkeypatch.chdir(folder)
-    monkeypatch.syspath_prepend(folder)
-    runner = PageRunner(folder)
-    for block in blocks(page):
-        if is_long or not block.is_long:
-            try:
-                runner.run(block)
-            except CannotDraw as error:
-                pytest.skip(str(error))
-            except BaseException as error:
-                error.add_note(f"in the block at {named(page)}:{block.line}")
-                raise
+@pytest.fixture(scope="module")
+def runner():
+    """The process that runs pages."""
+    command = [sys.executable, "-m", "tests.docs.runner"]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+        process.stdin.close()
 
 
-@pytest.fixture
-def folder(tmp_path, request):
-    """A folder with the maps that the page names."""
-    code = "".join(block.text for block in blocks(request.getfixturevalue("page")))
+def run_page(runner, page, folder, *, is_long):
+    code = "".join(block.text for block in blocks(page))
     for name, (mentioned, source) in MAPS.items():
         if mentioned in code:
-            shutil.copy(shared(source), tmp_path / name)
-    return tmp_path
+            shutil.copy(shared(source), folder / name)
+    print(json.dumps([str(page), str(folder), is_long]), file=runner.stdin, flush=True)
+    answer = json.loads(runner.stdout.readline())
+    if answer.startswith("skip: "):
+        pytest.skip(answer)
+    assert not answer, answer
 
 
 @pytest.mark.parametrize("page", WITH_CODE, ids=named)
-def test_the_code_of_a_page_runs(page, folder, monkeypatch):
-    run_page(page, folder, monkeypatch, is_long=False)
+def test_the_code_of_a_page_runs(page, runner, tmp_path):
+    run_page(runner, page, tmp_path, is_long=False)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
     "page", [p for p in WITH_CODE if any(b.is_long for b in blocks(p))], ids=named
 )
-def test_the_long_code_of_a_page_runs(page, folder, monkeypatch):
-    run_page(page, folder, monkeypatch, is_long=True)
+def test_the_long_code_of_a_page_runs(page, runner, tmp_path):
+    run_page(runner, page, tmp_path, is_long=True)
+
+
+def test_wrong_code_and_wrong_output_are_found(runner, tmp_path):
+    """The tests above can fail."""
+    page = tmp_path / "page.md"
+    for text, reason in (
+        ("```python\nprint(1)\n```\n```text\n2\n```", "the output lacks '2'"),
+        ("```python\nundefined\n```", "NameError"),
+        ("```sh\nomnidrive run --nonsense\n```", "nonsense"),
+        ("<!-- test: fails -->\n```sh\nomnidrive --version\n```", "AssertionError"),
+        ("```sh\npip install 'omnidrive[nonsense]'\n```", "nonsense"),
+        ("```yaml\nnonsense: 1\n```", "nonsense"),
+        ("```c\nint i;\n```", "cannot be tested"),
+    ):
+        page.write_text(text)
+        with pytest.raises(AssertionError, match=reason):
+            run_page(runner, page, tmp_path, is_long=False)
+
+
+def test_output_is_compared_line_by_line():
+    check_output("a ... d\n...\nz", "first\na b   c d\ny\nz\n")
+    for wrong in ("z\na ... d", "a d", "a b c"):
+        with pytest.raises(AssertionError, match="the output lacks"):
+            check_output(wrong, "first\na b c d\ny\nz\n")
+
+
+def test_commands_of_a_block():
+    text = "make env  # comment\n\nomnidrive run \\\n  --out a && omnidrive list\n"
+    assert commands(text) == ["make env", "omnidrive run --out a", "omnidrive list"]
