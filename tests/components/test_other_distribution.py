@@ -1,0 +1,141 @@
+"""A distribution with a component of every group takes part in a study."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+from omnidrive.study import paper_scenario
+from omnidrive.study.scenario_file import scenario_data
+
+CODE = '''
+"""Components of every group."""
+
+from dataclasses import replace
+
+import numpy as np
+import omnidrive as od
+from omnidrive.estimation import LatestFix
+from omnidrive.simulation import KinematicPlant
+
+
+def law(context):
+    """Feedforward of the reference."""
+    return od.FeedforwardController(context.dt)
+
+
+class Plant(KinematicPlant):
+    """Kinematic plant."""
+
+    capabilities = od.PlantCapabilities()
+
+    def __init__(self, context):
+        super().__init__(context.robot)
+
+
+def robot():
+    """A robot with faster motors."""
+    return replace(od.named_robot("small"), name="quick", max_wheel_speed=60.0)
+
+
+def estimator():
+    """Latest pose fix."""
+    return LatestFix()
+
+
+def read_grid(path, *, resolution=None, unknown="occupied"):
+    """Map of comma-separated zeros and ones."""
+    rows = [[cell == "1" for cell in line.split(",")] for line in open(path).read().split()]
+    return od.OccupancyGrid(np.array(rows), resolution or 1.0)
+
+
+def ellipse(context):
+    """Half an ellipse from rest to rest."""
+    t = np.linspace(0.0, 1.0, 400)
+    s = np.pi * t**3 * (10 - 15 * t + 6 * t**2)
+    duration = 20.0 if context.duration is None else context.duration
+    poses = np.stack([3 + 1.5 * np.cos(s), 3 + np.sin(s), np.zeros_like(s)], axis=1)
+    return od.SampledReference(duration * t, poses)
+'''
+ENTRY_POINTS = """
+[omnidrive.controllers]
+their-law = their_parts:law
+[omnidrive.plants]
+their-plant = their_parts:Plant
+[omnidrive.robots]
+quick = their_parts:robot
+[omnidrive.estimators]
+their-estimator = their_parts:estimator
+[omnidrive.maps]
+.grid = their_parts:read_grid
+[omnidrive.references]
+ellipse = their_parts:ellipse
+"""
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """Return environment variables with which Python finds the distribution."""
+    folder = tmp_path_factory.mktemp("their")
+    (folder / "their_parts.py").write_text(CODE)
+    info = folder / "their_parts-1.2.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-parts\nVersion: 1.2\n")
+    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+    paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}
+
+
+def omnidrive(environment, cwd, *arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "omnidrive", *map(str, arguments)],
+        env=environment, cwd=cwd, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_components_of_every_group_take_part_in_a_study(environment, tmp_path):
+    cells = np.zeros((8, 8), dtype=int)
+    cells[0, 0] = 1
+    (tmp_path / "room.grid").write_text("\n".join(",".join(map(str, row)) for row in cells))
+    data = scenario_data(paper_scenario())
+    for key in ("start", "goal", "path", "timing"):
+        data.pop(key, None)
+    data |= {
+        "map": {"source": "room.grid"},
+        "robot": {"name": "quick"},
+        "plant": "their-plant",
+        "sensors": {"estimator": {"type": "their-estimator"}},
+        "reference": {"type": "ellipse"},
+        "controllers": {"theirs": "their-law", "ours": "feedforward"},
+        "tasks": {"track": {"durations": [20.0]}},
+    }
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(data))
+    done = omnidrive(environment, tmp_path, "compare", "s.yaml", "--jobs", "2", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    theirs, ours = results["runs"]
+    assert theirs["me"] == ours["me"]
+    origins = results["components"]
+    assert origins["plant"] == origins["estimator"] == "their-parts 1.2"
+    assert origins["controllers"]["theirs"] == "their-parts 1.2"
+
+
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [
+        ("controllers", "their-law"),
+        ("plants", "their-plant"),
+        ("robots", "quick"),
+        ("estimators", "their-estimator"),
+        ("maps", ".grid"),
+        ("references", "ellipse"),
+    ],
+)
+def test_components_are_listed(environment, tmp_path, group, name):
+    done = omnidrive(environment, tmp_path, "list", group)
+    assert done.returncode == 0, done.stderr
+    assert f"{name}  (their-parts 1.2)" in done.stdout
