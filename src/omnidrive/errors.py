@@ -2,6 +2,7 @@
 
 OmnidriveError
 ├── InvalidInput(ValueError)      an argument outside its documented domain
+│   ├── ComponentFailed           a factory of a component raised an exception
 │   ├── InvalidFuzzyFile          a missing, malformed or too large file of a fuzzy system
 │   ├── InvalidGeometry           wheels that cannot produce every planar twist
 │   ├── InvalidMap                a missing, malformed or too large map file
@@ -34,6 +35,10 @@ class OmnidriveError(Exception):
 
 class InvalidInput(OmnidriveError, ValueError):
     """An argument is outside its documented domain."""
+
+
+class ComponentFailed(InvalidInput):
+    """A factory of a component raised an exception, which is the cause of this one."""
 
 
 class InvalidFuzzyFile(InvalidInput):

@@ -28,6 +28,11 @@ def law(context):
     return od.FeedforwardController(context.dt)
 
 
+def broken(context):
+    """Raise an exception."""
+    return {}["gain"]
+
+
 class Plant(KinematicPlant):
     """Kinematic plant."""
 
@@ -57,15 +62,16 @@ def ellipse(context):
     """Half an ellipse from rest to rest."""
     t = np.linspace(0.0, 1.0, 400)
     s = np.pi * t**3 * (10 - 15 * t + 6 * t**2)
-    duration = 20.0 if context.duration is None else context.duration
     poses = np.stack([3 + 1.5 * np.cos(s), 3 + np.sin(s), np.zeros_like(s)], axis=1)
-    return od.SampledReference(duration * t, poses)
+    return od.SampledReference(20.0 * t, poses, np.gradient(poses, 20.0 * t, axis=0))
 '''
 ENTRY_POINTS = """
 [omnidrive.controllers]
 their-law = their_parts:law
+broken = their_parts:broken
 [omnidrive.plants]
 their-plant = their_parts:Plant
+broken = their_parts:broken
 [omnidrive.robots]
 quick = their_parts:robot
 [omnidrive.estimators]
@@ -139,3 +145,26 @@ def test_components_are_listed(environment, tmp_path, group, name):
     done = omnidrive(environment, tmp_path, "list", group)
     assert done.returncode == 0, done.stderr
     assert f"{name}  (their-parts 1.2)" in done.stdout
+
+
+def test_factory_that_raises_ends_its_run_only(environment, tmp_path):
+    arguments = ("--plant", "their-plant", "--tasks", "step", "--out", "out")
+    controllers = ("--controller", "broken", "--controller", "feedforward")
+    done = omnidrive(environment, tmp_path, "compare", *controllers, *arguments)
+    assert done.returncode == 1
+    assert (
+        "step-broken at 0 s (the controller had no usable command: KeyError: 'gain')"
+        in " ".join(done.stderr.split())
+    )
+    axes = json.loads((tmp_path / "out" / "results.json").read_text())["step_response"]
+    assert {row["controller"]: row["finished"] for row in axes} == {
+        "broken": False, "feedforward": True,
+    }  # fmt: skip
+
+
+def test_plant_that_raises_is_named_with_the_line(environment, tmp_path):
+    done = omnidrive(environment, tmp_path, "run", "--plant", "broken", "--controller", "pid")
+    assert done.returncode == 2
+    assert "the plant 'broken' (their-parts 1.2) failed:" in done.stderr
+    assert "their_parts.py" in done.stderr
+    assert "KeyError: 'gain'" in done.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,10 +13,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from omnidrive.components.fields import field_names, field_type
-from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.errors import ComponentFailed, InvalidInput, OmnidriveError, suggestion
 from omnidrive.files.bounded_file import one_line
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
+_FRAMES = 3  # calls shown of a traceback
 _FORMS = "f(), f(context) or f(context, parameters: ITS_PARAMETER_CLASS)"
 
 
@@ -119,11 +121,21 @@ class Component:
         Args:
             context: Context of the group.
             parameters: Result of :meth:`parse`; None: the defaults.
+
+        Raises:
+            ComponentFailed: The factory raises an exception, other than one of this package.
         """
-        count = len(self._arguments)
-        if count < 2:
-            return self.factory(*(context,)[:count])
-        return self.factory(context, self.parse({}) if parameters is None else parameters)
+        arguments = (context, self.parse({}) if parameters is None else parameters)
+        try:
+            return self.factory(*arguments[: len(self._arguments)])
+        except OmnidriveError:
+            raise
+        except Exception as error:
+            calls = "".join(traceback.format_tb(error.__traceback__)[1:][-_FRAMES:])
+            raise ComponentFailed(
+                f"the {self.group.removesuffix('s')} '{self.name}' ({self.origin}) failed:\n{calls}"
+                f"{''.join(traceback.format_exception_only(error)).strip()}"
+            ) from error
 
     @cached_property
     def _arguments(self) -> list[Parameter]:

@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from omnidrive.choices import TaskName
-from omnidrive.control import Controller
+from omnidrive.control import Command, Controller, Status
 from omnidrive.control.components import ControllerContext
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits, WheelMonitor
-from omnidrive.estimation import EncoderSettings, LatestFix, StateEstimator
+from omnidrive.errors import ComponentFailed
+from omnidrive.estimation import EncoderSettings, LatestFix, State, StateEstimator
 from omnidrive.estimation.components import EstimatorContext
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
-from omnidrive.geometry import Pose
+from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation import (
@@ -151,6 +152,24 @@ def make_controller(
     return controller
 
 
+class _FailedController:
+    """Controller that could not be made; its run ends before the first sample."""
+
+    def __init__(self, error: ComponentFailed) -> None:
+        self.error = error.__cause__ or error
+
+    def prepare(self) -> None:
+        """Raise the exception of the factory."""
+        raise self.error
+
+    def reset(self, state: State) -> None:
+        """Do nothing; it is not called."""
+
+    def step(self, t: float, state: State, reference: Reference) -> Command:
+        """Return a failed command; it is not called."""
+        return Command(BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
+
+
 def _simulate(
     planned: PlannedScenario,
     job: Job,
@@ -180,7 +199,11 @@ def _simulate(
     seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
     sensor_rng, jitter_rng = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
     controller_rng = np.random.default_rng([*seed, 2])
-    controller = make_controller(scenario, robot, job.controller, job.horizon, controller_rng)
+    controller: Controller
+    try:
+        controller = make_controller(scenario, robot, job.controller, job.horizon, controller_rng)
+    except ComponentFailed as error:  # the other runs of the study go on
+        controller = _FailedController(error)
     sensors = make_sensors(scenario, robot, sensor_rng, noise=job.task == "noise")
     return simulate(
         plant,
