@@ -301,11 +301,12 @@ def test_choreo_trajectory_of_2024(tmp_path):
     assert same(old, read(tmp_path, "new.traj", choreo()))
 
 
-def test_choreo_trajectory_of_differential_drive_has_poses_only(tmp_path):
+@pytest.mark.parametrize("kind", [{"sampleType": "Differential"}, {"sampleType": None}])
+def test_choreo_trajectory_of_differential_drive_has_poses_only(tmp_path, kind):
     samples = [
         {"t": t, "x": t, "y": 0.0, "heading": 0.0, "vl": 1.0, "vr": 1.0} for t in (0.0, 1.0, 2.0)
     ]
-    reference = read(tmp_path, "a.traj", choreo(sampleType="Differential", samples=samples))
+    reference = read(tmp_path, "a.traj", choreo(samples=samples, **kind))
     assert reference.poses[:, 0].tolist() == [0.0, 1.0, 2.0]
     assert reference.twists[:, 0] == pytest.approx([0.0, 1.5, 0.0])
 

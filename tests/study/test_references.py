@@ -198,8 +198,8 @@ def test_obstacle_on_the_reference_is_noted(caplog, tmp_path):
 @pytest.mark.parametrize(
     ("reference", "message"),
     [
-        ("cirle", "there is no reference 'cirle'; did you mean 'circle'"),
-        ({"type": "circle", "radis": 1.0}, "no parameter 'radis'; did you mean 'radius'"),
+        ("cirle", "there is no reference 'cirle'.*did you mean 'circle'"),
+        ({"type": "circle", "radis": 1.0}, "no parameter 'radis'.*did you mean 'radius'"),
         ({"type": "circle", "radius": -1.0}, "reference.radius is -1 m, need 0.01 to 1000 m"),
         ({"type": "circle", "heading": "tangnet"}, "reference.heading"),
         ({"type": "square", "rounding": 3.0}, "rounding is 3 m, need at most half the side, 1 m"),

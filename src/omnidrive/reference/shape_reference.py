@@ -59,7 +59,7 @@ class ShapeReference:
         return np.hstack([motion.poses, motion.twists])
 
     def motion(self, times: Float[Array, " n"]) -> Motion:
-        """Return poses, twists and accelerations in W at ``times`` in s."""
+        """Return poses, twists and accelerations in W at ``times`` in s, one row each."""
         share = times / self.duration
         inside = ((share >= 0.0) & (share <= 1.0 + 1e-12))[:, None]  # rounding may pass 1
         law = _time_law(np.clip(share, 0.0, 1.0), self.shape.ramp)

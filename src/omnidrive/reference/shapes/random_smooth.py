@@ -21,8 +21,8 @@ class RandomSmooth(Shape):
     """Random closed motion in x, y and heading: sums of sines with random amplitudes and phases.
 
     Shinozuka & Deodatis, "Simulation of stochastic processes by spectral representation", 1991. The
-    amplitude of the k-th harmonic is proportional to u / k with u uniform in [0.5, 1]. The heading
-    is independent of the direction of travel.
+    amplitude of the k-th harmonic is proportional to u / k^1.5 with u uniform in [0.5, 1]. The
+    heading is independent of the direction of travel.
     """
 
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
@@ -48,7 +48,9 @@ class RandomSmooth(Shape):
     def _spectrum(self) -> tuple[Float[Array, "3 harmonics"], Float[Array, "3 harmonics"]]:
         """Amplitudes and phases; the amplitudes of x, y and yaw add up to half their range."""
         rng = np.random.default_rng(self.seed)
-        weights = rng.uniform(0.5, 1.0, (3, self.harmonics)) / np.arange(1, self.harmonics + 1)
+        weights = (
+            rng.uniform(0.5, 1.0, (3, self.harmonics)) / np.arange(1, self.harmonics + 1) ** 1.5
+        )
         ranges = np.array([self.extent, self.extent, self.turn])
         amplitudes = 0.5 * ranges[:, None] * weights / weights.sum(axis=1, keepdims=True)
         return amplitudes, rng.uniform(0.0, 2.0 * pi, (3, self.harmonics))

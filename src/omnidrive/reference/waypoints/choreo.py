@@ -45,13 +45,13 @@ def read_choreo(file: pathlib.Path) -> SampledReference:
     root = read_json(file)
     nested = root.get("trajectory")  # absent in files of 2024
     trajectory, names = (root, _NAMES_2024) if nested is None else (nested, _NAMES)
-    kind = trajectory.get("sampleType")
-    differential = kind is not None and kind.value == "Differential"
     samples = trajectory["samples"].items()
     if not samples:
         raise trajectory["samples"].error(
             "is empty: the trajectory was never generated; generate it in Choreo and save it"
         )
+    # files of version 0 have no key sampleType
+    differential = samples[0].get("vl") is not None
     known = names[:4] if differential else names
     table = np.array([[sample[key].number() for key in known] for sample in samples])
     kept = _spaced(samples, table[:, 0])

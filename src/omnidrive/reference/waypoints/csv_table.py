@@ -18,6 +18,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.number_text import parse_number
 from omnidrive.planning import Path
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, MAX_VALUE
 from omnidrive.reference.waypoints.text_file import read_text, write_text
@@ -167,10 +168,10 @@ def _numbers(where: str, cells: list[str], count: int) -> list[float]:
         )
     numbers: list[float] = []
     for cell in cells:
-        try:
-            numbers.append(float(cell))
-        except ValueError:
-            raise InvalidReference(f"{where}: {short_repr(cell)} is not a number") from None
+        number = parse_number(cell)
+        if number is None:
+            raise InvalidReference(f"{where}: {short_repr(cell)} is not a number")
+        numbers.append(number)
     return numbers
 
 
