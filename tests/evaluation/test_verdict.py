@@ -8,6 +8,7 @@ from scipy import stats
 
 from omnidrive.control.supervision import Event
 from omnidrive.evaluation import FaultResult, StepResponse, headline, study_tables, verdicts
+from omnidrive.evaluation.page.markup import verdict_markup
 from omnidrive.simulation import Outcome
 from omnidrive.simulation.disturbances import parse_fault
 from tests.evaluation.truncation import truncated
@@ -91,6 +92,30 @@ def test_tie_is_no_win(repeated):
     assert verdict.advantage.is_tied
     assert verdict.confidence_text.startswith("no difference shown, p = ")
     assert headline([verdict]) == ["Noise 30 s: no difference shown between c and b."]
+
+
+def test_runs_within_one_percent_are_equal(part):
+    first, second = part.tracks
+    pair = (with_me(first, 0.01), with_me(second, 0.010099))
+    (verdict,) = verdicts(replace(part, tracks=pair))
+    assert verdict.confidence_text == "equal within 1 %"
+    a, b = first.controller, second.controller
+    assert headline([verdict]) == [f"Track 20 s: {a} and {b} are equal within 1 %."]
+    (verdict,) = verdicts(replace(part, tracks=(pair[0], with_me(second, 0.010101))))
+    assert headline([verdict]) == [f"Best in track 20 s: {a}."]
+
+
+def test_run_without_error_has_no_factor(part, repeated):
+    first, second = part.tracks
+    (verdict,) = verdicts(replace(part, tracks=(with_me(first, 0.01), with_me(second, 0.0))))
+    assert (verdict.best.name, verdict.factor_text) == (second.controller, "–")
+    assert f"next: {first.controller} (ME 10.0 mm)" in verdict_markup(replace(part, tracks=(
+        with_me(first, 0.01), with_me(second, 0.0))))  # fmt: skip
+    (verdict,) = verdicts(replace(part, tracks=(with_me(first, 0.0), with_me(second, 0.0))))
+    assert verdict.advantage.is_tied
+    exact = tuple(with_me(r, 0.0) if r.controller == "b" else r for r in repeated.tracks)
+    (verdict,) = verdicts(replace(repeated, tracks=exact))
+    assert (verdict.best.name, verdict.factor_text) == ("b", "–")
 
 
 def test_stopped_run_is_not_ranked(part):

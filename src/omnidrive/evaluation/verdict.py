@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import exp, isfinite, nan
+from math import exp, inf, isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,8 @@ from omnidrive.evaluation.results import FaultResult, StepResult, StudyResults
 from omnidrive.evaluation.table import NO_VALUE, number_text
 from omnidrive.evaluation.uncertainty import CONFIDENCE, estimate_mean, p_text
 from omnidrive.simulation import Outcome, Run
+
+_SMALL = 0.01  # relative difference of two runs that counts as none
 
 
 class Contender(NamedTuple):
@@ -52,8 +54,10 @@ class Advantage(NamedTuple):
 
     @property
     def is_tied(self) -> bool:
-        """Whether the values are equal, or no difference is shown over the seeds (p >= 0.05)."""
-        return self.factor == 1.0 or (self.seeds > 1 and not self.p < 1.0 - CONFIDENCE)
+        """Whether no difference is shown: p >= 0.05 over several seeds, below 1 % for one run."""
+        if self.seeds > 1:
+            return not self.p < 1.0 - CONFIDENCE
+        return self.factor < 1.0 + _SMALL
 
 
 class Verdict(NamedTuple):
@@ -110,7 +114,7 @@ class Verdict(NamedTuple):
             return "no other result"
         _, low, high, p, seeds = self.advantage
         if seeds < 2:
-            return "one run: no interval"
+            return "one run: no interval" if not self.advantage.is_tied else "equal within 1 %"
         if self.advantage.is_tied:
             return f"no difference shown, p {p_text(p)}"
         return f"{number_text(low)} to {number_text(high)}, p {p_text(p)}"
@@ -148,19 +152,22 @@ def headline(found: Iterable[Verdict]) -> list[str]:
         if each.task == "horizon":
             others.append(f"Best {each.name}: {each.best.name}.")
         elif each.following and each.advantage and each.advantage.is_tied:
-            others.append(
-                f"{each.name.capitalize()}: no difference shown between {each.best.name} and "
-                f"{each.following.name}."
-            )
+            others.append(_tie(each.name, each.advantage, each.best.name, each.following.name))
         elif one_noise:
             others.append(
-                f"{each.name.capitalize()}: {each.best.name} is best in one run; --noise-seeds 20 "
-                "tests whether by chance."
+                f"{each.name.capitalize()}: {each.best.name} is best in one run; check with "
+                "--noise-seeds 20."
             )
         else:
             wins.setdefault(each.best.name, []).append(each.name)
     best = [f"Best in {_listed(tasks)}: {name}." for name, tasks in wins.items()]
     return [*best, *others]
+
+
+def _tie(task: str, advantage: Advantage, first: str, second: str) -> str:
+    if advantage.seeds > 1:
+        return f"{task.capitalize()}: no difference shown between {first} and {second}."
+    return f"{task.capitalize()}: {first} and {second} are equal within 1 %."
 
 
 def _listed(words: list[str]) -> str:
@@ -185,7 +192,10 @@ def _ranked(
 
 
 def _ratio(above: float, below: float) -> float:
-    return above / below if below > 0.0 else nan
+    """Return the ratio of two values that are not negative; 1 if both are 0."""
+    if below > 0.0:
+        return above / below
+    return inf if above > 0.0 else 1.0
 
 
 def _tracking(results: StudyResults, task: str) -> list[Verdict]:
@@ -219,11 +229,14 @@ def _paired(
 ) -> Advantage:
     """Compare two controllers over the seeds for which both runs finished.
 
-    The interval is that of the mean logarithm of the ratio, by Student's t.
+    The interval is that of the mean logarithm of the ratio, by Student's t. Without an error of the
+    best one in some seed, there is no ratio.
     """
     ours, theirs = best.finished, following.finished
     seeds = sorted(ours.keys() & theirs.keys())
     ratios = [_ratio(theirs[k].metrics.me, ours[k].metrics.me) for k in seeds]
+    if not np.isfinite(ratios).all():
+        ratios = []
     log = estimate_mean(np.log(np.array(ratios, dtype=float)))
     pair = {best.controller, following.controller}
     p = next(

@@ -7,7 +7,7 @@ from html import escape
 from math import atan2, degrees, isfinite
 
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.table import Table, number_text
+from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.verdict import Contender, Verdict, headline, verdicts
 from omnidrive.robot import Robot
 
@@ -52,8 +52,10 @@ def _advantage(verdict: Verdict) -> str:
     if following is None:
         return ""
     factor = verdict.factor_text
-    words = "than" if factor.endswith("more") else "times lower than"
-    return f"{factor} {words} {following.name} ({verdict.value_text(following)})"
+    name = f"{following.name} ({verdict.value_text(following)})"
+    if factor == NO_VALUE:
+        return f"next: {name}"
+    return f"{factor} {'than' if factor.endswith('more') else 'times lower than'} {name}"
 
 
 def _cost(contender: Contender) -> str:
