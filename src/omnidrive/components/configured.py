@@ -173,7 +173,7 @@ class OfGroup(NamedTuple):
         kind = component.parameter_class
         found = handler(TypeAdapter(kind).core_schema) if kind else {}
         options = handler.resolve_ref_schema(found) if found else {}
-        parameters = next(
+        parameters: dict[str, Any] = next(
             (each for each in (options, *options.get("anyOf", ())) if "properties" in each), {}
         )
         return {

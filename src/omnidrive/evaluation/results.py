@@ -140,7 +140,11 @@ class StudyResults:
     @property
     def controllers(self) -> tuple[str, ...]:
         """Labels of all controllers, in the order of their first runs."""
-        every = (*self.tracks, *self.steps, *self.faults)
+        every: tuple[TrackResult | StepResult | FaultResult, ...] = (
+            *self.tracks,
+            *self.steps,
+            *self.faults,
+        )
         return tuple(dict.fromkeys(result.controller for result in every))
 
     def type_of(self, controller: str) -> str:

@@ -144,7 +144,7 @@ def _bars(axes: Axes, lines: list[Curve], heights: list[float], label: str) -> N
     bars = axes.bar(
         positions, heights, width=0.68, color=[line.style.colour.light for line in lines]
     )
-    axes.bar_label(bars, map(number_text, heights), padding=2, fontsize=6)
+    axes.bar_label(bars, list(map(number_text, heights)), padding=2, fontsize=6)
     names = [line.label.removeprefix("N = ") for line in lines]
     axes.set_xticks(positions, names, rotation=0 if max(map(len, names)) < 4 else 45)
     axes.set(xlabel="horizon N in steps", ylabel=label)
