@@ -22,6 +22,10 @@ FaultKind = Literal[
 ]  # fmt: skip
 """Kinds of disturbances and faults."""
 
+WAYPOINTS = "waypoints"
+"""Name of the reference that reads a file."""
+RobotFormat = Literal["urdf", "mjcf", "ros2_control"]
+"""Formats from which a robot can be imported."""
 Unknown = Literal["occupied", "free"]
 """Treatment of cells that a map file marks as unknown."""
 MethodName = Literal["astar", "jump-point", "lazy-theta", "greedy"]

@@ -205,7 +205,7 @@ def test_invalid_input_has_one_message_and_status_2(tmp_path, args, message):
 
 
 def test_internal_error_has_status_1_and_no_traceback(tmp_path):
-    broken = "import omnidrive.cli.compare as c; c.run_study = lambda *a, **k: 1 / 0; "
+    broken = "import omnidrive.study as s; s.run_study = lambda *a, **k: 1 / 0; "
     code = broken + "from omnidrive.cli import main; import sys; sys.argv[1:] = ['compare']; main()"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False

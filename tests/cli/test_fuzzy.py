@@ -119,7 +119,7 @@ def test_compilation_is_announced(fuzzy, monkeypatch, caplog):
         logging.getLogger("omnidrive").warning("compiling")
         yield
 
-    monkeypatch.setattr("omnidrive.cli.fuzzy.announce_compiling", announce)
+    monkeypatch.setattr("omnidrive.cli.fuzzy_actions.announce_compiling", announce)
     fuzzy("show", "tipper.fis")
     assert not caplog.records
     fuzzy("show", "tipper.fis", "--inputs", "3,8")

@@ -6,25 +6,23 @@ import sys
 from collections.abc import Sequence
 from typing import Annotated, get_args
 
+from omnidrive import study
 from omnidrive.choices import TaskName
 from omnidrive.cli.components import ControllersOption, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RUN_PANEL,
     FolderOption,
+    FullOption,
     JsonOption,
     available_cores,
     choose_many,
     default_folder,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_events, warn_of_collisions
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.cli.tables import FullOption, print_tables
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
-from omnidrive.study import Scenario, check_new_folder, run_study, with_task
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 _TasksOption = Annotated[
     str | None, option("A,B,...", f"Only these tasks: {', '.join(get_args(TaskName))}.", RUN_PANEL)
@@ -81,29 +79,36 @@ def compare(
     * `omnidrive compare --tasks noise --noise-seeds 50`
     * `omnidrive compare --tasks faults --plant mujoco-balls`
     """
+    from omnidrive.cli.progress import LiveProgress, print_events, warn_of_collisions
+    from omnidrive.cli.tables import print_tables
+
     if out is not None:
-        check_new_folder(out)
+        study.check_new_folder(out)
     chosen = [*(controllers.split(",") if controllers else ()), *(controller or ())]
     resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds)
     resolved = with_faults(resolved, fault)
     folder = out or default_folder(resolved.name)
     with LiveProgress() as progress:
-        study = run_study(resolved, folder, processes=jobs or available_cores(), progress=progress)
+        cores = jobs or available_cores()
+        done = study.run_study(resolved, folder, processes=cores, progress=progress)
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
-        print_tables(study.tables, full=full)
-        print_events(study)
-        parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in study.timing.items())
-        show(f"{parts} = {sum(study.timing.values()):.1f} s")
+        print_tables(done.tables, full=full)
+        print_events(done)
+        parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
+        show(f"{parts} = {sum(done.timing.values()):.1f} s")
     conclude(f"results: {folder} (open {folder / 'report.html'})", beside_json=json)
-    warn_of_collisions(study)
-    study.raise_if_failed()
+    warn_of_collisions(done)
+    done.raise_if_failed()
 
 
 def _restrict(
-    scenario: Scenario, controllers: Sequence[str], tasks: str | None, noise_seeds: int | None
-) -> Scenario:
+    scenario: study.Scenario,
+    controllers: Sequence[str],
+    tasks: str | None,
+    noise_seeds: int | None,
+) -> study.Scenario:
     """Return the scenario with the selected controllers and tasks and the number of seeds."""
     changes: dict[str, object] = {}
     if controllers:
@@ -111,7 +116,7 @@ def _restrict(
     if tasks is not None:
         names = get_args(TaskName)
         selected = choose_many("task", tasks, names)
-        scenario = with_task(scenario, selected)
+        scenario = study.with_task(scenario, selected)
         kept = {name: getattr(scenario.tasks, name) if name in selected else None for name in names}
         if not any(kept.values()):
             raise InvalidInput(f"the scenario does not contain these tasks: {', '.join(selected)}")
@@ -126,8 +131,10 @@ def _restrict(
     return scenario if noise_seeds is None else _with_repeats(scenario, noise_seeds)
 
 
-def _with_repeats(scenario: Scenario, seeds: int) -> Scenario:
+def _with_repeats(scenario: study.Scenario, seeds: int) -> study.Scenario:
     """Return the scenario with the task noise repeated for ``seeds`` seeds."""
+    from omnidrive.study.scenario_file import parse_scenario, scenario_data
+
     data = scenario_data(scenario)
     if data["tasks"]["noise"] is None:
         raise InvalidInput(

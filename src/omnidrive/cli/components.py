@@ -6,15 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+from omnidrive import components, study
+from omnidrive.choices import WAYPOINTS
 from omnidrive.cli.options import RUN_PANEL, option
-from omnidrive.components import Specification, parse_specification
 from omnidrive.errors import InvalidInput
-from omnidrive.study import Scenario
-from omnidrive.study.former import OLD_CONTROLLERS, OLD_PLANTS
 from omnidrive.study.output_folder import WAYPOINT_FORMATS
-from omnidrive.study.scenario import WAYPOINTS
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.section import current_name
 
 _FORM = "[LABEL=]NAME[,KEY=VALUE...]"
 _HELP = (
@@ -27,7 +23,7 @@ ControllersOption = Annotated[
 ]
 
 
-def with_controllers(scenario: Scenario, texts: Sequence[str]) -> Scenario:
+def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Scenario:
     """Return the scenario with these controllers only.
 
     Args:
@@ -38,10 +34,13 @@ def with_controllers(scenario: Scenario, texts: Sequence[str]) -> Scenario:
     Raises:
         InvalidInput: A controller does not exist, a value is invalid, or two labels are alike.
     """
+    from omnidrive.study.former import OLD_CONTROLLERS
+    from omnidrive.study.scenario_file import parse_scenario, scenario_data
+
     controllers: dict[str, Any] = {}
     own = scenario_data(scenario)["controllers"]
     for text in texts:
-        given = _current(parse_specification(text), OLD_CONTROLLERS)
+        given = _current(components.parse_specification(text), OLD_CONTROLLERS)
         if given.label.lower() in map(str.lower, controllers):
             raise InvalidInput(
                 f"two controllers are labelled '{given.label}'; name one of them, such as "
@@ -55,7 +54,9 @@ def with_controllers(scenario: Scenario, texts: Sequence[str]) -> Scenario:
 
 def plant_data(text: str) -> dict[str, Any]:
     """Return the value of the scenario key ``plant`` for ``TYPE[,KEY=VALUE...]``."""
-    given = _current(parse_specification(text), OLD_PLANTS)
+    from omnidrive.study.former import OLD_PLANTS
+
+    given = _current(components.parse_specification(text), OLD_PLANTS)
     return {"type": given.type, **given.values}
 
 
@@ -70,17 +71,21 @@ def reference_data(text: str) -> Any:
     """
     if Path(text).suffix.lower() in WAYPOINT_FORMATS and "=" not in text:
         return {"type": WAYPOINTS, "file": text}
-    given = parse_specification(text)
+    given = components.parse_specification(text)
     if "=" in text.split(",", maxsplit=1)[0]:
         raise InvalidInput(f"a reference has no label: write {given.type} instead of '{text}'")
     return {"type": given.type, **given.values}
 
 
-def _current(given: Specification, old_names: dict[str, str]) -> Specification:
+def _current(
+    given: components.Specification, old_names: dict[str, str]
+) -> components.Specification:
     """Return the specification with the present name of its type."""
+    from omnidrive.study.section import current_name
+
     name = current_name(given.type, old_names)
     label = name if given.label == given.type else given.label
-    return Specification(label, name, given.values)
+    return components.Specification(label, name, given.values)
 
 
 def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, get_args
 
+from omnidrive import study
+from omnidrive.choices import FaultKind
 from omnidrive.cli.options import RUN_PANEL, option
-from omnidrive.simulation.disturbances import FAULTS, parse_fault
-from omnidrive.study import Scenario
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 FaultOption = Annotated[
     list[str] | None,
     option(
         "KIND[:NAME=VALUE,...]",
         "Inject a fault or disturbance, such as wheel-dead:wheel=2,at=5; can be repeated. "
-        f"Kinds: {', '.join(FAULTS)}.",
+        f"Kinds: {', '.join(get_args(FaultKind))}.",
         RUN_PANEL,
         "--fault",
     ),
 ]
 
 
-def with_faults(scenario: Scenario, texts: Sequence[str] | None) -> Scenario:
+def with_faults(scenario: study.Scenario, texts: Sequence[str] | None) -> study.Scenario:
     """Return the scenario with the given faults.
 
     With a task ``faults``, each fault acts in a run of its own; otherwise all act in every run.
@@ -32,6 +31,9 @@ def with_faults(scenario: Scenario, texts: Sequence[str] | None) -> Scenario:
     """
     if not texts:
         return scenario
+    from omnidrive.simulation.disturbances import parse_fault
+    from omnidrive.study.scenario_file import parse_scenario, scenario_data
+
     faults = [parse_fault(text).model_dump() for text in texts]
     data = scenario_data(scenario)
     if data["tasks"]["faults"]:

@@ -10,10 +10,9 @@ from typing import Annotated, Any
 
 import typer
 
+from omnidrive import components
 from omnidrive.cli.options import RESULTS_PANEL, choose_one, flag
-from omnidrive.components import GROUPS, Component, component_names, find_component
-from omnidrive.components.configured import plain
-from omnidrive.components.parameters import Parameter, parameters_of
+from omnidrive.components import GROUPS, component_names
 from omnidrive.errors import InvalidInput, OmnidriveError
 
 
@@ -28,7 +27,9 @@ def list(  # the name of the verb
     ] = None,
     json: Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")] = False,
 ) -> None:
-    """List components with their origin and their parameters with unit, range and default.
+    """List controllers, plants, robots, maps, estimators, references and their parameters.
+
+    Parameters are shown with unit, range and default.
 
     For example:
 
@@ -38,7 +39,9 @@ def list(  # the name of the verb
     """
     chosen = choose_one("group", group, GROUPS)
     if name is not None:
-        found: dict[str, Component | str] = {name: find_component(chosen, name, allow_code=True)}
+        found: dict[str, components.Component | str] = {
+            name: components.find_component(chosen, name, allow_code=True)
+        }
     else:
         found = {each: _try_to_find(chosen, each) for each in component_names(chosen)}
     if not found:
@@ -51,17 +54,17 @@ def list(  # the name of the verb
         _print(each, component)
 
 
-def _try_to_find(group: Any, name: str) -> Component | str:
+def _try_to_find(group: Any, name: str) -> components.Component | str:
     """Return a component, or the reason for which it cannot be imported."""
     try:
-        component = find_component(group, name)
+        component = components.find_component(group, name)
         component.parameter_class  # noqa: B018 - reads the signature
     except OmnidriveError as error:
         return str(error)
     return component
 
 
-def _record(name: str, component: Component | str) -> dict[str, Any]:
+def _record(name: str, component: components.Component | str) -> dict[str, Any]:
     if isinstance(component, str):
         return {"name": name, "error": component}
     parameters = [
@@ -71,10 +74,10 @@ def _record(name: str, component: Component | str) -> dict[str, Any]:
             "unit": each.unit,
             "range": each.range,
             "required": each.default is ...,
-            "default": None if each.default is ... else plain(each.default),
+            "default": None if each.default is ... else components.plain(each.default),
             "description": each.doc,
         }
-        for each in parameters_of(component.parameter_class)
+        for each in components.parameters_of(component.parameter_class)
     ]
     return {
         "name": name,
@@ -84,7 +87,7 @@ def _record(name: str, component: Component | str) -> dict[str, Any]:
     }
 
 
-def _print(name: str, component: Component | str) -> None:
+def _print(name: str, component: components.Component | str) -> None:
     """Print one component: name, origin and summary, then a line for each parameter."""
     if isinstance(component, str):
         typer.secho(name, bold=True, nl=False)
@@ -92,14 +95,18 @@ def _print(name: str, component: Component | str) -> None:
         return
     typer.secho(name, bold=True, nl=False)
     typer.echo(f"  ({component.origin})\n    {component.summary}")
-    for each in parameters_of(component.parameter_class):
+    for each in components.parameters_of(component.parameter_class):
         width = min(get_terminal_size().columns, 100)
         typer.echo(fill(_line(each), width, initial_indent=" " * 4, subsequent_indent=" " * 8))
 
 
-def _line(parameter: Parameter) -> str:
+def _line(parameter: components.Parameter) -> str:
     """Return a parameter as text, such as ``horizon = 15 steps (integer, 1 to 200): Number``."""
-    value = "required" if parameter.default is ... else json_format.dumps(plain(parameter.default))
+    value = (
+        "required"
+        if parameter.default is ...
+        else json_format.dumps(components.plain(parameter.default))
+    )
     unit = f" {parameter.unit}" if parameter.unit and parameter.default is not None else ""
     limits = parameter.range
     span = f", {limits[0]:g} to {limits[1]:g}" if limits else ""

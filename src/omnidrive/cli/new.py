@@ -16,7 +16,6 @@ from omnidrive.cli.options import RESULTS_PANEL, choose_one, option
 from omnidrive.cli.terminal import show
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
-from omnidrive.robot import named_robot, save_robot
 
 Kind = Literal["controller", "plant", "robot"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
@@ -43,7 +42,9 @@ def new(
         Path, option("FOLDER", "Folder of the new files.", RESULTS_PANEL, "--out")
     ] = Path(),
 ) -> None:
-    """Write a commented file with a controller or plant, and a test of its laws; or a robot file.
+    """Write a commented, runnable file with a controller, plant or robot of your own.
+
+    A controller or plant comes with a test of its laws.
 
     For example:
 
@@ -67,6 +68,8 @@ def new(
     with _write_errors(file):
         out.mkdir(parents=True, exist_ok=True)
         if test is None:
+            from omnidrive.robot import named_robot, save_robot
+
             save_robot(replace(named_robot("small"), name=module), file)
         else:
             file.write_text(_filled(f"{chosen}.py.txt", chosen, class_name, module), "utf-8")

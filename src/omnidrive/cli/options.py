@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +13,6 @@ import typer
 from omnidrive.errors import CannotWrite, InvalidInput, closest
 from omnidrive.files.bounded_file import one_line
 from omnidrive.files.number_text import parse_number
-from omnidrive.study.section import current_name
 
 PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Simulation", "Results"
 """Panels of the help text."""
@@ -49,6 +48,14 @@ FolderOption = Annotated[
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+FullOption = Annotated[
+    bool,
+    flag(
+        "Print all tables with all columns, also paired differences and fuzzy rules.",
+        RESULTS_PANEL,
+        "--full",
+    ),
+]
 JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESULTS_PANEL, "--json")]
 
 
@@ -70,23 +77,18 @@ def parse_coordinates(text: str) -> list[float]:
     return numbers if len(numbers) == text.count(",") + 1 and len(numbers) in {2, 3} else []
 
 
-def choose_many(
-    name: str, text: str, options: Iterable[str], old_names: Mapping[str, str] | None = None
-) -> tuple[str, ...]:
+def choose_many(name: str, text: str, options: Iterable[str]) -> tuple[str, ...]:
     """Parse a comma-separated selection; the result has the order of ``options``."""
-    selected = {choose_one(name, part.strip(), options, old_names) for part in text.split(",")}
+    selected = {choose_one(name, part.strip(), options) for part in text.split(",")}
     return tuple(option for option in options if option in selected)
 
 
-def choose_one(
-    name: str, value: str, options: Iterable[str], old_names: Mapping[str, str] | None = None
-) -> Any:
-    """Return ``value`` if it is one of ``options``, or the present name of a former one.
+def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
+    """Return ``value`` if it is one of ``options``.
 
     Raises:
         InvalidInput: It is not; the message lists the options and the closest one.
     """
-    value = current_name(value, old_names or {})
     if value in options:
         return value
     near = closest(value, options)

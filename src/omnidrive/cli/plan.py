@@ -8,25 +8,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
+from omnidrive import study
 from omnidrive.choices import MethodName, Unknown
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, print_json, show
-from omnidrive.compiled import announce_compiling
 from omnidrive.errors import InvalidInput
-from omnidrive.maps import load_map, load_queries
-from omnidrive.study import (
-    Fact,
-    PlannedScenario,
-    check_plan_targets,
-    plan_and_check,
-    plan_at,
-    plan_facts,
-    planned_duration,
-    save_figure,
-    save_plan,
-    solve_queries,
-)
 
 _MAX_LISTED = 10  # queries listed in the text output
 _SEARCH_OPTIONS = {"scenario", "map", "search", "unknown"}  # options that --scen uses
@@ -84,11 +71,13 @@ def plan(
     * `omnidrive plan --reference circle,radius=1.5 --png circle.png`
     * `omnidrive plan maze.map --scen maze.map.scen --json`
     """
+    from omnidrive.compiled import announce_compiling
+
     if scen is not None:
         _check_search_options(shared, out=out, png=png)
         _solve(shared, scen, json)
         return
-    check_plan_targets(out, png)
+    study.check_plan_targets(out, png)
     shortest_by_default = (
         shared.map_file is not None
         or shared.defines_motion
@@ -96,30 +85,30 @@ def plan(
     )
     with announce_compiling():
         if shortest_by_default and shared.duration is None:
-            planned = plan_at(shared.resolve(retimed=False), shared.speed)
+            planned = study.plan_at(shared.resolve(retimed=False), shared.speed)
         else:
-            planned = plan_and_check(shared.resolve())
+            planned = study.plan_and_check(shared.resolve())
     _report(planned, out, png, json)
 
 
-def _report(planned: PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:
+def _report(planned: study.PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:
     """Print the results and write the requested files."""
-    reference = planned.reference(planned_duration(planned))
-    facts = plan_facts(planned, reference)
+    reference = planned.reference(study.planned_duration(planned))
+    facts = study.plan_facts(planned, reference)
     if json:
         print_json(dict(_key(*item) for item in facts.items()))
     else:
         for name, fact in facts.items():
             show(f"{name:<20}{fact}")
     if out:
-        save_plan(planned, reference, out)
+        study.save_plan(planned, reference, out)
         conclude(f"written to {out}", beside_json=json)
     if png:
-        save_figure(planned, reference, png)
+        study.save_figure(planned, reference, png)
         conclude(f"figure written to {png}", beside_json=json)
 
 
-def _key(name: str, fact: Fact) -> tuple[str, float | str | None]:
+def _key(name: str, fact: study.Fact) -> tuple[str, float | str | None]:
     """Return key and value of a result for JSON; the key contains the unit.
 
     For example ``mean_speed_m_per_s``. A value that is not finite, such as the curvature of a sharp
@@ -145,6 +134,8 @@ def _check_search_options(shared: ScenarioOptions, **options: object) -> None:
 
 def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
     """Search the queries of a scenario file and print the results."""
+    from omnidrive.maps import load_map, load_queries
+
     if shared.map_file is None:
         raise InvalidInput(
             "--scen needs the map file of its queries: omnidrive plan FILE.map --scen FILE.scen"
@@ -154,7 +145,7 @@ def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
         "treatment of unknown cells", shared.unknown or "occupied", get_args(Unknown)
     )
     grid = load_map(shared.map_file, unknown=unknown)
-    solved = solve_queries(grid, load_queries(scen, grid), method=method)
+    solved = study.solve_queries(grid, load_queries(scen, grid), method=method)
     if json:
         print_json(solved)
         return

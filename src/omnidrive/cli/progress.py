@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console
@@ -9,6 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from omnidrive.cli.terminal import is_quiet
 from omnidrive.study import Study
+from omnidrive.visualization import Recording, film
 
 
 class LiveProgress:
@@ -54,6 +56,18 @@ class LiveProgress:
             self._progress.update(task.id, total=task.completed)
         self._progress.stop_task(task.id)
         self._progress.update(task.id, what="")
+
+
+def save_film(recording: Recording, video: Path, progress: LiveProgress) -> str:
+    """Render a recording to a video; return its path and, if not real time, its speed."""
+
+    def rendered(done: int, count: int) -> None:
+        if done == 1:
+            progress.part("video", count)
+        progress.done(video.name)
+
+    speed = film(recording, video, progress=rendered)
+    return str(video) if speed == 1.0 else f"{video} ({speed:g} times real time)"
 
 
 def print_events(study: Study) -> None:

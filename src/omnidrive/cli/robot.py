@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
-from rich.console import Console
 
+from omnidrive import study
+from omnidrive.choices import RobotFormat
 from omnidrive.cli.options import ForceOption, check_overwrite
-from omnidrive.cli.robot_text import robot_tables
-from omnidrive.cli.tables import print_tables
+from omnidrive.cli.terminal import conclude, warn
+from omnidrive.cli.terminal import show as print_line
 from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.evaluation.figures import save as save_figure
-from omnidrive.evaluation.figures.robot_card import robot_card
-from omnidrive.evaluation.robot_summary import RobotSummary
 from omnidrive.files.bounded_file import one_line
-from omnidrive.robot import is_robot_file, named_robot, save_robot
-from omnidrive.robot.imports import FORMATS, import_robot
-from omnidrive.study import check_plan_targets
 
 robot = typer.Typer(
     no_args_is_help=True,
+    add_completion=False,
     rich_markup_mode="markdown",
     help="Show, import and identify robots.",
 )
@@ -29,7 +25,8 @@ robot = typer.Typer(
 FormatOption = Annotated[
     str | None,
     typer.Option(
-        metavar="|".join(FORMATS), help="Format of FILE [default: by suffix and content]."
+        metavar="|".join(get_args(RobotFormat)),
+        help="Format of FILE [default: by suffix and content].",
     ),
 ]
 WheelOption = Annotated[
@@ -58,19 +55,26 @@ def show(
     * `omnidrive robot show mecanum`
     * `omnidrive robot show my_base.yaml --png my_base.png`
     """
+    from omnidrive.cli.robot_text import robot_tables
+    from omnidrive.cli.tables import print_tables
+    from omnidrive.evaluation.figures import save as save_figure
+    from omnidrive.evaluation.figures.robot_card import robot_card
+    from omnidrive.evaluation.robot_summary import RobotSummary
+    from omnidrive.robot import named_robot
+
     if png is not None:
-        check_plan_targets(None, png)
+        study.check_plan_targets(None, png)
     summary = RobotSummary.of(named_robot(name))
     print_tables(robot_tables(summary))
     for warning in summary.warnings:
-        _echo(f"warning: {warning}")
+        warn(warning)
     if png is not None:
         try:
             save_figure(robot_card(summary), png)
         except OSError as error:
             reason = error.strerror or error
             raise CannotWrite(f"cannot write {one_line(str(png))}: {reason}") from None
-        typer.echo(f"figure written to {one_line(str(png))}")
+        conclude(f"figure written to {one_line(str(png))}")
 
 
 @robot.command(name="import")
@@ -106,28 +110,30 @@ def import_(
     * `omnidrive robot import base.urdf --wheel fl --wheel fr --wheel rl --wheel rr
       --wheel-radius 0.08`
     """
+    from omnidrive.evaluation.robot_summary import RobotSummary
+    from omnidrive.robot import save_robot
+    from omnidrive.robot.imports import import_robot
+
     if out is not None:
         _check_out(out, force)
     found = import_robot(file, format=format, wheels=wheel or (), wheel_radius=wheel_radius)
     parts = {"read": found.read, "guessed": found.guessed, "missing": found.missing}
     for name, facts in parts.items():
         for fact in facts:
-            typer.echo(f"{name:<9}{fact}")
+            print_line(f"{name:<9}{fact}")
     for warning in RobotSummary.of(found.robot).warnings:
-        _echo(f"warning: {warning}")
+        warn(warning)
     if out is not None:
         notes = [f"Imported from {file.name}."]
         notes += [f"{name}: {fact}" for name in ("guessed", "missing") for fact in parts[name]]
         save_robot(found.robot, out, notes=notes)
-        typer.echo(f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}")
+        conclude(f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}")
 
 
 def _check_out(out: Path, force: bool) -> None:
     """Check name and place of a robot file that will be written."""
+    from omnidrive.robot import is_robot_file
+
     if not is_robot_file(out.name):
         raise InvalidInput(f"{one_line(str(out))}: the suffix of a robot file is .yaml")
     check_overwrite(out, force)
-
-
-def _echo(message: str) -> None:
-    Console(stderr=True).print(f"omnidrive: {message}", markup=False, highlight=False)

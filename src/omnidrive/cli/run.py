@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, get_args
 
+from omnidrive import study
 from omnidrive.choices import TaskName
 from omnidrive.cli.components import ControllerOption, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
@@ -14,19 +15,16 @@ from omnidrive.cli.options import (
     RESULTS_PANEL,
     RUN_PANEL,
     FolderOption,
+    FullOption,
     JsonOption,
     choose_one,
     default_folder,
     flag,
     option,
 )
-from omnidrive.cli.progress import LiveProgress, print_events, warn_of_collisions
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.cli.tables import FullOption, print_tables
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
-from omnidrive.study import Scenario, check_new_folder, one_task, run_study, with_task
-from omnidrive.visualization import Recorder, Viewer, check_film, film
 
 
 @with_options()
@@ -62,8 +60,17 @@ def run(
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     * `omnidrive run --video run.gif`
     """
+    from omnidrive.cli.progress import (
+        LiveProgress,
+        print_events,
+        save_film,
+        warn_of_collisions,
+    )
+    from omnidrive.cli.tables import print_tables
+    from omnidrive.visualization import Recorder, Viewer, check_film
+
     if out is not None:
-        check_new_folder(out)
+        study.check_new_folder(out)
     if video is not None:
         check_film(video)
     resolved = with_faults(_narrow(shared.resolve(), controller, task, horizon), fault)
@@ -73,33 +80,24 @@ def run(
         viewers = [stack.enter_context(Viewer())] if view else []
         recorders = [Recorder()] if video is not None else []
         progress = stack.enter_context(LiveProgress())
-        study = run_study(resolved, folder, progress=progress, observers=[*viewers, *recorders])
-        videos = [_film(recorder, video, progress) for recorder in recorders if video is not None]
+        observers = [*viewers, *recorders]
+        done = study.run_study(resolved, folder, progress=progress, observers=observers)
+        videos = [save_film(each.recording, video, progress) for each in recorders if video]
     if json:
         sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
     else:
-        print_tables(study.tables, full=full)
-        print_events(study)
+        print_tables(done.tables, full=full)
+        print_events(done)
         for each in videos:
             show(f"video: {each}")
     conclude(f"results: {folder} (open {folder / 'report.html'})", beside_json=json)
-    warn_of_collisions(study)
-    study.raise_if_failed()
+    warn_of_collisions(done)
+    done.raise_if_failed()
 
 
-def _film(recorder: Recorder, video: Path, progress: LiveProgress) -> str:
-    """Render the recording to a video; return its path and, if not real time, its speed."""
-
-    def rendered(done: int, count: int) -> None:
-        if done == 1:
-            progress.part("video", count)
-        progress.done(video.name)
-
-    speed = film(recorder.recording, video, progress=rendered)
-    return str(video) if speed == 1.0 else f"{video} ({speed:g} times real time)"
-
-
-def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None) -> Scenario:
+def _narrow(
+    scenario: study.Scenario, controller: str, task: str, horizon: int | None
+) -> study.Scenario:
     """Return the scenario with one controller and the first duration of one task."""
     scenario = with_controllers(scenario, [controller])
     chosen = choose_one("task", task, [t for t in get_args(TaskName) if t != "horizon"])
@@ -110,5 +108,5 @@ def _narrow(scenario: Scenario, controller: str, task: str, horizon: int | None)
                 f"--horizon applies to controllers with the parameter horizon, not to {label}"
             )
         scenario = with_controllers(scenario, [f"{label},horizon={horizon}"])
-    tasks = one_task(with_task(scenario, [chosen]).tasks, chosen)
+    tasks = study.one_task(study.with_task(scenario, [chosen]).tasks, chosen)
     return scenario.model_copy(update={"tasks": tasks})

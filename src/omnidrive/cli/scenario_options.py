@@ -12,7 +12,16 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from omnidrive.choices import Heading, MethodName, PresetName, SmoothingName, TimingName, Unknown
+from omnidrive import study
+from omnidrive.choices import (
+    WAYPOINTS,
+    Heading,
+    MethodName,
+    PresetName,
+    SmoothingName,
+    TimingName,
+    Unknown,
+)
 from omnidrive.cli.components import plant_data, reference_data
 from omnidrive.cli.options import (
     PATH_PANEL,
@@ -23,21 +32,9 @@ from omnidrive.cli.options import (
     option,
     parse_coordinates,
 )
+from omnidrive.components import component_names
 from omnidrive.errors import InvalidInput
-from omnidrive.planning import Waypoint
-from omnidrive.robot import ROBOTS
-from omnidrive.study import (
-    Scenario,
-    SensorsSection,
-    load_scenario,
-    map_scenario,
-    paper_scenario,
-    retime,
-    robot_section,
-)
 from omnidrive.study.output_folder import WAYPOINT_FORMATS
-from omnidrive.study.scenario import WAYPOINTS
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
 _HEAD = 65_536  # bytes of a YAML file that are searched for the key `image` of a map
 _IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
@@ -91,7 +88,11 @@ class ScenarioOptions:
     ] = None
     robot: Annotated[
         str | None,
-        option("NAME|FILE", f"Robot: {', '.join(ROBOTS)}, or a robot file (.yaml).", RUN_PANEL),
+        option(
+            "NAME|FILE",
+            f"Robot: {', '.join(component_names('robots'))}, or a robot file (.yaml).",
+            RUN_PANEL,
+        ),
     ] = None
     plant: Annotated[
         str | None,
@@ -206,7 +207,7 @@ class ScenarioOptions:
             )
         return {"type": WAYPOINTS, "file": self.scenario}
 
-    def resolve(self, *, retimed: bool = True) -> Scenario:
+    def resolve(self, *, retimed: bool = True) -> study.Scenario:
         """Return the scenario defined by the options.
 
         Args:
@@ -216,6 +217,9 @@ class ScenarioOptions:
             OmnidriveError: The options contradict each other or name something that does not
                 exist.
         """
+        from omnidrive.planning import Waypoint
+        from omnidrive.study.scenario_file import parse_scenario, scenario_data
+
         preset = (
             choose_one("preset", self.preset, get_args(PresetName))
             if self.preset is not None
@@ -227,15 +231,15 @@ class ScenarioOptions:
         if motion is not None:
             changes["reference"] = motion
         if self.start is not None:
-            changes["start"] = parse_waypoint("start", self.start)
+            changes["start"] = Waypoint(*parse_waypoint("start", self.start))
         if self.goal is not None:
-            changes["goal"] = parse_waypoint("goal", self.goal)
+            changes["goal"] = Waypoint(*parse_waypoint("goal", self.goal))
         if self.plant is not None:
             changes["plant"] = plant_data(self.plant)
         if self.robot is not None and not (on_map or self._moves_without_scenario):
-            changes["robot"] = robot_section(self.robot, preset or scenario.preset)
+            changes["robot"] = study.robot_section(self.robot, preset or scenario.preset)
         elif preset:
-            radius = robot_section(scenario.robot.name, preset).assumed_effective_radius
+            radius = study.robot_section(scenario.robot.name, preset).assumed_effective_radius
             changes["robot"] = scenario.robot.model_copy(
                 update={"assumed_effective_radius": radius}
             )
@@ -244,16 +248,18 @@ class ScenarioOptions:
         if self.seed is not None:
             changes["seed"] = self.seed
         if self.estimator is not None:
-            changes["sensors"] = (scenario.sensors or SensorsSection()) if self.estimator else None
+            changes["sensors"] = (
+                (scenario.sensors or study.SensorsSection()) if self.estimator else None
+            )
         scenario = scenario.model_copy(update=changes)
         scenario = parse_scenario(self._with_keys(scenario_data(scenario)), "with these options")
         self._check_path_options(scenario)
         given = self.duration is not None or self.speed is not None
         if retimed and (on_map or motion is not None or given):
-            scenario = retime(scenario, duration=self.duration, speed=self.speed)
+            scenario = study.retime(scenario, duration=self.duration, speed=self.speed)
         return scenario
 
-    def _check_path_options(self, scenario: Scenario) -> None:
+    def _check_path_options(self, scenario: study.Scenario) -> None:
         """Raise InvalidInput if an option has no effect on the scenario's reference."""
         if scenario.reference == "path":
             return
@@ -274,13 +280,15 @@ class ScenarioOptions:
                 data[section][name] = value
         return data
 
-    def _base(self, preset: PresetName | None) -> Scenario:
+    def _base(self, preset: PresetName | None) -> study.Scenario:
+        from omnidrive.planning import Waypoint
+
         file = self.map_file
         if self._moves_without_scenario:
             motion = self._motion or {}
             name = Path(motion.get("file", motion["type"])).stem
             origin = Waypoint(0.0, 0.0)
-            scenario = map_scenario(
+            scenario = study.map_scenario(
                 "none" if file is None else str(file),
                 origin,
                 origin,
@@ -292,19 +300,19 @@ class ScenarioOptions:
         if file is not None:
             if self.start is None or self.goal is None:
                 raise InvalidInput("a map needs --start X,Y and --goal X,Y (m, in the map frame)")
-            return map_scenario(
+            return study.map_scenario(
                 str(file),
-                parse_waypoint("start", self.start),
-                parse_waypoint("goal", self.goal),
+                Waypoint(*parse_waypoint("start", self.start)),
+                Waypoint(*parse_waypoint("goal", self.goal)),
                 robot=self.robot or "paper",
                 name=_scenario_name(file.stem),
                 preset=preset or "paper",
             )
         if self.scenario == "paper":
-            return paper_scenario(preset or "paper")
+            return study.paper_scenario(preset or "paper")
         path = Path(self.scenario)
         file = path / "scenario.yaml" if path.is_dir() else path
-        return load_scenario(file, allow_code=self.allow_code)
+        return study.load_scenario(file, allow_code=self.allow_code)
 
 
 def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -368,7 +376,7 @@ def _scenario_name(text: str) -> str:
     return plain.lstrip("_.-")[:60] or "map"
 
 
-def parse_waypoint(name: str, text: str) -> Waypoint:
+def parse_waypoint(name: str, text: str) -> list[float]:
     """Parse ``X,Y`` or ``X,Y,HEADING``."""
     numbers = parse_coordinates(text)
     if not numbers:
@@ -380,4 +388,4 @@ def parse_waypoint(name: str, text: str) -> Waypoint:
         raise InvalidInput(
             f"--{name}: the heading is {numbers[2]:g} rad, need -6.3 to 6.3 rad (degrees?)"
         )
-    return Waypoint(*numbers)
+    return numbers

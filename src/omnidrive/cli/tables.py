@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Literal
 
 from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from omnidrive.cli.options import RESULTS_PANEL, flag
 from omnidrive.cli.terminal import is_quiet
 from omnidrive.evaluation import Table
-
-FullOption = Annotated[
-    bool,
-    flag(
-        "Print all tables with all columns, also paired differences and fuzzy rules.",
-        RESULTS_PANEL,
-        "--full",
-    ),
-]
 
 _FILE_WIDTH = 160  # characters; the tables of a study with one seed fit
 _SENTENCE_WIDTH = 30  # characters; minimum of a column with sentences

@@ -49,9 +49,19 @@ def print_json(data: Any) -> None:
 
 def note(text: str) -> None:
     """Print a note on standard error, once and in one line, unless ``--quiet`` is given."""
-    if not _Output.quiet and text not in _Output.noted:
+    if text not in _Output.noted:
         _Output.noted.add(text)
-        typer.echo(f"omnidrive: note: {' '.join(text.split())}", err=True)
+        _print(f"note: {' '.join(text.split())}")
+
+
+def warn(text: str) -> None:
+    """Print a warning about the input on standard error, unless ``--quiet`` is given."""
+    _print(f"warning: {text}")
+
+
+def _print(text: str) -> None:
+    if not _Output.quiet:
+        typer.echo(f"omnidrive: {text}", err=True)
 
 
 class NoteHandler(logging.Handler):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from omnidrive.cli.options import available_cores
-from omnidrive.cli.progress import LiveProgress
 from omnidrive.cli.terminal import show
-from omnidrive.study import warm_up
 
 
 def warmup() -> None:
@@ -15,6 +13,9 @@ def warmup() -> None:
     new version of omnidrive compiles only those that changed. Without this command, each kernel is
     compiled at its first use.
     """
+    from omnidrive.cli.progress import LiveProgress
+    from omnidrive.study import warm_up
+
     with LiveProgress() as progress:
         warm_up(progress, processes=available_cores())
     show("all kernels are compiled and cached")

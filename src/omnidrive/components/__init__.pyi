@@ -1,6 +1,7 @@
 from .component import Component
-from .configured import Configured, OfGroup, configure
+from .configured import Configured, OfGroup, configure, plain
 from .entry_points import GROUPS, Group, component_names
+from .parameters import Parameter, parameters_of
 from .registry import find_component
 from .specification import Specification, parse_specification
 
@@ -10,9 +11,12 @@ __all__ = [
     "Configured",
     "Group",
     "OfGroup",
+    "Parameter",
     "Specification",
     "component_names",
     "configure",
     "find_component",
+    "parameters_of",
     "parse_specification",
+    "plain",
 ]

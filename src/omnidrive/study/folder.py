@@ -14,6 +14,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
+from omnidrive.choices import WAYPOINTS
 from omnidrive.components import configure
 from omnidrive.errors import CannotWrite
 from omnidrive.evaluation import (
@@ -40,7 +41,7 @@ from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.log_file import log_table
 from omnidrive.study.output_folder import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.scenario import WAYPOINTS, RobotSection, Scenario
+from omnidrive.study.scenario import RobotSection, Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
 
 _VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")

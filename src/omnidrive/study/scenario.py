@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, WrapValidator, model_validator
 
-from omnidrive.choices import Heading, PresetName, TimingName, Unknown
+from omnidrive.choices import WAYPOINTS, Heading, PresetName, TimingName, Unknown
 from omnidrive.components import (
     Configured,
     OfGroup,
@@ -57,8 +57,6 @@ MAX_STEPS = 200_000
 MAX_NOISE_STEPS = 1_000_000
 """Maximum number of samples of one controller's noise runs per duration, all kept in memory."""
 
-WAYPOINTS = "waypoints"
-"""Name of the reference that reads a file."""
 
 NEED_FORCES = tuple(kind for kind in PLANT_FAULTS if kind != "pose-jump")
 """Kinds of faults that need a plant that simulates forces."""

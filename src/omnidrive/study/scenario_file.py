@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from omnidrive.choices import WAYPOINTS
 from omnidrive.components.configured import ALLOW_CODE, plain
 from omnidrive.components.fields import field_names, field_type
 from omnidrive.errors import InvalidScenario, suggestion
@@ -18,7 +19,7 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot import is_robot_file
 from omnidrive.simulation.disturbances import FAULTS
-from omnidrive.study.scenario import WAYPOINTS, Scenario
+from omnidrive.study.scenario import Scenario
 
 _KEY = re.compile(r"(?!function-)[\w.+-]+")
 _MISSING = "'{key}' is missing"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
+from omnidrive.choices import RobotFormat
 from omnidrive.errors import InvalidInput, InvalidRobot, suggestion
 from omnidrive.files.bounded_file import one_line, read_bounded
 from omnidrive.files.str_path import StrPath, to_path
@@ -18,13 +19,12 @@ from omnidrive.robot.imports.ros2_control import read_ros2_control
 from omnidrive.robot.imports.rotations import malformed
 from omnidrive.robot.imports.urdf import read_urdf
 
-Format = Literal["urdf", "mjcf", "ros2_control"]
-FORMATS: tuple[Format, ...] = get_args(Format)
+FORMATS: tuple[RobotFormat, ...] = get_args(RobotFormat)
 """Formats from which a robot can be imported."""
 
 _MAX_BYTES = 10_000_000
 _MAX_ELEMENTS = 100_000
-_ROOTS: dict[str, Format] = {"robot": "urdf", "mujoco": "mjcf"}
+_ROOTS: dict[str, RobotFormat] = {"robot": "urdf", "mujoco": "mjcf"}
 
 
 def import_robot(

@@ -1,0 +1,235 @@
+"""Work of the verbs of `omnidrive fuzzy`."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+from matplotlib.figure import Figure
+
+from omnidrive.choices import ALGORITHMS, Centroid, NoRule, OutOfRange, Reduction
+from omnidrive.cli.fuzzy_text import (
+    fired_lines,
+    outputs_table,
+    rule_lines,
+    rules_table,
+    summary_lines,
+    variable_lines,
+)
+from omnidrive.cli.options import (
+    available_cores,
+    check_overwrite,
+    choose_one,
+    parse_coordinates,
+)
+from omnidrive.cli.tables import print_tables
+from omnidrive.cli.terminal import conclude, show, warn
+from omnidrive.compiled import announce_compiling
+from omnidrive.errors import CannotWrite, InvalidInput, suggestion
+from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
+from omnidrive.evaluation.figures import save as save_figure
+from omnidrive.files.bounded_file import one_line
+from omnidrive.files.number_text import parse_number
+from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, load, save
+from omnidrive.fuzzy.csv_rows import evaluate_csv
+
+
+def show_system(file: Path, inputs: str | None, type2: str | None, out: Path | None) -> None:
+    """Print a system, its outputs for the inputs if they are given, and draw it into a folder."""
+    system = _load(file, type2)
+    inference = Inference(system)
+    given = None if inputs is None else _parse_inputs(inputs, system)
+    if given is not None:
+        with announce_compiling():
+            inference.interval(*given)  # raises errors before anything is printed
+    if out is not None:
+        _create_folder(out)
+    _print_system(system)
+    if given is not None:
+        for variable, value in zip(system.inputs, given, strict=True):
+            if not variable.low <= value <= variable.high:
+                end = variable.low if value < variable.low else variable.high
+                warn(f"{variable.name} = {value:g} is out of range: clamped to {end:g}")
+        for line in [*fired_lines(inference, given), ""]:
+            show(line)
+        print_tables([outputs_table(inference, given)])
+    if out is not None:
+        count = _save_figures(inference, given, out)
+        conclude(f"{count} figures written to {one_line(str(out))}")
+
+
+def convert_system(file: Path, out: Path, type2: str | None, force: bool) -> None:
+    """Write a system in the format of the suffix of ``out``."""
+    system = _load(file, type2)
+    check_overwrite(out, force)
+    save(system, out)
+    conclude(f"written to {one_line(str(out))}")
+
+
+def parse_choices(
+    *,
+    centroid: str | None,
+    reduction: str,
+    algorithm: str | None,
+    out_of_range: str,
+    no_rule: str,
+) -> dict[str, Any]:
+    """Return the options of an inference; an unknown name is an error."""
+    choices = {
+        "centroid": None if centroid is None else _choice("--centroid", centroid, Centroid),
+        "reduction": _choice("--reduction", reduction, Reduction),
+        "out_of_range": _choice("--out-of-range", out_of_range, OutOfRange),
+        "no_rule": _choice("--no-rule", no_rule, NoRule),
+    }
+    if algorithm is not None:
+        choices["algorithm"] = choose_one("--algorithm", algorithm, ALGORITHMS)
+    return choices
+
+
+def evaluate_table(
+    file: Path,
+    type2: str | None,
+    source: Path,
+    target: Path,
+    samples: int | None,
+    choices: dict[str, Any],
+    *,
+    threads: int | None,
+    force: bool,
+) -> None:
+    """Evaluate a system for every row of a table; see :func:`parse_choices`."""
+    system = _load(file, type2)
+    if "algorithm" in choices and system.type == 1:
+        raise InvalidInput("--algorithm applies to type-2 systems, and this system is of type 1")
+    inference = Inference(system, samples=101 if samples is None else samples, **choices)
+    if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
+        raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
+    check_overwrite(target, force)
+    with announce_compiling():
+        result = evaluate_csv(inference, source, target, threads=threads or available_cores())
+    if result.unused:
+        shown = ", ".join(result.unused[:6]) + (", ..." if len(result.unused) > 6 else "")
+        warn(f"columns ignored, because they are not inputs: {shown}")
+    conclude(f"{result.rows} rows written to {one_line(str(target))}")
+
+
+def _choice(option: str, value: str, names: Any) -> Any:
+    return choose_one(option, value, get_args(names))
+
+
+def _load(file: Path, type2: str | None) -> FuzzySystem:
+    """Load a system, convert it to type 2 if ``type2`` is given, and print warnings."""
+    footprint = None if type2 is None else _parse_footprint(type2)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        system = load(file)
+    for each in caught:
+        warn(str(each.message))
+    if footprint is None:
+        return system
+    if system.type > 1:
+        raise InvalidInput(
+            f"--type2 applies to type-1 systems; {one_line(str(file))} is of type {system.type}"
+        )
+    return system.with_footprint(footprint)
+
+
+def _parse_footprint(text: str) -> Footprint:
+    numbers = parse_coordinates(text)
+    if not numbers:
+        raise InvalidInput(
+            f"--type2 must be SCALE,LAG or SCALE,LAG,LAG, such as 0.8,0.2; got "
+            f"'{one_line(text, 60)}'"
+        )
+    return Footprint(*numbers)
+
+
+def _parse_inputs(text: str, system: FuzzySystem) -> list[float]:
+    """Parse ``NAME=X,NAME=Y`` in any order, or numbers in the order of the inputs."""
+    names = [variable.name for variable in system.inputs]
+    parts = text.split(",")
+    if "=" not in text:
+        if len(parts) != len(names):
+            raise InvalidInput(
+                f"--inputs needs {len(names)} numbers ({', '.join(names)}), got {len(parts)}"
+            )
+        return [_number(name, part) for name, part in zip(names, parts, strict=True)]
+    given: dict[str, float] = {}
+    for part in parts:
+        name, _, value = part.rpartition("=")
+        name = name.strip()
+        if name not in names:
+            raise InvalidInput(
+                f"--inputs: there is no input {one_line(name, 60)!r}{suggestion(name, names)}"
+            )
+        if name in given:
+            raise InvalidInput(f"--inputs: the input {name!r} appears twice")
+        given[name] = _number(name, value)
+    missing = [name for name in names if name not in given]
+    if missing:
+        raise InvalidInput(f"--inputs: the input {missing[0]!r} is missing")
+    return [given[name] for name in names]
+
+
+def _number(name: str, text: str) -> float:
+    number = parse_number(text)
+    if number is None:
+        raise InvalidInput(
+            f"--inputs: expected a number for {name!r}, got '{one_line(text.strip(), 60)}'"
+        )
+    return number
+
+
+def _create_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        empty = not any(path.iterdir())
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = getattr(error, "strerror", None) or error
+        raise CannotWrite(f"cannot write to {one_line(str(path))}: {reason}") from None
+    if not empty:
+        raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
+
+
+def _print_system(system: FuzzySystem) -> None:
+    for line in [*summary_lines(system), *variable_lines(system), ""]:
+        show(line)
+    table = rules_table(system)
+    if table is not None:
+        print_tables([table])
+        return
+    for line in ["rules", *rule_lines(system), ""]:
+        show(line)
+
+
+def _save_figures(inference: Inference, given: list[float] | None, folder: Path) -> int:
+    """Write all figures of a system and return their number."""
+    system = inference.system
+    figures: dict[str, Callable[[], Figure]] = {}
+    for k, variable in enumerate(system.variables, 1):
+        figures[f"sets-{k}-{_file_name_part(variable.name)}"] = partial(membership_figure, variable)
+    for k, output in enumerate(system.outputs, 1):
+        name = output.name
+        figures[f"surface-{k}-{_file_name_part(name)}"] = partial(control_surface, inference, name)
+    figures["rules"] = partial(rule_viewer, inference, given)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # characters that the font does not have
+        # BLAS may set floating-point flags without an error; Matplotlib's projection reports them
+        warnings.filterwarnings("ignore", "overflow encountered in dot")
+        for name, draw in figures.items():
+            path = folder / f"{name}.png"
+            try:
+                save_figure(draw(), path)
+            except OSError as error:
+                reason = error.strerror or error
+                raise CannotWrite(f"cannot write {one_line(str(path))}: {reason}") from None
+    return len(figures)
+
+
+def _file_name_part(name: str) -> str:
+    """Return a name with the characters that are safe in file names."""
+    return re.sub(r"[^A-Za-z0-9_]+", "-", name)[:40].strip("-") or "variable"
