@@ -27,23 +27,27 @@ from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 
 
+_HorizonOption = Annotated[
+    int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
+]
+_ViewOption = Annotated[
+    bool, flag("Show the run in the MuJoCo viewer in real time.", RUN_PANEL, "--view")
+]
+_VideoOption = Annotated[
+    Path | None, option("FILE", "Video of the run in real time: .mp4 or .gif.", RESULTS_PANEL)
+]
+
+
 @with_options()
 def run(
     shared: ScenarioOptions,
     controller: ControllerOption = "holonomic-nmpc",
     task: Annotated[str, option("track|noise|step|faults", "Task.", RUN_PANEL)] = "track",
-    horizon: Annotated[
-        int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
-    ] = None,
+    horizon: _HorizonOption = None,
     fault: FaultOption = None,
-    view: Annotated[
-        bool, flag("Show the run in the MuJoCo viewer in real time.", RUN_PANEL, "--view")
-    ] = False,
+    view: _ViewOption = False,
     out: FolderOption = None,
-    video: Annotated[
-        Path | None,
-        option("FILE", "Video of the run in real time: .mp4 or .gif.", RESULTS_PANEL),
-    ] = None,
+    video: _VideoOption = None,
     json: JsonOption = False,
     full: FullOption = False,
 ) -> None:
@@ -67,7 +71,7 @@ def run(
         warn_of_collisions,
     )
     from omnidrive.cli.tables import print_tables
-    from omnidrive.visualization import Recorder, Viewer, check_film
+    from omnidrive.visualization import Observer, Recorder, Viewer, check_film
 
     if out is not None:
         study.check_new_folder(out)
@@ -80,7 +84,7 @@ def run(
         viewers = [stack.enter_context(Viewer())] if view else []
         recorders = [Recorder()] if video is not None else []
         progress = stack.enter_context(LiveProgress())
-        observers = [*viewers, *recorders]
+        observers: list[Observer] = [*viewers, *recorders]
         done = study.run_study(resolved, folder, progress=progress, observers=observers)
         videos = [save_film(each.recording, video, progress) for each in recorders if video]
     if json:
