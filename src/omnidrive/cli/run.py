@@ -26,7 +26,6 @@ from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 
-
 _HorizonOption = Annotated[
     int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
 ]
