@@ -19,6 +19,13 @@ from figures import at_most, publish, row
 
 HELP = "import sys, omnidrive_command; sys.argv = ['omnidrive', '--help']; omnidrive_command.main()"
 COMPARE = HELP.replace("--help", "compare")
+VERBS = ("compare", "plan", "run", "robot", "list", "fuzzy")
+VERB_HELP = {verb: HELP.replace("'--help'", f"'{verb}', '--help'") for verb in VERBS}
+COMPLETION = HELP.replace("'--help'", "")
+LINE = {"_OMNIDRIVE_COMPLETE": "complete_bash", "COMP_CWORD": "3"} | {
+    "COMP_WORDS": "omnidrive compare --plant mu"
+}
+HELP_LIMIT = 0.4  # s
 STEP = """
 from omnidrive.control import holonomic_nmpc
 from omnidrive.robot import named_robot
@@ -59,9 +66,9 @@ print(json.dumps(seconds))
 """
 
 
-def seconds(program: str, cache: Path, folder: Path) -> float:
+def seconds(program: str, cache: Path, folder: Path, **variables: str) -> float:
     """Of wall time for a Python program in a process of its own."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)} | variables
     began = perf_counter()
     subprocess.run(
         [sys.executable, "-c", program],
@@ -73,8 +80,8 @@ def seconds(program: str, cache: Path, folder: Path) -> float:
     return perf_counter() - began
 
 
-def least(program: str, cache: Path, folder: Path) -> float:
-    return min(seconds(program, cache, folder) for _ in range(3))
+def least(program: str, cache: Path, folder: Path, **variables: str) -> float:
+    return min(seconds(program, cache, folder, **variables) for _ in range(3))
 
 
 def compile_times(folder: Path) -> dict[str, float]:
@@ -92,7 +99,14 @@ def main() -> None:
         step, study = folder / "step", folder / "study"
         rows = [
             row("import, warm", least("import omnidrive", study, folder), "s"),
-            row("--help, warm", least(HELP, study, folder), "s"),
+            at_most("--help", least(HELP, study, folder), "s", HELP_LIMIT),
+            *(
+                at_most(f"{verb} --help", least(program, study, folder), "s", HELP_LIMIT)
+                for verb, program in VERB_HELP.items()
+            ),
+            at_most(
+                "completion of a value", least(COMPLETION, study, folder, **LINE), "s", HELP_LIMIT
+            ),
             row("first step of holonomic NMPC, cold", seconds(STEP, step, folder), "s"),
             row("first step of holonomic NMPC, warm", least(STEP, step, folder), "s"),
             row("compare, cold", seconds(COMPARE, study, folder), "s"),

@@ -8,6 +8,7 @@ from typing import Annotated, get_args
 
 from omnidrive import study
 from omnidrive.choices import TaskName
+from omnidrive.cli.completion import several_components, some_of
 from omnidrive.cli.components import ControllersOption, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
@@ -25,7 +26,13 @@ from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 
 _TasksOption = Annotated[
-    str | None, option("A,B,...", f"Only these tasks: {', '.join(get_args(TaskName))}.", RUN_PANEL)
+    str | None,
+    option(
+        "A,B,...",
+        f"Only these tasks: {', '.join(get_args(TaskName))}.",
+        RUN_PANEL,
+        complete=some_of(get_args(TaskName)),
+    ),
 ]
 _SeedsOption = Annotated[
     int | None,
@@ -51,7 +58,13 @@ _JobsOption = Annotated[
 def compare(
     shared: ScenarioOptions,
     controllers: Annotated[
-        str | None, option("A,B,...", "Only these controllers.", RUN_PANEL)
+        str | None,
+        option(
+            "A,B,...",
+            "Only these controllers.",
+            RUN_PANEL,
+            complete=several_components("controllers"),
+        ),
     ] = None,
     controller: ControllersOption = None,
     tasks: _TasksOption = None,

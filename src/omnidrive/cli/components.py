@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from omnidrive import components, study
 from omnidrive.choices import WAYPOINTS
+from omnidrive.cli.completion import component
 from omnidrive.cli.options import RUN_PANEL, option
 from omnidrive.errors import InvalidInput
 from omnidrive.study.output_folder import WAYPOINT_FORMATS
@@ -17,9 +18,11 @@ _HELP = (
     "with values of its parameters: its label in the scenario, its name (`omnidrive list "
     "controllers`), or your own as FILE.py:NAME."
 )
-ControllerOption = Annotated[str, option(_FORM, f"Controller, {_HELP}", RUN_PANEL)]
+_NAMES = component("controllers")
+ControllerOption = Annotated[str, option(_FORM, f"Controller, {_HELP}", RUN_PANEL, complete=_NAMES)]
 ControllersOption = Annotated[
-    list[str] | None, option(_FORM, f"Only this controller (repeatable), {_HELP}", RUN_PANEL)
+    list[str] | None,
+    option(_FORM, f"Only this controller (repeatable), {_HELP}", RUN_PANEL, complete=_NAMES),
 ]
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, get_args
 
 from omnidrive import study
 from omnidrive.choices import FaultKind
+from omnidrive.cli.completion import one_of
 from omnidrive.cli.options import RUN_PANEL, option
 
 FaultOption = Annotated[
@@ -17,6 +18,7 @@ FaultOption = Annotated[
         f"Kinds: {', '.join(get_args(FaultKind))}.",
         RUN_PANEL,
         "--fault",
+        complete=one_of(get_args(FaultKind)),
     ),
 ]
 

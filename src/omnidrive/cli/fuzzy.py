@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
 
-from omnidrive.choices import ALGORITHMS
+from omnidrive.choices import ALGORITHMS, Centroid, NoRule, OutOfRange, Reduction
+from omnidrive.cli.completion import one_of
 from omnidrive.cli.options import ForceOption
 
 fuzzy = typer.Typer(
@@ -51,7 +52,8 @@ OutOption = Annotated[
 CentroidOption = Annotated[
     str | None,
     typer.Option(
-        metavar="exact|matlab",
+        metavar="|".join(get_args(Centroid)),
+        autocompletion=one_of(get_args(Centroid)),
         help="Closed form, or sums over samples as in Matlab [default: exact if possible].",
     ),
 ]
@@ -60,19 +62,26 @@ SamplesOption = Annotated[
     typer.Option(metavar="N", help="Number of samples for --centroid matlab [default: 101]."),
 ]
 ReductionOption = Annotated[
-    str, typer.Option(metavar="centroid|cos", help="Type reduction: centroid, or centre of sets.")
+    str,
+    typer.Option(
+        metavar="|".join(get_args(Reduction)),
+        autocompletion=one_of(get_args(Reduction)),
+        help="Type reduction: centroid, or centre of sets.",
+    ),
 ]
 AlgorithmOption = Annotated[
     str | None,
     typer.Option(
         metavar="|".join(ALGORITHMS),
+        autocompletion=one_of(ALGORITHMS),
         help="Algorithm of type reduction for type 2 [default: that of the file, else km].",
     ),
 ]
 OutOfRangeOption = Annotated[
     str,
     typer.Option(
-        metavar="clamp|matlab|raise",
+        metavar="|".join(get_args(OutOfRange)),
+        autocompletion=one_of(get_args(OutOfRange)),
         help="Policy for an input out of its range: clamp to the range, use unchanged, or raise an "
         "error.",
     ),
@@ -80,7 +89,8 @@ OutOfRangeOption = Annotated[
 NoRuleOption = Annotated[
     str,
     typer.Option(
-        metavar="default|raise",
+        metavar="|".join(get_args(NoRule)),
+        autocompletion=one_of(get_args(NoRule)),
         help="Policy if no rule fires: the default of the output (or else the middle of its "
         "range), or an error.",
     ),

@@ -11,13 +11,19 @@ from typing import Annotated, Any
 import typer
 
 from omnidrive import components
+from omnidrive.cli.completion import one_of
 from omnidrive.cli.options import RESULTS_PANEL, choose_one, flag
 from omnidrive.components import GROUPS, component_names
 from omnidrive.errors import InvalidInput, OmnidriveError
 
 
 def list(  # the name of the verb
-    group: Annotated[str, typer.Argument(help=f"{', '.join(GROUPS)}.", metavar="GROUP")],
+    group: Annotated[
+        str,
+        typer.Argument(
+            help=f"{', '.join(GROUPS)}.", metavar="GROUP", autocompletion=one_of(GROUPS)
+        ),
+    ],
     name: Annotated[
         str | None,
         typer.Argument(

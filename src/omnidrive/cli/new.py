@@ -12,6 +12,7 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
+from omnidrive.cli.completion import one_of
 from omnidrive.cli.options import RESULTS_PANEL, choose_one, option
 from omnidrive.cli.terminal import show
 from omnidrive.errors import CannotWrite, InvalidInput
@@ -34,7 +35,14 @@ _TRY: dict[Kind, tuple[str, ...]] = {
 
 
 def new(
-    kind: Annotated[str, typer.Argument(help=f"{', '.join(get_args(Kind))}.", metavar="KIND")],
+    kind: Annotated[
+        str,
+        typer.Argument(
+            help=f"{', '.join(get_args(Kind))}.",
+            metavar="KIND",
+            autocompletion=one_of(get_args(Kind)),
+        ),
+    ],
     name: Annotated[
         str, typer.Argument(help="Name of the class, such as MyController, or of the robot.")
     ],

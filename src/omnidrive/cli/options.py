@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from omnidrive.cli.completion import Complete, one_of
 from omnidrive.errors import CannotWrite, InvalidInput, closest
 from omnidrive.files.bounded_file import one_line
 from omnidrive.files.number_text import parse_number
@@ -18,7 +19,14 @@ PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Simulation", "Results"
 """Panels of the help text."""
 
 
-def option(metavar: str, text: str, panel: str, *names: str, least: int | None = None) -> Any:
+def option(
+    metavar: str,
+    text: str,
+    panel: str,
+    *names: str,
+    least: int | None = None,
+    complete: Complete | None = None,
+) -> Any:
     """Return a typer option, for use in ``Annotated``.
 
     Args:
@@ -27,13 +35,22 @@ def option(metavar: str, text: str, panel: str, *names: str, least: int | None =
         panel: Panel of the help text.
         names: Option names; default: derived from the parameter name.
         least: Minimum value.
+        complete: Completion of its value in a shell; by default files.
     """
-    return typer.Option(*names, metavar=metavar, help=text, rich_help_panel=panel, min=least)
+    return typer.Option(
+        *names,
+        metavar=metavar,
+        help=text,
+        rich_help_panel=panel,
+        min=least,
+        autocompletion=complete,
+    )
 
 
 def choice(of: Iterable[str], text: str, panel: str) -> Any:
     """Return an option whose value is one of the names ``of``; see :func:`option`."""
-    return option("|".join(of), text, panel)
+    names = list(of)
+    return option("|".join(names), text, panel, complete=one_of(names))
 
 
 def flag(text: str, panel: str, *names: str) -> Any:

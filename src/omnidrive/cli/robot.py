@@ -9,6 +9,7 @@ import typer
 
 from omnidrive import study
 from omnidrive.choices import RobotFormat
+from omnidrive.cli.completion import component, one_of
 from omnidrive.cli.options import ForceOption, check_overwrite
 from omnidrive.cli.terminal import conclude, warn
 from omnidrive.cli.terminal import show as print_line
@@ -26,6 +27,7 @@ FormatOption = Annotated[
     str | None,
     typer.Option(
         metavar="|".join(get_args(RobotFormat)),
+        autocompletion=one_of(get_args(RobotFormat)),
         help="Format of FILE [default: by suffix and content].",
     ),
 ]
@@ -41,7 +43,12 @@ WheelOption = Annotated[
 @robot.command()
 def show(
     name: Annotated[
-        str, typer.Argument(metavar="NAME|FILE", help="Robot, or a robot file (.yaml).")
+        str,
+        typer.Argument(
+            metavar="NAME|FILE",
+            help="Robot, or a robot file (.yaml).",
+            autocompletion=component("robots"),
+        ),
     ],
     png: Annotated[
         Path | None,

@@ -17,6 +17,7 @@ from omnidrive.cli.options import (
     FolderOption,
     FullOption,
     JsonOption,
+    choice,
     choose_one,
     default_folder,
     flag,
@@ -26,6 +27,7 @@ from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 
+_TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
 _HorizonOption = Annotated[
     int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
 ]
@@ -41,7 +43,7 @@ _VideoOption = Annotated[
 def run(
     shared: ScenarioOptions,
     controller: ControllerOption = "holonomic-nmpc",
-    task: Annotated[str, option("track|noise|step|faults", "Task.", RUN_PANEL)] = "track",
+    task: Annotated[str, choice(_TASKS, "Task.", RUN_PANEL)] = "track",
     horizon: _HorizonOption = None,
     fault: FaultOption = None,
     view: _ViewOption = False,
@@ -103,7 +105,7 @@ def _narrow(
 ) -> study.Scenario:
     """Return the scenario with one controller and the first duration of one task."""
     scenario = with_controllers(scenario, [controller])
-    chosen = choose_one("task", task, [t for t in get_args(TaskName) if t != "horizon"])
+    chosen = choose_one("task", task, _TASKS)
     if horizon is not None:
         (label,) = scenario.controllers
         if label not in scenario.predictive:

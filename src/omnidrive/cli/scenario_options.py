@@ -22,6 +22,7 @@ from omnidrive.choices import (
     TimingName,
     Unknown,
 )
+from omnidrive.cli.completion import component, paper_or_file
 from omnidrive.cli.components import plant_data, reference_data
 from omnidrive.cli.options import (
     PATH_PANEL,
@@ -58,7 +59,8 @@ class ScenarioOptions:
         typer.Argument(
             help="`paper`, a scenario file (.yaml), the folder of a scenario, or a map file: Nav2 "
             "(.yaml), MovingAI (.map), NumPy (.npy) or text (.txt), or a waypoint file: .csv, "
-            ".path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path)."
+            ".path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path).",
+            autocompletion=paper_or_file,
         ),
     ] = "paper"
     map: Annotated[Path | None, option("FILE", "Map file.", PATH_PANEL)] = None
@@ -70,6 +72,7 @@ class ScenarioOptions:
             "random-smooth, a waypoint file, or your own as FILE.py:NAME; without a map on an open "
             "floor.",
             PATH_PANEL,
+            complete=component("references"),
         ),
     ] = None
     start: Annotated[str | None, option("X,Y[,HEADING]", "Start, m, m, rad.", PATH_PANEL)] = None
@@ -92,6 +95,7 @@ class ScenarioOptions:
             "NAME|FILE",
             f"Robot: {', '.join(component_names('robots'))}, or a robot file (.yaml).",
             RUN_PANEL,
+            complete=component("robots"),
         ),
     ] = None
     plant: Annotated[
@@ -101,6 +105,7 @@ class ScenarioOptions:
             "Simulated plant: mujoco-rollers; mujoco-balls; planar, a rigid body with wheel "
             "friction; kinematic; coppeliasim, a running CoppeliaSim; or your own as FILE.py:NAME.",
             RUN_PANEL,
+            complete=component("plants"),
         ),
     ] = None
     preset: Annotated[

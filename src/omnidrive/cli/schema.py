@@ -6,19 +6,16 @@ from typing import Annotated
 
 import typer
 
+from omnidrive.cli.completion import one_of
 from omnidrive.cli.options import choose_one
 from omnidrive.cli.terminal import print_json
 
 _KINDS = ("scenario", "robot")
 
 
-def _complete(incomplete: str) -> list[str]:
-    return [kind for kind in _KINDS if kind.startswith(incomplete)]
-
-
 def schema(
     kind: Annotated[
-        str, typer.Argument(help="`scenario` or `robot`.", autocompletion=_complete)
+        str, typer.Argument(help="`scenario` or `robot`.", autocompletion=one_of(_KINDS))
     ] = "scenario",
 ) -> None:
     """Print the JSON schema of scenario or robot files, for editors.

@@ -1,0 +1,59 @@
+"""Completion of the values of options in bash, zsh and fish."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from omnidrive.components import component_names
+from omnidrive.components.entry_points import Group
+
+Complete = Callable[[str], list[str]]
+"""Function from an incomplete value to complete ones; if there are none, the shell lists files."""
+
+
+def one_of(names: Iterable[str]) -> Complete:
+    """Return a completion of one name."""
+    known = list(names)
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for name in known if name.startswith(incomplete)]
+
+    return complete
+
+
+def some_of(names: Iterable[str]) -> Complete:
+    """Return a completion of the last of several comma-separated names."""
+    known = list(names)
+
+    def complete(incomplete: str) -> list[str]:
+        *given, last = incomplete.split(",")
+        start = "".join(f"{name}," for name in given)
+        return [start + n for n in known if n.startswith(last) and n not in given]
+
+    return complete
+
+
+def component(group: Group) -> Complete:
+    """Return a completion of the names of installed components."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for name in component_names(group) if name.startswith(incomplete)]
+
+    return complete
+
+
+def several_components(group: Group) -> Complete:
+    """Return a completion of the last of several comma-separated names of components."""
+
+    def complete(incomplete: str) -> list[str]:
+        return some_of(component_names(group))(incomplete)
+
+    return complete
+
+
+def paper_or_file(incomplete: str) -> list[str]:
+    """Complete ``paper``, unless a file or folder begins in the same way, or nothing is typed."""
+    if not incomplete or not "paper".startswith(incomplete):
+        return []
+    return [] if any(Path().glob(f"{incomplete}*")) else ["paper"]
