@@ -74,7 +74,9 @@ def facts_markup(results: StudyResults) -> str:
         "Plant": results.plant,
         "Sample time": f"{results.dt:g} s",
         "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
-        f"planning grid {results.free_space.resolution:g} m",
+        f"planning grid {results.free_space.resolution:g} m"
+        if grid.walled or grid.occupied.any()
+        else "open floor",
         "Path": _path(results),
     }
     return "\n".join(

@@ -201,6 +201,7 @@ const Playback = (() => {
     find("scrub").max = group.duration;
     find("scrub").step = Study.dt;
     find("duration").textContent = group.duration.toFixed(2);
+    for (const id of ["cells-layer", "cells-key"]) find(id).hidden = !Study.cells[0].length;
     find("measured-layer").hidden = !group.runs.some((run) => run.measured);
     listRuns();
     Charts.load(group);
