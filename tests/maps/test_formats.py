@@ -1,11 +1,13 @@
 """Map formats and named maps of another distribution, and errors of its code."""
 
+import json
 import sys
 import textwrap
 
 import numpy as np
 import pytest
 
+from omnidrive.cli.main import load_verb
 from omnidrive.components.entry_points import entries_of
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, is_named_map, load_map, save_nav2_map
@@ -123,6 +125,22 @@ def test_reader_that_cannot_be_imported(tmp_path):
 def test_result_that_is_no_map():
     with pytest.raises(InvalidMap, match=r"the map number: .* must return an Occ.*, got 5"):
         load_map("number")
+
+
+def test_nearest_name_of_a_map_that_does_not_exist(tmp_path):
+    with pytest.raises(InvalidMap, match="there is no map hal; did you mean the named map 'hall'"):
+        load_map("hal")
+    with pytest.raises(InvalidMap, match=r"there is no map .*papr; did you mean the .*'paper'"):
+        load_map(tmp_path / "papr")
+    with pytest.raises(InvalidMap, match="No such file"):
+        load_map(tmp_path / "warehouse")
+
+
+@pytest.mark.parametrize("words", [["hall"], ["--map", "hall"]])
+def test_command_on_a_named_map(capsys, words):
+    options = ["--start", "1,1", "--goal", "6,4", "--robot", "small", "--json"]
+    load_verb("plan")([*words, *options], standalone_mode=False)
+    assert 5.0 < json.loads(capsys.readouterr().out)["length_m"] < 7.0
 
 
 @pytest.mark.parametrize("source", ["hall", "m.arena"])

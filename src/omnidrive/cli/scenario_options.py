@@ -63,7 +63,9 @@ class ScenarioOptions:
             autocompletion=paper_or_file,
         ),
     ] = "paper"
-    map: Annotated[Path | None, option("FILE", "Map file.", PATH_PANEL)] = None
+    map: Annotated[
+        Path | None, option("FILE|NAME", "Map file, or name of an installed map.", PATH_PANEL)
+    ] = None
     reference: Annotated[
         str | None,
         option(
@@ -359,7 +361,9 @@ def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[...
 
 
 def _kind_of(path: Path) -> str:
-    """Return the kind of a file: map, waypoints or scenario; also that of a folder."""
+    """Return the kind of a file, a folder or an installed map: map, waypoints or scenario."""
+    if str(path) in component_names("maps"):
+        return "map"
     suffix = path.suffix.lower()
     if suffix not in {".yaml", ".yml"}:
         if suffix in WAYPOINT_FORMATS:

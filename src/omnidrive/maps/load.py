@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
 from omnidrive.choices import Unknown
 from omnidrive.components import Component, component_names, find_component
-from omnidrive.errors import InvalidMap, OmnidriveError
+from omnidrive.errors import InvalidMap, OmnidriveError, closest
 from omnidrive.files.bounded_file import one_line, read_head, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.ascii import ASCII_CELLS
@@ -65,6 +66,7 @@ def load_map(
     suffix: str | None = file.suffix.lower()
     suffixes = [each for each in component_names("maps") if each.startswith(".")]
     if suffix not in suffixes:
+        _check_name(file)
         suffix = suffix if suffix in _IMAGES else _detect_format(file)
     if suffix in suffixes:
         reader = find_component("maps", suffix)
@@ -83,6 +85,15 @@ def load_map(
         f"(.npy) or text (.txt) of the characters {' '.join(map(repr, ASCII_CELLS))}"
         + (f"; other installed formats: {others}" if others else "")
     )
+
+
+def _check_name(file: Path) -> None:
+    """Raise InvalidMap for a file that does not exist and has nearly the name of a named map."""
+    near = closest(file.name, filter(is_named_map, component_names("maps")), cutoff=0.7)
+    if near and not os.path.lexists(file):
+        raise InvalidMap(
+            f"there is no map {one_line(str(file))}; did you mean the named map '{near}'?"
+        )
 
 
 def _call(component: Component, name: str, *arguments: Path, **options: Any) -> OccupancyGrid:
