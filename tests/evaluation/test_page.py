@@ -45,7 +45,7 @@ def test_data_has_every_group_and_run(study):
     assert list(groups) == ["track-20", "track-30", "noise-30", "horizon-20", "step"]
     assert [len(group["runs"]) for group in groups.values()] == [4, 4, 4, 6, 4]
     run, data = study.tracks[0].run, groups["track-20"]["runs"][0]
-    np.testing.assert_allclose(data["pose"][0], run.pose[:, 0], atol=5.1e-6)
+    np.testing.assert_allclose(data["pose"][0], run.pose[:, 0], atol=5.1e-9)
     assert data["measured"] is None
     assert groups["noise-30"]["runs"][0]["measured"] is not None
 
@@ -261,9 +261,23 @@ def test_errors_have_a_log_scale(study, visit):
 
 
 @pytest.mark.browser
+def test_small_values_are_not_shown_as_zero(part, visit):
+    page = visit(part)
+    shown = page.evaluate("[49.62, 3.934, 0.26, 0.000123, -2e-9, 0, NaN].map(Study.text)")
+    assert shown == ["49.6", "3.93", "0.260", "0.000123", "-2.00e-9", "0", "–"]
+
+
+@pytest.mark.browser
 def test_print_is_light_and_fits_the_paper(study, visit, tmp_path):
     page = visit(study, study_tables(study, published=True), color_scheme="dark")
-    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    corner = "[...document.getElementById('map').getContext('2d').getImageData(2, 2, 1, 1).data]"
+    assert max(Image.open(BytesIO(map_image(page))).convert("RGB").getpixel((2, 2))) < 60
+    first = "document.querySelector('#runs td').textContent"
+    text, colour = page.evaluate(
+        f"dispatchEvent(new Event('beforeprint')), [{first}, {corner}]"  # before the next frame
+    )
+    assert float(text) > 0.0
+    assert min(colour[:3]) > 180
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
     page.set_viewport_size({"width": 703, "height": 1000})  # A4 between its margins, 96 px/inch
     page.emulate_media(media="print")

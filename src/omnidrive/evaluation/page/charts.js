@@ -4,8 +4,8 @@
 const Charts = (() => {
   const MM = 1e3;
   const KINDS = [
-    { column: "distance", title: "Position error", unit: "mm", factor: MM, digits: 2, fromZero: true, error: true },
-    { column: "turn", title: "Heading error", unit: "mrad", factor: 1e3, digits: 2, fromZero: false, error: true },
+    { column: "distance", title: "Position error", unit: "mm", factor: MM, fromZero: true, error: true },
+    { column: "turn", title: "Heading error", unit: "mrad", factor: 1e3, fromZero: false, error: true },
     { column: "speed", title: "Speed", unit: "m/s", factor: 1, digits: 3, fromZero: true },
     { column: "yawRate", title: "Yaw rate", unit: "rad/s", factor: 1, digits: 3, fromZero: false },
   ];
@@ -55,6 +55,16 @@ const Charts = (() => {
     };
   }
 
+  /* Ticks of a log scale: powers of ten, with 2 and 5 between them if they are few. */
+  function powers(chart, index, low, high) {
+    const digits = high > 100 * low ? [1] : [1, 2, 5];
+    const ticks = [];
+    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) {
+      for (const digit of digits) ticks.push(digit * 10 ** power);
+    }
+    return ticks.filter((tick) => tick >= low && tick <= high);
+  }
+
   function options(panel, width) {
     const { kind } = panel;
     const range = (_, low, high) => {
@@ -68,7 +78,7 @@ const Charts = (() => {
       width, height: 190, legend: { show: false },
       cursor: { sync: { key: "playback" }, drag: { x: true, y: false, dist: 4 }, points: { size: 7 } },
       scales: { x: { time: false }, y: { range, distr: isLog(kind) ? 3 : 1 } },
-      axes: [axis(30, (_, ticks) => ticks.map((t) => `${+t.toPrecision(6)} s`)), axis(52)],
+      axes: [axis(30, (_, ticks) => ticks.map((t) => `${+t.toPrecision(6)} s`)), { ...axis(52), ...(isLog(kind) ? { splits: powers } : {}) }],
       series: [{}, ...group.runs.map((run) => ({ label: run.label, show: run.visible, stroke: run.colour(), width: 1.6, dash: run.dash.map((length) => 2 * length), spanGaps: false, paths: kind.held ? HELD : undefined }))],
       hooks: {
         ready: [(chart) => attach(panel, chart)],
@@ -109,7 +119,7 @@ const Charts = (() => {
     panel.clock.classList.toggle("hovering", hovering);
     group.runs.forEach((run, k) => {
       const value = hovering && row >= run.rows ? NaN : run.value(kind.column, at);
-      panel.values[k].textContent = Number.isFinite(value) ? (value * kind.factor).toFixed(kind.digits) : "–";
+      panel.values[k].textContent = kind.error ? Study.text(value * kind.factor) : Number.isFinite(value) ? (value * kind.factor).toFixed(kind.digits) : "–";
       panel.items[k].hidden = !run.visible || !run.column(kind.column);
     });
   }

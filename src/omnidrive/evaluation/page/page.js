@@ -67,10 +67,9 @@ const Playback = (() => {
   }
 
   function readout(cells, state) {
-    const texts = [1e3 * state.distance, 1e3 * state.turn, state.speed];
-    const digits = [2, 2, 3];
+    const values = [1e3 * state.distance, 1e3 * state.turn, state.speed];
     cells.forEach((cell, k) => {
-      cell.textContent = Number.isFinite(texts[k]) ? texts[k].toFixed(digits[k]) : "–";
+      cell.textContent = Study.text(values[k]);
       cell.classList.toggle("stopped", state.stopped);
     });
   }
@@ -102,8 +101,8 @@ const Playback = (() => {
       x: `${state.x.toFixed(4)} m`,
       y: `${state.y.toFixed(4)} m`,
       heading: `${state.yaw.toFixed(4)} rad`,
-      "position error": `${(1e3 * state.distance).toFixed(2)} mm`,
-      "heading error": `${(1e3 * state.turn).toFixed(2)} mrad`,
+      "position error": `${Study.text(1e3 * state.distance)} mm`,
+      "heading error": `${Study.text(1e3 * state.turn)} mrad`,
       speed: `${state.speed.toFixed(3)} m/s`,
     };
     if (state.stopped) values.ended = run.ended;
@@ -355,7 +354,12 @@ const Playback = (() => {
     choose(Study.groups[0]);
     colourNames();
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play();
-    for (const [event, printing] of [["beforeprint", true], ["afterprint", false]]) addEventListener(event, () => Theme.print(printing));
+    for (const [event, printing] of [["beforeprint", true], ["afterprint", false]]) {
+      addEventListener(event, () => {
+        Theme.print(printing);
+        paint(); // now: the browser prints before the next frame
+      });
+    }
     new ResizeObserver(() => {
       scene.resize();
       lens.scene.resize();

@@ -20,7 +20,8 @@ from omnidrive.evaluation.tuning import INPUTS, tuning_signals, unit_text
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome, Run
 
-_DECIMALS = 5  # 0.01 mm, 0.01 mrad
+_DECIMALS = 5  # 0.01 mm/s, 0.01 mrad/s
+_POSE_DECIMALS = 8  # 10 nm, 10 nrad: errors are differences of poses
 _TASKS = {"track": "Track", "noise": "Noise", "horizon": "Horizons"}
 _SPLINE_POINTS = 600
 
@@ -28,8 +29,8 @@ _SPLINE_POINTS = 600
 def payload(results: StudyResults) -> str:
     """Return the JSON data, safe inside a script element: every ``<`` is escaped.
 
-    Lengths in m, angles in rad, times in s; columns are rounded to 1e-5; a number that is not
-    finite becomes null.
+    Lengths in m, angles in rad, times in s; poses are rounded to 1e-8, other columns to 1e-5; a
+    number that is not finite becomes null.
     """
     spline = results.spline.poses(np.linspace(0.0, 1.0, _SPLINE_POINTS))
     data = {
@@ -115,7 +116,7 @@ def _group(name: str, label: str, runs: list[Run], encoded: list[dict[str, Any]]
         "label": label,
         "onMap": name != "step",
         "t": _column(longest.t),
-        "target": [_column(longest.target[:, i]) for i in range(3)],
+        "target": [_column(longest.target[:, i], _POSE_DECIMALS) for i in range(3)],
         "tuning": _quantities(runs),
         "runs": encoded,
     }
@@ -150,7 +151,7 @@ def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, 
         "short": short,
         "ink": list(style.colour),
         "dash": list(style.dash),
-        "pose": [_column(run.pose[:, i]) for i in range(3)],
+        "pose": [_column(run.pose[:, i], _POSE_DECIMALS) for i in range(3)],
         "measured": [_column(run.measured[:, i]) for i in (0, 1)] if noisy else None,
         "speed": _column(speed),
         "yawRate": _column(run.twist[:, 2]),
@@ -160,6 +161,6 @@ def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, 
     }  # fmt: skip
 
 
-def _column(values: Num[Array, " rows"]) -> list[float | None]:
-    rounded: list[float] = (np.round(values.astype(float), _DECIMALS) + 0.0).tolist()
+def _column(values: Num[Array, " rows"], decimals: int = _DECIMALS) -> list[float | None]:
+    rounded: list[float] = (np.round(values.astype(float), decimals) + 0.0).tolist()
     return [v if np.isfinite(v) else None for v in rounded]
