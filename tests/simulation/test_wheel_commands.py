@@ -273,6 +273,24 @@ def test_dead_wheel_under_torques_is_detected_and_compensated(plant):
     assert log.wheel_torque_command[-2, 2] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("fault", "reaction"),
+    [("wheel-dead", "the other 3 compensate"), ("wheel-locked", "the position is controlled")],
+)
+def test_failed_wheel_under_wheel_speeds_is_compensated(fault, reaction):
+    log = run(
+        Wheels(DT), MujocoPlant(SMALL, "ball"), f"{fault}:at=3,wheel=1",
+        reference=Circle(duration=10.0), supervisor=make_supervisor(),
+    )  # fmt: skip
+    assert log.outcome is Outcome.FINISHED
+    (finding,) = (event for event in log.events if reaction in event.what)
+    errors = np.hypot(*(log.pose - log.target)[:, :2].T)
+    assert errors[log.t > finding.t + 2.0].max() < 0.02
+    after = log.t[:-1] > finding.t  # twists, which the supervisor computes
+    assert np.isfinite(log.command[:-1][after]).all()
+    assert np.isnan(log.command[:-1][~after]).any()
+
+
 def test_locked_wheel_stops_a_robot_under_torques():
     """Torques cannot follow the two directions of motion that are left."""
     supervisor = make_supervisor()

@@ -25,9 +25,9 @@ _WHEEL_SPEED, _TORQUE, _FRICTION = 1, 2, 4  # of Saturation
 
 @inlined
 def set_commands(body: Any, wheels: Array, wheel_states: Array, twist: Vector) -> bool:
-    """Set the commanded wheel speeds of a body twist; return whether a limit scaled them down.
+    """Set the commanded wheel speeds of a body twist; return whether one exceeded the limit.
 
-    They are scaled together.
+    In that case they are scaled down together.
     """
     peak = 0.0
     for i in range(len(wheels)):
