@@ -1,4 +1,4 @@
-"""README, examples, exported names and lock files."""
+"""Examples, exported names and lock files."""
 
 import os
 import re
@@ -10,13 +10,8 @@ from types import ModuleType
 import pytest
 
 import omnidrive
-from omnidrive.control.pid import gain_tuning_system
-from omnidrive.control.pid.rules import paper_rules
-from omnidrive.fuzzy import save
-from tests.shared_data import shared
 
 ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
@@ -51,38 +46,6 @@ def test_example_of_wheel_torques_follows_its_reference(tmp_path):
 
 def test_every_verb_has_an_example():
     assert {"compare", "plan", "run"} <= {path.stem for path in EXAMPLES}
-
-
-def test_readme_python_code_runs(tmp_path):
-    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert blocks
-    for block in blocks:
-        assert "Metrics(" in run("-c", block, cwd=tmp_path)
-
-
-SHELL = "".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL))
-COMMANDS = re.findall(r"^omnidrive (.*?)(?: +#.*)?$", SHELL, re.MULTILINE)
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_readme_commands_run(command, tmp_path):
-    """Run a command on a fast plant, with the map and the folder that it names."""
-    words = command.split()
-    if "depot.yaml" in words:
-        words[words.index("depot.yaml")] = str(shared("maps/nav2/depot.yaml"))
-    if "runs/NAME/scenario.yaml" in words:
-        run("-m", "omnidrive", "plan", "--out", "runs/NAME", cwd=tmp_path)
-    if "tuner.fis" in words:
-        save(gain_tuning_system(paper_rules()), tmp_path / "tuner.fis")
-    plant = "planar" if "--fault" in words else "kinematic"  # simulates no forces
-    quick = [] if words[0] in {"plan", "fuzzy", "warmup"} else ["--plant", plant]
-    assert run("-m", "omnidrive", *words, *quick, cwd=tmp_path)
-
-
-def test_readme_make_targets_exist():
-    makefile = (ROOT / "Makefile").read_text()
-    for target in re.findall(r"^make (\w+)", README, re.MULTILINE):
-        assert re.search(rf"^{target}:", makefile, re.MULTILINE)
 
 
 def test_public_names_are_listed_and_documented():

@@ -44,6 +44,7 @@ PACKAGES = {
     "omnidrive.gym": "Gymnasium",
     "omnidrive.errors": "Errors",
 }
+_UNSEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"  # the search finds documentation, not source
 _LINK = re.compile(r"(?<=\]\()([^)\s]+)(?=\))")
 _CODE = re.compile(r"^( *)```.*?^\1```$|`[^`\n]+`", re.DOTALL | re.MULTILINE)
 
@@ -129,9 +130,9 @@ def _source_page(target):
         rows = "\n".join(
             f"| `{each.relative_to(path).as_posix()}` | {_title(each)} |" for each in files
         )
-        return f"# {target}\n\n| file | content |\n|---|---|\n{rows}\n"
+        return f"{_UNSEARCHED}# {target}\n\n| file | content |\n|---|---|\n{rows}\n"
     language = {".py": "python", ".pyi": "python", ".md": "markdown"}.get(path.suffix, "text")
-    return f"# {target}\n\n````{language}\n{path.read_text('utf-8').rstrip()}\n````\n"
+    return f"{_UNSEARCHED}# {target}\n\n````{language}\n{path.read_text('utf-8').rstrip()}\n````\n"
 
 
 def _title(path):

@@ -13,11 +13,13 @@ A mark is a comment on the line above a block, invisible on the page:
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 _FENCE = re.compile(
@@ -55,7 +57,13 @@ class Block(NamedTuple):
 
 
 def blocks(page: Path) -> list[Block]:
-    """Return the code blocks of a page, in order."""
+    """Return the code blocks of a page, or the code cells of a notebook, in order."""
+    if page.suffix == ".ipynb":
+        cells = code_cells(page)
+        return [
+            Block(page, k, "python", "", "".join(c["source"]), (), "")
+            for k, c in enumerate(cells, 1)
+        ]
     text = page.read_text(encoding="utf-8")
     found = []
     for match in _FENCE.finditer(text):
@@ -72,3 +80,9 @@ def blocks(page: Path) -> list[Block]:
         line = text.count("\n", 0, match.start(4)) + 1
         found.append(Block(page, line, language, title or "", "".join(lines), tuple(marks), before))
     return found
+
+
+def code_cells(notebook: Path) -> list[dict]:
+    """Return the code cells of a notebook, in order."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return [cell for cell in cells if cell["cell_type"] == "code"]

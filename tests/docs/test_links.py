@@ -1,6 +1,7 @@
 """Links between pages: files and headings exist, and every page is in the site."""
 
 import re
+import tomllib
 
 import pytest
 import yaml
@@ -33,6 +34,17 @@ def test_links_are_valid(page):
         if anchor:
             assert target.suffix == ".md", link
             assert anchor in anchors(target), link
+
+
+def test_the_readme_fits_on_a_landing_page():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 90
+
+
+def test_the_drawing_shows_every_package_in_order():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = project["tool"]["importlinter"]["contracts"][0]["layers"][1:]
+    drawing = (ROOT / "docs/images/architecture.svg").read_text(encoding="utf-8")
+    assert re.findall(r"<text x=\"36\"[^>]*>([^<]*)<", drawing) == layers
 
 
 def test_every_page_is_in_the_navigation_of_the_site():

@@ -7,11 +7,11 @@ import sys
 
 import pytest
 
-from tests.docs.blocks import PAGES, ROOT, blocks
+from tests.docs.blocks import NOTEBOOKS, PAGES, ROOT, blocks, code_cells
 from tests.docs.runner import check_output, commands
 from tests.shared_data import shared
 
-WITH_CODE = [page for page in PAGES if blocks(page) and page.name != "README.md"]
+WITH_CODE = [*(page for page in PAGES if blocks(page)), *NOTEBOOKS]
 MAPS = {
     "depot.yaml": ("depot.yaml", "maps/nav2/depot.yaml"),
     "depot.pgm": ("depot.yaml", "maps/nav2/depot.pgm"),
@@ -59,6 +59,15 @@ def test_the_code_of_a_page_runs(page, runner, tmp_path):
 )
 def test_the_long_code_of_a_page_runs(page, runner, tmp_path):
     run_page(runner, page, tmp_path, is_long=True)
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=named)
+def test_a_notebook_is_stored_with_small_outputs(notebook):
+    """`make notebook` executes it."""
+    assert notebook.stat().st_size < 400_000
+    for number, cell in enumerate(code_cells(notebook), 1):
+        assert cell["execution_count"] == number
+        assert [each["output_type"] for each in cell["outputs"]] == ["execute_result"]
 
 
 def test_wrong_code_and_wrong_output_are_found(runner, tmp_path):

@@ -49,12 +49,13 @@ class Table:
         return self.select([i for i, name in enumerate(self.columns) if name not in self.details])
 
     def select(self, kept: Sequence[int]) -> Table:
-        """Return the table with the columns of the given indices, which contain all keys."""
+        """Return the table with the columns of the given indices."""
         place = {old: new for new, old in enumerate(kept)}
         return replace(
             self,
             columns=tuple(self.columns[i] for i in kept),
             rows=tuple(tuple(row[i] for i in kept) for row in self.rows),
+            keys=sum(i < self.keys for i in kept),
             prose=self.prose and len(self.columns) - 1 in place,
             best=frozenset((row, place[column]) for row, column in self.best if column in place),
         )

@@ -29,8 +29,9 @@ def sets_svg(variable: Variable) -> str:
         drawing.line(np.array([[constant, 0.0], [constant, 1.0]]), ORANGE)
     at = np.linspace(low, high, _SAMPLES)
     for each, below, above in zip(sets, *membership_bounds(sets, at), strict=True):
+        support = np.convolve(above > 0.0, np.ones(3), "same") > 0.0  # and one point beside it
+        low_side, high_side = (np.column_stack([at, y])[support] for y in (below, above))
         if each.lower is not None:
-            around = np.vstack([np.column_stack([at, below]), np.column_stack([at, above])[::-1]])
-            drawing.polygon(around, BLUE, opacity=0.3)
-        drawing.line(np.column_stack([at, above]), BLUE, width=1.0)
+            drawing.polygon(np.vstack([low_side, high_side[::-1]]), BLUE, opacity=0.3)
+        drawing.line(high_side, BLUE, width=1.0)
     return drawing.svg()
