@@ -15,7 +15,7 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from omnidrive.choices import WAYPOINTS
-from omnidrive.components import configure
+from omnidrive.components import configure, find_component
 from omnidrive.errors import CannotWrite
 from omnidrive.evaluation import (
     MEASURES,
@@ -125,12 +125,24 @@ def component_origins(scenario: Scenario) -> dict[str, Any]:
     """Return distribution and version, or file and hash, of the scenario's components."""
     estimator = scenario.sensors.estimator if scenario.sensors else None
     reference = scenario.reference
+    robot, plant_robot = (
+        _robot_origin(each.name) for each in (scenario.robot, scenario.true_robot)
+    )
     return {
+        "robot": robot,
+        "plant_robot": plant_robot,
         "reference": None if reference == "path" else reference.component.origin,
         "controllers": {label: c.component.origin for label, c in scenario.controllers.items()},
         "plant": scenario.plant.component.origin,
         "estimator": estimator and estimator.component.origin,
     }
+
+
+def _robot_origin(name: str) -> str:
+    """Return the distribution of an installed robot, or the name of a file, which is copied."""
+    return (
+        f"file {Path(name).name}" if is_robot_file(name) else find_component("robots", name).origin
+    )
 
 
 def _portable(scenario: Scenario) -> Scenario:
