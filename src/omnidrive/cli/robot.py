@@ -137,6 +137,58 @@ def import_(
         conclude(f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}")
 
 
+@robot.command()
+def identify(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG",
+            help="CSV or Parquet with the columns t, command_vx, command_vy, command_yaw_rate, "
+            "wheel_speed_0, ..., x, y, yaw.",
+        ),
+    ],
+    name: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            metavar="NAME|FILE",
+            help="Robot with its nominal parameters: mounts, masses and motors are taken from it.",
+            autocompletion=component("robots"),
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.yaml", help="Robot file to write.")
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Identify wheel radius, effective radius, lags, delay and friction from a log.
+
+    It prints each with its standard error, or why the log does not determine it. The log begins at
+    rest and holds curves in all directions, small fast steps, and hard starts in which the wheels
+    slip, at 50 Hz or more.
+
+    For example:
+
+    * `omnidrive robot identify drive.csv --robot my_base.yaml --out identified.yaml`
+    """
+    from omnidrive.compiled import announce_compiling
+    from omnidrive.robot import named_robot, save_robot
+    from omnidrive.simulation.identification import identify_robot, read_log
+
+    if out is not None:
+        _check_out(out, force)
+    nominal = named_robot(name)
+    with announce_compiling():
+        found = identify_robot(read_log(log), nominal)
+    for each in found.estimates.values():
+        print_line(f"{each.name:<21}{each}")
+    if out is not None:
+        notes = [f"Identified from {log.name} with the nominal robot {nominal.name}."]
+        notes += [f"{each.name}: {each}" for each in found.estimates.values()]
+        save_robot(found.robot, out, notes=notes)
+        conclude(f"written to {one_line(str(out))}")
+
+
 def _check_out(out: Path, force: bool) -> None:
     """Check name and place of a robot file that will be written."""
     from omnidrive.robot import is_robot_file

@@ -181,6 +181,21 @@ def mass_matrix(body: Array) -> Float[Array, "3 3"]:
     return np.array([[m, 0.0, -m * cy], [0.0, m, m * cx], [-m * cy, m * cx, inertia]])
 
 
+def servo_lags(robot: Robot) -> tuple[float, float]:
+    """Return the time constants of translation and rotation while no wheel slips, s.
+
+    They are the inertia, with that of the wheels about their axles, over the damping by the servos;
+    for wheels whose columns of the wheel matrix are orthogonal.
+    """
+    body, wheels = planar_model(robot, Disturbances())
+    rows = np.column_stack([wheels[f"direction_{name}"] for name in ("x", "y", "yaw")])
+    per_square = 1.0 / wheels["radius"][:, None] ** 2
+    inertia = mass_matrix(body) + rows.T @ (rows * wheels["inertia"][:, None] * per_square)
+    damping = rows.T @ (rows * wheels["gain"][:, None] * per_square)
+    lags = np.diag(inertia) / np.diag(damping)
+    return float(lags[0]), float(lags[2])
+
+
 def axle_inertia(wheel: OmniWheel, mount: Mount) -> float:
     """Return the inertia of rotor, hub and rollers about the axle, kg m^2."""
     ring = (wheel.radius - wheel.roller_radius) ** 2 + _roller_inertia_per_mass(wheel, mount)

@@ -1,0 +1,22 @@
+"""Identification of a robot's parameters from a log of commands, wheel speeds and poses."""
+
+from omnidrive.simulation.identification.identify_robot import (
+    Estimate,
+    Identification,
+    identify_robot,
+)
+from omnidrive.simulation.identification.robot_log import RobotLog, read_log
+from omnidrive.simulation.identification.simulated_log import (
+    identification_commands,
+    simulated_log,
+)
+
+__all__ = [
+    "Estimate",
+    "Identification",
+    "RobotLog",
+    "identification_commands",
+    "identify_robot",
+    "read_log",
+    "simulated_log",
+]

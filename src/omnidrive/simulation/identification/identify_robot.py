@@ -1,0 +1,407 @@
+"""Identification of wheel radius, effective radius, lags, delay and friction of a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import floor, hypot, isfinite, log10, sqrt
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidInput
+from omnidrive.geometry import BodyTwist
+from omnidrive.robot import Mount, Robot
+from omnidrive.simulation.identification.regression import (
+    Fit,
+    fit,
+    segments_of,
+    without_means,
+)
+from omnidrive.simulation.identification.response import response
+from omnidrive.simulation.identification.robot_log import RobotLog
+
+_SEGMENT = 1.0  # s
+_MIN_SEGMENTS = 8
+_SLIP_SHARE = 0.6  # used share of the friction limit from which a segment may contain slip
+_OUTLIER = 2.5  # residual of a segment over the median from which its wheels slipped
+_DELAYS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # s, first iterates
+_FRICTIONS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.1)  # first iterates
+_MAX_RELATIVE = {"wheel radius": 0.05, "effective radius": 0.05, "friction": 0.2}
+_MAX_TIME_ERROR = 0.01  # s
+_FRICTION_MODEL = 0.01  # error of Coulomb's law: rollers that reach the floor absorb momentum
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Estimate of one parameter.
+
+    Attributes:
+        name: Name of the parameter.
+        unit: Unit; "1" for a ratio.
+        value: Estimated value; NaN if not identifiable.
+        sigma: Standard error; NaN if not identifiable.
+        reason: Why it is not identifiable; empty if it is.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    reason: str = ""
+
+    def __str__(self) -> str:
+        """Format value and standard error, or the reason."""
+        if self.reason:
+            return f"not identifiable: {self.reason}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        digits = min(max(1 - floor(log10(max(self.sigma, 1e-12))), 0), 12)  # two of the error
+        return f"{self.value:.{digits}f} +- {self.sigma:.{digits}f}{unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """Result of an identification.
+
+    Attributes:
+        estimates: Estimates of ``wheel radius`` (m), ``effective radius`` (m), ``lag in
+            translation``, ``lag in rotation``, ``delay`` (s) and ``friction`` (1), by name.
+        robot: The robot with the identified parameters; the others are unchanged. The delay is no
+            parameter of a robot.
+    """
+
+    estimates: dict[str, Estimate]
+    robot: Robot
+
+
+def identify_robot(log: RobotLog, robot: Robot) -> Identification:
+    """Identify parameters of a robot from a log.
+
+    Wheel and effective radius follow from the wheel speeds integrated over segments of a second and
+    the measured displacements; slipping segments are recognised by their residuals and left out.
+    Lags and delay minimise the errors of poses and wheel speeds predicted from the commands in the
+    segments without slip, friction those of the poses in the segments with slip (output-error
+    method: Ljung, "System Identification", 2nd ed. 1999, section 4.3).
+
+    Args:
+        log: Samples of a drive from rest, ideally at 50 Hz or more: curves in all directions, small
+            fast steps, and some hard starts in which the wheels slip.
+        robot: The robot with its nominal parameters. Positions and directions of the wheels, masses
+            and motors are used; its wheel radius and effective radius are those by which commands
+            became wheel speeds.
+
+    Raises:
+        InvalidInput: The log has the wheel speeds of another number of wheels.
+    """
+    count = len(robot.mounts)
+    if log.wheel_speeds is not None and log.wheel_speeds.shape[1] != count:
+        raise InvalidInput(
+            f"the log has {log.wheel_speeds.shape[1]} wheels, the robot '{robot.name}' {count}"
+        )
+    data = _Data(log, robot)
+    radius, effective = data.geometry()
+    translation, rotation, delay = data.response()
+    friction = data.friction(translation, rotation, delay)
+    estimates = (radius, effective, translation, rotation, delay, friction)
+    return Identification({each.name: each for each in estimates}, _identified(robot, *estimates))
+
+
+@dataclass(slots=True)
+class _Data:
+    """Log and robot, and what the steps of the identification share."""
+
+    log: RobotLog
+    robot: Robot
+    yaw: Float[Array, " rows"] = field(init=False)
+    segments: Int[Array, " rows"] = field(init=False)
+    commands: Float[Array, "rows 3"] = field(init=False)
+    slipping: Bool[Array, " segments"] = field(init=False)
+    """Segments whose odometry differs from the poses."""
+    pose_sigma: float = field(init=False, default=1e-3)
+    scales: tuple[float, float] = field(init=False, default=(1.0, 1.0))
+    """Velocity of the body over that of the command, in translation and rotation."""
+    coupling: float = field(init=False, default=1.0)
+    """See :func:`response`."""
+
+    def __post_init__(self) -> None:
+        self.yaw = np.unwrap(self.log.poses[:, 2])
+        self.segments = segments_of(self.log.t, _SEGMENT)
+        self.slipping = np.zeros(self.count, dtype=bool)
+        drive = self.robot.drive
+        self.commands = np.array(
+            [drive.saturate(BodyTwist(*row)) for row in np.nan_to_num(self.log.commands).tolist()]
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of segments."""
+        return int(self.segments[-1]) + 1
+
+    def geometry(self) -> tuple[Estimate, Estimate]:
+        """Return wheel radius and effective radius, and mark slipping segments.
+
+        ``r P^+ w`` is the body twist of the wheel speeds w, with the rim Jacobian P, whose column
+        of the yaw rate scales with the effective radius.
+        """
+        if self.log.wheel_speeds is None:
+            reason = "the log has no wheel speeds (columns wheel_speed_0, ...)"
+            return (
+                _missing("wheel radius", "m", reason),
+                _missing("effective radius", "m", reason),
+            )
+        rims = self.log.wheel_speeds @ np.linalg.pinv(self.robot.rim_jacobian).T
+        moved, turned = self._integrated(rims), _cumulated(self.log.t, rims[:, 2:])
+        positions = without_means(self.log.poses[:, :2], self.segments)
+        yaws = without_means(self.yaw[:, None], self.segments)
+        moved, turned = without_means(moved, self.segments), without_means(turned, self.segments)
+        r, r_sigma, bad = _ratio(positions, moved, self.segments)
+        q, q_sigma, bad_yaw = _ratio(yaws, turned, self.segments)
+        self.slipping = bad | bad_yaw
+        radius = _checked(
+            Estimate("wheel radius", "m", r, r_sigma), self.count, "the log holds too little motion"
+        )
+        value = self.robot.effective_radius * r / q if q else np.nan
+        relative = hypot(r_sigma / r, q_sigma / q) if r and q else np.inf
+        # the contact alternates between rows at different distances: the mean of 1 / R
+        rows = self.robot.wheel.rows == 2
+        alternation = (0.5 * self.robot.wheel.row_gap) ** 2 / abs(value) if rows else 0.0
+        sigma = hypot(abs(value) * relative, alternation / sqrt(3.0))
+        effective = _checked(
+            Estimate("effective radius", "m", value, sigma),
+            self.count,
+            "the log holds too little rotation",
+        )
+        return radius, effective
+
+    def _integrated(self, twists: Float[Array, "rows 3"]) -> Float[Array, "rows 2"]:
+        """Return the integral of velocities in B, turned to W by the measured yaw."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        world = np.column_stack(
+            [c * twists[:, 0] - s * twists[:, 1], s * twists[:, 0] + c * twists[:, 1]]
+        )
+        return _cumulated(self.log.t, world)
+
+    def response(self) -> tuple[Estimate, Estimate, Estimate]:
+        """Return the lags of translation and rotation, and the delay."""
+        names = ("lag in translation", "lag in rotation", "delay")
+        gentle = ~self._may_slip()
+        rows = gentle[self.segments]
+        if gentle.sum() < _MIN_SEGMENTS:
+            reason = (
+                f"{int(gentle.sum())} s of the log are certainly without wheel slip, need "
+                f"{_MIN_SEGMENTS} s of gentle motion"
+            )
+            lags, delay = (_missing(name, "s", reason) for name in names[:2]), names[2]
+            return (*lags, _missing(delay, "s", reason))  # type: ignore[return-value]
+        found = self._fit_response(rows)
+        self.scales = (float(found.values[0]), float(found.values[1]))
+        self.coupling = float(found.values[5])
+        slow = "the commands change too little for their noise and sample time"
+        estimates = [
+            _checked_time(Estimate(name, "s", float(value), float(sigma)), slow)
+            for name, value, sigma in zip(names, found.values[2:5], found.sigmas[2:5], strict=True)
+        ]
+        return estimates[0], estimates[1], estimates[2]
+
+    def _fit_response(self, rows: Bool[Array, " rows"]) -> Fit:
+        """Fit scales, lags and delay in two passes: the second with the noise of the first."""
+        low = np.array([0.3, 0.3, 1e-4, 1e-4, 0.0, 0.0])
+        high = np.array([3.0, 3.0, 2.0, 2.0, 1.0, 1.5])
+        scales = np.array([1.0, 1.0, 0.01, 0.01, 0.01, 0.3])
+        lag = [max(each, 1e-3) for each in self.robot.lag]
+        sigmas = np.array([1e-3, 1e-3, 0.1])
+        segments = np.concatenate([self.segments[rows]] * self._columns)
+
+        def residuals(values: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
+            blocks = self._response_errors(values, rows)
+            return np.concatenate(
+                [(block / sigma).T.ravel() for block, sigma in zip(blocks, sigmas, strict=False)]
+            )
+
+        starts = [np.array([1.0, 1.0, *lag, delay, 0.9]) for delay in _DELAYS]
+        best = min(starts, key=lambda start: float((residuals(start) ** 2).sum()))
+        found = fit(residuals, best, (low, high), scales, segments)
+        for _ in range(2):
+            blocks = self._response_errors(found.values, rows)
+            sigmas = np.array([max(float(np.sqrt((b**2).mean())), 1e-6) for b in blocks])
+            found = fit(residuals, found.values, (low, high), scales, segments)
+        self.pose_sigma = float(sigmas[0])
+        return found
+
+    @property
+    def _columns(self) -> int:
+        """Number of residuals per sample."""
+        wheels = 0 if self.log.wheel_speeds is None else self.log.wheel_speeds.shape[1]
+        return 3 + wheels
+
+    def _response_errors(
+        self, values: Float[Array, " parameters"], rows: Bool[Array, " rows"]
+    ) -> list[Array]:
+        """Return the errors of positions, yaw and wheel speeds at the selected samples."""
+        straight, turn, lag, yaw_lag, delay, coupling = values.tolist()
+        twists, moves = response(
+            self.robot, self.log.t, self.commands, (lag, yaw_lag), delay, coupling=coupling
+        )
+        blocks = self._pose_errors(moves * [straight, straight, turn], rows)
+        if self.log.wheel_speeds is not None:
+            predicted = twists @ self.robot.drive.jacobian.T
+            blocks.append((self.log.wheel_speeds - predicted)[rows])
+        return blocks
+
+    def _pose_errors(
+        self, moves: Float[Array, "rows 3"], rows: Bool[Array, " rows"]
+    ) -> list[Array]:
+        """Return the errors of positions and yaw within each segment."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        x, y = moves[:, 0], moves[:, 1]
+        steps = np.column_stack([c * x - s * y, s * x + c * y, moves[:, 2]])
+        path = np.vstack([np.zeros(3), np.cumsum(steps[:-1], axis=0)])
+        measured = np.column_stack([self.log.poses[:, :2], self.yaw])
+        errors = without_means(measured - path, self.segments)[rows]
+        return [errors[:, :2], errors[:, 2:]]
+
+    def _may_slip(self) -> Bool[Array, " segments"]:
+        """Return the segments in which, or just before which, wheels may slip."""
+        share = self._used_friction(self.robot.lag, 0.0)
+        found = self.slipping.copy()
+        np.logical_or.at(found, self.segments, share > _SLIP_SHARE)
+        found[1:] |= found[:-1].copy()
+        return found
+
+    def _used_friction(self, lag: tuple[float, float], delay: float) -> Float[Array, " rows"]:
+        """Return the largest share of the friction limits that a response without slip needs."""
+        lag = (max(lag[0], 1e-3), max(lag[1], 1e-3))
+        twists, _ = response(self.robot, self.log.t, self.commands, lag, delay)
+        shifted = np.array(
+            [np.interp(self.log.t - delay, self.log.t, each) for each in self.commands.T]
+        ).T
+        changes = (shifted - twists) / [lag[0], *lag]
+        share: Float[Array, " rows"] = np.abs(changes @ self.robot.acceleration_faces.T).max(axis=1)
+        return share
+
+    def friction(self, translation: Estimate, rotation: Estimate, delay: Estimate) -> Estimate:
+        """Return the friction coefficient."""
+        if translation.reason:
+            return _missing("friction", "1", "it needs the lag in translation")
+        lag = (translation.value, rotation.value if not rotation.reason else self.robot.lag[1])
+        wait = 0.0 if delay.reason else delay.value
+        share = self._used_friction(lag, wait)
+        chosen = self.slipping.copy()
+        np.logical_or.at(chosen, self.segments, share > 1.0)
+        rows = chosen[self.segments]
+        motor = self.robot.max_torque / self.robot.wheel.radius
+        least = float(np.quantile(share, 0.999)) * self.robot.friction
+        slack = f"the wheels do not slip: friction is at least about {min(least, 9.9):.2g}"
+        if chosen.sum() < 3:
+            return _missing("friction", "1", slack)
+        segments = np.concatenate([self.segments[rows]] * 2)
+
+        def residuals(values: Float[Array, " 2"]) -> Float[Array, " residuals"]:
+            mu, extra = values.tolist()
+            _, moves = response(
+                self.robot, self.log.t, self.commands, lag, max(wait + extra, 0.0),
+                friction=mu, coupling=self.coupling,
+            )  # fmt: skip
+            straight, turn = self.scales
+            positions, _ = self._pose_errors(moves * [straight, straight, turn], rows)
+            errors: Float[Array, " residuals"] = positions.T.ravel() / self.pose_sigma
+            return errors
+
+        starts = [np.array([mu, 0.0]) for mu in _FRICTIONS]
+        start = min(starts, key=lambda each: float((residuals(each) ** 2).sum()))
+        bounds = (np.array([1e-3, -0.05]), np.array([5.0, 0.05]))
+        found = fit(residuals, start, bounds, np.array([0.1, 0.01]), segments)
+        value = float(found.values[0])
+        sigma = hypot(float(found.sigmas[0]), _FRICTION_MODEL * value)
+        if value * self.robot.loads.min() > motor:
+            slack = "the motors' torque limit is below the friction limit"
+        return _checked(Estimate("friction", "1", value, sigma), self.count, slack)
+
+
+def _cumulated(
+    t: Float[Array, " rows"], values: Float[Array, "rows columns"]
+) -> Float[Array, "rows columns"]:
+    """Return the integral of samples by the trapezoidal rule."""
+    parts = 0.5 * np.diff(t)[:, None] * (values[1:] + values[:-1])
+    return np.vstack([np.zeros(values.shape[1]), np.cumsum(parts, axis=0)])
+
+
+def _ratio(
+    outputs: Float[Array, "rows columns"],
+    inputs: Float[Array, "rows columns"],
+    segments: Int[Array, " rows"],
+) -> tuple[float, float, Bool[Array, " segments"]]:
+    """Return the ratio of outputs to inputs, its standard error, and the segments left out.
+
+    Segments with far larger residuals than the median are left out, in which wheels slip.
+    """
+    used = np.ones(int(segments[-1]) + 1, dtype=bool)
+    products, squares = (np.bincount(segments, (a * inputs).sum(axis=1)) for a in (outputs, inputs))
+    value = 0.0
+    for _ in range(10):
+        total = float(squares[used].sum())
+        if not total > 0.0:
+            return 0.0, np.inf, ~used
+        value = float(products[used].sum()) / total
+        errors = outputs - value * inputs
+        rms = np.sqrt(np.bincount(segments, (errors**2).sum(axis=1)) / np.bincount(segments))
+        before, used = used, rms <= _OUTLIER * float(np.median(rms)) + 1e-12
+        if (before == used).all():
+            break
+    gradients = products - value * squares
+    count = int(used.sum())
+    if count < 2 or not float(squares[used].sum()) > 0.0:
+        return value, np.inf, ~used
+    variance = float((gradients[used] ** 2).sum()) * count / (count - 1)
+    return value, sqrt(variance) / float(squares[used].sum()), ~used
+
+
+def _missing(name: str, unit: str, reason: str) -> Estimate:
+    return Estimate(name, unit, np.nan, np.nan, reason)
+
+
+def _checked(estimate: Estimate, segments: int, reason: str) -> Estimate:
+    """Return the estimate, or one with a reason if its standard error is too large."""
+    if segments < _MIN_SEGMENTS:
+        reason = f"the log is {segments} s long, need {_MIN_SEGMENTS} s"
+        return _missing(estimate.name, estimate.unit, reason)
+    relative = estimate.sigma / abs(estimate.value) if estimate.value else np.inf
+    if not relative <= _MAX_RELATIVE[estimate.name] or not estimate.value > 0.0:
+        return _missing(estimate.name, estimate.unit, reason)
+    return estimate
+
+
+def _checked_time(estimate: Estimate, reason: str) -> Estimate:
+    if not isfinite(estimate.sigma) or estimate.sigma > _MAX_TIME_ERROR:
+        return _missing(estimate.name, estimate.unit, reason)
+    return estimate
+
+
+def _identified(  # noqa: PLR0917
+    robot: Robot,
+    radius: Estimate,
+    effective: Estimate,
+    translation: Estimate,
+    rotation: Estimate,
+    _delay: Estimate,
+    friction: Estimate,
+) -> Robot:
+    """Return the robot with the identified parameters.
+
+    A changed effective radius moves all wheels away from or towards the centre in proportion.
+    """
+    changes: dict[str, object] = {}
+    if not radius.reason:
+        changes["wheel"] = replace(robot.wheel, radius=radius.value)
+    if not effective.reason:
+        share = effective.value / robot.effective_radius
+        changes["mounts"] = tuple(
+            Mount(share * m.x, share * m.y, m.axle_angle, m.roller_angle) for m in robot.mounts
+        )
+    if not friction.reason:
+        changes["friction"] = friction.value
+    changes["lag"] = tuple(
+        max(own if each.reason else each.value, 0.0)
+        for own, each in zip(robot.lag, (translation, rotation), strict=True)
+    )
+    return replace(robot, **changes)  # type: ignore[arg-type]

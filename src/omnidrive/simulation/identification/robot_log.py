@@ -1,0 +1,163 @@
+"""Logs of commands, wheel speeds and poses, in CSV or Parquet."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.files.bounded_file import one_line, read_bounded
+
+_COMMAND = ("command_vx", "command_vy", "command_yaw_rate")
+_POSE = ("x", "y", "yaw")
+_WHEEL = re.compile(r"wheel_speed_(\d{1,2})")
+_MAX_BYTES = 200_000_000
+_MAX_ROWS = 1_000_000
+_MAX_COLUMNS = 1000
+_MAX_VALUE = 1e10
+_MAX_DURATION = 3600.0  # s
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RobotLog:
+    """Samples of a drive.
+
+    Attributes:
+        t: Time of each sample, s; increasing.
+        commands: Body twist commanded from each sample to the next, in B; m/s, m/s, rad/s.
+        poses: Measured pose of B in W at each sample; m, m, rad. The yaw may be wrapped.
+        wheel_speeds: Speed of each wheel at each sample, rad/s, with the signs of the wheel matrix;
+            None: not measured.
+
+    Raises:
+        InvalidInput: Times do not increase, or a number is not finite.
+    """
+
+    t: Float[Array, " rows"]
+    commands: Float[Array, "rows 3"]
+    poses: Float[Array, "rows 3"]
+    wheel_speeds: Float[Array, "rows wheels"] | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.t) < 2:
+            raise InvalidInput(f"the log has {len(self.t)} samples, need at least 2")
+        blocks = {"t": self.t, "commands": self.commands[:-1], "poses": self.poses}
+        if self.wheel_speeds is not None:
+            blocks["wheel speeds"] = self.wheel_speeds
+        for name, block in blocks.items():
+            wrong = ~(np.abs(block) <= _MAX_VALUE)  # NaN as well
+            if wrong.any():
+                row = int(np.argwhere(wrong)[0][0])
+                raise InvalidInput(
+                    f"the log's {name} in sample {row} are not finite numbers of at most "
+                    f"{_MAX_VALUE:g}"
+                )
+        if self.t[-1] - self.t[0] > _MAX_DURATION:
+            raise InvalidInput(
+                f"the log lasts {self.t[-1] - self.t[0]:g} s, need at most {_MAX_DURATION:g} s: "
+                "select a part"
+            )
+        back = np.flatnonzero(np.diff(self.t) <= 0.0)
+        if len(back):
+            k = int(back[0])
+            raise InvalidInput(
+                f"the log's times must increase, but sample {k + 1} is at {self.t[k + 1]:g} s "
+                f"after {self.t[k]:g} s"
+            )
+
+
+def read_log(path: Path | str) -> RobotLog:
+    """Read a log from a CSV or Parquet file.
+
+    The columns are ``t`` in s; ``command_vx``, ``command_vy``, ``command_yaw_rate`` in m/s, m/s,
+    rad/s; ``x``, ``y``, ``yaw`` in m, m, rad; and optionally ``wheel_speed_0``, ``wheel_speed_1``,
+    ... in rad/s. The order of the columns does not matter, and others are ignored. The time series
+    of run folders have these columns.
+
+    Raises:
+        InvalidInput: The file cannot be read, is too large, or lacks a column; or see
+            :class:`RobotLog`.
+    """
+    path = Path(path)
+    name = one_line(str(path))
+    suffix = path.suffix.lower()
+    if suffix not in {".csv", ".parquet"}:
+        raise InvalidInput(f"{name}: the suffix of a log is .csv or .parquet")
+    content = read_bounded(
+        path, _MAX_BYTES, "log", InvalidInput,
+        excess=f"is too large for a log: more than {_MAX_BYTES:,} bytes",
+    )  # fmt: skip
+    try:
+        columns = _csv(content) if suffix == ".csv" else _parquet(content)
+        return _log(columns)
+    except (pa.ArrowException, UnicodeDecodeError, OSError, KeyError) as error:
+        reason = one_line(" ".join(str(error).split()), 200)
+        raise InvalidInput(f"{name} is not a log: {reason}") from None
+    except InvalidInput as error:
+        raise InvalidInput(f"{name}: {error}") from None
+
+
+def _csv(content: bytes) -> dict[str, Array]:
+    titles = content.partition(b"\n")[0].decode("utf-8-sig")[:100_000].strip().split(",")
+    wanted = _wanted([title.strip().strip('"') for title in titles])
+    if content.count(b"\n") > _MAX_ROWS + 1:
+        raise InvalidInput(f"there are more than {_MAX_ROWS:,} samples")
+    table = pa.csv.read_csv(
+        BytesIO(content),
+        convert_options=pa.csv.ConvertOptions(
+            include_columns=wanted, column_types=dict.fromkeys(wanted, pa.float64())
+        ),
+    )
+    return _arrays(table)
+
+
+def _parquet(content: bytes) -> dict[str, Array]:
+    file = pa.parquet.ParquetFile(BytesIO(content))
+    if file.metadata.num_rows > _MAX_ROWS:
+        raise InvalidInput(f"there are more than {_MAX_ROWS:,} samples")
+    wanted = _wanted(file.schema_arrow.names)
+    for name in wanted:
+        kind = file.schema_arrow.field(name).type
+        if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
+            raise InvalidInput(f"the column {name} holds {kind}, not numbers")
+    return _arrays(file.read(columns=wanted))
+
+
+def _wanted(titles: list[str]) -> list[str]:
+    """Return the names of the columns to read; raise unless all required ones are there."""
+    if len(titles) > _MAX_COLUMNS:
+        raise InvalidInput(f"there are more than {_MAX_COLUMNS} columns")
+    for name in ("t", *_COMMAND, *_POSE):
+        if name not in titles:
+            raise InvalidInput(f"there is no column '{name}'{suggestion(name, titles)}")
+    wheels = sorted(int(match[1]) for title in titles if (match := _WHEEL.fullmatch(title)))
+    if wheels != list(range(len(wheels))):
+        raise InvalidInput(
+            f"the columns wheel_speed_N must be numbered from 0, got {', '.join(map(str, wheels))}"
+        )
+    return ["t", *_COMMAND, *_POSE, *(f"wheel_speed_{i}" for i in wheels)]
+
+
+def _arrays(table: pa.Table) -> dict[str, Array]:
+    return {
+        name: table.column(name).to_numpy().astype(np.float64, copy=False)
+        for name in table.column_names
+    }
+
+
+def _log(columns: dict[str, Array]) -> RobotLog:
+    wheels = [name for name in columns if _WHEEL.fullmatch(name)]
+    speeds = np.column_stack([columns[name] for name in wheels]) if wheels else None
+    if speeds is not None and np.isnan(speeds).all():  # a plant that does not report them
+        speeds = None
+    commands = np.column_stack([columns[name] for name in _COMMAND])
+    return RobotLog(columns["t"], commands, np.column_stack([columns[n] for n in _POSE]), speeds)
