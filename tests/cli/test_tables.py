@@ -1,5 +1,7 @@
 """Tables in a terminal: no cell is truncated at any width."""
 
+from dataclasses import replace
+
 import pytest
 
 from omnidrive.cli.tables import print_tables
@@ -49,3 +51,32 @@ def test_sentences_are_wrapped(width, monkeypatch, capsys):
     assert max(map(len, drawn.splitlines())) <= width
     assert drawn.count("three") == 6
     assert drawn.count("2 push at 5 s") == 1
+
+
+@pytest.mark.parametrize(("width", "compact"), [(60, True), (200, False)])
+def test_compact_form_is_printed_in_narrow_terminals(width, compact, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(width))
+    table = replace(
+        WIDE, compact=replace(FAULTS, title="Narrow"), lead="The first is best.",
+        best=frozenset({(0, 2)}),
+    )  # fmt: skip
+    print_tables([table])
+    drawn = capsys.readouterr().out
+    assert drawn.startswith("The first is best.")
+    assert ("Narrow" in drawn) == compact
+    assert ("*0.2345" in drawn) != compact
+    assert ("* best in its column." in drawn) != compact
+
+
+def test_details_are_printed_on_request(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "200")
+    tables = [replace(WIDE, details=frozenset({WIDE.columns[3]})), replace(FAULTS, is_detail=True)]
+    print_tables(tables, full=False)
+    drawn = capsys.readouterr().out
+    assert "Faults" not in drawn
+    assert "1.2345" not in drawn
+    assert "2.2345" in drawn
+    print_tables(tables, full=True)
+    drawn = capsys.readouterr().out
+    assert "Faults" in drawn
+    assert "1.2345" in drawn

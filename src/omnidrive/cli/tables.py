@@ -32,10 +32,13 @@ def print_tables(tables: Sequence[Table], *, full: bool = True) -> None:
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console = Console(width=_FILE_WIDTH)
     shown = tables if full else [table.brief() for table in tables if not table.is_detail]
-    for table in shown:
+    for each in shown:
+        table = each
         if table.lead:
             console.print(Text(table.lead, style="bold"))
         parts = _split(table, console.width)
+        if table.compact is not None and len(parts) > 1:
+            table, parts = table.compact, _split(table.compact, console.width)
         for part in parts:
             drawn = RichTable(
                 title=Text(table.title if part is parts[0] else f"{table.title} (continued)"),

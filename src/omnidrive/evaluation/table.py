@@ -25,6 +25,7 @@ class Table:
         best: Row and column of each cell with the best value of its column.
         details: Headings of the columns that :meth:`brief` omits.
         is_detail: Whether the command line prints the table only with ``--full``.
+        compact: The same content in fewer columns, for narrow terminals; None: there is none.
         lead: Result in one or two sentences, above the table; may be empty.
     """
 
@@ -37,6 +38,7 @@ class Table:
     best: frozenset[tuple[int, int]] = frozenset()
     details: frozenset[str] = frozenset()
     is_detail: bool = False
+    compact: Table | None = None
     lead: str = ""
 
     @property

@@ -20,6 +20,7 @@ from omnidrive.evaluation.uncertainty import CONFIDENCE, estimate_mean, p_text
 from omnidrive.simulation import Outcome, Run
 
 _SMALL = 0.01  # relative difference of two runs that counts as none
+_ROUNDING = 1e-9  # m or s; smaller values are rounding errors
 
 
 class Contender(NamedTuple):
@@ -35,6 +36,12 @@ class Contender(NamedTuple):
     """Median computing time of a controller step, us."""
     recovered: int | None = None
     """Number of faults from which the robot recovered; None in other tasks."""
+
+    @property
+    def cost_text(self) -> str:
+        """Work and computing time with units; empty if neither is known."""
+        parts = ((self.work, "J"), (self.step_time, "µs per step"))
+        return ", ".join(f"{number_text(value)} {unit}" for value, unit in parts if isfinite(value))
 
 
 class Advantage(NamedTuple):
@@ -94,7 +101,7 @@ class Verdict(NamedTuple):
         value = f"{number_text(factor * contender.value)} {unit}"
         if contender.recovered is None:
             return f"{name} {value}"
-        return f"{contender.recovered} of {self.tests} recovered, {name} {value}"
+        return f"{contender.recovered} of {self.tests} faults, {name} {value}"
 
     @property
     def factor_text(self) -> str:
@@ -106,6 +113,17 @@ class Verdict(NamedTuple):
             if more:
                 return f"{more} more"
         return number_text(self.advantage.factor)
+
+    @property
+    def advantage_text(self) -> str:
+        """By how much the best result differs from the next one; empty if there is none."""
+        if self.following is None:
+            return ""
+        factor, name = self.factor_text, self.following.name
+        value = f"{name} ({self.value_text(self.following)})"
+        if factor == NO_VALUE:
+            return f"next: {value}"
+        return f"{factor} {'than' if factor.endswith('more') else 'times lower than'} {value}"
 
     @property
     def confidence_text(self) -> str:
@@ -192,10 +210,10 @@ def _ranked(
 
 
 def _ratio(above: float, below: float) -> float:
-    """Return the ratio of two values that are not negative; 1 if both are 0."""
-    if below > 0.0:
+    """Return the ratio of two values that are not negative; 1 if both are only rounding errors."""
+    if below >= _ROUNDING:
         return above / below
-    return inf if above > 0.0 else 1.0
+    return inf if above >= _ROUNDING else 1.0
 
 
 def _tracking(results: StudyResults, task: str) -> list[Verdict]:

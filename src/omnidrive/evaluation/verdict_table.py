@@ -20,6 +20,12 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
         note += (
             f" Not ranked, because a run stopped early or did not settle: {'; '.join(unranked)}."
         )
+    lead = " ".join(headline(found))
+    sentences = tuple((v.name, v.best.name, _text(v)) for v in found)
+    compact = Table(
+        "Verdict", ("task", "best", "result"), sentences,
+        note, keys=2, prose=True, lead=lead,
+    )  # fmt: skip
     return Table(
         "Verdict",
         ("task", "best", "result", "next", "result of next", "factor", "confidence",
@@ -27,8 +33,19 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
         tuple(_row(verdict) for verdict in found),
         note,
         keys=2,
-        lead=" ".join(headline(found)),
+        compact=compact,
+        lead=lead,
     )  # fmt: skip
+
+
+def _text(verdict: Verdict) -> str:
+    """Return result, advantage, confidence and cost as one sentence."""
+    best, following = verdict.best, verdict.following
+    parts = [verdict.value_text(best), verdict.advantage_text, verdict.confidence_text]
+    cost = best.cost_text
+    if cost and following is not None and following.cost_text:
+        cost += f" (next: {following.cost_text})"
+    return "; ".join(part for part in (*parts, cost) if part)
 
 
 def _row(verdict: Verdict) -> tuple[str, ...]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from math import atan2, degrees, isfinite
+from math import atan2, degrees
 
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.table import NO_VALUE, Table, number_text
-from omnidrive.evaluation.verdict import Contender, Verdict, headline, verdicts
+from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.verdict import Verdict, headline, verdicts
 from omnidrive.robot import Robot
 
 
@@ -35,8 +35,7 @@ def _card(verdict: Verdict) -> str:
     """Return the list item of one task: best controller, value, advantage and cost."""
     best = verdict.best
     lines = [
-        verdict.value_text(best), _advantage(verdict),
-        verdict.confidence_text, _cost(best),
+        verdict.value_text(best), verdict.advantage_text, verdict.confidence_text, best.cost_text,
     ]  # fmt: skip
     text = "".join(f"<span>{escape(line)}</span>" for line in lines if line)
     name = escape(best.name)
@@ -44,24 +43,6 @@ def _card(verdict: Verdict) -> str:
         f'<li class="card"><b class="task">{escape(verdict.name)}</b>'
         f'<strong><i class="swatch" data-controller="{name}"></i>{name}</strong>{text}</li>'
     )
-
-
-def _advantage(verdict: Verdict) -> str:
-    """Return by how much the best result differs from the next one."""
-    following = verdict.following
-    if following is None:
-        return ""
-    factor = verdict.factor_text
-    name = f"{following.name} ({verdict.value_text(following)})"
-    if factor == NO_VALUE:
-        return f"next: {name}"
-    return f"{factor} {'than' if factor.endswith('more') else 'times lower than'} {name}"
-
-
-def _cost(contender: Contender) -> str:
-    """Return work and computing time; empty if neither is known."""
-    parts = ((contender.work, "J"), (contender.step_time, "µs per step"))
-    return ", ".join(f"{number_text(value)} {unit}" for value, unit in parts if isfinite(value))
 
 
 def facts_markup(results: StudyResults) -> str:
