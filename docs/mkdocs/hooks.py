@@ -42,6 +42,8 @@ PACKAGES = {
     "omnidrive.visualization": "Films and viewer",
     "omnidrive.study": "Studies",
     "omnidrive.gym": "Gymnasium",
+    "omnidrive.components": "Components",
+    "omnidrive.testing": "Checks of your own parts",
     "omnidrive.errors": "Errors",
 }
 _UNSEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"  # the search finds documentation, not source
@@ -145,20 +147,57 @@ def _title(path):
 
 def _api(name):
     """Return the directives for the public names of a package, read from its source."""
-    folder = ROOT / "src" / name.replace(".", "/")
-    for source in (folder / "__init__.pyi", folder / "__init__.py", folder.with_suffix(".py")):
-        if source.exists():
-            break
-    names = _exported(ast.parse(source.read_text("utf-8")))
+    tree = _tree(name)
+    names = _exported(tree)
     if name == "omnidrive":
-        owners = _owners(ast.parse(source.read_text("utf-8")))
-        rows = "\n".join(f"| `od.{each}` | `{owners[each]}` |" for each in names)
+        rows = "\n".join(f"| `od.{each}` | `{_definition(name, each)[0]}` |" for each in names)
         return (
             f"`import omnidrive as od` gives these names.\n\n| name | from |\n|---|---|\n{rows}\n"
         )
-    members = "".join(f"        - {each}\n" for each in names)
-    chosen = f"      members:\n{members}" if members else ""
-    return f"::: {name}\n    options:\n      show_root_heading: false\n{chosen}"
+    if not names:
+        return f"::: {name}\n    options:\n      show_root_heading: false\n"
+    text = ast.get_docstring(_tree(name, "__init__.py")) or ""
+    parts = []
+    for each in names:
+        where = _definition(name, each)
+        path = ".".join(where)
+        own = name == max((p for p in PACKAGES if _exports(p, where)), key=len)
+        parts.append(f"::: {path}\n" if own else f"[`{each}`][{path}]\n")
+    return "\n".join([text, "", *parts])
+
+
+def _exports(package, definition):
+    """Return whether the page of a package shows a definition."""
+    name = definition[1]
+    shown = package != "omnidrive" and name in _exported(_tree(package))
+    return shown and _definition(package, name) == definition
+
+
+def _tree(module, *sources):
+    """Return the syntax tree of a module; for a package, that of its stub if it has one."""
+    path = ROOT / "src" / module.replace(".", "/")
+    for source in sources or ("__init__.pyi", "__init__.py"):
+        if (path / source).exists():
+            return ast.parse((path / source).read_text("utf-8"))
+    file = path.with_suffix(".py")
+    return ast.parse(file.read_text("utf-8")) if file.exists() else None
+
+
+def _definition(module, name):
+    """Return the module in which a name is defined, and its name there."""
+    is_package = (ROOT / "src" / module.replace(".", "/")).is_dir()
+    for node in _tree(module).body:
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        for alias in node.names:
+            if (alias.asname or alias.name) != name:
+                continue
+            base = module.split(".")[: None if is_package else -1]
+            base = base[: len(base) - node.level + 1] if node.level else []
+            source = ".".join([*base, *([node.module] if node.module else [])])
+            if source.startswith("omnidrive") and _tree(source) is not None:
+                return _definition(source, alias.name)
+    return module, name
 
 
 def _exported(tree):
@@ -167,16 +206,6 @@ def _exported(tree):
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
             return sorted(ast.literal_eval(node.value), key=str.lower)
     return []
-
-
-def _owners(tree):
-    """Return the package from which each name is imported."""
-    return {
-        alias.asname or alias.name: f"omnidrive.{node.module}"
-        for node in tree.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
 
 
 def _notebook(path):
