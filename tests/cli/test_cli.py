@@ -8,10 +8,11 @@ import sys
 import pytest
 
 from omnidrive.cli.scenario_options import ScenarioOptions
-from omnidrive.study import paper_scenario, save_scenario
+from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
 from tests.shared_data import shared
 
-QUICK = ["--plant", "kinematic", "--controllers", "holonomic-nmpc", "--tasks", "track"]
+ONE_PROCESS = ["--plant", "kinematic", "--jobs", "1"]  # starting workers takes longer than the runs
+QUICK = [*ONE_PROCESS, "--controllers", "holonomic-nmpc", "--tasks", "track"]
 
 
 def omnidrive(*args, cwd, **env):
@@ -44,7 +45,7 @@ def test_compare_json_prints_only_json(tmp_path):
 
 def test_compare_with_the_recommended_preset(tmp_path):
     done = omnidrive(
-        "compare", "--preset", "recommended", "--plant", "kinematic", "--tasks", "track,step",
+        "compare", "--preset", "recommended", *ONE_PROCESS, "--tasks", "track,step",
         "--controllers", "pid,fuzzy_t2", "--out", "here", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -81,7 +82,7 @@ def test_default_controllers_depend_on_preset(tmp_path):
 
 def test_compare_with_several_seeds(tmp_path):
     done = omnidrive(
-        "compare", "--plant", "kinematic", "--tasks", "noise", "--noise-seeds", "3",
+        "compare", *ONE_PROCESS, "--tasks", "noise", "--noise-seeds", "3",
         "--controllers", "fuzzy_t1,holonomic-nmpc", "--out", "here", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -117,10 +118,8 @@ def test_compare_on_user_map(tmp_path):
     assert done.returncode == 0, done.stderr
     data = json.loads((tmp_path / "depot" / "results.json").read_text())
     assert all(r["finished"] and r["min_clearance"] > 0 for r in data["runs"])
-    again = omnidrive("compare", tmp_path / "depot" / "scenario.yaml", "--out", "a", cwd=tmp_path)
-    assert again.returncode == 0, again.stderr
-    second = json.loads((tmp_path / "a" / "results.json").read_text())
-    assert [r["me"] for r in second["runs"]] == [r["me"] for r in data["runs"]]
+    again = run_study(load_scenario(tmp_path / "depot" / "scenario.yaml"))
+    assert [r.metrics.me for r in again.results.tracks] == [r["me"] for r in data["runs"]]
 
 
 def test_plan_and_run(tmp_path):
@@ -247,7 +246,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
         "    return command if t < 3 else command._replace(status=c.Status.FAILED)\n"
         "f.HolonomicController.step = step\n"
         "from omnidrive.cli import main\n"
-        f"sys.argv[1:] = ['compare', *{QUICK}, '--jobs', '1', '--out', 'failed']\n"
+        f"sys.argv[1:] = ['compare', *{QUICK}, '--out', 'failed']\n"
         "main()\n"
     )
     done = subprocess.run(
@@ -266,7 +265,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
 def test_output_to_full_disk_is_reported(tmp_path):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "omnidrive", "compare", *QUICK],
+            [sys.executable, "-m", "omnidrive", "plan"],
             cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert done.returncode == 2

@@ -22,7 +22,11 @@ for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
 os.execv(sys.executable, [sys.executable, "-m", "omnidrive", *sys.argv[1:]])
 """
 
-COMPARE = ["compare", "--out", "cut", "--jobs", "2"]
+COMPARE = [
+    "compare", "--out", "cut", "--jobs", "2", "--plant", "mujoco-balls",
+    "--controllers", "feedforward", "--tasks", "noise", "--noise-seeds", "200",
+]  # fmt: skip
+"""A study with a first result soon and many runs."""
 
 pytestmark = pytest.mark.skipif(not (PROC / "self/stat").exists(), reason="needs Linux's /proc")
 
