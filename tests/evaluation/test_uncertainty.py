@@ -58,6 +58,9 @@ def test_holm_example():
         ([-0.0101, -0.0102, -0.0103], ("\N{MINUS SIGN}0.01020", "0.00025",
                                        "\N{MINUS SIGN}0.01045", "\N{MINUS SIGN}0.00995")),
         ([0.0, 0.0], ("+0.0000", "0.0000", "+0.0000", "+0.0000")),
+        ([-1.0, 0.999], ("+0.0", "12.7", "\N{MINUS SIGN}12.7", "+12.7")),
+        ([1e-12, 3e-12], ("+2.0e\N{MINUS SIGN}12", "1.3e-11", "\N{MINUS SIGN}1.1e\N{MINUS SIGN}11",
+                          "+1.5e\N{MINUS SIGN}11")),
     ],
 )  # fmt: skip
 def test_text_has_two_digits_of_margin(values, texts):

@@ -39,9 +39,9 @@ _TYPES = {
 }
 # P. Tol, "Colour schemes", SRON/EPS/TN/09-002, 2021: the schemes muted and light
 _FURTHER = (
-    ThemeColour("#332288", "#8f86e8"),
-    ThemeColour("#8c7a00", "#f0e442"),
     ThemeColour("#56b4e9", "#9ad7fb"),
+    ThemeColour("#8c7a00", "#f0e442"),
+    ThemeColour("#332288", "#8f86e8"),
     ThemeColour("#8c564b", "#d0a08f"),
     ThemeColour("#44aa99", "#7fe0d0"),
     ThemeColour("#aa4499", "#f08fe0"),

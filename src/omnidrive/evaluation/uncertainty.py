@@ -13,6 +13,7 @@ from omnidrive.arrays import Array
 
 CONFIDENCE = 0.95
 """Confidence level of the intervals."""
+_MAX_DECIMALS = 6
 
 
 class MeanEstimate(NamedTuple):
@@ -33,16 +34,18 @@ class MeanEstimate(NamedTuple):
     def text(self, factor: float = 1.0) -> tuple[str, str, str, str]:
         """Format mean, margin, low and high times ``factor``; all but the margin have a sign.
 
-        Values are rounded to two digits of the margin (1 to 15 decimals); the minus sign is U+2212.
+        Values are rounded to two digits of the margin, with 1 to 6 decimals; smaller margins are in
+        scientific notation. The minus sign is U+2212.
         """
         margin = factor * self.margin
         digits = 1 - floor(log10(margin)) if margin > 0.0 else 4
-        places = min(max(digits, 1), 15)
+        places = max(digits, 1)
+        form = f".{places}f" if places <= _MAX_DECIMALS else ".1e"
         mean, low, high = (
-            f"{factor * value:+.{places}f}".replace("-", "\u2212")
+            f"{factor * value:+z{form}}".replace("-", "\u2212")
             for value in (self.mean, self.low, self.high)
         )
-        return mean, f"{margin:.{places}f}", low, high
+        return mean, f"{margin:{form}}", low, high
 
 
 def estimate_mean(values: Float[Array, " repeats"]) -> MeanEstimate:
