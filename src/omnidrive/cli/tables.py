@@ -32,23 +32,25 @@ def print_tables(tables: Sequence[Table], *, full: bool = True) -> None:
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console = Console(width=_FILE_WIDTH)
     shown = tables if full else [table.brief() for table in tables if not table.is_detail]
-    for each in shown:
-        table = each
-        if table.lead:
-            console.print(Text(table.lead, style="bold"))
-        parts = _split(table, console.width)
-        if table.compact is not None and len(parts) > 1:
-            table, parts = table.compact, _split(table.compact, console.width)
-        for part in parts:
-            drawn = RichTable(
-                title=Text(table.title if part is parts[0] else f"{table.title} (continued)"),
-                title_justify="left",
-                caption=Text(_caption(table)) if part is parts[-1] and _caption(table) else None,
-                caption_justify="left",
-            )
-            _fill(drawn, table, part, tight=len(parts) > 1)
-            console.print(drawn)
-        console.print()
+    for table in shown:
+        wide = len(_split(table, console.width)) > 1
+        _print(console, table.compact if wide and table.compact is not None else table)
+
+
+def _print(console: Console, table: Table) -> None:
+    if table.lead:
+        console.print(Text(table.lead, style="bold"))
+    parts = _split(table, console.width)
+    for part in parts:
+        drawn = RichTable(
+            title=Text(table.title if part is parts[0] else f"{table.title} (continued)"),
+            title_justify="left",
+            caption=Text(_caption(table)) if part is parts[-1] and _caption(table) else None,
+            caption_justify="left",
+        )
+        _fill(drawn, table, part, tight=len(parts) > 1)
+        console.print(drawn)
+    console.print()
 
 
 def _caption(table: Table) -> str:
