@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -16,6 +15,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.files.str_path import StrPath, to_path
 
 _COMMAND = ("command_vx", "command_vy", "command_yaw_rate")
 _POSE = ("x", "y", "yaw")
@@ -75,7 +75,7 @@ class RobotLog:
             )
 
 
-def read_log(path: Path | str) -> RobotLog:
+def read_log(path: StrPath) -> RobotLog:
     """Read a log from a CSV or Parquet file.
 
     The columns are ``t`` in s; ``command_vx``, ``command_vy``, ``command_yaw_rate`` in m/s, m/s,
@@ -87,7 +87,7 @@ def read_log(path: Path | str) -> RobotLog:
         InvalidInput: The file cannot be read, is too large, or lacks a column; or see
             :class:`RobotLog`.
     """
-    path = Path(path)
+    path = to_path(path)
     name = one_line(str(path))
     suffix = path.suffix.lower()
     if suffix not in {".csv", ".parquet"}:
