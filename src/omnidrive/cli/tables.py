@@ -33,13 +33,13 @@ def print_tables(tables: Sequence[Table], *, full: bool = True) -> None:
         console = Console(width=_FILE_WIDTH)
     shown = tables if full else [table.brief() for table in tables if not table.is_detail]
     for table in shown:
+        if table.lead:
+            console.print(Text(table.lead, style="bold"))
         wide = len(_split(table, console.width)) > 1
         _print(console, table.compact if wide and table.compact is not None else table)
 
 
 def _print(console: Console, table: Table) -> None:
-    if table.lead:
-        console.print(Text(table.lead, style="bold"))
     parts = _split(table, console.width)
     for part in parts:
         drawn = RichTable(

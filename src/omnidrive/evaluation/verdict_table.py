@@ -20,11 +20,10 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
         note += (
             f" Not ranked, because a run stopped early or did not settle: {'; '.join(unranked)}."
         )
-    lead = " ".join(headline(found))
     sentences = tuple((v.name, v.best.name, _text(v)) for v in found)
     compact = Table(
         "Verdict", ("task", "best", "result"), sentences,
-        note, keys=2, prose=True, lead=lead,
+        note, keys=2, prose=True,
     )  # fmt: skip
     return Table(
         "Verdict",
@@ -34,7 +33,7 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
         note,
         keys=2,
         compact=compact,
-        lead=lead,
+        lead=" ".join(headline(found)),
     )  # fmt: skip
 
 
