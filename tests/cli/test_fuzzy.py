@@ -1,5 +1,6 @@
 """Command `omnidrive fuzzy`."""
 
+import json
 import logging
 import os
 import re
@@ -124,6 +125,17 @@ def test_compilation_is_announced(fuzzy, monkeypatch, caplog):
     assert not caplog.records
     fuzzy("show", "tipper.fis", "--inputs", "3,8")
     assert [record.message for record in caplog.records] == ["compiling"]
+
+
+def test_show_as_json_with_outputs_and_rules_that_fire(fuzzy):
+    status, out, _ = fuzzy("show", "tipper.fis", "--inputs", "3,8", "--json")
+    data = json.loads(out)
+    assert (status, data["name"], data["kind"], data["type"]) == (0, "tipper", "Mamdani", 1)
+    assert [each["name"] for each in data["inputs"]] == ["service", "food"]
+    assert data["outputs"][0]["sets"] == [each.name for each in thirds(0, 30)]
+    assert data["results"]["tip"]["value"] == Inference(TIPPER)(3, 8)[0]
+    assert {each["rule"] for each in data["fired"]} <= {1, 2, 3}
+    assert "results" not in json.loads(fuzzy("show", "tipper.fis", "--json")[1])
 
 
 def test_show_sugeno_system(fuzzy):

@@ -125,6 +125,7 @@ def show(
             "given inputs or the middles of the ranges).",
         ),
     ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.", show_default=False)] = False,
 ) -> None:
     """Print the variables, sets and rules of a system; optionally draw them.
 
@@ -135,7 +136,7 @@ def show(
     """
     from omnidrive.cli.fuzzy_actions import show_system
 
-    show_system(file, inputs, type2, out)
+    show_system(file, inputs, type2, out, json=json)
 
 
 @fuzzy.command()

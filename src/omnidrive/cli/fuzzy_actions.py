@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -17,6 +17,7 @@ from omnidrive.cli.fuzzy_text import (
     outputs_table,
     rule_lines,
     rules_table,
+    shortened_rule,
     summary_lines,
     variable_lines,
 )
@@ -27,18 +28,28 @@ from omnidrive.cli.options import (
     parse_coordinates,
 )
 from omnidrive.cli.tables import print_tables
-from omnidrive.cli.terminal import conclude, show, warn
+from omnidrive.cli.terminal import conclude, print_json, show, warn
 from omnidrive.compiled import announce_compiling
 from omnidrive.errors import CannotWrite, InvalidInput, suggestion
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
 from omnidrive.files.bounded_file import one_line
 from omnidrive.files.number_text import parse_number
-from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, load, save
+from omnidrive.fuzzy import (
+    Footprint,
+    FuzzySystem,
+    Inference,
+    InputVariable,
+    OutputVariable,
+    load,
+    save,
+)
 from omnidrive.fuzzy.csv_rows import evaluate_csv
 
 
-def show_system(file: Path, inputs: str | None, type2: str | None, out: Path | None) -> None:
+def show_system(
+    file: Path, inputs: str | None, type2: str | None, out: Path | None, *, json: bool
+) -> None:
     """Print a system, its outputs for the inputs if they are given, and draw it into a folder."""
     system = _load(file, type2)
     inference = Inference(system)
@@ -48,18 +59,57 @@ def show_system(file: Path, inputs: str | None, type2: str | None, out: Path | N
             inference.interval(*given)  # raises errors before anything is printed
     if out is not None:
         _create_folder(out)
-    _print_system(system)
+    if json:
+        print_json(_record(inference, given))
+    else:
+        _print_system(system)
     if given is not None:
         for variable, value in zip(system.inputs, given, strict=True):
             if not variable.low <= value <= variable.high:
                 end = variable.low if value < variable.low else variable.high
                 warn(f"{variable.name} = {value:g} is out of range: clamped to {end:g}")
+    if given is not None and not json:
         for line in [*fired_lines(inference, given), ""]:
             show(line)
         print_tables([outputs_table(inference, given)])
     if out is not None:
         count = _save_figures(inference, given, out)
-        conclude(f"{count} figures written to {one_line(str(out))}")
+        conclude(f"{count} figures written to {one_line(str(out))}", beside_json=json)
+
+
+def _record(inference: Inference, given: list[float] | None) -> dict[str, Any]:
+    """Return a system as JSON data; with inputs also the outputs and the rules that fire."""
+    system = inference.system
+
+    def variables(of: Sequence[InputVariable | OutputVariable]) -> list[dict[str, Any]]:
+        return [
+            {"name": v.name, "low": v.low, "high": v.high, "sets": [s.name for s in v.sets]}
+            for v in of
+        ]
+
+    record: dict[str, Any] = {
+        "name": system.name,
+        "kind": "Sugeno" if system.is_sugeno else "Mamdani",
+        "type": system.type,
+        "inputs": variables(system.inputs),
+        "outputs": variables(system.outputs),
+        "rules": [shortened_rule(rule) for rule in system.rules],
+    }
+    if given is None:
+        return record
+    values = dict(zip((v.name for v in system.inputs), given, strict=True))
+    least, greatest = inference.interval(*given)
+    return record | {
+        "given": values,
+        "results": {
+            name: {"value": value, "least": float(least[k]), "greatest": float(greatest[k])}
+            for k, (name, value) in enumerate(inference(values).items())
+        },
+        "fired": [
+            {"rule": each.number, "lower": each.lower, "upper": each.upper}
+            for each in inference.fired_rules(*given)
+        ],
+    }
 
 
 def convert_system(file: Path, out: Path, type2: str | None, force: bool) -> None:
