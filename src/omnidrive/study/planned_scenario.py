@@ -314,7 +314,7 @@ def plan_and_check(scenario: Scenario) -> PlannedScenario:
 
 
 def _note_excess(planned: PlannedScenario) -> None:
-    """Log a warning for every limit that the reference exceeds, and for obstacles on its path."""
+    """Log warnings: the limit that the reference exceeds most, and obstacles on its path."""
     durations = planned.scenario.tasks.path_durations
     if durations:
         usage = limit_usage(planned.reference(durations[0]), planned.limits)
