@@ -60,7 +60,10 @@ def test_shape_replaces_the_path_of_a_scenario_file(here):
     assert scenario.start == (1.0, 1.0, 0.0)
     assert scenario.robot.name == "small"
     back = ScenarioOptions(scenario="s.yaml", reference="path").resolve()
-    assert back.reference == "path"
+    assert back == paper_scenario()
+    save_scenario(scenario, "eight.yaml")
+    again = ScenarioOptions(scenario="eight.yaml", reference="eight").resolve()
+    assert again.tasks == scenario.tasks
 
 
 def test_other_options_still_apply(here):
@@ -79,6 +82,7 @@ def test_other_options_still_apply(here):
     [
         ({"reference": "cirle"}, "did you mean 'circle'"),
         ({"reference": "circle,radius=0"}, "reference.radius is 0 m, need 0.01 to 1000 m"),
+        ({"reference": "waypoints,file=3"}, "reference.file"),
         ({"reference": "circle,radius"}, "'radius' in 'circle,radius' is not KEY=VALUE"),
         ({"reference": "my=circle"}, "a reference has no label: write circle instead"),
         ({"reference": "circle", "goal": "1,2"}, "--goal: not for the reference circle"),

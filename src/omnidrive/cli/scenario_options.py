@@ -233,6 +233,7 @@ class ScenarioOptions:
             else None
         )
         scenario = self._base(preset)
+        present = scenario.reference
         changes: dict[str, object] = {}
         motion, on_map = self._motion, self.map_file is not None
         if motion is not None:
@@ -262,7 +263,7 @@ class ScenarioOptions:
         scenario = parse_scenario(self._with_keys(scenario_data(scenario)), "with these options")
         self._check_path_options(scenario)
         given = self.duration is not None or self.speed is not None
-        if retimed and (on_map or motion is not None or given):
+        if retimed and (on_map or given or scenario.reference != present):
             scenario = study.retime(scenario, duration=self.duration, speed=self.speed)
         return scenario
 
@@ -293,7 +294,7 @@ class ScenarioOptions:
         file = self.map_file
         if self._moves_without_scenario:
             motion = self._motion or {}
-            name = Path(motion.get("file", motion["type"])).stem
+            name = Path(str(motion.get("file", motion["type"]))).stem
             origin = Waypoint(0.0, 0.0)
             scenario = study.map_scenario(
                 "none" if file is None else str(file),
