@@ -1,11 +1,11 @@
-"""The verb robot: show and import."""
+"""The verb robot: show, import and identify."""
 
 import pytest
 from typer.testing import CliRunner
 
 from omnidrive.cli.robot import robot
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot
-from omnidrive.robot import load_robot
+from omnidrive.robot import load_robot, named_robot
 from tests.robot.descriptions import mecanum_urdf
 
 
@@ -37,12 +37,26 @@ def test_import_writes_a_file_that_can_be_shown_and_names_what_is_unknown(tmp_pa
     assert "Robot my_base" in run("show", tmp_path / "base.yaml")
 
 
+def test_identify_prints_estimates_or_reasons_and_writes_a_file(tmp_path):
+    (tmp_path / "drive.csv").write_text(
+        "t,command_vx,command_vy,command_yaw_rate,x,y,yaw\n"
+        + "".join(f"{0.1 * k},0,0,0,0,0,0\n" for k in range(30))
+    )
+    out = tmp_path / "found.yaml"
+    text = run("identify", tmp_path / "drive.csv", "--robot", "kiwi", "--out", out)
+    assert text.count("not identifiable: ") == 6
+    assert "wheel radius         not identifiable: the log has no wheel speeds" in text
+    assert load_robot(out) == named_robot("kiwi")
+    assert "# wheel radius: not identifiable" in out.read_text()
+
+
 @pytest.mark.parametrize(
     ("args", "error", "message"),
     [
         (["show", "mecanun"], InvalidInput, "there is no robot 'mecanun'"),
         (["show", "none.yaml"], InvalidRobot, "cannot read the robot file none.yaml"),
         (["show", "kiwi", "--png", "a.jpg"], InvalidInput, "must be .png or .svg"),
+        (["identify", "none.csv", "--robot", "kiwi"], InvalidInput, "cannot read the log none.csv"),
         (["import", "none.urdf"], InvalidRobot, "cannot read the robot description none.urdf"),
         (["import", "BASE", "--out", "a.txt"], InvalidInput, "suffix of a robot file is .yaml"),
         (["import", "BASE", "--out", "BASE.yaml"], CannotWrite, "already exists; .* --force"),
