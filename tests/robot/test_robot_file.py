@@ -7,7 +7,7 @@ from math import pi
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot
@@ -111,7 +111,7 @@ def test_every_named_robot_is_compared_with_literals():
 
 
 def test_an_unknown_name_is_refused_with_the_nearest():
-    with pytest.raises(InvalidInput, match="there is no robot 'smal'"):
+    with pytest.raises(InvalidInput, match="no robot 'smal'; did you mean 'small'"):
         named_robot("smal")
 
 
@@ -139,6 +139,7 @@ def test_round_trip_is_exact(robot, tmp_path):
     assert named_robot(str(tmp_path / "robot.yaml")) == changed
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 3, st.floats(-1.4, 1.4)), min_size=3, max_size=16),
     st.floats(1e-3, 1.0),

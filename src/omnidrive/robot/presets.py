@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from omnidrive.components import find_component
-from omnidrive.errors import InvalidInput
+from omnidrive.components import component_names, find_component
+from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.files.bounded_file import one_line
 from omnidrive.robot.robot import Robot
 from omnidrive.robot.robot_file import is_robot_file, load_robot
@@ -77,6 +77,12 @@ def named_robot(name: str, *, assumed_effective_radius: float | None = None) -> 
     elif name in ROBOTS:  # without a search for installed distributions
         robot = ROBOTS[name]
     else:
+        known = dict.fromkeys([*ROBOTS, *component_names("robots")])
+        if name not in known:
+            raise InvalidInput(
+                f"there is no robot '{one_line(name, 60)}'{suggestion(name, known)} (your own: a "
+                "robot file, which ends with .yaml)"
+            )
         robot = find_component("robots", name).make()
     if not isinstance(robot, Robot):
         raise InvalidInput(

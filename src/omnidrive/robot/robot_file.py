@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, fields
 from math import isfinite
@@ -10,8 +9,10 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot, suggestion
+from omnidrive.errors import InvalidInput, InvalidRobot, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.number_text import parse_number
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot.mount import Mount
@@ -23,7 +24,6 @@ FORMAT = "omnidrive-robot-1"
 
 _MAX_NAME = 64  # characters
 _MAX_NUMBER = 1e9  # in SI units; larger numbers would overflow in products
-_MAX_DIGITS = 40  # characters of a number written as text, such as 4e-4
 
 _MOUNT_KEYS = {
     "x": "m, of the wheel's centre",
@@ -131,17 +131,9 @@ def save_robot(robot: Robot, path: StrPath, *, notes: Sequence[str] = ()) -> Non
         InvalidRobot: The name of the robot or a number is not allowed in robot files.
         CannotWrite: The file cannot be written.
     """
-    path, text = to_path(path), robot_text(robot, notes=notes)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            part.write_text(text, encoding="utf-8")
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or error
-        raise CannotWrite(f"cannot write {one_line(str(path))}: {reason}") from None
+    text = robot_text(robot, notes=notes)
+    with output_file(to_path(path)) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def robot_text(robot: Robot, *, notes: Sequence[str] = ()) -> str:
@@ -296,14 +288,11 @@ class _Source(NamedTuple):
 
 def _number(value: Any) -> float | None:
     """Return the number that a YAML value denotes, also as text such as 4e-4; None: none."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
+    if isinstance(value, str):
+        return parse_number(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    if isinstance(value, str) and (len(value) > _MAX_DIGITS or "_" in value):
-        return None
-    try:
-        return float(value)
-    except (ValueError, OverflowError):
-        return None
+    return float(value)
 
 
 def _hint(label: str, key: Any, keys: Mapping[str, str]) -> str:

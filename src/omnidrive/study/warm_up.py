@@ -19,6 +19,7 @@ from omnidrive.maps import maze_map
 from omnidrive.planning import PathOptions, Waypoint, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
+from omnidrive.simulation.identification.response import response
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import paper_scenario
@@ -42,7 +43,7 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
     ]
     # the costliest first
     parts = [("batches", ""), *sorted(controllers, key=_is_cheap), ("planning", "")]
-    parts.append(("estimator", ""))
+    parts += [("estimator", ""), ("identification", "")]
     progress.part("warm up", len(parts))
     if processes <= 1:
         for part in parts:
@@ -76,7 +77,12 @@ def _compile_part(kind: str, controller: str) -> str:
     if controller:
         _control(cast("PresetName", kind), controller)
         return f"{controller} ({kind})"
-    {"planning": _plans, "batches": _batch, "estimator": _estimate}[kind]()
+    {
+        "planning": _plans,
+        "batches": _batch,
+        "estimator": _estimate,
+        "identification": _identify,
+    }[kind]()
     return kind
 
 
@@ -114,6 +120,13 @@ def _estimate() -> None:
     for k in range(2):
         fix = PoseFix(0.1 * k, Pose(0.0, 0.0, 0.0), 0.01, 0.01)
         estimator.update(SensorReadings(0.1 * k, (0.0,) * 4, yaw_rate=0.0, fixes=(fix,)))
+
+
+def _identify() -> None:
+    """Predict the response to a command, as the identification of a robot does."""
+    response(
+        named_robot("paper"), np.arange(3.0), np.zeros((3, 3)), (0.01, 0.01), 0.0, friction=0.5
+    )
 
 
 def _batch() -> None:
