@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_format
-import sys
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Annotated, Any
@@ -13,6 +12,7 @@ import typer
 from omnidrive import components
 from omnidrive.cli.completion import one_of
 from omnidrive.cli.options import RESULTS_PANEL, choose_one, flag
+from omnidrive.cli.terminal import print_json, show
 from omnidrive.components import GROUPS, component_names
 from omnidrive.errors import InvalidInput, OmnidriveError
 
@@ -54,7 +54,7 @@ def list(  # the name of the verb
         raise InvalidInput(f"no {chosen} are installed")
     if json:
         data = [_record(name, component) for name, component in found.items()]
-        sys.stdout.write(json_format.dumps(data, indent=1) + "\n")
+        print_json(data)
         return
     for each, component in found.items():
         _print(each, component)
@@ -96,14 +96,12 @@ def _record(name: str, component: components.Component | str) -> dict[str, Any]:
 def _print(name: str, component: components.Component | str) -> None:
     """Print one component: name, origin and summary, then a line for each parameter."""
     if isinstance(component, str):
-        typer.secho(name, bold=True, nl=False)
-        typer.echo(f"  {component}")
+        show(f"{typer.style(name, bold=True)}  {component}")
         return
-    typer.secho(name, bold=True, nl=False)
-    typer.echo(f"  ({component.origin})\n    {component.summary}")
+    show(f"{typer.style(name, bold=True)}  ({component.origin})\n    {component.summary}")
     for each in components.parameters_of(component.parameter_class):
         width = min(get_terminal_size().columns, 100)
-        typer.echo(fill(_line(each), width, initial_indent=" " * 4, subsequent_indent=" " * 8))
+        show(fill(_line(each), width, initial_indent=" " * 4, subsequent_indent=" " * 8))
 
 
 def _line(parameter: components.Parameter) -> str:
