@@ -63,17 +63,18 @@ class ShapeReference:
         share = times / self.duration
         inside = ((share >= 0.0) & (share <= 1.0 + 1e-12))[:, None]  # rounding may pass 1
         law = _time_law(np.clip(share, 0.0, 1.0), self.shape.ramp)
-        poses, first, second = (self._in_world(each) for each in self.shape.evaluate(law.s))
-        poses += np.array(self.start)
+        poses, first, second = self._in_world(np.array(self.shape.evaluate(law.s)))
+        poses += self.start
         rate, change = law.rate[:, None] / self.duration, law.change[:, None] / self.duration**2
         accelerations = second * rate**2 + first * change
         return Motion(poses, first * rate * inside, accelerations * inside)
 
-    def _in_world(self, vectors: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+    def _in_world(self, vectors: Float[Array, "3 n 3"]) -> Float[Array, "3 n 3"]:
         """Rotate vectors (x, y, yaw) of the frame of the shape into W."""
         c, s = cos(self.start.yaw), sin(self.start.yaw)
-        x, y, yaw = vectors.T
-        return np.column_stack([c * x - s * y, s * x + c * y, yaw])
+        x, y = vectors[..., 0], vectors[..., 1]
+        vectors[..., 0], vectors[..., 1] = c * x - s * y, s * x + c * y
+        return vectors
 
 
 class _TimeLaw(NamedTuple):

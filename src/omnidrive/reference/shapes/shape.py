@@ -72,16 +72,16 @@ class PlaneCurve(Shape):
         its second derivative follows by the quotient rule.
         """
         values = self.points(s)
-        yaw = np.zeros((3, len(s)))
+        derivatives = np.zeros((3, len(s), 3))
+        derivatives[:, :, :2] = values[:3]
         if self.heading == "tangent":
             (x1, y1), (x2, y2), (x3, y3) = (each.T for each in values[1:])
             square = x1 * x1 + y1 * y1
+            yaw = derivatives[:, :, 2]
             yaw[0] = self.directions(s)
             yaw[1] = (x1 * y2 - y1 * x2) / square
             yaw[2] = (x1 * y3 - y1 * x3 - 2.0 * (x1 * x2 + y1 * y2) * yaw[1]) / square
-        return PathDerivatives(
-            *(np.column_stack([each, turn]) for each, turn in zip(values[:3], yaw, strict=True))
-        )
+        return PathDerivatives(*derivatives)
 
 
 def harmonics(angle: Float[Array, " n"], rate: float) -> Float[Array, "4 n"]:
