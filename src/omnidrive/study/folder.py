@@ -307,7 +307,18 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
         **_json_safe(
             dict.fromkeys(Advantage._fields) if advantage is None else advantage._asdict()
         ),
-        "ranking": [_json_safe(contender._asdict()) for contender in verdict.ranking],
+        "ranking": [
+            _json_safe(
+                {
+                    "name": contender.name,
+                    "value": contender.value,
+                    "work": contender.work,
+                    "step_time_us": contender.step_time,
+                    "recovered": contender.recovered,
+                }
+            )
+            for contender in verdict.ranking
+        ],
         "unranked": list(verdict.unranked),
     }
 
