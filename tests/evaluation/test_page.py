@@ -264,7 +264,7 @@ def test_errors_have_a_log_scale(study, visit):
 def test_small_values_are_not_shown_as_zero(part, visit):
     page = visit(part)
     shown = page.evaluate("[49.62, 3.934, 0.26, 0.000123, -2e-9, 0, NaN].map(Study.text)")
-    assert shown == ["49.6", "3.93", "0.260", "0.000123", "-2.00e-9", "0", "–"]
+    assert shown == ["49.6", "3.93", "0.260", "1.2e-4", "-2.0e-9", "0", "–"]
 
 
 @pytest.mark.browser

@@ -5,13 +5,13 @@ const Study = (() => {
   const numbers = (column) => Float64Array.from(column, (v) => (v === null ? NaN : v));
   const wrap = (angle) => angle - 2 * Math.PI * Math.floor((angle + Math.PI) / (2 * Math.PI));
 
-  /* Three significant digits; a value other than zero is never shown as zero. */
+  /* Three significant digits, two below 0.001; a value other than zero is never shown as zero. */
   function text(value) {
     if (!Number.isFinite(value)) return "–";
     if (value === 0) return "0";
     const exponent = Math.floor(Math.log10(Math.abs(value)));
-    if (exponent < -4) return value.toExponential(2);
-    return value.toFixed(Math.min(Math.max(2 - exponent, 0), 6));
+    if (exponent < -3) return value.toExponential(1);
+    return value.toFixed(Math.max(2 - exponent, 0));
   }
 
   /* Value of a column at a fractional row, interpolated linearly; constant after the last row. */
