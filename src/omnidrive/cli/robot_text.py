@@ -56,8 +56,8 @@ def _wheels(robot: Robot) -> Table:
         zip(robot.mounts, robot.chassis.jacobian, robot.loads, strict=True)
     ):
         rolling = _bearing(m.axle_angle + 0.5 * pi)
-        numbers = (m.x, m.y, rolling, degrees(m.roller_angle), *row, load)
-        rows.append((str(i), *(f"{_clean(each):.4g}" for each in numbers)))
+        numbers = (m.x, m.y, rolling, degrees(m.roller_angle), *row)
+        rows.append((str(i), *(f"{_clean(each):.4g}" for each in numbers), f"{round(load, 6):.4g}"))
     columns = ("wheel", "x m", "y m", "rolls towards deg", "roller deg",
                "vx rad/m", "vy rad/m", "yaw rate rad/rad", "load N")  # fmt: skip
     note = (

@@ -26,8 +26,10 @@ _SHARES = (0.0, 0.5, 0.8)
 def robot_card(summary: RobotSummary) -> Figure:
     """Return the figure of a robot."""
     with figure_style():
-        figure = new_figure(11.0, 7.2)
         rows = max(len(summary.robot.mounts) + 2, 5)
+        warnings = _warnings(summary)
+        lines = warnings.count("\n") + 1 if warnings else 0
+        figure = new_figure(11.0, 5.9 + 0.2 * rows + 0.18 * lines)
         grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 0.085 * rows))
         upper = grid[0].subgridspec(1, 3, width_ratios=(1.15, 1, 1))
         lower = grid[1].subgridspec(1, 2)
@@ -47,7 +49,7 @@ def robot_card(summary: RobotSummary) -> Figure:
         _legend(speed)
         _matrix(matrix, summary)
         _facts(lost, summary)
-        figure.supxlabel(_warnings(summary), x=0.01, ha="left", fontsize=8.5, color=_RED)
+        figure.supxlabel(warnings, x=0.01, ha="left", fontsize=8.5, color=_RED)
     return figure
 
 
@@ -131,27 +133,30 @@ def _wheel(axes: Axes, robot: Robot, pose: Pose, i: int, mount: Mount) -> None:
 
 def _polytope(axes: Axes, capability: Capability, title: str, unit: str, yaw: str) -> None:
     """Draw slices of a polytope at several values of yaw, x upwards."""
+    reach = 0.0
     for share, alpha in zip(_SHARES, (0.10, 0.16, 0.24), strict=True):
         level = share * capability.yaw
         values = capability.along(_ANGLES, level)
         x, y = values * np.cos(_ANGLES), values * np.sin(_ANGLES)
+        reach = max(reach, 1.12 * float(values.max()))
         axes.fill(-y, x, color=_BLUE, alpha=alpha, lw=0, zorder=2)
         axes.plot(
             -y, x, color=_BLUE, lw=1.5 - 0.5 * share, ls="-" if share == 0.0 else (0, (4, 2)),
             label=f"{yaw} {level:.3g} {unit}", zorder=3,
         )  # fmt: skip
-    reach = 1.12 * capability.extremes[1]
     axes.set_title(title)
     axes.set_aspect("equal")
     axes.set(
         xlim=(-reach, reach), ylim=(-reach, reach), xlabel="y, to the left", ylabel="x, forward"
     )
-    axes.xaxis.set_major_formatter(lambda value, _: f"{0.0 - value:g}")
+    axes.xaxis.set_major_formatter(
+        lambda value, _: f"{0.0 - value:g}".replace("-", "\N{MINUS SIGN}")
+    )
     axes.plot(0.0, 0.0, "+", color=DARK, ms=6, zorder=5)
 
 
 def _lost_wheels(axes: Axes, summary: RobotSummary) -> None:
-    """Draw the slice that remains without each wheel."""
+    """Draw the slices that remain without each wheel; of many different ones, the weakest."""
     colours = (_RED, _PURPLE, _GREEN, "#8c564b")
     drawn: list[tuple[np.ndarray, list[int]]] = []
     for i, left in enumerate(summary.without):
@@ -163,7 +168,9 @@ def _lost_wheels(axes: Axes, summary: RobotSummary) -> None:
             drawn.append((values, [i]))
         else:
             same.append(i)
-    for k, (values, wheels) in enumerate(drawn[:4]):
+    if len(drawn) > len(colours):  # many different shapes: only the weakest one
+        drawn = [min(drawn, key=lambda each: float(each[0].min()))]
+    for k, (values, wheels) in enumerate(drawn):
         names = ", ".join(map(str, wheels))
         axes.plot(
             -values * np.sin(_ANGLES), values * np.cos(_ANGLES), color=colours[k], lw=1.1,
@@ -183,7 +190,7 @@ def _matrix(axes: Axes, summary: RobotSummary) -> None:
     axes.axis("off")
     axes.set_title(f"Wheel matrix: rank 3, condition number {summary.condition:.3g} (1 is best)")
     cells = [
-        [str(i), *(f"{_clean(value):.4g}" for value in row), f"{load:.4g}"]
+        [str(i), *(f"{_clean(value):.4g}" for value in row), f"{round(load, 6):.4g}"]
         for i, (row, load) in enumerate(zip(robot.chassis.jacobian, robot.loads, strict=True))
     ]
     heads = ["wheel", "vx, rad/m", "vy, rad/m", "yaw rate, rad/rad", "load, N"]
@@ -198,10 +205,13 @@ def _clean(value: float) -> float:
 def _facts(axes: Axes, summary: RobotSummary) -> None:
     """Write capabilities with and without each wheel, and the warnings."""
     axes.axis("off")
-    axes.set_title("Largest acceleration with all wheels, and with one dead wheel")
+    title = "Largest acceleration with all wheels, and with one dead wheel"
+    if None in summary.without:
+        title += " (0: not omnidirectional)"
+    axes.set_title(title)
     rows = [["all", *_range(summary.acceleration)]]
     for i, left in enumerate(summary.without):
-        rows.append([f"without {i}", *(_range(left) if left else ("not", "omni-", "directional"))])
+        rows.append([f"without {i}", *(_range(left) if left else ("0", "-", "-"))])
     heads = ["wheels", "weakest, m/s²", "strongest, m/s²", "yaw, rad/s²"]
     _table(axes, heads, rows, (0.22, 0.26, 0.27, 0.25))
 

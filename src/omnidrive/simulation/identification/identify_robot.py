@@ -191,8 +191,8 @@ class _Data:
                 f"{int(gentle.sum())} s of the log are certainly without wheel slip, need "
                 f"{_MIN_SEGMENTS} s of gentle motion"
             )
-            lags, delay = (_missing(name, "s", reason) for name in names[:2]), names[2]
-            return (*lags, _missing(delay, "s", reason))  # type: ignore[return-value]
+            first, second, third = (_missing(name, "s", reason) for name in names)
+            return first, second, third
         found = self._fit_response(rows)
         self.scales = (float(found.values[0]), float(found.values[1]))
         self.coupling = float(found.values[5])
@@ -221,10 +221,9 @@ class _Data:
         starts = [np.array([1.0, 1.0, *lag, delay, 0.9]) for delay in _DELAYS]
         best = min(starts, key=lambda start: float((residuals(start) ** 2).sum()))
         found = fit(residuals, best, (low, high), scales, segments)
-        for _ in range(2):
-            blocks = self._response_errors(found.values, rows)
-            sigmas = np.array([max(float(np.sqrt((b**2).mean())), 1e-6) for b in blocks])
-            found = fit(residuals, found.values, (low, high), scales, segments)
+        blocks = self._response_errors(found.values, rows)
+        sigmas = np.array([max(float(np.sqrt((b**2).mean())), 1e-6) for b in blocks])
+        found = fit(residuals, found.values, (low, high), scales, segments)
         self.pose_sigma = float(sigmas[0])
         return found
 
