@@ -3,7 +3,7 @@
 A mark is a comment on the line above a block, invisible on the page:
 
     <!-- test: long -->                     run only by `make test-long`
-    <!-- test: with --plant kinematic -->   options added to `run` and `compare`
+    <!-- test: with --plant kinematic -->   options that quick tests add to `run` and `compare`
     <!-- test: coppeliasim -->              a fake server replies at port 23000
     <!-- test: fails -->                    every command ends with a message, not with success
     <!-- test: not run, needs a display --> only the names of the options are checked

@@ -44,8 +44,9 @@ write_figures = study.write_figures
 class PageRunner:
     """Runs the blocks of one page; what they print is kept for the next block of output."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, *, is_long: bool):
         self.folder = folder
+        self.is_long = is_long
         self.namespace = {"__name__": "__page__"}
         self.output = ""
 
@@ -99,7 +100,7 @@ class PageRunner:
             check_options(words)
             return ""
         if words and words[0] in _SIMULATING:
-            words = [*words, *block.options]
+            words = [*words, *([] if self.is_long else block.options)]
             if words[0] == "compare" and "--jobs" not in words:
                 words += ["--jobs", "1"]  # worker processes would import the package again
         result = CliRunner().invoke(app, words, env={"COLUMNS": "110"})
@@ -185,7 +186,7 @@ def run_page(page: Path, folder: Path, *, is_long: bool) -> str:
 
 def _run_blocks(page: Path, folder: Path, *, is_long: bool) -> str:
     study.write_figures = write_figures if is_long else lambda results, folder: ()
-    runner = PageRunner(folder)
+    runner = PageRunner(folder, is_long=is_long)
     for block in blocks(page):
         if block.is_long and not is_long:
             continue
