@@ -178,6 +178,9 @@ def test_a_study_shows_its_tables(study):
     text = text_of(study._repr_html_())
     assert study.results.title in text
     assert study.tables[0].rows[0][0] in text
+    lead = study.tables[0].lead
+    assert lead
+    assert lead in text
 
 
 def check_figure(figure):

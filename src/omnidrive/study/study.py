@@ -115,16 +115,19 @@ class Study:
         return draw_figure(self.results, figure)
 
     def _repr_html_(self) -> str:
-        """Return title and tables for notebooks; a failed run is among the facts."""
+        """Return verdict, failed runs and main tables for notebooks."""
         results, runs = self.results, self.results.runs
         ended = [r.name for r in runs if r.run.outcome is not Outcome.FINISHED]
+        tables = [table.brief() for table in self.tables if not table.is_detail]
+        leads = " ".join(table.lead for table in tables if table.lead)
         facts = {
+            **({"verdict": leads} if leads else {}),
             "runs": f"{len(runs) + len(results.faults)}",
             "ended early": ", ".join(ended) or "none",
             "results": str(self.folder) if self.folder else "not written",
         }
-        tables = (table_html(t.title, t.columns, t.rows) for t in self.tables[:_MOST_TABLES])
-        return facts_html(results.title, facts) + "".join(tables)
+        shown = (table_html(t.title, t.columns, t.rows) for t in tables[:_MOST_TABLES])
+        return facts_html(results.title, facts) + "".join(shown)
 
 
 @announce_compiling()
