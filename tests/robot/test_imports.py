@@ -254,6 +254,16 @@ def test_bad_parameter_files_are_refused_with_one_sentence(imported, text, messa
     assert "c.yaml" in str(caught.value)
 
 
+def test_a_description_of_many_wheels_is_refused_soon(imported):
+    links = "".join(f'<link name="w{k}"/>' for k in range(20_000))
+    joints = "".join(
+        f'<joint name="wheel{k}" type="continuous"><parent link="w0"/><child link="w{k}"/></joint>'
+        for k in range(1, 20_000)
+    )
+    with pytest.raises(InvalidRobot, match="more than 16 wheels found by axis and name"):
+        imported(f"<robot>{links}{joints}</robot>")
+
+
 def test_unknown_joints_and_formats_are_refused(imported):
     with pytest.raises(InvalidRobot, match="there is no hinge 'fl'; there are front_left_wheel"):
         imported(mecanum_urdf(), wheels=["fl"])

@@ -209,6 +209,19 @@ def test_a_log_of_another_robot_is_refused():
         identify_robot(drive(SMALL, duration=2.0), named_robot("kiwi"))
 
 
+def test_a_nominal_robot_without_friction_is_refused():
+    with pytest.raises(InvalidInput, match="friction of the robot 'small' is zero"):
+        identify_robot(drive(SMALL, duration=2.0), replace(SMALL, friction=0.0))
+
+
+def test_a_log_at_rest_determines_nothing():
+    t = DT * np.arange(2000)
+    log = RobotLog(t, np.zeros((2000, 3)), np.zeros((2000, 3)), np.zeros((2000, 4)))
+    found = identify_robot(log, SMALL)
+    assert all(each.reason for each in found.estimates.values())
+    assert found.robot == SMALL
+
+
 def test_plants_without_wheel_speeds_make_logs_without_them():
     rng = np.random.default_rng(1)
     commands = identification_commands(SMALL, rng, 0.05, 10.0)

@@ -167,12 +167,15 @@ class Mechanism:
                 and not _OTHER_NAME.search(name)
             ):
                 chosen.append(joint)
+                if len(chosen) > MAX_WHEELS:
+                    break
                 inside |= self._descendants(joint.body)
         if not 3 <= len(chosen) <= MAX_WHEELS:
             hinges = [j.name for j in self.joints if abs(j.axis[2]) < _MAX_AXIS_SLOPE]
             listed = ", ".join(hinges[:12]) + (", ..." if len(hinges) > 12 else "")
+            count = f"more than {MAX_WHEELS}" if len(chosen) > MAX_WHEELS else len(chosen)
             raise InvalidRobot(
-                f"{len(chosen)} wheels found by axis and name, need 3 to {MAX_WHEELS}; name them "
+                f"{count} wheels found by axis and name, need 3 to {MAX_WHEELS}; name them "
                 f"by --wheel JOINT, once per wheel; hinges with a horizontal axis: "
                 f"{listed or 'none'}"
             )

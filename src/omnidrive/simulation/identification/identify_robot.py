@@ -91,9 +91,14 @@ def identify_robot(log: RobotLog, robot: Robot) -> Identification:
             became wheel speeds.
 
     Raises:
-        InvalidInput: The log has the wheel speeds of another number of wheels.
+        InvalidInput: The log has the wheel speeds of another number of wheels, or the nominal
+            friction is zero.
     """
     count = len(robot.mounts)
+    if not robot.friction > 0.0:
+        raise InvalidInput(
+            f"the friction of the robot '{robot.name}' is zero; give its nominal value, such as 0.8"
+        )
     if log.wheel_speeds is not None and log.wheel_speeds.shape[1] != count:
         raise InvalidInput(
             f"the log has {log.wheel_speeds.shape[1]} wheels, the robot '{robot.name}' {count}"
@@ -160,12 +165,11 @@ class _Data:
         radius = _checked(
             Estimate("wheel radius", "m", r, r_sigma), self.count, "the log holds too little motion"
         )
-        value = self.robot.effective_radius * r / q if q else np.nan
+        value = self.robot.effective_radius * r / q if r and q else np.nan
         relative = hypot(r_sigma / r, q_sigma / q) if r and q else np.inf
         # the contact alternates between rows at different distances: the mean of 1 / R
-        rows = self.robot.wheel.rows == 2
-        alternation = (0.5 * self.robot.wheel.row_gap) ** 2 / abs(value) if rows else 0.0
-        sigma = hypot(abs(value) * relative, alternation / sqrt(3.0))
+        gap = self.robot.wheel.row_gap if self.robot.wheel.rows == 2 else 0.0
+        sigma = hypot(abs(value) * relative, (0.5 * gap) ** 2 / abs(value) / sqrt(3.0))
         effective = _checked(
             Estimate("effective radius", "m", value, sigma),
             self.count,
