@@ -205,7 +205,7 @@ ENTITIES = """<?xml version="1.0"?>
         ("<robot>", "not XML"),
         ("<sdf/>", "root element is <sdf>, need <robot> .URDF. or <mujoco> .MJCF."),
         (ENTITIES, "line 2, column 1[0-9]?: a DOCTYPE is not supported"),
-        ("<robot>" + "<a/>" * 100_001 + "</robot>", "more than 100000 elements"),
+        ("<robot>" + "<a/>" * 20_001 + "</robot>", "more than 20000 elements"),
         ("<robot>" + "<a>" * 40 + "</a>" * 40 + "</robot>", "nested more than 32 deep"),
         ("<robot/>", "expected one root link, got 0"),
         ('<robot><link name="a"/><link name="b"/></robot>', "expected one root link, got 2"),
@@ -255,10 +255,10 @@ def test_bad_parameter_files_are_refused_with_one_sentence(imported, text, messa
 
 
 def test_a_description_of_many_wheels_is_refused_soon(imported):
-    links = "".join(f'<link name="w{k}"/>' for k in range(20_000))
+    links = "".join(f'<link name="w{k}"/>' for k in range(2_000))
     joints = "".join(
         f'<joint name="wheel{k}" type="continuous"><parent link="w0"/><child link="w{k}"/></joint>'
-        for k in range(1, 20_000)
+        for k in range(1, 2_000)
     )
     with pytest.raises(InvalidRobot, match="more than 16 wheels found by axis and name"):
         imported(f"<robot>{links}{joints}</robot>")

@@ -23,7 +23,7 @@ FORMATS: tuple[RobotFormat, ...] = get_args(RobotFormat)
 """Formats from which a robot can be imported."""
 
 _MAX_BYTES = 10_000_000
-_MAX_ELEMENTS = 100_000
+_MAX_ELEMENTS = 20_000
 _ROOTS: dict[str, RobotFormat] = {"robot": "urdf", "mujoco": "mjcf"}
 
 
