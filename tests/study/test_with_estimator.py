@@ -125,7 +125,8 @@ def test_fixes_in_every_sample_without_an_estimator_equal_the_paper_noise():
 
 
 def test_every_task_runs_with_an_estimator():
-    planned = plan_and_check(small_scenario(sensors=SensorsSection()))
+    scenario = small_scenario(sensors=SensorsSection(), controllers=("feedforward",))
+    planned = plan_and_check(scenario)
     for task in ("track", "noise", "step"):
         seconds = 4.0 if task == "step" else 20.0
         result = run_job(planned, Job(task, "feedforward", seconds))

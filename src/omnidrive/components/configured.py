@@ -119,7 +119,7 @@ class OfGroup(NamedTuple):
     """Annotation of a field of type :class:`Configured` that names its group.
 
     Valid values are a name, or a mapping with the key ``type`` and the parameters. In Python, the
-    type may also be a class or function itself.
+    type may also be a class or function itself, and the value the parameters of the default type.
     """
 
     group: Group
@@ -130,6 +130,10 @@ class OfGroup(NamedTuple):
         """Return the component that ``value`` describes; ``info`` is pydantic's."""
         if isinstance(value, Configured):
             return value
+        if self.default is not None:
+            component = find_component(self.group, self.default)
+            if isinstance(value, component.parameter_class or ()):
+                return Configured(component, value)
         if isinstance(value, str) or callable(value):
             value = {"type": value}
         if not isinstance(value, dict):

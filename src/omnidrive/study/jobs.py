@@ -134,11 +134,12 @@ def make_controller(
         scenario: The scenario.
         robot: The robot, as far as the controller knows it.
         label: Label of the controller.
-        horizon: Value of its parameter ``horizon``, in steps. None: that of the scenario.
+        horizon: Value of its parameter ``horizon``, if it has one, in steps. None: that of the
+            scenario.
         rng: Generator for the controller. None: one with the seed of the scenario.
     """
     configured = scenario.controllers[label]
-    if horizon is not None:
+    if horizon is not None and configured.has_parameter("horizon"):
         configured = configured.with_values(horizon=horizon)
     context = ControllerContext(
         robot,
