@@ -55,12 +55,19 @@ def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Sc
     return parse_scenario(data, "with these options")
 
 
-def plant_data(text: str) -> dict[str, Any]:
-    """Return the value of the scenario key ``plant`` for ``TYPE[,KEY=VALUE...]``."""
+def plant_data(text: str, present: components.Configured) -> dict[str, Any]:
+    """Return the value of the scenario key ``plant`` for ``TYPE[,KEY=VALUE...]``.
+
+    Args:
+        text: The option.
+        present: Plant of the scenario, whose parameters apply to a plant of the same type unless
+            another value is given.
+    """
     from omnidrive.study.former import OLD_PLANTS
 
     given = _current(components.parse_specification(text), OLD_PLANTS)
-    return {"type": given.type, **given.values}
+    same = given.type == present.type
+    return _merged(present.plain() if same else {"type": given.type}, given.values)
 
 
 def reference_data(text: str) -> Any:

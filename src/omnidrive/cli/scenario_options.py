@@ -243,7 +243,7 @@ class ScenarioOptions:
         if self.goal is not None:
             changes["goal"] = Waypoint(*parse_waypoint("goal", self.goal))
         if self.plant is not None:
-            changes["plant"] = plant_data(self.plant)
+            changes["plant"] = plant_data(self.plant, scenario.plant)
         if self.robot is not None and not (on_map or self._moves_without_scenario):
             changes["robot"] = study.robot_section(self.robot, preset or scenario.preset)
         elif preset:

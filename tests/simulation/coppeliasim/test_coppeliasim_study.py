@@ -6,15 +6,19 @@ import signal
 import socket
 import subprocess
 import sys
+import warnings
 from time import monotonic, sleep
 
 import pytest
+import yaml
 
 from omnidrive.errors import InvalidScenario, PlantLost
 from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimScene, Outcome
 from omnidrive.simulation.components import CoppeliaSimOptions
 from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
+from omnidrive.study.scenario_file import scenario_data
+from omnidrive.study.section import Renamed
 from omnidrive.study.tasks import DurationsTask, StepTask
 from tests.simulation.coppeliasim.fake_scene import STOPPED
 from tests.simulation.coppeliasim.fake_server import cbor, fake_server
@@ -65,25 +69,30 @@ def test_section_is_restored_from_a_file(tmp_path):
 @pytest.mark.parametrize(
     ("line", "fact"),
     [
-        ("port: 0", "coppeliasim.port"),
-        ("timeout: forever", "coppeliasim.timeout must be a plain number"),
-        ("body: motor1", "coppeliasim.body"),
-        ("body_yaw: 90", "coppeliasim.body_yaw"),
-        ("host: 'a b'", "coppeliasim.host"),
+        ("port: 0", "plant.port"),
+        ("timeout: forever", "plant.timeout must be a plain number"),
+        ("body: motor1", "plant.body"),
+        ("body_yaw: 90", "plant.body_yaw"),
+        ("host: 'a b'", "plant.host"),
         ("jonits: []", "did you mean 'joints'"),
-        ("interface: ros", "coppeliasim.interface"),
+        ("interface: ros", "plant.interface"),
     ],
 )
-def test_invalid_section_is_refused(tmp_path, line, fact):
+@pytest.mark.parametrize("former", [False, True])
+def test_invalid_parameter_is_refused(tmp_path, line, fact, former):
+    """Also in the section `coppeliasim` of former scenarios."""
+    data = scenario_data(paper_scenario())
+    values = yaml.safe_load(line)
+    if former:
+        data |= {"plant": "coppeliasim", "coppeliasim": values}
+    else:
+        data["plant"] = {"type": "coppeliasim", **values}
     file = tmp_path / "scenario.yaml"
-    save_scenario(paper_scenario(), file)
-    text = file.read_text()
-    head, tail = text.split("coppeliasim:\n")
-    key = line.split(":")[0]
-    lines = [f"  {line}", *(row for row in tail.splitlines() if not row.startswith(f"  {key}:"))]
-    file.write_text(f"{head}coppeliasim:\n" + "\n".join(lines))
-    with pytest.raises(InvalidScenario, match=fact):
-        load_scenario(file)
+    file.write_text(yaml.safe_dump(data))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Renamed)
+        with pytest.raises(InvalidScenario, match=fact):
+            load_scenario(file)
 
 
 @pytest.mark.parametrize("interface", ["joints", "signals"])

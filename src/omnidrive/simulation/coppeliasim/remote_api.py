@@ -116,7 +116,7 @@ class RemoteApi:
         if not 0 <= found < _MAX_INTEGER:
             raise InvalidScene(
                 f"the scene in CoppeliaSim has no object '{path}': open the robot's scene, or name "
-                "its objects in the scenario's section coppeliasim"
+                "its objects in the parameters of the scenario's plant"
             )
         handle = int(found)
         if joint and self.call("getObjectType", handle) != self._member("sceneobject_joint"):
@@ -162,7 +162,7 @@ class RemoteApi:
             raise PlantLost(
                 f"no program listens at {self.address} ({error.strerror or error}): start "
                 "CoppeliaSim, whose add-on 'ZMQ remote API server' listens on port 23000, or name "
-                "another host and port in the scenario's section coppeliasim"
+                "another host and port in the parameters of the scenario's plant"
             ) from None
 
 
