@@ -1,4 +1,4 @@
-"""Run the paper's study; equivalent to `omnidrive compare`."""
+"""Compare three controllers on the paper's path; `od.paper_scenario()` is the whole study."""
 
 from pathlib import Path
 from tempfile import mkdtemp
@@ -7,7 +7,15 @@ import omnidrive as od
 
 if __name__ == "__main__":  # worker processes import this file
     folder = Path(mkdtemp()) / "study"
-    study = od.run_study(od.paper_scenario(), folder, processes=2)
+    scenario = od.paper_scenario().with_values(
+        controllers={
+            "fuzzy": "fuzzy_t2",
+            "nmpc": "holonomic-nmpc",
+            "soft": {"type": "holonomic-nmpc", "weights": {"position_weight": 20.0}},
+        },
+        tasks={"track": {"durations": [20.0]}},
+    )
+    study = od.run_study(scenario, folder, processes=2)
     for run in study.results.tracks:
         print(f"{run.name:<28} ME {run.metrics.me:.4f} m   MAE {run.metrics.mae:.4f} rad")
     print(f"open {folder / 'report.html'}")

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from omnidrive.study import paper_scenario, run_study
+
 
 def run(*args, cwd):
     command = [sys.executable, *map(str, args)]
@@ -35,15 +37,13 @@ def test_written_file_runs_passes_its_test_and_is_well_formed(tmp_path, kind):
             check=False,
         )
         assert checked.returncode == 0, checked.stdout
-    spec = f"{file.name}:{name}"
-    options = {
-        "controller": ("--controller", spec, "--plant", "kinematic"),
-        "plant": ("--plant", spec, "--controller", "feedforward"),
+    spec = f"{file}:{name}"
+    values = {
+        "controller": {"controllers": {"mine": spec}, "plant": "kinematic"},
+        "plant": {"controllers": ["feedforward"], "plant": spec},
     }[kind]
-    done = omnidrive("run", *options, "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    origins = json.loads((tmp_path / "out" / "results.json").read_text())["components"]
-    assert f"{file.name}, SHA-256" in str(origins)
+    tasks = {"track": {"durations": [17.0]}}
+    run_study(paper_scenario().with_values(**values, tasks=tasks)).raise_if_failed()
 
 
 def test_existing_file_is_not_replaced(tmp_path):

@@ -64,16 +64,31 @@ def test_tests_of_the_plugin_pass(environment, tmp_path):
 
 
 def test_same_law_as_a_plugin_and_built_in_are_bit_identical(environment, tmp_path):
-    arguments = ("--tasks", "track", "--plant", "planar", "--jobs", "2", "--out", "out")
-    controllers = ("--controller", "decay", "--controller", "feedforward")
-    run(environment, tmp_path, "-m", "omnidrive", "compare", *controllers, *arguments)
+    code = """
+import omnidrive as od
+from pathlib import Path
+scenario = od.paper_scenario().with_values(
+    controllers=["decay", "feedforward"], plant="planar", tasks={"track": {"durations": [20, 30]}}
+)
+study = od.run_study(scenario, processes=1)
+for result in study.results.tracks:
+    result.run.save(f"{result.name}.parquet")
+print(scenario.controllers["decay"].component.origin)
+"""
+    assert "omnidrive-decay 0.1.0" in run(environment, tmp_path, "-c", code)
     for duration in (20, 30):
         one, two = (
-            pq.read_table(tmp_path / "out" / "series" / f"track-{name}-{duration}s.parquet")
+            pq.read_table(tmp_path / f"track-{name}-{duration}s.parquet")
             for name in ("decay", "feedforward")
         )
         for column in one.column_names:
             if column != "step_time":
                 assert one[column].to_numpy().tobytes() == two[column].to_numpy().tobytes()
+
+
+def test_plugin_takes_part_in_compare(environment, tmp_path):
+    arguments = ("--tasks", "step", "--plant", "kinematic", "--jobs", "2", "--out", "out")
+    controllers = ("--controller", "decay", "--controller", "feedforward")
+    run(environment, tmp_path, "-m", "omnidrive", "compare", *controllers, *arguments)
     origins = json.loads((tmp_path / "out" / "results.json").read_text())["components"]
     assert origins["controllers"]["decay"] == "omnidrive-decay 0.1.0"
