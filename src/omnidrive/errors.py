@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import partial
 
 
 class OmnidriveError(Exception):
@@ -48,15 +49,19 @@ class InvalidFuzzyFile(InvalidInput):
 class InvalidGeometry(InvalidInput):
     """The wheel layout cannot produce every planar twist."""
 
-    def __init__(self, rank: int) -> None:
-        super().__init__(
-            f"wheel matrix has rank {rank}, need 3: not omnidirectional; turn a wheel or add one"
+    def __init__(self, rank: int, *, parallel: bool = False) -> None:
+        fact = (
+            "all wheels push in the same direction; mecanum wheels need roller_angle of about "
+            "+-0.785 rad with alternating signs"
+            if parallel
+            else "not omnidirectional; turn a wheel or add one"
         )
-        self.rank = rank
+        super().__init__(f"wheel matrix has rank {rank}, need 3: {fact}")
+        self.rank, self.parallel = rank, parallel
 
-    def __reduce__(self) -> tuple[type[InvalidGeometry], tuple[int]]:
-        """Pickle the constructor argument, so that the error can be sent between processes."""
-        return type(self), (self.rank,)
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle the constructor arguments, so that the error can be sent between processes."""
+        return partial(type(self), parallel=self.parallel), (self.rank,)
 
 
 class InvalidMap(InvalidInput):

@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 from omnidrive.cli.robot import robot
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot
-from omnidrive.robot import load_robot, named_robot
+from omnidrive.robot import load_robot, named_robot, save_robot
 from tests.robot.descriptions import mecanum_urdf
 
 
@@ -35,6 +35,17 @@ def test_import_writes_a_file_that_can_be_shown_and_names_what_is_unknown(tmp_pa
     assert "# missing: friction: 0.8 (typical)" in content
     assert load_robot(tmp_path / "base.yaml").name == "my_base"
     assert "Robot my_base" in run("show", tmp_path / "base.yaml")
+
+
+def test_import_without_out_says_that_nothing_is_written(tmp_path):
+    (tmp_path / "base.urdf").write_text(mecanum_urdf())
+    assert run("import", tmp_path / "base.urdf").endswith("\nnot written; use --out FILE.yaml\n")
+
+
+def test_a_robot_file_is_not_imported(tmp_path):
+    save_robot(named_robot("kiwi"), tmp_path / "base.yaml")
+    with pytest.raises(InvalidRobot, match=r"base.yaml is a robot file already; use --robot"):
+        run("import", tmp_path / "base.yaml")
 
 
 def test_identify_prints_estimates_or_reasons_and_writes_a_file(tmp_path):

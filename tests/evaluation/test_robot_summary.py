@@ -72,6 +72,18 @@ def test_warnings(changes, message):
     assert any(re.search(message, warning) for warning in warnings), warnings
 
 
+def test_swapped_rollers_are_a_warning():
+    mecanum = named_robot("mecanum")
+    swapped = tuple(m._replace(roller_angle=-m.roller_angle) for m in mecanum.mounts)
+    warnings = RobotSummary.of(replace(mecanum, mounts=swapped)).warnings
+    expected = (
+        "weak rotation: the wheels turn the robot with an effective radius of 0.02 m, but are "
+        "0.3 m from its centre; are the signs of roller_angle swapped?"
+    )
+    assert expected in warnings
+    assert not any("weak rotation" in each for each in RobotSummary.of(mecanum).warnings)
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_figure_shows_wheels_polytopes_and_tables(name):
     robot = ROBOTS[name]

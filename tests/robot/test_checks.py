@@ -1,5 +1,6 @@
 """Invalid robots are rejected with a message; static loads."""
 
+import pickle
 from dataclasses import replace
 from math import inf, nan, pi
 
@@ -8,8 +9,10 @@ import pytest
 
 from omnidrive.errors import InvalidGeometry, InvalidInput
 from omnidrive.robot import ROBOTS, Chassis, Mount, OmniWheel, named_robot, omni_ring
+from omnidrive.robot.mount import mecanum_rectangle
 
 SMALL = named_robot("small")
+SWAPPED = tuple(m._replace(roller_angle=-m.roller_angle) for m in mecanum_rectangle(0.2, 0.2))
 
 
 @pytest.mark.parametrize(
@@ -37,10 +40,18 @@ def test_invalid_robot_is_rejected(changes, message):
         replace(SMALL, **changes)
 
 
-@pytest.mark.parametrize("mounts", [(), omni_ring((0.0, pi), 0.2), (Mount(0.2, 0.0, 0.5),) * 5])
+@pytest.mark.parametrize("mounts", [(), omni_ring((0.0, pi), 0.2), SWAPPED])
 def test_singular_wheel_layout_is_rejected(mounts):
     with pytest.raises(InvalidGeometry, match="need 3: not omnidirectional; turn a wheel"):
         replace(SMALL, mounts=mounts)
+
+
+@pytest.mark.parametrize("roller", [0.0, 0.785])
+def test_parallel_drive_directions_are_rejected_as_such(roller):
+    mounts = [m._replace(roller_angle=roller) for m in mecanum_rectangle(0.2, 0.3)]
+    with pytest.raises(InvalidGeometry, match="all wheels push in the same direction; mec") as e:
+        replace(SMALL, mounts=tuple(mounts))
+    assert str(pickle.loads(pickle.dumps(e.value))) == str(e.value)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import sys
 from dataclasses import replace
 from math import pi
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
@@ -173,6 +174,11 @@ def test_numbers_may_have_exponents_without_a_point_and_defaults_may_be_omitted(
     assert (robot.wheel.rotor_inertia, robot.mass, robot.com) == (4e-4, 11.0, (0.0, 0.0))
 
 
+PARALLEL = [
+    {"x": x, "y": y, "axle_angle": -0.5 * pi, "roller_angle": 0.785}
+    for x in (0.2, -0.2)
+    for y in (0.2, -0.2)
+]
 TOO_FEW = [{"x": 0.2, "y": 0.0, "axle_angle": 0.0}, {"x": -0.2, "y": 0.0, "axle_angle": pi}]
 
 
@@ -208,6 +214,10 @@ TOO_FEW = [{"x": 0.2, "y": 0.0, "axle_angle": 0.0}, {"x": -0.2, "y": 0.0, "axle_
         ({"mounts": [3]}, r"mounts\[0\] must hold the keys x, y, axle_angle, roller_angle, got 3"),
         ({"mounts": []}, "rank 0, need 3: not omnidirectional; turn a wheel or add one"),
         ({"mounts": TOO_FEW}, "rank 2, need 3: not omnidirectional"),
+        ({"mounts": PARALLEL}, "rank 2, need 3: all wheels push in the same .* alternating signs$"),
+        ({"mounts__0__axle_angle": -90}, r"mounts\[0\].axle_angle is -90, need .* rad \(degrees"),
+        ({"mounts__1__roller_angle": 45}, r"mounts\[1\].roller_angle is 45, need .*\(degrees"),
+        ({"wheel__radius": 76}, r"wheel.radius is 76, need at most 2 m \(mm\?\)"),
         ({"mounts__0__roller_angle": 0.5 * pi}, "wheel 0 has a roller angle .* cannot drive"),
         ({"com": [0.4, 0.0]}, "wheel . would lift off"),
         ({"name": ""}, "name must be text of 1 to 64 characters, got ''"),
@@ -247,6 +257,25 @@ def test_hostile_files_are_refused(tmp_path, content, message):
 def test_missing_file_is_refused(tmp_path):
     with pytest.raises(InvalidRobot, match=r"cannot read the robot file .*: No such file"):
         named_robot(str(tmp_path / "none.yaml"))
+
+
+@pytest.mark.parametrize("name", ["base.ymal", "robots/base", "small.YAML.old"])
+def test_a_path_that_is_no_robot_file_is_not_taken_for_a_name(name):
+    with pytest.raises(InvalidInput, match=f"the robot file {name} does not exist; .* .yaml$"):
+        named_robot(name)
+
+
+def test_an_existing_file_of_another_suffix_is_refused(tmp_path):
+    (tmp_path / "base.txt").touch()
+    with pytest.raises(InvalidInput, match=r"base.txt is not a robot file: .* end with .yaml$"):
+        named_robot(str(tmp_path / "base.txt"))
+
+
+def test_angles_beyond_a_full_turn_are_written_within_one(tmp_path):
+    mounts = tuple(m._replace(axle_angle=m.axle_angle + 4.0 * pi) for m in SMALL.mounts)
+    save_robot(replace(SMALL, mounts=mounts), tmp_path / "robot.yaml")
+    directions = [m.drive_direction for m in load_robot(tmp_path / "robot.yaml").mounts]
+    assert np.allclose(directions, [m.drive_direction for m in SMALL.mounts], atol=1e-12)
 
 
 def test_robots_that_a_file_cannot_hold_are_not_written(tmp_path):

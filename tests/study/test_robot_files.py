@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from omnidrive.errors import InvalidRobot
+from omnidrive.errors import InvalidRobot, InvalidScenario
 from omnidrive.robot import load_robot, named_robot, save_robot
 from omnidrive.study import (
     RobotSection,
@@ -65,6 +65,11 @@ def test_a_run_folder_holds_the_robot_and_can_be_repeated(base, tmp_path):
         assert (tmp_path / "b" / "series" / series.name).exists()
     one, other = (plan_scenario(load_scenario(tmp_path / k / "scenario.yaml")) for k in "ab")
     assert one.robot == other.robot == replace(BASE, friction=0.7)
+
+
+def test_a_robot_file_is_not_taken_for_a_scenario(base):
+    with pytest.raises(InvalidScenario, match=r"my_base.yaml is a robot file; use --robot .*yaml$"):
+        load_scenario(base)
 
 
 def test_a_missing_robot_file_is_refused(tmp_path):

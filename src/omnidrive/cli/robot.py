@@ -135,6 +135,8 @@ def import_(
         notes += [f"{name}: {fact}" for name in ("guessed", "missing") for fact in parts[name]]
         save_robot(found.robot, out, notes=notes)
         conclude(f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}")
+    else:
+        conclude("not written; use --out FILE.yaml")
 
 
 @robot.command()

@@ -16,6 +16,7 @@ from omnidrive.robot import GRAVITY, Robot
 _DIRECTIONS = 720
 _MAX_CONDITION = 3.0
 _MAX_COUPLING = 0.05
+_MIN_EFFECTIVE_RADIUS = 0.4  # over the mean distance of the wheels
 _MIN_MARGIN = 0.2  # distance to the edge of the support polygon, over the wheels' distance
 _MIN_LOAD_SHARE = 0.4  # load of a wheel over the mean load
 
@@ -144,6 +145,13 @@ def _kinematic_warnings(
                 f"asymmetric: the wheels couple {axes[i]} and {axes[j]} "
                 f"(correlation {coupling:.2f}); is the origin of the frame at their centre?"
             )
+    radius, distance = robot.effective_radius, robot.mean_wheel_distance
+    if radius < _MIN_EFFECTIVE_RADIUS * distance:
+        key = "roller_angle" if any(m.roller_angle for m in robot.mounts) else "axle_angle"
+        warnings.append(
+            f"weak rotation: the wheels turn the robot with an effective radius of {radius:.2g} m, "
+            f"but are {distance:.2g} m from its centre; are the signs of {key} swapped?"
+        )
     reach = max(_corner_distance(robot, i) for i in range(len(robot.mounts)))
     if reach > robot.body_radius + 1e-9:
         warnings.append(

@@ -41,7 +41,8 @@ class Chassis:
             )
         rank = int(np.linalg.matrix_rank(self.jacobian))
         if rank != 3:
-            raise InvalidGeometry(rank)
+            directions = int(np.linalg.matrix_rank(self.jacobian[:, :2]))
+            raise InvalidGeometry(rank, parallel=len(self.jacobian) > 2 and directions == 1)
 
     @classmethod
     def of_mounts(

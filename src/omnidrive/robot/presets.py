@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
@@ -60,6 +61,16 @@ ROBOTS: Mapping[str, Robot] = _PackagedRobots()
 """Robots of this package, by name."""
 
 
+def _check_not_a_file(name: str) -> None:
+    """Raise InvalidInput if a text that names no robot has the form of a path."""
+    if os.path.isfile(name):
+        raise InvalidInput(f"{one_line(name)} is not a robot file: its name must end with .yaml")
+    if Path(name).suffix or "/" in name or os.sep in name:
+        raise InvalidInput(
+            f"the robot file {one_line(name)} does not exist; its name must end with .yaml"
+        )
+
+
 def named_robot(name: str, *, assumed_effective_radius: float | None = None) -> Robot:
     """Return an installed robot or that of a file, optionally with a miscalibrated controller.
 
@@ -79,6 +90,7 @@ def named_robot(name: str, *, assumed_effective_radius: float | None = None) -> 
     else:
         known = dict.fromkeys([*ROBOTS, *component_names("robots")])
         if name not in known:
+            _check_not_a_file(name)
             raise InvalidInput(
                 f"there is no robot '{one_line(name, 60)}'{suggestion(name, known)} (your own: a "
                 "robot file, which ends with .yaml)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, fields
-from math import isfinite
+from math import isfinite, pi, remainder
 from typing import Any, NamedTuple
 
 import yaml
@@ -24,6 +24,14 @@ FORMAT = "omnidrive-robot-1"
 
 _MAX_NAME = 64  # characters
 _MAX_NUMBER = 1e9  # in SI units; larger numbers would overflow in products
+
+_MAX_ANGLE = (6.3, "-6.3 to 6.3 rad (degrees?)")
+_LARGEST = {
+    "axle_angle": _MAX_ANGLE,
+    "roller_angle": _MAX_ANGLE,
+    "wheel.radius": (2.0, "at most 2 m (mm?)"),
+}
+"""Largest magnitude of the numbers whose unit is often mistaken, and the text of the limit."""
 
 _MOUNT_KEYS = {
     "x": "m, of the wheel's centre",
@@ -142,7 +150,7 @@ def robot_text(robot: Robot, *, notes: Sequence[str] = ()) -> str:
     name = yaml.safe_dump({"name": robot.name}, allow_unicode=True, width=1000).rstrip()
     lines += [f"format: {FORMAT}", name, *_HEADER.splitlines(), "mounts:  # m, m, rad, rad"]
     for mount in robot.mounts:
-        pairs = ", ".join(f"{key}: {_text(value)}" for key, value in mount._asdict().items())
+        pairs = ", ".join(f"{key}: {_text(value)}" for key, value in _turned(mount).items())
         lines.append(f"  - {{{pairs}}}")
     lines.append("wheel:  # all wheels are equal")
     lines += _lines(robot.wheel, _WHEEL_KEYS, "  ")
@@ -151,6 +159,19 @@ def robot_text(robot: Robot, *, notes: Sequence[str] = ()) -> str:
     text = "\n".join([*lines, ""])
     parse_robot(yaml.safe_load(text), f"robot {robot.name}")  # a file must be readable
     return text
+
+
+def _turned(mount: Mount) -> dict[str, float]:
+    """Return the numbers of a mount, with angles beyond the limit of files reduced by full turns.
+
+    Other angles are restored exactly.
+    """
+    return {
+        key: remainder(value, 2.0 * pi)
+        if key in _LARGEST and abs(value) > _LARGEST[key][0]
+        else value
+        for key, value in mount._asdict().items()
+    }
 
 
 def robot_schema() -> dict[str, Any]:
@@ -283,6 +304,9 @@ class _Source(NamedTuple):
                 f"{label} is {number:g}, need a finite number of at most {_MAX_NUMBER:g} in "
                 "magnitude"
             )
+        key = label.rpartition("].")[2]
+        if key in _LARGEST and abs(number) > _LARGEST[key][0]:
+            raise self.error(f"{label} is {number:g}, need {_LARGEST[key][1]}")
         return number
 
 

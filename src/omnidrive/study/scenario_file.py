@@ -18,6 +18,7 @@ from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot import is_robot_file
+from omnidrive.robot.robot_file import FORMAT as ROBOT_FORMAT
 from omnidrive.simulation.disturbances import FAULTS
 from omnidrive.study.scenario import Scenario
 
@@ -49,6 +50,9 @@ def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
     data = read_yaml(path, "scenario", InvalidScenario)
     if not isinstance(data, dict):
         raise InvalidScenario(f"{path} is not a scenario: it contains no keys")
+    if data.get("format") == ROBOT_FORMAT:
+        name = one_line(str(path))
+        raise InvalidScenario(f"{name} is a robot file; use --robot {name}")
     scenario = parse_scenario(data, str(path), allow_code=allow_code)
     changes: dict[str, object] = {}
     for key, robot in (("robot", scenario.robot), ("plant_robot", scenario.plant_robot)):

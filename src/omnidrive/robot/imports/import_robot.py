@@ -18,6 +18,7 @@ from omnidrive.robot.imports.mjcf import read_mjcf
 from omnidrive.robot.imports.ros2_control import read_ros2_control
 from omnidrive.robot.imports.rotations import malformed
 from omnidrive.robot.imports.urdf import read_urdf
+from omnidrive.robot.robot_file import FORMAT as ROBOT_FORMAT
 
 FORMATS: tuple[RobotFormat, ...] = get_args(RobotFormat)
 """Formats from which a robot can be imported."""
@@ -74,7 +75,11 @@ def _draft(
     if kind == "ros2_control":
         if wheels:
             raise InvalidRobot("--wheel is for URDF and MJCF; the controller names its wheels")
-        return read_ros2_control(read_yaml(path, "parameter file", InvalidRobot))
+        data = read_yaml(path, "parameter file", InvalidRobot)
+        if isinstance(data, dict) and data.get("format") == ROBOT_FORMAT:
+            name = one_line(str(path))
+            raise InvalidRobot(f"{name} is a robot file already; use --robot {name}")
+        return read_ros2_control(data)
     root = _xml(path)
     if kind is None:
         if root.tag not in _ROOTS:
