@@ -148,6 +148,23 @@ def test_parameters_are_checked():
             component.parse(values)
 
 
+@dataclass(frozen=True)
+class OutOfRange:
+    gain: Annotated[float, od.Bounds(0.0, 10.0, "1/s")] = 30.0
+
+
+def out_of_range(context, parameters: OutOfRange):
+    """Return the parameters."""
+    return parameters
+
+
+def test_default_out_of_range_is_rejected():
+    component = Component("controllers", "mine", "", out_of_range)
+    assert component.parse({"gain": 3.0}) == OutOfRange(3.0)
+    with pytest.raises(ValidationError, match="is 30 1/s, need 0 to 10 1/s"):
+        component.parse({})
+
+
 def test_parameters_are_described():
     steps, rate, name = parameters_of(Outer)
     assert (steps.name, steps.kind, steps.default, steps.doc) == (

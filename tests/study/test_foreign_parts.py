@@ -193,6 +193,13 @@ def test_run_that_fails_before_its_first_sample_is_reported(tmp_path, monkeypatc
     assert "RuntimeError: no memory left" in failed["outcome"]
 
 
+def test_study_whose_runs_all_fail_at_the_start_has_a_report(tmp_path, monkeypatch):
+    monkeypatch.setattr(jobs, "make_controller", lambda *_: FaultyReset(DT))
+    study = run_study(SCENARIO, tmp_path / "out")
+    assert {result.run.outcome for result in study.results.tracks} == {Outcome.CONTROLLER_FAILED}
+    assert (tmp_path / "out" / "report.html").exists()
+
+
 def test_command_exits_with_status_1_and_names_the_run(tmp_path):
     save_scenario(SCENARIO, tmp_path / "s.yaml")
     code = (

@@ -48,7 +48,8 @@ def _print(console: Console, table: Table) -> None:
             caption=Text(_caption(table)) if part is parts[-1] and _caption(table) else None,
             caption_justify="left",
         )
-        _fill(drawn, table, part, tight=len(parts) > 1)
+        headings = sum(3 + max(len(table.columns[i]), _min_width(table, i)) for i in part)
+        _fill(drawn, table, part, tight=1 + headings > console.width)
         console.print(drawn)
     console.print()
 
@@ -89,7 +90,10 @@ def _is_prose(table: Table, i: int) -> bool:
 
 
 def _fill(drawn: RichTable, table: Table, columns: list[int], *, tight: bool) -> None:
-    """Add columns and the rows with values in them, with a rule between groups of the first key."""
+    """Add columns and the rows with values in them, with a rule between groups of the first key.
+
+    With ``tight``, headings are wrapped, so that the columns have their minimum widths.
+    """
     for i in columns:
         words = i < table.keys or _is_prose(table, i)
         side: Literal["left", "right"] = "left" if words else "right"

@@ -12,7 +12,7 @@ from typing import Any, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
-from omnidrive.components.fields import field_names, field_type
+from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.errors import ComponentFailed, InvalidInput, OmnidriveError, suggestion
 from omnidrive.files.bounded_file import one_line
 
@@ -93,6 +93,8 @@ class Component:
         model: Any
         try:
             model = self.parameter_model.model_validate({"parameters": dict(values)})
+            if self.parameter_class is not None:  # also check the defaults
+                self.parameter_model.model_validate({"parameters": plain(model.parameters)})
         except ValidationError as error:
             details = [self._detail(problem) for problem in error.errors()]
             raise ValidationError.from_exception_data(self.name, details) from None

@@ -5,14 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema, core_schema
 
 from omnidrive.components.component import Component
 from omnidrive.components.entry_points import Group, component_names
+from omnidrive.components.fields import plain
 from omnidrive.components.registry import find_component
 from omnidrive.errors import InvalidInput, MissingExtra
 from omnidrive.files.bounded_file import short_repr
@@ -189,22 +190,3 @@ class OfGroup(NamedTuple):
             ],
             "additionalProperties": False,
         }  # fmt: skip
-
-
-def plain(value: Any) -> Any:
-    """Return ``value`` as dictionaries, lists, numbers, strings and None.
-
-    A value with a method ``plain`` is what that returns; models, dataclasses and named tuples are
-    dictionaries of their fields.
-    """
-    if callable(getattr(value, "plain", None)):
-        return value.plain()
-    if isinstance(value, BaseModel):
-        return {name: plain(getattr(value, name)) for name in type(value).model_fields}
-    if is_dataclass(value):
-        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
-    if hasattr(value, "_asdict"):
-        return {name: plain(item) for name, item in value._asdict().items()}
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    return [plain(item) for item in value] if isinstance(value, tuple | list) else value

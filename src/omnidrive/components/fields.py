@@ -1,8 +1,11 @@
-"""Names and types of the fields of parameter classes."""
+"""Names, types and values of the fields of parameter classes."""
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from typing import Any, get_args, get_type_hints
+
+from pydantic import BaseModel
 
 
 def field_names(cls: Any) -> list[str]:
@@ -18,3 +21,22 @@ def field_type(cls: Any, name: str) -> Any:
     hint = get_type_hints(cls)[name]
     options = [h for h in get_args(hint) if h is not type(None)] if get_args(hint) else [hint]
     return options[0] if field_names(options[0]) else hint
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` as dictionaries, lists, numbers, strings and None.
+
+    A value with a method ``plain`` is what that returns; models, dataclasses and named tuples are
+    dictionaries of their fields.
+    """
+    if callable(getattr(value, "plain", None)):
+        return value.plain()
+    if isinstance(value, BaseModel):
+        return {name: plain(getattr(value, name)) for name in type(value).model_fields}
+    if is_dataclass(value):
+        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
+    if hasattr(value, "_asdict"):
+        return {name: plain(item) for name, item in value._asdict().items()}
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, tuple | list) else value

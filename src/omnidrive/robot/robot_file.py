@@ -139,8 +139,9 @@ def save_robot(robot: Robot, path: StrPath, *, notes: Sequence[str] = ()) -> Non
         InvalidRobot: The name of the robot or a number is not allowed in robot files.
         CannotWrite: The file cannot be written.
     """
+    path = to_path(path)
     text = robot_text(robot, notes=notes)
-    with output_file(to_path(path)) as part:
+    with output_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
 

@@ -11,8 +11,8 @@ import yaml
 from pydantic import ValidationError
 
 from omnidrive.choices import WAYPOINTS
-from omnidrive.components.configured import ALLOW_CODE, plain
-from omnidrive.components.fields import field_names, field_type
+from omnidrive.components.configured import ALLOW_CODE
+from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.errors import InvalidScenario, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path

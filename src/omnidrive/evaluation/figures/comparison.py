@@ -120,8 +120,11 @@ def horizon_bars(results: StudyResults) -> Figure | None:
 
 
 def _curves(results: StudyResults, task: str) -> list[Curve]:
-    """Return the runs of ``task`` with its longest duration; horizons from short to long."""
-    runs = results.select(task)
+    """Return the runs of ``task`` with its longest duration; horizons from short to long.
+
+    Runs that ended at their first sample are omitted.
+    """
+    runs = tuple(r for r in results.select(task) if len(r.run.t) > 1)
     longest = max((r.duration for r in runs), default=0.0)
     runs = tuple(r for r in runs if r.duration == longest)
     if task != "horizon":
