@@ -80,8 +80,9 @@ def test_failed_import_shows_where(tmp_path):
     with pytest.raises(InvalidInput, match=r"(?s)cannot be imported.*law.py.*line 3.*ValueError"):
         find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
     (tmp_path / "law.py").write_text("def f(:\n")
-    with pytest.raises(InvalidInput, match=r"(?s)cannot be imported.*SyntaxError"):
+    with pytest.raises(InvalidInput, match=r"(?s)cannot be imported.*SyntaxError") as caught:
         find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
+    assert "registry.py" not in str(caught.value)
     assert not [
         name for name in sys.modules if name.startswith("omnidrive_code_") and "law" in name
     ]

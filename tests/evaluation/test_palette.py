@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from omnidrive.evaluation.palette import controller_styles
+from omnidrive.evaluation.results import ControllerType
 
 KNOWN = (
     "pid",
@@ -20,7 +21,8 @@ KNOWN = (
 def labelled(study, labels, types=None):
     """Return a study with one run per label."""
     runs = tuple(replace(study.tracks[0], controller=label) for label in labels)
-    return replace(study, tracks=runs, steps=(), types=types or {})
+    kinds = {label: ControllerType(name, "", "") for label, name in (types or {}).items()}
+    return replace(study, tracks=runs, steps=(), types=kinds)
 
 
 def luminance(colour):

@@ -97,6 +97,10 @@ def compare(
 
     if out is not None:
         study.check_new_folder(out)
+    if controllers and "=" in controllers:
+        raise InvalidInput(
+            "--controllers takes names only; give parameters with --controller NAME,KEY=VALUE"
+        )
     chosen = [*(controllers.split(",") if controllers else ()), *(controller or ())]
     resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds)
     resolved = with_faults(resolved, fault)

@@ -83,7 +83,7 @@ def _record(name: str, component: components.Component | str) -> dict[str, Any]:
             "default": None if each.default is ... else components.plain(each.default),
             "description": each.doc,
         }
-        for each in components.parameters_of(component.parameter_class)
+        for each in component.parameters
     ]
     return {
         "name": name,
@@ -99,7 +99,7 @@ def _print(name: str, component: components.Component | str) -> None:
         show(f"{typer.style(name, bold=True)}  {component}")
         return
     show(f"{typer.style(name, bold=True)}  ({component.origin})\n    {component.summary}")
-    for each in components.parameters_of(component.parameter_class):
+    for each in component.parameters:
         width = min(get_terminal_size().columns, 100)
         show(fill(_line(each), width, initial_indent=" " * 4, subsequent_indent=" " * 8))
 

@@ -23,11 +23,11 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _TRY: dict[Kind, tuple[str, ...]] = {
     "controller": (
         "omnidrive compare --controller {file}:{name} --controller holonomic-nmpc",
-        "python -m pytest {test}",
+        "python -m pytest {test}  (pip install pytest)",
     ),
     "plant": (
         "omnidrive run --plant {file}:{name} --controller feedforward",
-        "python -m pytest {test}",
+        "python -m pytest {test}  (pip install pytest)",
     ),
     "robot": ("omnidrive robot show {file}", "omnidrive compare --robot {file}"),
 }

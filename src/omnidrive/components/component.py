@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from inspect import Parameter, getdoc, signature
+from inspect import getdoc, signature
 from typing import Any, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from omnidrive.components.fields import field_names, field_type, plain
+from omnidrive.components.parameters import Parameter, parameters_of
 from omnidrive.errors import ComponentFailed, InvalidInput, OmnidriveError, suggestion
 from omnidrive.files.bounded_file import one_line
 
@@ -68,6 +70,11 @@ class Component:
                 "of the parameters, a dataclass or a pydantic model"
             )
         return found
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """Descriptions of the parameters."""
+        return parameters_of(self.parameter_class)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -140,7 +147,7 @@ class Component:
             ) from error
 
     @cached_property
-    def _arguments(self) -> list[Parameter]:
+    def _arguments(self) -> list[inspect.Parameter]:
         """Arguments that the factory is called with."""
         try:
             arguments = [p for p in signature(self.factory).parameters.values() if _is_passed(p)]
@@ -154,11 +161,11 @@ class Component:
         return arguments
 
 
-def _is_passed(argument: Parameter) -> bool:
+def _is_passed(argument: inspect.Parameter) -> bool:
     """Return whether a component passes an argument: one without default, or the parameters."""
-    if argument.kind in {Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD}:
+    if argument.kind in {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}:
         return False
-    return argument.default is Parameter.empty or argument.name in {"context", "parameters"}
+    return argument.default is inspect.Parameter.empty or argument.name in {"context", "parameters"}
 
 
 class _Nothing(BaseModel):

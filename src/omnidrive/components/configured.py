@@ -49,6 +49,13 @@ class Configured:
         values: dict[str, Any] = {} if self.parameters is None else plain(self.parameters)
         return values
 
+    @property
+    def changes(self) -> dict[str, Any]:
+        """Values that differ from the defaults, those of nested classes as ``group.name``."""
+        defaults = {each.name: plain(each.default) for each in self.component.parameters}
+        values = _flat(self.values)
+        return {name: value for name, value in values.items() if value != defaults.get(name, ...)}
+
     def plain(self) -> dict[str, Any]:
         """Return the value of a scenario that describes the component."""
         return {"type": self.type, **self.values}
@@ -190,3 +197,12 @@ class OfGroup(NamedTuple):
             ],
             "additionalProperties": False,
         }  # fmt: skip
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested values by ``group.name``."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        inner = isinstance(value, dict)
+        found |= _flat(value, f"{prefix}{name}.") if inner else {prefix + name: value}
+    return found

@@ -105,7 +105,12 @@ def _guarded_import(
         raise
     except Exception as error:
         origin = f" of the distribution {distribution}" if distribution else ""
-        calls = "".join(traceback.format_tb(error.__traceback__)[1:][-_FRAMES:]).rstrip()
+        frames = [
+            frame
+            for frame in traceback.extract_tb(error.__traceback__)
+            if frame.filename != __file__ and not frame.filename.startswith("<frozen")
+        ]
+        calls = "".join(traceback.format_list(frames[-_FRAMES:])).rstrip()
         fact = "".join(traceback.format_exception_only(error)).strip()
         shown = f"\n{calls}\n{fact}" if calls else f": {fact}"
         raise InvalidInput(

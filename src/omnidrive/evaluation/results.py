@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from omnidrive.evaluation.metrics import Metrics
 from omnidrive.evaluation.recovery import Recovery, recovery
@@ -104,6 +105,17 @@ class FaultResult:
         return f"faults-{self.controller}-{fault}"
 
 
+class ControllerType(NamedTuple):
+    """What is behind the label of a controller."""
+
+    name: str
+    """Name of the component, such as fuzzy_t1 or mine.py:Law."""
+    description: str
+    """Description in one line; may be empty."""
+    parameters: str
+    """Parameters other than the defaults, as text; empty: none."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class StudyResults:
     """All results of a study.
@@ -120,8 +132,8 @@ class StudyResults:
         tracks: Tracking runs.
         steps: Step responses.
         faults: Runs of the task ``faults``.
-        types: Type of each controller, such as fuzzy_t1, by its label; a label that is absent is
-            its own type.
+        types: Type and parameters of each controller by its label; a label that is absent is its
+            own type.
     """
 
     title: str
@@ -135,7 +147,7 @@ class StudyResults:
     tracks: tuple[TrackResult, ...]
     steps: tuple[StepResult, ...]
     faults: tuple[FaultResult, ...] = ()
-    types: Mapping[str, str] = field(default_factory=dict)
+    types: Mapping[str, ControllerType] = field(default_factory=dict)
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -149,7 +161,7 @@ class StudyResults:
 
     def type_of(self, controller: str) -> str:
         """Return the type of a controller, by its label."""
-        return self.types.get(controller, controller)
+        return self.types[controller].name if controller in self.types else controller
 
     @property
     def runs(self) -> tuple[TrackResult | StepResult, ...]:

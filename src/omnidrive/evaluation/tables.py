@@ -291,25 +291,14 @@ def _active_share(result: TrackResult) -> str:
     return number_text(100.0 * float(np.mean(iterations[:-1] > 0.0)))
 
 
-_DESCRIPTIONS = {
-    "pid": "PID",
-    "fuzzy_t1": "type-1 fuzzy PID",
-    "fuzzy_t2": "interval type-2 fuzzy PID",
-    "fuzzy_t3": "interval type-3 fuzzy PID",
-    "unicycle-nmpc": "NMPC of a unicycle",
-    "feedforward": "velocity feedforward with feedback",
-    "holonomic-nmpc": "NMPC of a holonomic robot with wheel and force limits",
-}
-
-
 def _controller_table(results: StudyResults) -> Table:
     rows = [
-        (name, results.type_of(name), _DESCRIPTIONS.get(results.type_of(name), ""))
-        for name in results.controllers
+        (label, kind.name, kind.parameters or "defaults", kind.description)
+        for label, kind in results.types.items()
     ]
     return Table(
-        "Controllers", ("controller", "type", "description"), tuple(rows),
-        keys=3, is_detail=True,
+        "Controllers", ("controller", "type", "parameters", "description"), tuple(rows),
+        keys=4, is_detail=True,
     )  # fmt: skip
 
 

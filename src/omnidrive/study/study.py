@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from omnidrive.compiled import announce_compiling
-from omnidrive.components import configure
+from omnidrive.components import Configured, configure
 from omnidrive.errors import RunFailed
 from omnidrive.evaluation import (
     FaultResult,
@@ -24,6 +24,7 @@ from omnidrive.evaluation import (
     write_tables,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.evaluation.results import ControllerType
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.simulation import Outcome
@@ -259,5 +260,11 @@ def _collect(
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),
         faults=tuple(r for r in done if isinstance(r, FaultResult)),
-        types={label: each.type for label, each in scenario.controllers.items()},
+        types={label: _controller_type(each) for label, each in scenario.controllers.items()},
     )
+
+
+def _controller_type(configured: Configured) -> ControllerType:
+    """Return type, description and changed parameters of a controller, for the report."""
+    changes = ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
+    return ControllerType(configured.type, configured.component.summary, changes)
