@@ -25,6 +25,15 @@ from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 
+_NamesOption = Annotated[
+    str | None,
+    option(
+        "A,B,...",
+        "Only these controllers, by label or name; with parameters: --controller.",
+        RUN_PANEL,
+        complete=several_components("controllers"),
+    ),
+]
 _TasksOption = Annotated[
     str | None,
     option(
@@ -57,15 +66,7 @@ _JobsOption = Annotated[
 @with_options()
 def compare(
     shared: ScenarioOptions,
-    controllers: Annotated[
-        str | None,
-        option(
-            "A,B,...",
-            "Only these controllers.",
-            RUN_PANEL,
-            complete=several_components("controllers"),
-        ),
-    ] = None,
+    controllers: _NamesOption = None,
     controller: ControllersOption = None,
     tasks: _TasksOption = None,
     noise_seeds: _SeedsOption = None,
