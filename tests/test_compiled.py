@@ -239,7 +239,7 @@ def test_compiling_is_announced_once_and_only_if_it_happens(build, caplog):
             module.later(1.0)
         return [record.message.split(",")[0] for record in caplog.records]
 
-    assert announced() == ["compiling numerical kernels for this processor"]
+    assert announced() == ["compiling the kernels of this command"]
     assert announced() == []
     assert compile_listeners == []
 

@@ -58,6 +58,8 @@ def test_existing_file_is_not_replaced(tmp_path):
     [
         (("controller", "../x"), "cannot be used as a name"),
         (("robto", "X"), "there is no kind 'robto'"),
+        (("robot", "X", "--like", "mecanun"), "did you mean 'mecanum'"),
+        (("plant", "X", "--like", "kiwi"), "--like: not for a plant, only for a robot"),
     ],
 )
 def test_bad_arguments_are_rejected(tmp_path, arguments, message):
@@ -88,3 +90,14 @@ def test_written_robot_is_used(tmp_path):
     shown = omnidrive("robot", "show", "my_base.yaml", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert "my_base" in shown.stdout
+
+
+def test_robot_file_says_which_robot_it_copies(tmp_path):
+    for name, like, wheels in (("a", [], "small, which has 4 omni"),
+                               ("b", ["--like", "mecanum"], "mecanum, which has 4 mecanum"),
+                               ("c", ["--like", "kiwi"], "kiwi, which has 3 omni")):  # fmt: skip
+        assert omnidrive("new", "robot", name, *like, cwd=tmp_path).returncode == 0
+        head = (tmp_path / f"{name}.yaml").read_text().split("format:")[0]
+        assert f"A copy of the robot {wheels} wheels" in head
+        assert "omnidrive robot import" in head
+        assert "docs/robots.md" in head

@@ -8,6 +8,7 @@ import pytest
 
 from omnidrive.cli import terminal
 from omnidrive.cli.main import VERBS, load_verb, main
+from omnidrive.cli.progress import LiveProgress, _Steps
 from omnidrive.study.section import Renamed
 
 
@@ -80,3 +81,19 @@ def test_quiet_prints_no_notes(command, monkeypatch):
         "omnidrive.cli.warmup.warmup", lambda: logging.getLogger("library").warning("no font")
     )
     assert command("warmup", "--quiet") == (0, "", "")
+
+
+def test_a_part_with_an_unknown_number_of_steps_shows_none():
+    progress = LiveProgress()
+    counts = [column for column in progress._progress.columns if isinstance(column, _Steps)]
+
+    def shown():
+        return [str(column.render(progress._progress.tasks[-1])) for column in counts]
+
+    progress.part("plan", 0)
+    assert shown() == [""]
+    progress._finish()
+    assert shown() == [""]
+    progress.part("simulate", 3)
+    progress.done("one")
+    assert shown() == ["1/3"]

@@ -261,6 +261,33 @@ def test_errors_have_a_log_scale(study, visit):
 
 
 @pytest.mark.browser
+def test_values_of_absolute_errors_have_no_sign(study, visit):
+    page = visit(study)
+    shown = page.locator("#charts .chart").nth(1).locator(".value b")
+    run = "Study.groups[0].runs[0]"
+    row = page.evaluate(f"{run}.turn.findIndex((turn, k) => k > 0 && turn < -1e-6)")
+    page.locator("#scrub").fill(str(page.evaluate(f"{row} * Study.dt")))
+
+    def signs():
+        settle(page)
+        return {text[0] == "-" for text in shown.all_inner_texts()}
+
+    assert signs() == {False}
+    page.uncheck("#chart-log")
+    assert True in signs()
+
+
+@pytest.mark.browser
+def test_an_open_floor_has_no_obstacles_in_the_legend(study, visit):
+    items = ("#obstacle-key", "#inflated-key", "#inflated-layer")
+    page = visit(study)
+    assert all(page.locator(item).is_visible() for item in items)
+    floor = OccupancyGrid(np.zeros((6, 8), bool), 1.0)
+    page = visit(replace(study, obstacles=floor, free_space=floor))
+    assert not any(page.locator(item).is_visible() for item in items)
+
+
+@pytest.mark.browser
 def test_small_values_are_not_shown_as_zero(part, visit):
     page = visit(part)
     shown = page.evaluate("[49.62, 3.934, 0.26, 0.000123, -2e-9, 0, NaN].map(Study.text)")

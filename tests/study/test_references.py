@@ -1,6 +1,7 @@
 """References of a scenario: shapes, waypoint files, and code of the user."""
 
 import logging
+import re
 from math import pi
 
 import numpy as np
@@ -14,6 +15,7 @@ from omnidrive.reference import (
     SampledReference,
     ShapeReference,
     TimedReference,
+    limit_usage,
     load_waypoints,
     save_waypoints,
 )
@@ -171,6 +173,19 @@ def test_too_fast_shape_is_rejected_with_the_shortest_duration():
         plan_and_check(retime(slow, duration=2.0))
     shortest = float(str(error.value).split()[-2])
     plan_and_check(retime(slow, duration=shortest))
+
+
+def test_speeds_in_the_message_differ_if_a_duration_is_only_just_too_short():
+    slow = retime(scenario({"type": "circle", "radius": 5.0}), duration=60.0)
+    planned = plan_and_check(slow)
+    (share,) = limit_usage(planned.motion, planned.limits[:1]).values()
+    fastest = share * planned.motion.duration
+    with pytest.raises(InvalidReference) as error:
+        planned.reference(fastest / 1.003)
+    needed, top = re.findall(r"([\d.]+) rad/s", str(error.value))
+    assert float(needed) > float(top) == planned.robot.max_wheel_speed
+    assert len(needed) < 10
+    planned.reference(float(str(error.value).split()[-2]))
 
 
 def test_motion_beyond_the_acceleration_limits_is_noted(caplog):

@@ -104,11 +104,11 @@ def changed(*path, value):
         (changed("map", "margin", value=-0.5), "map.margin is -0.5 m, need 0 to 10 m"),
         (
             changed("plant", value="rolers"),
-            "plant there is no plant 'rolers'; did you mean 'mujoco-rollers'?",
+            "plant: there is no plant 'rolers'; did you mean 'mujoco-rollers'?",
         ),
         (
             changed("controllers", value=["nmcp"]),
-            "controllers.nmcp there is no controller 'nmcp'; there are",
+            "controllers.nmcp: there is no controller 'nmcp'; there are",
         ),
         (
             changed("controllers", "unicycle-nmpc", "horizon", value=0),

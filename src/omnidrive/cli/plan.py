@@ -12,8 +12,9 @@ from omnidrive import study
 from omnidrive.choices import MethodName, Unknown
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.cli.terminal import conclude, print_json, show
+from omnidrive.cli.terminal import conclude, note, print_json, show
 from omnidrive.errors import InvalidInput
+from omnidrive.study.output_folder import POSE_FORMATS
 
 _MAX_LISTED = 10  # queries listed in the text output
 _SEARCH_OPTIONS = {"scenario", "map", "search", "unknown"}  # options that --scen uses
@@ -60,8 +61,8 @@ def plan(
 
     If neither a duration nor a speed is given, the duration on a map file, or with
     `--timing limits` or `--timing minimum-time`, is the shortest that the robot's limits allow,
-    rounded up to whole sample times; that of a waypoint file with times is its own; otherwise it is
-    that of the scenario.
+    rounded up to whole sample times (`compare` and `run` drive at 0.5 m/s, if they can); that of a
+    waypoint file with times is its own; otherwise it is that of the scenario.
 
     For example:
 
@@ -102,6 +103,8 @@ def _report(planned: study.PlannedScenario, out: Path | None, png: Path | None, 
             show(f"{name:<20}{fact}")
     if out:
         study.save_plan(planned, reference, out)
+        if out.suffix.lower() in POSE_FORMATS:
+            note(f"{out} has no velocities; .csv and .traj keep the motion")
         conclude(f"written to {out}", beside_json=json)
     if png:
         study.save_figure(planned, reference, png)

@@ -6,11 +6,27 @@ from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.text import Text
 
 from omnidrive.cli.terminal import is_quiet
 from omnidrive.study import Study
 from omnidrive.visualization import Recording, film
+
+
+class _Steps(MofNCompleteColumn):
+    """The completed steps of a part and their number; nothing while the number is unknown."""
+
+    def render(self, task: Task) -> Text:
+        """Return the text of the column."""
+        return super().render(task) if task.total else Text()
 
 
 class LiveProgress:
@@ -20,7 +36,7 @@ class LiveProgress:
         self._progress = Progress(
             TextColumn("{task.description:<9}"),
             BarColumn(),
-            MofNCompleteColumn(),
+            _Steps(),
             TimeElapsedColumn(),
             TextColumn("{task.fields[what]}", style="dim"),
             console=Console(stderr=True),

@@ -35,6 +35,7 @@ from omnidrive.cli.options import (
 )
 from omnidrive.components import component_names
 from omnidrive.errors import InvalidInput
+from omnidrive.files.bounded_file import one_line
 from omnidrive.study.output_folder import WAYPOINT_FORMATS
 
 _HEAD = 65_536  # bytes of a YAML file that are searched for the key `image` of a map
@@ -79,8 +80,23 @@ class ScenarioOptions:
     ] = None
     start: Annotated[str | None, option("X,Y[,HEADING]", "Start, m, m, rad.", PATH_PANEL)] = None
     goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal, m, m, rad.", PATH_PANEL)] = None
-    duration: Annotated[float | None, option("S", "Duration of the path, s.", PATH_PANEL)] = None
-    speed: Annotated[float | None, option("M/S", "Mean speed, m/s.", PATH_PANEL)] = None
+    duration: Annotated[
+        float | None,
+        option(
+            "S",
+            "Duration of the path, s; the task `track` has a second one, 1.5 times as long.",
+            PATH_PANEL,
+        ),
+    ] = None
+    speed: Annotated[
+        float | None,
+        option(
+            "M/S",
+            "Mean speed, m/s, instead of a duration. Without both, on a map: 0.5, or the highest "
+            "possible if that is lower; `plan` takes the shortest duration.",
+            PATH_PANEL,
+        ),
+    ] = None
     margin: Annotated[
         float | None, option("M", "Clearance between robot and obstacles, m.", PATH_PANEL)
     ] = None
@@ -307,6 +323,7 @@ class ScenarioOptions:
             return scenario.model_copy(update={"start": None, "goal": None})
         if file is not None:
             if self.start is None or self.goal is None:
+                _check_map_name(file)
                 raise InvalidInput("a map needs --start X,Y and --goal X,Y (m, in the map frame)")
             return study.map_scenario(
                 str(file),
@@ -378,6 +395,18 @@ def _kind_of(path: Path) -> str:
     if _IMAGE_KEY.search(head):
         return "map"
     return "waypoints" if _POSES_KEY.search(head) else "scenario"
+
+
+def _check_map_name(file: Path) -> None:
+    """Raise InvalidInput if a name is neither that of an installed map nor that of a map file."""
+    known = component_names("maps")
+    if str(file) not in known and file.suffix.lower() not in known:
+        maps = ", ".join(name for name in known if name.startswith("."))
+        raise InvalidInput(
+            f"cannot tell what {one_line(str(file))} is from its name; need a scenario (.yaml or "
+            f"its folder), a waypoint file ({', '.join(WAYPOINT_FORMATS[:-1])}), or a map "
+            f"({maps}) with --start X,Y and --goal X,Y"
+        )
 
 
 def _scenario_name(text: str) -> str:

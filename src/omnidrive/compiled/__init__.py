@@ -83,8 +83,8 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
 
 def _log_compiling() -> None:
     _log.warning(
-        "compiling numerical kernels for this processor, only once: up to half a minute, or a "
-        "minute on one core; `omnidrive warmup` does it beforehand"
+        "compiling the kernels of this command, which are kept for the next time; `omnidrive "
+        "warmup` compiles those of all commands"
     )
 
 

@@ -15,6 +15,9 @@ from omnidrive.files.str_path import StrPath, to_path
 WAYPOINT_FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 """Suffixes of waypoint files that a plan can be written to."""
 
+POSE_FORMATS = (".path", ".yaml", ".yml")
+"""Suffixes of those without velocities."""
+
 _FIGURE_SUFFIXES = (".png", ".svg")
 
 

@@ -143,9 +143,15 @@ class PlannedScenario:
             top = self.robot.max_wheel_speed
             raise InvalidReference(
                 f"{duration:g} s is too short for this reference: a wheel would need "
-                f"{share * top:.0f} rad/s and reaches {top:g} rad/s. The shortest duration is "
-                f"{ceil(10.0 * share * duration) / 10.0:g} s"
+                f"{_above(share * top, top)} rad/s and reaches {top:g} rad/s. The shortest "
+                f"duration is {ceil(10.0 * share * duration) / 10.0:g} s"
             )
+
+
+def _above(value: float, limit: float) -> str:
+    """Return a value above a limit with as many decimals as it needs to be read as above it."""
+    texts = (f"{value:.{decimals}f}" for decimals in range(17))
+    return next((text for text in texts if float(text) > float(f"{limit:g}")), repr(value))
 
 
 def plan_scenario(scenario: Scenario) -> PlannedScenario:

@@ -107,6 +107,10 @@ def parse_scenario(data: dict[Any, Any], where: str, *, allow_code: bool = True)
         raise InvalidScenario(f"{where}: " + "; ".join(facts)) from None
 
 
+_SENTENCES = ("there is ", "there are ", "the ")
+"""First words of messages that are sentences; others go on from the key, such as `is -1 m`."""
+
+
 def _explain(problem: Any) -> str:
     """Return the message for one error: the key, the cause and the valid values."""
     kind, value = problem["type"], problem.get("input")
@@ -122,7 +126,8 @@ def _explain(problem: Any) -> str:
         return _MESSAGES[kind].format(key=key, value=short_repr(value))
     message = problem["msg"].removeprefix("Value error, ")
     if kind in {"value_error", "component"}:
-        return f"{key} {message}".lstrip()
+        colon = ":" if key and message.startswith(_SENTENCES) else ""
+        return f"{key}{colon} {message}".lstrip()
     return f"{key or 'a key'}: {message[0].lower()}{message[1:]}, got {short_repr(value)}"
 
 

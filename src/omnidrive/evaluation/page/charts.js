@@ -118,7 +118,8 @@ const Charts = (() => {
     panel.clock.textContent = `t = ${(hovering ? group.t[row] : time).toFixed(2)} s`;
     panel.clock.classList.toggle("hovering", hovering);
     group.runs.forEach((run, k) => {
-      const value = hovering && row >= run.rows ? NaN : run.value(kind.column, at);
+      const signed = hovering && row >= run.rows ? NaN : run.value(kind.column, at);
+      const value = isLog(kind) ? Math.abs(signed) : signed;
       panel.values[k].textContent = kind.error ? Study.text(value * kind.factor) : Number.isFinite(value) ? (value * kind.factor).toFixed(kind.digits) : "–";
       panel.items[k].hidden = !run.visible || !run.column(kind.column);
     });

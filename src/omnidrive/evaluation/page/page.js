@@ -201,6 +201,9 @@ const Playback = (() => {
     find("scrub").step = Study.dt;
     find("duration").textContent = group.duration.toFixed(2);
     for (const id of ["cells-layer", "cells-key"]) find(id).hidden = !Study.cells[0].length;
+    const shows = (kind) => group.onMap && Study.map.kinds.includes(kind);
+    find("obstacle-key").hidden = !shows(2);
+    for (const id of ["inflated-layer", "inflated-key"]) find(id).hidden = !shows(1);
     find("measured-layer").hidden = !group.runs.some((run) => run.measured);
     listRuns();
     Charts.load(group);
