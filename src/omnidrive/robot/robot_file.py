@@ -128,7 +128,8 @@ def parse_robot(data: Any, where: str) -> Robot:
 def save_robot(robot: Robot, path: StrPath, *, notes: Sequence[str] = ()) -> None:
     """Write a robot file, from which :func:`load_robot` restores every number exactly.
 
-    An existing file is replaced only when the new one is complete.
+    Angles beyond 6.3 rad are reduced by full turns. An existing file is replaced only when the new
+    one is complete.
 
     Args:
         robot: The robot.
