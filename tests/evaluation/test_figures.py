@@ -63,6 +63,7 @@ def test_svg_files_are_self_contained_and_undated(files):
             assert len(list(root.iter())) > 50, path.name
 
 
+@pytest.mark.long
 def test_output_is_deterministic(part, tmp_path):
     once, again = (
         [path.read_bytes() for path in write_figures(part, tmp_path / name)] for name in "ab"

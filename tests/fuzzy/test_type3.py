@@ -108,6 +108,7 @@ def test_type_3_converges_in_number_of_slices(secondary):
     assert errors[-1] < errors[0] / 4
 
 
+@pytest.mark.long
 def test_type_3_interval_widens_with_spread():
     """The limits are the midpoints of the footprints and the full footprints."""
     at = oracle.points_in(paper(None), np.random.default_rng(0), 100)

@@ -110,6 +110,7 @@ def test_motion_beyond_its_limits_is_kept_within_one_percent():
         assert share <= 1.01 * max(usage[name], 1.0)
 
 
+@pytest.mark.long
 def test_motion_that_needs_too_many_samples_is_rejected():
     reference = time_within_limits(wandering(1), ROBOT.chassis, LIMITS)
     tiny = limit_rows(ROBOT.chassis, MotionLimits(wheel_acceleration=1e-9))

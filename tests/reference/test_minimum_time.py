@@ -282,6 +282,7 @@ def test_corridor_boxes_are_free_and_overlap(yaw):
     assert (low < high).all()
 
 
+@pytest.mark.long
 def test_rotated_map_gives_rotated_motion():
     """A path around an obstacle, on a map and on the map rotated about its origin."""
     occupied = np.zeros((40, 60), bool)
@@ -342,6 +343,7 @@ def test_step_is_limited_to_the_bounds(excess):
     assert _limit_step(start, found, None) is found
 
 
+@pytest.mark.long
 def test_gain_through_narrow_doors():
     """Rooms with narrow doors, crossed at an angle, where boxes overlap little."""
     robot = named_robot("small")

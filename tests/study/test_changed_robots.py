@@ -133,6 +133,7 @@ def test_collision_with_a_disc_on_the_path_is_reported(tmp_path):
     assert saved["runs"][0]["collisions"] == result.collisions
 
 
+@pytest.mark.long
 def test_roller_phases_depend_on_seed_and_repeat():
     def work(seed):
         noisy = scenario(

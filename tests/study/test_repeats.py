@@ -59,6 +59,7 @@ def test_noise_depends_on_the_repeat_and_not_on_the_controller(folder):
     assert all(np.abs(a - b).max() > 0.05 for a, b in pairwise(rows))
 
 
+@pytest.mark.long
 def test_results_are_equal_with_two_processes(folder, tmp_path):
     run_study(noise_scenario(SEEDS), tmp_path / "again", processes=2)
     assert numbers(tmp_path / "again") == numbers(folder)

@@ -77,6 +77,7 @@ def test_a_missing_robot_file_is_refused(tmp_path):
         plan_scenario(scenario(RobotSection(name=str(tmp_path / "none.yaml"))))
 
 
+@pytest.mark.long
 def test_a_run_folder_holds_the_robot_of_the_plant_too(base, tmp_path):
     first = scenario(RobotSection(name="small"))
     section = RobotSection(name=str(base), friction=0.5)

@@ -136,6 +136,7 @@ def test_every_task_runs_with_an_estimator():
         assert (again.run.pose == result.run.pose).all()
 
 
+@pytest.mark.long
 def test_command_line_enables_and_disables_the_estimator(tmp_path, capsys):
     tasks = Tasks(noise=NoiseTask(durations=(20.0,)))
     path = tmp_path / "s.yaml"

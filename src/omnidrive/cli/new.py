@@ -23,6 +23,14 @@ if TYPE_CHECKING:
     from omnidrive.robot import Robot
 
 Kind = Literal["controller", "plant", "robot"]
+_KindArgument = Annotated[
+    str,
+    typer.Argument(
+        help=f"{', '.join(get_args(Kind))}.",
+        metavar="KIND",
+        autocompletion=one_of(get_args(Kind)),
+    ),
+]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _TRY: dict[Kind, tuple[str, ...]] = {
     "controller": (
@@ -39,14 +47,7 @@ _TRY: dict[Kind, tuple[str, ...]] = {
 
 
 def new(
-    kind: Annotated[
-        str,
-        typer.Argument(
-            help=f"{', '.join(get_args(Kind))}.",
-            metavar="KIND",
-            autocompletion=one_of(get_args(Kind)),
-        ),
-    ],
+    kind: _KindArgument,
     name: Annotated[
         str, typer.Argument(help="Name of the class, such as MyController, or of the robot.")
     ],
@@ -82,8 +83,7 @@ def new(
         )
     if like is not None and chosen != "robot":
         raise InvalidInput(f"--like: not for a {chosen}, only for a robot")
-    class_name = "".join(part[:1].upper() + part[1:] for part in name.split("_"))
-    module = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", class_name).lower()
+    class_name, module = _names(name)
     file = out / (f"{module}.yaml" if chosen == "robot" else f"{module}.py")
     test = None if chosen == "robot" else out / f"test_{module}.py"
     for path in filter(None, (file, test)):
@@ -104,6 +104,13 @@ def new(
         show(f"wrote {path}")
     for command in _TRY[chosen]:
         show(f"  {command.format(file=file, name=class_name, test=test)}")
+
+
+def _names(name: str) -> tuple[str, str]:
+    """Return the name of a class, such as MyLaw, and of its module, such as my_law."""
+    class_name = "".join(part[:1].upper() + part[1:] for part in name.split("_"))
+    boundary = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"
+    return class_name, re.sub(boundary, "_", class_name).lower()
 
 
 def _robot_notes(source: Robot) -> list[str]:
