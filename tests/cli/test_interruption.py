@@ -79,7 +79,15 @@ def finish(process):
     return " ".join(errors.split())
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGTERM,
+        signal.SIGKILL,
+        pytest.param(signal.SIGINT, marks=pytest.mark.long),
+        pytest.param(signal.SIGHUP, marks=pytest.mark.long),
+    ],
+)
 def test_workers_end_with_the_command_and_results_are_kept(tmp_path, number):
     with compare(tmp_path) as process:
         wait_for((tmp_path / "cut" / "results.json").exists)  # both workers are running

@@ -105,6 +105,7 @@ def test_duration_scales_the_wheel_speed(capsys, room):
     assert slow["wheel_speed_used_percent"] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.long
 def test_minimum_time_is_shorter_than_limits(capsys, room):
     pytest.importorskip("casadi")
     fast = json.loads(plan(capsys, *room, "--json"))
