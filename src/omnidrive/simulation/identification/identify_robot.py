@@ -154,8 +154,11 @@ class _Data:
                 _missing("wheel radius", "m", reason),
                 _missing("effective radius", "m", reason),
             )
-        rims = self.log.wheel_speeds @ np.linalg.pinv(self.robot.rim_jacobian).T
-        moved, turned = self._integrated(rims), _cumulated(self.log.t, rims[:, 2:])
+        scaled_twists = self.log.wheel_speeds @ np.linalg.pinv(self.robot.rim_jacobian).T
+        moved, turned = (
+            self._integrated(scaled_twists),
+            _cumulated(self.log.t, scaled_twists[:, 2:]),
+        )
         positions = without_means(self.log.poses[:, :2], self.segments)
         yaws = without_means(self.yaw[:, None], self.segments)
         moved, turned = without_means(moved, self.segments), without_means(turned, self.segments)
