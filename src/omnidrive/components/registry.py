@@ -85,6 +85,7 @@ def _load_file(kind: str, name: str, path: Path) -> tuple[ModuleType, str]:
         sys.modules[module_name] = module  # dataclasses look their module up
 
         def run() -> None:
+            """Execute the content of the file in the namespace of its module."""
             exec(compile(content, str(path.resolve()), "exec", dont_inherit=True), module.__dict__)
 
         try:

@@ -81,6 +81,7 @@ def _capable(capabilities: PlantCapabilities) -> Callable[[Any], Any]:
     """Attach capabilities to a factory, so that they are known without a plant."""
 
     def attach(factory: Any) -> Any:
+        """Return the factory with the attribute ``capabilities``."""
         factory.capabilities = capabilities
         return factory
 

@@ -220,6 +220,7 @@ class _Data:
         segments = np.concatenate([self.segments[rows]] * self._columns)
 
         def residuals(values: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
+            """Return the errors of the response, each over its standard deviation."""
             blocks = self._response_errors(values, rows)
             return np.concatenate(
                 [(block / sigma).T.ravel() for block, sigma in zip(blocks, sigmas, strict=False)]
