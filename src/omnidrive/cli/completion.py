@@ -13,7 +13,7 @@ Complete = Callable[[str], list[str]]
 
 
 def one_of(names: Iterable[str]) -> Complete:
-    """Return a completion of one name."""
+    """Return the completion of a value that is one of ``names``."""
     known = list(names)
 
     def complete(incomplete: str) -> list[str]:
@@ -23,7 +23,7 @@ def one_of(names: Iterable[str]) -> Complete:
 
 
 def some_of(names: Iterable[str]) -> Complete:
-    """Return a completion of the last of several comma-separated names."""
+    """Return the completion of a comma-separated list of ``names``: its last name is completed."""
     known = list(names)
 
     def complete(incomplete: str) -> list[str]:
@@ -35,7 +35,7 @@ def some_of(names: Iterable[str]) -> Complete:
 
 
 def component(group: Group) -> Complete:
-    """Return a completion of the names of installed components."""
+    """Return the completion of a value that is the name of an installed component of a group."""
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in component_names(group) if name.startswith(incomplete)]
@@ -44,7 +44,7 @@ def component(group: Group) -> Complete:
 
 
 def several_components(group: Group) -> Complete:
-    """Return a completion of the last of several comma-separated names of components."""
+    """Return the completion of a comma-separated list of names of components of a group."""
 
     def complete(incomplete: str) -> list[str]:
         return some_of(component_names(group))(incomplete)
@@ -53,7 +53,10 @@ def several_components(group: Group) -> Complete:
 
 
 def paper_or_file(incomplete: str) -> list[str]:
-    """Complete ``paper``, unless a file or folder begins in the same way, or nothing is typed."""
+    """Complete ``paper``, the name of the default scenario.
+
+    If nothing is typed, or a file or folder begins in the same way, the shell lists files.
+    """
     if not incomplete or not "paper".startswith(incomplete):
         return []
     return [] if any(Path().glob(f"{incomplete}*")) else ["paper"]

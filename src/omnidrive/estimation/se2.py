@@ -1,4 +1,8 @@
-"""Compiled kernels of the group SE(2); poses and motions are vectors (x, y, yaw) in m, m, rad."""
+"""Compiled operations of the group SE(2).
+
+Poses and motions are vectors (x, y, yaw) in m, m, rad. A motion is an element of the tangent space:
+a constant twist in the moving frame, times its duration.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from omnidrive.compiled import compiled
 
 @compiled
 def exponential(motion: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """Return the pose reached from the origin by a motion along an arc.
+    """Return the pose reached from the origin by a motion along a circular arc or straight line.
 
     The same function as :func:`omnidrive.geometry.move` in unit time.
     """
@@ -32,7 +36,7 @@ def exponential(motion: Float[Array, " 3"]) -> Float[Array, " 3"]:
 def logarithm(pose: Float[Array, " 3"]) -> Float[Array, " 3"]:
     """Return the motion from the origin to ``pose``, the inverse of :func:`exponential`.
 
-    Its rotation is at least -pi and less than pi.
+    The rotation of the motion is at least -pi and less than pi.
     """
     turn = pose[2] - 2.0 * pi * floor((pose[2] + pi) / (2.0 * pi))
     half = 0.5 * turn
@@ -42,7 +46,7 @@ def logarithm(pose: Float[Array, " 3"]) -> Float[Array, " 3"]:
 
 @compiled
 def compose(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """Return ``pose o other``; the yaw is the sum of both and not wrapped."""
+    """Return the composition ``pose o other``; its yaw is the sum of both, not wrapped."""
     c, s = cos(pose[2]), sin(pose[2])
     return np.array(
         [
@@ -65,8 +69,9 @@ def relative_pose(pose: Float[Array, " 3"], other: Float[Array, " 3"]) -> Float[
 def inverse_adjoint(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
     """Return the adjoint matrix of the inverse of ``Exp(motion)``.
 
-    It transforms an error of a pose in its own frame to the frame after ``motion`` (Sola,
-    Deray & Atchuthan, "A micro Lie theory", 2018, eq. 31; for SE(2), eq. 159).
+    It transforms a small error of a pose, given in the frame of this pose, to the frame that the
+    pose has after ``motion`` (Sola, Deray & Atchuthan, "A micro Lie theory", 2018, eq. 31; for
+    SE(2), eq. 159).
     """
     end = exponential(motion)
     c, s = cos(end[2]), sin(end[2])
@@ -78,8 +83,10 @@ def inverse_adjoint(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
 def right_jacobian(motion: Float[Array, " 3"]) -> Float[Array, "3 3"]:
     """Return the right Jacobian of :func:`exponential`, to second order in the motion.
 
-    It transforms an error of a motion to the frame at the end of the motion. Computed as
-    the series ``I - ad / 2 + ad^2 / 6`` (Sola, Deray & Atchuthan, 2018, eq. 163 is its sum).
+    It transforms a small change of the motion to the change of the pose at the end, in the frame
+    of this pose. Computed as ``I - ad / 2 + ad^2 / 6`` with ``ad``, the adjoint matrix of the
+    motion as an element of the Lie algebra: the first terms of the series whose sum is eq. 163 of
+    Sola, Deray & Atchuthan, 2018.
     """
     x, y, turn = motion[0], motion[1], motion[2]
     square = turn * turn / 6.0

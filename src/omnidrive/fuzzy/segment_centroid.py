@@ -20,28 +20,30 @@ def aggregate_segments(
 ) -> Float[Array, "4 pieces"]:
     """Aggregate the consequents of one output: the maximum of the clipped (or scaled) consequents.
 
-    Over one piece of the range, in the order from the highest segment to the lowest, a segment
-    rises above its predecessors only if it is clipped at a greater height than all of them. So the
-    maximum may have a corner only where a segment reaches its own height or that of the last
-    predecessor. The maximum of scaled segments has a corner where the highest one is overtaken by
-    a steeper one.
+    The range is divided into pieces on which the consequents, before clipping or scaling, are
+    straight segments that do not cross; they are sorted from the highest to the lowest. A clipped
+    segment can exceed the segments before it only if its height of clipping, the firing strength,
+    is greater than all of theirs; other segments are skipped. So the maximum has a corner only
+    where a segment reaches its own height or that of the segment before it. Scaled segments may
+    cross: their maximum has a corner where the highest one is overtaken by a steeper one.
 
     Args:
-        s: Segments of the consequents.
+        s: Segments of the consequents of all outputs.
         output: Number of the output.
         clips: Whether consequents are clipped; otherwise they are scaled.
         heights: Firing strength of each consequent of the output.
 
     Returns:
-        Straight pieces from left to right: left end, right end, left degree, right degree.
+        Straight parts of the maximum from left to right, one per column: left end, right end, and
+        the degrees there.
     """
     begin, end = s.first_piece[output], s.first_piece[output + 1]
     ends, first_segment, owners, degrees = s.ends, s.first_segment, s.owners, s.degrees
-    most = len(heights)
+    consequents = len(heights)
     segments = first_segment[end] - first_segment[begin]
     pieces = np.empty((4, 2 * segments))
-    cap, p, q = np.empty(most), np.empty(most), np.empty(most)
-    breaks = np.empty(2 * most)
+    cap, p, q = np.empty(consequents), np.empty(consequents), np.empty(consequents)
+    breaks = np.empty(2 * consequents)
     count = 0
     for piece in range(begin, end):
         shown, top = 0, 0.0
@@ -50,7 +52,7 @@ def aggregate_segments(
             if height <= 0.0 or (clips and height <= top):
                 continue
             scale = 1.0 if clips else height
-            cap[shown] = height
+            cap[shown] = height  # also an upper bound of a scaled segment, as degrees are at most 1
             p[shown], q[shown] = scale * degrees[2 * k], scale * degrees[2 * k + 1]
             shown, top = shown + 1, height
         if shown == 0:
@@ -79,7 +81,15 @@ def _envelope(
     shown: int,
     fraction: float,
 ) -> float:
-    """Return the greatest clipped degree at a fraction of the width."""
+    """Return the greatest degree of clipped segments at a fraction of the width of a piece.
+
+    Args:
+        cap: Height at which each segment is clipped.
+        p: Degree of each segment at the left end, before clipping.
+        q: Degree of each segment at the right end, before clipping.
+        shown: Number of segments; the rest of each array is unused.
+        fraction: Distance from the left end over the width, 0 to 1.
+    """
     best = 0.0
     for k in range(shown):
         best = max(best, min(cap[k], p[k] + (q[k] - p[k]) * fraction))
@@ -94,7 +104,11 @@ def _clipped_breaks(
     shown: int,
     breaks: Float[Array, " breaks"],
 ) -> int:
-    """Find the corners of the maximum of clipped segments, ascending; return their number."""
+    """Find the corners of the maximum of clipped segments; return their number.
+
+    They are written to ``breaks`` as ascending fractions of the width; the other arguments are
+    those of :func:`_envelope`.
+    """
     number = 0
     for k in range(shown):
         if p[k] != q[k]:
@@ -112,7 +126,11 @@ def _scaled_breaks(
     shown: int,
     breaks: Float[Array, " breaks"],
 ) -> int:
-    """Find the corners of the maximum of scaled segments, ascending; return their number."""
+    """Find the corners of the maximum of scaled segments; return their number.
+
+    They are written to ``breaks`` as ascending fractions of the width; the other arguments are
+    those of :func:`_envelope`.
+    """
     highest = 0
     for k in range(1, shown):
         if p[k] > p[highest] or (p[k] == p[highest] and q[k] > q[highest]):
@@ -136,7 +154,7 @@ def _scaled_breaks(
 
 @compiled
 def _insert_sorted(breaks: Float[Array, " breaks"], number: int, fraction: float) -> int:
-    """Insert a fraction of the width in ascending order, if it lies within; return the number."""
+    """Insert a fraction in ascending order if it is between 0 and 1; return the new number."""
     if not 0.0 < fraction < 1.0:
         return number
     k = number
@@ -149,7 +167,12 @@ def _insert_sorted(breaks: Float[Array, " breaks"], number: int, fraction: float
 
 @compiled
 def defuzzify_exact(defuzzifier: int, polyline: Float[Array, "4 pieces"]) -> float:
-    """Return the defuzzified value of a polyline, in closed form."""
+    """Return the defuzzified value of a polyline, in closed form.
+
+    Args:
+        defuzzifier: Index in :data:`~omnidrive.fuzzy.variables.DEFUZZIFIERS`.
+        polyline: Membership function, as from :func:`aggregate_segments`; at least one piece.
+    """
     if defuzzifier == CENTROID:
         area, moment = _moments_left_of(polyline, np.inf)
         return _clamp_to_support(polyline, moment / area if area > 0.0 else np.nan)
@@ -220,7 +243,10 @@ def _bisector(polyline: Float[Array, "4 pieces"]) -> float:
 
 @compiled
 def _exact_maximum(defuzzifier: int, polyline: Float[Array, "4 pieces"]) -> float:
-    """Return the point of the greatest degree that the defuzzifier selects."""
+    """Return the point of greatest degree that the defuzzifier selects, or the mean of all.
+
+    Candidates on a piece of constant degree are its ends and, as the smallest in size, x = 0.
+    """
     top = max(polyline[2].max(), polyline[3].max()) * (1.0 - 1e-12)
     length, moment = 0.0, 0.0
     points = np.empty(3 * polyline.shape[1])
@@ -250,10 +276,10 @@ def centroid_interval(
 ) -> tuple[float, float]:
     """Return the least and the greatest centroid of all functions between two polylines.
 
-    Karnik and Mendel's fixed point in the continuum (Liu & Mendel 2011, "Connect Karnik-Mendel
-    algorithms to root-finding"), where the iteration is Newton's method. The algorithms of type
-    reduction differ in the search on samples, not in the result. Nie-Tan is the centroid of the
-    mean of both functions.
+    The fixed point of Karnik and Mendel for functions of a continuous variable, for which their
+    iteration is Newton's method (Liu & Mendel 2011, "Connect Karnik-Mendel algorithms to
+    root-finding"). All algorithms of type reduction have this result, as they differ only in their
+    search on samples, except Nie-Tan: the centroid of the mean of both functions.
 
     Args:
         algorithm: Index in :data:`~omnidrive.fuzzy.system.ALGORITHMS`.
@@ -268,7 +294,7 @@ def centroid_interval(
     if algorithm == NIE_TAN:
         return middle, middle
     if low_area <= 0.0:
-        return float(upper[0, 0]), float(upper[1, -1])
+        return float(upper[0, 0]), float(upper[1, -1])  # of narrow functions at both ends
     least = greatest = middle
     for step in range(200):
         (u, um), (w, wm) = _moments_left_of(upper, least), _moments_right_of(lower, least)

@@ -19,6 +19,7 @@ ASCII_CELLS = {
     "1": OCCUPIED,
     "?": UNKNOWN,
 }
+"""Kind of cell for each character."""
 
 
 def load_ascii_map(
@@ -27,16 +28,17 @@ def load_ascii_map(
     """Read a text file with one character per cell, the topmost row first.
 
     Free cells are ``.``, a space or ``0``, obstacles ``#``, ``@`` or ``1``, unknown cells ``?``.
-    All lines have the same length. The lower left corner of the map is the origin of W.
+    All lines have the same length. The lower left corner of the map is the origin of the world
+    frame W.
 
     Args:
         path: The file.
         resolution: Side of a cell, in m.
-        unknown: Whether unknown cells count as occupied or free.
+        unknown: Whether unknown cells count as "occupied" or "free".
 
     Raises:
         InvalidInput: ``unknown`` is neither "occupied" nor "free".
-        InvalidMap: The file is missing, malformed or too large.
+        InvalidMap: The file is missing, malformed or too large, or the resolution is out of range.
     """
     check_unknown(unknown)
     path = to_path(path)

@@ -9,7 +9,9 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 
 POSE = (("x", "m"), ("y", "m"), ("yaw", "rad"))
+"""Names and units of the fields of a pose."""
 TWIST = (("vx", "m/s"), ("vy", "m/s"), ("yaw_rate", "rad/s"))
+"""Names and units of the fields of a twist."""
 
 
 class LogColumn(NamedTuple):
@@ -18,7 +20,7 @@ class LogColumn(NamedTuple):
     name: str
     """Name, as in the files of a run folder."""
     unit: str
-    """Unit; 1 for a number without unit."""
+    """Unit; "1" for a number without unit."""
     values: Float[Array, " rows"] | Int[Array, " rows"]
     """Values; NaN if unknown."""
 
@@ -26,5 +28,11 @@ class LogColumn(NamedTuple):
 def vector_columns(
     prefix: str, fields: tuple[tuple[str, str], ...], values: Float[Array, "rows fields"]
 ) -> list[LogColumn]:
-    """Return one column per field of a vector; ``fields`` are names and units."""
+    """Return one column per field of a vector.
+
+    Args:
+        prefix: Beginning of the name of each column, before the name of the field.
+        fields: Name and unit of each field.
+        values: One row per sample.
+    """
     return [LogColumn(prefix + name, unit, values[:, i]) for i, (name, unit) in enumerate(fields)]

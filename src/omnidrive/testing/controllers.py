@@ -1,4 +1,4 @@
-"""Laws of controllers."""
+"""Check of a controller against the laws, the properties that all controllers must have."""
 
 from __future__ import annotations
 
@@ -39,14 +39,15 @@ def check_controller(
     - Two runs with the same inputs have the same commands, bit for bit; ``reset`` clears all
       memory.
     - Commands are finite, or their status is ``FAILED``, for any pose.
-    - Unknown parts of the state (None) are no error.
+    - The state may have unknown parts (None).
     - Rotating the world does not change the command (``invariant``).
     - It reaches a pose, on a plant that executes commands exactly; with wheel torques, on the plant
       ``planar`` (``converges``).
 
     Args:
-        factory: The class or function that makes the controller, as for ``--controller``.
-        robot: The robot. None: the robot `small`.
+        factory: The class or function that makes the controller, as for the command-line option
+            ``--controller``.
+        robot: The robot. None: the built-in robot `small`.
         dt: Sample time, s.
         parameters: Parameters for the factory. None: the defaults.
         invariant: Whether the law of rotation applies; not for controllers that depend on the
@@ -78,7 +79,7 @@ class _Laws:
         self.component, self.robot, self.dt, self.parameters = component, robot, dt, parameters
 
     def make(self) -> Any:
-        """Return a new product, whose type is not known yet."""
+        """Return a new object from the factory; its type is not checked yet."""
         rng = np.random.default_rng(0)
         context = ControllerContext(self.robot, self.dt, rng, forces=False)
         return self.component.make(context, self.parameters)
@@ -132,7 +133,10 @@ class _Laws:
             controller.reset(State(0.0, _START))
             command = controller.step(0.0, State(0.0, pose), Circle())
             if command.status is not Status.FAILED and not all(map(isfinite, command.value)):
-                return f"at the pose {tuple(pose)} its command is {command.value}, with status OK"
+                return (
+                    f"at the pose {tuple(pose)} its command is {command.value}, need finite values "
+                    "or the status FAILED"
+                )
         return None
 
     def rotation(self) -> str | None:
@@ -147,7 +151,8 @@ class _Laws:
             if not np.allclose(a, b, rtol=0.0, atol=1e-5):
                 return (
                     f"with the world turned by {angle} rad, the command at {t:g} s is {b} instead "
-                    f"of {a}: are errors in W used as velocities in B?"
+                    f"of {a}: are errors in the world frame W used as velocities in the body "
+                    "frame B?"
                 )
         return None
 

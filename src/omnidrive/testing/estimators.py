@@ -1,4 +1,4 @@
-"""Laws of state estimators."""
+"""Check of a state estimator against the laws, the properties that all estimators must have."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def check_estimator(
 
     Args:
         factory: The class or function that makes the estimator.
-        robot: The robot. None: the robot `small`.
+        robot: The robot. None: the built-in robot `small`.
         parameters: Parameters for the factory. None: the defaults.
         accuracy: Greatest error on the arc, m and rad.
 
@@ -77,7 +77,7 @@ class _Laws:
         self.parameters, self.accuracy = parameters, accuracy
 
     def make(self) -> Any:
-        """Return a new product, whose type is not known yet."""
+        """Return a new object from the factory; its type is not checked yet."""
         context = EstimatorContext(self.robot, _SETTINGS, forces=False)
         return self.component.make(context, self.parameters)
 

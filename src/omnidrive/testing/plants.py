@@ -1,4 +1,4 @@
-"""Laws of plants."""
+"""Check of a plant against the laws, the properties that all plants must have."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ def check_plant(
     - The reported twist is the derivative of the pose.
 
     Args:
-        factory: The class or function that makes the plant, as for ``--plant``.
-        robot: The robot. None: the robot `small`.
+        factory: The class or function that makes the plant, as for the command-line option
+            ``--plant``.
+        robot: The robot. None: the built-in robot `small`.
         parameters: Parameters for the factory. None: the defaults.
         tolerance: Greatest error of a mean velocity, m/s and rad/s, and of a pose, m and rad.
 
@@ -71,7 +72,7 @@ class _Laws:
         self.parameters, self.tolerance = parameters, tolerance
 
     def make(self) -> Any:
-        """Return a new product, whose type is not known yet."""
+        """Return a new object from the factory; its type is not checked yet."""
         return self.component.make(PlantContext(self.robot), self.parameters)
 
     def drive(

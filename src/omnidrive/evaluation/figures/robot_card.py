@@ -1,4 +1,4 @@
-"""Figure of a robot: chassis, wheel matrix, largest speeds and accelerations, lost wheels."""
+"""Figure of a robot: chassis, wheel matrix, largest speeds and accelerations, dead wheels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from omnidrive.robot import Mount, Robot
 _BLUE, _GREEN, _RED, _PURPLE = "#0072b2", "#007a59", "#d55e00", "#a8558a"
 _ANGLES = np.linspace(0.0, 2.0 * pi, 721)
 _SHARES = (0.0, 0.5, 0.8)
-"""Yaw rates and yaw accelerations of the drawn slices, over the largest one."""
+"""Yaw rates and yaw accelerations of the drawn slices, as fractions of the largest one."""
 
 
 def robot_card(summary: RobotSummary) -> Figure:
@@ -34,7 +34,7 @@ def robot_card(summary: RobotSummary) -> Figure:
         upper = grid[0].subgridspec(1, 3, width_ratios=(1.15, 1, 1))
         lower = grid[1].subgridspec(1, 2)
         above, speed, acceleration = (figure.add_subplot(upper[0, k]) for k in range(3))
-        matrix, lost = (figure.add_subplot(lower[0, k]) for k in range(2))
+        matrix, facts = (figure.add_subplot(lower[0, k]) for k in range(2))
         _chassis(above, summary.robot)
         _polytope(speed, summary.speed, "Largest speeds, m/s", "rad/s", "yaw rate")
         _polytope(
@@ -48,13 +48,13 @@ def robot_card(summary: RobotSummary) -> Figure:
         _legend(acceleration)
         _legend(speed)
         _matrix(matrix, summary)
-        _facts(lost, summary)
+        _facts(facts, summary)
         figure.supxlabel(warnings, x=0.01, ha="left", fontsize=8.5, color=_RED)
     return figure
 
 
 def _chassis(axes: Axes, robot: Robot) -> None:
-    """Draw the robot from above, its wheels, their rolling directions and their rollers."""
+    """Draw the robot from above: wheels, rolling directions, rollers, support polygon and COM."""
     size, pose = robot.body_radius, Pose(0.0, 0.0, 0.5 * pi)
     hide_axes(axes)
     axes.add_patch(Circle((0.0, 0.0), size, facecolor="#f3f5f8", edgecolor=DARK, lw=1.1, zorder=1))
@@ -95,13 +95,14 @@ def _support_polygon(robot: Robot) -> list[tuple[float, float]]:
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Return twice the area of the triangle a, b, c; positive if counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _wheel(axes: Axes, robot: Robot, pose: Pose, i: int, mount: Mount) -> None:
     """Draw one wheel, its number, its rolling direction and the axis of its roller."""
     size, r = robot.body_radius, robot.wheel.radius
-    half = max(0.5 * robot.wheel.row_gap + 0.25 * r, 0.35 * r)
+    half = max(0.5 * robot.wheel.row_gap + 0.25 * r, 0.35 * r)  # half the drawn width
     rolling = mount.axle_angle + 0.5 * pi
     ahead, aside = (cos(rolling), sin(rolling)), (cos(mount.axle_angle), sin(mount.axle_angle))
 
@@ -116,7 +117,7 @@ def _wheel(axes: Axes, robot: Robot, pose: Pose, i: int, mount: Mount) -> None:
         transform_points(pose, corners), facecolor="#c9ced6", edgecolor=DARK, lw=0.9, zorder=3
     )
     axes.add_patch(tyre)
-    px, py = mount.drive_direction
+    px, py = mount.drive_direction  # along the axis of the roller on the floor
     reach = max(1.2 * r, 0.1 * size)
     ends = transform_points(
         pose, [(mount.x + k * reach * px, mount.y + k * reach * py) for k in (-1.0, 1.0)]
@@ -132,7 +133,7 @@ def _wheel(axes: Axes, robot: Robot, pose: Pose, i: int, mount: Mount) -> None:
 
 
 def _polytope(axes: Axes, capability: Capability, title: str, unit: str, yaw: str) -> None:
-    """Draw slices of a polytope at several values of yaw, x upwards."""
+    """Draw slices of a polytope, x upwards, at several yaw rates or yaw accelerations (``yaw``)."""
     reach = 0.0
     for share, alpha in zip(_SHARES, (0.10, 0.16, 0.24), strict=True):
         level = share * capability.yaw
@@ -156,19 +157,23 @@ def _polytope(axes: Axes, capability: Capability, title: str, unit: str, yaw: st
 
 
 def _lost_wheels(axes: Axes, summary: RobotSummary) -> None:
-    """Draw the slices that remain without each wheel; of many different ones, the weakest."""
+    """Draw the slice without yaw acceleration that remains when each wheel is dead.
+
+    Equal slices are drawn once. Of more than four different ones only the weakest is drawn: that
+    with the least acceleration in any direction.
+    """
     colours = (_RED, _PURPLE, _GREEN, "#8c564b")
     drawn: list[tuple[np.ndarray, list[int]]] = []
-    for i, left in enumerate(summary.without):
-        if left is None:
+    for i, remaining in enumerate(summary.without):
+        if remaining is None:
             continue
-        values = left.along(_ANGLES)
+        values = remaining.along(_ANGLES)
         same = next((w for v, w in drawn if np.allclose(v, values, rtol=1e-6)), None)
         if same is None:
             drawn.append((values, [i]))
         else:
             same.append(i)
-    if len(drawn) > len(colours):  # many different shapes: only the weakest one
+    if len(drawn) > len(colours):
         drawn = [min(drawn, key=lambda each: float(each[0].min()))]
     for k, (values, wheels) in enumerate(drawn):
         names = ", ".join(map(str, wheels))
@@ -185,7 +190,7 @@ def _legend(axes: Axes) -> None:
 
 
 def _matrix(axes: Axes, summary: RobotSummary) -> None:
-    """Write the wheel matrix and its condition."""
+    """Write the wheel matrix, its condition number and the loads of the wheels."""
     robot = summary.robot
     axes.axis("off")
     axes.set_title(f"Wheel matrix: rank 3, condition number {summary.condition:.3g} (1 is best)")
@@ -203,15 +208,15 @@ def _clean(value: float) -> float:
 
 
 def _facts(axes: Axes, summary: RobotSummary) -> None:
-    """Write capabilities with and without each wheel, and the warnings."""
+    """Write the largest accelerations with all wheels and without each wheel."""
     axes.axis("off")
     title = "Largest acceleration with all wheels, and with one dead wheel"
     if None in summary.without:
         title += " (0: not omnidirectional)"
     axes.set_title(title)
     rows = [["all", *_range(summary.acceleration)]]
-    for i, left in enumerate(summary.without):
-        rows.append([f"without {i}", *(_range(left) if left else ("0", "-", "-"))])
+    for i, remaining in enumerate(summary.without):
+        rows.append([f"without {i}", *(_range(remaining) if remaining else ("0", "-", "-"))])
     heads = ["wheels", "weakest, m/s²", "strongest, m/s²", "yaw, rad/s²"]
     _table(axes, heads, rows, (0.22, 0.26, 0.27, 0.25))
 
@@ -222,6 +227,7 @@ def _warnings(summary: RobotSummary) -> str:
 
 
 def _range(capability: Capability) -> tuple[str, str, str]:
+    """Return the least and the greatest value of all directions, and the greatest in yaw."""
     low, high = capability.extremes
     return f"{low:.3g}", f"{high:.3g}", f"{capability.yaw:.3g}"
 

@@ -1,4 +1,7 @@
-"""Tiled array of one word per cell, in which neighbouring cells are close in memory."""
+"""Tiled array with one word for each cell of a bitmap; neighbouring cells are close in memory.
+
+The rows of the bitmap are divided into strips, each of which is stored column by column.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +15,17 @@ from omnidrive.compiled import inlined
 from omnidrive.planning.search.bitgrid import BitGrid
 
 Tiles = UInt32[Array, " words"] | Int64[Array, " words"]
+"""One word per cell, at the index from :func:`tile_index`."""
 
 _BITS = 3
 ROWS = 1 << _BITS
-"""Rows of a strip, stored column by column: a cache line of 64 bytes is 8 x 2 words of 32 bits."""
+"""Rows of a strip; a cache line of 64 bytes is 8 rows x 2 columns of words of 32 bits."""
 _LARGE = 1 << 22
+"""Size from which NumPy requests huge pages for an array, bytes."""
 
 
 def empty_tiles(bitgrid: BitGrid, wide: bool) -> Tiles:
-    """Create one word per cell of 32 bits, or of 64 bits if ``wide``, all 0.
+    """Create a word of 32 bits for each cell, or of 64 bits if ``wide``, all 0.
 
     The operating system maps the pages of a large array on first access, so a short path on a large
     map costs little memory and time. This requires small pages: a huge page of 2 MB, which NumPy
@@ -39,5 +44,11 @@ def empty_tiles(bitgrid: BitGrid, wide: bool) -> Tiles:
 
 @inlined
 def tile_index(stride: int, row: int, col: int) -> int:
-    """Return the index of a cell's word; row and column count the border of the bitmap."""
+    """Return the index of a cell's word.
+
+    Args:
+        stride: Number of cells per row of the bitmap, with its border.
+        row: Row of the cell in the bitmap; the border has the first row.
+        col: Column of the cell in the bitmap; the border has the first columns.
+    """
     return ((row >> _BITS) * stride + col) << _BITS | (row & ROWS - 1)

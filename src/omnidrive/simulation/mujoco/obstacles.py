@@ -118,7 +118,7 @@ class MujocoObstacles:
             data.mocap_pos[mocap, :2] = obstacle.position(data.time)
 
     def _set_boxes(self, boxes: Float[Array, "near 4"]) -> None:
-        """Place these boxes in the physics and park the others."""
+        """Place these boxes in the simulated world and park the others below the floor."""
         positions, sizes = self._model.geom_pos[self._geoms], self._model.geom_size[self._geoms]
         count = len(boxes)
         if count == len(self._boxes) == 0:

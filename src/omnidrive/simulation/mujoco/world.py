@@ -1,4 +1,4 @@
-"""Floor, lights and obstacles in MJCF, and the visual geoms of the robot."""
+"""Floor, lights and obstacles in MJCF (MuJoCo's model format), and visual geoms of the robot."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from omnidrive.simulation.mujoco.mjcf import (
 from omnidrive.simulation.mujoco.obstacle_boxes import ObstacleBoxes
 
 MAX_NEAR_BOXES = 8
-"""Number of the map's boxes in the physics: those nearest to the robot."""
+"""Largest number of boxes of the map that are simulated at a time: those nearest to the robot."""
 MAX_REACH = 5.0
-"""Largest distance from the robot's body at which parts of these boxes are in the physics, m."""
+"""Largest distance from the robot's body to which these boxes are simulated, m; clipped there."""
 PARKED = (0.0, 0.0, -1e4)
-"""Position of unused boxes, m."""
+"""Position of unused boxes, far below the floor, m."""
 MAX_DRAWN_BOXES = 5000
-"""Largest number of drawn boxes; the largest boxes are drawn first."""
+"""Largest number of drawn boxes of the map: those with the largest areas."""
 
 _SMOOTH_CONTACT = dict(CONTACT, friction="0.1 0.0005 0.0001", mass="0")
 _WALL_COLOUR = ".42 .45 .5 1"
@@ -37,8 +37,8 @@ _DRAWN_HEIGHT = 0.2  # m
 
 
 def add_floor(root: ET.Element, world: ET.Element, robot: Robot) -> None:
-    """Add the floor with squares of 0.5 m, the sky and the lights."""
-    add(root, "statistic", center="0 0 0", extent="3")  # excludes the parked boxes
+    """Add the floor with squares of 0.5 m, the sky, the lights and the settings of the renderer."""
+    add(root, "statistic", center="0 0 0", extent="3")  # not computed: parked boxes would count
     visual = add(root, "visual")
     add(visual, "global", offwidth="1920", offheight="1080")
     add(visual, "headlight", ambient=".3 .3 .3", diffuse=".25 .25 .25", specular="0 0 0")
@@ -91,16 +91,24 @@ def add_obstacles(
 ) -> None:
     """Add the robot's collision body, the boxes for near obstacles, and the moving obstacles.
 
-    The body is a sphere with the robot's radius, and obstacles are higher than it. It therefore
-    touches their vertical faces and edges at the height of its centre, as a disc on the floor
-    would, with the fastest of MuJoCo's collision functions. Only the body and obstacles collide.
+    The collision body is a sphere with the robot's radius, and obstacles are higher than it. It
+    therefore touches their vertical faces and edges at the height of its centre, as a disc on the
+    floor would, with the fastest of MuJoCo's collision functions. It collides only with obstacles,
+    and obstacles collide only with it.
+
+    Args:
+        root: Element ``mujoco`` with the elements ``worldbody`` and ``asset``.
+        base: Element ``body`` of the robot.
+        robot: The robot.
+        walls: Boxes of the map; None: no map.
+        moving: Moving obstacles, at their positions at t = 0.
     """
     add(
         base, "geom", name="body", type="sphere", size=robot.body_radius, contype="2",
         conaffinity="0", rgba="1 0 0 .2", group="4", **_SMOOTH_CONTACT,
     )  # fmt: skip
-    most = robot.body_radius + MAX_REACH
-    height = most + 1.0  # a body inside a box is pushed out sideways
+    reach = robot.body_radius + MAX_REACH  # half the side of the largest clipped box
+    height = reach + 1.0  # the greatest half size: a body inside is pushed out sideways
     world = root.find("worldbody")
     assert world is not None
     if walls is not None:
@@ -110,7 +118,7 @@ def add_obstacles(
         )
         for k in range(MAX_NEAR_BOXES):
             add(
-                walls_body, "geom", name=f"wall{k}", type="box", size=numbers(most, most, height),
+                walls_body, "geom", name=f"wall{k}", type="box", size=numbers(reach, reach, height),
                 pos=numbers(*PARKED), contype="0", conaffinity="2", group="3", **_SMOOTH_CONTACT,
             )  # fmt: skip
         _add_mesh(root, walls_body, walls.boxes)
@@ -129,12 +137,19 @@ def add_obstacles(
 
 
 def _add_mesh(root: ET.Element, walls: ET.Element, boxes: Float[Array, "boxes 4"]) -> None:
-    """Add all boxes as one mesh, which is drawn as fast as one box."""
+    """Draw boxes as one mesh, which is drawn as fast as one box.
+
+    Args:
+        root: Element ``mujoco`` with the element ``asset``.
+        walls: Element ``body`` to which the mesh belongs.
+        boxes: (left, right, bottom, top) of each box in the frame of ``walls``, m. Infinite boxes
+            are not drawn.
+    """
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
     if len(boxes) == 0:
         return
-    sizes = (boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2])
-    boxes = boxes[np.argsort(-sizes, kind="stable")[:MAX_DRAWN_BOXES]]
+    areas = (boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2])
+    boxes = boxes[np.argsort(-areas, kind="stable")[:MAX_DRAWN_BOXES]]
     vertices = [
         (x, y, z)
         for left, right, bottom, top in boxes.tolist()
@@ -155,4 +170,7 @@ _FACES = [
     (0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4),
     (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),
 ]  # fmt: skip
-"""Triangles of a box whose first four corners are on the floor, counter-clockwise."""
+"""Corners of the triangles of a box, counter-clockwise seen from outside.
+
+Corners 0 to 3 are on the floor, counter-clockwise seen from above; 4 to 7 are above them.
+"""
