@@ -56,6 +56,19 @@ def bounds_of(params: type[Any]) -> dict[str, Bounds]:
     }
 
 
+def check_bounds(parameters: object) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless every value is within its bounds.
+
+    Args:
+        parameters: Instance of a parameter class; its fields with :class:`Bounds` are checked.
+    """
+    for name, bounds in bounds_of(type(parameters)).items():
+        try:
+            bounds.check(getattr(parameters, name))
+        except ValueError as error:
+            raise InvalidInput(f"{name} {error}") from None
+
+
 def check_choice(what: str, name: object, known: Collection[str]) -> None:
     """Raise :class:`~omnidrive.errors.InvalidInput` unless ``name`` is one of the known names.
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from omnidrive.control import Controller, FeedforwardController, Status
 from omnidrive.control.pid import (
     FuzzyPidController,
-    MemorylessParameters,
     SelfTuningParameters,
     TrackingChannel,
     TrackingParameters,
@@ -36,11 +35,10 @@ from omnidrive.control.pid.laws import (
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import Pose, to_world, wrap
-from omnidrive.parameter import bounds_of
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, Outcome, simulate
-from tests.laws.motions import Circle
+from omnidrive.testing.laws import Circle
 
 DT = 0.1
 PRESETS = [(kind, preset) for kind in ("t1", "t2") for preset in ("paper", "published-code")]
@@ -485,16 +483,6 @@ def test_details_that_do_not_match_units_are_refused():
     run = run_on(Mismatched(DT), Circle(), Circle().at(0.0).pose)
     assert run.outcome is Outcome.CONTROLLER_FAILED
     assert "holds 2 details, its detail_units 1" in run.reason
-
-
-@pytest.mark.parametrize(
-    "parameters", [SelfTuningParameters(), MemorylessParameters(), TrackingParameters()]
-)
-def test_defaults_lie_within_bounds(parameters):
-    bounds = bounds_of(type(parameters))
-    assert list(bounds) == list(parameters._fields)
-    for name, bound in bounds.items():
-        bound.check(getattr(parameters, name))
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.1, float("nan"), float("inf")])

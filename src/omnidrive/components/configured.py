@@ -141,7 +141,7 @@ class OfGroup(NamedTuple):
         if self.default is not None:
             component = find_component(self.group, self.default)
             if isinstance(value, component.parameter_class or ()):
-                return Configured(component, value)
+                return Configured(component, component.parse(plain(value)))
         if isinstance(value, str) or callable(value):
             value = {"type": value}
         if not isinstance(value, dict):

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 from omnidrive.control.controller import Command
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
-from omnidrive.parameter import Bounds, check_sample_time
+from omnidrive.parameter import Bounds, check_bounds, check_sample_time
 from omnidrive.reference import Reference
 
 
@@ -58,6 +58,9 @@ class FeedforwardController:
     Attributes:
         dt: Sample time in s.
         gains: Decay rates of errors, in 1/s.
+
+    Raises:
+        InvalidInput: ``dt`` is not positive, or a gain is out of its range.
     """
 
     dt: float
@@ -65,6 +68,7 @@ class FeedforwardController:
 
     def __post_init__(self) -> None:
         check_sample_time(self.dt)
+        check_bounds(self.gains)
 
     def reset(self, state: State) -> None:
         """Do nothing: the law has no memory."""

@@ -25,7 +25,7 @@ from omnidrive.control.pid.laws import (
     tune_bounded_gains,
     tune_gains,
 )
-from omnidrive.parameter import bounds_of
+from omnidrive.parameter import bounds_of, check_bounds
 
 Tuner = Callable[[float, float], GainChange]
 """Maps the scaled error and its scaled change to the changes of kp, ki and kd."""
@@ -99,6 +99,9 @@ class MemorylessChannel:
     tune: Tuner
     parameters: MemorylessParameters
 
+    def __post_init__(self) -> None:
+        check_bounds(self.parameters)
+
     def reset(self) -> None:
         """Do nothing: the law has no memory."""
 
@@ -124,6 +127,9 @@ class SelfTuningChannel:
     dt: float
     parameters: SelfTuningParameters
     _state: SelfTuningState | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        check_bounds(self.parameters)
 
     def reset(self) -> None:
         """Clear the memory."""
@@ -159,6 +165,9 @@ class TrackingChannel:
     dt: float
     parameters: TrackingParameters
     _state: TrackingState = field(default=_INITIAL, init=False)
+
+    def __post_init__(self) -> None:
+        check_bounds(self.parameters)
 
     def reset(self) -> None:
         """Clear the memory."""

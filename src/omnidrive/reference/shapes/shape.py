@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput
-from omnidrive.parameter import Bounds, bounds_of, check_choice
+from omnidrive.parameter import Bounds, check_bounds, check_choice
 from omnidrive.reference.piecewise_path import PathDerivatives
 
 ShapeHeading = Literal["tangent", "fixed"]
@@ -31,11 +30,7 @@ class Shape(ABC):
     rest. 0: uniform motion, which starts and ends at full speed."""
 
     def __post_init__(self) -> None:
-        for name, bounds in bounds_of(type(self)).items():
-            try:
-                bounds.check(getattr(self, name))
-            except ValueError as error:
-                raise InvalidInput(f"{name} {error}") from None
+        check_bounds(self)
 
     @abstractmethod
     def evaluate(self, s: Float[Array, " n"]) -> PathDerivatives:

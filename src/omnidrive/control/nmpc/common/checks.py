@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omnidrive.errors import InvalidInput
-from omnidrive.parameter import bounds_of, check_sample_time
+from omnidrive.parameter import check_bounds, check_sample_time
 
 
 def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> None:
@@ -20,8 +20,4 @@ def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> No
     check_sample_time(dt)
     if horizon < 1:
         raise InvalidInput(f"the horizon must be at least 1 stage, got {horizon}")
-    for name, bounds in bounds_of(type(parameters)).items():
-        try:
-            bounds.check(getattr(parameters, name))
-        except ValueError as error:
-            raise InvalidInput(f"{name} {error}") from error
+    check_bounds(parameters)
