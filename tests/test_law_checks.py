@@ -1,7 +1,12 @@
-"""`omnidrive.testing`: every built-in part passes, and each broken law is found."""
+"""`omnidrive.testing`: plants and estimators of this package pass, and each broken law is found.
+
+Its controllers are checked in tests/laws/test_controllers.py.
+"""
 
 from functools import partial
+from math import nan
 
+import numpy as np
 import pytest
 
 import omnidrive as od
@@ -10,11 +15,6 @@ from omnidrive.estimation import LatestFix
 from omnidrive.geometry import to_body
 from omnidrive.simulation import KinematicPlant
 from omnidrive.testing import check_controller, check_estimator, check_plant
-
-
-@pytest.mark.parametrize("name", ["feedforward", "holonomic-nmpc", "unicycle-nmpc", "pid"])
-def test_controllers_of_this_package_pass(name):
-    check_controller(find_component("controllers", name).factory)
 
 
 @pytest.mark.parametrize("name", ["kinematic", "planar", "mujoco-balls"])
@@ -67,9 +67,9 @@ def test_correct_law_passes():
         ("memory", "determinism: after reset, the command at 0 s differs"),
         ("world", "rotation of the world: with the world turned by"),
         ("nan", "finite commands: at the pose"),
-        ("tuple", "command: step returns a tuple, need Command"),
+        ("tuple", "protocol: it returned a tuple, not a Command: return Command(BodyTwist(vx, vy,"),
         ("still", "convergence: 15 s after a step"),
-        ("twist", "command: it raises AttributeError: 'NoneType' object has no attribute 'vx'"),
+        ("twist", "protocol: it raises AttributeError: 'NoneType' object has no attribute 'vx'"),
     ],
 )
 def test_broken_law_is_found(fault, message):
@@ -83,37 +83,57 @@ def test_object_that_is_no_controller_is_found():
         check_controller(lambda: {})
 
 
-class Drifting(KinematicPlant):
+class Faulty(KinematicPlant):
     """Plant with one broken law."""
 
     fault = ""
+    steps = 0
+    """Steps of all plants, which tests break."""
+
+    def reset(self, pose):
+        state = super().reset(pose)
+        if self.fault == "offset":
+            return state._replace(pose=state.pose._replace(x=pose.x + 0.1))
+        return state
 
     def step(self, twist, dt):
+        type(self).steps += 1
+        if self.fault == "scale":
+            dt *= 1.1
+        if self.fault == "world":
+            twist = to_body(od.WorldTwist(*twist), self._pose.yaw)
         state = super().step(twist, dt)
+        pose = state.pose
         match self.fault:
-            case "scale":
-                return super().step(twist, 0.1 * dt)
             case "wrapped":
-                yaw = state.pose.yaw if state.pose.yaw < 3.14 else state.pose.yaw - 6.28
-                return state._replace(pose=state.pose._replace(yaw=yaw))
+                state = state._replace(pose=pose._replace(yaw=od.wrap(pose.yaw)))
             case "twist":
-                return state._replace(twist=od.BodyTwist(0.0, 0.0, 0.0))
+                state = state._replace(twist=od.BodyTwist(0.0, 0.0, 0.0))
+            case "memory":
+                state = state._replace(work=float(self.steps))
+            case "drift":
+                self._pose = pose._replace(x=pose.x + dt)
+                state = state._replace(pose=self._pose)
             case "tuple":
-                return tuple(state)
+                state = tuple(state)
         return state
 
 
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
+        ("tuple", "protocol: it raises TypeError: the plant returned a tuple, not a PlantState"),
+        ("memory", "determinism: after reset, the state at 0.1 s differs"),
+        ("offset", "start: after reset at"),
+        ("drift", "start: without a command it moves to"),
         ("scale", "mean velocity: with the command"),
+        ("world", "rotation of the world: with the world turned by"),
         ("wrapped", "continuous yaw: its yaw jumps by"),
         ("twist", "reported twist: its pose changes by"),
-        ("tuple", "it raises AttributeError"),
     ],
 )
 def test_broken_plant_is_found(fault, message):
-    class Broken(Drifting):
+    class Broken(Faulty):
         pass
 
     Broken.fault = fault
@@ -122,18 +142,61 @@ def test_broken_plant_is_found(fault, message):
     assert message in str(caught.value)
 
 
-class Biased(LatestFix):
-    """Estimator with an error of one metre."""
+def test_plants_are_closed_one_after_the_other():
+    """Also that of a law that is broken; a plant may be exclusive."""
+    opened, closed = [], []
+
+    class Counted(Faulty):
+        fault = "offset"
+
+        def __init__(self, robot):
+            super().__init__(robot)
+            assert len(opened) == len(closed)
+            opened.append(self)
+
+        def close(self):
+            closed.append(self)
+
+    with pytest.raises(AssertionError, match=r"breaks 1 law\(s\)\n  start"):
+        check_plant(lambda context: Counted(context.robot))
+    assert opened == closed
+
+
+class Broken(LatestFix):
+    """Estimator with one broken law."""
+
+    def __init__(self, fault):
+        super().__init__()
+        self.fault, self.updates = fault, 0
 
     def update(self, readings):
-        state = super().update(readings)
-        return replace_pose(state, x=state.pose.x + 1.0)
+        state, self.updates = super().update(readings), self.updates + 1
+        match self.fault:
+            case "tuple":
+                return tuple(state)
+            case "bias":
+                return state._replace(pose=state.pose._replace(x=state.pose.x + 1.0))
+            case "memory":  # beyond the digits that an array is shown with
+                return state._replace(covariance=np.eye(3) * (1.0 + 1e-13 * self.updates))
+            case "covariance":
+                return state._replace(covariance=-np.eye(3))
+            case "absent" if not readings.fixes:
+                return state._replace(pose=od.Pose(nan, nan, nan))
+        return state
 
 
-def replace_pose(state, **changes):
-    return state._replace(pose=state.pose._replace(**changes))
-
-
-def test_broken_estimator_is_found():
-    with pytest.raises(AssertionError, match="accuracy: at 0 s it errs by 1 m"):
-        check_estimator(Biased)
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("tuple", "protocol: it returned a tuple, not a State"),
+        ("memory", "determinism: after reset, the estimate at 0 s differs"),
+        ("bias", "start: after reset at"),
+        ("bias", "accuracy: at 0 s it errs by 1 m"),
+        ("covariance", "accuracy: its covariance at 0 s is not symmetric and positive"),
+        ("absent", "absent readings: without any reading its pose is not finite"),
+    ],
+)
+def test_broken_estimator_is_found(fault, message):
+    with pytest.raises(AssertionError, match="the estimator breaks") as caught:
+        check_estimator(partial(Broken, fault))
+    assert message in str(caught.value)

@@ -147,3 +147,13 @@ def suggestion(name: str, known: Iterable[str], *, most: int = 12) -> str:
     if near is not None:
         return f"; did you mean '{near}'?"
     return f"; there are {', '.join(names[:most])}{', ...' if len(names) > most else ''}"
+
+
+def kind_of(value: object) -> str:
+    """Return the type of a value with its article for messages, such as ``a tuple``."""
+    if value is None:
+        return "None"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    name = type(value).__name__
+    return f"an {name}" if name[0] in "aeiouAEIOU" or name == "ndarray" else f"a {name}"

@@ -22,7 +22,7 @@ from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, move, wrap
 from omnidrive.reference import Hold
 from omnidrive.robot import Chassis, named_robot
-from tests.laws.motions import Circle
+from omnidrive.testing.laws import Circle
 
 DT = 0.1
 CHASSIS = named_robot("small").chassis

@@ -18,7 +18,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import MujocoPlant, SensorSuite, simulate
-from tests.laws.motions import Circle
+from omnidrive.testing.laws import Circle
 
 DT = 0.1
 ROBOT = named_robot("small")

@@ -39,8 +39,8 @@ from omnidrive.simulation import (
     SensorFaults,
     SensorSuite,
 )
+from omnidrive.testing.laws import rotated
 from tests.estimates import Perception
-from tests.laws.motions import rotated
 
 ROBOT = named_robot("paper")
 RADIUS = ROBOT.wheel.radius

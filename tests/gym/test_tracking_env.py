@@ -27,7 +27,7 @@ from omnidrive.simulation import (  # noqa: E402
     PlantState,
     simulate,
 )
-from tests.laws.motions import Circle  # noqa: E402
+from omnidrive.testing.laws import Circle  # noqa: E402
 
 SMALL = named_robot("small")
 CIRCLE = Circle(duration=8.0)

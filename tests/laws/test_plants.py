@@ -10,7 +10,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move, to_body, to_world
 from omnidrive.robot import ROBOTS, named_robot
 from omnidrive.simulation import KinematicPlant, MujocoPlant, PlanarPlant, Plant, Saturation
-from tests.laws.motions import rotated
+from omnidrive.testing.laws import rotated
 
 PLANTS = {
     "kinematic": KinematicPlant,

@@ -24,7 +24,7 @@ from omnidrive.simulation import (
     simulate,
 )
 from omnidrive.simulation.planar.model import mass_matrix, planar_model
-from tests.laws.motions import Circle
+from omnidrive.testing.laws import Circle
 
 ORIGIN, DT = Pose(0.0, 0.0, 0.0), 0.1
 SMALL = named_robot("small")

@@ -19,6 +19,7 @@ from omnidrive.errors import CannotDraw, CannotWrite, InvalidInput, MissingExtra
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, MujocoPlant
+from omnidrive.testing.laws import Circle
 from omnidrive.visualization import (
     Canvas,
     GhostModel,
@@ -31,7 +32,6 @@ from omnidrive.visualization import (
     observe,
     overview_camera,
 )
-from tests.laws.motions import Circle
 
 ROBOT = named_robot("small")
 SIZE = (160, 90)

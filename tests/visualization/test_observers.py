@@ -24,8 +24,8 @@ from omnidrive.simulation import (
     PlantState,
     simulate,
 )
+from omnidrive.testing.laws import Circle
 from omnidrive.visualization import Observer, Recorder, observe, replay
-from tests.laws.motions import Circle
 
 ROBOT = named_robot("small")
 CIRCLE = Circle(duration=8.0)

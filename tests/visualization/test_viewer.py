@@ -13,8 +13,8 @@ from omnidrive.errors import CannotDraw
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, MujocoPlant, simulate
+from omnidrive.testing.laws import Circle
 from omnidrive.visualization import Observer, Viewer, observe, viewer
-from tests.laws.motions import Circle
 
 ROBOT = named_robot("small")
 

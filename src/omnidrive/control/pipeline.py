@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import traceback
 from dataclasses import dataclass, field
-from math import isfinite, nan
+from math import nan
 from time import get_clock_info, perf_counter_ns, thread_time_ns
 from typing import Literal, NamedTuple
 
+from omnidrive.control.command_check import checked_command
 from omnidrive.control.controller import (
     Command,
-    CommandValue,
     Controller,
     DetailedController,
     PreparableController,
     Status,
-    WheelSpeeds,
-    WheelTorques,
 )
 from omnidrive.control.supervision import NullSupervisor, Supervisor
 from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist
+from omnidrive.estimation.state import state_fault
+from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Reference
 
 # a thread's own time is not disturbed by other processes; some systems count it too coarsely
 _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
 _STOP = Command(BodyTwist(0.0, 0.0, 0.0))
 _FRAMES = 4  # calls shown of a traceback
-_VALUES = (BodyTwist, WheelSpeeds, WheelTorques)
 
 Part = Literal["reference", "estimator", "supervisor", "controller"]
 
@@ -92,12 +90,9 @@ class Pipeline:
             target = reference.at(t).pose
             part = "estimator"
             state = self.estimator.update(readings)
-            if not isinstance(state, State):
-                return self._failure(part, target, f"it returned {_named(state)}, not a State")
-            if not isinstance(state.pose, Pose):
-                return self._failure(
-                    part, target, f"its state holds {_named(state.pose)}, not a Pose"
-                )
+            fault = state_fault(state)
+            if fault is not None:
+                return self._failure(part, target, fault)
             self._state = state
             part = "supervisor"
             self._state = self.supervisor.check(t, readings, state, target)
@@ -147,74 +142,11 @@ class Pipeline:
             command = controller.step(t, self._state, reference)
         except Exception:
             return _STOP._replace(status=Status.FAILED, message=_traceback()), nan
-        return _checked(command, self._details), (_clock() - start) * 1e-3
+        return checked_command(command, self._details), (_clock() - start) * 1e-3
 
     def _failure(self, part: Part, target: Pose, message: str) -> PipelineStep:
         command = _STOP._replace(status=Status.FAILED, message=message)
         return PipelineStep(self._state, target, command, nan, part)
-
-
-def _checked(command: object, details: int | None) -> Command:
-    """Return ``command``; if it is malformed, one with the status ``FAILED`` and a message."""
-    if (
-        type(command) is Command
-        and type(command.value) in _VALUES
-        and _is_finite(command.value)
-        and (details is None or len(command.details) in {0, details})
-    ):
-        return command
-    return _failed(command, details)
-
-
-def _failed(command: object, details: int | None) -> Command:
-    """Return a command with the status ``FAILED`` whose message describes the error."""
-    failed = _STOP._replace(status=Status.FAILED)
-    if not isinstance(command, Command):
-        return failed._replace(
-            message=f"it returned {_named(command)}, not a Command: {_way_out(command)}"
-        )
-    value = command.value
-    if command.status is Status.FAILED:
-        return command if isinstance(value, _VALUES) else failed._replace(message=command.message)
-    if not isinstance(value, _VALUES):
-        return failed._replace(
-            message=f"its command holds {_named(value)}, not a BodyTwist, WheelSpeeds or "
-            f"WheelTorques: {_way_out(value)}"
-        )
-    if not _is_finite(value):
-        name = "twist is" if isinstance(value, BodyTwist) else f"{value.noun} are"
-        return failed._replace(message=f"its {name} not finite: {value}")
-    if details is not None and len(command.details) not in {0, details}:
-        return failed._replace(
-            message=f"its command holds {len(command.details)} details, its detail_units {details}"
-        )
-    return command
-
-
-def _is_finite(value: CommandValue) -> bool:
-    try:
-        return all(map(isfinite, value))
-    except TypeError:  # not a number
-        return False
-
-
-def _named(value: object) -> str:
-    """Return the type of a value with its article, for messages."""
-    if value is None:
-        return "None"
-    if isinstance(value, type):
-        return f"the class {value.__name__}"
-    name = type(value).__name__
-    return f"an {name}" if name[0] in "aeiouAEIOU" or name == "ndarray" else f"a {name}"
-
-
-def _way_out(value: object) -> str:
-    """Return what a controller has to return instead of ``value``."""
-    if isinstance(value, WorldTwist):
-        return "return Command(to_body(twist, state.pose.yaw))"
-    if isinstance(value, _VALUES):
-        return f"return Command({type(value).__name__}(...))"
-    return "return Command(BodyTwist(vx, vy, yaw_rate))"
 
 
 def _traceback() -> str:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.errors import kind_of
 from omnidrive.geometry import BodyTwist, Pose
 
 
@@ -40,3 +41,12 @@ class State(NamedTuple):
     def yaw_sigma(self) -> float:
         """Standard deviation of the yaw, rad; NaN if unknown."""
         return nan if self.covariance is None else sqrt(max(float(self.covariance[2, 2]), 0.0))
+
+
+def state_fault(state: object) -> str | None:
+    """Return what is wrong with the result of an estimator, in one line; None: nothing."""
+    if not isinstance(state, State):
+        return f"it returned {kind_of(state)}, not a State"
+    if not isinstance(state.pose, Pose):
+        return f"its state holds {kind_of(state.pose)}, not a Pose"
+    return None

@@ -32,7 +32,13 @@ from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.disturbances import Disturbances
-from omnidrive.simulation.plant import DisturbablePlant, Plant, PlantState, check_command
+from omnidrive.simulation.plant import (
+    DisturbablePlant,
+    Plant,
+    PlantState,
+    check_command,
+    check_state,
+)
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
 
@@ -243,13 +249,13 @@ class _Environment:
 
     def reset(self, pose: Pose) -> PlantState:
         """Start plant and sensors at rest at ``pose``."""
-        state = _is_state(self.plant.reset(pose))
+        state = check_state(self.plant.reset(pose))
         self.sensors.reset(pose)
         return state
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Simulate the plant with ``command`` for ``dt`` (s)."""
-        return _is_state(self.plant.step(command, dt))
+        return check_state(self.plant.step(command, dt))
 
     def checked(self, step: PipelineStep, state: PlantState) -> PipelineStep:
         """Return ``step``; if the plant cannot execute its command, a failure of the controller."""
@@ -284,14 +290,6 @@ class _Environment:
         if changed and self.plant.capabilities.disturbable:
             cast(DisturbablePlant, self.plant).apply(disturbances)
             self._applied = disturbances
-
-
-def _is_state(state: object) -> PlantState:
-    if not isinstance(state, PlantState):
-        raise TypeError(f"the plant returned a {type(state).__name__}, not a PlantState")
-    if not (isinstance(state.pose, Pose) and isinstance(state.twist, BodyTwist)):
-        raise TypeError("the plant's state needs a Pose and a BodyTwist")
-    return state
 
 
 @dataclass(slots=True)

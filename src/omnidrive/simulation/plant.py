@@ -6,7 +6,7 @@ from enum import IntFlag
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
@@ -128,8 +128,7 @@ def check_command(command: object, capabilities: PlantCapabilities, wheels: int)
         return
     if not isinstance(command, WheelSpeeds | WheelTorques):
         raise InvalidInput(
-            f"a plant executes a BodyTwist, WheelSpeeds or WheelTorques, got a "
-            f"{type(command).__name__}"
+            f"a plant executes a BodyTwist, WheelSpeeds or WheelTorques, got {kind_of(command)}"
         )
     speeds = isinstance(command, WheelSpeeds)
     if not (capabilities.wheel_speeds if speeds else capabilities.wheel_torques):
@@ -144,9 +143,18 @@ def check_command(command: object, capabilities: PlantCapabilities, wheels: int)
         )
 
 
+def check_state(state: object) -> PlantState:
+    """Return the result of a plant's ``reset`` or ``step``; raise TypeError if it is malformed."""
+    if not isinstance(state, PlantState):
+        raise TypeError(f"the plant returned {kind_of(state)}, not a PlantState")
+    if not (isinstance(state.pose, Pose) and isinstance(state.twist, BodyTwist)):
+        raise TypeError("the plant's state needs a Pose and a BodyTwist")
+    return state
+
+
 def check_robot(robot: object, plant: str) -> None:
     """Raise :class:`InvalidInput` if ``robot`` is not a :class:`Robot`; ``plant``: its name."""
     if isinstance(robot, Robot):
         return
     way = f"od.named_robot('{robot}')" if isinstance(robot, str) else "the robot itself"
-    raise InvalidInput(f"{plant} needs a Robot, got a {type(robot).__name__}: pass {way}")
+    raise InvalidInput(f"{plant} needs a Robot, got {kind_of(robot)}: pass {way}")

@@ -7,18 +7,17 @@ from math import hypot, isfinite
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from omnidrive.arrays import Array
-from omnidrive.components import Component
-from omnidrive.control import Command, Controller, Status, WheelSpeeds, WheelTorques
+from omnidrive.control import Controller, Status, WheelTorques
+from omnidrive.control.command_check import checked_command
 from omnidrive.control.components import ControllerContext
+from omnidrive.errors import kind_of
 from omnidrive.estimation import State
-from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
-from omnidrive.robot import Robot, named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, Plant, Run, simulate
-from omnidrive.testing.laws import Circle, Law, check_laws, first_difference, rotated
+from omnidrive.robot import Robot
+from omnidrive.simulation import KinematicPlant, PlanarPlant, Plant, simulate
+from omnidrive.testing.laws import Circle, Law, Laws, rotated
 
 _START = Pose(0.1, -0.8, 0.2)  # beside the circle
 _GOAL = Pose(0.6, 0.6, 0.5)
@@ -57,75 +56,53 @@ def check_controller(
     Raises:
         AssertionError: A law is broken; the message has one line for each.
     """
-    robot = robot or named_robot("small")
-    laws = _Laws(Component("controllers", "the controller", "", factory), robot, dt, parameters)
-    applicable: dict[str, Law] = {
-        "protocol": laws.protocol,
-        "command": laws.command,
-        "determinism": laws.determinism,
-        "finite commands": laws.finite,
-    }
+    laws = _ControllerLaws(factory, robot, parameters, dt)
+    others: dict[str, Law] = {"finite_commands": laws.finite}
     if invariant:
-        applicable["rotation of the world"] = laws.rotation
+        others["rotation_of_the_world"] = laws.rotation
     if converges:
-        applicable["convergence"] = laws.convergence
-    check_laws("controller", applicable)
+        others["convergence"] = laws.convergence
+    laws.check(**others)
 
 
-class _Laws:
+class _ControllerLaws(Laws):
     """The laws for one factory."""
 
-    def __init__(self, component: Component, robot: Robot, dt: float, parameters: Any) -> None:
-        self.component, self.robot, self.dt, self.parameters = component, robot, dt, parameters
+    kind, row = "controller", "command"
 
-    def make(self) -> Any:
-        """Return a new object from the factory; its type is not checked yet."""
+    def __init__(
+        self, factory: Callable[..., Any], robot: Robot | None, parameters: Any, dt: float
+    ) -> None:
+        super().__init__(factory, robot, parameters)
+        self.dt = dt
+
+    def context(self) -> ControllerContext:
         rng = np.random.default_rng(0)
-        context = ControllerContext(self.robot, self.dt, rng, forces=False)
-        return self.component.make(context, self.parameters)
-
-    def run(self, controller: Controller, start: Pose = _START) -> Run:
-        return simulate(self.plant(), controller, Circle(), start=start, dt=self.dt)
-
-    def plant(self) -> Plant:
-        """Return a plant that executes the commands."""
-        controller, state = self.make(), State(0.0, _START)
-        controller.reset(state)
-        first = controller.step(0.0, state, Circle())
-        torques = isinstance(first.value, WheelTorques)
-        return PlanarPlant(self.robot) if torques else KinematicPlant(self.robot)
+        return ControllerContext(self.robot, self.dt, rng, forces=False)
 
     def protocol(self) -> str | None:
         made = self.make()
-        if isinstance(made, Controller):
-            return None
-        return f"it is a {_named(made)}, need reset(state) and step(t, state, reference)"
+        if not isinstance(made, Controller):
+            return f"it is {kind_of(made)}, need reset(state) and step(t, state, reference)"
+        command, units = self.first_command(made), getattr(made, "detail_units", None)
+        return checked_command(command, None if units is None else len(units)).message or None
 
-    def command(self) -> str | None:
-        controller, state = self.make(), State(0.0, _START)
+    def record(self, part: Controller) -> list[tuple[object, ...]]:
+        run = simulate(self.plant(), part, Circle(), start=_START, dt=self.dt).raise_if_failed()
+        columns = [run.command, run.wheel_speed_command, run.wheel_torque_command]
+        columns += [each[:, None] for each in run.details.values()]
+        return list(map(tuple, np.hstack(columns).tolist()))
+
+    def first_command(self, controller: Controller) -> Any:
+        """Return the first command of a run on the circle, whose type is not checked yet."""
+        state = State(0.0, _START)
         controller.reset(state)
-        command: object = controller.step(0.0, state, Circle())
-        if not isinstance(command, Command):
-            return f"step returns a {_named(command)}, need Command(BodyTwist(vx, vy, yaw_rate))"
-        if not isinstance(command.value, BodyTwist | WheelSpeeds | WheelTorques):
-            return (
-                f"its command holds a {_named(command.value)}, need a BodyTwist, WheelSpeeds or "
-                "WheelTorques"
-            )
-        return None
+        return controller.step(0.0, state, Circle())
 
-    def determinism(self) -> str | None:
-        controller = self.make()
-        once, again, fresh = self.run(controller), self.run(controller), self.run(self.make())
-        if once.outcome is not Outcome.FINISHED:
-            return f"its run on a circle ends early: {once.ending}"
-        row = first_difference(_commands(once), _commands(again))
-        if row is not None:
-            return f"after reset, the command at {once.t[row]:g} s differs: reset keeps some memory"
-        row = first_difference(_commands(once), _commands(fresh))
-        if row is not None:
-            return f"a new controller differs at {once.t[row]:g} s: randomness or global state"
-        return None
+    def plant(self) -> Plant:
+        """Return a plant that executes the commands."""
+        torques = isinstance(self.first_command(self.make()).value, WheelTorques)
+        return PlanarPlant(self.robot) if torques else KinematicPlant(self.robot)
 
     def finite(self) -> str | None:
         for pose in (Pose(0.0, 0.0, 0.0), Pose(50.0, -50.0, 40.0), Pose(-1e3, 1e3, -3.0)):
@@ -147,7 +124,7 @@ class _Laws:
         two.reset(State(0.0, turned))
         for t in (0.0, self.dt):
             a = one.step(t, State(t, _START), Circle()).value
-            b = two.step(t, State(t, turned), Circle(angle)).value
+            b = two.step(t, State(t, turned), Circle(turn=angle)).value
             if not np.allclose(a, b, rtol=0.0, atol=1e-5):
                 return (
                     f"with the world turned by {angle} rad, the command at {t:g} s is {b} instead "
@@ -158,9 +135,7 @@ class _Laws:
 
     def convergence(self) -> str | None:
         hold, start = Hold(_GOAL, 15.0), Pose(0.0, 0.0, 0.0)
-        run = simulate(self.plant(), self.make(), hold, start=start, dt=self.dt)
-        if run.outcome is not Outcome.FINISHED:
-            return f"its run towards a pose ends early: {run.ending}"
+        run = simulate(self.plant(), self.make(), hold, start=start, dt=self.dt).raise_if_failed()
         x, y, yaw = (run.pose[-1] - np.array(_GOAL)).tolist()
         if hypot(x, y) > 0.05 or abs(yaw) > 0.05:
             return (
@@ -168,12 +143,3 @@ class _Laws:
                 f"{abs(yaw):.2g} rad away, need 0.05 m and 0.05 rad"
             )
         return None
-
-
-def _commands(run: Run) -> Float[Array, "rows _"]:
-    """Return all commands of a run, one row per sample."""
-    return np.hstack([run.command, run.wheel_speed_command, run.wheel_torque_command])
-
-
-def _named(value: object) -> str:
-    return type(value).__name__

@@ -1,43 +1,100 @@
-"""Collection of broken laws, and the motions that the checks use."""
+"""What the checks of controllers, plants and state estimators have in common."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.components import Component
 from omnidrive.errors import OmnidriveError
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference import Setpoint
+from omnidrive.robot import Robot, named_robot
 
 Law = Callable[[], str | None]
 """A check: it returns None, or a sentence that says how the law is broken."""
 
 
-def check_laws(kind: str, laws: dict[str, Law]) -> None:
-    """Check all laws, by name, also after one that is broken other than `protocol`.
+class Laws(ABC):
+    """The laws of one kind of part, for the products of one factory; abstract.
 
-    Raises:
-        AssertionError: Laws are broken; the message has one line for each.
+    Args:
+        factory: The class or function that makes the part.
+        robot: The robot. None: the built-in robot `small`.
+        parameters: Parameters for the factory. None: the defaults.
     """
-    broken = []
-    for name, law in laws.items():
-        try:
-            fact = law()
-        except OmnidriveError as error:
-            fact = str(error)
-        except Exception as error:
-            fact = f"it raises {type(error).__name__}: {error}"
-        if fact is not None:
-            broken.append(f"  {name}: {fact}")
-            if name == "protocol":  # the other laws would all fail
-                break
-    if broken:
-        raise AssertionError("\n".join([f"the {kind} breaks {len(broken)} law(s)", *broken]))
+
+    kind: ClassVar[str]
+    """Noun of the part, such as "plant"."""
+    row: ClassVar[str]
+    """Noun of one row of :meth:`record`."""
+    dt: float = 0.1
+    """Time between two rows, s."""
+
+    def __init__(self, factory: Callable[..., Any], robot: Robot | None, parameters: Any) -> None:
+        self.component = Component(f"{self.kind}s", f"the {self.kind}", "", factory)
+        self.robot, self.parameters = robot or named_robot("small"), parameters
+
+    def make(self) -> Any:
+        """Return a new object from the factory; its type is not checked yet."""
+        return self.component.make(self.context(), self.parameters)
+
+    @abstractmethod
+    def context(self) -> Any:
+        """Return a new context for the factory."""
+
+    @abstractmethod
+    def protocol(self) -> str | None:
+        """Check the members of the part, and the types of its results."""
+
+    @abstractmethod
+    def record(self, part: Any) -> Sequence[object]:
+        """Return the results of one run from ``reset`` on, ``dt`` apart; the same for each call."""
+
+    def determinism(self) -> str | None:
+        """Check that two runs of one part, and that of a new one, are equal in every bit."""
+        part = self.make()
+        once = [repr(row) for row in self.record(part)]
+        for what, cause, is_new in (
+            ("after reset", "reset keeps some memory", False),
+            (f"in a new {self.kind}", "randomness or global state", True),
+        ):
+            again = [repr(row) for row in self.record(self.make() if is_new else part)]
+            for k, (a, b) in enumerate(zip(once, again, strict=True)):
+                if a != b:
+                    return f"{what}, the {self.row} at {k * self.dt:g} s differs: {cause}"
+        return None
+
+    def check(self, **others: Law) -> None:
+        """Check protocol, determinism and other laws; if the protocol is broken, only that.
+
+        Raises:
+            AssertionError: Laws are broken; the message has one line for each.
+        """
+        broken = []
+        laws = {"protocol": self.protocol, "determinism": self.determinism, **others}
+        for name, law in laws.items():
+            try:
+                fact = law()
+            except OmnidriveError as error:
+                fact = str(error)
+            except Exception as error:
+                fact = f"it raises {type(error).__name__}: {error}"
+            if fact is not None:
+                broken.append(f"  {name.replace('_', ' ')}: {fact}")
+                if name == "protocol":  # the other laws would all fail
+                    break
+        if broken:
+            raise AssertionError(
+                "\n".join([f"the {self.kind} breaks {len(broken)} law(s)", *broken])
+            )
 
 
 @dataclass(frozen=True)
@@ -45,14 +102,14 @@ class Circle:
     """One turn about the origin at constant speed with tangential heading.
 
     Attributes:
-        turn: Rotation of the world, rad.
         radius: Radius, m.
         duration: Duration, s.
+        turn: Rotation of the world, rad.
     """
 
-    turn: float = 0.0
     radius: float = 1.0
     duration: float = 8.0
+    turn: float = 0.0
 
     def at(self, t: float) -> Setpoint:
         """Return the setpoint at ``t`` (s)."""
@@ -75,12 +132,3 @@ def rotated(pose: Pose, angle: float) -> Pose:
     """Return the pose after a rotation of the world by ``angle`` (rad) about the origin."""
     c, s = cos(angle), sin(angle)
     return Pose(c * pose.x - s * pose.y, s * pose.x + c * pose.y, pose.yaw + angle)
-
-
-def first_difference(one: Float[Array, "rows n"], two: Float[Array, "rows n"]) -> int | None:
-    """Return the first row in which two logs differ in any bit; None: they are equal."""
-    rows = min(len(one), len(two))
-    for row in range(rows):
-        if one[row].tobytes() != two[row].tobytes():
-            return row
-    return None if len(one) == len(two) else rows

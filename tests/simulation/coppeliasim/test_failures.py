@@ -14,7 +14,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene, Outcome, simulate
 from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
-from tests.laws.motions import Circle
+from omnidrive.testing.laws import Circle
 from tests.simulation.coppeliasim.fake_scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
 from tests.simulation.coppeliasim.fake_server import cbor, fake_server
 

@@ -19,8 +19,8 @@ from omnidrive.simulation import (
     Saturation,
     simulate,
 )
+from omnidrive.testing.laws import Circle
 from tests.laws import test_plants as laws
-from tests.laws.motions import Circle
 from tests.simulation.coppeliasim.fake_server import fake_server
 
 
