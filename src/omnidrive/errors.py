@@ -27,7 +27,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from functools import partial
 
 
 class OmnidriveError(Exception):
@@ -47,21 +46,22 @@ class InvalidFuzzyFile(InvalidInput):
 
 
 class InvalidGeometry(InvalidInput):
-    """The wheel layout cannot produce every planar twist."""
+    """The wheel layout cannot produce every planar twist.
 
-    def __init__(self, rank: int, *, parallel: bool = False) -> None:
-        fact = (
-            "all wheels push in the same direction; mecanum wheels need roller_angle of about "
-            "+-0.785 rad with alternating signs"
-            if parallel
-            else "not omnidirectional; turn a wheel or add one"
-        )
+    Args:
+        rank: Rank of the wheel matrix.
+        fact: The cause and the way out.
+    """
+
+    def __init__(
+        self, rank: int, fact: str = "not omnidirectional; turn a wheel or add one"
+    ) -> None:
         super().__init__(f"wheel matrix has rank {rank}, need 3: {fact}")
-        self.rank, self.parallel = rank, parallel
+        self.rank, self.fact = rank, fact
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the constructor arguments, so that the error can be sent between processes."""
-        return partial(type(self), parallel=self.parallel), (self.rank,)
+        return type(self), (self.rank, self.fact)
 
 
 class InvalidMap(InvalidInput):

@@ -41,8 +41,7 @@ class Chassis:
             )
         rank = int(np.linalg.matrix_rank(self.jacobian))
         if rank != 3:
-            directions = int(np.linalg.matrix_rank(self.jacobian[:, :2]))
-            raise InvalidGeometry(rank, parallel=len(self.jacobian) > 2 and directions == 1)
+            raise InvalidGeometry(rank)
 
     @classmethod
     def of_mounts(
@@ -61,12 +60,14 @@ class Chassis:
             max_wheel_speed: Largest speed of every wheel, in rad/s.
         """
         check_positive("wheel_radius", wheel_radius, "m")
-        rows = []
-        for mount in mounts:
-            px, py = mount.drive_direction
-            lever = mount.x * py - mount.y * px
-            rows.append(np.array([px, py, lever]) / (wheel_radius * cos(mount.roller_angle)))
-        return cls(np.array(rows).reshape(-1, 3), max_wheel_speed)
+        rows = _rows(mounts, wheel_radius)
+        try:
+            return cls(rows, max_wheel_speed)
+        except InvalidGeometry as error:
+            fact = _cause(mounts, rows)
+            if fact is None:
+                raise
+            raise InvalidGeometry(error.rank, fact) from None
 
     @classmethod
     def omni(
@@ -123,3 +124,28 @@ class Chassis:
         """
         speeds: Float[Array, " wheels"] = np.asarray(wheel_speeds, dtype=float)
         return speeds * min(1.0, self.max_wheel_speed / max(float(np.abs(speeds).max()), 1e-300))
+
+
+def _rows(mounts: Sequence[Mount], wheel_radius: float) -> Float[Array, "wheels 3"]:
+    """Return the wheel matrix of wheels on mounts; see :meth:`Chassis.of_mounts`."""
+    rows = []
+    for mount in mounts:
+        px, py = mount.drive_direction
+        lever = mount.x * py - mount.y * px
+        rows.append(np.array([px, py, lever]) / (wheel_radius * cos(mount.roller_angle)))
+    return np.array(rows).reshape(-1, 3)
+
+
+def _cause(mounts: Sequence[Mount], rows: Float[Array, "wheels 3"]) -> str | None:
+    """Return why the wheel matrix of three or more wheels is singular; None: no known cause."""
+    if len(mounts) < 3:
+        return None
+    if np.linalg.matrix_rank(rows[:, :2]) == 1:
+        return (
+            "all wheels push in the same direction; mecanum wheels need roller_angle of about "
+            "+-0.785 rad with alternating signs"
+        )
+    mirrored = [mount._replace(roller_angle=-mount.roller_angle) for mount in mounts]
+    if np.linalg.matrix_rank(_rows(mirrored, 1.0)) == 3:
+        return "the rollers look swapped; reverse the sign of every roller_angle"
+    return None
