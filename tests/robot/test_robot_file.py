@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
-from math import pi
+from math import hypot, pi
 
 import numpy as np
 import pytest
@@ -18,86 +18,44 @@ from omnidrive.robot import (
     OmniWheel,
     Robot,
     load_robot,
+    mecanum_rectangle,
     named_robot,
     omni_ring,
     save_robot,
 )
 from omnidrive.robot.robot_file import parse_robot, robot_text
 
-# the numbers of the robots before they became files
+# numbers of the named robots, independent of their files
 LITERALS = [
     Robot(
         name="paper",
-        mounts=(
-            Mount(0.5000000000000001, 0.5, 0.7853981633974483),
-            Mount(-0.5, 0.5000000000000001, 2.356194490192345),
-            Mount(-0.5000000000000001, -0.5, 3.9269908169872414),
-            Mount(0.4999999999999999, -0.5000000000000001, 5.497787143782138),
-        ),
+        mounts=omni_ring([(2 * k + 1) * pi / 4 for k in range(4)], hypot(0.5, 0.5)),
         wheel=OmniWheel(0.05, 2.0, 0.005, 9, 0.0125, 0.012, 0.022, 2),
-        mass=75.7,
-        com_height=0.0975,
-        body_radius=0.75,
-        max_wheel_speed=120.0,
-        max_torque=50.0,
-        servo_gain=20.0,
-        friction=1.0,
-        lag=(0.0065, 0.0013),
+        mass=75.7, com_height=0.0975, body_radius=0.75, friction=1.0, lag=(0.0065, 0.0013),
+        max_wheel_speed=120.0, max_torque=50.0, servo_gain=20.0,
     ),
     Robot(
         name="small",
-        mounts=(
-            Mount(0.1767766952966369, 0.17677669529663687, 0.7853981633974483),
-            Mount(-0.17677669529663687, 0.1767766952966369, 2.356194490192345),
-            Mount(-0.17677669529663692, -0.17677669529663687, 3.9269908169872414),
-            Mount(0.17677669529663684, -0.17677669529663692, 5.497787143782138),
-        ),
+        mounts=omni_ring([(2 * k + 1) * pi / 4 for k in range(4)], 0.25),
         wheel=OmniWheel(0.05, 0.35, 0.001, 9, 0.0125, 0.012, 0.022, 2),
-        mass=10.0,
-        com_height=0.06,
-        body_radius=0.28,
-        max_wheel_speed=50.0,
-        max_torque=2.0,
-        servo_gain=1.0,
-        friction=0.8,
-        lag=(0.018, 0.006),
+        mass=10.0, com_height=0.06, body_radius=0.28, friction=0.8, lag=(0.018, 0.006),
+        max_wheel_speed=50.0, max_torque=2.0, servo_gain=1.0,
     ),
     Robot(
         name="kiwi",
-        mounts=(
-            Mount(0.08500000000000002, 0.14722431864335458, 1.0471975511965976),
-            Mount(-0.17, 2.0818995585505005e-17, 3.141592653589793),
-            Mount(0.08500000000000002, -0.14722431864335458, -1.0471975511965976),
-        ),
+        mounts=omni_ring([pi / 3, pi, -pi / 3], 0.17),
         wheel=OmniWheel(0.04, 0.2, 0.0004, 9, 0.01, 0.007, 0.018, 2),
-        mass=6.0,
-        com_height=0.06,
-        body_radius=0.21,
-        max_wheel_speed=40.0,
-        max_torque=1.5,
-        servo_gain=1.2,
-        friction=0.8,
-        lag=(0.0088, 0.0038),
+        mass=6.0, com_height=0.06, body_radius=0.21, friction=0.8, lag=(0.0088, 0.0038),
+        max_wheel_speed=40.0, max_torque=1.5, servo_gain=1.2,
     ),
     Robot(
         name="mecanum",
-        mounts=(
-            Mount(0.2, 0.22, -1.5707963267948966, 0.7853981633974483),
-            Mount(0.2, -0.22, -1.5707963267948966, -0.7853981633974483),
-            Mount(-0.2, 0.22, -1.5707963267948966, -0.7853981633974483),
-            Mount(-0.2, -0.22, -1.5707963267948966, 0.7853981633974483),
-        ),
+        mounts=mecanum_rectangle(0.2, 0.22),
         wheel=OmniWheel(0.0762, 0.9, 0.004, 12, 0.011, 0.03, 0.05, 1),
-        mass=20.0,
-        com_height=0.1,
-        body_radius=0.36,
-        max_wheel_speed=25.0,
-        max_torque=6.0,
-        servo_gain=4.0,
-        friction=0.8,
-        lag=(0.0126, 0.0042),
+        mass=20.0, com_height=0.1, body_radius=0.36, friction=0.8, lag=(0.0126, 0.0042),
+        max_wheel_speed=25.0, max_torque=6.0, servo_gain=4.0,
     ),
-]
+]  # fmt: skip
 SMALL = named_robot("small")
 
 

@@ -66,6 +66,7 @@ _ROBOT_KEYS = {
     "lag": "s, s; time constants of translation and rotation in response to commands",
     "assumed_effective_radius": "m, in the wheel controller; omit it unless it is miscalibrated",
 }
+_STRUCTURE = {"name", "mounts", "wheel"}  # all other keys hold numbers
 _PAIRS, _INTEGERS = {"com", "lag"}, {"rollers_per_row", "rows"}
 _NULLABLE = {"body_inertia", "assumed_effective_radius"}
 _REQUIRED_OF_MOUNTS = ("x", "y", "axle_angle")
@@ -105,9 +106,9 @@ def parse_robot(data: Any, where: str) -> Robot:
     """
     source = _Source(one_line(where))
     if not isinstance(data, dict):
-        raise source.error("is not a robot file: it contains no keys")
+        raise source.error("it is not a robot file: it contains no keys")
     if data.get("format") != FORMAT:
-        raise source.error(f"needs 'format: {FORMAT}', got {short_repr(data.get('format'))}")
+        raise source.error(f"it needs 'format: {FORMAT}', got {short_repr(data.get('format'))}")
     content = {key: value for key, value in data.items() if key != "format"}
     source.check_keys("", content, _ROBOT_KEYS, _required(Robot))
     values: dict[str, Any] = {"name": source.name(content.pop("name"))}
@@ -198,6 +199,7 @@ def _schema_of(keys: Mapping[str, str], required: Collection[str]) -> dict[str, 
     """Return the JSON schema of a dictionary of numbers."""
 
     def type_of(key: str) -> dict[str, Any]:
+        """Return the schema of the value of a key."""
         if key in _PAIRS:
             return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
         kind = "integer" if key in _INTEGERS else "number"
@@ -209,9 +211,6 @@ def _schema_of(keys: Mapping[str, str], required: Collection[str]) -> dict[str, 
         "required": [key for key in keys if key in required],
         "additionalProperties": False,
     }
-
-
-_STRUCTURE = {"name", "mounts", "wheel"}
 
 
 def _lines(owner: Any, keys: Mapping[str, str], indent: str) -> list[str]:
@@ -245,8 +244,7 @@ class _Source(NamedTuple):
 
     def error(self, fact: str) -> InvalidRobot:
         """Return the error with the name of the file."""
-        joint = " " if fact.startswith(("is not a robot file", "needs 'format")) else ": "
-        return InvalidRobot(f"{self.where}{joint}{fact}")
+        return InvalidRobot(f"{self.where}: {fact}")
 
     def check_keys(
         self, label: str, data: Any, keys: Mapping[str, str], required: Collection[str]
