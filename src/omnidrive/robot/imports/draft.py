@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import hypot, pi
 
 import numpy as np
@@ -129,10 +129,7 @@ class RobotDraft:
             f"lag: [{values[0]:g}, {values[1]:g}] s, computed from mass, inertia and servo_gain; "
             "`omnidrive robot identify` measures it"
         )
-        return Robot(
-            **{name: getattr(robot, name) for name in robot.__dataclass_fields__}
-            | {"servo_gain": gain, "lag": values}
-        )
+        return replace(robot, servo_gain=gain, lag=values)
 
     def _wheel(self, mass: float) -> OmniWheel:
         radius, mecanum = self.radius, any(m.roller_angle for m in self.mounts)
@@ -187,5 +184,14 @@ def mecanum_roller(x: float, y: float, axle_angle: float) -> float:
         y: Position of the wheel along the axle, m.
         axle_angle: Bearing of the axle in this frame, rad.
     """
-    line = -0.25 * pi if x * y > 0.0 else 0.25 * pi
-    return (axle_angle + 0.5 * pi - line + 0.5 * pi) % pi - 0.5 * pi
+    return roller_angle(-0.25 * pi if x * y > 0.0 else 0.25 * pi, axle_angle)
+
+
+def roller_angle(bearing: float, axle_angle: float) -> float:
+    """Return the angle of :attr:`Mount.roller_angle`, rad, in [-pi/2, pi/2).
+
+    Args:
+        bearing: Bearing of the axis of the roller on the floor, rad; its sign does not matter.
+        axle_angle: Bearing of the axle in the same frame, rad.
+    """
+    return (axle_angle + 0.5 * pi - bearing + 0.5 * pi) % pi - 0.5 * pi

@@ -13,10 +13,10 @@ from omnidrive.files.bounded_file import one_line, read_bounded
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.xml_elements import Element, read_xml
 from omnidrive.files.yaml_file import read_yaml
+from omnidrive.robot.imports.attributes import malformed
 from omnidrive.robot.imports.draft import ImportedRobot, RobotDraft
 from omnidrive.robot.imports.mjcf import read_mjcf
 from omnidrive.robot.imports.ros2_control import read_ros2_control
-from omnidrive.robot.imports.rotations import malformed
 from omnidrive.robot.imports.urdf import read_urdf
 from omnidrive.robot.robot_file import FORMAT as ROBOT_FORMAT
 

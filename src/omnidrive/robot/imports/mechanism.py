@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
-from jaxtyping import Float
 
-from omnidrive.arrays import Array
 from omnidrive.errors import InvalidRobot, suggestion
-from omnidrive.robot.imports.draft import RobotDraft, mecanum_roller
+from omnidrive.robot.imports.draft import RobotDraft, mecanum_roller, roller_angle
+from omnidrive.robot.imports.rotations import Matrix, Vector
 from omnidrive.robot.mount import Mount
 from omnidrive.robot.robot import MAX_WHEELS
 
@@ -21,8 +20,6 @@ _OTHER_NAME = re.compile(r"roller|caster|castor|steer|swivel|suspension|spring",
 _MAX_AXIS_SLOPE = 0.1  # vertical component of the axis of a wheel
 _PARALLEL = 0.1  # rad
 _SAME = 0.01  # relative difference of wheel radii
-
-Vector = Float[Array, " 3"]
 
 
 @dataclass(slots=True)
@@ -42,7 +39,7 @@ class Body:
 
     name: str
     parent: int
-    rotation: Float[Array, "3 3"]
+    rotation: Matrix
     position: Vector
     mass: float = 0.0
     com: Vector = field(default_factory=lambda: np.zeros(3))
@@ -62,7 +59,7 @@ class Shape:
     """
 
     centre: Vector
-    axes: Float[Array, "3 3"]
+    axes: Matrix
     half: Vector
     is_round: bool
 
@@ -296,8 +293,7 @@ def _mounts(
 def _floor_roller(rollers: Sequence[Joint], axle_angle: float) -> float:
     """Return the angle from the rolling direction to the axis of the lowest roller, rad."""
     lowest = min(rollers, key=lambda joint: float(joint.point[2]))
-    line = atan2(lowest.axis[1], lowest.axis[0])
-    return (axle_angle + 0.5 * pi - line + 0.5 * pi) % pi - 0.5 * pi
+    return roller_angle(atan2(lowest.axis[1], lowest.axis[0]), axle_angle)
 
 
 def _extent(shape: Shape, wheel: Joint) -> float:

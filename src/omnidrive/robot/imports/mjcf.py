@@ -7,27 +7,22 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from omnidrive.arrays import Array
 from omnidrive.files.position import Position
 from omnidrive.files.xml_elements import Element
-from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
-from omnidrive.robot.imports.rotations import (
-    Matrix,
-    about,
-    from_quaternion,
-    from_z,
+from omnidrive.robot.imports.attributes import (
+    direction,
     malformed,
     number,
     numbers,
+    positive_or_zero,
 )
+from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
+from omnidrive.robot.imports.rotations import Matrix, Vector, about, from_quaternion, from_z
 
 _MACROS = {"include", "replicate", "composite", "flexcomp", "attach"}
 _DENSITY = 1000.0  # kg/m^3, the default of MuJoCo
 _AXES = {"x": 0, "y": 1, "z": 2}
-
-Vector = Float[Array, " 3"]
 
 
 def read_mjcf(root: Element) -> Mechanism:
@@ -123,7 +118,7 @@ class _Reader:
 
     def _set_inertial(self, body: Body, inertial: Element) -> None:
         turned, _ = self._pose(inertial)
-        body.mass = number(inertial, "mass")
+        body.mass = positive_or_zero(inertial, "mass")
         body.com = body.position + body.rotation @ numbers(inertial, "pos", 3)
         if "fullinertia" in inertial.attributes:
             xx, yy, zz, xy, xz, yz = numbers(inertial, "fullinertia", 6).tolist()
@@ -136,17 +131,14 @@ class _Reader:
     def _add_joint(self, element: Element, index: int, rotation: Matrix, position: Vector) -> None:
         if element.attributes.get("type", "hinge") != "hinge":
             return
-        axis = numbers(element, "axis", 3, (0.0, 0.0, 1.0))
-        length = float(np.linalg.norm(axis))
-        if not length > 0.0:
-            raise malformed(element.position, "the axis of a joint is zero")
+        axis = direction(element, "axis", (0.0, 0.0, 1.0))
         point = position + rotation @ numbers(element, "pos", 3, (0.0, 0.0, 0.0))
         armature = number(element, "armature", 0.0)
         self.joints.append(
             Joint(
                 element.attributes.get("name", f"joint{len(self.joints)}"),
                 index,
-                rotation @ axis / length,
+                rotation @ axis,
                 point,
                 inertia=armature or None,
                 turns_freely="range" not in element.attributes,
@@ -218,7 +210,8 @@ class _Reader:
             "ellipsoid": ((a, b, c), 4.0 / 3.0 * pi * a * b * c),
             "box": ((a, b, c), 8.0 * a * b * c),
         }[kind]
-        mass = number(element, "mass", number(element, "density", _DENSITY) * volume)
+        density = positive_or_zero(element, "density", _DENSITY)
+        mass = positive_or_zero(element, "mass", density * volume)
         shape = Shape(
             position + rotation @ offset, rotation @ turned, np.array(half), kind != "box"
         )

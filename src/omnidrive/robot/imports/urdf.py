@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
-from omnidrive.arrays import Array
 from omnidrive.files.xml_elements import Element
+from omnidrive.robot.imports.attributes import (
+    direction,
+    malformed,
+    number,
+    numbers,
+    positive_or_zero,
+)
 from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
-from omnidrive.robot.imports.rotations import Matrix, about, malformed, number, numbers
+from omnidrive.robot.imports.rotations import Matrix, Vector, about
 
 _HINGES = {"continuous", "revolute"}
 _JOINTS = _HINGES | {"fixed", "prismatic", "floating", "planar"}
@@ -63,16 +68,12 @@ def _child(
     rotation, position = parent.rotation @ rotation, parent.position + parent.rotation @ position
     name = joint.one("child").get("link")
     if joint.get("type") in _HINGES:
-        element, limit = joint.first("axis"), joint.first("limit")
-        axis = numbers(element, "xyz", 3) if element else np.array([1.0, 0.0, 0.0])
-        length = float(np.linalg.norm(axis))
-        if not length > 0.0:
-            raise malformed(joint.position, "the axis of a joint is zero")
+        axis, limit = joint.first("axis"), joint.first("limit")
         hinges.append(
             Joint(
                 joint.get("name"),
                 len(bodies),
-                rotation @ axis / length,
+                rotation @ (direction(axis, "xyz") if axis else np.array([1.0, 0.0, 0.0])),
                 position,
                 number(limit, "velocity", 0.0) or None if limit else None,
                 number(limit, "effort", 0.0) or None if limit else None,
@@ -82,16 +83,12 @@ def _child(
     return _body(links[name], name, index, rotation, position)
 
 
-def _body(
-    link: Element, name: str, parent: int, rotation: Matrix, position: Float[Array, " 3"]
-) -> Body:
+def _body(link: Element, name: str, parent: int, rotation: Matrix, position: Vector) -> Body:
     body = Body(name, parent, rotation, position)
     inertial = link.first("inertial")
     if inertial is not None:
         turned, offset = _origin(inertial)
-        body.mass = number(inertial.one("mass"), "value")
-        if body.mass < 0.0:
-            raise malformed(inertial.position, f"the mass of '{name[:40]}' is negative")
+        body.mass = positive_or_zero(inertial.one("mass"), "value")
         body.com = position + rotation @ offset
         inertia = inertial.first("inertia")
         if inertia is not None:
@@ -129,7 +126,7 @@ def _shapes(link: Element, tag: str, body: Body) -> list[Shape]:
     return shapes
 
 
-def _origin(element: Element) -> tuple[Matrix, Float[Array, " 3"]]:
+def _origin(element: Element) -> tuple[Matrix, Vector]:
     """Return rotation and translation of the child `origin`, which may be absent."""
     origin = element.first("origin")
     if origin is None:
