@@ -82,6 +82,7 @@ class _Nodes(NamedTuple):
 
     @classmethod
     def of(cls, reference: TimedReference) -> _Nodes:
+        """Return the nodes of a reference without its ends."""
         change = np.diff(reference.squared_speeds, 2) * (0.5 * len(reference.squared_speeds))
         return cls(reference.times[1:-1], np.abs(change))
 

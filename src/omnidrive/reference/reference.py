@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
 
 
@@ -38,6 +40,27 @@ class Reference(Protocol):
         Columns: x, y in m, yaw in rad, then their derivatives in m/s, m/s and rad/s, all in W.
         """
         ...
+
+
+class WindowReference(ABC):
+    """Base of references that are evaluated at many times at once; abstract."""
+
+    __slots__ = ()
+
+    def at(self, t: float) -> Setpoint:
+        """Return the setpoint at time ``t`` in s; outside [0, duration] an end pose, at rest."""
+        x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
+        return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
+
+    @abstractmethod
+    def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
+        """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""
+
+
+def check_duration(duration: float) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidReference` unless it (s) is finite and positive."""
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise InvalidReference(f"duration must be positive, got {duration:g} s")
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,9 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.motion import Motion, limit_shares
-from omnidrive.reference.reference import Reference, Setpoint
+from omnidrive.reference.reference import Reference, WindowReference
 
 MIN_STEP = 1e-6
 """Shortest time between samples, in s; over a shorter one, rounding would dominate velocities."""
@@ -30,7 +29,7 @@ _CHECKS = np.linspace(0.0, 1.0, 5)
 
 
 @dataclass(frozen=True, eq=False)
-class SampledReference:
+class SampledReference(WindowReference):
     """Piecewise cubic motion through timed poses with given velocities.
 
     Between two samples x, y and yaw are the cubic Hermite polynomials of the two poses and twists
@@ -124,11 +123,6 @@ class SampledReference:
     def _curves(self) -> tuple[PPoly, PPoly]:
         poses = CubicHermiteSpline(self.times, self.poses, self.twists)
         return poses, poses.derivative()
-
-    def at(self, t: float) -> Setpoint:
-        """Return the setpoint at time ``t`` in s; at rest outside [0, duration]."""
-        x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
-        return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
         """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""

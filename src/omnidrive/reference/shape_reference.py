@@ -11,16 +11,16 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.geometry import Pose, WorldTwist
+from omnidrive.geometry import Pose
 from omnidrive.reference.motion import Motion
-from omnidrive.reference.reference import Setpoint
+from omnidrive.reference.reference import WindowReference, check_duration
 from omnidrive.reference.shapes import Shape
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeReference:
+class ShapeReference(WindowReference):
     """Motion along a shape with exact velocities and accelerations.
 
     The parameter s of the shape grows with the rate v w(t), where w = 3 u^2 - 2 u^3 rises from 0 to
@@ -43,15 +43,9 @@ class ShapeReference:
     start: Pose = ORIGIN
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.duration) and self.duration > 0.0):
-            raise InvalidReference(f"duration must be positive, got {self.duration:g} s")
+        check_duration(self.duration)
         if not np.isfinite(self.start).all():
             raise InvalidReference(f"the start must be finite, got {tuple(self.start)}")
-
-    def at(self, t: float) -> Setpoint:
-        """Return the setpoint at time ``t`` in s; outside [0, duration] an end pose, at rest."""
-        x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
-        return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
         """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""

@@ -10,17 +10,16 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath
-from omnidrive.reference.reference import Setpoint
+from omnidrive.reference.reference import WindowReference
 
 _CHECKS = 8
 """Number of points per interval, besides its start, at which limits are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
-class TimedReference:
+class TimedReference(WindowReference):
     """Motion from rest to rest along a path, with ``(ds/dt)^2`` linear in s between equal nodes.
 
     The path acceleration d2s/dt2 is constant between nodes, and the pose at any time has a closed
@@ -51,11 +50,6 @@ class TimedReference:
     def duration(self) -> float:
         """Duration of the motion, in s."""
         return float(self.times[-1])
-
-    def at(self, t: float) -> Setpoint:
-        """Return the setpoint at time ``t`` in s; outside [0, duration] an end pose, at rest."""
-        x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
-        return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
         """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""

@@ -10,15 +10,14 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.planning import SplinePath
 from omnidrive.reference.piecewise_path import rotate_into_body
-from omnidrive.reference.reference import Setpoint
+from omnidrive.reference.reference import WindowReference, check_duration
 from omnidrive.robot import Chassis
 
 
 @dataclass(frozen=True, eq=False)
-class UniformReference:
+class UniformReference(WindowReference):
     """Motion along a spline path with the parameter ``t / duration``.
 
     Attributes:
@@ -33,13 +32,7 @@ class UniformReference:
     duration: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.duration) and self.duration > 0.0):
-            raise InvalidReference(f"duration must be positive, got {self.duration:g} s")
-
-    def at(self, t: float) -> Setpoint:
-        """Return the setpoint at time ``t`` in s; outside [0, duration] an end pose, at rest."""
-        x, y, yaw, *twist = self.window(t, 1, 0.0)[0].tolist()
-        return Setpoint(Pose(x, y, yaw), WorldTwist(*twist))
+        check_duration(self.duration)
 
     def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
         """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""

@@ -49,7 +49,7 @@ class PlaneCurve(Shape):
     """`tangent`: direction of travel; `fixed`: heading of the start."""
 
     def __post_init__(self) -> None:
-        Shape.__post_init__(self)
+        super().__post_init__()
         check_choice("heading", self.heading, get_args(ShapeHeading))
 
     @abstractmethod

@@ -54,7 +54,7 @@ class Square(PlaneCurve):
     """Whether the motion is clockwise; the square is then on the right of the start."""
 
     def __post_init__(self) -> None:
-        PlaneCurve.__post_init__(self)
+        super().__post_init__()
         if self.rounding > 0.5 * self.side:
             raise InvalidInput(
                 f"rounding is {self.rounding:g} m, need at most half the side, "
