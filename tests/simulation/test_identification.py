@@ -222,8 +222,22 @@ def test_a_log_at_rest_determines_nothing():
     assert found.robot == SMALL
 
 
-def test_plants_without_wheel_speeds_make_logs_without_them():
+class WithoutWheelSpeeds(KinematicPlant):
+    """A plant that reports no wheel speeds."""
+
+    def reset(self, pose):
+        return super().reset(pose)._replace(wheel_speeds=())
+
+    def step(self, command, dt):
+        return super().step(command, dt)._replace(wheel_speeds=())
+
+
+@pytest.mark.parametrize("plant", [KinematicPlant, WithoutWheelSpeeds])
+def test_plants_without_wheel_speeds_make_logs_without_them(plant):
     rng = np.random.default_rng(1)
     commands = identification_commands(SMALL, rng, 0.05, 10.0)
-    log = simulated_log(KinematicPlant(SMALL), commands, 0.05, rng)
-    assert log.wheel_speeds is None or log.wheel_speeds.shape == (200, 4)
+    log = simulated_log(plant(SMALL), commands, 0.05, rng)
+    if plant is WithoutWheelSpeeds:
+        assert log.wheel_speeds is None
+    else:
+        assert log.wheel_speeds.shape == (200, 4)

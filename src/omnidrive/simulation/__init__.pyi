@@ -9,7 +9,7 @@ from .disturbances.disturbances import (
     PoseOffset,
     SensorFaults,
 )
-from .identify import identify_lag
+from .identification.identify_lag import identify_lag
 from .kinematic import KinematicPlant
 from .loop import simulate
 from .moving_obstacle import MovingObstacle

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import floor, hypot, isfinite, log10, sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,6 +12,13 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Mount, Robot
+from omnidrive.simulation.identification.estimate import (
+    MIN_SEGMENTS,
+    Estimate,
+    checked,
+    checked_time,
+    missing,
+)
 from omnidrive.simulation.identification.regression import (
     Fit,
     fit,
@@ -22,41 +29,11 @@ from omnidrive.simulation.identification.response import response
 from omnidrive.simulation.identification.robot_log import RobotLog
 
 _SEGMENT = 1.0  # s
-_MIN_SEGMENTS = 8
 _SLIP_SHARE = 0.6  # used share of the friction limit from which a segment may contain slip
 _OUTLIER = 2.5  # residual of a segment over the median from which its wheels slipped
 _DELAYS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # s, first iterates
 _FRICTIONS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.1)  # first iterates
-_MAX_RELATIVE = {"wheel radius": 0.05, "effective radius": 0.05, "friction": 0.2}
-_MAX_TIME_ERROR = 0.01  # s
 _FRICTION_MODEL = 0.01  # error of Coulomb's law: rollers that reach the floor absorb momentum
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """Estimate of one parameter.
-
-    Attributes:
-        name: Name of the parameter.
-        unit: Unit; "1" for a ratio.
-        value: Estimated value; NaN if not identifiable.
-        sigma: Standard error; NaN if not identifiable.
-        reason: Why it is not identifiable; empty if it is.
-    """
-
-    name: str
-    unit: str
-    value: float
-    sigma: float
-    reason: str = ""
-
-    def __str__(self) -> str:
-        """Format value and standard error, or the reason."""
-        if self.reason:
-            return f"not identifiable: {self.reason}"
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        digits = min(max(1 - floor(log10(max(self.sigma, 1e-12))), 0), 12)  # two of the error
-        return f"{self.value:.{digits}f} +- {self.sigma:.{digits}f}{unit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +128,8 @@ class _Data:
         if self.log.wheel_speeds is None:
             reason = "the log has no wheel speeds (columns wheel_speed_0, ...)"
             return (
-                _missing("wheel radius", "m", reason),
-                _missing("effective radius", "m", reason),
+                missing("wheel radius", "m", reason),
+                missing("effective radius", "m", reason),
             )
         scaled_twists = self.log.wheel_speeds @ np.linalg.pinv(self.robot.rim_jacobian).T
         moved, turned = (
@@ -165,7 +142,7 @@ class _Data:
         r, r_sigma, bad = _ratio(positions, moved, self.segments)
         q, q_sigma, bad_yaw = _ratio(yaws, turned, self.segments)
         self.slipping = bad | bad_yaw
-        radius = _checked(
+        radius = checked(
             Estimate("wheel radius", "m", r, r_sigma), self.count, "the log holds too little motion"
         )
         value = self.robot.effective_radius * r / q if r and q else np.nan
@@ -173,7 +150,7 @@ class _Data:
         # the contact alternates between rows at different distances: the mean of 1 / R
         gap = self.robot.wheel.row_gap if self.robot.wheel.rows == 2 else 0.0
         sigma = hypot(abs(value) * relative, (0.5 * gap) ** 2 / abs(value) / sqrt(3.0))
-        effective = _checked(
+        effective = checked(
             Estimate("effective radius", "m", value, sigma),
             self.count,
             "the log holds too little rotation",
@@ -193,19 +170,19 @@ class _Data:
         names = ("lag in translation", "lag in rotation", "delay")
         gentle = ~self._may_slip()
         rows = gentle[self.segments]
-        if gentle.sum() < _MIN_SEGMENTS:
+        if gentle.sum() < MIN_SEGMENTS:
             reason = (
                 f"{int(gentle.sum())} s of the log are certainly without wheel slip, need "
-                f"{_MIN_SEGMENTS} s of gentle motion"
+                f"{MIN_SEGMENTS} s of gentle motion"
             )
-            first, second, third = (_missing(name, "s", reason) for name in names)
+            first, second, third = (missing(name, "s", reason) for name in names)
             return first, second, third
         found = self._fit_response(rows)
         self.scales = (float(found.values[0]), float(found.values[1]))
         self.coupling = float(found.values[5])
         slow = "the commands change too little for their noise and sample time"
         estimates = [
-            _checked_time(Estimate(name, "s", float(value), float(sigma)), slow)
+            checked_time(Estimate(name, "s", float(value), float(sigma)), slow)
             for name, value, sigma in zip(names, found.values[2:5], found.sigmas[2:5], strict=True)
         ]
         return estimates[0], estimates[1], estimates[2]
@@ -289,7 +266,7 @@ class _Data:
     def friction(self, translation: Estimate, rotation: Estimate, delay: Estimate) -> Estimate:
         """Return the friction coefficient."""
         if translation.reason:
-            return _missing("friction", "1", "it needs the lag in translation")
+            return missing("friction", "1", "it needs the lag in translation")
         lag = (translation.value, rotation.value if not rotation.reason else self.robot.lag[1])
         wait = 0.0 if delay.reason else delay.value
         share = self._used_friction(lag, wait)
@@ -300,10 +277,11 @@ class _Data:
         least = float(np.quantile(share, 0.999)) * self.robot.friction
         slack = f"the wheels do not slip: friction is at least about {min(least, 9.9):.2g}"
         if chosen.sum() < 3:
-            return _missing("friction", "1", slack)
+            return missing("friction", "1", slack)
         segments = np.concatenate([self.segments[rows]] * 2)
 
         def residuals(values: Float[Array, " 2"]) -> Float[Array, " residuals"]:
+            """Return the position errors with a friction coefficient and an extra delay (s)."""
             mu, extra = values.tolist()
             _, moves = response(
                 self.robot, self.log.t, self.commands, lag, max(wait + extra, 0.0),
@@ -322,7 +300,7 @@ class _Data:
         sigma = hypot(float(found.sigmas[0]), _FRICTION_MODEL * value)
         if value * self.robot.loads.min() > motor:
             slack = "the motors' torque limit is below the friction limit"
-        return _checked(Estimate("friction", "1", value, sigma), self.count, slack)
+        return checked(Estimate("friction", "1", value, sigma), self.count, slack)
 
 
 def _cumulated(
@@ -361,27 +339,6 @@ def _ratio(
         return value, np.inf, ~used
     variance = float((gradients[used] ** 2).sum()) * count / (count - 1)
     return value, sqrt(variance) / float(squares[used].sum()), ~used
-
-
-def _missing(name: str, unit: str, reason: str) -> Estimate:
-    return Estimate(name, unit, np.nan, np.nan, reason)
-
-
-def _checked(estimate: Estimate, segments: int, reason: str) -> Estimate:
-    """Return the estimate, or one with a reason if its standard error is too large."""
-    if segments < _MIN_SEGMENTS:
-        reason = f"the log is {segments} s long, need {_MIN_SEGMENTS} s"
-        return _missing(estimate.name, estimate.unit, reason)
-    relative = estimate.sigma / abs(estimate.value) if estimate.value else np.inf
-    if not relative <= _MAX_RELATIVE[estimate.name] or not estimate.value > 0.0:
-        return _missing(estimate.name, estimate.unit, reason)
-    return estimate
-
-
-def _checked_time(estimate: Estimate, reason: str) -> Estimate:
-    if not isfinite(estimate.sigma) or estimate.sigma > _MAX_TIME_ERROR:
-        return _missing(estimate.name, estimate.unit, reason)
-    return estimate
 
 
 def _identified(  # noqa: PLR0917

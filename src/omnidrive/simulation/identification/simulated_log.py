@@ -73,7 +73,7 @@ def simulated_log(
     """Return the log of a plant that executes commands from rest.
 
     Args:
-        plant: The plant; it reports wheel speeds.
+        plant: The plant; if it does not report wheel speeds, the log holds none.
         commands: Commanded twist in every sample; m/s, m/s, rad/s.
         dt: Sample time, s.
         rng: Generator of the noise.
@@ -93,4 +93,9 @@ def simulated_log(
         speeds.append(state.wheel_speeds)
     noise = rng.normal(size=(len(commands), 3)) * [pose_noise[0], *pose_noise]
     wheels = np.array(speeds) + wheel_noise * rng.normal(size=np.shape(speeds))
-    return RobotLog(dt * np.arange(len(commands)), commands, np.array(poses) + noise, wheels)
+    return RobotLog(
+        dt * np.arange(len(commands)),
+        commands,
+        np.array(poses) + noise,
+        wheels if state.wheel_speeds else None,
+    )
