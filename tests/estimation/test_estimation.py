@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 from scipy.stats import chi2
 
 from omnidrive.estimation import (
-    EncoderSettings,
     EstimatorSettings,
-    GyroSettings,
     PoseEstimator,
     PoseFix,
     PoseFixSettings,
@@ -22,106 +18,12 @@ from omnidrive.estimation import (
     SensorSettings,
 )
 from omnidrive.estimation.filter_state import POSE
-from omnidrive.estimation.motion_model import Odometry
-from omnidrive.estimation.se2 import (
-    exponential,
-    inverse_adjoint,
-    logarithm,
-    relative_pose,
-    right_jacobian,
-)
-from omnidrive.estimation.slip_prediction import predict_slip
-from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
-from omnidrive.robot import named_robot, omni_ring
-from omnidrive.simulation import (
-    MujocoPlant,
-    PlantState,
-    SensorFaults,
-    SensorSuite,
-)
+from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
+from omnidrive.robot import omni_ring
+from omnidrive.simulation import MujocoPlant, SensorFaults, SensorSuite
 from omnidrive.testing.laws import rotated
 from tests.estimates import Perception
-
-ROBOT = named_robot("paper")
-RADIUS = ROBOT.wheel.radius
-REST = BodyTwist(0.0, 0.0, 0.0)
-START = Pose(1.0, -2.0, 0.5)
-DT = 0.1
-FINE = EncoderSettings(2**24)
-QUIET = SensorSettings(
-    FINE,
-    GyroSettings(noise_density=1e-6, bias=0.0, bias_walk=0.0),
-    PoseFixSettings(position_sigma=1e-4, yaw_sigma=1e-4),
-)
-MATCHED = SensorSettings(
-    FINE,
-    GyroSettings(noise_density=3e-3, bias=0.01, bias_walk=1e-3),
-    PoseFixSettings(
-        position_sigma=0.02, yaw_sigma=0.01, position_bias=0.05, yaw_bias=0.03, bias_damping=0.5
-    ),
-)
-"""Sensors with large noise, which dominates all other errors."""
-CREEP = 5e-3
-NOISE_ONLY = EstimatorSettings(creep=CREEP, slip_doubt=0.0, false_alarms=1e-8, floor=1e-6)
-
-
-def oscillating(t):
-    """Return a body twist whose components oscillate."""
-    return BodyTwist(0.5 * np.cos(0.4 * t), 0.3 * np.sin(0.7 * t), 0.4 * np.sin(0.3 * t))
-
-
-class Drive:
-    """A robot without slip whose rims creep, with its sensors and its estimator."""
-
-    def __init__(
-        self, sensors=QUIET, filter_settings=None, seed=0, creep=0.0, robot=ROBOT, start=START
-    ):
-        rng = np.random.default_rng(seed)
-        self.robot, self.creep, self.rng = robot, creep, rng.spawn(1)[0]
-        self.sensors = SensorSuite(sensors, robot.chassis, rng)
-        self.estimator = PoseEstimator(robot, sensors, filter_settings, slips=False)
-        self.perception = Perception(self.sensors, self.estimator)
-        self.perception.reset(start)
-        self.pose, self.angles, self.k = start, np.zeros(len(robot.mounts)), 0
-        self.fix_bias = np.zeros((2, 3))
-        self.state = self.sense()
-
-    @property
-    def t(self):
-        return self.k * DT
-
-    def sense(self):
-        if self.sensors._fixes:
-            self.fix_bias = self.sensors._fixes._bias.copy()  # of the fix at this sample
-        state = PlantState(self.pose, REST, 0.0, tuple(self.angles.tolist()))
-        return self.perception.update(self.t, state)
-
-    def go(self, seconds, twist=oscillating):
-        for _ in range(round(seconds / DT)):
-            now = twist(self.t)
-            displacements = self.robot.rim_jacobian @ np.array(now) * DT
-            displacements += (
-                self.creep
-                * np.sqrt(np.abs(displacements))
-                * self.rng.standard_normal(len(displacements))
-            )
-            self.pose = move(self.pose, now, DT)
-            self.angles = self.angles + displacements / self.robot.wheel.radius
-            self.k += 1
-            self.state = self.sense()
-        return self
-
-    @property
-    def error(self):
-        return np.hypot(self.state.pose.x - self.pose.x, self.state.pose.y - self.pose.y)
-
-    @property
-    def filter_error(self):
-        """True state minus its estimate, as the filter's covariance defines it."""
-        mean = self.estimator.filter_state.mean
-        pose_error = twist_between(Pose(*mean[POSE].tolist()), self.pose, 1.0)
-        biases = np.array([self.sensors._gyro.bias, *self.fix_bias.ravel()])
-        return np.array([*pose_error, *(biases - mean[3:])])
+from tests.estimation.drive import CREEP, DT, MATCHED, NOISE_ONLY, QUIET, ROBOT, START, Drive
 
 
 def bounds(dimensions, runs):
@@ -201,7 +103,7 @@ def test_error_is_small_with_nearly_perfect_sensors():
 def test_results_and_reset_are_reproducible_bit_for_bit():
     one, two = (Drive(MATCHED, None, 7, CREEP).go(5.0) for _ in range(2))
     assert repr(one.state) == repr(two.state)
-    one.perception.reset(START)
+    one.estimator.reset(START)
     fresh = PoseEstimator(ROBOT, MATCHED, slips=False)
     fresh.reset(START)
     assert repr(one.estimator.filter_state) == repr(fresh.filter_state)
@@ -210,21 +112,7 @@ def test_results_and_reset_are_reproducible_bit_for_bit():
 def recorded(seconds, **changes):
     """Sensor settings and readings of one run."""
     sensors = replace(MATCHED, fixes=replace(MATCHED.fixes, **changes))
-    drive, log = Drive(sensors, creep=CREEP), []
-    read = drive.sensors.read
-
-    def reading(t, state):
-        log.append(read(t, state))
-        return log[-1]
-
-    object.__setattr__(drive.perception, "sensors", _Recorder(reading))
-    drive.go(seconds)
-    return sensors, log
-
-
-class _Recorder:
-    def __init__(self, read):
-        self.read = read
+    return sensors, Drive(sensors, creep=CREEP).go(seconds).log
 
 
 def test_result_does_not_depend_on_the_order_of_arrival():
@@ -287,7 +175,7 @@ def test_kidnapped_robot_is_relocated(jump, latency):
 
 def test_uncertainty_grows_while_fixes_are_silent():
     drive = Drive(MATCHED, None, creep=CREEP).go(3.0)
-    drive.perception.apply(SensorFaults(fixes_silent=True))
+    drive.sensors.apply(SensorFaults(fixes_silent=True))
     sigmas, ages = [], []
     for _ in range(10):
         drive.go(0.5)
@@ -295,14 +183,14 @@ def test_uncertainty_grows_while_fixes_are_silent():
         ages.append(drive.state.fix_age)
     assert max(sigmas) == sigmas[-1]
     assert ages == pytest.approx([0.5 * (k + 1) for k in range(10)])
-    drive.perception.apply(SensorFaults())
+    drive.sensors.apply(SensorFaults())
     drive.go(1.0)
     assert drive.state.fix_age == pytest.approx(0.0, abs=1e-9)
 
 
 def test_without_gyro_the_yaw_is_estimated_from_the_wheels():
     drive = Drive().go(2.0)
-    drive.perception.apply(SensorFaults(gyro_silent=True, fixes_silent=True))
+    drive.sensors.apply(SensorFaults(gyro_silent=True, fixes_silent=True))
     drive.go(5.0)
     assert drive.error < 1e-3
     assert abs(drive.state.pose.yaw - drive.pose.yaw) < 1e-3
@@ -311,28 +199,28 @@ def test_without_gyro_the_yaw_is_estimated_from_the_wheels():
 @pytest.mark.parametrize("dead", [(0,), (3,), (0, 1)])
 def test_dead_encoders_are_ignored(dead):
     drive = Drive().go(2.0)
-    drive.perception.apply(SensorFaults(dead_encoders=dead, fixes_silent=True))
+    drive.sensors.apply(SensorFaults(dead_encoders=dead, fixes_silent=True))
     drive.go(5.0)
     assert drive.error < 2e-3
-    drive.perception.apply(SensorFaults(fixes_silent=True))  # the encoders work again
+    drive.sensors.apply(SensorFaults(fixes_silent=True))  # the encoders work again
     assert drive.go(2.0).error < 2e-3
 
 
 def test_two_encoders_and_a_gyro_suffice():
     kiwi = replace(ROBOT, mounts=omni_ring((0.5, 2.6, 4.7), 0.5))
     drive = Drive(robot=kiwi).go(2.0)
-    drive.perception.apply(SensorFaults(dead_encoders=(1,), fixes_silent=True))
+    drive.sensors.apply(SensorFaults(dead_encoders=(1,), fixes_silent=True))
     assert drive.go(5.0).error < 2e-3
 
 
 def test_without_odometry_the_uncertainty_grows_quadratically():
     drive = Drive().go(2.0)
-    drive.perception.apply(SensorFaults((0, 1, 2, 3), fixes_silent=True, gyro_silent=True))
+    drive.sensors.apply(SensorFaults((0, 1, 2, 3), fixes_silent=True, gyro_silent=True))
     half = drive.go(0.5).state.position_sigma
     whole = drive.go(0.5).state.position_sigma
     assert 0.3 < half < 0.3 * whole * 1.2  # quadratic in time
     assert drive.error < 3.0 * whole
-    drive.perception.apply(SensorFaults((0, 1, 2, 3)))
+    drive.sensors.apply(SensorFaults((0, 1, 2, 3)))
     assert drive.go(1.0).error < 0.05  # from fixes only
 
 
@@ -341,7 +229,7 @@ def test_inconsistent_wheels_increase_the_excess_slip():
     drive = Drive(replace(QUIET, fixes=None)).go(2.0)
     before = drive.state.position_sigma
     for _ in range(10):
-        drive.angles = drive.angles + np.array([DT / RADIUS, 0.0, 0.0, 0.0])
+        drive.angles = drive.angles + np.array([DT / ROBOT.wheel.radius, 0.0, 0.0, 0.0])
         drive.go(DT)
     assert drive.estimator.filter_state.excess_slip > 0.3
     assert drive.state.position_sigma > 10.0 * before
@@ -409,71 +297,6 @@ def test_fixes_from_the_future_and_too_old_fixes_are_rejected(stamp):
     state = estimator.update(SensorReadings(0.0, (0.0,) * 4, fixes=(fix,)))
     assert state.pose == START
     assert estimator.rejected == 1
-
-
-MOTIONS = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3)).map(np.array)
-
-
-def matrix(motion):
-    """Return the exponential of a motion as a homogeneous matrix."""
-    x, y, turn = motion
-    return expm(np.array([[0.0, -turn, x], [turn, 0.0, y], [0.0, 0.0, 0.0]]))
-
-
-@settings(max_examples=60, deadline=None)
-@given(MOTIONS, MOTIONS)
-def test_kernels_match_the_matrix_group(a, b):
-    group = matrix(a)
-    pose = exponential(a)
-    assert [*group[:2, 2], group[1, 0]] == pytest.approx([*pose[:2], np.sin(pose[2])], abs=1e-9)
-    assert logarithm(pose) == pytest.approx(a, abs=1e-9)
-    small = 1e-6 * b
-    inverse = relative_pose(exponential(a), np.zeros(3))
-    back = np.linalg.inv(group)
-    assert [*back[:2, 2]] == pytest.approx(inverse[:2].tolist(), abs=1e-9)
-    end = np.linalg.inv(group) @ matrix(small) @ group  # adjoint of the inverse
-    expected = np.array([end[0, 2], end[1, 2], end[1, 0]])
-    assert inverse_adjoint(a) @ small == pytest.approx(expected, abs=1e-10)
-
-
-@settings(max_examples=40, deadline=None)
-@given(MOTIONS.map(lambda m: 0.2 * m), MOTIONS)
-def test_right_jacobian_is_the_derivative_of_the_exponential(a, b):
-    step = 1e-6 * b
-    change = np.linalg.inv(matrix(a)) @ matrix(a + step)
-    expected = np.array([change[0, 2], change[1, 2], change[1, 0]])
-    size = np.abs(a).max()
-    assert right_jacobian(a) @ step == pytest.approx(expected, abs=1e-11 + 1e-6 * size**3)
-
-
-def test_predicted_slip_solves_the_differential_equation():
-    """Comparison with an adaptive integrator, for a start from rest at constant wheel speeds."""
-    estimator = PoseEstimator(ROBOT)
-    model = estimator._model
-    speeds = np.array([0.7, 0.2, 0.6, 1.1])
-    odometry = Odometry(speeds * DT, nan, DT, 1.0)
-    slip, mean, last = predict_slip(np.zeros(3), odometry, model)
-
-    def law(_, state):
-        body = state[:3]
-        slip_speeds = speeds - model.rim_jacobian @ body
-        forces = np.zeros(4)
-        for _ in range(30):  # fixed point: the forces transfer load
-            limits = np.clip(
-                model.friction_limits + model.load_transfer @ (model.rim_jacobian.T @ forces)[:2],
-                0,
-                model.motor_limit,
-            )
-            forces = np.clip(model.stiffness * slip_speeds, -limits, limits)
-        x, y, turn = body
-        ax, ay, turning = model.rim_jacobian.T @ forces / model.inertia
-        return [ax + turn * y, ay - turn * x, turning, *body, *slip_speeds]
-
-    exact = solve_ivp(law, (0.0, DT), np.zeros(10), rtol=1e-8, atol=1e-10).y[:, -1]
-    assert slip == pytest.approx(exact[6:], abs=1e-3)
-    assert mean == pytest.approx(exact[3:6] / DT, abs=0.01)
-    assert last == pytest.approx(exact[:3], abs=0.01)
-    assert np.abs(slip).max() > 0.01
 
 
 def test_odometry_error_matches_its_covariance_at_hard_starts():
