@@ -3,7 +3,7 @@
 import omnidrive as od
 
 robot = od.named_robot("paper")
-grid = od.paper_map()  # or od.load_map(Path("depot.yaml"))
+grid = od.paper_map()  # or od.load_map("depot.yaml")
 plan = od.plan(
     grid, od.Waypoint(1, 1), od.Waypoint(8, 6, yaw=0.0), inflation=0.0, options=od.PathOptions()
 )

@@ -97,7 +97,7 @@ def test_scene_without_the_robot_is_refused(server, options, fact):
 def test_settings_for_another_robot_are_refused(server):
     with pytest.raises(InvalidInput, match="names 3 of 4 wheels of robot 'small'"):
         plant_at(server, joints=("/a", "/b", "/c"))
-    with pytest.raises(InvalidInput, match=r"coppeliasim.signs names 1 of 4"):
+    with pytest.raises(InvalidInput, match=r"plant.signs names 1 of 4"):
         plant_at(server, signs=(1,))
     with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
         plant_at(server, signs=(1, 1, 1, 2))

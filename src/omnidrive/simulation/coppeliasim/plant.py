@@ -122,7 +122,7 @@ class CoppeliaSimPlant:
         if not uprightness(body) >= _MIN_UPRIGHTNESS:
             raise InvalidScene(
                 f"the z axis of '{self.scene.body or self.scene.model}' in CoppeliaSim does not "
-                "point up: name another object of the robot, such as a dummy, as coppeliasim.body"
+                "point up: name another object of the robot, such as a dummy, as plant.body"
             )
         if self._frame is None:
             self._frame = self._measure_signal_frame()
@@ -310,8 +310,8 @@ def _check_scene(robot: Robot, scene: CoppeliaSimScene) -> None:
     for name, count in (("joints", len(scene.joints)), ("signs", len(scene.signs))):
         if count != wheels:
             raise InvalidInput(
-                f"coppeliasim.{name} names {count} of {wheels} wheels of robot '{robot.name}': "
+                f"plant.{name} names {count} of {wheels} wheels of robot '{robot.name}': "
                 "name one per wheel, in the order of its mounts"
             )
     if not set(scene.signs) <= {1, -1}:
-        raise InvalidInput(f"coppeliasim.signs are 1 or -1, got {scene.signs}")
+        raise InvalidInput(f"plant.signs are 1 or -1, got {scene.signs}")
