@@ -37,6 +37,7 @@ def test_written_file_runs_passes_its_test_and_is_well_formed(tmp_path, kind):
             check=False,
         )
         assert checked.returncode == 0, checked.stdout
+    assert run(test.name, cwd=tmp_path).stdout == f"{name} obeys all laws\n"  # as new prints
     spec = f"{file}:{name}"
     values = {
         "controller": {"controllers": {"mine": spec}, "plant": "kinematic"},
@@ -75,6 +76,7 @@ def test_list_prints_parameters_as_json(tmp_path):
     parameters = {each["name"]: each for each in records["holonomic-nmpc"]["parameters"]}
     assert parameters["horizon"]["range"] == [1, 200]
     assert parameters["horizon"]["unit"] == "steps"
+    assert "null: false with an estimator" in parameters["may_spin"]["description"]
     assert parameters["weights.position_weight"]["default"] == 90.0
     assert records["pid"]["origin"].startswith("omnidrive ")
 

@@ -35,11 +35,11 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _TRY: dict[Kind, tuple[str, ...]] = {
     "controller": (
         "omnidrive compare --controller {file}:{name} --controller holonomic-nmpc",
-        "python -m pytest {test}  (pip install pytest)",
+        "python {test}",
     ),
     "plant": (
         "omnidrive run --plant {file}:{name} --controller feedforward",
-        "python -m pytest {test}  (pip install pytest)",
+        "python {test}",
     ),
     "robot": ("omnidrive robot show {file}", "omnidrive compare --robot {file}"),
 }

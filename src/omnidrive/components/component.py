@@ -13,6 +13,7 @@ from typing import Any, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
+from omnidrive.components.documentation import plain_text
 from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.components.parameters import Parameter, parameters_of
 from omnidrive.errors import ComponentFailed, InvalidInput, OmnidriveError, suggestion
@@ -47,8 +48,8 @@ class Component:
 
     @property
     def summary(self) -> str:
-        """First line of the docstring of the factory."""
-        return (getdoc(self.factory) or "").partition("\n")[0]
+        """First line of the docstring of the factory, as Markdown."""
+        return plain_text((getdoc(self.factory) or "").partition("\n")[0])
 
     @cached_property
     def parameter_class(self) -> type | None:

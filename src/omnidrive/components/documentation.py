@@ -13,6 +13,7 @@ from itertools import pairwise
 from omnidrive.components.fields import field_names
 
 _ROLE = re.compile(r":[a-z:]+:`[~.]?(?:[\w.]*\.)?(\w+)`")  # such as :class:`~omnidrive.Robot`
+_NONE = re.compile(r"\bNone\b")  # Python's word; scenarios and options have null
 _ENTRY = re.compile(r"    (\w+)(?: \([^)]*\))?: *(.*)")  # of a section `Attributes:`
 
 
@@ -33,9 +34,10 @@ def field_docs(cls: type) -> dict[str, str]:
 
 
 def plain_text(docstring: str) -> str:
-    """Return the first paragraph of a docstring as one line of Markdown."""
+    """Return the first paragraph of a docstring as one line of Markdown, with null for None."""
     first = cleandoc(docstring).split("\n\n")[0]
-    return " ".join(_ROLE.sub(r"`\1`", first).replace("``", "`").split())
+    text = _NONE.sub("null", _ROLE.sub(r"`\1`", first).replace("``", "`"))
+    return " ".join(text.split())
 
 
 def _listed_attributes(docstring: str) -> dict[str, str]:

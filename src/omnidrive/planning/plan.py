@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 import numpy as np
 
 from omnidrive.choices import HeuristicName, MethodName, SmoothingName
-from omnidrive.errors import InvalidInput, InvalidWaypoint
+from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.files.bounded_file import short_repr
 from omnidrive.geometry import check_heading
 from omnidrive.maps import OccupancyGrid
@@ -29,6 +29,9 @@ _CLEARANCE = 0.2
 """Distance in cells from the inflated obstacles that certified paths keep where possible. It hardly
 affects the smoothness."""
 _DRAWN = 300  # points of the path in notebooks
+
+_NARROW = "choose a smaller robot or margin, or a finer map"
+"""Way out of a map that is too narrow for the robot."""
 
 
 class Waypoint(NamedTuple):
@@ -150,17 +153,24 @@ def plan(
     """
     start, goal = _numbers("start", start), _numbers("goal", goal)
     free_space = grid.inflated(inflation)
+    needed = f"{inflation:.4g} m" + (f" ({inflation_note})" if inflation_note else "")
     for name, waypoint in (("start", start), ("goal", goal)):
-        needed = f"{inflation:g} m" + (f" ({inflation_note})" if inflation_note else "")
         _check_waypoint(grid, free_space, name, waypoint, needed)
-    found = search(
-        free_space,
-        free_space.cell(start.x, start.y),
-        free_space.cell(goal.x, goal.y),
-        method=options.search,
-        heuristic=options.heuristic,
-        cut_corners=options.cut_corners,
-    )
+    try:
+        found = search(
+            free_space,
+            free_space.cell(start.x, start.y),
+            free_space.cell(goal.x, goal.y),
+            method=options.search,
+            heuristic=options.heuristic,
+            cut_corners=options.cut_corners,
+        )
+    except NoPathFound as error:
+        raise NoPathFound(
+            f"{error}; the robot's centre must keep {needed} from every obstacle: {_NARROW}"
+            if inflation
+            else str(error)
+        ) from None
     points = free_space.centres(found.cells)
     points = np.vstack([points, points[-1:]]) if len(points) == 1 else points
     points[0], points[-1] = start[:2], goal[:2]
@@ -209,8 +219,7 @@ def _check_waypoint(
     nearest = free_space.nearest_free(waypoint.x, waypoint.y)
     if nearest is None:
         raise InvalidWaypoint(
-            f"no free cell of the map keeps {needed} from every obstacle; "
-            "choose a smaller robot or margin, or a finer map"
+            f"no free cell of the map keeps {needed} from every obstacle; {_NARROW}"
         )
     cell, distance = nearest
     near = free_space.centre(*cell)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -12,7 +11,6 @@ from omnidrive.components.fields import plain
 from omnidrive.study.scenario import Scenario
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_NONE = re.compile(r"\bNone\b")  # Python's word; scenarios have null
 
 
 def scenario_schema() -> dict[str, Any]:
@@ -74,8 +72,8 @@ def _by_name(values: JsonSchemaValue, cls: Any) -> JsonSchemaValue:
 def _documented(schema: JsonSchemaValue, cls: Any) -> JsonSchemaValue:
     """Return the schema of a class with descriptions of the class and of its keys."""
     schema.pop("title", None)
-    schema["description"] = _NONE.sub("null", plain_text(cls.__doc__ or ""))
-    docs = {name: _NONE.sub("null", text) for name, text in field_docs(cls).items()}
+    schema["description"] = plain_text(cls.__doc__ or "")
+    docs = field_docs(cls)
     for name, each in schema.get("properties", {}).items():
         text = " ".join(filter(None, (docs.get(name), _range(each))))
         if text:
