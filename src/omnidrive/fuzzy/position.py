@@ -1,14 +1,22 @@
-"""Positions in a text, and errors that name them."""
+"""Parts of a text with their positions, and errors that name them."""
 
 from __future__ import annotations
 
 import re
+from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile
 from omnidrive.files import number_text
 from omnidrive.files.position import Position
 
 _INFINITY = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
+
+
+class LocatedText(NamedTuple):
+    """Part of a text, such as a word or a quoted name, and its position."""
+
+    text: str
+    position: Position
 
 
 def malformed(position: Position | None, what: str) -> InvalidFuzzyFile:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from omnidrive.files.position import Position
 from omnidrive.fuzzy.files.fis.lexer import Cursor, code_lines
-from omnidrive.fuzzy.position import malformed
+from omnidrive.fuzzy.position import LocatedText, malformed
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES
 from omnidrive.fuzzy.variables import MAX_SETS
 
@@ -25,18 +25,11 @@ _OPTIONS = (
 _SYSTEM_KEYS = (*_OPTIONS, "Version", "NumInputs", "NumOutputs", "NumRules")
 
 
-class Token(NamedTuple):
-    """A word or a quoted text of the file, and its position."""
-
-    text: str
-    position: Position
-
-
 class SystemEntry(NamedTuple):
     """Section [System]."""
 
     position: Position
-    options: dict[str, Token]
+    options: dict[str, LocatedText]
     """Texts by their keys, in lower case; absent keys are missing."""
 
 
@@ -45,7 +38,7 @@ class SetEntry(NamedTuple):
 
     name: str
     position: Position
-    shape: Token
+    shape: LocatedText
     parameters: tuple[float, ...]
     footprint: tuple[tuple[float, ...], ...]
     """LowerScale and LowerLag, as far as the line has them."""
@@ -56,7 +49,7 @@ class VariableEntry(NamedTuple):
     """Section [Inputk] or [Outputk]."""
 
     position: Position
-    name: Token
+    name: LocatedText
     low: float
     high: float
     sets: tuple[SetEntry, ...]
@@ -65,9 +58,9 @@ class VariableEntry(NamedTuple):
 class RuleEntry(NamedTuple):
     """A line ``1 -2, 1 (0.5) : 1`` of [Rules]."""
 
-    inputs: tuple[Token, ...]
+    inputs: tuple[LocatedText, ...]
     """Number of a set of each input."""
-    outputs: tuple[Token, ...]
+    outputs: tuple[LocatedText, ...]
     """Number of a set of each output."""
     weight: float
     weight_position: Position
@@ -216,7 +209,7 @@ def _set(key: str, position: Position, value: Cursor) -> SetEntry:
     name = value.quoted(f"the name of {key}")
     value.expect(":", "after the name")
     shape_position = value.position
-    shape = Token(value.quoted("a membership function"), shape_position)
+    shape = LocatedText(value.quoted("a membership function"), shape_position)
     value.expect(",", "after the function")
     parameters = value.numbers("parameters")
     footprint_position = value.position
@@ -266,9 +259,9 @@ def _rule(line: Cursor, inputs: list[str], outputs: list[str]) -> RuleEntry:
     return RuleEntry(antecedent, consequent, weight, weight_position, connective == 2.0)
 
 
-def _token(line: Cursor, what: str) -> Token:
+def _token(line: Cursor, what: str) -> LocatedText:
     position = line.position
-    return Token(line.word(what), position)
+    return LocatedText(line.word(what), position)
 
 
 def _value(section: _Section, key: str) -> Cursor:
@@ -277,12 +270,12 @@ def _value(section: _Section, key: str) -> Cursor:
     return section.entries[key.lower()][2]
 
 
-def _text(section: _Section, key: str) -> Token:
+def _text(section: _Section, key: str) -> LocatedText:
     value = _value(section, key)
     position = value.position
     text = value.quoted(f"the {key.lower()}")
     value.end()
-    return Token(text, position)
+    return LocatedText(text, position)
 
 
 def _check_key(section: _Section, key: str, position: Position, known: tuple[str, ...]) -> None:

@@ -14,12 +14,11 @@ from omnidrive.fuzzy.files.fis.parser import (
     RuleEntry,
     SetEntry,
     SystemEntry,
-    Token,
     VariableEntry,
     parse,
 )
 from omnidrive.fuzzy.membership import SHAPES, Membership
-from omnidrive.fuzzy.position import malformed
+from omnidrive.fuzzy.position import LocatedText, malformed
 from omnidrive.fuzzy.rules import And, Hedge, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import (
@@ -177,7 +176,7 @@ def _check_sets(variable: VariableEntry, are_functions: bool) -> None:
         names.add(each.name)
 
 
-def _check_different(names: Iterable[Token]) -> None:
+def _check_different(names: Iterable[LocatedText]) -> None:
     seen: set[str] = set()
     for name in names:
         if name.text in seen:
@@ -228,13 +227,13 @@ class _NumberedSets:
         self._sets = [each.name for each in variable.sets]
         self._propositions: dict[str, Is | None] = {}
 
-    def proposition(self, token: Token) -> Is | None:
+    def proposition(self, token: LocatedText) -> Is | None:
         """Return the proposition of a set's number; a minus means "not"; None for 0."""
         if token.text not in self._propositions:
             self._propositions[token.text] = self._read(token)
         return self._propositions[token.text]
 
-    def _read(self, token: Token) -> Is | None:
+    def _read(self, token: LocatedText) -> Is | None:
         position, word = token.position, token.text
         match = re.fullmatch(r"([+-]?)(\d{1,9})(?:\.(\d{0,20}))?", word)
         if match is None:
@@ -281,7 +280,7 @@ def _rule(
 
 
 def _propositions(
-    variables: tuple[_NumberedSets, ...], tokens: tuple[Token, ...]
+    variables: tuple[_NumberedSets, ...], tokens: tuple[LocatedText, ...]
 ) -> tuple[Is, ...]:
     found = (each.proposition(token) for each, token in zip(variables, tokens, strict=True))
     return tuple(each for each in found if each is not None)

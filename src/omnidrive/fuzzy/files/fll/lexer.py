@@ -7,15 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from omnidrive.files.position import Position
-from omnidrive.fuzzy.position import malformed
-
-
-class Token(NamedTuple):
-    """Characters between whitespace."""
-
-    text: str
-    position: Position
-    """Position, in the file, of the first character."""
+from omnidrive.fuzzy.position import LocatedText, malformed
 
 
 class Line(NamedTuple):
@@ -31,10 +23,10 @@ class Line(NamedTuple):
     """Position of the first character of the value; if empty, the end of the line or the comment's
     start."""
 
-    def tokens(self) -> list[Token]:
-        """Return the tokens of the value."""
+    def tokens(self) -> list[LocatedText]:
+        """Return the words of the value, which are separated by whitespace."""
         return [
-            Token(match[0], self.value_position.after(self.value[: match.start()]))
+            LocatedText(match[0], self.value_position.after(self.value[: match.start()]))
             for match in re.finditer(r"\S+", self.value)
         ]
 

@@ -16,10 +16,10 @@ from omnidrive.fuzzy.files.assembly import (
     repeated_consequent,
     stays_in_range,
 )
-from omnidrive.fuzzy.files.fll.lexer import Line, Token
+from omnidrive.fuzzy.files.fll.lexer import Line
 from omnidrive.fuzzy.files.fll.parser import Component, parse
 from omnidrive.fuzzy.membership import Membership
-from omnidrive.fuzzy.position import malformed, parse_number
+from omnidrive.fuzzy.position import LocatedText, malformed, parse_number
 from omnidrive.fuzzy.rule_text import parse_rule
 from omnidrive.fuzzy.rules import And, Or
 from omnidrive.fuzzy.system import MAX_RULES, FuzzySystem
@@ -175,7 +175,7 @@ def _terms(component: Component, inputs: int) -> list[FuzzySet | LinearFunction]
 
 
 def read_term(
-    name: str, kind: Token, parameters: Sequence[Token], inputs: int
+    name: str, kind: LocatedText, parameters: Sequence[LocatedText], inputs: int
 ) -> FuzzySet | LinearFunction:
     """Return the fuzzy set or the function of a term.
 
@@ -200,7 +200,7 @@ def read_term(
         return FuzzySet(name, _membership(kind, _without_height(kind, values)))
 
 
-def _function(name: str, kind: Token, values: list[float], inputs: int) -> LinearFunction:
+def _function(name: str, kind: LocatedText, values: list[float], inputs: int) -> LinearFunction:
     if kind.text == "Constant":
         if len(values) != 1:
             raise malformed(kind.position, f"Constant: expected one number, got {len(values)}")
@@ -215,7 +215,7 @@ def _function(name: str, kind: Token, values: list[float], inputs: int) -> Linea
     return LinearFunction(name, constant, tuple(values[:inputs]))
 
 
-def _without_height(kind: Token, values: list[float]) -> list[float]:
+def _without_height(kind: LocatedText, values: list[float]) -> list[float]:
     if kind.text == "Discrete":
         count = len(values) - len(values) % 2
     else:
@@ -232,7 +232,7 @@ def _without_height(kind: Token, values: list[float]) -> list[float]:
     return values[:count]
 
 
-def _membership(kind: Token, p: list[float]) -> Membership:
+def _membership(kind: LocatedText, p: list[float]) -> Membership:
     if kind.text == "Discrete":
         return Membership("pointsmf", tuple(p))
     if kind.text == "Rectangle":
@@ -248,7 +248,7 @@ def _membership(kind: Token, p: list[float]) -> Membership:
     return Membership(shape, tuple(p[k] for k in order))
 
 
-def _edge(kind: Token, start: float, end: float) -> Membership:
+def _edge(kind: LocatedText, start: float, end: float) -> Membership:
     if start == end:
         raise malformed(kind.position, f"{kind.text}: the numbers are equal and give no direction")
     low, high = (start, start) if kind.text == "Binary" else sorted((start, end))
