@@ -12,6 +12,7 @@ import yaml
 from omnidrive.components import GROUPS
 from omnidrive.study import paper_scenario
 from omnidrive.study.scenario_file import scenario_data
+from tests.components.distribution import install
 
 CODE = '''
 """Components of every group."""
@@ -88,11 +89,7 @@ ellipse = their_parts:ellipse
 def environment(tmp_path_factory):
     """Return environment variables with which Python finds the distribution."""
     folder = tmp_path_factory.mktemp("their")
-    (folder / "their_parts.py").write_text(CODE)
-    info = folder / "their_parts-1.2.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-parts\nVersion: 1.2\n")
-    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+    install(folder, "their-parts", "1.2", ENTRY_POINTS, CODE)
     paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
     return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}
 

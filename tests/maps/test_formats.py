@@ -2,7 +2,6 @@
 
 import json
 import sys
-import textwrap
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, is_named_map, load_map, save_nav2_map
 from omnidrive.planning import Waypoint
 from omnidrive.study import load_scenario, map_scenario, plan_scenario, save_scenario
+from tests.components.distribution import install
 
 CODE = """
     import numpy as np
@@ -51,11 +51,7 @@ POINTS = """
 def installed(tmp_path, monkeypatch):
     """Install a distribution with map formats on the search path."""
     folder = tmp_path / "site"
-    info = folder / "their_maps-2.1.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-maps\nVersion: 2.1\n")
-    (info / "entry_points.txt").write_text(textwrap.dedent(POINTS))
-    (folder / "their_maps.py").write_text(textwrap.dedent(CODE))
+    install(folder, "their-maps", "2.1", POINTS, CODE)
     monkeypatch.syspath_prepend(folder)
     entries_of.cache_clear()
     yield

@@ -19,7 +19,8 @@ class SearchResult:
         cells: Row and column of every cell of the path, from start to goal inclusive. An any-angle
             path has only start, goal and the cells in which it turns.
         cost: Length of the path from cell centre to cell centre, in cell widths.
-        expansions: Number of expansions; a cell that is expanded twice counts twice.
+        expansions: Number of expansions; a cell that is expanded twice counts twice. Those of the
+            search by A* that precedes ``lazy-theta`` are not counted.
         seconds: Duration of the search, in s.
     """
 
