@@ -100,7 +100,7 @@ def test_installed_command(tmp_path):
         env={**os.environ, "COLUMNS": "200"},
     )  # fmt: skip
     assert done.returncode == 2
-    assert "no.fis: cannot be read: No such file" in done.stderr
+    assert "cannot read the fuzzy system no.fis: No such file" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -349,7 +349,7 @@ SHOW, EVAL = ("show", "tipper.fis"), ("eval", "tipper.fis", "--in", "in.csv", "-
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        (("show", "no.fis"), "no.fis: cannot be read: No such file"),
+        (("show", "no.fis"), "cannot read the fuzzy system no.fis: No such file"),
         (("show", "in.csv"), "its suffix must be one of .fis, .fll"),
         (("show", "bad.fis"), "bad.fis: line 1, column 1"),
         ((*SHOW, "--type2", "0.8"), "--type2 must be SCALE,LAG or SCALE,LAG,LAG"),
@@ -365,15 +365,15 @@ SHOW, EVAL = ("show", "tipper.fis"), ("eval", "tipper.fis", "--in", "in.csv", "-
         ((*SHOW, "--out", "in.csv"), "cannot write to in.csv"),
         (("convert", "tipper.fis", "a.doc"), "its suffix must be one of"),
         (("convert", "tipper.fis", "a.fll", "--type2", "1,0"), "does not support sets of type 2"),
-        (("convert", "tipper.fis", "no/a.fis"), "cannot write no/a.fis"),
+        (("convert", "tipper.fis", "no/a.fis"), "cannot write to no/a.fis: "),
         ((*EVAL, "in.csv"), "in.csv already exists; choose another, or add --force"),
         ((*EVAL, "/dev/null", "--force"), "/dev/null is not a plain file"),
-        ((*EVAL, "no/out.csv"), "cannot write no/out.csv: No such file"),
+        ((*EVAL, "no/out.csv"), "cannot write to no/out.csv: "),
         ((*EVAL, "o.csv", "--centroid", "exat"), "no --centroid 'exat'; there are exact, matlab"),
         ((*EVAL, "o.csv", "--samples", "9"), "--samples applies to --centroid matlab"),
         ((*EVAL, "o.csv", "--algorithm", "km"), "--algorithm applies to type-2 systems"),
         ((*EVAL, "o.csv", "--threads", "0"), "threads"),
-        (("eval", "tipper.fis", "--in", "no.csv", "--out", "o.csv"), "no.csv: cannot be read: No"),
+        (("eval", "tipper.fis", "--in", "no.csv", "--out", "o.csv"), "cannot read the inputs no.csv: No"),
         (("eval", "type2.fis", *EVAL[2:], "o.csv", "--type2", "1,0"), "type2.fis is of type 2"),
     ],
 )  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from omnidrive.errors import CannotWrite
+from omnidrive.errors import CannotWrite, OmnidriveError
 from omnidrive.files.bounded_file import one_line
 
 
@@ -32,11 +32,25 @@ def output_file(path: Path) -> Iterator[Path]:
     Raises:
         CannotWrite: The file cannot be written; an :class:`OSError` of the block is converted.
     """
+    with write_errors(path), atomic_file(path) as part:
+        yield part
+
+
+@contextmanager
+def write_errors(path: Path, advice: str = "choose another path") -> Iterator[None]:
+    """Convert errors of the operating system in a block that writes ``path``.
+
+    Args:
+        path: The file or folder.
+        advice: Last part of the message: what the user can do.
+
+    Raises:
+        CannotWrite: The block raised an :class:`OSError`, or the path is invalid.
+    """
     try:
-        with atomic_file(path) as part:
-            yield part
+        yield
+    except OmnidriveError:  # some are ValueErrors
+        raise
     except (OSError, ValueError) as error:  # ValueError: the path contains NUL
         reason = getattr(error, "strerror", None) or error
-        raise CannotWrite(
-            f"cannot write to {one_line(str(path))}: {reason}; choose another path"
-        ) from None
+        raise CannotWrite(f"cannot write to {one_line(str(path))}: {reason}; {advice}") from None

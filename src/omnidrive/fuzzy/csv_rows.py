@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from io import BytesIO
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -17,9 +16,10 @@ from jaxtyping import Float
 from pyarrow import csv as arrow
 
 from omnidrive.arrays import Array
-from omnidrive.errors import CannotWrite, InvalidInput, suggestion
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.files.bounded_file import one_line, open_file, short_repr
 from omnidrive.files.number_text import parse_number
+from omnidrive.files.output_file import output_file
 from omnidrive.fuzzy.inference import Inference
 
 MAX_LINE = 1_000_000
@@ -66,27 +66,20 @@ def evaluate_csv(
             message names the line and the column.
         CannotWrite: The target cannot be written.
     """
-    name = one_line(str(source))
     rows = 0
-    try:
-        with source.open("rb") as stream:
-            blocks = _blocks(stream)
-            columns, unused = _columns(next(blocks, _Block(1, b"")), inference)
+    with closing(_blocks(source)) as blocks:
+        head = next(blocks)
+        try:
+            columns, unused = _columns(head, inference)
             header = _header(inference)
-            with _replacement(target) as out:
-                with _writing(target):
-                    out.write(header)
+            with output_file(target) as part, part.open("wb") as out:
+                out.write(header)
                 for block in blocks:
                     inputs = _inputs(block, columns)
-                    results = _evaluate(inference, inputs, block, threads)
-                    with _writing(target):
-                        _write_rows(out, results, inference)
+                    _write_rows(out, _evaluate(inference, inputs, block, threads), inference)
                     rows += len(inputs)
-    except InvalidInput as error:
-        raise InvalidInput(f"{name}: {error}") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidInput(f"{name}: cannot be read: {reason}") from None
+        except InvalidInput as error:
+            raise InvalidInput(f"{one_line(str(source))}: {error}") from None
     return EvaluatedTable(rows, unused)
 
 
@@ -99,30 +92,30 @@ class _Columns(NamedTuple):
     """Index of the column of each input."""
 
 
-def _blocks(stream: IO[bytes]) -> Iterator[_Block]:
-    """Yield the header line, then blocks of lines."""
-    line = stream.readline(MAX_LINE + 1).removeprefix(b"\xef\xbb\xbf")
-    if len(line) > MAX_LINE:
-        raise InvalidInput(f"line 1 is longer than {MAX_LINE} bytes")
-    yield _Block(1, line)
-    number = 2
-    while data := stream.read(_BLOCK):
-        rest = stream.readline(MAX_LINE + 1)
-        if len(rest) > MAX_LINE:
+def _blocks(source: Path) -> Iterator[_Block]:
+    """Yield the header line, cut after :data:`MAX_LINE` bytes, then blocks of lines."""
+    with open_file(source, "inputs", InvalidInput) as stream:
+        yield _Block(1, stream.readline(MAX_LINE + 1))
+        number = 2
+        while data := stream.read(_BLOCK):
+            rest = stream.readline(MAX_LINE + 1)
+            if len(rest) > MAX_LINE:
+                number += data.count(b"\n")
+                raise InvalidInput(f"line {number} is longer than {MAX_LINE} bytes")
+            data += rest
+            if b"\0" in data:
+                number += data[: data.index(b"\0")].count(b"\n")
+                raise InvalidInput(f"line {number}: expected text, got a NUL character")
+            yield _Block(number, data)
             number += data.count(b"\n")
-            raise InvalidInput(f"line {number} is longer than {MAX_LINE} bytes")
-        data += rest
-        if b"\0" in data:
-            number += data[: data.index(b"\0")].count(b"\n")
-            raise InvalidInput(f"line {number}: expected text, got a NUL character")
-        yield _Block(number, data)
-        number += data.count(b"\n")
 
 
 def _columns(block: _Block, inference: Inference) -> tuple[_Columns, tuple[str, ...]]:
     """Return the columns that the header names, and the names that are not inputs."""
+    if len(block.data) > MAX_LINE:
+        raise InvalidInput(f"line 1 is longer than {MAX_LINE} bytes")
     try:
-        text = block.data.decode("utf-8")
+        text = block.data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidInput("line 1: expected column names in UTF-8") from None
     names = tuple(name.strip() for name in _fields(text, 1))
@@ -257,30 +250,3 @@ def _write_rows(
     ]
     table = pa.table(columns, names=[str(k) for k in range(len(columns))])
     arrow.write_csv(table, out, arrow.WriteOptions(include_header=False))
-
-
-@contextmanager
-def _replacement(target: Path) -> Iterator[IO[bytes]]:
-    """Open a temporary file that replaces ``target`` if the block ends without an error."""
-    with _writing(target):
-        part = target.with_name(f".{target.name}.{os.getpid()}.part")
-        stream = part.open("wb")
-    try:
-        with stream:
-            yield stream
-            with _writing(target):
-                stream.flush()
-        with _writing(target):
-            part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-@contextmanager
-def _writing(target: Path) -> Iterator[None]:
-    """Convert errors of the operating system to :class:`CannotWrite`."""
-    try:
-        yield
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or error
-        raise CannotWrite(f"cannot write {one_line(str(target))}: {reason}") from None

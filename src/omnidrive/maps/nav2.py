@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import isfinite, nan
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -13,9 +12,10 @@ from PIL import Image
 
 from omnidrive.arrays import Array
 from omnidrive.choices import Unknown
-from omnidrive.errors import CannotWrite, InvalidMap, closest
+from omnidrive.errors import InvalidMap, closest
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.files.number_text import parse_number
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.maps.grid import OccupancyGrid
@@ -59,23 +59,24 @@ def load_nav2_map(path: StrPath, *, unknown: Unknown = "occupied") -> OccupancyG
     """
     check_unknown(unknown)
     path = to_path(path)
+    name = one_line(str(path))
     meta = read_yaml(path, "map", InvalidMap)
     if not isinstance(meta, dict):
         raise InvalidMap(
-            f"{path} is not a Nav2 map: it must set 'image', 'resolution' and 'origin'"
+            f"{name} is not a Nav2 map: it must set 'image', 'resolution' and 'origin'"
         )
     for key in meta:
         if key not in _KEYS:
             near = closest(str(key), _KEYS, cutoff=0.75)
             if near:  # keys without similarity to ours belong to other programs
-                raise InvalidMap(f"{path}: unknown key {short_repr(key)}; did you mean '{near}'?")
-    resolution = _number(path, meta, "resolution")
-    check_resolution(resolution, one_line(str(path)))
-    mode = _mode(path, meta)
-    table = _kinds_of_greys(path, meta, mode)
-    x, y, yaw = _origin(path, meta)
+                raise InvalidMap(f"{name}: unknown key {short_repr(key)}; did you mean '{near}'?")
+    resolution = _number(name, meta, "resolution")
+    check_resolution(resolution, name)
+    mode = _mode(name, meta)
+    table = _kinds_of_greys(name, meta, mode)
+    x, y, yaw = _origin(name, meta)
     if not isinstance(meta.get("image"), str):
-        raise InvalidMap(f"{path} does not set 'image', the file name of the map's image")
+        raise InvalidMap(f"{name} does not set 'image', the file name of the map's image")
     grey, opaque = read_image(path.parent / meta["image"])
     kinds = table[grey]
     if opaque is not None and mode != "raw":
@@ -84,28 +85,28 @@ def load_nav2_map(path: StrPath, *, unknown: Unknown = "occupied") -> OccupancyG
     try:
         return OccupancyGrid(mask, resolution, (x, y), yaw=yaw)
     except InvalidMap as error:
-        raise InvalidMap(f"{path}: {error}") from None
+        raise InvalidMap(f"{name}: {error}") from None
 
 
-def _mode(path: Path, meta: dict[Any, Any]) -> Mode:
+def _mode(name: str, meta: dict[Any, Any]) -> Mode:
     """Return the mode, which Nav2 converts to lower case."""
     given = meta.get("mode", "trinary")
     for mode in MODES:
         if isinstance(given, str) and given.lower() == mode:
             return mode
-    raise InvalidMap(f"{path}: mode {short_repr(given)} is not one of {', '.join(MODES)}")
+    raise InvalidMap(f"{name}: mode {short_repr(given)} is not one of {', '.join(MODES)}")
 
 
-def _kinds_of_greys(path: Path, meta: dict[Any, Any], mode: Mode) -> UInt8[Array, " 256"]:
+def _kinds_of_greys(name: str, meta: dict[Any, Any], mode: Mode) -> UInt8[Array, " 256"]:
     """Return the kind of a cell for each grey value of its pixel, 0 to 255."""
-    free = _number(path, meta, "free_thresh")
-    occupied = _number(path, meta, "occupied_thresh")
+    free = _number(name, meta, "free_thresh")
+    occupied = _number(name, meta, "occupied_thresh")
     if not 0.0 <= free < occupied <= 1.0:
         raise InvalidMap(
-            f"{path}: free_thresh ({free:g}) must be below occupied_thresh ({occupied:g}), "
+            f"{name}: free_thresh ({free:g}) must be below occupied_thresh ({occupied:g}), "
             "both from 0 to 1"
         )
-    negate = _number(path, meta, "negate", default=0.0) != 0.0
+    negate = _number(name, meta, "negate", default=0.0) != 0.0
     return kinds_of_greys(mode, negate=negate, free_thresh=free, occupied_thresh=occupied)
 
 
@@ -160,20 +161,19 @@ def save_nav2_map(grid: OccupancyGrid, path: StrPath) -> None:
         "occupied_thresh": 0.65,
         "free_thresh": 0.25,
     }
-    try:
-        Image.fromarray(pixels).save(image)
-        path.write_text(yaml.safe_dump(meta, sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise CannotWrite(f"cannot write the map {name}: {error.strerror or error}") from None
+    with output_file(image) as part:
+        Image.fromarray(pixels).save(part, format="PPM")
+    with output_file(path) as part:
+        part.write_text(yaml.safe_dump(meta, sort_keys=False), encoding="utf-8")
 
 
-def _number(path: Path, meta: dict[Any, Any], key: str, default: float | None = None) -> float:
+def _number(name: str, meta: dict[Any, Any], key: str, default: float | None = None) -> float:
     value = meta.get(key, default)
     if value is None:
-        raise InvalidMap(f"{path} does not set '{key}'{_TYPICAL.get(key, '')}")
+        raise InvalidMap(f"{name} does not set '{key}'{_TYPICAL.get(key, '')}")
     number = _as_float(value)
     if not isfinite(number):
-        raise InvalidMap(f"{path}: {key} must be a number, got {short_repr(value)}")
+        raise InvalidMap(f"{name}: {key} must be a number, got {short_repr(value)}")
     return number
 
 
@@ -185,12 +185,12 @@ def _as_float(value: Any) -> float:
     return float(value) if isinstance(value, (int, float)) else nan
 
 
-def _origin(path: Path, meta: dict[Any, Any]) -> tuple[float, float, float]:
+def _origin(name: str, meta: dict[Any, Any]) -> tuple[float, float, float]:
     origin: Any = meta.get("origin")
     numbers = [_as_float(v) for v in origin] if isinstance(origin, list) else []
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
         raise InvalidMap(
-            f"{path}: origin must be [x, y, yaw] in m, m, rad, got {short_repr(origin)}"
+            f"{name}: origin must be [x, y, yaw] in m, m, rad, got {short_repr(origin)}"
         )
     x, y, yaw = numbers
     return x, y, yaw

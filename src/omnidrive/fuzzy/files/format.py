@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidFuzzyFile, InvalidInput
+from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
@@ -96,31 +96,16 @@ def save(system: FuzzySystem, path: StrPath) -> None:
         ) from None
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            part.write_bytes(data)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or error
-        raise CannotWrite(f"cannot write {name}: {reason}") from None
+    with output_file(path) as part:
+        part.write_bytes(data)
 
 
 def _read_text(path: Path) -> str:
     """Return the text of a file of at most :data:`MAX_BYTES`, in UTF-8 or else Latin-1."""
-    name = one_line(str(path))
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidFuzzyFile(f"{name}: cannot be read: {reason}") from None
-    if len(data) > MAX_BYTES:
-        raise InvalidFuzzyFile(f"{name}: is larger than the limit of {MAX_BYTES // 1_000_000} MB")
+    excess = f"is larger than the limit of {MAX_BYTES // 1_000_000} MB"
+    data = read_bounded(path, MAX_BYTES, "fuzzy system", InvalidFuzzyFile, excess=excess)
     if b"\0" in data:
-        raise InvalidFuzzyFile(f"{name}: is not text")
+        raise InvalidFuzzyFile(f"{one_line(str(path))}: is not text")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
