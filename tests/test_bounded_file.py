@@ -1,6 +1,11 @@
 """Bounded reading of files, and one-line texts for messages."""
 
 import os
+import socket
+import subprocess
+import sys
+import tracemalloc
+from pathlib import Path
 
 import pytest
 
@@ -28,21 +33,65 @@ def test_file_is_read_up_to_the_limit(tmp_path):
     ("name", "fact"),
     [
         ("none", "No such file or directory"),
-        ("", "it is not a file"),
-        ("pipe", "it is not a file"),
+        ("", "it is not a file but a folder"),
+        ("pipe", "it is not a file but a pipe; save its content to a file first"),
+        ("socket", "it is not a file but a socket"),
+        ("null", "it is not a file but a device"),
         ("a\0b", "embedded null byte"),
         ("a\nb", "No such file or directory"),
         ("a/b", "Not a directory"),
     ],
 )
-def test_unreadable_file_gives_a_one_line_error(tmp_path, name, fact):
+def test_unreadable_file_gives_a_one_line_error(tmp_path, monkeypatch, name, fact):
     (tmp_path / "a").touch()
     os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "null").symlink_to("/dev/null")
+    monkeypatch.chdir(tmp_path)  # the path of a socket is short
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind("socket")
     with pytest.raises(InvalidPlan) as caught:
         read(tmp_path / name)
     assert str(caught.value).startswith(f"cannot read the plan {tmp_path}")
     assert str(caught.value).endswith(f": {fact}")
     assert "\n" not in str(caught.value)
+
+
+def test_file_replaced_by_a_pipe_before_it_is_opened(tmp_path, monkeypatch):
+    """To open a pipe without a writer would wait for ever."""
+    (tmp_path / "a").touch()
+    os.mkfifo(tmp_path / "pipe")
+    status = (tmp_path / "a").stat()
+    monkeypatch.setattr(Path, "stat", lambda _: status)
+    with pytest.raises(InvalidPlan, match="it is not a file but a pipe"):
+        read(tmp_path / "pipe")
+
+
+def test_standard_input_is_read_if_it_is_a_file(tmp_path):
+    code = (
+        "from pathlib import Path; from omnidrive.files.bounded_file import read_head;"
+        "print(read_head(Path('/dev/stdin'), 4, 'plan', ValueError))"
+    )
+    (tmp_path / "a").write_text("1234")
+    with (tmp_path / "a").open() as file:
+        done = subprocess.run(
+            [sys.executable, "-c", code], stdin=file, capture_output=True, check=False
+        )
+    assert done.stdout == b"b'1234'\n"
+    done = subprocess.run(
+        [sys.executable, "-c", code], input=b"1234", capture_output=True, check=False
+    )
+    assert b"cannot read the plan /dev/stdin: it is not a file but a pipe" in done.stderr
+
+
+def test_memory_of_a_read_is_that_of_the_file(tmp_path):
+    (tmp_path / "a").write_bytes(bytes(300_000))
+    tracemalloc.start()
+    with open_file(tmp_path / "a", "plan", InvalidPlan) as file:
+        assert len(file.read(100_000)) == 100_000
+        assert len(file.read(0xEFFF_FFFF)) == 200_000
+        assert file.read(0xEFFF_FFFF) == b""
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
 
 
 def test_read_errors_are_converted_and_others_propagate(tmp_path):

@@ -179,17 +179,26 @@ def stamped(sec, **pose):
         ("poses: [{pose: {position: {x: nan}}}]", r"position.x is 'nan', need a number"),
         ("poses: [{pose: {position: {x: 1_0}}}]", r"position.x is '1_0', need a number"),
         ("poses: [{pose: {position: {x: 1e11}}}]", r"position.x is 100000000000.0, need a finite"),
-        ("poses: &a []\nheader: *a", "is not a YAML path: line 2: aliases"),
-        ("poses: !!python/object/apply:os.system ['true']", "is not a YAML path: line 1: tags"),
-        ("poses: !!float 3", "is not a YAML path: line 1: tags"),
-        ("poses: []\nposes: []", "is not a YAML path: line 1: a mapping has the key 'poses' twice"),
-        ("? [a]\n: 1", "is not a YAML path: line 1: a mapping has a list or a mapping as a key"),
-        ("poses: [unclosed", "is not a YAML path: line 2: did not find expected"),
-        ("[" * 100_000, "is not a YAML path: line 1: it is nested more than 30 deep"),
-        ("- " * 50_000, "is not a YAML path: line 1: it is nested more than 30 deep"),
-        ("a: \0", "is not a YAML path"),
-        (b"a: \xff", "is not a YAML path"),
-        ("a: " + "x" * 10_000_000, "too large for a YAML path"),
+        ("poses: &a []\nheader: *a", "is not a YAML waypoint file: line 2: aliases"),
+        (
+            "poses: !!python/object/apply:os.system ['true']",
+            "is not a YAML waypoint file: line 1: tags",
+        ),
+        ("poses: !!float 3", "is not a YAML waypoint file: line 1: tags"),
+        (
+            "poses: []\nposes: []",
+            "is not a YAML waypoint file: line 1: a mapping has the key 'poses' twice",
+        ),
+        (
+            "? [a]\n: 1",
+            "is not a YAML waypoint file: line 1: a mapping has a list or a mapping as a key",
+        ),
+        ("poses: [unclosed", "is not a YAML waypoint file: line 2: did not find expected"),
+        ("[" * 100_000, "is not a YAML waypoint file: line 1: it is nested more than 30 deep"),
+        ("- " * 50_000, "is not a YAML waypoint file: line 1: it is nested more than 30 deep"),
+        ("a: \0", "is not a YAML waypoint file"),
+        (b"a: \xff", "is not a YAML waypoint file"),
+        ("a: " + "x" * 10_000_000, "too large for a YAML waypoint file"),
     ],
 )
 def test_malformed_nav_path_message(tmp_path, text, message):
@@ -201,12 +210,14 @@ def test_missing_file_or_folder_is_rejected(tmp_path, ending):
     (tmp_path / f"folder{ending}").mkdir()
     (tmp_path / f"loop{ending}").symlink_to(f"loop{ending}")
     os.mkfifo(tmp_path / f"pipe{ending}")
-    check_rejected(tmp_path / f"folder{ending}", "cannot read the waypoints .*: it is not a file")
-    check_rejected(tmp_path / f"pipe{ending}", "cannot read the waypoints .*: it is not a file")
-    check_rejected(tmp_path / f"loop{ending}", "cannot read the waypoints .*: Too many levels")
-    check_rejected(tmp_path / f"none{ending}", "cannot read the waypoints .*: No such file")
     check_rejected(
-        tmp_path / ("b" * 5000 + ending), "cannot read the waypoints .*: File name too long"
+        tmp_path / f"folder{ending}", "cannot read the waypoint file .*: it is not a file"
+    )
+    check_rejected(tmp_path / f"pipe{ending}", "cannot read the waypoint file .*: it is not a file")
+    check_rejected(tmp_path / f"loop{ending}", "cannot read the waypoint file .*: Too many levels")
+    check_rejected(tmp_path / f"none{ending}", "cannot read the waypoint file .*: No such file")
+    check_rejected(
+        tmp_path / ("b" * 5000 + ending), "cannot read the waypoint file .*: File name too long"
     )
 
 

@@ -232,7 +232,7 @@ def test_invalid_references_are_rejected(reference, message):
 
 
 def test_missing_waypoint_file_is_reported(tmp_path):
-    with pytest.raises(InvalidReference, match=r"cannot read the waypoints .*nope.csv"):
+    with pytest.raises(InvalidReference, match=r"cannot read the waypoint file .*nope.csv"):
         plan_and_check(scenario({"type": "waypoints", "file": str(tmp_path / "nope.csv")}))
     (tmp_path / "s.yaml").write_text(
         "name: a\nrobot: {name: small}\ncontrollers: [pid]\ntasks: {track: {durations: [5]}}\n"

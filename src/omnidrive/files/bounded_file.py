@@ -2,18 +2,47 @@
 
 from __future__ import annotations
 
+import io
+import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from stat import S_ISREG
 from typing import Any, BinaryIO
+
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+_BLOCK = 1 << 16  # bytes
+_WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0)  # to open a pipe would wait for its other end
+
+
+class _BoundedReader(io.BufferedReader):
+    """Reader whose :meth:`read` allocates at most what the file has, whatever it is asked for.
+
+    A library that trusts a length in a damaged file may ask for 4 GB.
+    """
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return at most ``size`` bytes; all up to the end if it is negative or None."""
+        if size is None or size <= _BLOCK:
+            return super().read(size)
+        rest = os.fstat(self.fileno()).st_size - self.tell()
+        return super().read(min(size, max(rest, _BLOCK)))
 
 
 @contextmanager
 def open_file(path: Path, kind: str, error_type: type[Exception]) -> Iterator[BinaryIO]:
-    """Open a file for reading bytes; operating system errors are raised as ``error_type``.
+    """Open a regular file for reading bytes; operating system errors become ``error_type``.
 
-    Errors during reading are converted as well.
+    Every file that a user names is opened here. Folders, pipes, sockets and devices are refused,
+    because reading them may wait forever or never end; ``/dev/stdin`` is accepted if it is
+    redirected from a file. Errors during reading are converted as well.
 
     Args:
         path: The file.
@@ -21,22 +50,29 @@ def open_file(path: Path, kind: str, error_type: type[Exception]) -> Iterator[Bi
         error_type: Type of the error raised, with a message of one line, if the path is not a
             regular file or cannot be read.
     """
-    check_is_file(path, kind, error_type)
     try:
-        with path.open("rb") as file:
+        status = path.stat()
+    except (OSError, ValueError) as error:  # ValueError: the path contains NUL
+        raise _unreadable(path, kind, error_type, error) from None
+    try:
+        _check_is_file(status)  # to open a device may have effects
+        with _BoundedReader(io.FileIO(path, opener=_open)) as file:
+            _check_is_file(os.fstat(file.fileno()))  # it may have been replaced
             yield file
     except OSError as error:
         raise _unreadable(path, kind, error_type, error) from None
 
 
-def check_is_file(path: Path, kind: str, error_type: type[Exception]) -> None:
-    """Raise unless the path is a regular file (a pipe would block); see :func:`open_file`."""
-    try:
-        mode = path.stat().st_mode
-    except (OSError, ValueError) as error:  # ValueError: the path contains NUL
-        raise _unreadable(path, kind, error_type, error) from None
-    if not S_ISREG(mode):
-        raise _unreadable(path, kind, error_type, "it is not a file")
+def _open(path: Path, flags: int) -> int:
+    return os.open(path, flags | _WITHOUT_WAITING)
+
+
+def _check_is_file(status: os.stat_result) -> None:
+    """Raise OSError unless the status is that of a regular file."""
+    if not stat.S_ISREG(status.st_mode):
+        found = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        hint = "; save its content to a file first" if found == "a pipe" else ""
+        raise OSError(f"it is not a file but {found}{hint}")
 
 
 def read_head(path: Path, count: int, kind: str, error_type: type[Exception]) -> bytes:
@@ -74,8 +110,6 @@ def one_line(text: str, limit: int = 300) -> str:
     return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
-def _unreadable(
-    path: Path, kind: str, error_type: type[Exception], fact: Exception | str
-) -> Exception:
-    reason = getattr(fact, "strerror", None) or fact
+def _unreadable(path: Path, kind: str, error_type: type[Exception], error: Exception) -> Exception:
+    reason = getattr(error, "strerror", None) or error
     return error_type(f"cannot read the {kind} {one_line(str(path))}: {reason}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from jaxtyping import Bool, UInt8
@@ -12,7 +13,7 @@ from PIL.ImageFile import ImageFile
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import check_is_file, one_line
+from omnidrive.files.bounded_file import one_line, open_file
 from omnidrive.maps.map_file import MAX_CELLS
 
 _FORMATS = ("PPM", "PNG", "BMP")  # PPM: PGM and PBM as well
@@ -36,23 +37,21 @@ def read_image(file: Path) -> Pixels:
         InvalidMap: The file is missing, malformed or too large.
     """
     name = one_line(str(file))
-    check_is_file(file, "map's image", InvalidMap)
-    try:
-        return _decode(file, name)
-    except InvalidMap:
-        raise
-    except Image.DecompressionBombError:
-        raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells; crop it") from None
-    except (UnidentifiedImageError, SyntaxError, ValueError):
-        raise InvalidMap(f"{name} is not an image (PGM, PNG or BMP), or it is empty") from None
-    except OSError as error:
-        raise InvalidMap(f"cannot read the map's image {name}: {error.strerror or error}") from None
+    with open_file(file, "map's image", InvalidMap) as content:
+        try:
+            return _decode(content, name)
+        except InvalidMap:
+            raise
+        except Image.DecompressionBombError:
+            raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells; crop it") from None
+        except (UnidentifiedImageError, SyntaxError, ValueError):
+            raise InvalidMap(f"{name} is not an image (PGM, PNG or BMP), or it is empty") from None
 
 
-def _decode(file: Path, name: str) -> Pixels:
+def _decode(content: BinaryIO, name: str) -> Pixels:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow warns about sizes that are rejected below
-        with Image.open(file, formats=_FORMATS) as image:
+        with Image.open(content, formats=_FORMATS) as image:
             if image.width * image.height > MAX_CELLS:
                 raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells; crop it")
             return _pixels(image, name)

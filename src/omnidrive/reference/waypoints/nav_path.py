@@ -14,7 +14,7 @@ from math import atan2, cos, hypot, sin
 import numpy as np
 
 from omnidrive.errors import InvalidReference
-from omnidrive.files.bounded_file import check_is_file, one_line
+from omnidrive.files.bounded_file import one_line
 from omnidrive.files.yaml_file import read_yaml_documents
 from omnidrive.planning import Path
 from omnidrive.reference.waypoints.field import Field
@@ -34,7 +34,6 @@ def read_nav_path(file: pathlib.Path) -> Waypoints:
     Raises:
         InvalidReference: The file is not a valid message; the error gives the position.
     """
-    check_is_file(file, "waypoints", InvalidReference)
     name = one_line(str(file))
     root = Field(_message(file, name), "", name)
     if isinstance(root.value, dict) and {"image", "resolution"} <= root.value.keys():
@@ -74,7 +73,7 @@ def write_nav_path(file: pathlib.Path, waypoints: Waypoints, frame_id: str) -> N
 
 
 def _message(file: pathlib.Path, name: str) -> object:
-    documents = read_yaml_documents(file, "path", InvalidReference, max_bytes=MAX_BYTES)
+    documents = read_yaml_documents(file, "waypoint file", InvalidReference, max_bytes=MAX_BYTES)
     messages = [document for document in documents if document is not None]
     if len(messages) != 1:
         raise InvalidReference(

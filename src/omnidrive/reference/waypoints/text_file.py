@@ -18,7 +18,7 @@ def read_text(file: Path) -> str:
         InvalidReference: The file cannot be read, is too large or is not text.
     """
     excess = f"is too large for waypoints: more than {MAX_BYTES:,} bytes; thin them out"
-    content = read_bounded(file, MAX_BYTES, "waypoints", InvalidReference, excess=excess)
+    content = read_bounded(file, MAX_BYTES, "waypoint file", InvalidReference, excess=excess)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
