@@ -56,14 +56,14 @@ def open_file(path: Path, kind: str, error_type: type[Exception]) -> Iterator[Bi
         raise _unreadable(path, kind, error_type, error) from None
     try:
         _check_is_file(status)  # to open a device may have effects
-        with _BoundedReader(io.FileIO(path, opener=_open)) as file:
+        with _BoundedReader(io.FileIO(path, opener=_open_at_once)) as file:
             _check_is_file(os.fstat(file.fileno()))  # it may have been replaced
             yield file
     except OSError as error:
         raise _unreadable(path, kind, error_type, error) from None
 
 
-def _open(path: Path, flags: int) -> int:
+def _open_at_once(path: str | os.PathLike[str], flags: int) -> int:
     return os.open(path, flags | _WITHOUT_WAITING)
 
 

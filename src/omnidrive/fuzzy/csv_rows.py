@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from io import BytesIO
 from pathlib import Path
@@ -92,7 +92,7 @@ class _Columns(NamedTuple):
     """Index of the column of each input."""
 
 
-def _blocks(source: Path) -> Iterator[_Block]:
+def _blocks(source: Path) -> Generator[_Block, None, None]:
     """Yield the header line, cut after :data:`MAX_LINE` bytes, then blocks of lines."""
     with open_file(source, "inputs", InvalidInput) as stream:
         yield _Block(1, stream.readline(MAX_LINE + 1))
