@@ -373,7 +373,7 @@ SHOW, EVAL = ("show", "tipper.fis"), ("eval", "tipper.fis", "--in", "in.csv", "-
         ((*EVAL, "o.csv", "--samples", "9"), "--samples applies to --centroid matlab"),
         ((*EVAL, "o.csv", "--algorithm", "km"), "--algorithm applies to type-2 systems"),
         ((*EVAL, "o.csv", "--threads", "0"), "threads"),
-        (("eval", "tipper.fis", "--in", "no.csv", "--out", "o.csv"), "cannot read the inputs no.csv: No"),
+        (("eval", "tipper.fis", "--in", "no.csv", "--out", "o.csv"), "the inputs no.csv: No"),
         (("eval", "type2.fis", *EVAL[2:], "o.csv", "--type2", "1,0"), "type2.fis is of type 2"),
     ],
 )  # fmt: skip

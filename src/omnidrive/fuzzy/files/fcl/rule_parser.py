@@ -27,7 +27,7 @@ _AFTER_PROPOSITION = frozenset(
 
 
 class RuleParser:
-    """Parser of the rules of a RULEBLOCK: ``IF a IS b AND NOT c IS d THEN x IS y, z IS w WITH 0.5``.
+    """Parser of rules: ``IF a IS b AND NOT c IS d THEN x IS y, z IS w WITH 0.5``.
 
     Args:
         tokens: The tokens.
