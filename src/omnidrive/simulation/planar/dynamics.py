@@ -172,7 +172,7 @@ def update_pose(motion: Any, v: Vector, h: float) -> None:
 
 
 @inlined
-def advance(  # noqa: PLR0917
+def integrate_wheels(  # noqa: PLR0917
     bodies: Array,
     wheels: Array,
     motions: Array,
@@ -181,7 +181,17 @@ def advance(  # noqa: PLR0917
     h: float,
     steps: int,
 ) -> None:
-    """Integrate the commanded wheel speeds; the arguments are those of :func:`integrate_wheels`."""
+    """Integrate the commanded wheel speeds in ``wheel_states``, in place.
+
+    Args:
+        bodies: Record of the body in the model.
+        wheels: Records of the wheels in the model.
+        motions: Record of the body in the state.
+        wheel_states: Records of the wheels in the state; afterwards with the mean torques.
+        rollers: Speeds of the rollers in the state.
+        h: Length of a step, s.
+        steps: Number of steps; positive.
+    """
     body, motion = bodies[0], motions[0]
     decay = exp(-h / body.motor_lag) if body.motor_lag > 0.0 else 0.0
     axle_gain = 1.0 - exp(-h / _AXLE_LAG)
@@ -223,42 +233,18 @@ def integrate(  # noqa: PLR0917
     """Integrate the command of a body twist for ``steps`` steps of ``h`` seconds, in place.
 
     Args:
-        bodies: Record of the body in the model.
-        wheels: Records of the wheels in the model.
-        motions: Record of the body in the state.
-        wheel_states: Records of the wheels in the state; afterwards with the mean torques.
-        rollers: Speeds of the rollers in the state.
+        bodies: This and the other arguments: see :func:`integrate_wheels`.
+        wheels: See there.
+        motions: See there.
+        wheel_states: See there.
+        rollers: See there.
         vx: Commanded velocity along x of B, m/s.
         vy: Commanded velocity along y of B, m/s.
         yaw_rate: Commanded yaw rate, rad/s.
-        h: Length of a step, s.
-        steps: Number of steps; positive.
+        h: See there.
+        steps: See there.
     """
     scaled = set_commands(bodies[0], wheels, wheel_states, (vx, vy, yaw_rate))
-    advance(bodies, wheels, motions, wheel_states, rollers, h, steps)
+    integrate_wheels(bodies, wheels, motions, wheel_states, rollers, h, steps)
     if scaled:
         motions[0].saturated |= _WHEEL_SPEED
-
-
-@compiled
-def integrate_wheels(  # noqa: PLR0917
-    bodies: Array,
-    wheels: Array,
-    motions: Array,
-    wheel_states: Array,
-    rollers: Float[Array, "wheels rollers"],
-    h: float,
-    steps: int,
-) -> None:
-    """Integrate the commanded wheel speeds in ``wheel_states``, in place.
-
-    Args:
-        bodies: Record of the body in the model.
-        wheels: Records of the wheels in the model.
-        motions: Record of the body in the state.
-        wheel_states: Records of the wheels in the state; afterwards with the mean torques.
-        rollers: Speeds of the rollers in the state.
-        h: Length of a step, s.
-        steps: Number of steps; positive.
-    """
-    advance(bodies, wheels, motions, wheel_states, rollers, h, steps)
