@@ -115,15 +115,26 @@ class Chassis:
         k = self.max_wheel_speed / peak
         return BodyTwist(k * twist.vx, k * twist.vy, k * twist.yaw_rate)
 
-    def saturate_wheels(
-        self, wheel_speeds: Sequence[float] | Float[Array, " wheels"]
-    ) -> Float[Array, " wheels"]:
-        """Return the largest multiple of the wheel speeds, at most 1, within the limit of each.
+    def limited_speeds(
+        self, command: BodyTwist | Sequence[float]
+    ) -> tuple[Float[Array, " wheels"], bool]:
+        """Return the wheel speeds of a command within the limit of every wheel.
 
-        As :meth:`saturate`, for speeds in rad/s.
+        All wheels are scaled together, as in :meth:`saturate`.
+
+        Args:
+            command: Body twist, or wheel speeds in rad/s.
+
+        Returns:
+            Wheel speeds, rad/s, and whether they were scaled down.
         """
-        speeds: Float[Array, " wheels"] = np.asarray(wheel_speeds, dtype=float)
-        return speeds * min(1.0, self.max_wheel_speed / max(float(np.abs(speeds).max()), 1e-300))
+        if isinstance(command, BodyTwist):
+            twist = self.saturate(command)
+            return self.wheel_speeds(twist), twist is not command
+        speeds: Float[Array, " wheels"] = np.asarray(command, dtype=float)
+        peak = float(np.abs(speeds).max())
+        k = min(1.0, self.max_wheel_speed / max(peak, 1e-300))
+        return speeds * k, peak > self.max_wheel_speed
 
 
 def _rows(mounts: Sequence[Mount], wheel_radius: float) -> Float[Array, "wheels 3"]:

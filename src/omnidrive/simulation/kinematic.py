@@ -48,14 +48,8 @@ class KinematicPlant:
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Hold ``command``, saturated in wheel space, for ``dt`` (s)."""
-        drive = self.robot.drive
-        if isinstance(command, BodyTwist):
-            twist = drive.saturate(command)
-            speeds, scaled = drive.wheel_speeds(twist), twist is not command
-        else:
-            check_command(command, self.capabilities, len(self.robot.mounts))
-            speeds = drive.saturate_wheels(command)
-            scaled = max(map(abs, command)) > drive.max_wheel_speed
+        check_command(command, self.capabilities, len(self.robot.mounts))
+        speeds, scaled = self.robot.drive.limited_speeds(command)
         actual = self.robot.chassis.twist(speeds)
         self._pose = move(self._pose, actual, dt)
         return PlantState(

@@ -168,10 +168,7 @@ class WheelMonitor:
     ) -> Float[Array, " wheels"]:
         """Return the mean set points of the servos, rad/s, which follow the command with a lag."""
         lag = self._robot.motor_lag
-        if isinstance(command, WheelSpeeds):
-            target = self._drive.saturate_wheels(command)
-        else:
-            target = self._drive.wheel_speeds(self._drive.saturate(command))
+        target, _ = self._drive.limited_speeds(command)
         if lag <= 0.0:
             return target
         difference, decay = self._set_points - target, exp(-dt / lag)

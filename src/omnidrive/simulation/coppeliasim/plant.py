@@ -61,7 +61,6 @@ class CoppeliaSimPlant:
         self.robot = robot
         self.scene = scene or CoppeliaSimScene()
         _check_scene(robot, self.scene)
-        self._drive = robot.drive
         self._api = RemoteApi(self.scene.host, self.scene.port, self.scene.timeout)
         try:
             self._look_up_objects()
@@ -146,10 +145,11 @@ class CoppeliaSimPlant:
                 step.
             PlantLost: CoppeliaSim does not reply, or was stopped or paused.
         """
-        speeds, scaled = self._wheel_speeds(command)
+        check_command(command, self.capabilities, len(self.robot.mounts))
+        speeds, scaled = self.robot.drive.limited_speeds(command)
         steps = self._steps(dt)
         try:
-            self._motors.command(speeds)
+            self._motors.command(speeds.tolist())
             self._advance(steps)
             state = self._plant_state(*self._motion())
             return state._replace(saturated=Saturation.WHEEL_SPEED) if scaled else state
@@ -159,16 +159,6 @@ class CoppeliaSimPlant:
         except BaseException:
             self.close()
             raise
-
-    def _wheel_speeds(self, command: CommandValue) -> tuple[list[float], bool]:
-        """Return the wheel speeds of a command, rad/s, and whether a limit scaled them down."""
-        drive = self._drive
-        if isinstance(command, BodyTwist):
-            twist = drive.saturate(command)
-            return drive.wheel_speeds(twist).tolist(), twist is not command
-        check_command(command, self.capabilities, len(self.robot.mounts))
-        scaled = max(map(abs, command)) > drive.max_wheel_speed
-        return drive.saturate_wheels(command).tolist(), scaled
 
     def close(self) -> None:
         """Stop the wheels and the simulation, move the robot back, and disconnect.

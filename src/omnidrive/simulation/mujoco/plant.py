@@ -153,17 +153,12 @@ class MujocoPlant:
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Execute ``command`` for ``dt`` seconds."""
-        if isinstance(command, BodyTwist):
-            twist = self._drive.saturate(command)
-            self._servos.command_speeds(self._drive.wheel_speeds(twist))
-            self._simulate(dt, scaled=twist is not command)
-            return self._measure()
         check_command(command, self.capabilities, len(self.robot.mounts))
         if isinstance(command, WheelTorques):
             self._step_torques(command, dt)
         else:
-            self._servos.command_speeds(self._drive.saturate_wheels(command))
-            scaled = max(map(abs, command)) > self.robot.max_wheel_speed
+            speeds, scaled = self._drive.limited_speeds(command)
+            self._servos.command_speeds(speeds)
             self._simulate(dt, scaled=scaled)
         return self._measure()
 

@@ -102,9 +102,8 @@ class PlanarPlant:
         if isinstance(command, WheelTorques):
             return self._step_torques(command, dt / steps, steps)
         self._end_torques()
-        self._state.wheels["command"] = self.robot.drive.saturate_wheels(command)
+        self._state.wheels["command"], scaled = self.robot.drive.limited_speeds(command)
         integrate_wheels(*self._model, *self._state, dt / steps, steps)
-        scaled = max(map(abs, command)) > self.robot.max_wheel_speed
         return self._measure(Saturation.WHEEL_SPEED if scaled else 0)
 
     def _step_torques(self, command: WheelTorques, h: float, steps: int) -> PlantState:
