@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import pi
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from omnidrive import simulation  # its modules are imported on use, those of one plant only
 from omnidrive.maps import OccupancyGrid
-from omnidrive.parameter import Bounds
 from omnidrive.robot import Robot
+from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.plant import Plant, PlantCapabilities
 
 _WHEELS = PlantCapabilities(wheel_speeds=True, wheel_torques=True)
 _MUJOCO = _WHEELS._replace(disturbable=True, collides=True, renders=True, forces=True)
-_ScenePath = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]{1,200}$")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,44 +34,6 @@ class PlantContext:
     rng: np.random.Generator | None = None
     obstacles: OccupancyGrid | None = None
     moving: tuple[MovingObstacle, ...] = field(default=())
-
-
-@dataclass(frozen=True)
-class CoppeliaSimOptions:
-    """Connection to CoppeliaSim and names of the robot's objects in the open scene.
-
-    The defaults fit the scene of the paper's author.
-    """
-
-    host: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,253}$")] = "localhost"
-    """Host name or address of the computer that runs CoppeliaSim."""
-    port: Annotated[int, Bounds(1, 65_535, "")] = 23000
-    """TCP port of the add-on 'ZMQ remote API server'."""
-    timeout: Annotated[float, Bounds(0.1, 600.0, "s")] = 10.0
-    """Maximum time to wait for one answer, s."""
-    interface: Literal["joints", "signals"] = "joints"
-    """`joints`: set the velocity of every wheel joint, in any scene; `signals`: send signals to the
-    script in the scene of the paper's author."""
-    model: _ScenePath = "/omni"
-    """Path of the base of the robot model, which is moved to the start pose."""
-    body: _ScenePath | None = None
-    """Path of the object whose pose is read; its z axis must point up. None: the base."""
-    body_yaw: Annotated[float, Bounds(-2 * pi, 2 * pi, "rad")] = 0.0
-    """Angle of the robot's x axis in the frame of the object `body`, rad."""
-    joints: Annotated[tuple[_ScenePath, ...], Field(min_length=3, max_length=16)] = (
-        "/omni/motor3",
-        "/omni/motor2",
-        "/omni/motor1",
-        "/omni/motor4",
-    )
-    """Paths of the wheel joints, in the order of the robot's wheels."""
-    signs: Annotated[tuple[Literal[-1, 1], ...], Field(min_length=3, max_length=16)] = (
-        -1,
-        -1,
-        -1,
-        -1,
-    )
-    """Sign of every joint: 1 if its positive direction is that of the robot's wheel, else -1."""
 
 
 def _capable(capabilities: PlantCapabilities) -> Callable[[Any], Any]:
@@ -123,7 +82,6 @@ def kinematic(context: PlantContext) -> Plant:
 
 
 @_capable(PlantCapabilities(exclusive=True, forces=True, wheel_speeds=True))
-def coppeliasim(context: PlantContext, parameters: CoppeliaSimOptions) -> Plant:
+def coppeliasim(context: PlantContext, parameters: CoppeliaSimScene) -> Plant:
     """Robot in the open scene of a running CoppeliaSim."""
-    scene = simulation.CoppeliaSimScene(**vars(parameters))
-    return simulation.CoppeliaSimPlant(context.robot, scene)
+    return simulation.CoppeliaSimPlant(context.robot, parameters)

@@ -7,6 +7,7 @@ counter of `setStepping` and blocks the simulation until it requests the next st
 then every message of it is taken for that reply.
 """
 
+import socket
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Thread
@@ -140,6 +141,13 @@ class FakeServer:
         values = {n: getattr(FakeScene, n) for n in names}
         entries = {n: {"func": {}} if callable(v) else {"const": v} for n, v in values.items()}
         return entries | {"step": {"func": {}}, "setStepping": {"func": {}}}
+
+
+def free_port():
+    """Return a port at which no program listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 @contextmanager

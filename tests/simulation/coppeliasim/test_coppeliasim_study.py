@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import warnings
@@ -14,14 +13,13 @@ import yaml
 
 from omnidrive.errors import InvalidScenario, PlantLost
 from omnidrive.robot import named_robot
-from omnidrive.simulation import CoppeliaSimScene, Outcome
-from omnidrive.simulation.components import CoppeliaSimOptions
+from omnidrive.simulation import Outcome
 from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.section import Renamed
 from omnidrive.study.tasks import DurationsTask, StepTask
 from tests.simulation.coppeliasim.fake_scene import STOPPED
-from tests.simulation.coppeliasim.fake_server import cbor, fake_server
+from tests.simulation.coppeliasim.fake_server import cbor, fake_server, free_port
 
 PAPER = named_robot("paper")
 
@@ -48,16 +46,6 @@ def omnidrive(*args, cwd):
         check=False,
         env={**os.environ, "COLUMNS": "200"},
     )
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def test_defaults_of_the_section_are_those_of_the_plant():
-    assert CoppeliaSimScene(**vars(CoppeliaSimOptions())) == CoppeliaSimScene()
 
 
 def test_section_is_restored_from_a_file(tmp_path):

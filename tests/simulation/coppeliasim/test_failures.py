@@ -16,7 +16,7 @@ from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene, Outcome, si
 from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
 from omnidrive.testing.laws import Circle
 from tests.simulation.coppeliasim.fake_scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
-from tests.simulation.coppeliasim.fake_server import cbor, fake_server
+from tests.simulation.coppeliasim.fake_server import cbor, fake_server, free_port
 
 SMALL = named_robot("small")
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -41,12 +41,6 @@ def is_stopped(server):
 def reply_to(name, raw):
     """Return a `mangle` that replaces the reply to one function."""
     return lambda request, reply: raw if request["func"] == name else cbor.dumps(reply)
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def test_no_server_at_the_port():
@@ -100,7 +94,9 @@ def test_settings_for_another_robot_are_refused(server):
     with pytest.raises(InvalidInput, match=r"plant.signs names 1 of 4"):
         plant_at(server, signs=(1,))
     with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
-        plant_at(server, signs=(1, 1, 1, 2))
+        scene = CoppeliaSimScene(port=server.port)
+        object.__setattr__(scene, "signs", (1, 1, 1, 2))  # without run-time type checks
+        CoppeliaSimPlant(SMALL, scene)
 
 
 def test_tilted_body_is_refused():

@@ -3,44 +3,56 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from math import pi
+from typing import Annotated, Literal, get_args
 
-from omnidrive.parameter import check_choice
+from pydantic import Field
+
+from omnidrive.parameter import Bounds, check_choice
 
 Interface = Literal["joints", "signals"]
+_ScenePath = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]{1,200}$")]
 
 
 @dataclass(frozen=True, slots=True)
 class CoppeliaSimScene:
-    """Settings of :class:`~omnidrive.simulation.coppeliasim.CoppeliaSimPlant`.
+    """Connection to CoppeliaSim and names of the robot's objects in the open scene.
 
-    The default paths are those of the scene of the paper's author.
-
-    Attributes:
-        host: Name or address of the machine.
-        port: Port of its ZeroMQ remote API server.
-        timeout: Longest wait for one reply, s.
-        interface: ``joints``: wheels are commanded and read as joints, in any scene; ``signals``:
-            by the signals that the script in the author's scene reads and writes.
-        model: Path of the robot's base, which is moved to the start.
-        body: Path of the object whose pose is read, with its z axis up; None: the base.
-        body_yaw: Bearing of B's x axis in the frame of that object, rad.
-        joints: Path of every wheel's joint, in the order of the robot's mounts.
-        signs: Per joint, 1 if its positive direction is that of the mount, -1 if it is opposite.
+    The defaults fit the scene of the paper's author.
 
     Raises:
         InvalidInput: The interface is unknown.
     """
 
-    host: str = "localhost"
-    port: int = 23000
-    timeout: float = 10.0
+    host: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,253}$")] = "localhost"
+    """Host name or address of the computer that runs CoppeliaSim."""
+    port: Annotated[int, Bounds(1, 65_535, "")] = 23000
+    """TCP port of the add-on 'ZMQ remote API server'."""
+    timeout: Annotated[float, Bounds(0.1, 600.0, "s")] = 10.0
+    """Maximum time to wait for one answer, s."""
     interface: Interface = "joints"
-    model: str = "/omni"
-    body: str | None = None
-    body_yaw: float = 0.0
-    joints: tuple[str, ...] = ("/omni/motor3", "/omni/motor2", "/omni/motor1", "/omni/motor4")
-    signs: tuple[int, ...] = (-1, -1, -1, -1)
+    """`joints`: set the velocity of every wheel joint, in any scene; `signals`: send signals to the
+    script in the scene of the paper's author."""
+    model: _ScenePath = "/omni"
+    """Path of the base of the robot model, which is moved to the start pose."""
+    body: _ScenePath | None = None
+    """Path of the object whose pose is read; its z axis must point up. None: the base."""
+    body_yaw: Annotated[float, Bounds(-2 * pi, 2 * pi, "rad")] = 0.0
+    """Angle of the robot's x axis in the frame of the object `body`, rad."""
+    joints: Annotated[tuple[_ScenePath, ...], Field(min_length=3, max_length=16)] = (
+        "/omni/motor3",
+        "/omni/motor2",
+        "/omni/motor1",
+        "/omni/motor4",
+    )
+    """Paths of the wheel joints, in the order of the robot's wheels."""
+    signs: Annotated[tuple[Literal[-1, 1], ...], Field(min_length=3, max_length=16)] = (
+        -1,
+        -1,
+        -1,
+        -1,
+    )
+    """Sign of every joint: 1 if its positive direction is that of the robot's wheel, else -1."""
 
     def __post_init__(self) -> None:
         check_choice("interface to CoppeliaSim", self.interface, get_args(Interface))
