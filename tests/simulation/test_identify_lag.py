@@ -9,6 +9,7 @@ from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import ROBOTS
 from omnidrive.simulation import MujocoPlant, PlantCapabilities, PlantState, identify_lag
 from omnidrive.simulation.mujoco.robot_model import robot_mjcf
+from tests.simulation.test_mujoco_plant import full_inertia
 
 
 class LaggingPlant:
@@ -48,11 +49,7 @@ def test_named_robots_have_the_identified_lags(name):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_mass_and_inertia_equal_those_of_mujoco(name):
     robot = ROBOTS[name]
-    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers"))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    matrix = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, matrix)
+    matrix = full_inertia(mujoco.MjModel.from_xml_string(robot_mjcf(robot, "rollers")))
     assert matrix[0, 0] == pytest.approx(robot.mass)
     assert matrix[5, 5] == pytest.approx(robot.yaw_inertia, rel=0.03)  # wheels are not point masses
 

@@ -19,6 +19,15 @@ every_model = pytest.mark.parametrize("wheels", ["ball", "rollers"])
 every_robot = pytest.mark.parametrize("name", ROBOTS)
 
 
+def full_inertia(model):
+    """Return the joint-space inertia matrix of a MuJoCo model in its initial pose."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix
+
+
 def settled(plant):
     plant.reset(ORIGIN)
     plant.step(REST, 1.0)
