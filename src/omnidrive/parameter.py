@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from math import isfinite
+from numbers import Real
 from typing import Any, NamedTuple, get_type_hints
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -63,10 +64,23 @@ def check_bounds(parameters: object) -> None:
         parameters: Instance of a parameter class; its fields with :class:`Bounds` are checked.
     """
     for name, bounds in bounds_of(type(parameters)).items():
-        try:
-            bounds.check(getattr(parameters, name))
-        except ValueError as error:
-            raise InvalidInput(f"{name} {error}") from None
+        check_number(name, getattr(parameters, name), bounds)
+
+
+def check_number(name: str, value: object, bounds: Bounds) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless ``value`` is a number within bounds.
+
+    Args:
+        name: Name of the value for the message.
+        value: The argument to check; any object.
+        bounds: Range and unit.
+    """
+    if not isinstance(value, Real):
+        raise InvalidInput(f"{name} must be a number, got {value!r:.60}")
+    try:
+        bounds.check(float(value))
+    except ValueError as error:
+        raise InvalidInput(f"{name} {error}") from None
 
 
 def check_choice(what: str, name: object, known: Collection[str]) -> None:
@@ -83,6 +97,11 @@ def check_choice(what: str, name: object, known: Collection[str]) -> None:
         near = closest(name, known)
         hint = f"; did you mean '{near}'?" if near else ""
         raise InvalidInput(f"there is no {what} {name!r:.60}; there are {', '.join(known)}{hint}")
+
+
+TIME_TOLERANCE = 1e-9
+"""Tolerance, s, of comparisons between times that are multiples of different periods: both have
+rounding errors."""
 
 
 def check_sample_time(dt: float) -> None:

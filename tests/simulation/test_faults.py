@@ -24,6 +24,7 @@ from omnidrive.simulation import (
     default_faults,
     parse_fault,
 )
+from omnidrive.simulation.disturbances.schedule import sample_times
 
 ROBOT = named_robot("paper")
 REFERENCE = Hold(Pose(1.0, 2.0, 0.3), 100.0)
@@ -91,16 +92,16 @@ def test_faults_of_sensors_and_timing():
 
 def test_sample_times_without_jitter_are_multiples():
     dt = 0.1
-    samples = list(schedule("push:at=1").samples(2.0, dt))
+    samples = list(sample_times(2.0, dt, [parse_fault("push:at=1")]))
     assert samples == [(k * dt, dt, k == 20) for k in range(21)]
 
 
 @FEW
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.9))
 def test_jitter_is_within_its_spread_and_preserves_the_duration(seed, spread):
-    scheduled = schedule(f"period-jitter:at=1,duration=3,spread={spread!r}")
+    jitter = parse_fault(f"period-jitter:at=1,duration=3,spread={spread!r}")
     times, steps, is_last = zip(
-        *scheduled.samples(6.0, 0.1, np.random.default_rng(seed)), strict=True
+        *sample_times(6.0, 0.1, [jitter], np.random.default_rng(seed)), strict=True
     )
     assert np.add(times[:-1], steps[:-1]) == pytest.approx(times[1:], abs=1e-12)
     assert all(0.1 * (1 - spread) - 1e-12 <= h <= 0.1 * (1 + spread) + 1e-12 for h in steps)
@@ -112,9 +113,9 @@ def test_jitter_is_within_its_spread_and_preserves_the_duration(seed, spread):
 
 
 def test_the_same_seed_gives_the_same_jitter():
-    scheduled = schedule("period-jitter:at=0")
+    jitter = parse_fault("period-jitter:at=0")
     one, same, other = (
-        list(scheduled.samples(5.0, 0.1, np.random.default_rng(seed))) for seed in (1, 1, 2)
+        list(sample_times(5.0, 0.1, [jitter], np.random.default_rng(seed))) for seed in (1, 1, 2)
     )
     assert one == same != other
 

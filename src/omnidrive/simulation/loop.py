@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isclose, isfinite, nan
 from numbers import Real
-from typing import TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -26,12 +26,13 @@ from omnidrive.control import (
 )
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput, OmnidriveError, PlantLost
-from omnidrive.estimation import LatestFix, SensorReadings, StateEstimator
+from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.disturbances import Disturbances
+from omnidrive.simulation.disturbances.schedule import sample_times
 from omnidrive.simulation.plant import (
     DisturbablePlant,
     Plant,
@@ -103,7 +104,7 @@ def simulate(
     environment.check()
     _check_start(pipeline.controller, reference, start, dt)
     log = _Log(pipeline)
-    samples = _samples(schedule, reference, dt, rng)
+    samples = sample_times(reference.duration, dt, schedule.faults if schedule else (), rng)
     try:
         _guarded(Outcome.CONTROLLER_FAILED, pipeline.prepare)
         state = _guarded(Outcome.PLANT_FAILED, lambda: environment.reset(start))
@@ -213,18 +214,6 @@ def _first_line(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".splitlines()[0]
 
 
-def _samples(
-    schedule: Schedule | None, reference: Reference, dt: float, rng: np.random.Generator | None
-) -> Iterator[tuple[float, float, bool]]:
-    """Yield the time of every sample (s), the time to the next (s), and whether it is the last."""
-    if schedule is not None:
-        yield from schedule.samples(reference.duration, dt, rng)
-        return
-    last = round(reference.duration / dt)
-    for k in range(last + 1):
-        yield k * dt, dt, k == last  # a running sum would accumulate rounding errors
-
-
 @dataclass(slots=True)
 class _Environment:
     """Plant, sensors and the faults that act on them."""
@@ -292,86 +281,98 @@ class _Environment:
             self._applied = disturbances
 
 
+class _Row(NamedTuple):
+    """One sample of the log; the fields are those of :class:`Run`."""
+
+    t: float
+    pose: tuple[float, ...]
+    measured: tuple[float, ...]
+    position_sigma: float
+    yaw_sigma: float
+    target: tuple[float, ...]
+    command: tuple[float, ...]
+    twist: tuple[float, ...]
+    wheel_speed: tuple[float, ...]
+    wheel_torque: tuple[float, ...]
+    saturated: int
+    wheel_speed_command: tuple[float, ...]
+    wheel_torque_command: tuple[float, ...]
+    work: float
+    step_time: float
+    status: int
+    collisions: int
+    details: tuple[float, ...]
+
+
 @dataclass(slots=True)
 class _Log:
     """Rows of the log, one per sample."""
 
     pipeline: Pipeline
-    rows: list[tuple[float, ...]] = field(default_factory=list)
-    details: list[tuple[float, ...]] = field(default_factory=list)
-    wheel_speeds: list[tuple[float, ...]] = field(default_factory=list)
-    wheel_torques: list[tuple[float, ...]] = field(default_factory=list)
-    wheel_commands: dict[int, WheelSpeeds | WheelTorques] = field(default_factory=dict)
-    """Commands other than body twists, by row."""
+    rows: list[_Row] = field(default_factory=list)
     end: _Ended = field(default_factory=lambda: _Ended(Outcome.FINISHED))
 
     def add(self, t: float, state: PlantState, step: PipelineStep) -> None:
         """Append one sample."""
         estimate, command = step.state, step.command
-        twist: tuple[float, ...] = command.value
-        if not isinstance(command.value, BodyTwist):
-            self.wheel_commands[len(self.rows)] = command.value
-            twist = _UNKNOWN
+        value = command.value
         self.rows.append(
-            (t, *state.pose, *estimate.pose, *step.target, *twist, *state.twist,
-             state.work, step.step_time, command.status, state.collisions,
-             estimate.position_sigma, estimate.yaw_sigma, state.saturated)
-        )  # fmt: skip
-        self.details.append(command.details)
-        self.wheel_speeds.append(state.wheel_speeds)
-        self.wheel_torques.append(state.wheel_torques)
+            _Row(
+                t,
+                state.pose,
+                estimate.pose,
+                estimate.position_sigma,
+                estimate.yaw_sigma,
+                step.target,
+                value if isinstance(value, BodyTwist) else _UNKNOWN,
+                state.twist,
+                state.wheel_speeds,
+                state.wheel_torques,
+                state.saturated,
+                value if isinstance(value, WheelSpeeds) else (),
+                value if isinstance(value, WheelTorques) else (),
+                state.work,
+                step.step_time,
+                command.status,
+                state.collisions,
+                command.details,
+            )
+        )
 
     def add_failed_start(self, start: Pose) -> None:
         """Append the only row of a run that fails before its first sample, at rest at ``start``."""
-        self.rows.append(
-            (0.0, *start, *_UNKNOWN, *_UNKNOWN, *_STOP, *_STOP, nan, nan, Status.FAILED, 0,
-             nan, nan, 0)
-        )  # fmt: skip
-        self.details.append(())
-        self.wheel_speeds.append(())
-        self.wheel_torques.append(())
+        state = PlantState(start, _STOP, nan)
+        step = PipelineStep(
+            State(0.0, Pose(*_UNKNOWN)), Pose(*_UNKNOWN), Command(_STOP, Status.FAILED)
+        )
+        self.add(0.0, state, step)
 
     def run(self, events: Sequence[Event]) -> Run:
         """Return the log of the run."""
-        rows = np.array(self.rows, dtype=float)
-        pose, measured, target, command, twist = (rows[:, i : i + 3] for i in range(1, 16, 3))
+        columns = dict(zip(_Row._fields, zip(*self.rows, strict=True), strict=True))
         supervisor, units = self.pipeline.supervisor, _units(self.pipeline.controller)
         outcome, reason = self.end.outcome, supervisor.stopped or self.end.reason
         if reason and outcome is Outcome.FINISHED:
             outcome = Outcome.STOPPED
         return Run(
-            t=rows[:, 0],
-            pose=pose,
-            measured=measured,
-            position_sigma=rows[:, 20],
-            yaw_sigma=rows[:, 21],
-            target=target,
-            command=command,
-            twist=twist,
-            wheel_speed=_columns(self.wheel_speeds),
-            wheel_torque=_columns(self.wheel_torques),
-            saturated=rows[:, 22].astype(np.int64),
-            wheel_speed_command=self._wheel_commands(WheelSpeeds),
-            wheel_torque_command=self._wheel_commands(WheelTorques),
-            work=rows[:, 16],
-            step_time=rows[:, 17],
-            status=rows[:, 18].astype(np.int64),
-            collisions=rows[:, 19].astype(np.int64),
+            **{name: np.array(columns[name], dtype=float) for name in _REAL},
+            **{name: np.array(columns[name], dtype=np.int64) for name in _WHOLE},
+            **{name: _columns(columns[name]) for name in _PER_WHEEL},
             outcome=outcome,
-            details=_detail_columns(self.details, units),
+            details=_detail_columns(columns["details"], units),
             detail_units=dict(units),
             events=tuple(sorted((*events, *supervisor.events), key=lambda event: event.t)),
             reason=reason,
             traceback=self.end.traceback,
         )
 
-    def _wheel_commands(self, kind: type) -> Float[Array, "rows wheels"]:
-        """Return the commands of one kind; NaN in the rows of others."""
-        rows: list[tuple[float, ...]] = [()] * len(self.rows)
-        for k, command in self.wheel_commands.items():
-            if isinstance(command, kind):
-                rows[k] = command
-        return _columns(rows)
+
+_REAL = (
+    "t", "pose", "measured", "position_sigma", "yaw_sigma", "target", "command", "twist", "work",
+    "step_time",
+)  # fmt: skip
+_WHOLE = ("saturated", "status", "collisions")
+_PER_WHEEL = ("wheel_speed", "wheel_torque", "wheel_speed_command", "wheel_torque_command")
 
 
 def _columns(rows: Sequence[tuple[float, ...]]) -> Float[Array, "rows wheels"]:

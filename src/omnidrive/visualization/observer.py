@@ -13,6 +13,7 @@ import numpy as np
 from omnidrive.control import CommandValue
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
+from omnidrive.parameter import TIME_TOLERANCE
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
@@ -24,8 +25,6 @@ from omnidrive.simulation.plant import (
     PlantState,
 )
 from omnidrive.visualization.ghost_model import GhostModel, interpolate_pose
-
-_TIME_TOLERANCE = 1e-9  # s; tolerance when two computed times are compared
 
 
 class RenderedPlant(Plant, Protocol):
@@ -140,8 +139,8 @@ class _Clock:
 
     def tick(self, t: float) -> None:
         """Call the observer if the next call is due at ``t`` (s)."""
-        if t > self.next - _TIME_TOLERANCE:
-            self._count = floor((t + _TIME_TOLERANCE) / self.observer.period) + 1
+        if t > self.next - TIME_TOLERANCE:
+            self._count = floor((t + TIME_TOLERANCE) / self.observer.period) + 1
             self.observer.update(t)
 
 
@@ -205,7 +204,7 @@ class _ModelledWorld:
         times = {
             clock.next + k * clock.observer.period
             for clock in self._clocks
-            for k in range(floor((end + _TIME_TOLERANCE - clock.next) / clock.observer.period) + 1)
+            for k in range(floor((end + TIME_TOLERANCE - clock.next) / clock.observer.period) + 1)
         }
         for t in sorted(times):
             fraction = min(max((t - self._t) / dt, 0.0), 1.0)

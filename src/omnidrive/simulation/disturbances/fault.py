@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from omnidrive.choices import FaultKind
-from omnidrive.parameter import Bounds
+from omnidrive.parameter import TIME_TOLERANCE, Bounds
 
 _StartTime = Annotated[float, Bounds(0.0, 36_000.0, "s")]
 _Duration = Annotated[float, Bounds(0.001, 36_000.0, "s")]
@@ -34,12 +34,9 @@ class _BaseFault(BaseModel):
 
     def is_active(self, t: float) -> bool:
         """Return whether it acts at ``t`` (s)."""
-        return self.at - _TIME_TOLERANCE <= t and (
-            self._active_duration is None or t < self.at + self._active_duration - _TIME_TOLERANCE
+        return self.at - TIME_TOLERANCE <= t and (
+            self._active_duration is None or t < self.at + self._active_duration - TIME_TOLERANCE
         )
-
-
-_TIME_TOLERANCE = 1e-9  # s; multiples of the sample time have rounding errors
 
 
 class Push(_BaseFault):

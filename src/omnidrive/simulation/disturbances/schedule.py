@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, sin, tan
 
@@ -84,32 +84,6 @@ class Schedule:
         """Kinds of the scheduled faults that act on the plant."""
         return tuple(fault.kind for fault in self.faults if fault.kind in PLANT_FAULTS)
 
-    def samples(
-        self, duration: float, dt: float, rng: np.random.Generator | None = None
-    ) -> Iterator[tuple[float, float, bool]]:
-        """Yield the time of every sample (s), the time to the next (s), and whether it is the last.
-
-        Args:
-            duration: Duration of the run, s; the last sample is the nearest to it.
-            dt: Nominal sample time, s.
-            rng: Generator of the jitter; None: no jitter.
-        """
-        # t = k dt + accumulated jitter: a sum of sample times would accumulate rounding errors
-        accumulated, k = 0.0, 0
-        last = round(duration / dt)
-        while True:
-            t = k * dt + accumulated
-            jittered = any(isinstance(fault, PeriodJitter) for fault in self.faults)
-            is_last = t >= duration - 0.5 * dt if jittered else k >= last
-            step = dt
-            for fault in self.faults:
-                if isinstance(fault, PeriodJitter) and fault.is_active(t) and rng is not None:
-                    step *= 1.0 + fault.spread * rng.uniform(-1.0, 1.0)
-            yield t, step, is_last
-            if is_last:
-                return
-            accumulated, k = accumulated + (step - dt), k + 1
-
     def disturbances(self, before: float, t: float, reference: Reference) -> Disturbances:
         """Return the disturbances that act on the plant from the sample at ``t`` on.
 
@@ -169,6 +143,37 @@ class Schedule:
     def overrun(self, t: float) -> bool:
         """Return whether the controller misses its deadline in the sample at ``t`` (s)."""
         return any(isinstance(f, SolverOverrun) and f.is_active(t) for f in self.faults)
+
+
+def sample_times(
+    duration: float,
+    dt: float,
+    faults: Sequence[Fault] = (),
+    rng: np.random.Generator | None = None,
+) -> Iterator[tuple[float, float, bool]]:
+    """Yield the time of every sample (s), the time to the next (s), and whether it is the last.
+
+    Args:
+        duration: Duration of the run, s; the last sample is the nearest to it.
+        dt: Nominal sample time, s.
+        faults: Faults of the run; those of the kind ``period-jitter`` change the sample times.
+        rng: Generator of the jitter; None: no jitter.
+    """
+    jitters = [fault for fault in faults if isinstance(fault, PeriodJitter)]
+    # t = k dt + accumulated jitter: a sum of sample times would accumulate rounding errors
+    accumulated, k = 0.0, 0
+    last = round(duration / dt)
+    while True:
+        t = k * dt + accumulated
+        is_last = t >= duration - 0.5 * dt if jitters else k >= last
+        step = dt
+        for jitter in jitters:
+            if jitter.is_active(t) and rng is not None:
+                step *= 1.0 + jitter.spread * rng.uniform(-1.0, 1.0)
+        yield t, step, is_last
+        if is_last:
+            return
+        accumulated, k = accumulated + (step - dt), k + 1
 
 
 def _add(

@@ -12,10 +12,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.parameter import Bounds
-
-_TIME_TOLERANCE = 1e-9
-"""Tolerance when the times of samples and scans are compared, s."""
+from omnidrive.parameter import TIME_TOLERANCE, Bounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +89,9 @@ class Lidar:
 
     def read(self, t: float) -> Scan | None:
         """Return a scan at ``t`` (s) if the next one is due, otherwise None."""
-        if t + _TIME_TOLERANCE < self._count / self.settings.rate:
+        if t + TIME_TOLERANCE < self._count / self.settings.rate:
             return None
-        self._count = int((t + _TIME_TOLERANCE) * self.settings.rate) + 1
+        self._count = int((t + TIME_TOLERANCE) * self.settings.rate) + 1
         return self.scan(t)
 
     def scan(self, t: float) -> Scan:

@@ -12,10 +12,7 @@ from omnidrive.arrays import Array
 from omnidrive.estimation import PoseFix, PoseFixSettings
 from omnidrive.estimation.gauss_markov import gauss_markov
 from omnidrive.geometry import Pose, move, twist_between
-
-_TIME_TOLERANCE = 1e-9
-"""Tolerance for comparing the time of a fix with that of a sample, s: both are multiples of
-different periods, with rounding errors."""
+from omnidrive.parameter import TIME_TOLERANCE
 
 
 @dataclass(slots=True)
@@ -61,10 +58,10 @@ class PoseFixes:
         """
         settings = self.settings
         time, start = self._previous
-        while (stamp := self._count / settings.rate) <= t + _TIME_TOLERANCE:
+        while (stamp := self._count / settings.rate) <= t + TIME_TOLERANCE:
             self._count += 1
             true_pose = pose
-            if stamp < t - _TIME_TOLERANCE and time > -inf:
+            if stamp < t - TIME_TOLERANCE and time > -inf:
                 fraction = (stamp - time) / (t - time)
                 true_pose = move(start, twist_between(start, pose, 1.0), fraction)
             fix = self._measure(min(stamp, t), true_pose)
@@ -74,8 +71,8 @@ class PoseFixes:
             if dropout >= settings.dropout and not silent:
                 self._in_transit.append((stamp + settings.latency + settings.jitter * delay, fix))
         self._previous = t, pose
-        arrived = [fix for due, fix in sorted(self._in_transit) if due <= t + _TIME_TOLERANCE]
-        self._in_transit = [item for item in self._in_transit if item[0] > t + _TIME_TOLERANCE]
+        arrived = [fix for due, fix in sorted(self._in_transit) if due <= t + TIME_TOLERANCE]
+        self._in_transit = [item for item in self._in_transit if item[0] > t + TIME_TOLERANCE]
         return tuple(arrived)
 
     def _measure(self, stamp: float, pose: Pose) -> PoseFix:
