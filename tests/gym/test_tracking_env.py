@@ -1,6 +1,7 @@
 """The environment `omnidrive/Tracking-v0`."""
 
 from functools import partial
+from inspect import unwrap
 from math import nan, pi
 
 import numpy as np
@@ -176,10 +177,29 @@ def test_large_actions_are_clipped_and_invalid_ones_refused():
     env.reset(options={"offset": (0, 0, 0)})
     observation, *_ = env.step(np.array([7.0, 0.0, -3.0]))
     assert observation[-3:] == pytest.approx([1.0, 0.0, -1.0])
-    for action in ([nan, 0.0, 0.0], [0.0, 0.0], "abc"):
-        env.reset(seed=1)
-        with pytest.raises((InvalidInput, ValueError)):
-            env.step(np.array(action))
+
+
+BAD_ACTIONS = {
+    "nan": [nan, 0.0, 0.0], "infinite": np.full(3, np.inf), "short": [0.0, 0.0], "none": None,
+    "text": "abc", "texts": ["0", "0", "0"], "nested": [[0.0], [0.0, 0.0], 0.0], "number": 1.0,
+    "objects": [None] * 3, "complex": [1j, 0.0, 0.0], "large": np.zeros((3, 1000)),
+    "mapping": {"vx": 1.0}, "infinite integer": [10**400, 0, 0],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_ACTIONS)
+@pytest.mark.filterwarnings("error")
+def test_invalid_action_is_one_sentence_and_the_run_goes_on(name):
+    env, same = small(), small()
+    for each in (env, same):
+        each.reset(seed=1)
+        each.step(np.full(3, 0.3))
+    with pytest.raises(InvalidInput, match="an action must be 3 numbers") as refusal:
+        unwrap(TrackingEnv.step)(env, BAD_ACTIONS[name])  # without run-time type checks
+    assert len(str(refusal.value)) < 200
+    assert "\n" not in str(refusal.value)
+    after, unaffected = (each.step(np.zeros(3)) for each in (env, same))
+    assert repr(after) == repr(unaffected)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -224,23 +244,27 @@ def test_render_without_a_mode_returns_none():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"plant": "roller"}, "unknown plant 'roller': choose one of "),
+        ({"plant": "roller"}, "there is no plant 'roller'; did you mean 'mujoco-rollers'"),
         ({"robot": "big"}, "there is no robot 'big'"),
         ({"dt": 0.0}, "dt is 0 s"),
         ({"dt": nan}, "dt is nan s"),
         ({"preview": 101}, "preview is 101"),
-        ({"start_spread": (-0.1, 0.0)}, "start_spread is"),
-        ({"max_error": (1.0, 4.0)}, "max_error is"),
+        ({"preview": 2.5}, "preview is 2.5, need a whole number"),
+        ({"preview": None}, "preview must be a number, got None"),
+        ({"start_spread": (-0.1, 0.0)}, "start_spread is -0.1 m, need 0 to 10 m"),
+        ({"start_spread": 0.1}, r"start_spread must be 2 numbers \(m, rad\), got 0.1"),
+        ({"max_error": (1.0, 4.0)}, "max_error is 4 rad"),
         ({"smoothness_weight": nan}, "smoothness_weight is nan"),
-        ({"render_mode": "human"}, "render_mode is 'human'"),
+        ({"render_mode": "human"}, "no render_mode 'human'; there are rgb_array"),
         ({"render_size": (8, 8)}, "a picture of"),
-        ({"max_twist": BodyTwist(1.0, 0.0, 1.0)}, "max_twist"),
+        ({"max_twist": BodyTwist(1.0, 0.0, 1.0)}, "max_twist is 0 m/s"),
     ],
 )
 @pytest.mark.filterwarnings("ignore")
 def test_invalid_settings_are_refused(change, message):
-    with pytest.raises(InvalidInput, match=message):
-        small(**change)
+    env, make_env = object.__new__(TrackingEnv), unwrap(TrackingEnv.__init__)
+    with pytest.raises(InvalidInput, match=message):  # without run-time type checks
+        make_env(env, **{"robot": SMALL, "plant": "kinematic", "reference": CIRCLE, **change})
 
 
 @pytest.mark.parametrize("options", [{"ofset": 1}, {"offset": (1, 2)}, {"offset": (nan, 0, 0)}])

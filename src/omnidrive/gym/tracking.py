@@ -13,13 +13,14 @@ from gymnasium import spaces
 from jaxtyping import Float32, UInt8
 
 from omnidrive.arrays import Array
-from omnidrive.components import component_names
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, StateEstimator
+from omnidrive.files.bounded_file import short_repr
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.gym.observation import ObservationModel, top_speed
 from omnidrive.gym.renderer import Renderer
 from omnidrive.maps import OccupancyGrid
+from omnidrive.parameter import Bounds, check_choice, check_number
 from omnidrive.planning import SplinePath
 from omnidrive.reference import Reference, shortest_duration, time_uniformly
 from omnidrive.robot import Robot, named_robot
@@ -29,6 +30,14 @@ from omnidrive.study.former import OLD_PLANTS
 from omnidrive.study.section import current_name
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
+_BOUNDS = {
+    "dt": (Bounds(0.001, 1.0, "s"),),
+    "smoothness_weight": (Bounds(0.0, 1000.0, ""),),
+    "start_spread": (Bounds(0.0, 10.0, "m"), Bounds(0.0, pi, "rad")),
+    "max_error": (Bounds(0.001, 1000.0, "m"), Bounds(0.001, pi, "rad")),
+    "max_twist": (Bounds(1e-6, 1e6, "m/s"), Bounds(1e-6, 1e6, "m/s"), Bounds(1e-6, 1e6, "rad/s")),
+}
+"""Ranges of the numbers that the arguments of the environment consist of."""
 
 
 class TrackingEnv(gymnasium.Env[Array, Array]):
@@ -100,9 +109,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             InvalidReference: The robot cannot follow the default reference.
         """
         self._robot = named_robot(robot) if isinstance(robot, str) else robot
-        _check(
-            plant=plant, dt=dt, preview=preview, max_twist=max_twist, start_spread=start_spread,
-            max_error=max_error, smoothness_weight=smoothness_weight, render_mode=render_mode,
+        max_twist = max_twist or max_axis_twist(self._robot)
+        _check_settings(
+            preview, render_mode, dt=dt, max_twist=max_twist, start_spread=start_spread,
+            max_error=max_error, smoothness_weight=smoothness_weight,
         )  # fmt: skip
         self._reference = reference or _default_reference(self._robot)
         self._plant = _build_plant(plant, self._robot, obstacles)
@@ -110,7 +120,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._dt, self._smoothness_weight = dt, smoothness_weight
         self._start_spread, self._max_error = start_spread, max_error
         self._last = max(round(self._reference.duration / dt), 1)
-        self.max_twist = np.array(max_twist or max_axis_twist(self._robot), dtype=float)
+        self.max_twist = np.array(max_twist, dtype=float)
         self._observation_model = ObservationModel(
             self._reference, dt, preview, max_error, self.max_twist, top_speed(self._reference, dt)
         )
@@ -159,9 +169,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         """
         if not self._running:
             raise gymnasium.error.ResetNeeded("the run has ended: call reset() before step()")
-        values = np.asarray(action, dtype=float)
-        if values.shape != (3,) or not np.isfinite(values).all():
-            raise InvalidInput(f"an action is three numbers from -1 to 1, got {action}")
+        values = _numbers("an action", action, 3, "shares of max_twist, -1 to 1")
         before, self._action = self._action, np.clip(values, -1.0, 1.0)
         twist = BodyTwist(*(self._action * self.max_twist).tolist())
         state = self._plant.step(twist, self._dt)
@@ -208,14 +216,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _offset(self, options: dict[str, Any] | None) -> Array:
         options = options or {}
         if set(options) - {"offset"}:
-            raise InvalidInput(f"the only option of reset is offset, got {', '.join(options)}")
+            raise InvalidInput(f"the only option of reset is offset, got {short_repr(options)}")
         if "offset" not in options:
             position, heading = self._start_spread
             return self.np_random.uniform(-1.0, 1.0, 3) * [position, position, heading]
-        offset = np.asarray(options["offset"], dtype=float)
-        if offset.shape != (3,) or not np.isfinite(offset).all():
-            raise InvalidInput(f"an offset is three numbers in m, m, rad; got {options['offset']}")
-        return offset
+        return _numbers("offset", options["offset"], 3, "m, m, rad")
 
     def _update_estimate(self, state: PlantState) -> None:
         """Update the estimate after a step of the plant."""
@@ -275,38 +280,33 @@ def _default_reference(robot: Robot) -> Reference:
     return time_uniformly(path, max(20.0, shortest_duration(path, chassis)), chassis)
 
 
-def _check(
-    *,
-    plant: str | Callable[[Robot], Plant],
-    dt: float,
-    preview: int,
-    max_twist: BodyTwist | None,
-    start_spread: tuple[float, float],
-    max_error: tuple[float, float],
-    smoothness_weight: float,
-    render_mode: str | None,
-) -> None:
-    """Raise InvalidInput for the first invalid argument."""
-    plants = component_names("plants")
-    invalid = {
-        f"unknown plant '{plant}': choose one of {', '.join(plants)}": isinstance(plant, str)
-        and plant not in (*plants, *OLD_PLANTS),
-        f"dt is {dt:g} s, need 0.001 to 1 s": not 0.001 <= dt <= 1.0,
-        f"preview is {preview}, need 0 to 100": not 0 <= preview <= 100,
-        f"max_twist is {max_twist}, need positive numbers": max_twist is not None
-        and not all(isfinite(v) and v > 0.0 for v in max_twist),
-        f"start_spread is {start_spread}, need 0 to 10 m and 0 to pi rad": not (
-            0.0 <= start_spread[0] <= 10.0 and 0.0 <= start_spread[1] <= pi
-        ),
-        f"max_error is {max_error}, need 0.001 to 1000 m and 0.001 to pi rad": not (
-            0.001 <= max_error[0] <= 1000.0 and 0.001 <= max_error[1] <= pi
-        ),
-        f"smoothness_weight is {smoothness_weight:g}, need 0 to 1000": not 0.0
-        <= smoothness_weight
-        <= 1000.0,
-        f"render_mode is '{render_mode}', need rgb_array or None": render_mode
-        not in {None, "rgb_array"},
-    }
-    for message, applies in invalid.items():
-        if applies:
-            raise InvalidInput(message)
+def _check_settings(preview: object, render_mode: object, **settings: object) -> None:
+    """Raise InvalidInput for the first invalid argument of the environment."""
+    check_number("preview", preview, Bounds(0, 100, "poses"))
+    if not isinstance(preview, int):
+        raise InvalidInput(f"preview is {preview}, need a whole number")
+    if render_mode is not None:
+        check_choice("render_mode", render_mode, TrackingEnv.metadata["render_modes"])
+    for name, bounds in _BOUNDS.items():
+        value = settings[name]
+        if len(bounds) == 1:
+            check_number(name, value, bounds[0])
+            continue
+        units = ", ".join(bound.unit for bound in bounds)
+        for number, bound in zip(_numbers(name, value, len(bounds), units), bounds, strict=True):
+            check_number(name, number, bound)
+
+
+def _numbers(name: str, values: object, count: int, units: str) -> Array:
+    """Return ``count`` finite numbers as an array.
+
+    Raises:
+        InvalidInput: ``values`` is something else; the message states the name and the units.
+    """
+    try:
+        found = np.asarray(values)
+    except ValueError:  # a list of lists of different lengths
+        found = np.empty(0)
+    if found.dtype.kind not in "fiub" or found.shape != (count,) or not np.isfinite(found).all():
+        raise InvalidInput(f"{name} must be {count} numbers ({units}), got {short_repr(values)}")
+    return found.astype(float)
