@@ -93,9 +93,9 @@ def test_settings_for_another_robot_are_refused(server):
         plant_at(server, joints=("/a", "/b", "/c"))
     with pytest.raises(InvalidInput, match=r"plant.signs names 1 of 4"):
         plant_at(server, signs=(1,))
+    scene = CoppeliaSimScene(port=server.port)
+    object.__setattr__(scene, "signs", (1, 1, 1, 2))  # without run-time type checks
     with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
-        scene = CoppeliaSimScene(port=server.port)
-        object.__setattr__(scene, "signs", (1, 1, 1, 2))  # without run-time type checks
         CoppeliaSimPlant(SMALL, scene)
 
 
