@@ -108,7 +108,7 @@ class FaultyPlant(KinematicPlant):
     ("value", "reason"),
     [
         (OSError("no answer"), "OSError: no answer"),
-        (None, "returned a NoneType, not a PlantState"),
+        (None, "returned None, not a PlantState"),
         ((0.0, 0.0, 0.0), "returned a tuple, not a PlantState"),
         (PlantState(Pose(nan, 0.0, 0.0), TWIST, 0.0), "its state is not finite"),
         (PlantState((0.0, 0.0), TWIST, 0.0), "needs a Pose and a BodyTwist"),
