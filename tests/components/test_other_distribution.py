@@ -1,9 +1,6 @@
 """A distribution with a component of every group takes part in a study."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,6 +10,7 @@ from omnidrive.components import GROUPS
 from omnidrive.study import paper_scenario
 from omnidrive.study.scenario_file import scenario_data
 from tests.components.distribution import install
+from tests.components.python_process import environment_with, run_python
 
 CODE = '''
 """Components of every group."""
@@ -90,15 +88,11 @@ def environment(tmp_path_factory):
     """Return environment variables with which Python finds the distribution."""
     folder = tmp_path_factory.mktemp("their")
     install(folder, "their-parts", "1.2", ENTRY_POINTS, CODE)
-    paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}
+    return environment_with(folder)
 
 
 def omnidrive(environment, cwd, *arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "omnidrive", *map(str, arguments)],
-        env=environment, cwd=cwd, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    return run_python(environment, cwd, "-m", "omnidrive", *arguments)
 
 
 def test_components_of_every_group_take_part_in_a_study(environment, tmp_path):
@@ -135,10 +129,8 @@ for group in GROUPS:
     for name in component_names(group):
         print(group, name, find_component(group, name).origin, sep="|")
 """
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment, cwd=tmp_path, capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    done = run_python(environment, tmp_path, "-c", code)
+    assert done.returncode == 0, done.stderr
     theirs = {line.split("|")[0]: line for line in done.stdout.split("\n") if "their-parts" in line}
     assert set(theirs) == set(GROUPS)
     assert theirs["maps"] == "maps|.grid|their-parts 1.2"

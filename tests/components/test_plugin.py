@@ -2,12 +2,12 @@
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+
+from tests.components.python_process import environment_with, run_python
 
 PLUGIN = Path(__file__).parents[2] / "examples" / "plugin"
 
@@ -16,27 +16,14 @@ PLUGIN = Path(__file__).parents[2] / "examples" / "plugin"
 def environment(tmp_path_factory):
     """Return environment variables with which Python finds the installed plugin."""
     target = tmp_path_factory.mktemp("environment")
-    subprocess.run(
-        [
-            *(sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"),
-            *("--no-deps", "--no-build-isolation", "--no-index", "--target", target, PLUGIN),
-        ],
-        check=True,
-        capture_output=True,
-    )
-    paths = [str(target), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}
+    install = ("-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-deps")
+    offline = ("--no-build-isolation", "--no-index", "--target", target, PLUGIN)
+    run(os.environ, target, *install, *offline)
+    return environment_with(target)
 
 
 def run(environment, cwd, *arguments):
-    done = subprocess.run(
-        [sys.executable, *map(str, arguments)],
-        env=environment,
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run_python(environment, cwd, *arguments)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -49,18 +36,8 @@ def test_controller_of_the_plugin_is_listed(environment, tmp_path):
 
 def test_tests_of_the_plugin_pass(environment, tmp_path):
     test = PLUGIN / "tests" / "test_laws.py"
-    assert "1 passed" in run(
-        environment,
-        tmp_path,
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-c",
-        os.devnull,
-        test,
-    )
+    pytest_options = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull)
+    assert "1 passed" in run(environment, tmp_path, *pytest_options, test)
 
 
 def test_same_law_as_a_plugin_and_built_in_are_bit_identical(environment, tmp_path):

@@ -84,8 +84,9 @@ def test_failed_import_shows_where(tmp_path):
         find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
     assert "registry.py" not in str(caught.value)
     assert not [
-        name for name in sys.modules if name.startswith("omnidrive_code_") and "law" in name
-    ]
+        module for name, module in sys.modules.items()
+        if name.startswith("omnidrive_code_") and module.__spec__.origin.startswith(str(tmp_path))
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

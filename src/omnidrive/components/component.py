@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os.path
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from omnidrive.files.bounded_file import one_line
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _FRAMES = 3  # calls shown of a traceback
+_OWN_FOLDER = os.path.join(os.path.dirname(__file__), "")
 _FORMS = "f(), f(context) or f(context, parameters: ITS_PARAMETER_CLASS)"
 
 
@@ -141,10 +143,9 @@ class Component:
         except OmnidriveError:
             raise
         except Exception as error:
-            calls = "".join(traceback.format_tb(error.__traceback__)[1:][-_FRAMES:])
             raise ComponentFailed(
-                f"the {self.group.removesuffix('s')} '{self.name}' ({self.origin}) failed:\n{calls}"
-                f"{''.join(traceback.format_exception_only(error)).strip()}"
+                f"the {self.group.removesuffix('s')} '{self.name}' ({self.origin}) failed"
+                f"{failure_text(error)}"
             ) from error
 
     @cached_property
@@ -160,6 +161,18 @@ class Component:
                 f"{', '.join(p.name for p in arguments)}, need {_FORMS}"
             )
         return arguments
+
+
+def failure_text(error: Exception) -> str:
+    """Return a colon, the innermost calls outside this package and the exception, as text."""
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith((_OWN_FOLDER, "<frozen"))
+    ]
+    calls = "".join(traceback.format_list(frames[-_FRAMES:])).rstrip()
+    fact = "".join(traceback.format_exception_only(error)).strip()
+    return f":\n{calls}\n{fact}" if calls else f": {fact}"
 
 
 def _is_passed(argument: inspect.Parameter) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import traceback
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
@@ -14,13 +13,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from omnidrive.components.component import Component
+from omnidrive.components.component import Component, failure_text
 from omnidrive.components.entry_points import Group, component_names, distribution_of, entries_of
 from omnidrive.errors import InvalidInput, OmnidriveError, suggestion
 from omnidrive.files.bounded_file import one_line, read_bounded
 
 _MAX_CODE = 10_000_000  # bytes of a Python file
-_FRAMES = 3  # calls shown of a traceback
 
 
 def find_component(group: Group, name: str, *, allow_code: bool = False) -> Component:
@@ -106,16 +104,8 @@ def _guarded_import(
         raise
     except Exception as error:
         origin = f" of the distribution {distribution}" if distribution else ""
-        frames = [
-            frame
-            for frame in traceback.extract_tb(error.__traceback__)
-            if frame.filename != __file__ and not frame.filename.startswith("<frozen")
-        ]
-        calls = "".join(traceback.format_list(frames[-_FRAMES:])).rstrip()
-        fact = "".join(traceback.format_exception_only(error)).strip()
-        shown = f"\n{calls}\n{fact}" if calls else f": {fact}"
         raise InvalidInput(
-            f"the {kind} '{one_line(name)}'{origin} cannot be imported{shown}"
+            f"the {kind} '{one_line(name)}'{origin} cannot be imported{failure_text(error)}"
         ) from None
 
 
