@@ -103,19 +103,36 @@ class RobotSummary:
         return cls(robot, condition, speed, acceleration, without, tipping, tuple(warnings))
 
 
+def support_polygon(robot: Robot) -> list[tuple[float, float]]:
+    """Return the corners of the convex hull of the wheels' centres, counter-clockwise; B, m.
+
+    Andrew, "Another efficient algorithm for convex hulls in two dimensions", Inf. Process. Lett. 9,
+    1979.
+    """
+    points = sorted({(m.x, m.y) for m in robot.mounts})
+    corners = []
+    for ordered in (points, points[::-1]):
+        chain: list[tuple[float, float]] = []
+        for point in ordered:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0.0:
+                chain.pop()
+            chain.append(point)
+        corners += chain[:-1]
+    return corners
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Return twice the area of the triangle a, b, c; positive if it turns to the left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
 def support_margin(robot: Robot) -> float:
     """Return the distance of the centre of mass to the edge of the support polygon, m."""
-    points = np.array([(m.x, m.y) for m in robot.mounts])
-    margins = []
-    for start in points:
-        for end in points:
-            edge = end - start
-            length = float(np.hypot(*edge))
-            if length < 1e-9:
-                continue
-            left = np.array([-edge[1], edge[0]]) / length
-            if ((points - start) @ left >= -1e-9).all():
-                margins.append(float((np.array(robot.com) - start) @ left))
+    corners = support_polygon(robot)
+    margins = [
+        _turn(start, end, robot.com) / hypot(end[0] - start[0], end[1] - start[1])
+        for start, end in zip(corners, [*corners[1:], corners[0]], strict=True)
+    ]
     return max(min(margins), 0.0)
 
 

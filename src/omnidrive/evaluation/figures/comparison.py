@@ -17,6 +17,7 @@ from omnidrive.evaluation.figures.plan import Box, draw_map
 from omnidrive.evaluation.figures.style import (
     COLUMN,
     DARK,
+    DASHED,
     PAGE,
     curve_style,
     legend_above,
@@ -27,7 +28,6 @@ from omnidrive.evaluation.palette import ControllerStyle, controller_styles, hor
 from omnidrive.evaluation.results import StudyResults, TrackResult
 from omnidrive.evaluation.table import number_text
 
-_DASHES = (0, (4, 2.5))
 _MIN_HALF_SIDE = 0.04  # m; of the magnified square
 _WHOLE_MAP_RATIO = 0.6  # size of path to map from which the whole map is shown
 _MAX_RATIO = 0.12  # half side of the magnified square to extent of the path, at most
@@ -44,10 +44,9 @@ class Curve(NamedTuple):
     style: ControllerStyle
     result: TrackResult
 
-    def properties(self, k: int, lines: list[Curve], *, marked: bool = True) -> dict[str, Any]:
+    def properties(self, k: int, lines: list[Curve]) -> dict[str, Any]:
         """Return the line properties as curve ``k`` of ``lines``."""
-        rows = len(self.result.run.t)
-        return curve_style(self.style, k, len(lines), rows, marked=marked)
+        return curve_style(self.style, k, len(lines), len(self.result.run.t))
 
 
 def xy_comparison(results: StudyResults, task: str) -> Figure | None:
@@ -94,7 +93,7 @@ def heading_comparison(results: StudyResults, task: str) -> Figure | None:
         heading.plot(run.t, run.pose[:, 2], label=line.label, **properties)
         error.plot(run.t, heading_error(run.pose, run.target) * 1e3, **properties)
     run = _longest(lines).result.run
-    heading.plot(run.t, run.target[:, 2], color=DARK, ls=_DASHES, lw=1.0, label="Reference")
+    heading.plot(run.t, run.target[:, 2], color=DARK, ls=DASHED, lw=1.0, label="Reference")
     heading.set(ylabel="heading in rad", xlim=(0.0, max(run.t[-1], 1e-3)))
     error.set_yscale("symlog", linthresh=1.0, linscale=0.6)
     error.yaxis.set_major_formatter(StrMethodFormatter(_TICK_FORMAT))
@@ -177,7 +176,7 @@ def _paths(axes: Axes, lines: list[Curve]) -> None:
         x, y = line.result.run.pose[:, 0], line.result.run.pose[:, 1]
         axes.plot(x, y, label=line.label, **line.properties(k, lines))
     x, y = _longest(lines).result.run.target[:, :2].T
-    axes.plot(x, y, color=DARK, ls=_DASHES, lw=1.0, label="Reference", zorder=40)
+    axes.plot(x, y, color=DARK, ls=DASHED, lw=1.0, label="Reference", zorder=40)
 
 
 def _measured(axes: Axes, lines: list[Curve], seeds: int) -> None:

@@ -14,10 +14,9 @@ from matplotlib.ticker import MaxNLocator
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, truncate
-from omnidrive.evaluation.figures.style import DARK, PAGE, figure_style, new_figure
+from omnidrive.evaluation.figures.style import BLUE, DARK, PAGE, figure_style, new_figure
 from omnidrive.fuzzy import Inference, InputVariable
 
-_COLOUR = "#0072b2"
 _SHADES = "viridis"
 _NODES = 101  # along each of two inputs
 _NODES_MANY_RULES = 31
@@ -83,12 +82,12 @@ def _curve(
     figure = new_figure(PAGE, 3.4)
     axes = figure.add_subplot()
     if inference.system.type > 1:
-        axes.fill_between(at, least, greatest, color=_COLOUR, alpha=0.2, lw=0.0,
+        axes.fill_between(at, least, greatest, color=BLUE, alpha=0.2, lw=0.0,
                           label="type-reduced interval")  # fmt: skip
-        axes.plot(at, value, color=_COLOUR, label="midpoint")
+        axes.plot(at, value, color=BLUE, label="midpoint")
         axes.legend(loc="best")
     else:
-        axes.plot(at, value, color=_COLOUR)
+        axes.plot(at, value, color=BLUE)
     output = truncate(inference.system.outputs[o].name, 40)
     axes.set(title=output, xlabel=truncate(variable.name, 40), ylabel=output)
     axes.set_xlim(variable.low, variable.high)

@@ -10,7 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.figures.style import DARK, PAGE, curve_style, legend_above, new_figure
+from omnidrive.evaluation.figures.style import (
+    DARK,
+    DASHED,
+    PAGE,
+    curve_style,
+    legend_above,
+    new_figure,
+)
 from omnidrive.evaluation.metrics import START_PHASE, commanded_wheel_speeds
 from omnidrive.evaluation.palette import controller_styles
 from omnidrive.evaluation.results import StudyResults
@@ -84,7 +91,7 @@ def _draw_limits(axes: Axes, limit: float) -> None:
     low, high = axes.get_ylim()
     if np.isfinite(limit) and max(-low, high) > 0.7 * limit:
         for sign in (-1.0, 1.0):
-            axes.axhline(sign * limit, color=DARK, ls=(0, (4, 2.5)), lw=0.8)
+            axes.axhline(sign * limit, color=DARK, ls=DASHED, lw=0.8)
 
 
 def _draw_effort(panels: Array, curves: list[_Curve]) -> None:

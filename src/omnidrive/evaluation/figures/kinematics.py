@@ -17,11 +17,22 @@ from omnidrive.evaluation.figures.primitives import (
     robot_outline,
     transform_points,
 )
-from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, hide_axes, new_figure
+from omnidrive.evaluation.figures.style import (
+    BLUE,
+    DARK,
+    DASHED,
+    DOTTED,
+    GREEN,
+    MUTED,
+    PAGE,
+    PURPLE,
+    RED,
+    hide_axes,
+    new_figure,
+)
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 
-_BLUE, _GREEN, _RED, _PURPLE = "#0072b2", "#007a59", "#d55e00", "#a8558a"
 _YAW = 0.35  # rad; heading of the drawn robot
 
 
@@ -39,24 +50,24 @@ def _above(axes: Axes, robot: Robot) -> None:
     pose, size = Pose(0.0, 0.0, _YAW), robot.body_radius
     hide_axes(axes)
     robot_outline(axes, robot, pose, DARK, dashed=False)
-    frame(axes, pose, 0.62 * size, ("$x_B$", "$y_B$"), _BLUE)
+    frame(axes, pose, 0.62 * size, ("$x_B$", "$y_B$"), BLUE)
     world = Pose(-1.75 * size, -1.2 * size, 0.0)
     frame(axes, world, 0.45 * size, ("$x_W$", "$y_W$"), MUTED)
-    axes.plot([0.0, 0.78 * size], [0.0, 0.0], color=MUTED, lw=0.8, ls=(0, (4, 2.5)), zorder=3)
+    axes.plot([0.0, 0.78 * size], [0.0, 0.0], color=MUTED, lw=0.8, ls=DASHED, zorder=3)
     angle(axes, (0.0, 0.0), 0.42 * size, 0.0, _YAW, colour=MUTED)
     annotate(axes, (0.52 * size * cos(0.5 * _YAW), 0.52 * size * sin(0.5 * _YAW)), r"$\theta$")
     for k, mount in enumerate(robot.mounts):
         _drive(axes, robot, pose, k, mount)
     first, last = (transform_points(pose, [robot.mounts[k][:2]])[0].tolist() for k in (0, -1))
     bearing = atan2(first[1], first[0])
-    angle(axes, (0.0, 0.0), 0.26 * size, _YAW, bearing, colour=_GREEN)
+    angle(axes, (0.0, 0.0), 0.26 * size, _YAW, bearing, colour=GREEN)
     middle = 0.5 * (_YAW + bearing)
     name = "$a_0$" if _is_ring(robot) else "$b_0$"
-    annotate(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), name, colour=_GREEN)
+    annotate(axes, (0.36 * size * cos(middle), 0.36 * size * sin(middle)), name, colour=GREEN)
     length = hypot(last[0], last[1])
     text = f"{'R = ' if _is_ring(robot) else ''}{length:.4g} m"
     dimension(axes, (0.0, 0.0), (last[0], last[1]), text, offset=0.07 * size)
-    axes.plot([0.0, first[0]], [0.0, first[1]], color=_GREEN, lw=0.9, ls=(0, (2, 2)), zorder=3)
+    axes.plot([0.0, first[0]], [0.0, first[1]], color=GREEN, lw=0.9, ls=DOTTED, zorder=3)
     axes.set_title(f"Robot '{robot.name}' from above, to scale", parse_math=False)
     axes.set(xlim=(-1.85 * size, 1.5 * size), ylim=(-1.62 * size, 1.3 * size))
     axes.text(0.0, -1.6 * size, _facts(robot), ha="center", va="bottom", fontsize=7)
@@ -94,9 +105,9 @@ def _drive(axes: Axes, robot: Robot, pose: Pose, k: int, mount: Mount) -> None:
         [start, end, (1.13 * size * c, 1.13 * size * s),
          (end[0] + 0.1 * size * cos(turn), end[1] + 0.1 * size * sin(turn))],
     ).tolist()  # fmt: skip
-    arrow(axes, tuple(tail), tuple(tip), colour=_RED)
+    arrow(axes, tuple(tail), tuple(tip), colour=RED)
     annotate(axes, tuple(name), str(k), size=9)
-    annotate(axes, tuple(speed), rf"$v_{k}$", colour=_RED)
+    annotate(axes, tuple(speed), rf"$v_{k}$", colour=RED)
 
 
 def _wheel(axes: Axes, robot: Robot) -> None:
@@ -120,12 +131,12 @@ def _wheel(axes: Axes, robot: Robot) -> None:
         transform_points(push, [(-1.5, 0.0), (1.5, 0.0)]),
         transform_points(push, [(0.0, -0.75), (0.0, 1.35)]),
     )
-    axes.plot(line[:, 0], line[:, 1], color=_RED, lw=0.7, ls=(0, (2, 2)), zorder=1)
-    axes.plot(axle[:, 0], axle[:, 1], color=_GREEN, lw=0.7, ls=(0, (2, 2)), zorder=1)
+    axes.plot(line[:, 0], line[:, 1], color=RED, lw=0.7, ls=DOTTED, zorder=1)
+    axes.plot(axle[:, 0], axle[:, 1], color=GREEN, lw=0.7, ls=DOTTED, zorder=1)
     label = "axle, through the centre;\nthe rollers roll freely along it"
     if not _is_ring(robot):
         label = "the rollers roll freely\nalong this line"
-    annotate(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=_GREEN, size=8)
+    annotate(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=GREEN, size=8)
     _components(axes, bearing - mount.roller_angle)
     axes.set_title("Velocity at wheel $i$")
     axes.set(xlim=(-1.5, 1.5), ylim=(-1.75, 1.45))
@@ -142,17 +153,17 @@ def _components(axes: Axes, bearing: float) -> None:
     """Draw the body velocity, its projections on the driving direction, and the wheel velocity."""
     along = (-sin(bearing), cos(bearing))
     parts = (
-        ((0.95, 0.0), r"$\dot{x}$", _BLUE, (0.12, 0.0)),
-        ((0.0, 0.95), r"$\dot{y}$", _PURPLE, (0.13, 0.0)),
+        ((0.95, 0.0), r"$\dot{x}$", BLUE, (0.12, 0.0)),
+        ((0.0, 0.95), r"$\dot{y}$", PURPLE, (0.13, 0.0)),
     )
     for (x, y), name, colour, (dx, dy) in parts:
         arrow(axes, (0.0, 0.0), (x, y), colour=colour)
         annotate(axes, (x + dx, y + dy), name, colour=colour)
         share = x * along[0] + y * along[1]
         foot = (share * along[0], share * along[1])
-        axes.plot([x, foot[0]], [y, foot[1]], color=colour, lw=0.8, ls=(0, (2, 2)), zorder=4)
+        axes.plot([x, foot[0]], [y, foot[1]], color=colour, lw=0.8, ls=DOTTED, zorder=4)
     end = (1.55 * along[0], 1.55 * along[1])
-    arrow(axes, (0.0, 0.0), end, colour=_RED)
-    annotate(axes, (end[0] - 0.06, end[1] + 0.14), "$v_i$", colour=_RED)
+    arrow(axes, (0.0, 0.0), end, colour=RED)
+    annotate(axes, (end[0] - 0.06, end[1] + 0.14), "$v_i$", colour=RED)
     corner = Rectangle((0.0, 0.0), 0.1, 0.1, angle=degrees(bearing), fill=False, lw=0.7, ec=MUTED)
     axes.add_patch(corner)

@@ -12,6 +12,7 @@ from matplotlib.transforms import Affine2D
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.style import (
+    BLUE,
     DARK,
     DPI,
     MUTED,
@@ -25,7 +26,6 @@ from omnidrive.planning import Path, SplinePath
 
 _ARROWS = 24  # headings along the path, at equal time intervals
 _SAMPLES = 1001  # points of a path without times
-_BLUE = "#0072b2"
 _OUTSIDE = "#f4f5f7"
 _OCCUPIED = np.uint8(2)
 _SHADES = np.array([(255, 255, 255), (228, 231, 235), (96, 104, 114)], np.uint8)
@@ -83,7 +83,7 @@ def path_figure(
         below.set_ylabel("distance to obstacles in m")
         below.set_ylim(bottom=0.0)
         curvature = np.where(np.isfinite(values := spline.curvature(u)), values, np.nan)
-        _second_axis(below, "curvature in 1/m").plot(distance, curvature, color=_BLUE, lw=0.9)
+        _second_axis(below, "curvature in 1/m").plot(distance, curvature, color=BLUE, lw=0.9)
         legend_above(figure, above)
     return figure
 
@@ -101,14 +101,14 @@ def _draw_path(axes: Axes, poses: Float[Array, "points 3"]) -> None:
     """Draw positions as a line, and some headings as arrows."""
     axes.plot(poses[:, 0], poses[:, 1], color=DARK, lw=1.2, label="Smooth path")
     x, y, yaw = poses[np.linspace(0, len(poses) - 1, _ARROWS).astype(int)].T
-    axes.quiver(x, y, np.cos(yaw), np.sin(yaw), color=_BLUE, width=0.0035, scale=32,
+    axes.quiver(x, y, np.cos(yaw), np.sin(yaw), color=BLUE, width=0.0035, scale=32,
                 zorder=4, label="Heading")  # fmt: skip
 
 
 def _second_axis(axes: Axes, label: str) -> Axes:
     """Return a second ordinate on the right, in blue."""
     second: Axes = axes.twinx()
-    second.set_ylabel(label, color=_BLUE)
+    second.set_ylabel(label, color=BLUE)
     second.grid(visible=False)
     second.spines["right"].set_visible(True)
     return second
@@ -122,7 +122,7 @@ def _draw_speeds(
     axes.set(xlabel="time in s", xlim=(times[0], times[-1]))
     axes.set_ylabel("speed in m/s")
     axes.set_ylim(bottom=0.0)
-    _second_axis(axes, "yaw rate in rad/s").plot(times, motion[:, 5], color=_BLUE, lw=0.9)
+    _second_axis(axes, "yaw rate in rad/s").plot(times, motion[:, 5], color=BLUE, lw=0.9)
 
 
 def draw_map(

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, Polygon
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.figures.style import DARK
+from omnidrive.evaluation.figures.style import DARK, DASHED
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 
@@ -99,7 +99,7 @@ def frame(axes: Axes, pose: Pose, length: float, names: tuple[str, str], colour:
 
 def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: bool) -> None:
     """Draw body circle and wheels, to scale."""
-    style = (0, (4, 2.5)) if dashed else "-"
+    style = DASHED if dashed else "-"
     axes.add_patch(
         Circle(
             (pose.x, pose.y),

@@ -12,12 +12,22 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
 from omnidrive.evaluation.figures.primitives import annotate, arrow, frame, transform_points
-from omnidrive.evaluation.figures.style import DARK, MUTED, figure_style, hide_axes, new_figure
-from omnidrive.evaluation.robot_summary import Capability, RobotSummary
+from omnidrive.evaluation.figures.style import (
+    BLUE,
+    DARK,
+    DASHED,
+    GREEN,
+    MUTED,
+    PURPLE,
+    RED,
+    figure_style,
+    hide_axes,
+    new_figure,
+)
+from omnidrive.evaluation.robot_summary import Capability, RobotSummary, support_polygon
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 
-_BLUE, _GREEN, _RED, _PURPLE = "#0072b2", "#007a59", "#d55e00", "#a8558a"
 _ANGLES = np.linspace(0.0, 2.0 * pi, 721)
 _SHARES = (0.0, 0.5, 0.8)
 """Yaw rates and yaw accelerations of the drawn slices, as fractions of the largest one."""
@@ -49,7 +59,7 @@ def robot_card(summary: RobotSummary) -> Figure:
         _legend(speed)
         _matrix(matrix, summary)
         _facts(facts, summary)
-        figure.supxlabel(warnings, x=0.01, ha="left", fontsize=8.5, color=_RED)
+        figure.supxlabel(warnings, x=0.01, ha="left", fontsize=8.5, color=RED)
     return figure
 
 
@@ -58,45 +68,26 @@ def _chassis(axes: Axes, robot: Robot) -> None:
     size, pose = robot.body_radius, Pose(0.0, 0.0, 0.5 * pi)
     hide_axes(axes)
     axes.add_patch(Circle((0.0, 0.0), size, facecolor="#f3f5f8", edgecolor=DARK, lw=1.1, zorder=1))
-    hull = _support_polygon(robot)
+    hull = support_polygon(robot)
     axes.add_patch(
         Polygon(transform_points(pose, hull), facecolor="none", edgecolor=MUTED, lw=0.8,
-                ls=(0, (4, 2.5)), zorder=2)
+                ls=DASHED, zorder=2)
     )  # fmt: skip
-    frame(axes, pose, 0.42 * size, ("x", "y"), _BLUE)
+    frame(axes, pose, 0.42 * size, ("x", "y"), BLUE)
     com = transform_points(pose, [robot.com])[0]
     axes.plot(*com, marker="o", ms=7, mfc="white", mec=DARK, zorder=7)
     axes.plot(*com, marker="+", ms=7, mec=DARK, zorder=8)
     for i, mount in enumerate(robot.mounts):
         _wheel(axes, robot, pose, i, mount)
     handles = [
-        Line2D([], [], color=_RED, marker=">", ms=5, label="rolling at positive speed"),
-        Line2D([], [], color=_GREEN, lw=2.6, label="axis of the roller on the floor: its force"),
+        Line2D([], [], color=RED, marker=">", ms=5, label="rolling at positive speed"),
+        Line2D([], [], color=GREEN, lw=2.6, label="axis of the roller on the floor: its force"),
         Line2D([], [], color=DARK, marker="o", mfc="white", lw=0, label="centre of mass"),
-        Line2D([], [], color=MUTED, ls=(0, (4, 2.5)), lw=0.8, label="support polygon"),
+        Line2D([], [], color=MUTED, ls=DASHED, lw=0.8, label="support polygon"),
     ]
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.5)
     axes.set_title(f"Robot '{robot.name}' from above, x upwards", parse_math=False)
     axes.set(xlim=(-1.28 * size, 1.28 * size), ylim=(-1.28 * size, 1.28 * size))
-
-
-def _support_polygon(robot: Robot) -> list[tuple[float, float]]:
-    """Return the corners of the convex hull of the wheels' centres, counter-clockwise."""
-    points = sorted({(m.x, m.y) for m in robot.mounts})
-    halves = []
-    for ordered in (points, points[::-1]):  # Andrew's monotone chain
-        half: list[tuple[float, float]] = []
-        for point in ordered:
-            while len(half) > 1 and _turn(half[-2], half[-1], point) <= 0.0:
-                half.pop()
-            half.append(point)
-        halves += half[:-1]
-    return halves
-
-
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Return twice the area of the triangle a, b, c; positive if counter-clockwise."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _wheel(axes: Axes, robot: Robot, pose: Pose, i: int, mount: Mount) -> None:
@@ -107,6 +98,7 @@ def _wheel(axes: Axes, robot: Robot, pose: Pose, i: int, mount: Mount) -> None:
     ahead, aside = (cos(rolling), sin(rolling)), (cos(mount.axle_angle), sin(mount.axle_angle))
 
     def point(along: float, across: float) -> tuple[float, float]:
+        """Return the point at distances along and across the rolling direction, in B."""
         return (
             mount.x + along * ahead[0] + across * aside[0],
             mount.y + along * ahead[1] + across * aside[1],
@@ -122,9 +114,9 @@ def _wheel(axes: Axes, robot: Robot, pose: Pose, i: int, mount: Mount) -> None:
     ends = transform_points(
         pose, [(mount.x + k * reach * px, mount.y + k * reach * py) for k in (-1.0, 1.0)]
     )
-    axes.plot(*ends.T, color=_GREEN, lw=2.6, solid_capstyle="butt", zorder=5)
+    axes.plot(*ends.T, color=GREEN, lw=2.6, solid_capstyle="butt", zorder=5)
     tail, tip = transform_points(pose, [point(1.25 * r, 0.0), point(1.25 * r + 0.26 * size, 0.0)])
-    arrow(axes, tuple(tail.tolist()), tuple(tip.tolist()), colour=_RED, width=1.6)
+    arrow(axes, tuple(tail.tolist()), tuple(tip.tolist()), colour=RED, width=1.6)
     distance = hypot(mount.x, mount.y)
     bearing = atan2(mount.y, mount.x)
     out = max(size, distance + half) + 0.16 * size
@@ -140,9 +132,9 @@ def _polytope(axes: Axes, capability: Capability, title: str, unit: str, yaw: st
         values = capability.along(_ANGLES, level)
         x, y = values * np.cos(_ANGLES), values * np.sin(_ANGLES)
         reach = max(reach, 1.12 * float(values.max()))
-        axes.fill(-y, x, color=_BLUE, alpha=alpha, lw=0, zorder=2)
+        axes.fill(-y, x, color=BLUE, alpha=alpha, lw=0, zorder=2)
         axes.plot(
-            -y, x, color=_BLUE, lw=1.5 - 0.5 * share, ls="-" if share == 0.0 else (0, (4, 2)),
+            -y, x, color=BLUE, lw=1.5 - 0.5 * share, ls="-" if share == 0.0 else (0, (4, 2)),
             label=f"{yaw} {level:.3g} {unit}", zorder=3,
         )  # fmt: skip
     axes.set_title(title)
@@ -162,7 +154,7 @@ def _lost_wheels(axes: Axes, summary: RobotSummary) -> None:
     Equal slices are drawn once. Of more than four different ones only the weakest is drawn: that
     with the least acceleration in any direction.
     """
-    colours = (_RED, _PURPLE, _GREEN, "#8c564b")
+    colours = (RED, PURPLE, GREEN, "#8c564b")
     drawn: list[tuple[np.ndarray, list[int]]] = []
     for i, remaining in enumerate(summary.without):
         if remaining is None:

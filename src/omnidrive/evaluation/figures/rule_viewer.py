@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, sample_points, truncate
-from omnidrive.evaluation.figures.style import DARK, MUTED, figure_style, new_figure
+from omnidrive.evaluation.figures.style import BLUE, DARK, MUTED, RED, figure_style, new_figure
 from omnidrive.fuzzy import (
     FiredRule,
     FuzzySet,
@@ -27,7 +27,7 @@ from omnidrive.fuzzy.norms import HEDGE_CODES, apply_hedge
 from omnidrive.fuzzy.rules import propositions
 from omnidrive.fuzzy.sets import membership_bounds
 
-_INPUT, _OUTPUT, _VALUE = "#0072b2", "#e69f00", "#d55e00"
+_INPUT, _OUTPUT, _VALUE = BLUE, "#e69f00", RED
 _GROUND = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75}
 _RULES, _INPUTS, _OUTPUTS = 8, 4, 4  # maximum numbers in one figure
 

@@ -7,7 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.style import (
+    BLUE,
     DARK,
+    DASHED,
     MUTED,
     figure_style,
     legend_above,
@@ -15,9 +17,6 @@ from omnidrive.evaluation.figures.style import (
 )
 from omnidrive.evaluation.metrics import heading_error, position_error
 from omnidrive.simulation import Run
-
-_BLUE = "#0072b2"
-_DASHES = (0, (4, 2.5))
 
 
 def run_figure(run: Run) -> Figure:
@@ -31,14 +30,14 @@ def run_figure(run: Run) -> Figure:
         path = figure.add_subplot(grid[:, 0])
         distance = figure.add_subplot(grid[0, 1])
         turn = figure.add_subplot(grid[1, 1], sharex=distance)
-        path.plot(run.pose[:, 0], run.pose[:, 1], color=_BLUE, label="Robot")
-        path.plot(run.target[:, 0], run.target[:, 1], color=DARK, ls=_DASHES, lw=1.0,
+        path.plot(run.pose[:, 0], run.pose[:, 1], color=BLUE, label="Robot")
+        path.plot(run.target[:, 0], run.target[:, 1], color=DARK, ls=DASHED, lw=1.0,
                   label="Reference")  # fmt: skip
         path.set(xlabel="x in m", ylabel="y in m")
         path.set_aspect("equal", adjustable="datalim")
-        distance.plot(run.t, 1e3 * position_error(run.pose, run.target), color=_BLUE)
+        distance.plot(run.t, 1e3 * position_error(run.pose, run.target), color=BLUE)
         distance.set(ylabel="position error in mm", ylim=(0.0, None))
-        turn.plot(run.t, 1e3 * heading_error(run.pose, run.target), color=_BLUE)
+        turn.plot(run.t, 1e3 * heading_error(run.pose, run.target), color=BLUE)
         turn.set(ylabel="heading error in mrad", xlabel="time in s")
         turn.set_xlim(0.0, max(float(run.t[-1]), 1e-3))
         for axes in (distance, turn):

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.style import (
     DARK,
+    DASHED,
     MUTED,
     PAGE,
     curve_style,
@@ -63,4 +64,4 @@ def _command(axes: Axes, step: StepResult, axis: int, end: float) -> None:
                   ha="right", va="top" if goal >= start else "bottom", fontsize=7.5)  # fmt: skip
     times = np.array([_BEFORE * end, 0.0, 0.0, end])
     values = np.array([start, start, goal, goal])
-    axes.plot(times, values, color=DARK, ls=(0, (4, 2.5)), lw=1.0, label="Command", zorder=40)
+    axes.plot(times, values, color=DARK, ls=DASHED, lw=1.0, label="Command", zorder=40)

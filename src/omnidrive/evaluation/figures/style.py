@@ -23,11 +23,16 @@ DARK = "#1a1a1a"
 """Colour of references, axes and text."""
 MUTED = "#8a8a8a"
 """Colour of auxiliary lines and captions."""
+BLUE, GREEN, RED, PURPLE = "#0072b2", "#007a59", "#d55e00", "#a8558a"
+"""Colours of diagrams and of single curves."""
+DASHED, DOTTED = (0, (4, 2.5)), (0, (2, 2))
+"""Line styles of references, limits and auxiliary lines."""
 DPI = 160
 """Resolution of written images, pixels per inch."""
 COLUMN, PAGE = 3.5, 7.16
 """Widths of a figure over one and over two columns of a journal, inches."""
 _NOTEBOOK_DPI = 96
+_MAX_COLUMNS = 8  # of a legend
 
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -96,32 +101,30 @@ def new_figure(width: float, height: float) -> Figure:
     return StyledFigure(figsize=(width, height), layout=layout)
 
 
-def curve_style(
-    style: ControllerStyle, k: int, count: int, rows: int, *, marked: bool = True
-) -> dict[str, Any]:
+def curve_style(style: ControllerStyle, k: int, count: int, rows: int) -> dict[str, Any]:
     """Return the line properties of curve ``k`` of ``count`` with ``rows`` points.
 
     Later curves are thinner, dashed and have markers at other points, so that equal curves stay
     visible.
     """
     period = max(rows // 6, 1)
-    marks = {
-        "marker": style.marker, "markevery": (k * period // max(count, 1), period), "ms": 3.2,
-        "mfc": "white", "mew": 0.8,
-    }  # fmt: skip
     return {
         "color": style.colour.light,
         "ls": (0, style.dash) if style.dash else "-",
         "lw": 2.0 - 0.9 * k / max(count - 1, 1),
         "zorder": 2.0 + 0.01 * k,
-        **(marks if marked else {}),
+        "marker": style.marker,
+        "markevery": (k * period // max(count, 1), period),
+        "ms": 3.2,
+        "mfc": "white",
+        "mew": 0.8,
     }
 
 
-def legend_above(figure: Figure, axes: Axes, columns: int = 8) -> None:
+def legend_above(figure: Figure, axes: Axes) -> None:
     """Place the legend of ``axes`` above all panels, with as few rows as possible."""
     handles, labels = axes.get_legend_handles_labels()
-    for count in range(min(len(labels), columns), 0, -1):
+    for count in range(min(len(labels), _MAX_COLUMNS), 0, -1):
         legend = figure.legend(handles, labels, loc="outside upper center", ncols=count)
         if legend.get_window_extent().width <= figure.bbox.width or count == 1:
             return
