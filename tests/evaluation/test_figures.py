@@ -1,3 +1,5 @@
+"""Figures of a study: which are drawn, what they show, and their files."""
+
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -14,7 +16,7 @@ from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.plan import draw_map
 from omnidrive.evaluation.figures.style import register_fonts
 from omnidrive.evaluation.metrics import measure
-from omnidrive.evaluation.palette import controller_styles, horizon_styles
+from omnidrive.evaluation.palette import controller_styles
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
 from omnidrive.robot import ROBOTS
@@ -138,15 +140,6 @@ def test_short_run_without_error_is_drawn(part):
     ideal = truncated(result.run, 3, pose=there, measured=there)
     figures = dict(draw_figures(replace(part, tracks=(replace(result, run=ideal),))))
     assert "xy_comparison" in figures
-
-
-@pytest.mark.parametrize("count", [1, 2, 6, 9])
-def test_horizons_have_distinct_colours(count):
-    colours = [style.colour for style in horizon_styles(count)]
-    assert len(set(colours)) == count
-    assert all(
-        len(colour) == 7 and colour[0] == "#" for colour_pair in colours for colour in colour_pair
-    )
 
 
 def test_rotated_map_is_drawn_at_its_pose():

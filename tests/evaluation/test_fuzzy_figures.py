@@ -1,3 +1,5 @@
+"""Figures of fuzzy systems: membership functions, control surfaces and the rule viewer."""
+
 import warnings
 
 import matplotlib as mpl

@@ -1,10 +1,11 @@
-"""Styles of controllers with arbitrary labels."""
+"""Styles of controllers with arbitrary labels, and of horizons."""
 
+import re
 from dataclasses import replace
 
 import pytest
 
-from omnidrive.evaluation.palette import controller_styles
+from omnidrive.evaluation.palette import controller_styles, horizon_styles
 from omnidrive.evaluation.results import ControllerType
 
 KNOWN = (
@@ -67,3 +68,10 @@ def test_colours_are_visible_on_their_background(study):
     for style in styles.values():
         assert (1.05) / (luminance(style.colour.light) + 0.05) > 1.9
         assert (luminance(style.colour.dark) + 0.05) / 0.05 > 4.5
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 9])
+def test_horizons_have_distinct_colours(count):
+    colours = [style.colour for style in horizon_styles(count)]
+    assert len(set(colours)) == count
+    assert all(re.fullmatch("#[0-9a-f]{6}", variant) for colour in colours for variant in colour)

@@ -13,6 +13,7 @@ from omnidrive.evaluation.page.markup import facts_markup, tables_markup, verdic
 from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import Table
+from omnidrive.files.output_file import atomic_file
 from omnidrive.files.str_path import StrPath, to_path
 
 _STYLES = ("vendor/uPlot.min.css", "page.css")
@@ -39,7 +40,8 @@ def write_page(results: StudyResults, tables: Sequence[Table], path: StrPath) ->
     Raises:
         OSError: The file cannot be written.
     """
-    to_path(path).write_text(page_text(results, tables), encoding="utf-8")
+    with atomic_file(to_path(path)) as part:
+        part.write_text(page_text(results, tables), encoding="utf-8")
 
 
 def page_text(results: StudyResults, tables: Sequence[Table]) -> str:

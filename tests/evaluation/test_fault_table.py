@@ -1,4 +1,4 @@
-"""Tables of a study, with runs of the task faults."""
+"""Table of the recoveries from faults."""
 
 from dataclasses import replace
 
