@@ -101,6 +101,7 @@ def announce_compiling(announce: Callable[[], None] = _log_compiling) -> Iterato
     pending = [announce]
 
     def announce_once() -> None:
+        """Call ``announce`` the first time."""
         while pending:
             pending.pop()()
 

@@ -210,6 +210,7 @@ def _executable(get_executable: Any) -> Any:
     """
 
     def executable(library: Any, description: Any, globals_: Any) -> Any:
+        """Return the Python function of a library; without code unless it is requested."""
         kernel, arguments = _requests[-1]
         function = kernel.py_func
         requested = (function.__module__, function.__qualname__, arguments)
