@@ -8,14 +8,14 @@ from omnidrive.planning import Waypoint
 from omnidrive.robot import named_robot
 from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.planned_scenario import plan_scenario
-from omnidrive.study.scenario import (
+from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.scenario_sections import (
     MapSection,
     MovingSection,
     RobotSection,
     TimingSection,
     robot_of,
 )
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.tasks import DurationsTask, NoiseTask, Tasks
 
 

@@ -14,8 +14,8 @@ from omnidrive.study import (
     run_study,
     save_scenario,
 )
-from omnidrive.study.scenario import robot_of
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.scenario_sections import robot_of
 
 BASE = replace(named_robot("small"), name="my base", mass=12.5, com=(0.01, 0.0))
 

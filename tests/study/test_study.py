@@ -10,7 +10,7 @@ import pytest
 from omnidrive.errors import CannotWrite, InvalidReference
 from omnidrive.study import load_scenario, paper_scenario, run_study, study_tasks
 from omnidrive.study.jobs import jobs_of
-from omnidrive.study.scenario import MapSection, TimingSection
+from omnidrive.study.scenario_sections import MapSection, TimingSection
 from omnidrive.study.tasks import DurationsTask, Tasks
 from tests.study.small import small_scenario
 

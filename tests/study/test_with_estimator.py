@@ -28,7 +28,7 @@ from omnidrive.study import (
     run_job,
     save_scenario,
 )
-from omnidrive.study.scenario import robot_of
+from omnidrive.study.scenario_sections import robot_of
 from omnidrive.study.tasks import NoiseTask, Tasks
 from tests.estimates import Perception
 from tests.study.small import small_scenario

@@ -20,8 +20,8 @@ from omnidrive.study import (
 )
 from omnidrive.study.folder import fault_record
 from omnidrive.study.jobs import jobs_of
-from omnidrive.study.scenario import WatchdogSection
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.scenario_sections import WatchdogSection
 from omnidrive.study.tasks import FaultsTask, Tasks
 from tests.study.small import small_scenario
 

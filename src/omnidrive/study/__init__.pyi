@@ -14,16 +14,9 @@ from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
 from .queries import solve_queries
-from .scenario import (
-    MapSection,
-    RobotSection,
-    Scenario,
-    SensorsSection,
-    map_scenario,
-    paper_scenario,
-    robot_section,
-)
+from .scenario import Scenario, map_scenario, paper_scenario
 from .scenario_file import load_scenario, save_scenario
+from .scenario_sections import MapSection, RobotSection, SensorsSection, robot_section
 from .study import ProgressListener, Study, run_study
 from .tasks import Tasks, study_tasks
 from .timing import one_task, plan_at, retime, with_task

@@ -41,8 +41,9 @@ from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.log_file import log_table
 from omnidrive.study.output_folder import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.scenario import RobotSection, Scenario
+from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import save_scenario, scenario_data
+from omnidrive.study.scenario_sections import RobotSection
 
 _VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
 

@@ -33,7 +33,8 @@ from omnidrive.reference import (
 )
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances import Schedule
-from omnidrive.study.scenario import MapSection, Scenario, robot_of
+from omnidrive.study.scenario import Scenario
+from omnidrive.study.scenario_sections import MapSection, robot_of
 
 _FLOOR_CELLS = 200
 """Largest number of cells of an open floor along x and y; the plants do not use them."""
