@@ -18,8 +18,8 @@ from omnidrive.study import (
     run_study,
     save_scenario,
 )
-from omnidrive.study.folder import fault_record
 from omnidrive.study.jobs import jobs_of
+from omnidrive.study.results_data import fault_record
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.scenario_sections import WatchdogSection
 from omnidrive.study.tasks import FaultsTask, Tasks

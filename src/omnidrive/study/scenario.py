@@ -55,6 +55,11 @@ NEED_FORCES = tuple(kind for kind in PLANT_FAULTS if kind != "pose-jump")
 """Kinds of faults that need a plant that simulates forces."""
 
 
+def path_or_component(value: Any, handler: Callable[[Any], Any]) -> Any:
+    """Return `path` for a planned path, and otherwise what ``handler`` makes of the value."""
+    return "path" if value in ("path", {"type": "path"}) else handler(value)
+
+
 class Scenario(Section):
     """All settings of a study.
 
@@ -203,11 +208,6 @@ class Scenario(Section):
                     f"have; use {_plants_with('disturbable', 'forces')}"
                 )
         return self
-
-
-def path_or_component(value: Any, handler: Callable[[Any], Any]) -> Any:
-    """Return `path` for a planned path, and otherwise what ``handler`` makes of the value."""
-    return "path" if value in ("path", {"type": "path"}) else handler(value)
 
 
 def _plants_with(*capabilities: str) -> str:
