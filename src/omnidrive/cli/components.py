@@ -11,7 +11,7 @@ from omnidrive.choices import WAYPOINTS
 from omnidrive.cli.completion import component
 from omnidrive.cli.options import RUN_PANEL, option
 from omnidrive.errors import InvalidInput
-from omnidrive.study.output_folder import WAYPOINT_FORMATS
+from omnidrive.study.output_paths import WAYPOINT_FORMATS
 
 _FORM = "[LABEL=]NAME[,KEY=VALUE...]"
 _HELP = (

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import typer
 
@@ -16,11 +14,9 @@ from omnidrive.cli.completion import component, one_of
 from omnidrive.cli.options import RESULTS_PANEL, choose_one, option
 from omnidrive.cli.terminal import show
 from omnidrive.components import component_names
-from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.errors import InvalidInput
 from omnidrive.files.bounded_file import one_line
-
-if TYPE_CHECKING:
-    from omnidrive.robot import Robot
+from omnidrive.files.output_file import output_file
 
 Kind = Literal["controller", "plant", "robot"]
 _KindArgument = Annotated[
@@ -84,26 +80,18 @@ def new(
     if like is not None and chosen != "robot":
         raise InvalidInput(f"--like: not for a {chosen}, only for a robot")
     class_name, module = _names(name)
-    file = out / (f"{module}.yaml" if chosen == "robot" else f"{module}.py")
-    test = None if chosen == "robot" else out / f"test_{module}.py"
-    for path in filter(None, (file, test)):
+    texts = {out / file: text for file, text in _texts(chosen, class_name, module, like).items()}
+    for path in texts:
         if path.exists():
             raise InvalidInput(f"{path} exists already; choose another name or --out FOLDER")
-    if chosen == "robot":
-        from omnidrive.robot import named_robot, save_robot
-
-        source = named_robot(like or "small")
-    with _write_errors(file):
-        out.mkdir(parents=True, exist_ok=True)
-        if test is None:
-            save_robot(replace(source, name=module), file, notes=_robot_notes(source))
-        else:
-            file.write_text(_filled(f"{chosen}.py.txt", chosen, class_name, module), "utf-8")
-            test.write_text(_filled(f"test_{chosen}.py.txt", chosen, class_name, module), "utf-8")
-    for path in filter(None, (file, test)):
+    for path, text in texts.items():
+        with output_file(path) as part:
+            out.mkdir(parents=True, exist_ok=True)
+            part.write_text(text, encoding="utf-8")
         show(f"wrote {path}")
+    file, *tests = texts
     for command in _TRY[chosen]:
-        show(f"  {command.format(file=file, name=class_name, test=test)}")
+        show(f"  {command.format(file=file, name=class_name, test=''.join(map(str, tests)))}")
 
 
 def _names(name: str) -> tuple[str, str]:
@@ -113,26 +101,32 @@ def _names(name: str) -> tuple[str, str]:
     return class_name, re.sub(boundary, "_", class_name).lower()
 
 
-def _robot_notes(source: Robot) -> list[str]:
-    """Return the comments at the top of a robot file that is a copy of a named robot."""
+def _texts(kind: Kind, class_name: str, module: str, like: str | None) -> dict[str, str]:
+    """Return the contents of the new files by name; of a controller or plant the test is last."""
+    if kind == "robot":
+        return {f"{module}.yaml": _robot_file(like or "small", module)}
+    return {
+        f"{module}.py": _filled(f"{kind}.py.txt", kind, class_name, module),
+        f"test_{module}.py": _filled(f"test_{kind}.py.txt", kind, class_name, module),
+    }
+
+
+def _robot_file(like: str, name: str) -> str:
+    """Return the content of a robot file that is a copy of a named robot under another name."""
+    from omnidrive.robot import named_robot
+    from omnidrive.robot.robot_file import robot_text
+
+    source = named_robot(like)
     kind = "mecanum" if any(mount.roller_angle for mount in source.mounts) else "omni"
-    return [
+    notes = (
         f"A copy of the robot {source.name}, which has {len(source.mounts)} {kind} wheels; replace "
         "its numbers by those of your robot (docs/robots.md).",
         "`omnidrive robot import` writes such a file from URDF, MJCF or ros2_control parameters.",
-    ]
+    )
+    return robot_text(replace(source, name=name), notes=notes)
 
 
 def _filled(template: str, kind: Kind, class_name: str, module: str) -> str:
     """Return a template with the names of the class and of its module."""
     text = (files("omnidrive.cli") / "templates" / template).read_text(encoding="utf-8")
     return text.replace(f"My{kind.capitalize()}", class_name).replace(f"my_{kind}", module)
-
-
-@contextmanager
-def _write_errors(path: Path) -> Iterator[None]:
-    """Convert an :class:`OSError` to :class:`CannotWrite`."""
-    try:
-        yield
-    except OSError as error:
-        raise CannotWrite(f"cannot write {path}: {error.strerror or error}") from None

@@ -10,11 +10,11 @@ from typing import Annotated, Any, get_args
 
 from omnidrive import study
 from omnidrive.choices import MethodName, Unknown
-from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, choose_one, flag, option
+from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, JsonOption, choose_one, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, note, print_json, show
 from omnidrive.errors import InvalidInput
-from omnidrive.study.output_folder import POSE_FORMATS
+from omnidrive.study.output_paths import POSE_FORMATS
 
 _MAX_LISTED = 10  # queries listed in the text output
 _SEARCH_OPTIONS = {"scenario", "map", "search", "unknown"}  # options that --scen uses
@@ -55,7 +55,7 @@ def plan(
         Path | None,
         option("FILE.png", "Draw map, path and speeds; .svg is supported too.", RESULTS_PANEL),
     ] = None,
-    json: Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")] = False,
+    json: JsonOption = False,
 ) -> None:
     """Search, smooth and time a path, and report its use of the robot's limits.
 

@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 
 from omnidrive.evaluation.table import NO_VALUE, Table
-from omnidrive.files.output_file import atomic_file
+from omnidrive.files.output_file import output_file, write_errors
 from omnidrive.files.str_path import StrPath, to_path
 
 _PLUS_MINUS = " ± "
@@ -31,14 +31,15 @@ def write_tables(tables: Iterable[Table], folder: StrPath) -> Iterator[Path]:
         Path of each file after it is written.
 
     Raises:
-        OSError: A file cannot be written.
+        CannotWrite: A file cannot be written.
     """
     folder = to_path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    with write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     for table in tables:
         for suffix, text in ((".tex", latex_text(table)), (".csv", csv_text(table))):
             path = folder / f"{table.stem}{suffix}"
-            with atomic_file(path) as part:
+            with output_file(path) as part:
                 part.write_text(text, encoding="utf-8", newline="")
             yield path
 

@@ -9,7 +9,7 @@ from .jobs import (
     make_supervisor,
     run_job,
 )
-from .output_folder import check_new_folder, check_plan_targets
+from .output_paths import check_figure, check_new_file, check_new_folder, check_plan_targets
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
@@ -34,6 +34,8 @@ __all__ = [
     "SensorsSection",
     "Study",
     "Tasks",
+    "check_figure",
+    "check_new_file",
     "check_new_folder",
     "check_plan_targets",
     "faults_of",

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.errors import CannotWrite
-from omnidrive.files.bounded_file import one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.planning import SplinePath
 from omnidrive.reference import (
@@ -18,7 +16,7 @@ from omnidrive.reference import (
     save_waypoints,
     wheel_speed_used,
 )
-from omnidrive.study.output_folder import check_figure_name, is_waypoint_file
+from omnidrive.study.output_paths import check_figure_name, is_waypoint_file
 from omnidrive.study.planned_scenario import PlannedScenario
 
 _SAMPLES = 2001
@@ -120,12 +118,7 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -
         times,
         _window(reference),
     )
-    try:
-        save(figure, path)
-    except OSError as error:
-        raise CannotWrite(
-            f"cannot write to {one_line(str(path))}: {error.strerror or error}"
-        ) from None
+    save(figure, path)
 
 
 def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:

@@ -29,9 +29,9 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.simulation import Outcome
 from omnidrive.study.execute import Result, execute
-from omnidrive.study.folder import RunFolder, write_errors
+from omnidrive.study.folder import RunFolder
 from omnidrive.study.jobs import Job, jobs_of
-from omnidrive.study.output_folder import check_new_folder
+from omnidrive.study.output_paths import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.study.scenario import Scenario, paper_scenario
 from omnidrive.visualization import Observer
@@ -211,10 +211,10 @@ class _Clock:
 def _report(
     store: RunFolder, results: StudyResults, tables: Sequence[Table], clock: _Clock
 ) -> None:
-    with clock.part("figures", 0), write_errors(store.path):
+    with clock.part("figures", 0):
         for path in write_figures(results, store.path / "figures"):
             clock.progress.done(path.name)
-    with clock.part("tables", 0), write_errors(store.path):
+    with clock.part("tables", 0):
         for path in write_tables(tables, store.path / "tables"):
             clock.progress.done(path.name)
     with clock.part("report", 1), store.complete_file("report.html") as path:

@@ -16,7 +16,7 @@ from matplotlib.font_manager import fontManager
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from omnidrive.evaluation.palette import ControllerStyle
-from omnidrive.files.output_file import atomic_file
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 
 DARK = "#1a1a1a"
@@ -138,7 +138,11 @@ def hide_axes(axes: Axes) -> None:
 
 
 def save(figure: Figure, path: StrPath) -> None:
-    """Write ``figure`` as PNG, SVG or PDF, by the suffix of ``path``, without a date."""
+    """Write ``figure`` as PNG, SVG or PDF, by the suffix of ``path``, without a date.
+
+    Raises:
+        CannotWrite: The file cannot be written.
+    """
     path = to_path(path)
     metadata = {
         "png": {"Software": None},
@@ -147,5 +151,5 @@ def save(figure: Figure, path: StrPath) -> None:
     }
     kind = path.suffix.removeprefix(".")
     # matplotlib also projects the uninitialised padding of surface faces
-    with figure_style(), np.errstate(over="ignore", invalid="ignore"), atomic_file(path) as part:
+    with figure_style(), np.errstate(over="ignore", invalid="ignore"), output_file(path) as part:
         figure.savefig(part, format=kind, dpi=DPI, metadata=metadata[kind])

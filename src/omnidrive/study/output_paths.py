@@ -1,4 +1,9 @@
-"""Checks of output paths before any result is computed."""
+"""Checks of output paths before any result is computed.
+
+One rule holds for all commands: a folder of results is new or empty, a file that users edit (a
+robot, a fuzzy system, a table) is replaced only on demand, and a figure, film or planned motion is
+replaced.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ from tempfile import TemporaryFile
 
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.output_file import write_errors
 from omnidrive.files.str_path import StrPath, to_path
 
 WAYPOINT_FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
@@ -48,6 +54,18 @@ def check_figure_name(path: Path) -> None:
         raise InvalidInput(f"{one_line(str(path))}: the suffix of a figure must be .png or .svg")
 
 
+def check_figure(path: StrPath) -> None:
+    """Check that a figure can be written; nothing is created.
+
+    Raises:
+        InvalidInput: The suffix is neither .png nor .svg.
+        CannotWrite: The file cannot be created.
+    """
+    path = to_path(path)
+    check_figure_name(path)
+    _check_file(path)
+
+
 def check_plan_targets(out: StrPath | None, figure: StrPath | None) -> None:
     """Check that a plan and its figure can be written; nothing is created.
 
@@ -70,6 +88,28 @@ def check_plan_targets(out: StrPath | None, figure: StrPath | None) -> None:
         check_figure_name(figure)
         if figure.parent.absolute() not in new_folders:
             _check_file(figure)
+
+
+def check_new_file(path: StrPath, *, force: bool) -> None:
+    """Check that a file that users edit can be written; nothing is created.
+
+    Args:
+        path: The file.
+        force: Whether an existing file may be replaced.
+
+    Raises:
+        CannotWrite: It is not a plain file, it exists and ``force`` is not set, or it cannot be
+            created.
+    """
+    path = to_path(path)
+    with _write_errors(path):
+        if path.is_symlink() or (path.exists() and not path.is_file()):  # such as /dev/stdout
+            raise CannotWrite(f"{one_line(str(path))} is not a plain file; choose another")
+        if path.exists() and not force:
+            raise CannotWrite(
+                f"{one_line(str(path))} already exists; choose another, or add --force"
+            )
+    _check_file(path)
 
 
 def check_new_folder(path: StrPath) -> None:
@@ -105,13 +145,8 @@ def _check_writable(folder: Path) -> None:
 
 @contextmanager
 def _write_errors(path: Path) -> Iterator[None]:
-    """Convert an :class:`OSError` or an invalid path to :class:`CannotWrite`."""
-    try:
+    """As :func:`write_errors`; an invalid path is an error as well."""
+    with write_errors(path):
         with suppress(FileNotFoundError):
-            path.stat()  # raises an error for an invalid path
+            path.stat()
         yield
-    except (OSError, ValueError) as error:  # ValueError: the path contains NUL
-        reason = getattr(error, "strerror", None) or error
-        raise CannotWrite(
-            f"cannot write to {one_line(str(path))}: {reason}; choose another path"
-        ) from None
