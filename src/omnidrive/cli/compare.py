@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import Annotated, get_args
 
@@ -15,14 +14,13 @@ from omnidrive.cli.options import (
     RUN_PANEL,
     FolderOption,
     FullOption,
-    JsonOption,
+    ResultsJsonOption,
     available_cores,
     choose_many,
     default_folder,
     option,
 )
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 
 _NamesOption = Annotated[
@@ -73,7 +71,7 @@ def compare(
     jobs: _JobsOption = None,
     fault: FaultOption = None,
     out: FolderOption = None,
-    json: JsonOption = False,
+    json: ResultsJsonOption = False,
     full: FullOption = False,
 ) -> None:
     """Run a whole study: plan, simulate every controller, evaluate, report.
@@ -93,8 +91,8 @@ def compare(
     * `omnidrive compare --tasks noise --noise-seeds 50`
     * `omnidrive compare --tasks faults --plant mujoco-balls`
     """
-    from omnidrive.cli.progress import LiveProgress, print_events, warn_of_collisions
-    from omnidrive.cli.tables import print_tables
+    from omnidrive.cli.progress import LiveProgress
+    from omnidrive.cli.study_results import print_results
 
     if out is not None:
         study.check_new_folder(out)
@@ -109,16 +107,9 @@ def compare(
     with LiveProgress() as progress:
         cores = jobs or available_cores()
         done = study.run_study(resolved, folder, processes=cores, progress=progress)
-    if json:
-        sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
-    else:
-        print_tables(done.tables, full=full)
-        print_events(done)
-        parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
-        show(f"{parts} = {sum(done.timing.values()):.1f} s")
-    conclude(f"results: {folder} (open {folder / 'report.html'})", beside_json=json)
-    warn_of_collisions(done)
-    done.raise_if_failed()
+    parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
+    total = f"{parts} = {sum(done.timing.values()):.1f} s"
+    print_results(done, json=json, full=full, lines=[total])
 
 
 def _restrict(

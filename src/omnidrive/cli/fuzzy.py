@@ -8,15 +8,9 @@ from typing import Annotated, get_args
 import typer
 
 from omnidrive.choices import ALGORITHMS, Centroid, NoRule, OutOfRange, Reduction
-from omnidrive.cli.completion import one_of
-from omnidrive.cli.options import ForceOption
+from omnidrive.cli.options import ForceOption, JsonOption, choice, option, verb_group
 
-fuzzy = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    help="Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
-)
+fuzzy = verb_group("Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.")
 
 FileArgument = Annotated[
     Path,
@@ -24,84 +18,70 @@ FileArgument = Annotated[
 ]
 Type2Option = Annotated[
     str | None,
-    typer.Option(
-        "--type2",
-        metavar="SCALE,LAG[,LAG]",
-        help="Convert a type-1 system to interval type 2. SCALE: peak of every lower function, "
+    option(
+        "SCALE,LAG[,LAG]",
+        "Convert a type-1 system to interval type 2. SCALE: peak of every lower function, "
         "0 to 1. LAG: degree of the upper function up to which the lower one is zero, on the left "
         "and the right side. Outputs of Sugeno systems have no fuzzy sets and are not changed.",
+        None,
+        "--type2",
     ),
 ]
 InOption = Annotated[
     Path,
-    typer.Option(
-        "--in",
-        metavar="INPUTS.csv",
-        help="One row per evaluation; columns have the names of the inputs, in any order. Other "
+    option(
+        "INPUTS.csv",
+        "One row per evaluation; columns have the names of the inputs, in any order. Other "
         "columns are ignored.",
+        None,
+        "--in",
     ),
 ]
 OutOption = Annotated[
     Path,
-    typer.Option(
+    option(
+        "OUTPUTS.csv", "One column per output; for type 2 also NAME_lower and NAME_upper.", None,
         "--out",
-        metavar="OUTPUTS.csv",
-        help="One column per output; for type 2 also NAME_lower and NAME_upper.",
     ),
-]
+]  # fmt: skip
 CentroidOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="|".join(get_args(Centroid)),
-        autocompletion=one_of(get_args(Centroid)),
-        help="Closed form, or sums over samples as in Matlab [default: exact if possible].",
+    choice(
+        get_args(Centroid),
+        "Closed form, or sums over samples as in Matlab [default: exact if possible].",
     ),
 ]
 SamplesOption = Annotated[
-    int | None,
-    typer.Option(metavar="N", help="Number of samples for --centroid matlab [default: 101]."),
+    int | None, option("N", "Number of samples for --centroid matlab [default: 101].")
 ]
 ReductionOption = Annotated[
-    str,
-    typer.Option(
-        metavar="|".join(get_args(Reduction)),
-        autocompletion=one_of(get_args(Reduction)),
-        help="Type reduction: centroid, or centre of sets.",
-    ),
+    str, choice(get_args(Reduction), "Type reduction: centroid, or centre of sets.")
 ]
 AlgorithmOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="|".join(ALGORITHMS),
-        autocompletion=one_of(ALGORITHMS),
-        help="Algorithm of type reduction for type 2 [default: that of the file, else km].",
+    choice(
+        ALGORITHMS, "Algorithm of type reduction for type 2 [default: that of the file, else km]."
     ),
 ]
 OutOfRangeOption = Annotated[
     str,
-    typer.Option(
-        metavar="|".join(get_args(OutOfRange)),
-        autocompletion=one_of(get_args(OutOfRange)),
-        help="Policy for an input out of its range: clamp to the range, use unchanged, or raise an "
+    choice(
+        get_args(OutOfRange),
+        "Policy for an input out of its range: clamp to the range, use unchanged, or raise an "
         "error.",
     ),
 ]
 NoRuleOption = Annotated[
     str,
-    typer.Option(
-        metavar="|".join(get_args(NoRule)),
-        autocompletion=one_of(get_args(NoRule)),
-        help="Policy if no rule fires: the default of the output (or else the middle of its "
+    choice(
+        get_args(NoRule),
+        "Policy if no rule fires: the default of the output (or else the middle of its "
         "range), or an error.",
     ),
 ]
 ThreadsOption = Annotated[
     int | None,
-    typer.Option(
-        metavar="N",
-        min=1,
-        help="Number of threads; does not change the results [default: one per core].",
-    ),
+    option("N", "Number of threads; does not change the results [default: one per core].", least=1),
 ]
 
 
@@ -110,22 +90,22 @@ def show(
     file: FileArgument,
     inputs: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME=X,NAME=Y",
-            help="Also show the outputs for these inputs and the rules that fire; inputs are "
+        option(
+            "NAME=X,NAME=Y",
+            "Also show the outputs for these inputs and the rules that fire; inputs are "
             "clamped to their ranges. Numbers without names are in the order of the inputs.",
         ),
     ] = None,
     type2: Type2Option = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="New folder for figures: sets, control surfaces and the rule viewer (for the "
+        option(
+            "FOLDER",
+            "New folder for figures: sets, control surfaces and the rule viewer (for the "
             "given inputs or the middles of the ranges).",
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.", show_default=False)] = False,
+    json: JsonOption = False,
 ) -> None:
     """Print the variables, sets and rules of a system; optionally draw them.
 

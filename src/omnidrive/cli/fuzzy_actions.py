@@ -21,20 +21,16 @@ from omnidrive.cli.fuzzy_text import (
     summary_lines,
     variable_lines,
 )
-from omnidrive.cli.options import (
-    available_cores,
-    check_overwrite,
-    choose_one,
-    parse_coordinates,
-)
+from omnidrive.cli.options import available_cores, choose_one, parse_coordinates
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, print_json, show, warn
 from omnidrive.compiled import announce_compiling
-from omnidrive.errors import CannotWrite, InvalidInput, suggestion
+from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
 from omnidrive.files.bounded_file import one_line
 from omnidrive.files.number_text import parse_number
+from omnidrive.files.output_file import write_errors
 from omnidrive.fuzzy import (
     Footprint,
     FuzzySystem,
@@ -45,20 +41,21 @@ from omnidrive.fuzzy import (
     save,
 )
 from omnidrive.fuzzy.csv_rows import evaluate_csv
+from omnidrive.study import check_new_file, check_new_folder
 
 
 def show_system(
     file: Path, inputs: str | None, type2: str | None, out: Path | None, *, json: bool
 ) -> None:
     """Print a system, its outputs for the inputs if they are given, and draw it into a folder."""
+    if out is not None:
+        check_new_folder(out)
     system = _load(file, type2)
     inference = Inference(system)
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
         with announce_compiling():
             inference.interval(*given)  # raises errors before anything is printed
-    if out is not None:
-        _create_folder(out)
     if json:
         print_json(_record(inference, given))
     else:
@@ -115,7 +112,7 @@ def _record(inference: Inference, given: list[float] | None) -> dict[str, Any]:
 def convert_system(file: Path, out: Path, type2: str | None, force: bool) -> None:
     """Write a system in the format of the suffix of ``out``."""
     system = _load(file, type2)
-    check_overwrite(out, force)
+    check_new_file(out, force=force)
     save(system, out)
     conclude(f"written to {one_line(str(out))}")
 
@@ -158,7 +155,7 @@ def evaluate_table(
     inference = Inference(system, samples=101 if samples is None else samples, **choices)
     if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
         raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
-    check_overwrite(target, force)
+    check_new_file(target, force=force)
     with announce_compiling():
         result = evaluate_csv(inference, source, target, threads=threads or available_cores())
     if result.unused:
@@ -234,17 +231,6 @@ def _number(name: str, text: str) -> float:
     return number
 
 
-def _create_folder(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        empty = not any(path.iterdir())
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or error
-        raise CannotWrite(f"cannot write to {one_line(str(path))}: {reason}") from None
-    if not empty:
-        raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
-
-
 def _print_system(system: FuzzySystem) -> None:
     for line in [*summary_lines(system), *variable_lines(system), ""]:
         show(line)
@@ -270,13 +256,10 @@ def _save_figures(inference: Inference, given: list[float] | None, folder: Path)
         warnings.filterwarnings("ignore", "Glyph")  # characters that the font does not have
         # BLAS may set floating-point flags without an error; Matplotlib's projection reports them
         warnings.filterwarnings("ignore", "overflow encountered in dot")
+        with write_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
         for name, draw in figures.items():
-            path = folder / f"{name}.png"
-            try:
-                save_figure(draw(), path)
-            except OSError as error:
-                reason = error.strerror or error
-                raise CannotWrite(f"cannot write {one_line(str(path))}: {reason}") from None
+            save_figure(draw(), folder / f"{name}.png")
     return len(figures)
 
 

@@ -11,7 +11,7 @@ import typer
 
 from omnidrive import components
 from omnidrive.cli.completion import one_of
-from omnidrive.cli.options import RESULTS_PANEL, choose_one, flag
+from omnidrive.cli.options import JsonOption, choose_one
 from omnidrive.cli.terminal import print_json, show
 from omnidrive.components import GROUPS, component_names
 from omnidrive.errors import InvalidInput, OmnidriveError
@@ -31,7 +31,7 @@ def list(  # the name of the verb
             show_default=False,
         ),
     ] = None,
-    json: Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")] = False,
+    json: JsonOption = False,
 ) -> None:
     """List controllers, plants, robots, maps, estimators, references and their parameters.
 

@@ -91,6 +91,9 @@ def omnidrive(
 
     Units: metres, seconds, radians; headings counter-clockwise from the x axis of the map.
 
+    Output: a folder for results must be new or empty; files of robots, fuzzy systems and tables are
+    replaced with `--force` only; figures, videos and planned motions are replaced.
+
     Exit status: 0 success; 1 a run failed, or an internal error of omnidrive; 2 invalid options or
     input, or output that cannot be written; 130 interrupted; 128 + n terminated by signal n.
     """

@@ -11,18 +11,24 @@ from typing import Annotated, Any
 import typer
 
 from omnidrive.cli.completion import Complete, one_of
-from omnidrive.errors import CannotWrite, InvalidInput, closest
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidInput, closest
 from omnidrive.files.number_text import parse_number
 
 PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Simulation", "Results"
 """Panels of the help text."""
 
 
+def verb_group(text: str) -> typer.Typer:
+    """Return an empty group of verbs, such as `omnidrive robot`, with a help text."""
+    return typer.Typer(
+        no_args_is_help=True, add_completion=False, rich_markup_mode="markdown", help=text
+    )
+
+
 def option(
     metavar: str,
     text: str,
-    panel: str,
+    panel: str | None = None,
     *names: str,
     least: int | None = None,
     complete: Complete | None = None,
@@ -32,7 +38,7 @@ def option(
     Args:
         metavar: Placeholder of the value in the help text.
         text: Help text.
-        panel: Panel of the help text.
+        panel: Panel of the help text. None: the first one.
         names: Option names; default: derived from the parameter name.
         least: Minimum value.
         complete: Completion of its value in a shell; by default files.
@@ -47,13 +53,13 @@ def option(
     )
 
 
-def choice(of: Iterable[str], text: str, panel: str) -> Any:
+def choice(of: Iterable[str], text: str, panel: str | None = None) -> Any:
     """Return an option whose value is one of the names ``of``; see :func:`option`."""
     names = list(of)
     return option("|".join(names), text, panel, complete=one_of(names))
 
 
-def flag(text: str, panel: str, *names: str) -> Any:
+def flag(text: str, panel: str | None = None, *names: str) -> Any:
     """Return a boolean option; see :func:`option`."""
     return typer.Option(*names, help=text, rich_help_panel=panel, show_default=False)
 
@@ -64,7 +70,7 @@ FolderOption = Annotated[
         "FOLDER", "New folder for the results [default: runs/NAME-TIME].", RESULTS_PANEL, "--out"
     ),
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+ForceOption = Annotated[bool, flag("Replace an existing file.", None, "--force")]
 FullOption = Annotated[
     bool,
     flag(
@@ -73,19 +79,10 @@ FullOption = Annotated[
         "--full",
     ),
 ]
-JsonOption = Annotated[bool, flag("Print results.json instead of tables.", RESULTS_PANEL, "--json")]
-
-
-def check_overwrite(path: Path, force: bool) -> None:
-    """Check that a file may be written.
-
-    Raises:
-        CannotWrite: It is not a plain file, or it exists and ``force`` is not set.
-    """
-    if path.is_symlink() or (path.exists() and not path.is_file()):  # such as /dev/stdout
-        raise CannotWrite(f"{one_line(str(path))} is not a plain file; choose another")
-    if path.exists() and not force:
-        raise CannotWrite(f"{one_line(str(path))} already exists; choose another, or add --force")
+ResultsJsonOption = Annotated[
+    bool, flag("Print results.json instead of tables.", RESULTS_PANEL, "--json")
+]
+JsonOption = Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")]
 
 
 def parse_coordinates(text: str) -> list[float]:

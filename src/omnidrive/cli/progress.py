@@ -1,4 +1,4 @@
-"""Progress display, events and warnings in a terminal."""
+"""Progress display in a terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from rich.progress import (
 from rich.text import Text
 
 from omnidrive.cli.terminal import is_quiet
-from omnidrive.study import Study
 from omnidrive.visualization import Recording, film
 
 
@@ -84,27 +83,3 @@ def save_film(recording: Recording, video: Path, progress: LiveProgress) -> str:
 
     speed = film(recording, video, progress=rendered)
     return str(video) if speed == 1.0 else f"{video} ({speed:g} times real time)"
-
-
-def print_events(study: Study) -> None:
-    """Print the events of tracking runs and step responses: faults, detections and reactions."""
-    console = Console(quiet=is_quiet())
-    for result in study.results.runs:
-        if result.run.events:
-            lines = "\n".join(f"  {e.t:6.2f} s  {e.what}" for e in result.run.events)
-            console.print(f"{result.name}:\n{lines}", markup=False, highlight=False)
-
-
-def warn_of_collisions(study: Study) -> None:
-    """Print on standard error which runs collided with an obstacle, or overlapped one."""
-    if study.collisions:
-        counts = (f"{name} ({count})" for name, count in study.collisions.items())
-        Console(stderr=True, quiet=is_quiet()).print(
-            f"Runs with collisions: {', '.join(counts)}.",
-            markup=False, highlight=False,
-        )  # fmt: skip
-    if study.overlaps:
-        Console(stderr=True, quiet=is_quiet()).print(
-            f"Runs in which the robot overlaps an obstacle: {', '.join(study.overlaps)}.",
-            markup=False, highlight=False,
-        )  # fmt: skip

@@ -3,41 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
 from omnidrive import study
 from omnidrive.choices import RobotFormat
-from omnidrive.cli.completion import component, one_of
-from omnidrive.cli.options import ForceOption, check_overwrite
-from omnidrive.cli.terminal import conclude, warn
+from omnidrive.cli.completion import component
+from omnidrive.cli.options import ForceOption, JsonOption, choice, option, verb_group
+from omnidrive.cli.terminal import conclude, print_json, warn
 from omnidrive.cli.terminal import show as print_line
-from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.errors import InvalidInput
 from omnidrive.files.bounded_file import one_line
 
-robot = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    help="Show, import and identify robots.",
-)
+if TYPE_CHECKING:
+    from omnidrive.simulation.identification.identify_robot import Estimate
+
+robot = verb_group("Show, import and identify robots.")
 
 FormatOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(get_args(RobotFormat)),
-        autocompletion=one_of(get_args(RobotFormat)),
-        help="Format of FILE [default: by suffix and content].",
-    ),
+    str | None, choice(get_args(RobotFormat), "Format of FILE [default: by suffix and content].")
 ]
 WheelOption = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="JOINT",
-        help="Joint of a wheel in URDF and MJCF, once per wheel [default: found by axis and name].",
+    option(
+        "JOINT",
+        "Joint of a wheel in URDF and MJCF, once per wheel [default: found by axis and name].",
     ),
 ]
+OutOption = Annotated[Path | None, option("FILE.yaml", "Robot file to write.")]
 
 
 @robot.command()
@@ -52,8 +46,9 @@ def show(
     ],
     png: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Draw the robot; .svg is supported too."),
+        option("FILE.png", "Draw the robot; .svg is supported too."),
     ] = None,
+    json: JsonOption = False,
 ) -> None:
     """Print a robot's wheels, largest speeds and accelerations, and warnings; optionally draw it.
 
@@ -62,7 +57,7 @@ def show(
     * `omnidrive robot show mecanum`
     * `omnidrive robot show my_base.yaml --png my_base.png`
     """
-    from omnidrive.cli.robot_text import robot_tables
+    from omnidrive.cli.robot_text import robot_record, robot_tables
     from omnidrive.cli.tables import print_tables
     from omnidrive.evaluation.figures import save as save_figure
     from omnidrive.evaluation.figures.robot_card import robot_card
@@ -70,18 +65,17 @@ def show(
     from omnidrive.robot import named_robot
 
     if png is not None:
-        study.check_plan_targets(None, png)
+        study.check_figure(png)
     summary = RobotSummary.of(named_robot(name))
-    print_tables(robot_tables(summary))
+    if json:
+        print_json(robot_record(summary))
+    else:
+        print_tables(robot_tables(summary))
     for warning in summary.warnings:
         warn(warning)
     if png is not None:
-        try:
-            save_figure(robot_card(summary), png)
-        except OSError as error:
-            reason = error.strerror or error
-            raise CannotWrite(f"cannot write {one_line(str(png))}: {reason}") from None
-        conclude(f"figure written to {one_line(str(png))}")
+        save_figure(robot_card(summary), png)
+        conclude(f"figure written to {one_line(str(png))}", beside_json=json)
 
 
 @robot.command(name="import")
@@ -94,16 +88,15 @@ def import_(
             "omni_wheel_drive_controller of ros2_control (.yaml).",
         ),
     ],
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE.yaml", help="Robot file to write.")
-    ] = None,
+    out: OutOption = None,
     format: FormatOption = None,
     wheel: WheelOption = None,
     wheel_radius: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Radius of the wheels, m [default: that in FILE]."),
+        option("M", "Radius of the wheels, m [default: that in FILE]."),
     ] = None,
     force: ForceOption = False,
+    json: JsonOption = False,
 ) -> None:
     """Make a robot file from a description in another format.
 
@@ -125,18 +118,22 @@ def import_(
         _check_out(out, force)
     found = import_robot(file, format=format, wheels=wheel or (), wheel_radius=wheel_radius)
     parts = {"read": found.read, "guessed": found.guessed, "missing": found.missing}
-    for name, facts in parts.items():
-        for fact in facts:
-            print_line(f"{name:<9}{fact}")
+    if json:
+        print_json(parts)
+    else:
+        for name, facts in parts.items():
+            for fact in facts:
+                print_line(f"{name:<9}{fact}")
     for warning in RobotSummary.of(found.robot).warnings:
         warn(warning)
     if out is not None:
         notes = [f"Imported from {file.name}."]
         notes += [f"{name}: {fact}" for name in ("guessed", "missing") for fact in parts[name]]
         save_robot(found.robot, out, notes=notes)
-        conclude(f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}")
+        text = f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}"
+        conclude(text, beside_json=json)
     else:
-        conclude("not written; use --out FILE.yaml")
+        conclude("not written; use --out FILE.yaml", beside_json=json)
 
 
 @robot.command()
@@ -151,17 +148,17 @@ def identify(
     ],
     name: Annotated[
         str,
-        typer.Option(
+        option(
+            "NAME|FILE",
+            "Robot with its nominal parameters: mounts, masses and motors are taken from it.",
+            None,
             "--robot",
-            metavar="NAME|FILE",
-            help="Robot with its nominal parameters: mounts, masses and motors are taken from it.",
-            autocompletion=component("robots"),
+            complete=component("robots"),
         ),
     ],
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE.yaml", help="Robot file to write.")
-    ] = None,
+    out: OutOption = None,
     force: ForceOption = False,
+    json: JsonOption = False,
 ) -> None:
     """Identify wheel radius, effective radius, lags, delay and friction from a log.
 
@@ -182,13 +179,27 @@ def identify(
     nominal = named_robot(name)
     with announce_compiling():
         found = identify_robot(read_log(log), nominal)
-    for each in found.estimates.values():
-        print_line(f"{each.name:<21}{each}")
+    if json:
+        print_json({name: _record(each) for name, each in found.estimates.items()})
+    else:
+        for each in found.estimates.values():
+            print_line(f"{each.name:<21}{each}")
     if out is not None:
         notes = [f"Identified from {log.name} with the nominal robot {nominal.name}."]
         notes += [f"{each.name}: {each}" for each in found.estimates.values()]
         save_robot(found.robot, out, notes=notes)
-        conclude(f"written to {one_line(str(out))}")
+        conclude(f"written to {one_line(str(out))}", beside_json=json)
+
+
+def _record(estimate: Estimate) -> dict[str, object]:
+    """Return an estimate as JSON data; a value that is not identifiable is null."""
+    known = not estimate.reason
+    return {
+        "unit": estimate.unit,
+        "value": estimate.value if known else None,
+        "standard_error": estimate.sigma if known else None,
+        "reason": estimate.reason,
+    }
 
 
 def _check_out(out: Path, force: bool) -> None:
@@ -197,4 +208,4 @@ def _check_out(out: Path, force: bool) -> None:
 
     if not is_robot_file(out.name):
         raise InvalidInput(f"{one_line(str(out))}: the suffix of a robot file is .yaml")
-    check_overwrite(out, force)
+    study.check_new_file(out, force=force)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import degrees, pi, radians
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,38 @@ def robot_tables(summary: RobotSummary) -> list[Table]:
         _directions(summary),
         _lost_wheels(summary),
     ]
+
+
+def robot_record(summary: RobotSummary) -> dict[str, Any]:
+    """Return the quantities of the tables as JSON data; keys contain the units."""
+    robot = summary.robot
+    return {
+        "name": robot.name,
+        "wheels": len(robot.mounts),
+        "wheel_radius_m": robot.wheel.radius,
+        "mass_kg": robot.mass,
+        "yaw_inertia_kg_m2": robot.yaw_inertia,
+        "effective_radius_m": robot.effective_radius,
+        "wheel_matrix": robot.chassis.jacobian.tolist(),
+        "loads_n": robot.loads.tolist(),
+        "condition": summary.condition,
+        "tipping_m_per_s2": summary.tipping,
+        "speed": _capability_record(summary.speed, "s"),
+        "acceleration": _capability_record(summary.acceleration, "s2"),
+        "acceleration_without_wheel": [
+            left and _capability_record(left, "s2") for left in summary.without
+        ],
+        "warnings": list(summary.warnings),
+    }
+
+
+def _capability_record(capability: Capability, per: str) -> dict[str, float]:
+    weakest, strongest = capability.extremes
+    return {
+        f"weakest_m_per_{per}": weakest,
+        f"strongest_m_per_{per}": strongest,
+        f"rotation_rad_per_{per}": capability.yaw,
+    }
 
 
 def _parameters(summary: RobotSummary) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, get_args
@@ -16,7 +15,7 @@ from omnidrive.cli.options import (
     RUN_PANEL,
     FolderOption,
     FullOption,
-    JsonOption,
+    ResultsJsonOption,
     choice,
     choose_one,
     default_folder,
@@ -24,7 +23,6 @@ from omnidrive.cli.options import (
     option,
 )
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.cli.terminal import conclude, show
 from omnidrive.errors import InvalidInput
 
 _TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
@@ -49,7 +47,7 @@ def run(
     view: _ViewOption = False,
     out: FolderOption = None,
     video: _VideoOption = None,
-    json: JsonOption = False,
+    json: ResultsJsonOption = False,
     full: FullOption = False,
 ) -> None:
     """Simulate one controller in one task; write metrics, time series, figures and report.
@@ -65,13 +63,8 @@ def run(
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     * `omnidrive run --video run.gif`
     """
-    from omnidrive.cli.progress import (
-        LiveProgress,
-        print_events,
-        save_film,
-        warn_of_collisions,
-    )
-    from omnidrive.cli.tables import print_tables
+    from omnidrive.cli.progress import LiveProgress, save_film
+    from omnidrive.cli.study_results import print_results
     from omnidrive.visualization import Observer, Recorder, Viewer, check_film
 
     if out is not None:
@@ -88,16 +81,7 @@ def run(
         observers: list[Observer] = [*viewers, *recorders]
         done = study.run_study(resolved, folder, progress=progress, observers=observers)
         videos = [save_film(each.recording, video, progress) for each in recorders if video]
-    if json:
-        sys.stdout.write((folder / "results.json").read_text(encoding="utf-8"))
-    else:
-        print_tables(done.tables, full=full)
-        print_events(done)
-        for each in videos:
-            show(f"video: {each}")
-    conclude(f"results: {folder} (open {folder / 'report.html'})", beside_json=json)
-    warn_of_collisions(done)
-    done.raise_if_failed()
+    print_results(done, json=json, full=full, lines=[f"video: {each}" for each in videos])
 
 
 def _narrow(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
@@ -24,6 +23,7 @@ from omnidrive.choices import (
 )
 from omnidrive.cli.completion import component, paper_or_file
 from omnidrive.cli.components import plant_data, reference_data
+from omnidrive.cli.input_kind import check_map_name, input_kind
 from omnidrive.cli.options import (
     PATH_PANEL,
     RUN_PANEL,
@@ -35,12 +35,7 @@ from omnidrive.cli.options import (
 )
 from omnidrive.components import component_names
 from omnidrive.errors import InvalidInput
-from omnidrive.files.bounded_file import one_line
-from omnidrive.study.output_folder import WAYPOINT_FORMATS
 
-_HEAD = 65_536  # bytes of a YAML file that are searched for the key `image` of a map
-_IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
-_POSES_KEY = re.compile(rb"""(?:^|[{,])\s*["']?poses["']?\s*:""", re.MULTILINE)
 _PATH_OPTIONS = ("goal", "search", "cut_corners", "smooth", "timing", "heading")
 """Options for planned paths only."""
 _KEYS = {
@@ -216,7 +211,7 @@ class ScenarioOptions:
     @property
     def _kind(self) -> str:
         """Kind of the argument: paper, scenario, map or waypoints."""
-        return "paper" if self.scenario == "paper" else _kind_of(Path(self.scenario))
+        return "paper" if self.scenario == "paper" else input_kind(Path(self.scenario))
 
     @property
     def _motion(self) -> dict[str, Any] | None:
@@ -323,7 +318,7 @@ class ScenarioOptions:
             return scenario.model_copy(update={"start": None, "goal": None})
         if file is not None:
             if self.start is None or self.goal is None:
-                _check_map_name(file)
+                check_map_name(file)
                 raise InvalidInput("a map needs --start X,Y and --goal X,Y (m, in the map frame)")
             return study.map_scenario(
                 str(file),
@@ -376,37 +371,6 @@ def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[...
         return command
 
     return decorate
-
-
-def _kind_of(path: Path) -> str:
-    """Return the kind of a file, a folder or an installed map: map, waypoints or scenario."""
-    if str(path) in component_names("maps"):
-        return "map"
-    suffix = path.suffix.lower()
-    if suffix not in {".yaml", ".yml"}:
-        if suffix in WAYPOINT_FORMATS:
-            return "waypoints"
-        return "map" if suffix or path.is_file() else "scenario"
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD)
-    except OSError:
-        return "scenario"
-    if _IMAGE_KEY.search(head):
-        return "map"
-    return "waypoints" if _POSES_KEY.search(head) else "scenario"
-
-
-def _check_map_name(file: Path) -> None:
-    """Raise InvalidInput if a name is neither that of an installed map nor that of a map file."""
-    known = component_names("maps")
-    if str(file) not in known and file.suffix.lower() not in known:
-        maps = ", ".join(name for name in known if name.startswith("."))
-        raise InvalidInput(
-            f"cannot tell what {one_line(str(file))} is from its name; need a scenario (.yaml or "
-            f"its folder), a waypoint file ({', '.join(WAYPOINT_FORMATS[:-1])}), or a map "
-            f"({maps}) with --start X,Y and --goal X,Y"
-        )
 
 
 def _scenario_name(text: str) -> str:

@@ -1,0 +1,48 @@
+"""Kind of an input file, by its name and, for YAML, its keys."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Literal
+
+from omnidrive.components import component_names
+from omnidrive.errors import InvalidInput
+from omnidrive.files.bounded_file import one_line, read_head
+from omnidrive.study.output_paths import WAYPOINT_FORMATS
+
+Kind = Literal["map", "waypoints", "scenario"]
+
+_HEAD = 65_536  # bytes of a YAML file that are searched for keys
+_IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
+_POSES_KEY = re.compile(rb"""(?:^|[{,])\s*["']?poses["']?\s*:""", re.MULTILINE)
+
+
+def input_kind(path: Path) -> Kind:
+    """Return the kind of a file, a folder or an installed map: map, waypoints or scenario."""
+    if str(path) in component_names("maps"):
+        return "map"
+    suffix = path.suffix.lower()
+    if suffix not in {".yaml", ".yml"}:
+        if suffix in WAYPOINT_FORMATS:
+            return "waypoints"
+        return "map" if suffix or path.is_file() else "scenario"
+    try:
+        head = read_head(path, _HEAD, "file", InvalidInput)
+    except InvalidInput:
+        return "scenario"  # the error is reported when it is loaded
+    if _IMAGE_KEY.search(head):
+        return "map"
+    return "waypoints" if _POSES_KEY.search(head) else "scenario"
+
+
+def check_map_name(file: Path) -> None:
+    """Raise InvalidInput if a name is neither that of an installed map nor that of a map file."""
+    known = component_names("maps")
+    if str(file) not in known and file.suffix.lower() not in known:
+        maps = ", ".join(name for name in known if name.startswith("."))
+        raise InvalidInput(
+            f"cannot tell what {one_line(str(file))} is from its name; need a scenario (.yaml or "
+            f"its folder), a waypoint file ({', '.join(WAYPOINT_FORMATS[:-1])}), or a map "
+            f"({maps}) with --start X,Y and --goal X,Y"
+        )
