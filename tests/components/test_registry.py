@@ -188,6 +188,34 @@ def test_factories_with_other_signatures_are_rejected():
         Component("controllers", "mine", "", lambda context, parameters: None).make()
 
 
+@pytest.mark.parametrize(
+    ("group", "missing"),
+    [
+        ("controllers", "reset"),
+        ("plants", "reset and no method close"),
+        ("estimators", "reset and no method update"),
+    ],
+)
+def test_class_without_the_methods_of_its_group_is_rejected_when_it_is_loaded(
+    tmp_path, group, missing
+):
+    path = tmp_path / "law.py"
+    path.write_text(LAW.replace("    def reset(self, state): pass\n", ""))
+    with pytest.raises(InvalidInput, match=rf"is no {group[:-1]}: it has no method {missing}$"):
+        find_component(group, f"{path}:Law", allow_code=True)
+
+
+def test_methods_of_a_wrapper_are_those_of_its_target():
+    class Wrapper:
+        def __init__(self):
+            self.law = od.FeedforwardController(0.1)
+
+        def __getattr__(self, name):
+            return getattr(self.law, name)
+
+    assert Component("controllers", "mine", "", Wrapper).make().dt == 0.1
+
+
 def test_configured_component_is_restored_from_a_pickle(law):
     configured = configure("controllers", law, {"gain": 7.0})
     again = pickle.loads(pickle.dumps(configured))

@@ -24,6 +24,12 @@ _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _FRAMES = 3  # calls shown of a traceback
 _OWN_FOLDER = os.path.join(os.path.dirname(__file__), "")
 _FORMS = "f(), f(context) or f(context, parameters: ITS_PARAMETER_CLASS)"
+_METHODS = {
+    "controllers": ("reset", "step"),
+    "plants": ("reset", "step", "close"),
+    "estimators": ("reset", "update"),
+}
+"""Methods of the product of a factory, by group."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +53,22 @@ class Component:
     name: str
     origin: str
     factory: Callable[..., Any]
+
+    def __post_init__(self) -> None:
+        """Check the methods of a class.
+
+        Raises:
+            InvalidInput: The class has not all methods of its group.
+        """
+        if not isinstance(self.factory, type) or hasattr(self.factory, "__getattr__"):
+            return
+        missing = [n for n in _METHODS.get(self.group, ()) if not hasattr(self.factory, n)]
+        if missing:
+            kind = self.group.removesuffix("s")
+            raise InvalidInput(
+                f"the class {one_line(self.name)} is no {kind}: it has no method "
+                f"{' and no method '.join(missing)}"
+            )
 
     @property
     def summary(self) -> str:
