@@ -22,7 +22,9 @@ from omnidrive.planning import Path
 from omnidrive.robot import ROBOTS
 from tests.evaluation.truncation import truncated
 
-DIAGRAMS = {"kinematics", "tracking_error", "membership_functions"}
+WITHOUT_FUZZY = {"kinematics", "tracking_error"}
+"""Diagrams of a study without fuzzy controllers."""
+DIAGRAMS = WITHOUT_FUZZY | {"membership_functions"}
 ALL = DIAGRAMS | {
     "xy_comparison",
     "heading_comparison",

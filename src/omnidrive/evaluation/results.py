@@ -164,6 +164,11 @@ class StudyResults:
         return self.types[controller].name if controller in self.types else controller
 
     @property
+    def has_fuzzy_controllers(self) -> bool:
+        """Whether a fuzzy controller of this package is among the controllers."""
+        return any(self.type_of(label).startswith("fuzzy_") for label in self.controllers)
+
+    @property
     def runs(self) -> tuple[TrackResult | StepResult, ...]:
         """All tracking runs, then all step responses."""
         return (*self.tracks, *self.steps)

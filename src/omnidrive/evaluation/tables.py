@@ -52,7 +52,7 @@ def study_tables(
         fault_table(results),
         _controller_table(results),
     ]
-    if any(results.type_of(name).startswith("fuzzy") for name in results.controllers):
+    if results.has_fuzzy_controllers:
         tables.append(rule_table(published_rules=published_rules))
     return [_without_empty_columns(table) for table in tables if table.rows]
 

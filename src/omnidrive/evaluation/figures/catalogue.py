@@ -19,6 +19,7 @@ from omnidrive.evaluation.figures.style import figure_style, save
 from omnidrive.evaluation.figures.tracking_error import tracking_error
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.files.bounded_file import short_repr
+from omnidrive.files.output_file import write_errors
 from omnidrive.files.str_path import StrPath, to_path
 
 Draw = Callable[[StudyResults], Figure | None]
@@ -26,7 +27,9 @@ Draw = Callable[[StudyResults], Figure | None]
 _FIGURES: dict[str, Draw] = {
     "kinematics": lambda results: kinematics(results.robot),
     "tracking_error": lambda results: tracking_error(results.robot),
-    "membership_functions": lambda results: membership_functions(),
+    "membership_functions": lambda results: (
+        membership_functions() if results.has_fuzzy_controllers else None
+    ),
     "xy_comparison": lambda results: xy_comparison(results, "track"),
     "heading_comparison": lambda results: heading_comparison(results, "track"),
     "horizon_xy": lambda results: xy_comparison(results, "horizon"),
@@ -91,10 +94,11 @@ def write_figures(results: StudyResults, folder: StrPath) -> Iterator[Path]:
         Path of each file after it is written.
 
     Raises:
-        OSError: A file cannot be written.
+        CannotWrite: A file cannot be written.
     """
     folder = to_path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    with write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     for name, figure in draw_figures(results):
         for suffix in ("svg", "pdf"):
             path = folder / f"{name}.{suffix}"
