@@ -9,22 +9,11 @@ import pytest
 
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
+from tests.command import omnidrive
 from tests.shared_data import shared
 
 ONE_PROCESS = ["--plant", "kinematic", "--jobs", "1"]  # starting workers takes longer than the runs
 QUICK = [*ONE_PROCESS, "--controllers", "holonomic-nmpc", "--tasks", "track"]
-
-
-def omnidrive(*args, cwd, **env):
-    return subprocess.run(
-        [sys.executable, "-m", "omnidrive", *map(str, args)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        env={**os.environ, "COLUMNS": "200", **env},
-    )
 
 
 def test_compare_prints_tables_and_folder(tmp_path):

@@ -7,15 +7,7 @@ import sys
 import pytest
 
 from omnidrive.study import paper_scenario, run_study
-
-
-def run(*args, cwd):
-    command = [sys.executable, *map(str, args)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
-
-
-def omnidrive(*args, cwd):
-    return run("-m", "omnidrive", *args, cwd=cwd)
+from tests.command import omnidrive
 
 
 @pytest.mark.parametrize("kind", ["controller", "plant"])

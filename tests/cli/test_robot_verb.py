@@ -1,5 +1,7 @@
 """The verb robot: show, import and identify."""
 
+import json
+
 import pytest
 from typer.testing import CliRunner
 
@@ -7,6 +9,11 @@ from omnidrive.cli.robot import robot
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot
 from omnidrive.robot import load_robot, named_robot, save_robot
 from tests.robot.descriptions import mecanum_urdf
+
+STANDSTILL = "t,command_vx,command_vy,command_yaw_rate,x,y,yaw\n" + "".join(
+    f"{0.1 * k},0,0,0,0,0,0\n" for k in range(30)
+)
+"""Log of a robot that does not move."""
 
 
 def run(*args):
@@ -37,6 +44,23 @@ def test_import_writes_a_file_that_can_be_shown_and_names_what_is_unknown(tmp_pa
     assert "Robot my_base" in run("show", tmp_path / "base.yaml")
 
 
+@pytest.mark.parametrize(
+    ("args", "keys"),
+    [
+        (["show", "kiwi"], {"name", "wheel_matrix", "speed", "acceleration_without_wheel"}),
+        (["import", "base.urdf"], {"read", "guessed", "missing"}),
+        (["identify", "drive.csv", "--robot", "kiwi"], {"wheel radius", "friction", "delay"}),
+    ],
+)
+def test_json(tmp_path, monkeypatch, args, keys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "base.urdf").write_text(mecanum_urdf())
+    (tmp_path / "drive.csv").write_text(STANDSTILL)
+    done = CliRunner().invoke(robot, [*args, "--json"], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    assert keys <= json.loads(done.stdout).keys()
+
+
 def test_import_without_out_says_that_nothing_is_written(tmp_path):
     (tmp_path / "base.urdf").write_text(mecanum_urdf())
     assert run("import", tmp_path / "base.urdf").endswith("\nnot written; use --out FILE.yaml\n")
@@ -49,10 +73,7 @@ def test_a_robot_file_is_not_imported(tmp_path):
 
 
 def test_identify_prints_estimates_or_reasons_and_writes_a_file(tmp_path):
-    (tmp_path / "drive.csv").write_text(
-        "t,command_vx,command_vy,command_yaw_rate,x,y,yaw\n"
-        + "".join(f"{0.1 * k},0,0,0,0,0,0\n" for k in range(30))
-    )
+    (tmp_path / "drive.csv").write_text(STANDSTILL)
     out = tmp_path / "found.yaml"
     text = run("identify", tmp_path / "drive.csv", "--robot", "kiwi", "--out", out)
     assert text.count("not identifiable: ") == 6

@@ -1,29 +1,21 @@
 """The options `--video` and `--view` of `omnidrive run`."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 from PIL import Image
 
 from omnidrive.study import paper_scenario, save_scenario
 from omnidrive.study.tasks import StepTask
+from tests.command import omnidrive
 
 QUICK = ["run", "--plant", "kinematic", "--controller", "feedforward", "--out", "here"]
 
 
-def omnidrive(*args, cwd, **env):
-    kept = {k: v for k, v in os.environ.items() if k not in {"DISPLAY", "WAYLAND_DISPLAY"}}
-    return subprocess.run(
-        [sys.executable, "-m", "omnidrive", *args],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        env={**kept, "COLUMNS": "200", **env},
-    )
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
 
 
 def test_video_of_a_run(tmp_path):

@@ -1,7 +1,6 @@
 """CoppeliaSim in scenarios and on the command line."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, sav
 from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.section import Renamed
 from omnidrive.study.tasks import DurationsTask, StepTask
+from tests.command import omnidrive
 from tests.simulation.coppeliasim.fake_scene import STOPPED
 from tests.simulation.coppeliasim.fake_server import cbor, fake_server, free_port
 
@@ -33,18 +33,6 @@ def scenario_at(port, **section):
             track=DurationsTask(durations=(17.0,)),
             step=StepTask(displacement=(0.5, 0.5, 0.2), duration=2.0),
         ),
-    )
-
-
-def omnidrive(*args, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "omnidrive", *map(str, args)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        env={**os.environ, "COLUMNS": "200"},
     )
 
 
