@@ -77,7 +77,7 @@ def test_output_is_deterministic(part, tmp_path):
 
 def test_figures_without_runs_are_omitted(part):
     names = {name for name, _ in draw_figures(part)}
-    assert names == DIAGRAMS | {"xy_comparison", "heading_comparison", "effort"}
+    assert names == WITHOUT_FUZZY | {"xy_comparison", "heading_comparison", "effort"}
 
 
 def test_gain_history_of_logged_gains(tuning):
@@ -128,7 +128,7 @@ def test_noise_differences_with_several_seeds(study):
 
 
 def test_study_without_runs_has_only_diagrams(part):
-    assert {name for name, _ in draw_figures(replace(part, tracks=()))} == DIAGRAMS
+    assert {name for name, _ in draw_figures(replace(part, tracks=()))} == WITHOUT_FUZZY
 
 
 def test_steps_alone(study):
