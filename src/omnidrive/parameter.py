@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from math import isfinite
 from numbers import Real
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple, cast, get_type_hints
 
+import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
@@ -104,7 +105,33 @@ TIME_TOLERANCE = 1e-9
 rounding errors."""
 
 
-def check_sample_time(dt: float) -> None:
-    """Raise :class:`~omnidrive.errors.InvalidInput` unless ``dt`` (s) is finite and positive."""
-    if not (isfinite(dt) and dt > 0.0):
-        raise InvalidInput(f"the sample time must be positive, got {dt:g} s")
+_SAMPLE_TIMES = (1e-9, 3600.0)  # s
+
+
+def check_sample_time(dt: Any) -> None:
+    """Check a sample time.
+
+    Raises:
+        InvalidInput: ``dt`` (s) is not a number from 1e-9 to 3600.
+    """
+    least, most = _SAMPLE_TIMES
+    if not are_numbers((dt,)):
+        raise InvalidInput(f"the sample time must be a number of seconds, got {dt!r:.60}")
+    if not least <= dt <= most:  # also NaN
+        raise InvalidInput(f"the sample time must be {least:g} to {most:g} s, got {dt:g} s")
+
+
+def are_numbers(values: object) -> bool:
+    """Return whether ``values`` is a tuple of real numbers; NaN and infinity are among these."""
+    return isinstance(values, tuple) and all(isinstance(value, _NUMBERS) for value in values)
+
+
+def are_finite(values: object) -> bool:
+    """Return whether ``values`` is a tuple of finite real numbers."""
+    try:
+        return are_numbers(values) and all(map(isfinite, cast(tuple[float, ...], values)))
+    except OverflowError:  # an integer beyond all floats
+        return False
+
+
+_NUMBERS = (float, int, np.floating, np.integer)

@@ -1,6 +1,8 @@
 """Properties of every plant. A new plant only has to be added to PLANTS."""
 
-from math import nan
+import subprocess
+import sys
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -139,6 +141,12 @@ def test_excessive_wheel_speeds_are_reported(make):
         (WheelSpeeds([1.0, 2.0, 3.0]), "holds 3 wheel speeds, but the robot has 4 wheels"),
         ((0.1, 0.0, 0.0), "got a tuple"),
         (WorldTwist(0.1, 0.0, 0.0), "got a WorldTwist"),
+        (BodyTwist(nan, 0.0, 0.0), r"numbers within \+-1e\+09, got BodyTwist\(vx=nan"),
+        (BodyTwist(0.0, -inf, 0.0), "numbers within"),
+        (BodyTwist(0.0, 0.0, 1e308), "numbers within"),
+        (BodyTwist("a", 0.0, 0.0), "numbers within"),
+        (BodyTwist(10**400, 0.0, 0.0), "numbers within"),
+        (WheelSpeeds([nan, 0.0, 0.0, 0.0]), "numbers within"),
     ],
 )
 def test_malformed_command_is_refused(make, command, message):
@@ -146,6 +154,45 @@ def test_malformed_command_is_refused(make, command, message):
     plant.reset(Pose(0.0, 0.0, 0.0))
     with pytest.raises(InvalidInput, match=message):
         type(plant).step.__wrapped__(plant, command, 0.1)  # without type checks
+
+
+@every_plant
+@pytest.mark.parametrize("dt", [0.0, -0.1, nan, inf, 1e6, 1e-300, "0.1", None])
+def test_invalid_duration_is_refused_and_changes_nothing(make, dt):
+    plant, twist = make(named_robot("small")), BodyTwist(0.3, 0.1, 0.2)
+    start = plant.reset(Pose(0.0, 0.0, 0.0))
+    with pytest.raises(InvalidInput, match="the sample time must be"):
+        type(plant).step.__wrapped__(plant, twist, dt)  # without type checks
+    after = plant.step(twist, 0.1)
+    plant.reset(start.pose)
+    assert repr(plant.step(twist, 0.1)) == repr(after)
+
+
+LONG_STEP = """
+import signal, sys, threading, time
+import omnidrive as od
+plant = {"planar": od.PlanarPlant, "ball": lambda robot: od.MujocoPlant(robot, "ball")}[
+    sys.argv[1]
+](od.named_robot("small"))
+plant.reset(od.Pose(0.0, 0.0, 0.0))
+if sys.argv[1] == "planar":
+    plant.timestep = 1e-6  # 3.6e9 steps
+threading.Timer(0.3, signal.raise_signal, [signal.SIGINT]).start()
+began = time.monotonic()
+try:
+    plant.step(od.BodyTwist(0.1, 0.0, 0.0), 3600.0)
+except KeyboardInterrupt:
+    print(time.monotonic() - began)
+"""
+
+
+@pytest.mark.parametrize("plant", ["planar", "ball"])
+def test_long_step_is_interrupted_at_once(plant):
+    done = subprocess.run(
+        [sys.executable, "-c", LONG_STEP, plant],
+        capture_output=True, text=True, timeout=100, check=True,
+    )  # fmt: skip
+    assert float(done.stdout) < 3.0
 
 
 @pytest.mark.parametrize("plant", PLANTS)

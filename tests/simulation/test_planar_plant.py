@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import exp, hypot, pi, sqrt
+from math import exp, hypot, nan, pi, sqrt
 
 import mujoco
 import numpy as np
 import pytest
 
+from omnidrive.control import WheelSpeeds
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.robot import GRAVITY, ROBOTS, Robot, named_robot
@@ -334,7 +335,7 @@ def test_batch_equals_single_steps_bit_for_bit():
 def test_batch_with_wrong_sizes_is_refused():
     with pytest.raises(InvalidInput, match="2 starts for 3 runs"):
         simulate_batch(Small.robot, np.zeros((2, 3)), np.zeros((3, 4, 3)), 0.1)
-    with pytest.raises(InvalidInput, match="must be positive"):
+    with pytest.raises(InvalidInput, match="must be 1e-09 to 3600 s"):
         simulate_batch(Small.robot, np.zeros((1, 3)), np.zeros((1, 4, 3)), 0.0)
 
 
@@ -371,11 +372,26 @@ def test_s_path_equals_that_of_the_mujoco_plant(friction, limit):
     assert np.hypot(*(paths[0] - paths[1])[:, :2].T).max() < limit
 
 
-def test_nan_command_gives_a_nan_state():
-    plant = PlanarPlant(Small.robot)
-    plant.reset(ORIGIN)
-    assert np.isnan(plant.step(BodyTwist(float("nan"), 0.0, 0.0), 0.1).pose).all()
-    assert np.isfinite(plant.reset(ORIGIN).pose).all()
+def test_long_steps_equal_their_parts(monkeypatch):
+    """A long step is integrated in parts, so that signals are handled between them."""
+    command = BodyTwist(9.0, 0.0, 1.0)
+    whole = PlanarPlant(Small.robot)
+    whole.reset(ORIGIN)
+    expected = whole.step(command, 0.1)
+    monkeypatch.setattr("omnidrive.simulation.planar.plant._MAX_STEPS", 7)
+    for value in (command, WheelSpeeds(2.0 * Small.robot.chassis.wheel_speeds(command))):
+        parts = PlanarPlant(Small.robot)
+        parts.reset(ORIGIN)
+        state = parts.step(value, 0.1)
+        assert np.array(state.pose) == pytest.approx(expected.pose, rel=1e-12)
+        assert state.wheel_torques == pytest.approx(expected.wheel_torques, rel=1e-12)
+        assert state.saturated == expected.saturated
+
+
+@pytest.mark.parametrize("timestep", [0.0, -0.002, nan, 1.0])
+def test_invalid_time_step_is_refused(timestep):
+    with pytest.raises(InvalidInput, match="timestep is"):
+        PlanarPlant(Small.robot, timestep=timestep)
 
 
 def test_plant_name_in_studies():

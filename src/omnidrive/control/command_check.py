@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 from omnidrive.control.controller import (
     Command,
-    CommandValue,
     Status,
     WheelSpeeds,
     WheelTorques,
 )
 from omnidrive.errors import kind_of
 from omnidrive.geometry import BodyTwist, WorldTwist
+from omnidrive.parameter import are_finite
 
 _VALUES = (BodyTwist, WheelSpeeds, WheelTorques)
 
@@ -27,7 +25,7 @@ def checked_command(command: object, details: int | None) -> Command:
     if (
         type(command) is Command
         and type(command.value) in _VALUES
-        and _is_finite(command.value)
+        and are_finite(command.value)
         and (details is None or len(command.details) in {0, details})
     ):
         return command
@@ -49,7 +47,7 @@ def _failed(command: object, details: int | None) -> Command:
             message=f"its command holds {kind_of(value)}, not a BodyTwist, WheelSpeeds or "
             f"WheelTorques: {_way_out(value)}"
         )
-    if not _is_finite(value):
+    if not are_finite(value):
         name = "twist is" if isinstance(value, BodyTwist) else f"{value.noun} are"
         return failed._replace(message=f"its {name} not finite: {value}")
     if details is not None and len(command.details) not in {0, details}:
@@ -57,13 +55,6 @@ def _failed(command: object, details: int | None) -> Command:
             message=f"its command holds {len(command.details)} details, its detail_units {details}"
         )
     return command
-
-
-def _is_finite(value: CommandValue) -> bool:
-    try:
-        return all(map(isfinite, value))
-    except TypeError:  # not a number
-        return False
 
 
 def _way_out(value: object) -> str:

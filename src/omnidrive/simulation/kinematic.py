@@ -14,8 +14,8 @@ from omnidrive.simulation.plant import (
     PlantCapabilities,
     PlantState,
     Saturation,
-    check_command,
     check_robot,
+    check_step,
 )
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
@@ -48,7 +48,7 @@ class KinematicPlant:
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Hold ``command``, saturated in wheel space, for ``dt`` (s)."""
-        check_command(command, self.capabilities, len(self.robot.mounts))
+        check_step(command, dt, self.capabilities, len(self.robot.mounts))
         speeds, scaled = self.robot.drive.limited_speeds(command)
         actual = self.robot.chassis.twist(speeds)
         self._pose = move(self._pose, actual, dt)

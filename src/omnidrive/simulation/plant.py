@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from enum import IntFlag
-from typing import NamedTuple, Protocol, runtime_checkable
+from math import ceil
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
 from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.parameter import are_finite, check_sample_time
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 
@@ -112,6 +114,30 @@ class DisturbablePlant(Plant, Protocol):
         ...
 
 
+_MAX_COMMAND = 1e9  # m/s, rad/s or N m; products of larger numbers can overflow
+
+
+def check_step(command: object, dt: Any, capabilities: PlantCapabilities, wheels: int) -> None:
+    """Check that a plant can execute a command for ``dt`` (s).
+
+    Every plant begins ``step`` with this check.
+
+    Raises:
+        InvalidInput: It cannot execute the command, see :func:`check_command`, or ``dt`` is not a
+            number from 1e-9 to 3600.
+    """
+    check_sample_time(dt)
+    check_command(command, capabilities, wheels)
+
+
+def count_steps(dt: float, longest: float) -> int:
+    """Return the smallest number of equal integration steps of at most ``longest`` (s) in ``dt``.
+
+    A step may be longer by a rounding error.
+    """
+    return max(ceil(dt / longest - 1e-9), 1)
+
+
 def check_command(command: object, capabilities: PlantCapabilities, wheels: int) -> None:
     """Check that a plant can execute a command.
 
@@ -121,15 +147,20 @@ def check_command(command: object, capabilities: PlantCapabilities, wheels: int)
         wheels: Number of wheels of its robot; 0: unknown.
 
     Raises:
-        InvalidInput: It is not a command, the plant does not take wheel speeds or torques, or the
-            number of values is not that of the wheels.
+        InvalidInput: It is not a command, a number in it is not finite or beyond 1e9, the plant
+            does not take wheel speeds or torques, or the number of values is not that of the
+            wheels.
     """
-    if isinstance(command, BodyTwist):
-        return
-    if not isinstance(command, WheelSpeeds | WheelTorques):
+    if not isinstance(command, BodyTwist | WheelSpeeds | WheelTorques):
         raise InvalidInput(
             f"a plant executes a BodyTwist, WheelSpeeds or WheelTorques, got {kind_of(command)}"
         )
+    if not (are_finite(command) and max(map(abs, command), default=0.0) <= _MAX_COMMAND):
+        raise InvalidInput(
+            f"a command must consist of numbers within +-{_MAX_COMMAND:g}, got {command!r:.200}"
+        )
+    if isinstance(command, BodyTwist):
+        return
     speeds = isinstance(command, WheelSpeeds)
     if not (capabilities.wheel_speeds if speeds else capabilities.wheel_torques):
         raise InvalidInput(

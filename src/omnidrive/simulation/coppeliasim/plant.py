@@ -26,8 +26,8 @@ from omnidrive.simulation.plant import (
     PlantCapabilities,
     PlantState,
     Saturation,
-    check_command,
     check_robot,
+    check_step,
 )
 
 _REST = BodyTwist(0.0, 0.0, 0.0)
@@ -145,7 +145,7 @@ class CoppeliaSimPlant:
                 step.
             PlantLost: CoppeliaSim does not reply, or was stopped or paused.
         """
-        check_command(command, self.capabilities, len(self.robot.mounts))
+        check_step(command, dt, self.capabilities, len(self.robot.mounts))
         speeds, scaled = self.robot.drive.limited_speeds(command)
         steps = self._steps(dt)
         try:

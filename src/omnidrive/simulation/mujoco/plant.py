@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import atan2, ceil, nan, pi
+from math import atan2, nan, pi
 from typing import get_args
 
 import mujoco
@@ -27,8 +27,9 @@ from omnidrive.simulation.plant import (
     PlantCapabilities,
     PlantState,
     Saturation,
-    check_command,
     check_robot,
+    check_step,
+    count_steps,
 )
 
 _UPDATE_PERIOD = 0.05  # s; period of the updates of near obstacles and of substeps
@@ -153,7 +154,7 @@ class MujocoPlant:
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Execute ``command`` for ``dt`` seconds."""
-        check_command(command, self.capabilities, len(self.robot.mounts))
+        check_step(command, dt, self.capabilities, len(self.robot.mounts))
         if isinstance(command, WheelTorques):
             self._step_torques(command, dt)
         else:
@@ -175,7 +176,7 @@ class MujocoPlant:
 
     def _simulate(self, dt: float, *, scaled: bool) -> None:
         """Simulate ``dt`` seconds; ``scaled``: whether commanded speeds were above the limit."""
-        count = ceil(dt / self._timestep - 1e-9)
+        count = count_steps(dt, self._timestep)
         length, torques = dt / count, np.zeros(len(self.robot.mounts))
         period, done = max(1, round(_UPDATE_PERIOD / length)), 0
         reached = _WHEEL_SPEED if scaled else 0

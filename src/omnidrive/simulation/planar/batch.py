@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import ceil
-
 import numpy as np
 from jaxtyping import Float
 
@@ -18,6 +16,7 @@ from omnidrive.simulation.planar.dynamics import integrate
 from omnidrive.simulation.planar.model import planar_model
 from omnidrive.simulation.planar.plant import TIMESTEP
 from omnidrive.simulation.planar.state import PlanarState
+from omnidrive.simulation.plant import count_steps
 
 
 def simulate_batch(
@@ -43,13 +42,13 @@ def simulate_batch(
         Pose and body twist after every command.
 
     Raises:
-        InvalidInput: The numbers of starts and of runs differ, or ``dt`` is not positive.
+        InvalidInput: The numbers of starts and of runs differ, or ``dt`` is not 1e-9 to 3600.
     """
     if len(starts) != len(commands):
         raise InvalidInput(f"there are {len(starts)} starts for {len(commands)} runs")
     check_sample_time(dt)
     starts, commands = (np.ascontiguousarray(a, dtype=float) for a in (starts, commands))
-    steps = ceil(dt / timestep - 1e-9)
+    steps = count_steps(dt, timestep)
     poses, twists = np.empty(commands.shape), np.empty(commands.shape)
     state = PlanarState.at_rest(len(robot.mounts), robot.wheel.rollers, Pose(0.0, 0.0, 0.0))
     _simulate(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, pi, sin
+from collections.abc import Callable
+from math import cos, pi, sin
 
 import numpy as np
 from jaxtyping import Float
@@ -11,6 +12,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import entry_point
 from omnidrive.control.controller import CommandValue, WheelTorques
 from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.parameter import Bounds, check_number
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.planar.dynamics import integrate, integrate_wheels
@@ -20,12 +22,14 @@ from omnidrive.simulation.plant import (
     PlantCapabilities,
     PlantState,
     Saturation,
-    check_command,
     check_robot,
+    check_step,
+    count_steps,
 )
 
 TIMESTEP = 0.002
 """Longest integration step, s."""
+_MAX_STEPS = 100_000  # of one call of a kernel; they take about 30 ms
 
 
 class PlanarPlant:
@@ -58,9 +62,13 @@ class PlanarPlant:
         Args:
             robot: The robot.
             rng: Generator of the wheel angles at every reset; None: those of the MuJoCo model.
-            timestep: Longest integration step, s.
+            timestep: Longest integration step, 1e-6 to 0.1 s.
+
+        Raises:
+            InvalidInput: ``robot`` is not a robot, or the time step is out of range.
         """
         check_robot(robot, "PlanarPlant")
+        check_number("timestep", timestep, Bounds(1e-6, 0.1, "s"))
         self.robot = robot
         self.timestep = timestep
         count, pitch = len(robot.mounts), 2.0 * pi / robot.wheel.rollers_per_row
@@ -90,24 +98,41 @@ class PlanarPlant:
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Execute ``command`` for ``dt`` seconds."""
-        steps = ceil(dt / self.timestep - 1e-9)
-        if isinstance(command, BodyTwist):
-            vx, vy, yaw_rate = command
-            self._end_torques()
-            self._integrate(
-                *self._model, *self._state, float(vx), float(vy), float(yaw_rate), dt / steps, steps
-            )
-            return self._measure()
-        check_command(command, self.capabilities, len(self.robot.mounts))
+        check_step(command, dt, self.capabilities, len(self.robot.mounts))
         if isinstance(command, WheelTorques):
-            return self._step_torques(command, dt / steps, steps)
+            return self._step_torques(command, dt)
         self._end_torques()
+        if isinstance(command, BodyTwist):
+            self._advance(self._integrate, dt, *map(float, command))
+            return self._measure()
         self._state.wheels["command"], scaled = self.robot.drive.limited_speeds(command)
-        integrate_wheels(*self._model, *self._state, dt / steps, steps)
+        self._advance(integrate_wheels, dt)
         return self._measure(Saturation.WHEEL_SPEED if scaled else 0)
 
-    def _step_torques(self, command: WheelTorques, h: float, steps: int) -> PlantState:
-        """Integrate ``steps`` steps of ``h`` seconds with the commanded torques."""
+    def _advance(self, kernel: Callable[..., None], dt: float, *twist: float) -> None:
+        """Integrate ``dt`` seconds; Python handles signals after every 100,000 steps.
+
+        Args:
+            kernel: :func:`integrate` or :func:`integrate_wheels`.
+            dt: Duration, s.
+            twist: Commanded twist, for :func:`integrate`.
+        """
+        steps = count_steps(dt, self.timestep)
+        h, count = dt / steps, min(steps, _MAX_STEPS)
+        kernel(*self._model, *self._state, *twist, h, count)
+        if count == steps:
+            return
+        motion, wheels = self._state.motion, self._state.wheels
+        torques, reached, done = count * wheels["torque"], motion["saturated"].copy(), count
+        while done < steps:
+            count = min(steps - done, _MAX_STEPS)
+            kernel(*self._model, *self._state, *twist, h, count)
+            torques, done = torques + count * wheels["torque"], done + count
+            reached |= motion["saturated"]
+        wheels["torque"], motion["saturated"] = torques / steps, reached
+
+    def _step_torques(self, command: WheelTorques, dt: float) -> PlantState:
+        """Integrate ``dt`` seconds with the commanded torques."""
         wheels = self._state.wheels
         if self._own_limits is None:
             self._own_limits = self._model.wheels["limit"].copy()
@@ -116,7 +141,7 @@ class PlanarPlant:
         self._model.wheels["limit"] = np.abs(torques)
         wheels["command"] = np.copysign(self.robot.max_wheel_speed, torques)
         wheels["target"] = wheels["command"]
-        integrate_wheels(*self._model, *self._state, h, steps)
+        self._advance(integrate_wheels, dt)
         self._state.motion["saturated"] &= Saturation.FRICTION
         reached = 0
         if (np.abs(command) > limits).any():
