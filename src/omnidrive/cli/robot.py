@@ -17,7 +17,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.files.bounded_file import one_line
 
 if TYPE_CHECKING:
-    from omnidrive.simulation.identification.identify_robot import Estimate
+    from omnidrive.simulation.identification import Estimate
 
 robot = verb_group("Show, import and identify robots.")
 
