@@ -51,6 +51,8 @@ def test_existing_file_is_not_replaced(tmp_path):
     ("arguments", "message"),
     [
         (("controller", "../x"), "cannot be used as a name"),
+        (("controller", "For"), "'for' is a Python keyword or"),
+        (("plant", "Random"), "use another name, such as MyRandom"),
         (("robto", "X"), "there is no kind 'robto'"),
         (("robot", "X", "--like", "mecanun"), "did you mean 'mecanum'"),
         (("plant", "X", "--like", "kiwi"), "--like: not for a plant, only for a robot"),

@@ -93,6 +93,8 @@ def test_failed_import_shows_where(tmp_path):
     ("name", "message"),
     [
         ("{path}/nothing.py:Law", "cannot read the controller"),
+        ("nothing.py", "needs the name of its class: FILE.py:NAME"),
+        ("./a:Law", "is neither FILE.py:NAME nor MODULE:NAME"),
         ("{path}/law.py:Lwa", "does not exist; did you mean 'Law'"),
         ("no_such_module_x:Law", "cannot be imported.*No module named 'no_such_module_x'"),
         ("math:pi", "is not a class or function"),

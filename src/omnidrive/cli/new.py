@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from importlib.resources import files
+from importlib.util import find_spec
+from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -84,6 +86,11 @@ def new(
     for path in texts:
         if path.exists():
             raise InvalidInput(f"{path} exists already; choose another name or --out FOLDER")
+    if chosen != "robot" and (iskeyword(module) or find_spec(module) is not None):
+        raise InvalidInput(
+            f"'{module}' is a Python keyword or the name of an installed module, which {module}.py "
+            f"would hide; use another name, such as My{class_name}"
+        )
     for path, text in texts.items():
         with output_file(path) as part:
             out.mkdir(parents=True, exist_ok=True)

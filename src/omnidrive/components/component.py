@@ -176,10 +176,12 @@ class Component:
         try:
             arguments = [p for p in signature(self.factory).parameters.values() if _is_passed(p)]
         except ValueError as error:  # of some built-in classes
-            raise InvalidInput(f"{self.name} cannot be called: {error}; need {_FORMS}") from None
+            raise InvalidInput(
+                f"the component '{one_line(self.name)}' cannot be called: {error}; need {_FORMS}"
+            ) from None
         if len(arguments) > 2:
             raise InvalidInput(
-                f"{self.name} cannot be called: its arguments are "
+                f"the component '{one_line(self.name)}' cannot be called: its arguments are "
                 f"{', '.join(p.name for p in arguments)}, need {_FORMS}"
             )
         return arguments

@@ -36,6 +36,10 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
     entries, kind = entries_of(group).get(name), group.removesuffix("s")
     if entries is not None:
         return _installed(group, tuple(entries))
+    if name.endswith(".py"):
+        raise InvalidInput(
+            f"the {kind} '{one_line(name, 60)}' needs the name of its class: FILE.py:NAME"
+        )
     if ":" not in name:
         hint = suggestion(name, component_names(group))
         raise InvalidInput(
@@ -49,6 +53,10 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
     module_name, _, attribute = name.rpartition(":")
     if module_name.endswith(".py"):
         module, origin = _load_file(kind, name, Path(module_name))
+    elif not all(map(str.isidentifier, module_name.split("."))):
+        raise InvalidInput(
+            f"the {kind} '{one_line(name, 60)}' is neither FILE.py:NAME nor MODULE:NAME"
+        )
     else:
         module = _guarded_import(kind, name, lambda: import_module(module_name))
         origin = f"module {module_name}, SHA-256 {_digest(module)}"

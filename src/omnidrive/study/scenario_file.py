@@ -107,7 +107,7 @@ def parse_scenario(data: dict[Any, Any], where: str, *, allow_code: bool = True)
         raise InvalidScenario(f"{where}: " + "; ".join(facts)) from None
 
 
-_SENTENCES = ("there is ", "there are ", "the ")
+_SENTENCES = ("there is ", "there are ", "the ", "cannot read ")
 """First words of messages that are sentences; others go on from the key, such as `is -1 m`."""
 
 

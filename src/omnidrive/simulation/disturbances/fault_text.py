@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import ValidationError
 
 from omnidrive.errors import InvalidInput, suggestion
@@ -44,11 +46,16 @@ def parse_fault(text: str) -> Fault:
     try:
         return make_fault(kind, values)
     except ValidationError as error:
-        facts = "; ".join(
-            f"{problem['loc'][-1]} {problem['msg'].removeprefix('Value error, ')}"
-            for problem in error.errors()
-        )
+        facts = "; ".join(map(_fact, error.errors()))
         raise InvalidInput(f"fault {kind}: {facts}") from None
+
+
+def _fact(problem: Any) -> str:
+    """Return the message for one error, which begins with the name of the value."""
+    name, message = problem["loc"][-1], problem["msg"]
+    if problem["type"] == "value_error":
+        return f"{name} {message.removeprefix('Value error, ')}"
+    return f"{name}: {message[0].lower()}{message[1:]}"
 
 
 def _number(kind: str, name: str, value: str) -> float:
