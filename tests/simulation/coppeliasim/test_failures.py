@@ -13,7 +13,6 @@ from omnidrive.errors import InvalidInput, InvalidScene, MissingExtra, PlantLost
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.simulation import CoppeliaSimPlant, CoppeliaSimScene, Outcome, simulate
-from omnidrive.simulation.coppeliasim.remote_api import RemoteApi
 from omnidrive.testing.laws import Circle
 from tests.simulation.coppeliasim.fake_scene import FIRST_JOINT, PAUSED, RUNNING, STOPPED, STOPPING
 from tests.simulation.coppeliasim.fake_server import cbor, fake_server, free_port
@@ -55,12 +54,6 @@ def test_unknown_host():
         CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="no-such-host.invalid", timeout=2.0))
 
 
-def test_address_that_zeromq_rejects(monkeypatch):
-    monkeypatch.setattr(RemoteApi, "_check_listening", lambda api: None)
-    with pytest.raises(PlantLost, match=r"cannot connect to a b:23000: Invalid argument"):
-        CoppeliaSimPlant(SMALL, CoppeliaSimScene(host="a b"))
-
-
 def test_other_program_at_the_port():
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -95,7 +88,7 @@ def test_settings_for_another_robot_are_refused(server):
         plant_at(server, signs=(1,))
     scene = CoppeliaSimScene(port=server.port)
     object.__setattr__(scene, "signs", (1, 1, 1, 2))  # without run-time type checks
-    with pytest.raises(InvalidInput, match=r"coppeliasim\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
+    with pytest.raises(InvalidInput, match=r"plant\.signs are 1 or -1, got \(1, 1, 1, 2\)"):
         CoppeliaSimPlant(SMALL, scene)
 
 
@@ -253,10 +246,11 @@ def nested(depth):
         (cbor.dumps({"success": False, "error": "new\none"}), r"another version.*: new\\none"),
         (cbor.dumps({"func": "exit", "args": []}), "requests a call of 'exit', which is refused"),
         (cbor.dumps({"err": "No such\nfunction"}), r"refuses require: No such\\nfunction"),
-        (bytes(5 * 2**20), "did not reply within 1 s"),
+        (bytes(2**20 + 1), "it sends 1048577 bytes, more than 1048576"),
+        (b"\xa1\x63ret\x81\xc2\x41\x01", "is not CoppeliaSim's remote API"),
     ],
     ids=["empty", "http", "list", "no-list", "nested", "endless", "longer", "not-text", "version-1",
-         "mismatch", "call", "refusal", "huge"],
+         "mismatch", "call", "refusal", "huge", "tag"],
 )  # fmt: skip
 def test_invalid_reply_is_refused(server, raw, fact):
     server.mangle = reply_to("zmqRemoteApi.require", raw)
@@ -274,7 +268,8 @@ def test_invalid_reply_is_refused(server, raw, fact):
         ("getObjectVelocity", [1.0, 2.0], "two vectors for sim.getObjectVelocity"),
         ("getSimulationTime", None, "getSimulationTime, need a number"),
         ("getJointForce", True, "getJointForce, need a number"),
-        ("getJointForce", 2**70, "getJointForce, need a number"),
+        ("getJointForce", 2**60, "getJointForce, need a number"),
+        ("getJointForce", 2**70, "is not CoppeliaSim's remote API"),
         ("getSimulationTime", float("nan"), "stopped or paused .* its clock shows nan s"),
     ],
 )
@@ -322,7 +317,7 @@ def test_request_to_a_busy_server_is_repeated(server):
     assert requests[2:5] == ["sim.getObject"] * 3
 
 
-@pytest.mark.parametrize("reply", [float("nan"), float("inf"), -1, 2**70, None, "15"])
+@pytest.mark.parametrize("reply", [float("nan"), float("inf"), -1, 2**60, None, "15"])
 def test_invalid_handle_is_refused(server, reply):
     server.mangle = reply_to("sim.getObject", cbor.dumps({"ret": [reply]}))
     with pytest.raises((InvalidScene, PlantLost), match=r"no object '/omni'|need a number"):

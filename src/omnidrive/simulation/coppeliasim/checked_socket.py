@@ -2,79 +2,116 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
 from omnidrive.errors import PlantLost
 from omnidrive.files.bounded_file import one_line
-from omnidrive.simulation.coppeliasim.cbor import MAX_BYTES, is_well_formed
+from omnidrive.simulation.coppeliasim.cbor import MAX_BYTES, is_harmless
+from omnidrive.simulation.coppeliasim.request_socket import InvalidReply, RequestSocket
 
 _WAITING = {"_*wait*_", "_*repeat*_"}
 
 
 class CheckedSocket:
-    """A ZeroMQ REQ socket with a deadline, a size limit and validated replies.
+    """A connection to CoppeliaSim with a deadline, size limits and validated replies.
 
     It replaces the socket of the vendor's client, which waits without a limit, accepts replies of
     any size, and calls functions of the main program on the simulator's request.
     """
 
     def __init__(
-        self, zmq: Any, context: Any, endpoint: str, decode: Callable[[bytes], Any]
+        self, host: str, port: int, timeout: float, decode: Callable[[bytes], Any]
     ) -> None:
-        """Connect in the background; ZeroMQ does not report failures."""
-        self.endpoint = endpoint
+        """Connect.
+
+        Args:
+            host: Name or address of the machine.
+            port: Port of its ZeroMQ remote API server.
+            timeout: Longest wait for the connection, s.
+            decode: Decoder of CBOR.
+
+        Raises:
+            PlantLost: No program listens there.
+        """
+        self.address = f"{host}:{port}"
         self._decode = decode
-        self._seconds, self._deadline = 0.0, 0.0
-        self._socket = context.socket(zmq.REQ)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_BYTES)
-        self._socket.connect(endpoint)
+        self._seconds = timeout
+        try:
+            self._socket = RequestSocket(host, port, timeout, MAX_BYTES)
+        except OSError as error:
+            raise PlantLost(
+                f"no program listens at {self.address} ({error.strerror or error}): start "
+                "CoppeliaSim, whose add-on 'ZMQ remote API server' listens on port 23000, or name "
+                "another host and port in the parameters of the scenario's plant"
+            ) from None
 
     def set_deadline(self, seconds: float) -> None:
         """Set the duration (s) that the next call may take."""
-        self._seconds, self._deadline = seconds, monotonic() + seconds
+        self._seconds, self._socket.deadline = seconds, monotonic() + seconds
 
     def send(self, raw: bytes) -> None:
-        """Send a request."""
-        self._socket.send(raw)
+        """Send a request.
+
+        Raises:
+            PlantLost: The deadline has passed, or the connection is lost.
+        """
+        with self._reported():
+            self._socket.send(raw)
 
     def recv(self) -> bytes:
         """Return the reply to the request.
 
         Raises:
-            PlantLost: It is late or invalid.
+            PlantLost: It is late or invalid, or the connection is lost.
         """
-        left = self._deadline - monotonic()
-        if left <= 0.0 or not self._socket.poll(1000.0 * left):
-            raise PlantLost(
-                f"CoppeliaSim at {self.endpoint} did not reply within {self._seconds:g} s: is it "
-                "busy, does it wait in a dialogue, or does another program use that port?"
-            )
-        raw: bytes = self._socket.recv()
+        with self._reported():
+            raw = self._socket.receive()
         self._check(raw)
         return raw
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Raise errors of the connection as PlantLost."""
+        try:
+            yield
+        except TimeoutError:
+            raise PlantLost(
+                f"CoppeliaSim at {self.address} did not reply within {self._seconds:g} s: is it "
+                "busy, does it wait in a dialogue, or does another program use that port?"
+            ) from None
+        except InvalidReply as error:
+            raise PlantLost(
+                f"the program at {self.address} is not CoppeliaSim's remote API: {error}"
+            ) from None
+        except OSError as error:
+            raise PlantLost(
+                f"the connection to {self.address} is lost: {error.strerror or error}"
+            ) from None
 
     def _check(self, raw: bytes) -> None:
         """Raise PlantLost unless the reply is valid and harmless."""
         try:
-            reply = self._decode(raw) if is_well_formed(raw) else None
+            reply = self._decode(raw) if is_harmless(raw) else None
         except Exception:  # depends on the decoder of the client
             reply = None
         if not isinstance(reply, dict):
-            raise PlantLost(f"the program at {self.endpoint} is not CoppeliaSim's remote API")
+            raise PlantLost(f"the program at {self.address} is not CoppeliaSim's remote API")
         if "func" in reply:
-            if reply["func"] not in _WAITING:
-                name = one_line(str(reply["func"]), 60)
-                raise PlantLost(f"{self.endpoint} requests a call of '{name}', which is refused")
+            name = str(reply["func"])
+            if name not in _WAITING:
+                raise PlantLost(
+                    f"{self.address} requests a call of '{one_line(name, 60)}', which is refused"
+                )
         elif "success" in reply or not ("err" in reply or isinstance(reply.get("ret"), list)):
             message = f": {one_line(str(reply['error']), 200)}" if "error" in reply else ""
             raise PlantLost(
-                f"CoppeliaSim at {self.endpoint} uses another version of its remote API{message}; "
+                f"CoppeliaSim at {self.address} uses another version of its remote API{message}; "
                 "need version 2, of CoppeliaSim 4.6 or newer"
             )
 
     def close(self, linger: int = 0) -> None:
-        """Close the connection."""
-        self._socket.close(linger=linger)
+        """Close the connection; ``linger`` is an argument of the vendor's client, without use."""
+        self._socket.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import sys
 from importlib import import_module
 from math import isfinite, nan
@@ -52,21 +51,12 @@ class RemoteApi:
             PlantLost: There is no reply, or no valid one.
         """
         self.close()
-        self._check_listening()
-        zmq = self._module.zmq
+        connection = CheckedSocket(self._host, self._port, self._timeout, self._module.cbor.loads)
+        self._client = _make_client(self._module)
+        self._client.socket.close(linger=0)
+        self._client.socket = connection
         try:
-            self._client = _make_client(self._module, self._host, self._port)
-            self._client.socket.close(linger=0)
-            self._client.socket = CheckedSocket(
-                zmq,
-                self._client.context,
-                f"tcp://{self._host}:{self._port}",
-                self._module.cbor.loads,
-            )
             self._sim = self._call("require", self._client.require, "sim")
-        except zmq.ZMQError as error:
-            self.close()
-            raise PlantLost(f"cannot connect to {self.address}: {error}") from None
         except BaseException:
             self.close()
             raise
@@ -154,17 +144,6 @@ class RemoteApi:
         self.usable = True
         return value
 
-    def _check_listening(self) -> None:
-        """Raise PlantLost if no program listens at the port, which ZeroMQ does not report."""
-        try:
-            socket.create_connection((self._host, self._port), self._timeout).close()
-        except OSError as error:
-            raise PlantLost(
-                f"no program listens at {self.address} ({error.strerror or error}): start "
-                "CoppeliaSim, whose add-on 'ZMQ remote API server' listens on port 23000, or name "
-                "another host and port in the parameters of the scenario's plant"
-            ) from None
-
 
 def _is_number(value: Any) -> bool:
     return type(value) is float or (type(value) is int and abs(value) <= _MAX_INTEGER)
@@ -185,12 +164,15 @@ def _import_client() -> ModuleType:
         ) from error
 
 
-def _make_client(module: ModuleType, host: str, port: int) -> Any:
-    """Create a client and remove its global function `require`, which would keep it alive."""
+def _make_client(module: ModuleType) -> Any:
+    """Create a client and remove its global function `require`, which would keep it alive.
+
+    Its own socket is replaced, and must not reach the simulator: it has no limits.
+    """
     main = vars(sys.modules["__main__"])
     before = {k: main[k] for k in ("require",) if k in main}
     try:
-        return module.RemoteAPIClient(host, port, verbose=0)
+        return module.RemoteAPIClient("127.0.0.1", 9, verbose=0)  # port 9 discards what it receives
     finally:
         main.pop("require", None)
         main.update(before)
