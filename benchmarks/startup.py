@@ -1,8 +1,8 @@
 """Time from a start to the first result, with an empty and with a filled cache of kernels.
 
 Prints for the import, `--help`, the first step of a controller and `omnidrive compare` the seconds
-of wall time with all kernels compiled ("warm") and with none ("cold"), and the seconds that the
-compilation of each kernel takes.
+of wall time with all kernels compiled ("warm") and with none ("cold"), the seconds that the
+compilation of each kernel takes, and the time to read and check the compiled ones.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ state = State(0.0, Pose(0.0, 0.0, 0.0))
 controller.reset(state)
 controller.step(0.0, state, Hold(Pose(1.0, 1.0, 1.0), 1.0))
 """
-KERNELS = """
-import json, sys
-from numba.core.event import install_recorder
+FIRST_STEPS = """
+import json
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import paper_scenario
 from omnidrive.estimation import State
-with install_recorder("numba:compile") as recorder:
+
+def first_steps():
     scenario = paper_scenario()
     planned = plan_scenario(scenario)
     reference = planned.reference(20.0)
@@ -52,6 +52,13 @@ with install_recorder("numba:compile") as recorder:
         controller = make_controller(scenario, planned.robot, name)
         controller.reset(State(0.0, reference.at(0.0).pose))
         controller.step(0.0, State(0.0, reference.at(0.1).pose), reference)
+"""
+COMPILING = (
+    FIRST_STEPS
+    + """
+from numba.core.event import install_recorder
+with install_recorder("numba:compile") as recorder:
+    first_steps()
 seconds, begun = {}, []
 for time, event in recorder.buffer:
     if event.is_start:
@@ -64,6 +71,25 @@ for time, event in recorder.buffer:
         seconds[name] = seconds.get(name, 0.0) + time - first
 print(json.dumps(seconds))
 """
+)
+READING = (
+    FIRST_STEPS
+    + """
+from time import perf_counter
+from omnidrive.compiled.cache_folder import CacheFolder
+read, seconds, sizes = CacheFolder.read, [], []
+def timed(folder, name):
+    began = perf_counter()
+    content = read(folder, name)
+    seconds.append(perf_counter() - began)
+    sizes.append(len(content))
+    return content
+CacheFolder.read = timed
+first_steps()
+print(json.dumps([sum(seconds), sum(sizes)]))
+"""
+)
+READ_LIMIT = 20.0  # ms
 
 
 def seconds(program: str, cache: Path, folder: Path, **variables: str) -> float:
@@ -84,11 +110,11 @@ def least(program: str, cache: Path, folder: Path, **variables: str) -> float:
     return min(seconds(program, cache, folder, **variables) for _ in range(3))
 
 
-def compile_times(folder: Path) -> dict[str, float]:
-    """Seconds for each kernel that `compare` needs, with all that the kernel calls."""
+def printed(program: str, folder: Path):
+    """Return the JSON that a program prints; its kernels are in a folder of their own."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "kernels")}
     done = subprocess.run(
-        [sys.executable, "-c", KERNELS], env=environment, check=True, capture_output=True, text=True
+        [sys.executable, "-c", program], env=environment, check=True, capture_output=True, text=True
     )
     return json.loads(done.stdout)
 
@@ -112,10 +138,15 @@ def main() -> None:
             row("compare, cold", seconds(COMPARE, study, folder), "s"),
             row("compare, warm", seconds(COMPARE, study, folder), "s"),
         ]
-        times = compile_times(folder)
+        times = printed(COMPILING, folder)  # of each kernel, with all that it calls
         rows.append(
             at_most("compilation of all that compare needs", sum(times.values()), "s", 35.0)
         )
+        reads, sizes = zip(*(printed(READING, folder) for _ in range(3)), strict=True)
+        rows.append(
+            at_most("read and check all that compare needs", 1e3 * min(reads), "ms", READ_LIMIT)
+        )
+        rows.append(row("compiled kernels that compare reads", sizes[0] / 1e6, "MB"))
         for kernel, value in sorted(times.items(), key=lambda each: -each[1]):
             rows.append(row(f"compile {kernel}", value, "s"))
     publish("startup", rows)

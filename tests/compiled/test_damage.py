@@ -1,0 +1,271 @@
+"""Damage to the cache of compiled kernels: the same numbers, no failure, one message."""
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnidrive.compiled import announce_compiling, cache_folder
+
+OTHER_USER = 65534
+IS_ROOT = os.geteuid() == 0
+PROCESS = """
+import numpy as np
+from omnidrive.compiled import compiled
+
+@compiled
+def total(x):
+    return np.sort(x).sum() + np.median(x) - 1.0
+
+print(total(np.array([1.0, 2.0, 2.0])), len(total.stats.cache_misses))
+"""
+
+
+def truncate(path, rng):
+    path.write_bytes(path.read_bytes()[: rng.integers(path.stat().st_size)])
+
+
+def flip_bits(path, rng):
+    content = bytearray(path.read_bytes())
+    for at in rng.integers(len(content), size=rng.integers(1, 9)):
+        content[at] ^= 1 << rng.integers(8)
+    path.write_bytes(content)
+
+
+def fill_with_noise(path, rng):
+    path.write_bytes(rng.bytes(int(rng.integers(20_000))))
+
+
+def replace_by_pipe(path, rng):
+    path.unlink()
+    os.mkfifo(path)
+
+
+def replace_by_folder(path, rng):
+    path.unlink()
+    path.mkdir()
+
+
+def replace_by_other_kernel(path, rng):
+    others = [each for each in path.parent.glob("*.kernel") if each != path]
+    shutil.copy(others[rng.integers(len(others))], path)
+
+
+def open_to_others(path, rng):
+    path.chmod(0o666)
+
+
+def give_away(path, rng):
+    os.chown(path, OTHER_USER, -1)
+
+
+def remove(path, rng):
+    path.unlink()
+
+
+def remove_folder(path, rng):
+    shutil.rmtree(path.parent)
+
+
+def replace_folder_by_file(path, rng):
+    shutil.rmtree(path.parent)
+    path.parent.write_text("")
+
+
+def open_folder_to_others(path, rng):
+    path.parent.chmod(0o777)
+
+
+def give_folder_away(path, rng):
+    os.chown(path.parent, OTHER_USER, -1)
+
+
+FILE_DAMAGES = [truncate, flip_bits, fill_with_noise, replace_by_pipe, replace_by_other_kernel,
+                open_to_others, *([give_away] if IS_ROOT else [])]  # fmt: skip
+"""Damages that are reported, and mended by replacing the file."""
+OTHER_DAMAGES = [remove, remove_folder, replace_by_folder, replace_folder_by_file,
+                 open_folder_to_others, *([give_folder_away] if IS_ROOT else [])]  # fmt: skip
+
+
+@contextmanager
+def full_disk(folder, rng):
+    """Limit new files to a random size, smaller than every entry."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(rng.integers(4096)), before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@contextmanager
+def read_only(folder, rng):
+    """Take the permission to write to the folder; of root, by another effective user."""
+    if IS_ROOT:
+        os.seteuid(OTHER_USER)
+    else:
+        folder.chmod(0o555)
+    try:
+        yield
+    finally:
+        if IS_ROOT:
+            os.seteuid(0)
+        else:
+            folder.chmod(0o755)
+
+
+@contextmanager
+def unreachable(folder, rng):
+    """Take the permission to enter the folder above."""
+    folder.parent.chmod(0o000)
+    try:
+        with read_only(folder, rng):
+            yield
+    finally:
+        folder.parent.chmod(0o755)
+
+
+@contextmanager
+def no_home(folder, rng):
+    """Let the user have no home folder, and the package be read-only."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cache_folder._config, "CACHE_DIR", "")
+        patch.setattr(cache_folder.os, "access", lambda *_: False)
+        patch.setattr(os.path, "expanduser", lambda path: path)
+        patch.delenv("XDG_CACHE_HOME", raising=False)
+        yield
+
+
+LIMITS = [full_disk, read_only, unreachable, no_home]
+
+
+@pytest.fixture
+def parent(monkeypatch):
+    """A folder that every user can enter, for the cache."""
+    path = Path(tempfile.mkdtemp(prefix="kernels-"))
+    path.chmod(0o755)
+    yield path
+    shutil.rmtree(path)
+
+
+def results(module):
+    with announce_compiling():
+        return module.caller(1.0), module.later(1.0)
+
+
+def survive(build, parent, patch, caplog, seed, kinds):
+    """Damage the cache in one way after another; every time check numbers and messages."""
+    patch.setattr(cache_folder._config, "CACHE_DIR", str(parent))
+    folder, sound = parent / "omnidrive-kernels", parent / "sound"
+    assert results(build()) == (10.0, 4.0)
+    shutil.copytree(folder, sound)
+    for number, kind in enumerate(kinds):
+        rng = np.random.default_rng([seed, number])
+        where = f"seed {seed}, damage {number}: {kind.__name__}"
+        names = sorted(path.name for path in sound.glob("*later*.kernel"))
+        path = folder / names[rng.integers(len(names))]
+        caplog.clear()
+        if kind in LIMITS:
+            remove(path, rng)
+            module = build()
+            with kind(folder, rng):
+                assert results(module) == (10.0, 4.0), where
+        else:
+            kind(path, rng)
+            assert results(build()) == (10.0, 4.0), where
+        warned = [record for record in caplog.records if record.name.endswith(".cache")]
+        if kind in FILE_DAMAGES:
+            (record,) = warned
+            assert record.message.endswith("it is compiled again"), where
+            module = build()
+            assert results(module) == (10.0, 4.0), where
+            assert not module.later.stats.cache_misses, where
+        else:
+            assert len(warned) <= 2, (where, [record.message for record in warned])
+            assert bool(warned) == (kind not in (remove, remove_folder)), where
+        assert not list(parent.rglob("*.tmp")), where
+        if folder.is_dir():
+            shutil.rmtree(folder)
+        else:
+            folder.unlink(missing_ok=True)
+        shutil.copytree(sound, folder)
+
+
+ALL = [*FILE_DAMAGES, *OTHER_DAMAGES, *LIMITS]
+
+
+def test_damaged_cache_changes_no_number(build, parent, monkeypatch, caplog):
+    survive(build, parent, monkeypatch, caplog, 17, [flip_bits, full_disk, read_only])
+
+
+@pytest.mark.long
+def test_200_damages_change_no_number(build, parent, monkeypatch, caplog):
+    kinds = [ALL[k % len(ALL)] for k in range(200)]
+    survive(build, parent, monkeypatch, caplog, 1717, kinds)
+
+
+def study(cache, **options):
+    """Run a small study in two workers; return its numbers and what it prints."""
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "omnidrive", "compare", "--plant", "planar",
+                   "--controllers", "feedforward,fuzzy_t1", "--tasks", "step", "--jobs", "2",
+                   "--json", "--out", f"{out}/run"]  # fmt: skip
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(cache), "COLUMNS": "300"}, **options,
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)["step_response"]
+    times = ("step_time_median_us", "step_time_p99_us")
+    return [{k: v for k, v in row.items() if k not in times} for row in rows], done.stderr
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", [truncate, flip_bits, replace_by_pipe, open_folder_to_others,
+                                  replace_folder_by_file])  # fmt: skip
+def test_study_in_workers_is_the_same_and_says_it_once(parent, kind):
+    expected, _ = study(parent)
+    again, printed = study(parent)
+    assert again == expected
+    assert "kernel" not in printed
+    rng = np.random.default_rng(5)
+    for path in sorted((parent / "omnidrive-kernels").glob("*.kernel")):
+        if path.exists():
+            kind(path, rng)
+    damaged, printed = study(parent)
+    assert damaged == expected
+    notes = [line for line in printed.splitlines() if "compiled kernel" in line]
+    assert len(notes) == 1, printed
+
+
+def test_processes_compile_a_kernel_once(tmp_path):
+    (tmp_path / "kernels.py").write_text(PROCESS)
+    command = [sys.executable, str(tmp_path / "kernels.py")]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    started = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    printed = [process.communicate()[0].split() for process in started]
+    assert [value for value, _ in printed] == ["6.0", "6.0"]
+    assert sorted(misses for _, misses in printed) == ["0", "1"]
+
+
+def test_kernels_are_plain_functions_without_compiler(tmp_path):
+    (tmp_path / "kernels.py").write_text(PROCESS.replace("len(total.stats.cache_misses)", "'none'"))
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "kernels.py")],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["6.0", "none"]
