@@ -13,7 +13,7 @@ from time import sleep
 import pytest
 
 from omnidrive.compiled import announce_compiling
-from omnidrive.compiled.dispatcher import compile_listeners
+from omnidrive.compiled.compilation import Compilation, compile_listeners
 from omnidrive.errors import WorkerLost
 from omnidrive.study.execute import execute
 from omnidrive.study.jobs import Job, jobs_of
@@ -127,7 +127,7 @@ def log_and_compile(*values):
     logging.getLogger("mine").info("not shown")
     warnings.warn("division by zero", RuntimeWarning, stacklevel=1)
     for listener in compile_listeners:
-        listener()
+        listener(Compilation("kernel"))
     return Job(*values)
 
 

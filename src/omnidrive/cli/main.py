@@ -16,6 +16,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
+from omnidrive.cli.compile_status import show_compiling
 from omnidrive.cli.terminal import NoteHandler, note, quiet_option
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
 
@@ -111,7 +112,8 @@ def main() -> None:
     for number in _SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored under nohup
             signal.signal(number, _interrupt)
-    logging.getLogger().addHandler(NoteHandler())
+    logging.getLogger().addHandler(NoteHandler(logging.WARNING))
+    show_compiling()
     with warnings.catch_warnings():
         warnings.simplefilter("always", FutureWarning)
         warnings.showwarning = _note

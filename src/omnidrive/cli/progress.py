@@ -16,6 +16,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from omnidrive.cli.compile_status import displays
 from omnidrive.cli.terminal import is_quiet
 from omnidrive.visualization import Recording, film
 
@@ -45,6 +46,7 @@ class LiveProgress:
 
     def __enter__(self) -> LiveProgress:
         self._progress.start()
+        displays.append(self._show)
         return self
 
     def __exit__(
@@ -53,6 +55,7 @@ class LiveProgress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        displays.remove(self._show)
         self._finish()
         self._progress.stop()
 
@@ -64,6 +67,10 @@ class LiveProgress:
     def done(self, what: str) -> None:
         """Advance the bar by one step."""
         self._progress.update(self._task, advance=1, what=what)
+
+    def _show(self, what: str) -> None:
+        """Show a text beside the bar."""
+        self._progress.update(self._task, what=what)
 
     def _finish(self) -> None:
         task = self._progress.tasks[-1]

@@ -10,22 +10,22 @@ in ``pyproject.toml`` are the versions that all of them are tested with.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from inspect import unwrap
 from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import typeof
 from numba.core import config
 
-from omnidrive.compiled.dispatcher import Kernel, compile_listeners
+from omnidrive.compiled.compilation import announce_compiling
+from omnidrive.compiled.dispatcher import Kernel
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_log = logging.getLogger("omnidrive")
 _config: Any = config  # its attributes are set at run time
+
+__all__ = ["announce_compiling", "compiled", "compiled_sums", "entry_point", "inlined", "kernels"]
 
 kernels: list[Any] = []
 """All kernels whose modules are imported."""
@@ -79,40 +79,3 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
     types = tuple(map(typeof, examples))
     machine.compile(types)
     return cast("Callable[P, R]", machine.overloads[types].entry_point)
-
-
-def _log_compiling() -> None:
-    _log.warning(
-        "compiling the kernels of this command, which are kept for the next time; `omnidrive "
-        "warmup` compiles those of all commands"
-    )
-
-
-@contextmanager
-def announce_compiling(announce: Callable[[], None] = _log_compiling) -> Iterator[None]:
-    """Call ``announce`` once if a kernel has to be compiled; by default it logs a warning.
-
-    Within another such context, only the outer one announces.
-    """
-    if compile_listeners:
-        yield
-        return
-
-    pending = [announce]
-
-    def announce_once() -> None:
-        """Call ``announce`` the first time."""
-        while pending:
-            pending.pop()()
-
-    compile_listeners.append(announce_once)
-    try:
-        yield
-    finally:
-        compile_listeners.remove(announce_once)
-
-
-def notify_compiling() -> None:
-    """Announce that another process compiles kernels for this one."""
-    for listener in [*compile_listeners]:
-        listener()

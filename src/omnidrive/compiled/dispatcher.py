@@ -11,8 +11,8 @@ that their results do not depend on the order of optimisation.
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -22,6 +22,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime import nrt
 
 from omnidrive.compiled.cache import KernelCache
+from omnidrive.compiled.compilation import reported
 
 Types = tuple[Any, ...]
 
@@ -34,9 +35,6 @@ _normalized: Any = sigutils.normalize_signature
 _runtime: Any = nrt.rtsys
 
 _UNRESOLVED = codegen.RuntimeLinker.PREFIX  # of a recursive call
-compile_listeners: list[Callable[[], None]] = []
-"""Called before a kernel is compiled; not if its machine code is on disk."""
-
 _ENVIRONMENT = "_ZN08NumbaEnv"
 _NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -64,10 +62,10 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             if existing is not None:
                 self._without_code.discard(arguments)
                 del self.overloads[arguments]
-            with self._cache.locked(sig) as is_cached, _late_code(self, arguments):
-                if not is_cached:
-                    for listener in [*compile_listeners]:
-                        listener()
+            with ExitStack() as stack:
+                if not stack.enter_context(self._cache.locked(sig)):
+                    stack.enter_context(reported(self._name))
+                stack.enter_context(_late_code(self, arguments))
                 return super().compile(sig)
 
     def add_overload(self, result: Any) -> None:
@@ -78,6 +76,11 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             arguments = tuple(result.signature.args)
             self.overloads[arguments] = result
             self._without_code.add(arguments)
+
+    @property
+    def _name(self) -> str:
+        module = self.py_func.__module__.removeprefix("omnidrive.")
+        return f"{module}.{self.py_func.__qualname__}"
 
     @property
     def _is_separate(self) -> bool:

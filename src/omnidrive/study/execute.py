@@ -11,18 +11,16 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from ctypes import Array, c_bool, c_char
+from ctypes import Array, c_char
 from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
-from multiprocessing.sharedctypes import RawArray, RawValue
+from multiprocessing.sharedctypes import RawArray
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Any
 
-from omnidrive.compiled import notify_compiling
-from omnidrive.compiled.dispatcher import compile_listeners
+from omnidrive.compiled.compilation import CompileRelay, compile_listeners
 from omnidrive.errors import WorkerLost
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult
 from omnidrive.study.jobs import Job, run_job
@@ -85,13 +83,13 @@ def execute(
     # shared memory, not an argument: writing a large argument to a worker that cannot start blocks
     shared = RawArray(c_char, len(data))
     shared.raw = data
-    compiling = RawValue(c_bool, False)
+    relay = CompileRelay()
     with _signals_blocked():  # this starts the resource tracker process of Python
         pool = ProcessPoolExecutor(
             min(processes, len(queue)),
             mp_context=get_context("spawn"),
             initializer=_start_worker,
-            initargs=(shared, compiling, logging.getLogger("omnidrive").level),
+            initargs=(shared, relay, logging.getLogger("omnidrive").level),
         )
     finished: SimpleQueue[_Finished] = SimpleQueue()
     workers: list[BaseProcess] = []
@@ -99,7 +97,7 @@ def execute(
         with ThreadPoolExecutor(1) as starter:  # Ctrl-C would interrupt a start in the main thread
             starter.submit(_start_workers, pool, queue, finished, workers).result()
         for _ in queue:
-            yield _next_finished(finished, workers, compiling)
+            yield _next_finished(finished, workers, relay)
     except BrokenProcessPool as error:
         raise WorkerLost from error
     except BaseException:  # the runs in progress are abandoned
@@ -146,7 +144,7 @@ def _start_workers(
 
 
 def _next_finished(
-    finished: SimpleQueue[_Finished], workers: Sequence[BaseProcess], compiling: Any
+    finished: SimpleQueue[_Finished], workers: Sequence[BaseProcess], relay: CompileRelay
 ) -> tuple[Job, Result]:
     """Wait for the next finished job, while all workers are alive, and log what its worker logged.
 
@@ -157,8 +155,7 @@ def _next_finished(
             rest of the result without end.
     """
     while True:
-        if compiling.value:
-            notify_compiling()
+        relay.forward()
         try:
             job, outcome = finished.get(timeout=1.0)
         except Empty:
@@ -199,18 +196,18 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(shared: Array[c_char], compiling: Any, log_level: int) -> None:
+def _start_worker(shared: Array[c_char], relay: CompileRelay, log_level: int) -> None:
     """Initialise a worker process.
 
     Args:
         shared: The pickled scenario.
-        compiling: Shared flag to set when a kernel is compiled.
+        relay: Channel for reports of compilations.
         log_level: Log level of the parent.
     """
     logging.getLogger("omnidrive").setLevel(log_level)
     logging.getLogger().addHandler(logging.handlers.QueueHandler(_records))
     logging.captureWarnings(True)
-    compile_listeners.append(partial(setattr, compiling, "value", True))
+    compile_listeners.append(relay.send)
     for number in _TERMINAL_SIGNALS:  # the terminal sends them to all processes; the parent reacts
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):

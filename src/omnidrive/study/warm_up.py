@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Generator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import closing
 from multiprocessing import active_children, get_context
 from signal import SIG_IGN, SIGINT, signal
 from typing import cast, get_args
@@ -11,8 +13,11 @@ from typing import cast, get_args
 import numpy as np
 
 from omnidrive.choices import MethodName, PresetName
+from omnidrive.compiled.cache_folder import failures
+from omnidrive.compiled.compilation import CompileRelay, announce_compiling, compile_listeners
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.errors import CannotWrite
 from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings, State
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
@@ -25,6 +30,8 @@ from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import paper_scenario
 from omnidrive.study.study import NullProgress, ProgressListener
 
+_POLLING = 0.5  # s
+
 
 def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> None:
     """Compile all kernels that planning, every controller of every preset and batches need.
@@ -35,6 +42,9 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
         progress: Notified when a part is compiled.
         processes: Number of processes that compile at the same time. A script that uses several
             does so under ``if __name__ == "__main__"``.
+
+    Raises:
+        CannotWrite: The compiled kernels cannot be kept on disk.
     """
     progress = progress or NullProgress()
     scenarios = [(preset, paper_scenario(preset)) for preset in get_args(PresetName)]
@@ -45,16 +55,36 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
     parts = [("batches", ""), *sorted(controllers, key=_is_cheap), ("planning", "")]
     parts += [("estimator", ""), ("identification", "")]
     progress.part("warm up", len(parts))
+    with announce_compiling(note=""), closing(_compile_parts(parts, processes)) as finished:
+        for name, lost in finished:
+            progress.done(name)
+            if lost:
+                raise CannotWrite(lost[0])
+
+
+def _compile_parts(
+    parts: list[tuple[str, str]], processes: int
+) -> Generator[tuple[str, list[str]], None, None]:
+    """Compile each part, and yield its name and why its kernels were not kept."""
     if processes <= 1:
         for part in parts:
-            progress.done(_compile_part(*part))
+            yield _compile_part(*part)
         return
     others = active_children()
-    context = get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context, initializer=_start_worker) as pool:
+    relay = CompileRelay()
+    with ProcessPoolExecutor(
+        processes,
+        mp_context=get_context("spawn"),
+        initializer=_start_worker,
+        initargs=(relay,),
+    ) as pool:
         try:
-            for future in as_completed([pool.submit(_compile_part, *part) for part in parts]):
-                progress.done(future.result())
+            waiting = {pool.submit(_compile_part, *part) for part in parts}
+            while waiting:
+                done, waiting = wait(waiting, _POLLING, return_when=FIRST_COMPLETED)
+                relay.forward()
+                for future in done:
+                    yield future.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in set(active_children()) - set(others):
@@ -66,24 +96,25 @@ def _is_cheap(controller: tuple[PresetName, str]) -> bool:
     return not controller[1].endswith("nmpc")
 
 
-def _start_worker() -> None:
+def _start_worker(relay: CompileRelay) -> None:
     """Leave Ctrl-C, which the terminal sends to all processes, and messages to the parent."""
     signal(SIGINT, SIG_IGN)
+    compile_listeners.append(relay.send)
     logging.getLogger("omnidrive").setLevel(logging.ERROR)
 
 
-def _compile_part(kind: str, controller: str) -> str:
-    """Compile what one part needs, and return its name."""
+def _compile_part(kind: str, controller: str) -> tuple[str, list[str]]:
+    """Compile what one part needs; return its name and why kernels were not kept."""
     if controller:
         _control(cast("PresetName", kind), controller)
-        return f"{controller} ({kind})"
+        return f"{controller} ({kind})", failures
     {
         "planning": _plans,
         "batches": _batch,
         "estimator": _estimate,
         "identification": _identify,
     }[kind]()
-    return kind
+    return kind, failures
 
 
 def _control(preset: PresetName, name: str) -> None:

@@ -1,0 +1,163 @@
+"""Compiled kernels: kept on disk, and compiled again when code that they reach changes."""
+
+import importlib
+import pickle
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numba.core import serialize
+
+import omnidrive
+from omnidrive.compiled import cache, entry_point, kernels
+from omnidrive.compiled.cache_folder import usable_folder
+from omnidrive.compiled.dispatcher import Kernel
+from omnidrive.compiled.key import kernel_key
+
+PACKAGE = Path(omnidrive.__file__).parent
+
+
+def key(module):
+    return kernel_key(module.caller)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"""Docstring."""', '"""Another docstring."""'),
+        ("@compiled\ndef caller", "# a comment\n\n@compiled\ndef caller"),
+        ("UNUSED = 0.0", "UNUSED = 1.0\n\ndef other(): return 2"),
+        ("def of_pair(pair):\n    return pair.first", "def of_pair(pair):\n    return pair.second"),
+        ("def plain():\n    pass", "def plain():\n    return 1"),
+        ("LATER = 3.0", "LATER = 4.0"),
+    ],
+)
+def test_edit_of_what_a_kernel_does_not_reach_keeps_its_key(build, old, new):
+    assert key(build()) == key(build((old, new)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("return x * scale", "return x * scale + 1.0"),
+        ("return x * scale", "return x * scale + 0.0"),
+        ("scale=1.0", "scale=2.0"),
+        ("@inlined\n", "@compiled\n"),
+        ("FACTOR = 2.0", "FACTOR = 3.0"),
+        ("FACTOR = 2.0", "FACTOR = 2"),
+        ("SHIFT = 5.0", "SHIFT = -5.0"),
+        ("ON = 1\n", "ON = 2\n"),
+        ("[1.0, 2.0]", "[1.0, 3.0]"),
+        ("[1.0, 2.0]", "[1, 2]"),
+        ("    second: float", "    second: float\n    third: float = 0.0"),
+        ("x < -1e9", "x < -2e9"),
+        ("caller(x + 1.0)", "caller(1.0 + x)"),
+    ],
+)
+def test_edit_of_what_a_kernel_reaches_changes_its_key(build, old, new):
+    assert key(build()) != key(build((old, new)))
+
+
+def test_global_defined_below_the_kernel_is_part_of_the_key(build):
+    before = kernel_key(build().later)
+    assert kernel_key(build(("LATER = 3.0", "LATER = 4.0")).later) != before
+
+
+def test_entry_is_loaded_after_a_harmless_edit_and_compiled_after_another(build):
+    module = build()
+    assert module.caller(1.0) == 2.0 + 2.0 + 5.0 + 1.0
+    assert module.caller.stats.cache_misses
+    moved = build(('"""Docstring."""', '"""Another\n\n    docstring."""'))
+    assert moved.caller(1.0) == 10.0
+    assert not moved.caller.stats.cache_misses
+    edited = build(("return x * scale", "return -x * scale"))
+    assert edited.caller(1.0) == 6.0
+    assert edited.caller.stats.cache_misses
+
+
+def test_fields_of_a_named_tuple_argument_are_part_of_the_entry(build):
+    module = build()
+    assert module.of_pair(module.Pair(1.0, 2.0)) == 1.0
+    swapped = build(("    first: float\n    second: float", "    second: float\n    first: float"))
+    assert swapped.of_pair(swapped.Pair(1.0, 2.0)) == 2.0
+
+
+def test_unknown_kind_of_global_is_refused(build):
+    module = build(("LATER = 3.0", "class Own: pass\n\nLATER = Own()"))
+    with pytest.raises(TypeError, match=r"cannot refer to .*Own"):
+        kernel_key(module.later)
+
+
+def test_every_kernel_of_the_package_has_a_key():
+    for path in PACKAGE.rglob("*.py"):
+        if "@compiled" in path.read_text() or "@inlined" in path.read_text():
+            parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+            importlib.import_module(".".join(parts))
+    assert len(kernels) > 200
+    assert len({kernel_key(kernel) for kernel in kernels}) == len(kernels)
+
+
+def test_callee_is_compiled_within_its_caller_and_for_python_on_demand(build):
+    module = build()
+    callee = sys.modules[module.callee.py_func.__module__].callee
+    module.caller(1.0)
+    cached = [name.split("-")[0] for name in usable_folder().names("")]
+    assert cached == ["kernels_of_a_test.caller.caller"]
+    assert callee(3.0) == 3.0
+    assert len(cache.entries(callee)) == 1
+    again = build()
+    assert again.callee(3.0) == 3.0
+    assert not again.callee.stats.cache_misses
+    assert again.caller(1.0) == 10.0
+
+
+def test_callee_that_is_on_disk_is_linked_into_a_new_caller(build):
+    build().callee(3.0)
+    module = build()
+    assert module.caller(1.0) == 10.0
+    assert module.callee(3.0) == 3.0
+    assert not module.callee.stats.cache_misses
+
+
+def test_compiled_signature_is_not_looked_up_again(build, monkeypatch):
+    module = build()
+    entry = entry_point(module.caller, 1.0)
+    monkeypatch.delattr(cache.KernelCache, "_name")
+    assert entry_point(module.caller, 1.0) is entry
+
+
+def test_pickled_kernel_compiles(build):
+    data = serialize.dumps(build().callee)
+    callee = pickle.loads(data)
+    del callee._memo[callee._uuid]
+    callee = pickle.loads(data)
+    assert isinstance(callee, Kernel)
+    assert callee(3.0) == 3.0
+
+
+def test_error_of_a_callee_arrives_with_its_message(build):
+    error = "if x > 1.5:\n        raise ValueError('too large')\n    return x"
+    for _ in range(2):  # compiled, and from disk
+        with pytest.raises(ValueError, match=r"^too large$"):
+            build(("return x * scale", error)).caller(1.0)
+
+
+def test_recursive_callee_is_linked(build):
+    recursive = "    if x > 10.0:\n        return callee(x - 1.0)\n    return x * scale"
+    edits = (("    return x * scale", recursive), ("FACTOR = 2.0", "FACTOR = 20.0"))
+    for _ in range(2):
+        assert build(*edits).caller(1.0) == 10.0 + 2.0 + 5.0 + 1.0
+
+
+def test_other_numba_functions_can_call_a_kernel_and_its_callees(build):
+    module = build()
+    module.caller(1.0)
+    caller, callee = module.caller, module.callee
+
+    @numba.njit
+    def foreign(x):
+        return caller(x) + callee(x) + np.zeros(3).sum()
+
+    assert foreign(1.0) == 11.0
