@@ -22,12 +22,13 @@ class Bounds(NamedTuple):
 
     low: float
     high: float
-    unit: str
+    unit: str = "1"
+    """Unit; 1: a ratio."""
 
     def check(self, value: float) -> float:
         """Return ``value``; raise ValueError if it is out of range or NaN."""
         if not self.low <= value <= self.high:  # also catches NaN
-            unit = "" if self.unit in {"", "1"} else f" {self.unit}"  # 1: a ratio
+            unit = "" if self.unit in {"", "1"} else f" {self.unit}"
             raise ValueError(f"is {value:g}{unit}, need {self.low:g} to {self.high:g}{unit}")
         return value
 

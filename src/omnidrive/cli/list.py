@@ -98,7 +98,8 @@ def _print(name: str, component: components.Component | str) -> None:
     if isinstance(component, str):
         show(f"{typer.style(name, bold=True)}  {component}")
         return
-    show(f"{typer.style(name, bold=True)}  ({component.origin})\n    {component.summary}")
+    summary = f"\n    {component.summary}" if component.summary else ""
+    show(f"{typer.style(name, bold=True)}  ({component.origin}){summary}")
     for each in component.parameters:
         width = min(get_terminal_size().columns, 100)
         show(fill(_line(each), width, initial_indent=" " * 4, subsequent_indent=" " * 8))
