@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
-from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.estimation import State
@@ -22,7 +22,24 @@ class Status(IntEnum):
     """No usable command; the run ends and the robot must be stopped."""
 
 
-class WheelSpeeds(tuple[float, ...]):
+_Values = TypeVar("_Values", bound="_WheelValues")
+
+
+class _WheelValues(tuple[float, ...]):
+    """One number per wheel in the order of the robot's mounts, with the wheel matrix's signs."""
+
+    __slots__ = ()
+    noun: ClassVar[str]
+
+    def __new__(cls: type[_Values], values: Iterable[float]) -> _Values:
+        """Take one value per wheel from a list, a tuple or an array."""
+        return super().__new__(cls, map(float, values))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({list(self)})"
+
+
+class WheelSpeeds(_WheelValues):
     """Speed of each wheel, rad/s, in the order of the robot's mounts.
 
     The signs are those of the wheel matrix: ``WheelSpeeds(robot.chassis.wheel_speeds(twist))`` are
@@ -30,17 +47,10 @@ class WheelSpeeds(tuple[float, ...]):
     """
 
     __slots__ = ()
-    noun: ClassVar[str] = "wheel speeds"
-
-    def __new__(cls, speeds: Iterable[float]) -> WheelSpeeds:
-        """Take one speed per wheel from a list, a tuple or an array."""
-        return super().__new__(cls, map(float, speeds))
-
-    def __repr__(self) -> str:
-        return f"WheelSpeeds({list(self)})"
+    noun = "wheel speeds"
 
 
-class WheelTorques(tuple[float, ...]):
+class WheelTorques(_WheelValues):
     """Torque of each motor at its wheel, N m, in the order of the robot's mounts.
 
     The signs are those of the wheel matrix J, so that without slip the torques exert the wrench
@@ -49,14 +59,7 @@ class WheelTorques(tuple[float, ...]):
     """
 
     __slots__ = ()
-    noun: ClassVar[str] = "wheel torques"
-
-    def __new__(cls, torques: Iterable[float]) -> WheelTorques:
-        """Take one torque per wheel from a list, a tuple or an array."""
-        return super().__new__(cls, map(float, torques))
-
-    def __repr__(self) -> str:
-        return f"WheelTorques({list(self)})"
+    noun = "wheel torques"
 
 
 CommandValue = BodyTwist | WheelSpeeds | WheelTorques
