@@ -71,8 +71,11 @@ def test_unknown_covariance_is_accepted():
     assert check_errors([0.0] * 9, sigma=nan) == [None] * 9
 
 
-def test_pose_that_is_not_finite_stops_the_robot_at_once():
-    assert check_errors([0.0, nan])[1] == "the measured pose is not finite"
+def test_pose_that_is_not_finite_is_an_error_above_the_limit():
+    """The pipeline keeps such poses away; a watchdog alone has the same patience with them."""
+    assert check_errors([0.0, nan, nan, nan, 0.0]) == [None] * 5
+    reasons = check_errors([0.0, nan, nan, nan, nan])
+    assert reasons == [None] * 4 + ["it is nan m from the reference, more than 1.00 m"]
 
 
 def test_limits_scale_with_the_robot():

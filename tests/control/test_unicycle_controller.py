@@ -1,11 +1,12 @@
 """Controller with the unicycle model."""
 
+import copy
 import inspect
 
 import numpy as np
 import pytest
 
-from omnidrive.control import Command, Controller, Status
+from omnidrive.control import Controller, Status
 from omnidrive.control.nmpc import (
     PRESETS,
     Exit,
@@ -169,10 +170,11 @@ def test_invalid_measurement_fails_without_affecting_later_steps(bad, part):
     controller = unicycle_nmpc("paper", DT)
     controller.reset(State(0.0, START))
     controller.step(0.0, State(0.0, START), CORNER)
+    other = copy.copy(controller)
     command = controller.step(DT, State(DT, START._replace(**{part: bad})), CORNER)
-    assert command == Command(BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
-    after = controller.step(2 * DT, State(2 * DT, START), CORNER)
-    assert after == unicycle_nmpc("paper", DT).step(2 * DT, State(2 * DT, START), CORNER)
+    assert command[:2] == (BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
+    later = 2 * DT, State(2 * DT, START), CORNER
+    assert controller.step(*later) == other.step(*later)
 
 
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e200])

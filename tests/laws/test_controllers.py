@@ -1,6 +1,6 @@
 """Properties of every controller. A new controller only has to be added to CONTROLLERS."""
 
-from math import hypot, isfinite, nan
+from math import hypot, nan
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from omnidrive.control import (
     holonomic_nmpc,
     unicycle_nmpc,
 )
-from omnidrive.control.nmpc.holonomic.controller import OLD_PLAN_STEPS, RAMP_STEPS
+from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits
 from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
@@ -28,22 +28,22 @@ from omnidrive.testing.laws import Circle, rotated
 DT = 0.1
 SMALL = named_robot("small")
 CONTROLLERS = {
-    "feedforward": lambda: FeedforwardController(DT),
-    "fuzzy_t1": lambda: fuzzy_pid("t1", "paper", DT),
-    "fuzzy_t2": lambda: fuzzy_pid("t2", "paper", DT),
-    "fuzzy_t1_published": lambda: fuzzy_pid("t1", "published-code", DT),
-    "fuzzy_t2_published": lambda: fuzzy_pid("t2", "published-code", DT),
-    "fuzzy_t1_recommended": lambda: fuzzy_pid("t1", "recommended", DT),
-    "fuzzy_t2_recommended": lambda: fuzzy_pid("t2", "recommended", DT),
-    "fuzzy_t3": lambda: fuzzy_pid("t3", "paper", DT),
-    "fuzzy_t3_published": lambda: fuzzy_pid("t3", "published-code", DT),
-    "fuzzy_t3_recommended": lambda: fuzzy_pid("t3", "recommended", DT),
-    "pid": lambda: classical_pid("paper", DT),
-    "pid_published": lambda: classical_pid("published-code", DT),
-    "pid_recommended": lambda: classical_pid("recommended", DT),
-    "nmpc": lambda: unicycle_nmpc("paper", DT),
-    "nmpc_published": lambda: unicycle_nmpc("published-code", DT),
-    "nmpc_recommended": lambda: holonomic_nmpc(SMALL.chassis, DT),
+    "feedforward": lambda dt=DT: FeedforwardController(dt),
+    "fuzzy_t1": lambda dt=DT: fuzzy_pid("t1", "paper", dt),
+    "fuzzy_t2": lambda dt=DT: fuzzy_pid("t2", "paper", dt),
+    "fuzzy_t1_published": lambda dt=DT: fuzzy_pid("t1", "published-code", dt),
+    "fuzzy_t2_published": lambda dt=DT: fuzzy_pid("t2", "published-code", dt),
+    "fuzzy_t1_recommended": lambda dt=DT: fuzzy_pid("t1", "recommended", dt),
+    "fuzzy_t2_recommended": lambda dt=DT: fuzzy_pid("t2", "recommended", dt),
+    "fuzzy_t3": lambda dt=DT: fuzzy_pid("t3", "paper", dt),
+    "fuzzy_t3_published": lambda dt=DT: fuzzy_pid("t3", "published-code", dt),
+    "fuzzy_t3_recommended": lambda dt=DT: fuzzy_pid("t3", "recommended", dt),
+    "pid": lambda dt=DT: classical_pid("paper", dt),
+    "pid_published": lambda dt=DT: classical_pid("published-code", dt),
+    "pid_recommended": lambda dt=DT: classical_pid("recommended", dt),
+    "nmpc": lambda dt=DT: unicycle_nmpc("paper", dt),
+    "nmpc_published": lambda dt=DT: unicycle_nmpc("published-code", dt),
+    "nmpc_recommended": lambda dt=DT: holonomic_nmpc(SMALL.chassis, dt),
 }
 DOES_NOT_WRAP = {
     "fuzzy_t1_published",
@@ -51,8 +51,6 @@ DOES_NOT_WRAP = {
     "fuzzy_t3_published",
     "pid_published",
 }  # as the published code
-BRIDGED_STEPS = {"nmpc_recommended": OLD_PLAN_STEPS + RAMP_STEPS}
-"""Samples that the previous plan covers after a failure."""
 POSITION_ERROR = {"nmpc_published": 0.13}  # m: a unicycle cannot move sideways at rest
 every_controller = pytest.mark.parametrize("name", CONTROLLERS)
 
@@ -102,16 +100,6 @@ def test_reaches_a_pose_and_stays(name):
     assert np.abs(late[:, 2] - goal.yaw).max() < 0.02
 
 
-@every_controller
-@settings(max_examples=25, deadline=None)
-@given(x=st.floats(-50, 50), y=st.floats(-50, 50), yaw=st.floats(-50, 50), t=st.floats(0.0, 20.0))
-def test_any_pose_gives_a_finite_command_or_a_failure(name, x, y, yaw, t):
-    controller = CONTROLLERS[name]()
-    controller.reset(State(0.0, Pose(0.0, 0.0, 0.0)))
-    command = controller.step(t, State(t, Pose(x, y, yaw)), Circle())
-    assert command.status is Status.FAILED or all(map(isfinite, command.twist))
-
-
 class FailingEstimator(LatestFix):
     """An estimator whose pose becomes NaN."""
 
@@ -121,7 +109,8 @@ class FailingEstimator(LatestFix):
 
 
 @every_controller
-def test_invalid_estimate_ends_the_run(name):
+def test_estimate_that_stays_invalid_stops_the_robot_as_silent_sensors_do(name):
+    """The last pose is kept and grows old; the watchdog stops the robot after age and patience."""
     run = simulate(
         KinematicPlant(SMALL),
         CONTROLLERS[name](),
@@ -129,9 +118,12 @@ def test_invalid_estimate_ends_the_run(name):
         start=Circle().at(0.0).pose,
         dt=DT,
         estimator=FailingEstimator(),
+        supervisor=SafetySupervisor(SMALL, Watchdog(WatchdogLimits(error=9.0))),
     )
-    assert run.outcome is Outcome.CONTROLLER_FAILED
-    assert len(run.t) == 5 + BRIDGED_STEPS.get(name, 0)
+    assert run.outcome is Outcome.STOPPED
+    assert "at 2.20 s its pose is lost: last fix 1.90 s ago" in run.reason
+    assert run.status[4:20].min() == Status.FALLBACK
+    assert np.isfinite(run.measured).all()
 
 
 @every_controller

@@ -8,7 +8,7 @@ from math import nan
 import numpy as np
 import pytest
 
-from omnidrive.control import Command, FeedforwardController, Status
+from omnidrive.control import Command, FeedforwardController, Status, WheelSpeeds
 from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.reference import Hold
@@ -21,6 +21,7 @@ from tests.study.small import small_scenario
 DT = 0.1
 HOLD = Hold(Pose(0.5, 0.0, 0.0), 1.0)
 TWIST = BodyTwist(0.1, 0.0, 0.0)
+POSE = Pose(0.0, 0.0, 0.0)
 
 
 class Faulty(FeedforwardController):
@@ -31,7 +32,7 @@ class Faulty(FeedforwardController):
     def step(self, t, state, reference):
         if t < 0.45:
             return super().step(t, state, reference)
-        if isinstance(self.value, Exception):
+        if isinstance(self.value, BaseException):
             raise self.value
         return self.value
 
@@ -70,7 +71,20 @@ BAD_COMMANDS = {
     "world twist": (Command(WorldTwist(0.1, 0.0, 0.0)), "holds a WorldTwist, not a BodyTwist"),
     "array": (Command(np.zeros(3)), "holds an ndarray, not a BodyTwist"),
     "nan": (Command(BodyTwist(nan, 0.0, 0.0)), "its twist is not finite"),
-    "text": (Command(BodyTwist("a", 0.0, 0.0)), "its twist is not finite"),
+    "huge": (Command(BodyTwist(1e300, 0.0, 0.0)), "its twist is too large: BodyTwist(vx=1e+300"),
+    "number without end": (Command(BodyTwist(0.0, 10**5000, 0.0)), "its twist is too large: a Bo"),
+    "text": (Command(BodyTwist("a", 0.0, 0.0)), "its twist is not of numbers: BodyTwist(vx='a',"),
+    "arrays": (
+        Command(BodyTwist(*np.ones((3, 1)))),
+        "its twist is not of numbers: BodyTwist(vx=array([1.])",
+    ),
+    "complex": (Command(BodyTwist(1j, 0.0, 0.0)), "its twist is not of numbers: BodyTwist(vx=1j,"),
+    "status as a number": (Command(TWIST, 0), "the status of its command is an int, not a Status"),
+    "status as text": (Command(TWIST, "ok"), "the status of its command is a str, not a Status"),
+    "no message": (Command(TWIST, message=None), "the message of its command is None, not a text"),
+    "exit": (SystemExit(0), "SystemExit: 0"),
+    "failed with text": (Command(BodyTwist("a", 0.0, 0.0), Status.FAILED, message=None), ""),
+    "failed wheels": (Command(WheelSpeeds([nan] * 9), Status.FAILED, ("a",), "solver"), "solver"),
     "failed": (Command(TWIST, Status.FAILED, message="no solution"), "no solution"),
 }
 
@@ -83,7 +97,7 @@ def test_faulty_command_is_an_outcome(name):
     assert reason in log.reason
     assert log.t[-1] == pytest.approx(0.5)
     assert log.status.tolist() == [0] * 5 + [Status.FAILED]
-    assert ("test_foreign_parts.py" in log.traceback) == (name == "exception")
+    assert ("test_foreign_parts.py" in log.traceback) == isinstance(value, BaseException)
 
 
 @pytest.mark.parametrize("kind", [FaultyReset, FaultyPreparation])
@@ -129,6 +143,13 @@ def test_faulty_plant_is_an_outcome(value, reason):
         (None, "returned None, not a State"),
         (Pose(0.0, 0.0, 0.0), "returned a Pose, not a State"),
         (State(0.0, (0.0, 0.0)), "holds a tuple, not a Pose"),
+        (State("0.5", POSE), "its state holds a str where a number is expected"),
+        (State(0.5, Pose(None, 0.0, 0.0)), "its state holds None where a number is expected"),
+        (State(0.5, POSE, (0.0, 0.0, 0.0)), "the twist of its state is a tuple, not a BodyTwist"),
+        (State(0.5, POSE, None, [[1.0]]), "the covariance of its state is a list, not a 3 x 3"),
+        (State(0.5, POSE, None, np.eye(2)), "is an ndarray of shape (2, 2), not a 3 x 3 array"),
+        (State(0.5, POSE, fix_age=None), "its state holds None where a number is expected"),
+        (SystemExit(3), "SystemExit: 3"),
     ],
 )
 def test_faulty_estimator_is_an_outcome(value, reason):
@@ -136,7 +157,7 @@ def test_faulty_estimator_is_an_outcome(value, reason):
         def update(self, readings):
             if readings.stamp < 0.45:
                 return super().update(readings)
-            if isinstance(value, Exception):
+            if isinstance(value, BaseException):
                 raise value
             return value
 

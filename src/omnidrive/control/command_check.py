@@ -2,59 +2,92 @@
 
 from __future__ import annotations
 
-from omnidrive.control.controller import (
-    Command,
-    Status,
-    WheelSpeeds,
-    WheelTorques,
-)
+from omnidrive.control.controller import Command, CommandValue, Status, WheelSpeeds, WheelTorques
 from omnidrive.errors import kind_of
+from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import BodyTwist, WorldTwist
-from omnidrive.parameter import are_finite
+from omnidrive.parameter import are_numbers
 
 _VALUES = (BodyTwist, WheelSpeeds, WheelTorques)
+_STOP = BodyTwist(0.0, 0.0, 0.0)
+MAX_COMMAND = 1e9
+"""Greatest magnitude in a command, m/s, rad/s or N m; products of larger numbers can overflow."""
 
 
 def checked_command(command: object, details: int | None) -> Command:
     """Return ``command``; if it is malformed, one with the status ``FAILED`` and a message.
 
+    A command with the status ``FAILED`` is returned as zero twist, without details.
+
     Args:
         command: What ``Controller.step`` returned.
         details: Number of the controller's ``detail_units``; None: it has none.
     """
-    if (
-        type(command) is Command
-        and type(command.value) in _VALUES
-        and are_finite(command.value)
-        and (details is None or len(command.details) in {0, details})
-    ):
-        return command
-    return _failed(command, details)
+    fault = command_fault(command, details)
+    if fault is None and isinstance(command, Command):
+        if command.status is not Status.FAILED:
+            return command
+        fault = command.message if isinstance(command.message, str) else ""
+    return Command(_STOP, Status.FAILED, message=fault or "")
 
 
-def _failed(command: object, details: int | None) -> Command:
-    """Return a command with the status ``FAILED`` whose message describes the error."""
-    failed = Command(BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
+def command_fault(command: object, details: int | None) -> str | None:
+    """Return what is wrong with the result of a controller, in one line; None: nothing.
+
+    The arguments are those of :func:`checked_command`. Only the status of a command with the status
+    ``FAILED`` is checked.
+    """
     if not isinstance(command, Command):
-        return failed._replace(
-            message=f"it returned {kind_of(command)}, not a Command: {_way_out(command)}"
-        )
-    value = command.value
-    if command.status is Status.FAILED:
-        return command if isinstance(value, _VALUES) else failed._replace(message=command.message)
+        return f"it returned {kind_of(command)}, not a Command: {_way_out(command)}"
+    value, status, logged, message = command
+    if not isinstance(status, Status):
+        return f"the status of its command is {kind_of(status)}, not a Status such as Status.OK"
+    if status is Status.FAILED:
+        return None
     if not isinstance(value, _VALUES):
-        return failed._replace(
-            message=f"its command holds {kind_of(value)}, not a BodyTwist, WheelSpeeds or "
-            f"WheelTorques: {_way_out(value)}"
+        return (
+            f"its command holds {kind_of(value)}, not a BodyTwist, WheelSpeeds or WheelTorques: "
+            f"{_way_out(value)}"
         )
-    if not are_finite(value):
-        name = "twist is" if isinstance(value, BodyTwist) else f"{value.noun} are"
-        return failed._replace(message=f"its {name} not finite: {value}")
-    if details is not None and len(command.details) not in {0, details}:
-        return failed._replace(
-            message=f"its command holds {len(command.details)} details, its detail_units {details}"
-        )
-    return command
+    if not isinstance(message, str):
+        return f"the message of its command is {kind_of(message)}, not a text"
+    return _value_fault(value) or _details_fault(logged, details)
+
+
+def _value_fault(value: CommandValue) -> str | None:
+    """Return what is wrong with the numbers of a command; None: nothing."""
+    if not are_numbers(value):
+        return f"its {_noun(value)} not of numbers: {_shown(value)}"
+    for number in value:
+        if not -MAX_COMMAND <= number <= MAX_COMMAND:
+            fact = "too large" if number - number == 0 else "not finite"
+            return f"its {_noun(value)} {fact}: {_shown(value)}"
+    return None
+
+
+def _noun(value: CommandValue) -> str:
+    return "twist is" if isinstance(value, BodyTwist) else f"{value.noun} are"
+
+
+def _details_fault(logged: object, details: int | None) -> str | None:
+    """Return what is wrong with the details of a command; None: nothing."""
+    if details is None:
+        return None
+    if not isinstance(logged, tuple):
+        return f"the details of its command are {kind_of(logged)}, not a tuple"
+    if len(logged) not in {0, details}:
+        return f"its command holds {len(logged)} details, its detail_units {details}"
+    if not are_numbers(logged):
+        return f"the details of its command are not all numbers: {_shown(logged)}"
+    return None
+
+
+def _shown(value: object) -> str:
+    """Return a short representation of a value, which may not have one."""
+    try:
+        return one_line(repr(value), 100)
+    except Exception:
+        return kind_of(value)
 
 
 def _way_out(value: object) -> str:

@@ -7,6 +7,7 @@ from math import exp
 from typing import Annotated, NamedTuple
 
 from omnidrive.control.controller import Command
+from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.parameter import Bounds, check_bounds, check_sample_time
@@ -52,7 +53,7 @@ _DEFAULT_GAINS = FeedforwardGains()
 
 
 @dataclass(frozen=True, slots=True)
-class FeedforwardController:
+class FeedforwardController(GuardedController):
     """A :class:`Controller` with :func:`feedforward_law`; it has no memory.
 
     Attributes:
@@ -73,7 +74,7 @@ class FeedforwardController:
     def reset(self, state: State) -> None:
         """Do nothing: the law has no memory."""
 
-    def step(self, t: float, state: State, reference: Reference) -> Command:
+    def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
         current, following = (Pose(*row) for row in reference.window(t, 2, self.dt)[:, :3].tolist())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
-from time import get_clock_info, perf_counter_ns, thread_time_ns
+from math import isfinite, nan
+from time import get_clock_info, perf_counter, perf_counter_ns, thread_time_ns
 from typing import Literal, NamedTuple
 
 from omnidrive.control.command_check import checked_command
@@ -15,17 +16,33 @@ from omnidrive.control.controller import (
     DetailedController,
     PreparableController,
     Status,
+    WheelSpeeds,
+    WheelTorques,
 )
 from omnidrive.control.supervision import NullSupervisor, Supervisor
+from omnidrive.control.time_limit import TimedOut, TimeLimit
+from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
-from omnidrive.estimation.state import state_fault
+from omnidrive.estimation.state import LARGEST, state_fault
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Reference
 
 # a thread's own time is not disturbed by other processes; some systems count it too coarsely
 _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
-_STOP = Command(BodyTwist(0.0, 0.0, 0.0))
+_REST = BodyTwist(0.0, 0.0, 0.0)
+_STOP = Command(_REST)
 _FRAMES = 4  # calls shown of a traceback
+_ERRORS = (Exception, SystemExit)  # of a part
+
+STEP_TIMEOUT = 30.0
+"""Wall-clock time, s, after which a call of ``Controller.step`` counts as stalled: so long that no
+result depends on the speed of the computer. The first call of a run, which may compile, has ten
+times as long."""
+COMMAND_TIMEOUT = 0.5
+"""Age, s, up to which the last command of a stalled controller is held, as ``cmd_vel_timeout`` of
+ros2_controllers."""
+RAMP_TIME = 0.5
+"""Time, s, in which a command that is too old decreases to zero."""
 
 Part = Literal["reference", "estimator", "supervisor", "controller"]
 
@@ -34,7 +51,7 @@ class PipelineStep(NamedTuple):
     """Result of one sample."""
 
     state: State
-    """Estimate at the sample."""
+    """Estimate at the sample; the last usable one if that at the sample is not usable."""
     target: Pose
     """Reference pose at the sample, in W; m, m, rad."""
     command: Command
@@ -52,19 +69,35 @@ class Pipeline:
     An exception or an invalid result of a part is reported in the returned step and not raised, so
     that the caller can stop the robot.
 
+    An estimate that is not usable (:attr:`~omnidrive.estimation.State.is_usable`) is a lost
+    measurement: the last usable one is kept and its age grows, and commands computed from it have
+    the status ``FALLBACK`` at best.
+
+    A controller whose step takes longer than :data:`STEP_TIMEOUT` is not called again in the run.
+    Its last command is held up to an age of :data:`COMMAND_TIMEOUT`, then ramped to zero in
+    :data:`RAMP_TIME`; then the controller has failed.
+
     Attributes:
         controller: Computes the command.
         estimator: Computes the state from the readings; by default the latest pose fix.
         supervisor: Checks the state and limits the command; by default no supervisor.
+        detail_units: Name and unit of each detail of the controller's commands, from ``reset`` on.
     """
 
     controller: Controller
     estimator: StateEstimator = field(default_factory=LatestFix)
     supervisor: Supervisor = field(default_factory=NullSupervisor)
+    detail_units: Mapping[str, str] = field(default_factory=dict, init=False)
     _previous: Command = field(default=_STOP, init=False, repr=False)
     """Command computed in the previous sample."""
+    _estimate: State = field(default=State(0.0, Pose(nan, nan, nan)), init=False, repr=False)
+    """Last usable estimate."""
     _state: State = field(default=State(0.0, Pose(nan, nan, nan)), init=False, repr=False)
-    _details: int | None = field(default=None, init=False, repr=False)
+    """State for the controller."""
+    _computed: tuple[float, Command] | None = field(default=None, init=False, repr=False)
+    """Time (s) and value of the last command of the controller."""
+    _stalled: str = field(default="", init=False, repr=False)
+    """Description of the step that took too long; empty: none."""
 
     def prepare(self) -> None:
         """Prepare the controller if it is a :class:`PreparableController`."""
@@ -72,33 +105,40 @@ class Pipeline:
             self.controller.prepare()
 
     def reset(self, pose: Pose) -> None:
-        """Start a run at rest at ``pose``, which is known exactly."""
-        self._state = State(0.0, pose)
-        self._previous = _STOP
+        """Start a run at rest at ``pose``, which is known exactly.
+
+        Raises:
+            InvalidInput: The pose is not usable.
+        """
+        self._estimate = self._state = State(0.0, pose)
+        if not self._state.is_usable:
+            raise InvalidInput(f"the start is not finite: {pose}")
+        self._previous, self._computed, self._stalled = _STOP, None, ""
+        self.detail_units = {}
         self.estimator.reset(pose)
         self.controller.reset(self._state)
         self.supervisor.reset(self.controller)
-        self._details = None
         if isinstance(self.controller, DetailedController):
-            self._details = len(self.controller.detail_units)
+            self.detail_units = _checked_units(self.controller.detail_units)
 
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
-        """Estimate and check the state at ``t`` (s) without a command, as at the end of a run."""
+        """Estimate and check the state at ``t`` (s) without a command, as at the end of a run.
+
+        The status of the returned command is ``FALLBACK`` if the estimate is not usable.
+        """
         part: Part = "reference"
         target = self._state.pose
         try:
-            target = reference.at(t).pose
+            target = _target(reference, t)
             part = "estimator"
-            state = self.estimator.update(readings)
-            fault = state_fault(state)
-            if fault is not None:
-                return self._failure(part, target, fault)
-            self._state = state
+            state, status = self._update(t, readings)
             part = "supervisor"
             self._state = self.supervisor.check(t, readings, state, target)
-        except Exception:
+        except _Malformed as error:
+            return self._failure(part, target, str(error))
+        except _ERRORS:
             return self._failure(part, target, _traceback())
-        return PipelineStep(state, target, _STOP)
+        return PipelineStep(state, target, _STOP._replace(status=status))
 
     def step(
         self,
@@ -122,31 +162,101 @@ class Pipeline:
         observed = self.observe(t, readings, reference)
         if observed.failed:
             return observed
-        command, step_time = _STOP, nan
+        command, step_time = observed.command, nan
         if self.supervisor.stopped is None:
             command, step_time = self._compute(t, reference)
+            if command.status < observed.command.status:
+                command = command._replace(status=observed.command.status)
         command, self._previous = (self._previous if late else command), command
         if command.status is Status.FAILED:
             return PipelineStep(observed.state, observed.target, command, step_time, "controller")
         try:
             command = self.supervisor.limit(command, dt)
-        except Exception:
+        except _ERRORS:
             return self._failure("supervisor", observed.target, _traceback())
         return PipelineStep(observed.state, observed.target, command, step_time)
 
+    def _update(self, t: float, readings: SensorReadings) -> tuple[State, Status]:
+        """Return the estimate at ``t`` (s), or the last usable one and the status ``FALLBACK``."""
+        state, last = self.estimator.update(readings), self._estimate
+        fault = state_fault(state)
+        if fault is not None:
+            raise _Malformed(fault)
+        if state.is_usable:
+            self._estimate = state
+            return state, Status.OK
+        self._estimate = last._replace(stamp=t, fix_age=last.fix_age + t - last.stamp)
+        return self._estimate, Status.FALLBACK
+
     def _compute(self, t: float, reference: Reference) -> tuple[Command, float]:
         """Return the command of the controller and its computing time, us."""
+        if self._stalled:
+            return self._aged_command(t), nan
         controller = self.supervisor.controller or self.controller
-        start = _clock()
+        step_time, begin = nan, perf_counter()
+        seconds = STEP_TIMEOUT if self._computed else 10.0 * STEP_TIMEOUT
         try:
-            command = controller.step(t, self._state, reference)
-        except Exception:
+            with TimeLimit(seconds) as limit:
+                start = _clock()
+                command = controller.step(t, self._state, reference)
+                step_time = (_clock() - start) * 1e-3
+            in_time = limit.armed or perf_counter() - begin < seconds
+        except TimedOut:
+            in_time = False
+        except _ERRORS:
             return _STOP._replace(status=Status.FAILED, message=_traceback()), nan
-        return checked_command(command, self._details), (_clock() - start) * 1e-3
+        if not in_time:
+            self._stalled = f"its step at {t:g} s took longer than {seconds:g} s"
+            return self._aged_command(t), step_time
+        checked = checked_command(command, len(self.detail_units) or None)
+        self._computed = t, checked
+        return checked, step_time
+
+    def _aged_command(self, t: float) -> Command:
+        """Return the last command of a stalled controller at ``t`` (s), which is ramped to zero.
+
+        Torques, which do not decrease a speed with their size, are followed by a zero twist.
+        """
+        computed, last = self._computed or (t, _STOP)
+        share = min(1.0, 1.0 - (t - computed - COMMAND_TIMEOUT) / RAMP_TIME)
+        if share <= 0.0 or last.value == _REST:
+            return _STOP._replace(status=Status.FAILED, message=self._stalled)
+        value = last.value
+        if share < 1.0:
+            value = _REST if isinstance(value, WheelTorques) else _scaled(value, share)
+        return Command(value, Status.FALLBACK)
 
     def _failure(self, part: Part, target: Pose, message: str) -> PipelineStep:
         command = _STOP._replace(status=Status.FAILED, message=message)
         return PipelineStep(self._state, target, command, nan, part)
+
+
+class _Malformed(Exception):
+    """A part returned something other than its interface states; the message says what."""
+
+
+def _target(reference: Reference, t: float) -> Pose:
+    """Return the pose of the reference at ``t`` (s)."""
+    if not -LARGEST <= t <= LARGEST:
+        raise _Malformed(f"the time of the sample is not usable: {t:g} s")
+    target = reference.at(t).pose
+    if not isinstance(target, Pose):
+        raise _Malformed(f"its setpoint holds {kind_of(target)}, not a Pose")
+    if not all(map(isfinite, target)):
+        raise _Malformed(f"its pose at {t:g} s is not finite: {target}")
+    return target
+
+
+def _scaled(value: BodyTwist | WheelSpeeds, share: float) -> BodyTwist | WheelSpeeds:
+    numbers = [share * number for number in value]
+    return WheelSpeeds(numbers) if isinstance(value, WheelSpeeds) else BodyTwist(*numbers)
+
+
+def _checked_units(units: object) -> dict[str, str]:
+    """Return ``detail_units`` of a controller; raise TypeError if it is malformed."""
+    if isinstance(units, Mapping) and all(isinstance(v, str) for kv in units.items() for v in kv):
+        return dict(units)
+    raise TypeError(f"detail_units must map names to units, both texts; it is {kind_of(units)}")
 
 
 def _traceback() -> str:

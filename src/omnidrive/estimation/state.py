@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from math import hypot, nan, sqrt
+from math import hypot, isfinite, nan, sqrt
+from numbers import Real
 from typing import NamedTuple
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import kind_of
 from omnidrive.geometry import BodyTwist, Pose
+
+LARGEST = 1e10
+"""Greatest magnitude of a usable time (s), coordinate (m) or angle (rad).
+
+At 1e10, neighbouring floats differ by 2e-6."""
 
 
 class State(NamedTuple):
@@ -25,6 +32,22 @@ class State(NamedTuple):
     """Covariance of the pose error (x, y, yaw) in B; m^2, m rad, rad^2. None if it is unknown."""
     fix_age: float = 0.0
     """Time since the stamp of the last accepted pose fix, s."""
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether stamp and pose are numbers up to :data:`LARGEST`, and covariance and age are.
+
+        A state that is not usable, because a number is NaN, infinite or huge, is no estimate.
+        """
+        x, y, yaw = self.pose
+        return (
+            -LARGEST <= x <= LARGEST
+            and -LARGEST <= y <= LARGEST
+            and -LARGEST <= yaw <= LARGEST
+            and -LARGEST <= self.stamp <= LARGEST
+            and -LARGEST <= self.fix_age <= LARGEST
+            and (self.covariance is None or isfinite(float(self.covariance.sum())))
+        )
 
     @property
     def position_sigma(self) -> float:
@@ -44,9 +67,28 @@ class State(NamedTuple):
 
 
 def state_fault(state: object) -> str | None:
-    """Return what is wrong with the result of an estimator, in one line; None: nothing."""
+    """Return what is wrong with the result of an estimator, in one line; None: nothing.
+
+    Numbers that are not usable are no fault, see :attr:`State.is_usable`.
+    """
     if not isinstance(state, State):
         return f"it returned {kind_of(state)}, not a State"
-    if not isinstance(state.pose, Pose):
-        return f"its state holds {kind_of(state.pose)}, not a Pose"
+    pose, twist, covariance = state.pose, state.twist, state.covariance
+    if not isinstance(pose, Pose):
+        return f"its state holds {kind_of(pose)}, not a Pose"
+    if not (twist is None or isinstance(twist, BodyTwist)):
+        return f"the twist of its state is {kind_of(twist)}, not a BodyTwist or None"
+    for value in (state.stamp, *pose, *(twist or ()), state.fix_age):
+        if type(value) is not float and not isinstance(value, Real):
+            return f"its state holds {kind_of(value)} where a number is expected"
+    if covariance is not None and not (
+        isinstance(covariance, np.ndarray)
+        and covariance.shape == (3, 3)
+        and covariance.dtype.kind in "fiu"
+    ):
+        shape = f" of shape {covariance.shape}" if isinstance(covariance, np.ndarray) else ""
+        return (
+            f"the covariance of its state is {kind_of(covariance)}{shape}, not a 3 x 3 array of "
+            "numbers or None"
+        )
     return None

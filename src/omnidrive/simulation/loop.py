@@ -17,7 +17,6 @@ from omnidrive.control import (
     Command,
     CommandValue,
     Controller,
-    DetailedController,
     Pipeline,
     PipelineStep,
     Status,
@@ -350,7 +349,7 @@ class _Log:
     def run(self, events: Sequence[Event]) -> Run:
         """Return the log of the run."""
         columns = dict(zip(_Row._fields, zip(*self.rows, strict=True), strict=True))
-        supervisor, units = self.pipeline.supervisor, _units(self.pipeline.controller)
+        supervisor, units = self.pipeline.supervisor, self.pipeline.detail_units
         outcome, reason = self.end.outcome, supervisor.stopped or self.end.reason
         if reason and outcome is Outcome.FINISHED:
             outcome = Outcome.STOPPED
@@ -381,10 +380,6 @@ def _columns(rows: Sequence[tuple[float, ...]]) -> Float[Array, "rows wheels"]:
     if min(map(len, rows)) < wheels:
         rows = [row if len(row) == wheels else (nan,) * wheels for row in rows]
     return np.array(rows, dtype=float)
-
-
-def _units(controller: Controller) -> Mapping[str, str]:
-    return controller.detail_units if isinstance(controller, DetailedController) else {}
 
 
 def _detail_columns(

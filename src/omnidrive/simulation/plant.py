@@ -6,6 +6,7 @@ from enum import IntFlag
 from math import ceil
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from omnidrive.control.command_check import MAX_COMMAND
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
 from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import BodyTwist, Pose
@@ -114,9 +115,6 @@ class DisturbablePlant(Plant, Protocol):
         ...
 
 
-_MAX_COMMAND = 1e9  # m/s, rad/s or N m; products of larger numbers can overflow
-
-
 def check_step(command: object, dt: Any, capabilities: PlantCapabilities, wheels: int) -> None:
     """Check that a plant can execute a command for ``dt`` (s).
 
@@ -155,9 +153,9 @@ def check_command(command: object, capabilities: PlantCapabilities, wheels: int)
         raise InvalidInput(
             f"a plant executes a BodyTwist, WheelSpeeds or WheelTorques, got {kind_of(command)}"
         )
-    if not (are_finite(command) and max(map(abs, command), default=0.0) <= _MAX_COMMAND):
+    if not (are_finite(command) and max(map(abs, command), default=0.0) <= MAX_COMMAND):
         raise InvalidInput(
-            f"a command must consist of numbers within +-{_MAX_COMMAND:g}, got {command!r:.200}"
+            f"a command must consist of numbers within +-{MAX_COMMAND:g}, got {command!r:.200}"
         )
     if isinstance(command, BodyTwist):
         return

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import cos, isfinite, sin
+from math import cos, sin
 
-from omnidrive.control.controller import Command, Status
+from omnidrive.control.controller import Command
+from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.pid.channel import Channel, TrackingChannel, tuning_units
 from omnidrive.control.pid.laws import saturate
 from omnidrive.control.preparation import run_once
@@ -22,8 +23,6 @@ from omnidrive.geometry import (
 )
 from omnidrive.reference import Reference
 
-_STOP = BodyTwist(0.0, 0.0, 0.0)
-
 
 def _detail_units(channels: Mapping[str, Channel | TrackingChannel]) -> dict[str, str]:
     """Return name and unit of each number that the channels log, such as ``kp_heading``."""
@@ -35,7 +34,7 @@ def _detail_units(channels: Mapping[str, Channel | TrackingChannel]) -> dict[str
 
 
 @dataclass(frozen=True, slots=True)
-class FuzzyPidController:
+class FuzzyPidController(GuardedController):
     """A :class:`Controller` that drives to the reference pose of the next sample.
 
     The position channel maps the vector to the goal to a velocity in W, tuned by the distance; the
@@ -68,7 +67,7 @@ class FuzzyPidController:
         self.position.reset()
         self.heading.reset()
 
-    def step(self, t: float, state: State, reference: Reference) -> Command:
+    def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
         goal = reference.at(t + self.dt).pose
@@ -83,7 +82,7 @@ class FuzzyPidController:
 
 
 @dataclass(slots=True)
-class TrackingPidController:
+class TrackingPidController(GuardedController):
     """A :class:`Controller` that follows the reference's motion and corrects errors in B.
 
     It commands the body twist whose arc leads, in one sample, to the pose that the reference's
@@ -93,8 +92,8 @@ class TrackingPidController:
     The reference's motion is its mean velocity, and the rate of the error is that motion minus the
     motion of the measured pose: a jump of the reference causes an error but no derivative kick.
     The corrections of x and y are saturated together, which keeps their direction, and the
-    integrals are corrected for the saturation. A pose that is not finite fails one step and does
-    not affect later steps.
+    integrals are corrected for the saturation. After samples without a usable pose, the rate of the
+    error is the mean over the time without one.
 
     Attributes:
         dt: Sample time in s.
@@ -107,7 +106,8 @@ class TrackingPidController:
     x: TrackingChannel
     y: TrackingChannel
     heading: TrackingChannel
-    _previous: tuple[Pose, WorldTwist] | None = field(default=None, init=False)
+    _previous: tuple[float, Pose, WorldTwist] | None = field(default=None, init=False)
+    """Time (s), pose, and motion of the reference at the previous sample."""
 
     @property
     def detail_units(self) -> Mapping[str, str]:
@@ -124,15 +124,12 @@ class TrackingPidController:
         for channel in (self.x, self.y, self.heading):
             channel.reset()
 
-    def step(self, t: float, state: State, reference: Reference) -> Command:
+    def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
-        if not isfinite(pose.x + pose.y + pose.yaw):
-            self._previous = None
-            return Command(_STOP, Status.FAILED)
         current, motion = _motion(reference, t, self.dt)
-        rate = self._rate(pose)
-        self._previous = pose, motion
+        rate = self._rate(t, pose)
+        self._previous = t, pose, motion
         error = _in_body(pose, current.x - pose.x, current.y - pose.y, wrap(current.yaw - pose.yaw))
 
         x, details_x = self.x.step(error[0], rate[0])
@@ -148,12 +145,15 @@ class TrackingPidController:
         twist = _arc(pose, motion, correction, self.dt)
         return Command(twist, details=details_x + details_y + details_heading)
 
-    def _rate(self, pose: Pose) -> tuple[float, float, float]:
-        """Return the mean rate of the error in B over the last sample, without reference jumps."""
+    def _rate(self, t: float, pose: Pose) -> tuple[float, float, float]:
+        """Return the mean rate of the error in B since the previous pose, without reference jumps.
+
+        The time since then is a whole number of sample times, also if these vary a little.
+        """
         if self._previous is None:
             return (0.0, 0.0, 0.0)
-        previous, motion = self._previous
-        dt = self.dt
+        before, previous, motion = self._previous
+        dt = self.dt * max(1, round((t - before) / self.dt))
         return _in_body(
             pose,
             motion.vx - (pose.x - previous.x) / dt,

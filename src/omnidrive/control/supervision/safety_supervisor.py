@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import hypot, isfinite
+from math import hypot
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from omnidrive.control.supervision.watchdog import Watchdog
 from omnidrive.control.supervision.wheel_monitor import Finding, WheelDefect, WheelMonitor
 from omnidrive.errors import InvalidGeometry
 from omnidrive.estimation import SensorReadings, State
+from omnidrive.estimation.state import LARGEST
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.robot import Robot
 
@@ -172,11 +173,9 @@ class SafetySupervisor:
         before, now, dt = self._angles, readings.wheel_angles, self._held
         if dt is None:
             return _STOP
-        if len(before) == len(now) > 0 and all(map(isfinite, (*before, *now))):
+        if len(before) == len(now) > 0 and all(abs(v) <= LARGEST for v in (*before, *now)):
             return self.robot.drive.twist(np.subtract(now, before) / dt)
-        if all(map(isfinite, (*pose, *self._pose))):
-            return twist_between(self._pose, pose, dt)
-        return self._commanded
+        return twist_between(self._pose, pose, dt)
 
     def _stop(self, t: float, reason: str) -> None:
         self.stopped = f"at {t:.2f} s {reason}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import hypot, inf, isfinite
+from math import hypot, inf
 from typing import Annotated, NamedTuple
 
 from omnidrive.estimation import State
@@ -54,19 +54,17 @@ class Watchdog:
 
         Args:
             t: Time, s.
-            state: Estimate; an unknown covariance exceeds no limit.
+            state: Estimate; an unknown covariance exceeds no limit, a pose that is not finite does.
             target: Reference pose.
         """
         pose, sigma, age = state.pose, state.position_sigma, state.fix_age
-        if not all(map(isfinite, pose)):
-            return "the measured pose is not finite"
         error = hypot(pose.x - target.x, pose.y - target.y)
         if self._at_start == inf:
             self._at_start = error
         limits = self.limits
         allowed = limits.error + self._at_start
         exceeded = {
-            "error": error > allowed,
+            "error": not error <= allowed,  # also if it is NaN
             "position_sigma": sigma > limits.position_sigma,
             "age": age > limits.age + _ROUNDING,
         }

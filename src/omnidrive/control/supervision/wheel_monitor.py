@@ -13,6 +13,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
 from omnidrive.estimation import EncoderSettings
+from omnidrive.estimation.state import LARGEST
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Robot
 
@@ -107,27 +108,28 @@ class WheelMonitor:
             command: Command during the sample.
             dt: Duration of the sample, s.
             angles: Encoder angle of each wheel since the reset, rad; NaN if an encoder
-                reports nothing, which counts as no rotation.
-            torques: Mean torque of each motor during the sample, N m.
+                reports nothing, which counts as no rotation, as does an infinite or huge angle.
+            torques: Mean torque of each motor during the sample, N m; no evidence if it is NaN,
+                infinite or huge.
         """
         wheels = len(self._robot.mounts)
         if len(angles) != wheels or len(torques) != wheels:
             return []
-        now, before = np.asarray(angles, dtype=float), self._angles
-        self._angles = now = np.where(np.isnan(now), before, now)
+        before = self._angles
+        self._angles = now = _usable(angles, before)
         speeds, robot, resolution = (now - before) / dt, self._robot, self._step / dt
         if isinstance(command, WheelTorques):
-            return self._count(self._torque_evidence(command, speeds, torques))
+            return self._count(self._torque_evidence(command, speeds, _usable(torques, np.nan)))
         commanded = self._mean_set_points(command, dt)
         scale = robot.servo_gain / robot.max_torque
         expected = scale * (commanded - speeds)
-        torque = np.asarray(torques, dtype=float) / robot.max_torque
+        torque = _usable(torques, np.nan) / robot.max_torque
         linear = (scale * np.abs(commanded - self._before) < 1.0) & (np.abs(expected) < 1.0)
         self._before = commanded
         is_standing = np.abs(speeds) <= _STANDING * np.abs(commanded)
         has_torque = np.abs(torque) >= 0.5 * np.minimum(np.abs(expected), 1.0)
         is_commanded = scale * np.abs(commanded) >= _MIN_TORQUE_STANDING
-        is_commanded &= np.abs(commanded) >= _MIN_COUNTS * resolution
+        is_commanded &= (np.abs(commanded) >= _MIN_COUNTS * resolution) & ~np.isnan(torque)
         is_turning = np.abs(speeds) > _TURNING * np.abs(commanded)
         is_zero = np.abs(torque) <= _ZERO_TORQUE
         below_friction = np.abs(expected) <= self._transmitted
@@ -149,7 +151,10 @@ class WheelMonitor:
         return self._count(evidence)
 
     def _torque_evidence(
-        self, command: WheelTorques, speeds: Float[Array, " wheels"], torques: Sequence[float]
+        self,
+        command: WheelTorques,
+        speeds: Float[Array, " wheels"],
+        torques: Float[Array, " wheels"],
     ) -> dict[WheelDefect, tuple[Array, Array]]:
         """Return the evidence of a sample with commanded torques: that for a dead motor only.
 
@@ -188,3 +193,11 @@ class WheelMonitor:
                     self._known.add(wheel)
                     found.append(Finding(wheel, defect))
         return found
+
+
+def _usable(
+    numbers: Sequence[float], otherwise: Float[Array, " wheels"] | float
+) -> Float[Array, " wheels"]:
+    """Return the numbers; ``otherwise`` in place of those that are NaN, infinite or huge."""
+    values = np.asarray(numbers, dtype=float)
+    return np.where(np.abs(values) <= LARGEST, values, otherwise)

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from omnidrive.control.controller import Command, Status
+from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
@@ -68,7 +69,7 @@ class FallbackLevel(IntEnum):
 
 
 @dataclass(slots=True)
-class HolonomicController:
+class HolonomicController(GuardedController):
     """A :class:`~omnidrive.control.Controller` that solves a :class:`HolonomicProblem` every step.
 
     The target of every state is the reference's pose at that time. The feedforward velocity of a
@@ -150,14 +151,14 @@ class HolonomicController:
         self.solution, self._age, self._final_twist = None, 0, _STOP
         self._twists.extend([_STOP] * (self._twists.maxlen or 0))
 
-    def step(self, t: float, state: State, reference: Reference) -> Command:
+    def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
         problem = self._problem(t + self.actuation.delay, self._predict(pose), reference)
         usable = isfinite(problem.start.sum() + problem.targets.sum())
         solution = self.solver.solve(problem) if usable else None
         if solution is None or solution.exit is Exit.UNUSABLE:
-            return self._step_without_plan()
+            return self.fall_back("no usable solution")
         self.solution, self._age = solution, 0
         converged = solution.exit is Exit.CONVERGED
         level = FallbackLevel.CONVERGED if converged else FallbackLevel.FEASIBLE
@@ -187,14 +188,14 @@ class HolonomicController:
                 pose = move(pose, twist, self.dt)
         return pose
 
-    def _step_without_plan(self) -> Command:
+    def fall_back(self, reason: str) -> Command:
         """Return a command along the latest plan, the slower the older it is, or zero twist."""
         self._age += 1
         plan, age, max_age = self.solution, self._age, OLD_PLAN_STEPS + RAMP_STEPS
         if plan is None or age > max_age or age >= len(plan.velocities):
             self._twists.append(_STOP)
             self._final_twist = _STOP
-            return Command(_STOP, Status.FAILED, self._details(FallbackLevel.STOP, None))
+            return Command(_STOP, Status.FAILED, self._details(FallbackLevel.STOP, None), reason)
         factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
         vx, vy, yaw_rate = self._planned_twist(plan, age)
         twist = self._compensate(BodyTwist(factor * vx, factor * vy, factor * yaw_rate))
@@ -219,11 +220,12 @@ class HolonomicController:
             )
             return self.chassis.saturate(commanded)  # whose limit may be lower than the model's
         translation_gain, rotation_gain = (lag / self.dt for lag in self.actuation.lag)
-        return BodyTwist(
+        commanded = BodyTwist(
             twist.vx + translation_gain * (twist.vx - before.vx),
             twist.vy + translation_gain * (twist.vy - before.vy),
             twist.yaw_rate + rotation_gain * (twist.yaw_rate - before.yaw_rate),
         )
+        return self.chassis.saturate(commanded)  # plans may exceed the limit from a fast start
 
     def _details(
         self, level: FallbackLevel, plan: HolonomicSolution | None

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import Command, Status
+from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import Exit
 from omnidrive.control.nmpc.unicycle.ipopt import UnicycleIpopt
@@ -39,7 +40,6 @@ _STATUS = {
     Exit.STALLED: Status.FALLBACK,
     Exit.UNUSABLE: Status.FAILED,
 }
-_STOP = BodyTwist(0.0, 0.0, 0.0)
 
 
 def unicycle_law(
@@ -75,12 +75,11 @@ def unicycle_law(
 
 
 @dataclass(slots=True)
-class UnicycleController:
+class UnicycleController(GuardedController):
     """A :class:`~omnidrive.control.Controller` that solves a :class:`UnicycleProblem` every step.
 
     Its only memory is the latest plan: shifted by one stage, it is the initial guess of the next
-    solve. A step without a usable plan clears it, so that one invalid measurement does not affect
-    later steps.
+    solve. A step without a usable plan clears it.
 
     Attributes:
         dt: Sample time and length of a stage, in s.
@@ -107,7 +106,7 @@ class UnicycleController:
         """Compile the kernels of a step."""
         run_once(self)
 
-    def step(self, t: float, state: State, reference: Reference) -> Command:
+    def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
         problem = tracking_problem(
@@ -115,11 +114,11 @@ class UnicycleController:
         )
         if not isfinite(problem.start.sum() + problem.targets.sum() + problem.feedforward.sum()):
             self.solution = None
-            return Command(_STOP, Status.FAILED)
+            return self.fall_back("the reference is not finite")
         solution = self.solver.solve(problem, self._guess(problem))
         if solution.exit is Exit.UNUSABLE:
             self.solution = None
-            return Command(_STOP, Status.FAILED)
+            return self.fall_back("no usable solution")
         self.solution = solution
         twist = unicycle_law(problem, solution, self.parameters.lateral_gain)
         return Command(twist, _STATUS[solution.exit])
