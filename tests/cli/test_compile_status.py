@@ -1,8 +1,6 @@
 """The kernel that is being compiled, on a terminal."""
 
 import logging
-import os
-import subprocess
 import sys
 
 import pytest
@@ -10,7 +8,8 @@ import pytest
 from omnidrive.cli import compile_status, terminal
 from omnidrive.cli.compile_status import show_compiling
 from omnidrive.cli.progress import LiveProgress
-from omnidrive.compiled.compilation import Compilation, announce_compiling, notify
+from omnidrive.cli.terminal import NoteHandler
+from omnidrive.compiled.compilation import Compilation, announce_compiling, notify, reported
 
 LOGGER = logging.getLogger("omnidrive.compiled")
 KERNEL = "control.nmpc.solver.solve"
@@ -38,10 +37,19 @@ def compile_two():
 def test_kernels_are_counted_and_the_line_is_cleared(on_terminal, capsys):
     compile_two()
     shown = [text.strip() for text in capsys.readouterr().err.split("\r")]
-    assert [text for text in shown if text] == 2 * ["compiling kernel 1: solver.solve"] + 2 * [
-        "compiling kernel 2: fuzzy.batch"
+    assert [text for text in shown if text] == 2 * ["compiling kernel 1: solve"] + 2 * [
+        "compiling kernel 2: batch"
     ]
     assert shown[-1] == ""
+
+
+def test_kernel_that_another_one_interrupts_is_shown_again(on_terminal, monkeypatch):
+    shown = []
+    monkeypatch.setattr(compile_status, "displays", [shown.append])
+    with announce_compiling(note=""), reported("a.outer"), reported("a.inner"):
+        pass
+    first, second = "compiling kernel 1: outer", "compiling kernel 2: inner"
+    assert shown == [first, second, first, ""]
 
 
 def test_nothing_is_shown_if_quiet_or_without_terminal(on_terminal, monkeypatch, capsys):
@@ -62,38 +70,25 @@ def test_progress_bar_shows_the_kernel_beside_it(on_terminal):
         task = progress._progress.tasks[-1]
         with announce_compiling(note=""):
             notify(Compilation(KERNEL))
-            assert task.fields["what"] == "compiling kernel 1: solver.solve"
+            assert task.fields["what"] == "compiling kernel 1: solve"
             notify(Compilation(KERNEL, 1.0))
         assert task.fields["what"] == ""
     assert len(compile_status.displays) == 1
 
 
-COLD = """
-from pathlib import Path
-from omnidrive.cli.compile_status import show_compiling
-from omnidrive.cli.terminal import NoteHandler
-from omnidrive.compiled import announce_compiling, compiled
-import logging
-
-@compiled
-def double(x):
-    return 2.0 * x
-
-logging.getLogger().addHandler(NoteHandler(logging.WARNING))
-show_compiling()
-with announce_compiling():
-    print(double(1.0))
-"""
-
-
-def test_one_line_without_terminal(tmp_path):
-    (tmp_path / "program.py").write_text(COLD)
-    done = subprocess.run(
-        [sys.executable, str(tmp_path / "program.py")], capture_output=True, text=True, check=True,
-        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
-    )  # fmt: skip
-    assert done.stdout == "2.0\n"
-    assert done.stderr == (
+def test_one_line_without_terminal(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
+    monkeypatch.setattr(terminal._Output, "noted", set())
+    handler = NoteHandler(logging.WARNING)
+    logging.getLogger().addHandler(handler)
+    try:
+        show_compiling()
+        with announce_compiling():
+            notify(Compilation(KERNEL))
+            notify(Compilation(KERNEL, 1.0))
+    finally:
+        logging.getLogger().removeHandler(handler)
+    assert capsys.readouterr().err == (
         "omnidrive: note: compiling kernels before their first use; `omnidrive warmup` compiles "
         "those of all commands\n"
     )

@@ -24,23 +24,28 @@ displays: list[Callable[[str], None]] = [_write]
 
 
 class CompileStatus(logging.Handler):
-    """Shows which kernel is compiled; the text disappears afterwards."""
+    """Shows which kernel is compiled, the latest of several; the text disappears afterwards."""
 
     def __init__(self) -> None:
         super().__init__()
         self._count = 0
+        self._texts: list[tuple[str, str]] = []  # kernels that are being compiled
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show the start or the end of a compilation; ignore other records."""
         compilation = getattr(record, "compilation", None)
         if compilation is None or is_quiet():
             return
-        text = ""
+        kernel = compilation.kernel
         if compilation.seconds is None:
             self._count += 1
-            name = ".".join(compilation.kernel.split(".")[-2:])
-            text = f"compiling kernel {self._count}: {name}"
-        displays[-1](text)
+            function = kernel.rpartition(".")[2]
+            self._texts.append((kernel, f"compiling kernel {self._count}: {function}"))
+        else:
+            ended = next((each for each in self._texts[::-1] if each[0] == kernel), None)
+            if ended:
+                self._texts.remove(ended)
+        displays[-1](self._texts[-1][1] if self._texts else "")
 
 
 def show_compiling() -> None:

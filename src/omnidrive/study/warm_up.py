@@ -13,7 +13,7 @@ from typing import cast, get_args
 import numpy as np
 
 from omnidrive.choices import MethodName, PresetName
-from omnidrive.compiled.cache_folder import failures
+from omnidrive.compiled.cache_folder import failures, usable_folder
 from omnidrive.compiled.compilation import CompileRelay, announce_compiling, compile_listeners
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
@@ -46,6 +46,8 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
     Raises:
         CannotWrite: The compiled kernels cannot be kept on disk.
     """
+    if usable_folder() is None:
+        raise CannotWrite(failures[-1])
     progress = progress or NullProgress()
     scenarios = [(preset, paper_scenario(preset)) for preset in get_args(PresetName)]
     controllers = [
