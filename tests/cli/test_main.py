@@ -44,3 +44,11 @@ def test_help_of_no_verb_imports_heavy_packages():
     lines = [line for line in done.stdout.splitlines() if line.startswith(("HEAVY", "light"))]
     assert lines == ["light 0", *(" ".join(["light", "0", *verb]) for verb in SUBVERBS)]
     assert all(verb in done.stdout for verb in VERBS)
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&1", "<&- >&- 2>&-"])
+def test_closed_streams_do_not_change_the_status(closed):
+    """The shell closes a standard stream of the command."""
+    command = ["sh", "-c", f'exec "$0" -m omnidrive list controler {closed}', sys.executable]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", "")

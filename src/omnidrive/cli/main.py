@@ -100,6 +100,7 @@ def omnidrive(
     """
 
 
+_STREAMS = {"stdout": 1, "stderr": 2}
 _INTERRUPTED = 128 + signal.SIGINT
 _SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -109,6 +110,7 @@ _received: list[int] = []  # the signal that terminates this command
 
 def main() -> None:
     """Run the command line and exit with its status."""
+    _open_streams()
     for number in _SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored under nohup
             signal.signal(number, _interrupt)
@@ -120,6 +122,19 @@ def main() -> None:
         status = _status()
     _restore_signals()
     sys.exit(status)
+
+
+def _open_streams() -> None:
+    """Open the null device as each standard stream that is closed, as after ``2>&-``.
+
+    The next file that is opened would otherwise get the stream's number, and what libraries print.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= _STREAMS["stderr"]:
+        os.set_inheritable(number, True)
+    os.close(number)
+    for name, number in _STREAMS.items():
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "w", encoding="utf-8"))  # noqa: SIM115 - until the end
 
 
 def _note(
