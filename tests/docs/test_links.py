@@ -36,6 +36,13 @@ def test_links_are_valid(page):
             assert anchor in anchors(target), link
 
 
+def test_no_asterisk_is_taken_as_emphasis():
+    """The asterisk of A* and Theta* is escaped: two of them in one paragraph would be emphasis."""
+    for page in LINKED:
+        text = CODE.sub("", page.read_text(encoding="utf-8"))
+        assert not re.search(r"\b(A|Theta)\*", text), page
+
+
 def test_the_readme_fits_on_a_landing_page():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 90
 
