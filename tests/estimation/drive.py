@@ -46,10 +46,11 @@ class Drive:
     """A robot without slip whose rims creep, with its sensors, their readings and its estimator."""
 
     def __init__(
-        self, sensors=QUIET, filter_settings=None, seed=0, creep=0.0, robot=ROBOT, start=START
-    ):
+        self, sensors=QUIET, filter_settings=None, seed=0, creep=0.0, robot=ROBOT, start=START,
+        dt=DT,
+    ):  # fmt: skip
         rng = np.random.default_rng(seed)
-        self.robot, self.creep, self.rng = robot, creep, rng.spawn(1)[0]
+        self.robot, self.creep, self.rng, self.dt = robot, creep, rng.spawn(1)[0], dt
         self.sensors = SensorSuite(sensors, robot.chassis, rng)
         self.estimator = PoseEstimator(robot, sensors, filter_settings, slips=False)
         self.sensors.reset(start)
@@ -61,25 +62,29 @@ class Drive:
 
     @property
     def t(self):
-        return self.k * DT
+        return self.k * self.dt
 
     def sense(self):
         if self.sensors._fixes:
             self.fix_bias = self.sensors._fixes._bias.copy()  # of the fix at this sample
         state = PlantState(self.pose, REST, 0.0, tuple(self.angles.tolist()))
         self.log.append(self.sensors.read(self.t, state))
-        return self.estimator.update(self.log[-1])
+        return self.update(self.log[-1])
+
+    def update(self, readings):
+        """Update the estimator; tests spoil the readings here."""
+        return self.estimator.update(readings)
 
     def go(self, seconds, twist=oscillating):
-        for _ in range(round(seconds / DT)):
+        for _ in range(round(seconds / self.dt)):
             now = twist(self.t)
-            displacements = self.robot.rim_jacobian @ np.array(now) * DT
+            displacements = self.robot.rim_jacobian @ np.array(now) * self.dt
             displacements += (
                 self.creep
                 * np.sqrt(np.abs(displacements))
                 * self.rng.standard_normal(len(displacements))
             )
-            self.pose = move(self.pose, now, DT)
+            self.pose = move(self.pose, now, self.dt)
             self.angles = self.angles + displacements / self.robot.wheel.radius
             self.k += 1
             self.state = self.sense()

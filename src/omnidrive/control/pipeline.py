@@ -185,7 +185,8 @@ class Pipeline:
         if state.is_usable:
             self._estimate = state
             return state, Status.OK
-        self._estimate = last._replace(stamp=t, fix_age=last.fix_age + t - last.stamp)
+        age = last.fix_age + t - last.stamp
+        self._estimate = last._replace(stamp=t, fix_age=age, notice="")
         return self._estimate, Status.FALLBACK
 
     def _compute(self, t: float, reference: Reference) -> tuple[Command, float]:

@@ -28,7 +28,14 @@ class EstimatorSettings:
     relocate_after: Annotated[int, Bounds(2, 1000, "fixes")] = 5
     """Number of consecutive rejected fixes that are consistent with each other after which the
     robot is taken to have been moved, and the fixes are accepted."""
+    restart_after: Annotated[int, Bounds(2, 1000, "fixes")] = 15
+    """Number of consecutive rejected fixes, at positions that the robot can reach from one to the
+    next, after which the pose is taken to be lost: the filter starts anew at the next fix."""
+    time_jump: Annotated[float, Bounds(0.01, 5.0, "s")] = 2.0
+    """Longest time between readings. After a longer one, or when the time goes back, the clock is
+    taken to have jumped: the filter starts anew at the next fix."""
     memory: Annotated[float, Bounds(0.0, 60.0, "s")] = 2.0
-    """Time for which readings are stored for late fixes; a fix with an older stamp is rejected."""
+    """Time for which readings are stored for late fixes, at most 200 readings and fixes; a fix with
+    an older stamp is rejected."""
     floor: Annotated[float, Bounds(1e-6, 1.0, "m, rad")] = 1e-3
     """Least standard deviation of a fix; smaller stated ones are replaced by it."""

@@ -27,6 +27,8 @@ class MotionModel(NamedTuple):
     """Force of a wheel per slip speed of its rim below the friction limit, N s/m."""
     max_acceleration: Float[Array, " 3"]
     """Largest expected acceleration along each axis of B; m/s^2, m/s^2, rad/s^2."""
+    max_twist: Float[Array, " 3"]
+    """Largest possible velocity along each axis of B; m/s, m/s, rad/s."""
     encoder_resolution: float
     """Rim displacement per encoder count, m."""
     creep: float

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from bisect import insort
-from dataclasses import dataclass, field
-from math import isfinite, nan
+from collections import deque
+from collections.abc import Sequence
+from math import isfinite, isnan, nan, pi
 
 import numpy as np
-from jaxtyping import Float
 from scipy.special import chdtri
 
-from omnidrive.arrays import Array
+from omnidrive.estimation.clock import ReadingClock, Stamp
 from omnidrive.estimation.correction import correct
 from omnidrive.estimation.estimator_settings import EstimatorSettings
 from omnidrive.estimation.filter_state import (
@@ -22,12 +21,20 @@ from omnidrive.estimation.filter_state import (
     FilterState,
 )
 from omnidrive.estimation.motion_model import MotionModel, Odometry
+from omnidrive.estimation.plausibility import (
+    RateLimits,
+    check_start,
+    possible_angles,
+    usable_fix,
+)
 from omnidrive.estimation.propagation import propagate
+from omnidrive.estimation.reading_buffer import MAX_FIXES, BufferedFix, Interval, ReadingBuffer
 from omnidrive.estimation.readings import PoseFix, SensorReadings
 from omnidrive.estimation.relocation import JUMP_COVARIANCE, consistent
 from omnidrive.estimation.sensor_settings import SensorSettings
 from omnidrive.estimation.state import State
 from omnidrive.geometry import Pose
+from omnidrive.parameter import check_bounds
 from omnidrive.robot import Robot
 
 _FOLLOWING_TIME = 3e-3
@@ -36,30 +43,8 @@ _FOLLOWING_TIME = 3e-3
 _UNKNOWN_YAW = 1e3
 """Standard deviation of a yaw that a fix does not measure, rad."""
 
-
-@dataclass(order=True, slots=True)
-class _BufferedFix:
-    """A received fix; ordered by its stamp."""
-
-    fix: PoseFix
-    accepted: bool = field(default=False, compare=False)
-    relocated: bool = field(default=False, compare=False)
-    """Whether the robot was moved without its wheels shortly before the stamp."""
-    prior: Pose = field(default=Pose(0.0, 0.0, 0.0), compare=False)
-    """Estimated pose at the stamp, before the correction."""
-
-
-@dataclass(slots=True)
-class _Interval:
-    """Readings between two consecutive updates."""
-
-    begin: float
-    end: float
-    displacements: Float[Array, " wheels"]
-    yaw_rate: float
-    initial: FilterState
-    """Filter state at ``begin``."""
-    fixes: list[_BufferedFix] = field(default_factory=list)
+_SHORTEST_INTERVAL = 1e-5
+"""Shortest time between readings that are processed separately, s."""
 
 
 class PoseEstimator:
@@ -74,6 +59,11 @@ class PoseEstimator:
     changes slowly; odometry drifts faster during wheel slip and more slowly over long times. The
     difference between fixes and odometry makes it observable.
 
+    Readings that are impossible are ignored: times out of order, rates above twice what the motors
+    can do, numbers that are not finite. When the pose is lost, because the clock jumped or the
+    fixes contradict the estimate for long, the filter starts anew at the next fix, as with
+    ``reset_on_time_jump`` of robot_localization, and :attr:`State.notice` says so.
+
     Args:
         robot: Wheels, mass and friction, from which slip during acceleration is predicted.
         sensors: Data sheets of the sensors whose readings are used.
@@ -84,9 +74,15 @@ class PoseEstimator:
         filter_state: State vector and covariance at the last readings.
         rejected: Number of fixes since the reset that were rejected by the gate or as invalid, too
             old or from the future.
+        ignored: Number of times, wheel angles and yaw rates since the reset that were ignored as
+            impossible.
         nis: Normalised innovation squared of the last processed fix; 3 on average if the data
             sheets are correct, NaN before the first fix.
         relocations: Times (s) at which a relocation of the robot was detected.
+        restarts: Times (s) at which the pose was lost.
+
+    Raises:
+        InvalidInput: A setting is out of its range.
     """
 
     def __init__(
@@ -99,25 +95,51 @@ class PoseEstimator:
     ) -> None:
         self.settings = settings or EstimatorSettings()
         sensors = sensors or SensorSettings()
-        self._model = _motion_model(robot, sensors, self.settings, slips)
+        for each in (self.settings, sensors.encoders, sensors.gyro, sensors.fixes):
+            check_bounds(each)
+        self._limits = RateLimits.of(robot)
+        self._model = _motion_model(robot, sensors, self.settings, self._limits, slips)
         self._radius = robot.wheel.radius
         self._gyro_bias = sensors.gyro.bias if sensors.gyro else 0.0
         self._gate = float(chdtri(3.0, self.settings.false_alarms))
+        self._clock = ReadingClock(self.settings.time_jump)
+        self._buffer = ReadingBuffer(self.settings.memory)
+        self._contradicting: deque[PoseFix] = deque(maxlen=self.settings.restart_after)
         self.reset(Pose(0.0, 0.0, 0.0))
 
     def reset(self, pose: Pose) -> None:
-        """Discard all readings; at time 0 the robot is at rest at ``pose``, known exactly."""
+        """Discard all readings; at time 0 the robot is at rest at ``pose``, known exactly.
+
+        Raises:
+            InvalidInput: ``pose`` is not finite.
+        """
+        check_start(pose)
+        self._clock.reset()
+        self._buffer.intervals = []
+        self._contradicting.clear()
+        self._angles = np.full(len(self._model.rim_jacobian), nan)
+        self._is_gap = False  # whether readings were dropped since the previous ones
+        self.filter_state = self._initial(pose, known=True)
+        self.rejected, self.ignored, self.nis = 0, 0, nan
+        self.relocations: list[float] = []
+        self.restarts: list[float] = []
+        self._is_lost = False
+        self._last_accepted = 0.0  # stamp of the last accepted fix, s
+
+    def _initial(self, pose: Pose, *, known: bool) -> FilterState:
+        """Return the filter state of a robot at rest at a pose, known exactly or roughly.
+
+        At a known pose the bias of the fixes is zero, otherwise it has its stationary variance.
+        """
         model, mean, covariance = self._model, np.zeros(SIZE), np.zeros((SIZE, SIZE))
         mean[POSE] = pose
         covariance[GYRO_BIAS, GYRO_BIAS] = self._gyro_bias**2
         rate_variances = (model.bias_sigma / model.bias_time) ** 2
         covariance[FIX_BIAS_RATE, FIX_BIAS_RATE] = np.diag(rate_variances)
-        self.filter_state = FilterState(mean, covariance, np.zeros(3), 0.0, 0.0)
-        self.rejected, self.nis = 0, nan
-        self.relocations: list[float] = []
-        self._intervals: list[_Interval] = []
-        self._angles = np.full(len(model.rim_jacobian), nan)
-        self._last_accepted = 0.0  # stamp of the last accepted fix, s
+        if not known:
+            covariance[POSE, POSE] = JUMP_COVARIANCE
+            covariance[FIX_BIAS, FIX_BIAS] = np.diag(model.bias_sigma**2)
+        return FilterState(mean, covariance, np.zeros(3), 0.0, 0.0)
 
     @property
     def _pose(self) -> Pose:
@@ -131,64 +153,103 @@ class PoseEstimator:
     def update(self, readings: SensorReadings) -> State:
         """Estimate the state at ``readings.stamp``.
 
-        The first readings after a reset are those of the start. Stamps must not decrease.
+        The first readings after a reset are those of the start. Readings with a time that is not
+        finite, earlier than the last one or more than ``time_jump`` after it are ignored, and the
+        last state is returned; a second such time in a row, in order with the first, is a jump of
+        the clock.
+
+        Raises:
+            InvalidInput: The number of wheel angles is not that of the robot's wheels.
         """
-        t = float(readings.stamp)
-        angles = np.full(len(self._angles), nan)
-        if readings.wheel_angles:
-            angles[:] = readings.wheel_angles
-        begin = self._intervals[-1].end if self._intervals else t
-        if not self._intervals:
+        t, before, notice = float(readings.stamp), self._clock.time, ""
+        stamp = self._clock.advance(t)
+        if stamp is Stamp.DROPPED:
+            self._is_gap = True
+            self.ignored += 1
+            self.rejected += len(readings.fixes)
+            return self._state("")
+        if stamp is Stamp.JUMPED and before is not None:
+            self._last_accepted = t - (before - self._last_accepted)  # the age is kept
+            self._angles[:] = nan
+            notice = self._lose(t, f"the clock jumped by {t - before:+g} s")
+        if before is None:
             self._last_accepted = t
-        self._intervals.append(
-            _Interval(
-                begin,
-                t,
-                self._radius * (angles - self._angles),
-                nan if readings.yaw_rate is None else float(readings.yaw_rate),
-                self.filter_state,
-            )
-        )
-        self._angles = angles
-        received = [_BufferedFix(fix) for fix in readings.fixes]
-        first = min((self._insert(item) for item in received), default=len(self._intervals) - 1)
+        self._append(readings, t)
+        received, first = self._store(readings.fixes, t)
         self._reprocess(first)
-        self.rejected += sum(not item.accepted for item in received)
+        self.rejected += len(readings.fixes) - sum(item.accepted for item in received)
         self._detect_relocation(t)
-        self._prune(t - self.settings.memory)
-        return self._state(t)
+        if self._is_contradicted(received):
+            count = self.settings.restart_after
+            notice = self._lose(t, f"{count} pose fixes in a row contradict the estimate")
+        self._buffer.prune()
+        return self._state(notice)
 
-    def _insert(self, item: _BufferedFix) -> int:
-        """Insert a fix into the interval that contains its stamp; return the interval's index.
+    def _append(self, readings: SensorReadings, t: float) -> None:
+        """Store wheel angles and yaw rate as those of the interval that ends at ``t``.
 
-        A fix that is not finite, is from the future or is older than all intervals is dropped.
+        The interval is empty if it would be too short; its wheel motion is then that of the next
+        one.
         """
-        last = len(self._intervals) - 1
-        stamp = item.fix.stamp
-        numbers = (stamp, *item.fix.pose, item.fix.position_sigma)
-        if not all(map(isfinite, numbers)) or stamp > self._intervals[last].end:
-            return last
-        for i in range(last, -1, -1):
-            interval = self._intervals[i]
-            if interval.begin < stamp or interval.begin == interval.end == stamp:
-                insort(interval.fixes, item)
-                return i
-        return last
+        intervals, count = self._buffer.intervals, len(self._angles)
+        angles = possible_angles(readings.wheel_angles, count)
+        begin = intervals[-1].end if intervals else t
+        rate = nan if readings.yaw_rate is None else float(readings.yaw_rate)
+        ignored = np.isnan(angles).sum() - np.isnan(readings.wheel_angles or angles).sum()
+        if intervals and t - begin < _SHORTEST_INTERVAL:
+            intervals.append(Interval(begin, begin, np.full(count, nan), nan, self.filter_state))
+            unknown = np.isnan(self._angles)
+            self._angles[unknown] = angles[unknown]
+            return
+        displacements = self._radius * (angles - self._angles)
+        farthest = self._radius * self._limits.wheel_speed * (t - begin)
+        slack = 2.0 * self._model.encoder_resolution
+        impossible = np.abs(displacements) > farthest + slack
+        displacements[impossible] = nan
+        is_turning = abs(rate) <= self._limits.twist[2]
+        self.ignored += int(ignored + impossible.sum()) + (not is_turning and not isnan(rate))
+        if self._is_gap or not is_turning:  # after dropped readings it is the mean since them only
+            rate = nan
+        intervals.append(Interval(begin, t, displacements, rate, self.filter_state))
+        self._angles, self._is_gap = angles, False
+
+    def _store(self, fixes: Sequence[PoseFix], t: float) -> tuple[list[BufferedFix], int]:
+        """Insert the usable fixes; return them, and the first interval that has to be filtered.
+
+        If the pose is lost, the filter starts at the first of them. Of more than
+        :data:`MAX_FIXES` the last ones are used.
+        """
+        stored, first = [], len(self._buffer.intervals) - 1
+        end = self._buffer.intervals[-1].end
+        usable = [fix for each in fixes if (fix := usable_fix(each, t)) is not None]
+        precise = [fix for fix in usable if not isnan(fix.position_sigma)]
+        for fix in precise[-MAX_FIXES:]:
+            item = BufferedFix(fix._replace(stamp=min(fix.stamp, end)))
+            index = self._buffer.insert(item)
+            if index is not None:
+                stored.append(item)
+                first = min(first, index)
+        if self._is_lost and stored:
+            min(stored).starts, self._is_lost = True, False
+        return stored, first
 
     def _reprocess(self, first: int) -> None:
         """Filter all intervals from index ``first`` on."""
-        state = self._intervals[first].initial
-        for interval in self._intervals[first:]:
+        intervals = self._buffer.intervals[first:]
+        state = intervals[0].initial
+        for interval in intervals:
             interval.initial = state
             state = self._filter(interval, state)
         self.filter_state = state
 
-    def _filter(self, interval: _Interval, state: FilterState) -> FilterState:
+    def _filter(self, interval: Interval, state: FilterState) -> FilterState:
         """Propagate ``state`` through an interval and correct it with each of its fixes."""
         time = interval.begin
         for item in interval.fixes:
             state = self._propagate(state, interval, item.fix.stamp - time)
             time = item.fix.stamp
+            if item.starts:
+                state = self._initial(_start_pose(item.fix, state), known=False)
             if item.relocated:
                 covariance = state.covariance.copy()
                 covariance[POSE, POSE] += JUMP_COVARIANCE
@@ -198,7 +259,7 @@ class PoseEstimator:
             item.accepted = self.nis <= self._gate
         return self._propagate(state, interval, interval.end - time)
 
-    def _propagate(self, state: FilterState, interval: _Interval, dt: float) -> FilterState:
+    def _propagate(self, state: FilterState, interval: Interval, dt: float) -> FilterState:
         """Propagate ``state`` by ``dt`` (s) with the interval's mean speeds."""
         if dt <= 0.0:
             return state
@@ -208,7 +269,7 @@ class PoseEstimator:
         )
         return propagate(state, odometry, self._model)
 
-    def _correct(self, state: FilterState, item: _BufferedFix) -> tuple[FilterState, float]:
+    def _correct(self, state: FilterState, item: BufferedFix) -> tuple[FilterState, float]:
         _, measured, *sigmas = item.fix
         if not isfinite(sigmas[1]):  # the fix measures the position only
             measured = measured._replace(yaw=item.prior.yaw + float(state.mean[FIX_BIAS][2]))
@@ -219,8 +280,8 @@ class PoseEstimator:
 
     def _detect_relocation(self, t: float) -> None:
         """Accept the latest fixes if enough of them in a row were rejected but are consistent."""
-        buffered = [(i, item) for i, each in enumerate(self._intervals) for item in each.fixes]
-        latest = buffered[-self.settings.relocate_after :]
+        stored = self._buffer.fixes
+        latest = stored[-self.settings.relocate_after :]
         if (
             len(latest) == self.settings.relocate_after
             and not any(item.accepted for _, item in latest)
@@ -229,22 +290,51 @@ class PoseEstimator:
             first, item = latest[0]
             item.relocated = True
             self._reprocess(first)
-            self.relocations.append(t)
-        stamps = [item.fix.stamp for _, item in buffered if item.accepted]
+            if item.accepted:
+                self.relocations.append(t)
+        stamps = [item.fix.stamp for _, item in stored if item.accepted]
         self._last_accepted = max([self._last_accepted, *stamps])
 
-    def _prune(self, before: float) -> None:
-        """Remove all intervals that ended before the time ``before`` (s), except the last one."""
-        recent = [i for i, each in enumerate(self._intervals[:-1]) if each.end >= before]
-        self._intervals = self._intervals[recent[0] if recent else -1 :]
+    def _is_contradicted(self, received: list[BufferedFix]) -> bool:
+        """Return whether enough fixes in a row were rejected that can be those of one robot."""
+        for item in received:
+            if item.accepted:
+                self._contradicting.clear()
+            else:
+                self._contradicting.append(item.fix)
+        enough = len(self._contradicting) == self._contradicting.maxlen
+        return enough and self._limits.reachable(self._contradicting)
 
-    def _state(self, t: float) -> State:
-        covariance = self.filter_state.covariance[POSE, POSE]
-        return State(t, self._pose, None, covariance, t - self._last_accepted)
+    def _lose(self, t: float, cause: str) -> str:
+        """Start anew at the next fix; return the notice."""
+        self.restarts.append(t)
+        self._is_lost = True
+        self._contradicting.clear()
+        self.filter_state = self._initial(self._pose, known=False)
+        unknown = np.full(len(self._angles), nan)
+        self._buffer.intervals = [Interval(t, t, unknown, nan, self.filter_state)]
+        return f"the estimate starts anew at the next pose fix: {cause}"
+
+    def _state(self, notice: str) -> State:
+        t = self._clock.time or 0.0
+        covariance = self.filter_state.covariance[POSE, POSE].copy()
+        return State(t, self._pose, None, covariance, t - self._last_accepted, notice)
+
+
+def _start_pose(fix: PoseFix, state: FilterState) -> Pose:
+    """Return the pose of a fix, with the yaw of ``state`` if it measures none, continuous."""
+    yaw = float(state.mean[POSE][2])
+    if isfinite(fix.yaw_sigma):
+        yaw = fix.pose.yaw + 2.0 * pi * round((yaw - fix.pose.yaw) / (2.0 * pi))
+    return Pose(fix.pose.x, fix.pose.y, yaw)
 
 
 def _motion_model(
-    robot: Robot, sensors: SensorSettings, settings: EstimatorSettings, slips: bool
+    robot: Robot,
+    sensors: SensorSettings,
+    settings: EstimatorSettings,
+    limits: RateLimits,
+    slips: bool,
 ) -> MotionModel:
     gyro, fixes = sensors.gyro, sensors.fixes
     rim_jacobian, friction_limits = np.ascontiguousarray(robot.rim_jacobian), robot.friction_limits
@@ -257,6 +347,7 @@ def _motion_model(
         inertia=np.array(robot.inertia),
         stiffness=robot.mass / (_FOLLOWING_TIME * float((rim_jacobian[:, 0] ** 2).sum())),
         max_acceleration=1.0 / np.abs(robot.acceleration_faces).max(axis=0),
+        max_twist=limits.twist,
         encoder_resolution=robot.wheel.radius * sensors.encoders.step,
         creep=float(settings.creep),
         slip_error=float(settings.slip_error),

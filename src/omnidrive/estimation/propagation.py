@@ -18,6 +18,11 @@ from omnidrive.estimation.slip_prediction import predict_slip
 
 _MAX_SLIP = 50.0
 """Largest excess slip speed, m/s."""
+_MAX_UNOBSERVED_TIME = 10.0
+"""Largest time without odometry that counts, s: the uncertainty grows linearly from then on."""
+_MAX_VARIANCES = (1e6, 1e6, 100.0, 1.0)
+"""Largest variances of the pose and of the gyro's bias; m^2, m^2, rad^2, rad^2/s^2. Numbers of very
+different sizes would make the covariance indefinite by rounding."""
 _MIN_VARIANCE = 1e-12
 """Variance added to every measured displacement (m^2) or rotation (rad^2)."""
 
@@ -47,7 +52,9 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
         velocity += motion / dt - mean_twist
     else:
         velocity = motion / dt
-    unobserved_time = 0.0 if observed else state.unobserved_time + dt
+    for a in range(3):
+        velocity[a] = min(max(velocity[a], -model.max_twist[a]), model.max_twist[a])
+    unobserved_time = 0.0 if observed else min(state.unobserved_time + dt, _MAX_UNOBSERVED_TIME)
     propagated = mean.copy()
     covariance = _propagate_covariance(propagated, joint, motion, model, dt)
     propagated[:3] = compose(mean[:3], exponential(motion))
@@ -244,4 +251,9 @@ def _propagate_covariance(
         covariance[7 + i, 7 + i] += rate_variance - c * c * variance - d * d * rate_variance
         covariance[4 + i, 7 + i] -= a * c * variance + b * d * rate_variance
         covariance[7 + i, 4 + i] -= a * c * variance + b * d * rate_variance
+    for i in range(4):
+        if covariance[i, i] > _MAX_VARIANCES[i]:
+            scale = sqrt(_MAX_VARIANCES[i] / covariance[i, i])
+            covariance[i, :] *= scale
+            covariance[:, i] *= scale
     return covariance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -28,7 +29,14 @@ def consistent(fixes: Sequence[tuple[PoseFix, Pose]], current: Pose) -> bool:
         fixes: Each fix with the pose that was estimated at its stamp, before its correction.
         current: Pose estimated at the current time, by the same odometry.
     """
-    poses = [move(fix.pose, twist_between(prior, current, 1.0), 1.0) for fix, prior in fixes]
+    poses = [
+        move(
+            fix.pose if isfinite(fix.yaw_sigma) else fix.pose._replace(yaw=prior.yaw),
+            twist_between(prior, current, 1.0),
+            1.0,
+        )
+        for fix, prior in fixes
+    ]
     middle = poses[len(poses) // 2]
     for (fix, _), pose in zip(fixes, poses, strict=True):
         distance = np.hypot(pose.x - middle.x, pose.y - middle.y)

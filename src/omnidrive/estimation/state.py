@@ -32,6 +32,9 @@ class State(NamedTuple):
     """Covariance of the pose error (x, y, yaw) in B; m^2, m rad, rad^2. None if it is unknown."""
     fix_age: float = 0.0
     """Time since the stamp of the last accepted pose fix, s."""
+    notice: str = ""
+    """What happened to the estimate at this sample, in one line, such as a lost pose; mostly
+    empty."""
 
     @property
     def is_usable(self) -> bool:
@@ -73,6 +76,8 @@ def state_fault(state: object) -> str | None:
     """
     if not isinstance(state, State):
         return f"it returned {kind_of(state)}, not a State"
+    if not isinstance(state.notice, str):
+        return f"the notice of its state is {kind_of(state.notice)}, not text"
     pose, twist, covariance = state.pose, state.twist, state.covariance
     if not isinstance(pose, Pose):
         return f"its state holds {kind_of(pose)}, not a Pose"
@@ -81,14 +86,16 @@ def state_fault(state: object) -> str | None:
     for value in (state.stamp, *pose, *(twist or ()), state.fix_age):
         if type(value) is not float and not isinstance(value, Real):
             return f"its state holds {kind_of(value)} where a number is expected"
-    if covariance is not None and not (
-        isinstance(covariance, np.ndarray)
-        and covariance.shape == (3, 3)
-        and covariance.dtype.kind in "fiu"
-    ):
-        shape = f" of shape {covariance.shape}" if isinstance(covariance, np.ndarray) else ""
-        return (
-            f"the covariance of its state is {kind_of(covariance)}{shape}, not a 3 x 3 array of "
-            "numbers or None"
-        )
-    return None
+    return _covariance_fault(covariance)
+
+
+def _covariance_fault(covariance: object) -> str | None:
+    """Return what is wrong with a covariance, in one line; None: nothing."""
+    given = kind_of(covariance)
+    if isinstance(covariance, np.ndarray):
+        given += f" of shape {covariance.shape}"
+        if covariance.shape == (3, 3) and covariance.dtype.kind in "fiu":
+            return None
+    elif covariance is None:
+        return None
+    return f"the covariance of its state is {given}, not a 3 x 3 array of numbers or None"

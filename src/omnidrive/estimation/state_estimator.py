@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isfinite, pi
+from math import inf, isfinite, pi
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from omnidrive.estimation.clock import ReadingClock, Stamp
+from omnidrive.estimation.plausibility import check_start, usable_fix
 from omnidrive.estimation.readings import PoseFix, SensorReadings
 from omnidrive.estimation.state import State
 from omnidrive.geometry import Pose
@@ -31,28 +33,55 @@ class StateEstimator(Protocol):
 
 @dataclass(slots=True)
 class LatestFix:
-    """An estimator that returns the pose fix with the latest stamp; it has no filter."""
+    """An estimator that returns the pose fix with the latest stamp; it has no filter.
+
+    Fixes that are not finite or from the future are ignored, so that the estimate grows old.
+    """
 
     _latest: PoseFix = field(default=PoseFix(0.0, Pose(0.0, 0.0, 0.0), 0.0, 0.0), init=False)
+    _clock: ReadingClock = field(default_factory=ReadingClock, init=False)
 
     def reset(self, pose: Pose) -> None:
-        """Take ``pose`` as an exact fix at time 0, returned until a fix arrives."""
+        """Take ``pose`` as an exact fix at time 0, returned until a fix arrives.
+
+        Raises:
+            InvalidInput: ``pose`` is not finite.
+        """
+        check_start(pose)
         self._latest = PoseFix(0.0, pose, 0.0, 0.0)
+        self._clock.reset()
 
     def update(self, readings: SensorReadings) -> State:
         """Return the fix with the latest stamp; whole turns are added to its yaw for continuity.
 
-        The covariance is None unless the fix states finite standard deviations of both position
-        and yaw. The twist is None.
+        A yaw that a fix does not measure is that of the fix before. The covariance is None unless
+        the fix states finite standard deviations of both position and yaw. The twist is None.
+
+        Readings with a time that is not finite or earlier than the last one are ignored; a second
+        such time in a row, in order with the first, is a jump of the clock.
         """
-        for fix in readings.fixes:
-            if fix.stamp >= self._latest.stamp:
-                before, yaw = self._latest.pose.yaw, fix.pose.yaw
-                if isfinite(yaw) and isfinite(before):
-                    yaw += 2.0 * pi * round((before - yaw) / (2.0 * pi))
-                self._latest = fix._replace(pose=fix.pose._replace(yaw=yaw))
-        stamp, pose, position_sigma, yaw_sigma = self._latest
+        before, t, notice = self._clock.time, readings.stamp, ""
+        stamp = self._clock.advance(t)
+        if stamp is Stamp.JUMPED and before is not None:
+            notice = f"the clock jumped by {t - before:+g} s"
+            age = before - self._latest.stamp
+            self._latest = self._latest._replace(stamp=t - age)
+        if stamp is not Stamp.DROPPED:
+            for each in readings.fixes:
+                fix = usable_fix(each, t)
+                if fix is not None and fix.stamp >= self._latest.stamp:
+                    self._latest = fix._replace(pose=_continued(fix, self._latest.pose.yaw))
+        now = self._clock.time or 0.0
+        _, pose, position_sigma, yaw_sigma = self._latest
         covariance = None
         if isfinite(position_sigma) and isfinite(yaw_sigma):
             covariance = np.diag([position_sigma**2, position_sigma**2, yaw_sigma**2])
-        return State(readings.stamp, pose, None, covariance, readings.stamp - stamp)
+        return State(now, pose, None, covariance, now - self._latest.stamp, notice)
+
+
+def _continued(fix: PoseFix, before: float) -> Pose:
+    """Return the pose of a fix with a yaw near ``before`` (rad), or equal to it if it has none."""
+    if fix.yaw_sigma == inf:
+        return fix.pose._replace(yaw=before)
+    turns = round((before - fix.pose.yaw) / (2.0 * pi))
+    return fix.pose._replace(yaw=fix.pose.yaw + 2.0 * pi * turns)

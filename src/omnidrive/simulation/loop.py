@@ -309,12 +309,16 @@ class _Log:
 
     pipeline: Pipeline
     rows: list[_Row] = field(default_factory=list)
+    notices: list[Event] = field(default_factory=list)
+    """Notices of the estimator."""
     end: _Ended = field(default_factory=lambda: _Ended(Outcome.FINISHED))
 
     def add(self, t: float, state: PlantState, step: PipelineStep) -> None:
         """Append one sample."""
         estimate, command = step.state, step.command
         value = command.value
+        if estimate.notice:
+            self.notices.append(Event(t, estimate.notice))
         self.rows.append(
             _Row(
                 t,
@@ -360,10 +364,14 @@ class _Log:
             outcome=outcome,
             details=_detail_columns(columns["details"], units),
             detail_units=dict(units),
-            events=tuple(sorted((*events, *supervisor.events), key=lambda event: event.t)),
+            events=tuple(sorted([*events, *self.notices, *supervisor.events], key=_time_of)),
             reason=reason,
             traceback=self.end.traceback,
         )
+
+
+def _time_of(event: Event) -> float:
+    return event.t
 
 
 _REAL = (

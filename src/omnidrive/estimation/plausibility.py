@@ -1,0 +1,105 @@
+"""Which readings are possible, by the limits of the robot and of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import hypot, inf, isfinite
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.errors import InvalidInput
+from omnidrive.estimation.readings import PoseFix
+from omnidrive.estimation.state import LARGEST
+from omnidrive.geometry import Pose
+from omnidrive.robot import Robot
+
+_MAX_SIGMA = 1e6
+"""Largest standard deviation of a measured position, m."""
+_MAX_YAW_SIGMA = 1e3
+"""Standard deviation beyond which a yaw counts as not measured, rad."""
+_MARGIN = 2.0
+"""Rates up to this multiple of what the motors can do are possible: a robot can be pushed, and
+wheels can overshoot."""
+_SIGMAS, _DRIFT = 4.0, 0.05  # standard deviations and m by which fixes may differ in addition
+
+
+class RateLimits(NamedTuple):
+    """Largest possible rates of a robot."""
+
+    wheel_speed: float
+    """Speed of a wheel, rad/s."""
+    twist: Float[Array, " 3"]
+    """Magnitude of each component of the body twist; m/s, m/s, rad/s."""
+
+    @classmethod
+    def of(cls, robot: Robot) -> RateLimits:
+        """Return twice the rates of a robot whose wheels turn at their limit.
+
+        With the wheel matrix J, the twist of the wheel speeds w is J^+ w, so that the component k
+        is at most ``sum_i |J^+_ki| w_max``.
+        """
+        fastest = _MARGIN * robot.max_wheel_speed
+        return cls(fastest, fastest * np.abs(np.linalg.pinv(robot.chassis.jacobian)).sum(axis=1))
+
+    def reachable(self, fixes: Sequence[PoseFix]) -> bool:
+        """Return whether a robot can have been at the positions of all fixes at their stamps."""
+        speed = hypot(self.twist[0], self.twist[1])
+        ordered = sorted(fixes, key=lambda fix: fix.stamp)
+        for before, after in pairwise(ordered):
+            distance = hypot(after.pose.x - before.pose.x, after.pose.y - before.pose.y)
+            noise = _SIGMAS * hypot(before.position_sigma, after.position_sigma) + _DRIFT
+            if distance > speed * (after.stamp - before.stamp) + noise:
+                return False
+        return True
+
+
+def check_start(pose: Pose) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless a known pose is finite."""
+    if not all(map(isfinite, pose)):
+        raise InvalidInput(f"the pose at the start must be finite, got {tuple(pose)}")
+
+
+def usable_fix(fix: PoseFix, now: float) -> PoseFix | None:
+    """Return a pose fix, with an infinite yaw sigma if it measures no yaw; None: it is not usable.
+
+    The stamp must be finite and not after ``now``; position and measured yaw must be at most
+    :data:`LARGEST`. No standard deviation must be negative, nor that of the position infinite; NaN
+    is an unknown one.
+
+    Args:
+        fix: The fix.
+        now: Time of the readings with which it arrived, s.
+    """
+    stamp, (x, y, yaw), position_sigma, yaw_sigma = fix
+    if not (-inf < stamp <= now and abs(x) <= LARGEST and abs(y) <= LARGEST):
+        return None
+    if position_sigma < 0.0 or position_sigma > _MAX_SIGMA or yaw_sigma < 0.0:
+        return None
+    if yaw_sigma > _MAX_YAW_SIGMA:
+        return fix._replace(yaw_sigma=inf)
+    return fix if abs(yaw) <= LARGEST else None
+
+
+def possible_angles(angles: Sequence[float], wheels: int) -> Float[Array, " wheels"]:
+    """Return wheel angles, rad; NaN for those that are absent, or larger than :data:`LARGEST`.
+
+    Args:
+        angles: One angle per wheel, or none.
+        wheels: Number of wheels.
+
+    Raises:
+        InvalidInput: There is another number of angles.
+    """
+    if len(angles) not in {0, wheels}:
+        raise InvalidInput(
+            f"the readings hold {len(angles)} wheel angles, the robot has {wheels} wheels"
+        )
+    checked: Float[Array, " wheels"] = np.full(wheels, np.nan)
+    if angles:
+        checked[:] = angles
+        checked[~(np.abs(checked) <= LARGEST)] = np.nan
+    return checked
