@@ -12,6 +12,7 @@ from omnidrive.compiled import cache_folder
 from omnidrive.compiled.cache_folder import CacheFolder, usable_folder
 
 OTHER_USER = 65534
+LOOSE = "is writable by other users (`chmod go-w` corrects that)"
 CONTENT = bytes(range(256)) * 8
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, to change owners")
 
@@ -34,6 +35,14 @@ def test_file_is_read_as_written(folder):
     assert folder.names("a") == ["a.kernel"]
     folder.remove("a.kernel")
     assert folder.names("") == []
+
+
+def test_removed_folder_is_made_again(folder):
+    (folder.path / "a.kernel").unlink()
+    folder.path.rmdir()
+    assert folder.read("a.kernel") is None
+    folder.write("a.kernel", CONTENT)
+    assert folder.read("a.kernel") == CONTENT
 
 
 def test_no_damaged_file_is_read(folder):
@@ -83,8 +92,8 @@ def make_large(path):
 @pytest.mark.parametrize(
     ("spoil", "fact"),
     [
-        (lambda path: path.chmod(0o666), "it is writable by other users, until `chmod go-w`"),
-        (lambda path: path.chmod(0o664), "it is writable by other users, until `chmod go-w`"),
+        (lambda path: path.chmod(0o666), f"it {LOOSE}"),
+        (lambda path: path.chmod(0o664), f"it {LOOSE}"),
         pytest.param(
             lambda path: os.chown(path, OTHER_USER, -1), "it belongs to another user",
             marks=needs_root,
@@ -141,7 +150,7 @@ def of_another_user(path):
 @pytest.mark.parametrize(
     ("spoil", "fact"),
     [
-        (loose, "is writable by other users, until `chmod go-w`"),
+        (loose, LOOSE),
         pytest.param(of_another_user, "belongs to another user", marks=needs_root),
         (lambda path: path.write_text(""), "cannot be used: File exists"),
     ],
@@ -152,8 +161,8 @@ def test_untrusted_folder_is_not_used(usable, tmp_path, caplog, spoil, fact):
     assert usable(tmp_path) is None
     (record,) = caplog.records
     assert record.message == (
-        f"compiled kernels are not kept: the folder {path} {fact}; another folder can be set with "
-        "the environment variable NUMBA_CACHE_DIR"
+        f"compiled kernels are not kept: the folder {path} {fact}; the environment variable "
+        "NUMBA_CACHE_DIR sets another folder"
     )
     assert cache_folder.failures == [record.message]
 

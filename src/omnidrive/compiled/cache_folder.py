@@ -38,6 +38,7 @@ _DAY = 86400.0
 _MAX_UNUSED_DAYS, _MAX_FILES = 60, 4000
 _MAX_BYTES = 100_000_000  # of a file
 _CHECKSUM_BYTES = 32
+_MODE = 0o755  # of the folder
 _LOCK = "lock"  # name of the file of which each name locks one byte
 _MAX_WAIT = 120.0  # s; for another process that holds a lock, which may be stopped
 _POLLING = 0.02  # s
@@ -82,13 +83,14 @@ class CacheFolder:
         path = self.path / name
         unfinished = self.path / f"{name}.{uuid4().hex[:16]}.tmp"
         try:
+            self.path.mkdir(mode=_MODE, parents=True, exist_ok=True)  # removed in the meantime
             with os.fdopen(os.open(unfinished, _CREATE | _BINARY, 0o644), "wb") as file:
                 file.write(_checksum(name, content) + content)
             unfinished.replace(path)
         except OSError as error:
-            with suppress(OSError):
-                unfinished.unlink(missing_ok=True)
-            _fail(f"compiled kernels are not kept in {self.path}: {error.strerror or error}")
+            _fail(f"{self.path}: {error.strerror or error}")
+        finally:
+            self.remove(unfinished.name)
         self._remove_unused()
 
     def mark_used(self, name: str) -> None:
@@ -124,7 +126,7 @@ class CacheFolder:
             try:
                 fcntl.lockf(self._lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, at)
                 is_held = True
-            except (BlockingIOError, PermissionError):  # another process holds it
+            except BlockingIOError:  # another process holds it
                 time.sleep(_POLLING)
             except OSError:
                 break
@@ -178,17 +180,14 @@ def _first_usable(chosen: str) -> CacheFolder | None:
     reason = "there is no home folder"
     for path in _candidates(chosen):
         try:
-            path.mkdir(mode=0o755, parents=True, exist_ok=True)
+            path.mkdir(mode=_MODE, parents=True, exist_ok=True)
             fault = _distrust(path.stat())
         except OSError as error:
             fault = f"cannot be used: {error.strerror or error}"
         if not fault:
             return CacheFolder(path)
         reason = f"the folder {path} {fault}"
-    _fail(
-        f"compiled kernels are not kept: {reason}; another folder can be set with the environment "
-        "variable NUMBA_CACHE_DIR"
-    )
+    _fail(reason)
     return None
 
 
@@ -233,7 +232,7 @@ def _distrust(status: os.stat_result) -> str:
     if status.st_uid not in {0, os.geteuid()}:
         return "belongs to another user"
     if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        return "is writable by other users, until `chmod go-w`"
+        return "is writable by other users (`chmod go-w` corrects that)"
     return ""
 
 
@@ -243,7 +242,11 @@ def _checksum(name: str, content: bytes) -> bytes:
     return digest.digest()
 
 
-def _fail(message: str) -> None:
+def _fail(reason: str) -> None:
+    message = (
+        f"compiled kernels are not kept: {reason}; the environment variable NUMBA_CACHE_DIR sets "
+        "another folder"
+    )
     if message not in failures:
         failures.append(message)
     _log.warning(message)
