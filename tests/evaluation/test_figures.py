@@ -11,7 +11,7 @@ from matplotlib.font_manager import fontManager
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from omnidrive.evaluation.figures import draw_figures, save, write_figures
+from omnidrive.evaluation.figures import draw_figure, draw_figures, save, write_figures
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.plan import draw_map
 from omnidrive.evaluation.figures.style import register_fonts
@@ -219,7 +219,7 @@ def test_kinematic_diagram_shows_every_wheel(name):
     robot = ROBOTS[name]
     above, wheel = kinematics(robot).axes
     names = [text.get_text() for text in above.texts]
-    assert all(str(k) in names for k in range(len(robot.mounts)))
+    assert all({str(k), f"$v_{k}$"} <= set(names) for k in range(len(robot.mounts)))
     assert len([p for p in above.patches if isinstance(p, Polygon)]) == len(robot.mounts)
     mecanum = any(mount.roller_angle for mount in robot.mounts)
     assert any("rho" in text.get_text() for text in wheel.texts) == mecanum
@@ -256,6 +256,16 @@ def test_figures_have_the_widths_of_journal_columns(study):
         width, height = figure.get_size_inches()
         assert width in {3.5, 7.16}, name
         assert height < 9.0, name
+
+
+def test_errors_have_log_scales_and_curves_the_labels_of_the_controllers(part):
+    paths = draw_figure(part, "xy_comparison").axes
+    headings = draw_figure(part, "heading_comparison").axes
+    assert (paths[2].get_yscale(), headings[1].get_yscale()) == ("log", "symlog")
+    for axes in (paths[0], headings[0]):
+        labels = axes.get_legend_handles_labels()[1]
+        others = {"Grid path", "Reference"}
+        assert [name for name in labels if name not in others] == list(part.controllers)
 
 
 def test_text_in_files_is_text(files):

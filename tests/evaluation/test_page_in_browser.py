@@ -157,9 +157,13 @@ def test_errors_have_a_log_scale(study, visit):
         "Position error in mm",
         "Heading error, absolute in mrad",
     ]
+    scales = "uPlot.sync('playback').plots.map(chart => chart.scales.y.distr)"
+    linear, logarithmic = 1, 3
+    assert page.evaluate(scales) == [logarithmic, logarithmic, linear, linear]
     page.evaluate("Charts.show(5, 10)")
     page.uncheck("#chart-log")
     settle(page)
+    assert page.evaluate(scales) == [linear] * 4
     assert heads.all_inner_texts()[:2] == ["Position error in mm", "Heading error in mrad"]
     assert page.evaluate("Charts.span()") == [5, 10]
 

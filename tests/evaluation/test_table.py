@@ -1,6 +1,7 @@
 """Cells of tables, marks of the best, and LaTeX and CSV files."""
 
 import csv
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.evaluation import Table, study_tables, write_tables
+from omnidrive.evaluation.results import ControllerType
 from omnidrive.evaluation.table import leading_number, number_text
 from omnidrive.evaluation.table_files import csv_text, latex_text
 from omnidrive.evaluation.uncertainty import estimate_mean
@@ -102,3 +104,35 @@ def test_study_tables_mark_the_best_controller(study):
         rows = {k: float(r[column]) for k, r in enumerate(tracking.rows) if r[0] == duration}
         (best,) = {k for k, i in tracking.best if i == column} & rows.keys()
         assert rows[best] == min(rows.values())
+
+
+def test_errors_are_in_mm_and_mrad_under_the_labels_of_the_controllers(study):
+    (table,) = (t for t in study_tables(study, published=False) if "without noise" in t.title)
+    names = ("controller", "ME, mm", "MAE, mrad")
+    columns = [table.columns.index(name) for name in names]
+    assert [tuple(row[i] for i in columns) for row in table.rows] == [
+        (r.controller, number_text(1e3 * r.metrics.me), number_text(1e3 * r.metrics.mae))
+        for r in study.select("track")
+    ]
+
+
+def test_best_results_are_marked_in_the_table_of_every_task(study):
+    tables = {t.title: t for t in study_tables(study, published=False)}
+    for title, columns in {
+        "Tracking error without noise": {"ME, mm", "MAE, mrad"},
+        "Tracking error with the paper's noise": {"ME true, mm", "MAE measured, mrad"},
+        "Step response": {"rise 10-90 %, s", "settling ±10 %, s"},
+        "NMPC by prediction horizon": {"ME, mm", "MAE, mrad"},
+    }.items():
+        assert columns <= {tables[title].columns[i] for _, i in tables[title].best}
+
+
+def test_details_are_left_to_the_full_output(study):
+    types = {name: ControllerType(name, "", "") for name in study.controllers}
+    tables = study_tables(replace(study, types=types), published=False)
+    assert {table.title for table in tables if table.is_detail} == {
+        "Controllers", "Fuzzy rules: change of kp/ki/kd",
+    }  # fmt: skip
+    (tracking,) = (table for table in tables if "without noise" in table.title)
+    omitted = set(tracking.columns) - set(tracking.brief().columns)
+    assert {"effort, rad/s²", "p99, µs", "min. clearance, mm"} <= omitted

@@ -55,6 +55,26 @@ def test_first_table_is_the_verdict(study):
     assert f"Best in track 20 s, track 30 s and step response: {best.best.name}." in table.lead
 
 
+def test_verdict_states_advantage_confidence_work_and_computing_time(part):
+    first, second = part.tracks
+    better = first.metrics._replace(me=0.01, work=10.0, step_time_median=50.0)
+    worse = second.metrics._replace(me=0.02, work=12.0, step_time_median=80.0)
+    results = replace(part, tracks=(replace(first, metrics=better), replace(second, metrics=worse)))
+    table = study_tables(results, published=False)[0]
+    name = second.controller
+    assert dict(zip(table.columns, table.rows[0], strict=True)) == {
+        "task": "track 20 s", "best": first.controller, "result": "ME 10.0 mm",
+        "next": name, "result of next": "ME 20.0 mm",
+        "factor": "2.00", "confidence": "one run: no interval",
+        "work, J": "10.0", "work of next, J": "12.0",
+        "step time, µs": "50.0", "step time of next, µs": "80.0",
+    }  # fmt: skip
+    advantage, cost = f"2.00 times lower than {name} (ME 20.0 mm)", "10.0 J, 50.0 µs per step"
+    parts = ("ME 10.0 mm", advantage, "one run: no interval", cost)
+    assert table.compact.rows[0][2] == f"{'; '.join(parts)} (next: 12.0 J, 80.0 µs per step)"
+    assert "".join(f"<span>{text}</span>" for text in parts) in verdict_markup(results)
+
+
 def test_one_run_with_noise_is_no_proof(study):
     (noise,) = of_task(study, "noise")
     assert f"Noise 30 s: {noise.best.name} is best in one run" in " ".join(headline([noise]))
