@@ -6,9 +6,13 @@ import subprocess
 import sys
 
 import pytest
+import yaml
 
+from omnidrive.cli.components import with_controllers
 from omnidrive.cli.scenario_options import ScenarioOptions
+from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
+from omnidrive.study.scenario_file import scenario_data
 from tests.command import omnidrive
 from tests.shared_data import shared
 
@@ -197,6 +201,21 @@ def test_invalid_input_has_one_message_and_status_2(tmp_path, args, message):
     assert message in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
+
+
+def test_two_controllers_with_like_labels_are_refused():
+    message = "two controllers are labelled 'PID'; name one of them, such as other=feedforward"
+    with pytest.raises(InvalidInput, match=message):
+        with_controllers(paper_scenario(), ["pid", "PID=feedforward"])
+
+
+def test_code_in_a_scenario_file_needs_permission(tmp_path):
+    (tmp_path / "law.py").write_text("def law():\n    pass\n")
+    data = scenario_data(paper_scenario()) | {"controllers": {"own": f"{tmp_path}/law.py:law"}}
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(data))
+    with pytest.raises(InvalidScenario, match=r"is code that is not installed; .* --allow-code"):
+        ScenarioOptions(str(tmp_path / "s.yaml")).resolve()
+    assert list(ScenarioOptions(str(tmp_path / "s.yaml"), allow_code=True).resolve().controllers)
 
 
 def test_internal_error_has_status_1_and_no_traceback(tmp_path):

@@ -31,6 +31,14 @@ COMPARE = [
 pytestmark = pytest.mark.skipif(not (PROC / "self/stat").exists(), reason="needs Linux's /proc")
 
 
+@pytest.fixture(autouse=True)
+def nohup():
+    """Ignore SIGHUP in this process, as under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 def alive(group):
     """Return the command lines of the processes of a group, by process id."""
     found = {}

@@ -2,14 +2,24 @@
 
 import json
 import logging
+import signal
 import warnings
+from importlib import import_module
+from unittest.mock import Mock
 
 import pytest
 
 from omnidrive.cli import terminal
 from omnidrive.cli.main import VERBS, load_verb, main
 from omnidrive.cli.progress import LiveProgress, _Steps
+from omnidrive.compiled.compilation import reported
+from omnidrive.control.supervision import Event
+from omnidrive.errors import InvalidInput
+from omnidrive.study import Study
 from omnidrive.study.section import Renamed
+
+SIGNALS = (signal.SIGINT, signal.SIGHUP, signal.SIGTERM)
+"""Signals that the command handles."""
 
 
 @pytest.fixture
@@ -19,6 +29,7 @@ def command(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setattr(terminal._Output, "noted", set())
     handlers = logging.getLogger().handlers[:]
+    signals = {number: signal.getsignal(number) for number in SIGNALS}
 
     def run(*args):
         monkeypatch.setattr("sys.argv", ["omnidrive", *map(str, args)])
@@ -28,6 +39,8 @@ def command(monkeypatch, capsys, tmp_path):
 
     yield run
     logging.getLogger().handlers[:] = handlers
+    for number, handler in signals.items():
+        signal.signal(number, handler)
     terminal._set_quiet(False)
 
 
@@ -50,6 +63,76 @@ def test_quiet_json_prints_only_json(command):
     status, out, err = command("plan", "--json", "-q")
     assert (status, err) == (0, "")
     assert json.loads(out)["duration_s"] == 20.0
+
+
+@pytest.fixture
+def study(monkeypatch):
+    """A study that is not simulated, with an event, a collision and an overlap."""
+    run = Mock(run=Mock(events=[Event(1.0, "a push")]))
+    made = Mock(
+        spec=Study, results=Mock(runs=[run]), tables=[], timing={"plan": 1.0},
+        collisions={"track": 2}, overlaps=["step"],
+    )  # fmt: skip
+
+    def run_study(_scenario, folder, **_):
+        folder.mkdir()
+        (folder / "results.json").write_text('{"runs": []}')
+        made.folder = folder
+        return made
+
+    def print_tables(_, *, full):
+        print(f"{full=}")
+
+    monkeypatch.setattr("omnidrive.study.run_study", run_study)
+    monkeypatch.setattr("omnidrive.cli.study_results.print_tables", print_tables)
+
+
+@pytest.mark.usefixtures("study")
+@pytest.mark.parametrize("verb", ["compare", "run"])
+def test_json_full_and_quiet_of_a_study(command, verb):
+    for option, full in (("", False), ("--full", True)):
+        status, out, err = command(verb, *option.split(), "--out", f"plain{option}")
+        assert status == 0
+        assert f"{full=}" in out
+        assert "1.00 s  a push" in out
+        assert "collisions: track (2)" in err
+        assert "overlaps an obstacle: step" in err
+    status, out, err = command(verb, "--json", "--out", "json")
+    assert (status, json.loads(out)) == (0, {"runs": []})
+    assert "results: json (open" in err
+    status, out, err = command(verb, "--quiet", "--out", "quiet")
+    assert (status, err) == (0, "")
+    assert [line for line in out.splitlines() if "full=" not in line] == [
+        "results: quiet (open quiet/report.html)"
+    ]
+
+
+@pytest.mark.parametrize("verb", ["compare", "run", "plan"])
+def test_compiling_is_noted_once(command, monkeypatch, verb):
+    def compiling(_):
+        for kernel in ("one", "another"):
+            with reported(kernel):
+                pass
+        raise InvalidInput("enough")
+
+    monkeypatch.setattr("omnidrive.study.plan_and_check", compiling)
+    monkeypatch.setattr(import_module("omnidrive.study.study"), "plan_and_check", compiling)
+    status, _, err = command(verb)
+    assert (status, err.count("enough"), err.count("note: compiling")) == (2, 1, 1)
+
+
+def test_signals_that_are_ignored_stay_so_as_under_nohup(command, monkeypatch):
+    found = {}
+
+    def verb():
+        found.update((number, signal.getsignal(number)) for number in SIGNALS)
+
+    monkeypatch.setattr("omnidrive.cli.warmup.warmup", verb)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    assert command("warmup")[0] == 0
+    assert found[signal.SIGHUP] is signal.SIG_IGN
+    assert callable(found[signal.SIGTERM])
 
 
 def test_quiet_prints_errors(command):
