@@ -7,7 +7,7 @@ from importlib.metadata import EntryPoint
 from typing import Annotated
 
 import pytest
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 import omnidrive as od
 from omnidrive.components import (
@@ -18,8 +18,9 @@ from omnidrive.components import (
     registry,
 )
 from omnidrive.components.component import Component
+from omnidrive.components.configured import Configured, OfGroup
 from omnidrive.components.parameters import parameters_of
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, MissingExtra
 
 LAW = """
 from dataclasses import dataclass
@@ -83,6 +84,11 @@ def test_failed_import_shows_where(tmp_path):
     with pytest.raises(InvalidInput, match=r"(?s)cannot be imported.*SyntaxError") as caught:
         find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
     assert "registry.py" not in str(caught.value)
+    calls = "".join(f"def f{k}(): f{k + 1}()\n" for k in range(9))
+    (tmp_path / "law.py").write_text(f"{calls}def f9(): raise KeyError('gain')\nf0()\n")
+    with pytest.raises(InvalidInput, match=r"KeyError: 'gain'") as caught:
+        find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
+    assert str(caught.value).count("law.py") == 1 + 3  # its name, and the innermost calls
     assert not [
         module for name, module in sys.modules.items()
         if name.startswith("omnidrive_code_") and module.__spec__.origin.startswith(str(tmp_path))
@@ -117,6 +123,24 @@ def test_entry_point_that_fails_to_import_is_named(monkeypatch):
     monkeypatch.setattr(registry, "entries_of", lambda group: {"broken": [entry]})
     with pytest.raises(InvalidInput, match=r"'broken'.*cannot be imported(?s:.*)no_such_module_y"):
         find_component("controllers", "broken")
+
+
+class OfAField(BaseModel):
+    part: Annotated[Configured, OfGroup("controllers")]
+
+
+def test_component_that_needs_an_extra_names_it(tmp_path):
+    fact = "raise MissingExtra(\"mpc is not installed: pip install 'omnidrive[mpc]'\")"
+    text = "from omnidrive.errors import MissingExtra\n{}def law():\n    {}\n"
+    (tmp_path / "soon.py").write_text(text.format(f"{fact}\n", "pass"))
+    (tmp_path / "late.py").write_text(text.format("", fact))
+    soon = f"{tmp_path}/soon.py:law"
+    with pytest.raises(MissingExtra, match=r"^mpc is not installed: pip install 'omnidrive\[mpc\]"):
+        find_component("controllers", soon, allow_code=True)
+    with pytest.raises(ValidationError, match=r"mpc is not installed: pip install"):
+        OfAField(part=soon)
+    with pytest.raises(MissingExtra, match=r"^mpc is not installed: pip install 'omnidrive\[mpc\]"):
+        find_component("controllers", f"{tmp_path}/late.py:law", allow_code=True).make()
 
 
 @dataclass(frozen=True)

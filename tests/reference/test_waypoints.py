@@ -40,6 +40,20 @@ def same(a, b):
 # ---- all formats ----
 
 
+@pytest.mark.parametrize("ending", [".csv", ".path", ".yaml"])
+def test_repeated_poses_of_a_path_are_left_out(tmp_path, ending):
+    poses = np.array([[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [2.0, 1.0, 0.5]])
+    save_waypoints(tmp_path / f"once{ending}", Path(poses))
+    save_waypoints(tmp_path / f"again{ending}", Path(poses[[0, 0, 1, 1, 1, 2, 2]]))
+    once, again = (load_waypoints(tmp_path / f"{name}{ending}") for name in ("once", "again"))
+    np.testing.assert_array_equal(again.poses, once.poses)
+
+
+def test_repeated_rows_of_a_file_are_left_out(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y,yaw\n0,0,0\n0,0,0\n1,0,0\n1,0,0\n")
+    assert load_waypoints(tmp_path / "a.csv").poses.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+
+
 def fast_turn():
     """Turn at 3 rad/s for 6 s while moving 2 m forward."""
     return SampledReference(
