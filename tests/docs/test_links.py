@@ -6,6 +6,7 @@ import tomllib
 import pytest
 import yaml
 
+from omnidrive.study.scenario import DEFAULT_CONTROLLERS
 from tests.docs.blocks import PAGES, ROOT
 
 LINKED = [*PAGES, ROOT / "CHANGELOG.md"]
@@ -45,6 +46,29 @@ def test_no_asterisk_is_taken_as_emphasis():
 
 def test_the_readme_fits_on_a_landing_page():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 90
+
+
+def test_results_of_the_readme_show_every_controller_in_both_presets():
+    """And the sentence below: most of the difference between the best and PID is feedforward."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = [line[1:-1].split("|") for line in re.findall(r"^\|.*\|$", text, re.MULTILINE)]
+    rows = [[cell.strip(" *") for cell in row] for row in table[2:]]
+    assert len(rows) == len(DEFAULT_CONTROLLERS["recommended"])
+    assert all(rows[i][0] != rows[j][0] for i in range(len(rows)) for j in range(i))
+    errors = {name: list(map(float, numbers)) for name, _, *numbers in rows}
+    assert {len(numbers) for numbers in errors.values()} == {2 * 4}
+    paper, recommended = 0, 4  # columns of the ME, 20 s
+    said = re.search(
+        r"between (\S+) m and (\S+) m is feedforward .*`feedforward` alone has it\s+\((\S+) m\), "
+        r"and so do the fuzzy PIDs of the preset `recommended` \((\S+) m\)",
+        text,
+    )
+    most, least, *others = map(float, said.groups())
+    assert (most, least) == (errors["PID"][paper], errors["holonomic NMPC"][paper])
+    assert others == [
+        errors["feedforward"][paper], errors["interval type-2 fuzzy PID"][recommended],
+    ]  # fmt: skip
+    assert all(most - error > 0.9 * (most - least) for error in others)
 
 
 def test_the_drawing_shows_every_package_in_order():

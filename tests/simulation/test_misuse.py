@@ -70,7 +70,7 @@ for name, call in CALLS.items():
         found[name] = ["", call()]
     except od.OmnidriveError as error:
         found[name] = [type(error).__name__, str(error)]
-print(json.dumps(found))
+print(json.dumps(found, default=str))
 """
 
 RETURN = "the controller had no usable command: "
