@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from math import isfinite
 from numbers import Real
-from typing import Any, NamedTuple, cast, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
-import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from omnidrive.errors import InvalidInput, closest
+from omnidrive.record_check import is_number
 
 
 class Bounds(NamedTuple):
@@ -116,23 +116,7 @@ def check_sample_time(dt: Any) -> None:
         InvalidInput: ``dt`` (s) is not a number from 1e-9 to 3600.
     """
     least, most = _SAMPLE_TIMES
-    if not are_numbers((dt,)):
+    if not is_number(dt):
         raise InvalidInput(f"the sample time must be a number of seconds, got {dt!r:.60}")
     if not least <= dt <= most:  # also NaN
         raise InvalidInput(f"the sample time must be {least:g} to {most:g} s, got {dt:g} s")
-
-
-def are_numbers(values: object) -> bool:
-    """Return whether ``values`` is a tuple of real numbers; NaN and infinity are among these."""
-    return isinstance(values, tuple) and all(isinstance(value, _NUMBERS) for value in values)
-
-
-def are_finite(values: object) -> bool:
-    """Return whether ``values`` is a tuple of finite real numbers."""
-    try:
-        return are_numbers(values) and all(map(isfinite, cast(tuple[float, ...], values)))
-    except OverflowError:  # an integer beyond all floats
-        return False
-
-
-_NUMBERS = (float, int, np.floating, np.integer)

@@ -30,8 +30,8 @@ class Constant:
         return self.command
 
 
-def run(controller, reference=hold, start=rest, dt=0.1, plant=plant):
-    return od.simulate(plant, controller, reference, start=start, dt=dt).ending
+def run(controller, reference=hold, start=rest, dt=0.1, plant=plant, sensors=None):
+    return od.simulate(plant, controller, reference, start=start, dt=dt, sensors=sensors).ending
 
 
 def returning(command):
@@ -57,6 +57,10 @@ CALLS = {
     "other sample time": lambda: run(feedforward, dt=0.05),
     "class": lambda: run(od.FeedforwardController),
     "no controller": lambda: run(robot),
+    "plant class": lambda: run(feedforward, plant=od.KinematicPlant),
+    "no plant": lambda: run(feedforward, plant=robot),
+    "sensors class": lambda: run(feedforward, sensors=od.PerfectSensors),
+    "no sensors": lambda: run(feedforward, sensors=rest),
     "kinematic of a chassis": lambda: od.KinematicPlant(robot.chassis),
     "planar of a chassis": lambda: od.PlanarPlant(robot.chassis),
     "mujoco of a name": lambda: od.MujocoPlant("small"),
@@ -103,6 +107,11 @@ EXPECTED = {
               "such as FeedforwardController()"),
     "no controller": ("InvalidInput", "a controller needs the methods reset(state) and step(t, "
                       "state, reference): Robot has no reset and no step"),
+    "plant class": ("InvalidInput", "as plant the class KinematicPlant is given: pass an object"),
+    "no plant": ("InvalidInput", "plant: need an object with capabilities, reset, step, close; "
+                 "Robot has no capabilities and no reset and no step and no close"),
+    "sensors class": ("InvalidInput", "as sensors the class PerfectSensors is given: pass an ob"),
+    "no sensors": ("InvalidInput", "sensors: need an object with reset, apply, read; Pose has no "),
     "kinematic of a chassis": ("InvalidInput", "KinematicPlant needs a Robot, got a Chassis: pass "
                                "the robot itself"),
     "planar of a chassis": ("InvalidInput", "PlanarPlant needs a Robot, got a Chassis: pass the "

@@ -13,7 +13,7 @@ from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, PlantState, simulate
+from omnidrive.simulation import KinematicPlant, Outcome, simulate
 from omnidrive.study import jobs, run_study, save_scenario
 from omnidrive.study.tasks import DurationsTask, StepTask, Tasks
 from tests.study.small import small_scenario
@@ -107,33 +107,6 @@ def test_failed_start_of_a_controller_is_logged_with_one_row_and_traceback(kind)
     assert len(log.t) == 1
     assert log.reason.startswith("RuntimeError: ")
     assert "test_foreign_parts.py" in log.traceback
-
-
-class FaultyPlant(KinematicPlant):
-    value = None
-
-    def step(self, twist, dt):
-        if isinstance(self.value, Exception):
-            raise self.value
-        return self.value
-
-
-@pytest.mark.parametrize(
-    ("value", "reason"),
-    [
-        (OSError("no answer"), "OSError: no answer"),
-        (None, "returned None, not a PlantState"),
-        ((0.0, 0.0, 0.0), "returned a tuple, not a PlantState"),
-        (PlantState(Pose(nan, 0.0, 0.0), TWIST, 0.0), "its state is not finite"),
-        (PlantState((0.0, 0.0), TWIST, 0.0), "needs a Pose and a BodyTwist"),
-    ],
-)
-def test_faulty_plant_is_an_outcome(value, reason):
-    plant = type("Plant", (FaultyPlant,), {"value": value})(named_robot("small"))
-    log = run(plant=plant)
-    assert log.outcome is Outcome.PLANT_FAILED
-    assert reason in log.reason
-    assert len(log.t) == 1
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from omnidrive.geometry import Pose
+from omnidrive.record_check import are_finite, are_numbers, is_number, record_fault
 
 
 class PoseFix(NamedTuple):
@@ -39,3 +40,31 @@ class SensorReadings(NamedTuple):
     """Mean yaw rate since the previous readings by a gyro, rad/s; None if it reports nothing."""
     fixes: tuple[PoseFix, ...] = ()
     """Pose fixes in the order of their arrival: none, one or several, perhaps late."""
+
+
+def readings_fault(readings: object) -> str | None:
+    """Return what is wrong with the result of sensors, in one line; None: nothing.
+
+    Numbers of measurements that are not finite are no fault: estimators treat them as lost.
+    """
+    return record_fault(readings, SensorReadings, _READINGS_RULES)
+
+
+def _is_fix(fix: object) -> bool:
+    return (
+        isinstance(fix, PoseFix)
+        and isinstance(fix.pose, Pose)
+        and are_numbers((fix.stamp, *fix.pose, fix.position_sigma, fix.yaw_sigma))
+    )
+
+
+_READINGS_RULES = {
+    "stamp": (lambda stamp: are_finite((stamp,)), "a finite number"),
+    "wheel_angles": (are_numbers, "a tuple of numbers"),
+    "wheel_torques": (are_numbers, "a tuple of numbers"),
+    "yaw_rate": (lambda rate: rate is None or is_number(rate), "a number or None"),
+    "fixes": (
+        lambda fixes: isinstance(fixes, tuple) and all(map(_is_fix, fixes)),
+        "a tuple of PoseFix",
+    ),
+}

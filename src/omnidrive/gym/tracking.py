@@ -109,7 +109,6 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             InvalidReference: The robot cannot follow the default reference.
         """
         self._robot = named_robot(robot) if isinstance(robot, str) else robot
-        max_twist = max_twist or max_axis_twist(self._robot)
         _check_settings(
             preview, render_mode, dt=dt, max_twist=max_twist, start_spread=start_spread,
             max_error=max_error, smoothness_weight=smoothness_weight,
@@ -119,8 +118,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._make_sensors, self._make_estimator = sensors, estimator
         self._dt, self._smoothness_weight = dt, smoothness_weight
         self._start_spread, self._max_error = start_spread, max_error
+        self.max_twist = np.array(max_twist or max_axis_twist(self._robot), dtype=float)
         self._last = max(round(self._reference.duration / dt), 1)
-        self.max_twist = np.array(max_twist, dtype=float)
         self._observation_model = ObservationModel(
             self._reference, dt, preview, max_error, self.max_twist, top_speed(self._reference, dt)
         )
@@ -291,6 +290,8 @@ def _check_settings(preview: object, render_mode: object, **settings: object) ->
         value = settings[name]
         if len(bounds) == 1:
             check_number(name, value, bounds[0])
+            continue
+        if value is None:  # the default of max_twist
             continue
         units = ", ".join(bound.unit for bound in bounds)
         for number, bound in zip(_numbers(name, value, len(bounds), units), bounds, strict=True):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isclose, isfinite, nan
+from math import isclose, nan
 from numbers import Real
-from typing import NamedTuple, TypeVar, cast
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -24,25 +23,17 @@ from omnidrive.control import (
     WheelTorques,
 )
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
-from omnidrive.errors import InvalidInput, OmnidriveError, PlantLost
-from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
+from omnidrive.errors import InvalidInput
+from omnidrive.estimation import LatestFix, State, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
-from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.disturbances.schedule import sample_times
-from omnidrive.simulation.plant import (
-    DisturbablePlant,
-    Plant,
-    PlantState,
-    check_command,
-    check_state,
-)
+from omnidrive.simulation.environment import Environment, RunEnded, guard
+from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
-
-T = TypeVar("T")
 
 _STOP = BodyTwist(0.0, 0.0, 0.0)
 _UNKNOWN = (nan, nan, nan)
@@ -93,27 +84,38 @@ def simulate(
         OmnidriveError: The plant cannot start.
     """
     check_sample_time(dt)
-    if isinstance(controller, Pipeline):
-        if estimator is not None or supervisor is not None:
-            raise InvalidInput("a pipeline holds its own estimator and supervisor; give only it")
-        pipeline = controller
-    else:
-        pipeline = Pipeline(controller, estimator or LatestFix(), supervisor or NullSupervisor())
-    environment = _Environment(plant, sensors or PerfectSensors(), reference, schedule)
-    environment.check()
-    _check_start(pipeline.controller, reference, start, dt)
+    pipeline = _pipeline(controller, estimator, supervisor)
+    environment = Environment(plant, sensors or PerfectSensors(), reference, schedule)
     log = _Log(pipeline)
-    samples = sample_times(reference.duration, dt, schedule.faults if schedule else (), rng)
     try:
-        _guarded(Outcome.CONTROLLER_FAILED, pipeline.prepare)
-        state = _guarded(Outcome.PLANT_FAILED, lambda: environment.reset(start))
-        _guarded(Outcome.CONTROLLER_FAILED, lambda: pipeline.reset(start))
+        environment.check()
+        _check_start(pipeline.controller, reference, start, dt)
+        with guard(Outcome.CONTROLLER_FAILED):
+            pipeline.prepare()
+        state = environment.reset(start)
+        with guard(Outcome.CONTROLLER_FAILED):
+            pipeline.reset(start)
+        duration = environment.duration
+        samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
         _loop(environment, pipeline, state, samples, log)
-    except _Ended as end:
+    except RunEnded as end:
         log.end = end
         if not log.rows:
             log.add_failed_start(start)
     return log.run(environment.events)
+
+
+def _pipeline(
+    controller: Controller | Pipeline,
+    estimator: StateEstimator | None,
+    supervisor: Supervisor | None,
+) -> Pipeline:
+    """Return the pipeline of a run."""
+    if not isinstance(controller, Pipeline):
+        return Pipeline(controller, estimator or LatestFix(), supervisor or NullSupervisor())
+    if estimator is not None or supervisor is not None:
+        raise InvalidInput("a pipeline holds its own estimator and supervisor; give only it")
+    return controller
 
 
 def _check_start(controller: Controller, reference: Reference, start: Pose, dt: float) -> None:
@@ -147,31 +149,8 @@ def _check_start(controller: Controller, reference: Reference, start: Pose, dt: 
     check_heading("the reference's heading at its start", first)
 
 
-class _Ended(Exception):
-    """The run ends before its reference."""
-
-    def __init__(self, outcome: Outcome, reason: str = "", traceback_: str = "") -> None:
-        super().__init__(reason)
-        self.outcome, self.reason, self.traceback = outcome, reason, traceback_
-
-
-def _guarded(outcome: Outcome, call: Callable[[], T]) -> T:
-    """Return the result of a call of a user's part; an exception in it ends the run.
-
-    An :class:`OmnidriveError` other than :class:`PlantLost` is raised: it concerns every run.
-    """
-    try:
-        return call()
-    except PlantLost as error:
-        raise _Ended(Outcome.PLANT_LOST, str(error)) from None
-    except OmnidriveError:
-        raise
-    except Exception as error:
-        raise _Ended(outcome, _first_line(error), traceback.format_exc(limit=-4).rstrip()) from None
-
-
 def _loop(
-    environment: _Environment,
+    environment: Environment,
     pipeline: Pipeline,
     state: PlantState,
     samples: Iterable[tuple[float, float, bool]],
@@ -182,102 +161,38 @@ def _loop(
     commanded: CommandValue = _STOP
     supervisor = pipeline.supervisor
     for t, h, ends in samples:
-        readings = _guarded(Outcome.SENSORS_FAILED, lambda: environment.read(t, state))  # noqa: B023
+        readings = environment.read(t, state)
         if ends:
             step = pipeline.observe(t, readings, environment.reference)
         else:
             late = environment.overrun(t)
             step = pipeline.step(t, readings, environment.reference, h, late=late)
-            if not isinstance(step.command.value, BodyTwist):
-                step = environment.checked(step, state)
+            step = _executable(step, environment.plant, state)
         log.add(t, state, step)
         if step.failed:
-            raise _Ended(_FAILED[step.failed], *_reason(step.command.message))
+            raise RunEnded(_FAILED[step.failed], *_reason(step.command.message))
         if ends or (supervisor.at_rest and commanded == _STOP):
             return
-        _guarded(Outcome.PLANT_FAILED, lambda: environment.apply(before, t))  # noqa: B023
+        environment.apply(before, t)
         commanded = step.command.value
-        state = _guarded(Outcome.PLANT_FAILED, lambda: environment.step(commanded, h))  # noqa: B023
+        state = environment.step(commanded, h)
         before = t
-        if not all(map(isfinite, (*state.pose, *state.twist))):
-            raise _Ended(Outcome.PLANT_FAILED, "its state is not finite")
+
+
+def _executable(step: PipelineStep, plant: Plant, state: PlantState) -> PipelineStep:
+    """Return ``step``; if the plant cannot execute its command, a failure of the controller."""
+    try:
+        check_command(step.command.value, plant.capabilities, len(state.wheel_speeds))
+    except InvalidInput as error:
+        refused = Command(_STOP, Status.FAILED, message=str(error))
+        return step._replace(command=refused, failed=step.failed or "controller")
+    return step
 
 
 def _reason(message: str) -> tuple[str, str]:
     """Return the last line of a message, and the whole message if it is a traceback."""
     lines = message.splitlines()
     return (lines[-1], message) if len(lines) > 1 else (message, "")
-
-
-def _first_line(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}".splitlines()[0]
-
-
-@dataclass(slots=True)
-class _Environment:
-    """Plant, sensors and the faults that act on them."""
-
-    plant: Plant
-    sensors: Sensors
-    reference: Reference
-    schedule: Schedule | None
-    events: list[Event] = field(default_factory=list)
-    _applied: Disturbances = field(default_factory=Disturbances)
-
-    def check(self) -> None:
-        """Raise InvalidInput for faults that cannot occur in this run."""
-        if self.schedule is None:
-            return
-        self.schedule.check(self.reference.duration)
-        if self.schedule.plant_faults and not self.plant.capabilities.disturbable:
-            raise InvalidInput(
-                f"this plant is not disturbable, so no {', '.join(self.schedule.plant_faults)}; "
-                "use a plant with the capability disturbable"
-            )
-
-    def reset(self, pose: Pose) -> PlantState:
-        """Start plant and sensors at rest at ``pose``."""
-        state = check_state(self.plant.reset(pose))
-        self.sensors.reset(pose)
-        return state
-
-    def step(self, command: CommandValue, dt: float) -> PlantState:
-        """Simulate the plant with ``command`` for ``dt`` (s)."""
-        return check_state(self.plant.step(command, dt))
-
-    def checked(self, step: PipelineStep, state: PlantState) -> PipelineStep:
-        """Return ``step``; if the plant cannot execute its command, a failure of the controller."""
-        try:
-            check_command(step.command.value, self.plant.capabilities, len(state.wheel_speeds))
-        except InvalidInput as error:
-            refused = Command(_STOP, Status.FAILED, message=str(error))
-            return step._replace(command=refused, failed="controller")
-        return step
-
-    def read(self, t: float, state: PlantState) -> SensorReadings:
-        """Return the sensor readings at ``t`` (s)."""
-        if self.schedule is not None:
-            self.sensors.apply(self.schedule.sensor_faults(t))
-        return self.sensors.read(t, state)
-
-    def overrun(self, t: float) -> bool:
-        """Return whether the command of the sample at ``t`` (s) is late."""
-        return self.schedule is not None and self.schedule.overrun(t)
-
-    def apply(self, before: float, t: float) -> None:
-        """Apply the disturbances at ``t`` (s); ``before``: time of the previous sample (s)."""
-        if self.schedule is None:
-            return
-        for fault in self.schedule.faults:
-            if fault.is_active(t) != fault.is_active(before):
-                change = "begins" if fault.is_active(t) else "ends"
-                self.events.append(Event(t, f"{fault.kind} {change}"))
-        disturbances = self.schedule.disturbances(before, t, self.reference)
-        at_once = any(disturbances.impulse) or any(disturbances.offset)
-        changed = at_once or disturbances != self._applied
-        if changed and self.plant.capabilities.disturbable:
-            cast(DisturbablePlant, self.plant).apply(disturbances)
-            self._applied = disturbances
 
 
 class _Row(NamedTuple):
@@ -311,7 +226,7 @@ class _Log:
     rows: list[_Row] = field(default_factory=list)
     notices: list[Event] = field(default_factory=list)
     """Notices of the estimator."""
-    end: _Ended = field(default_factory=lambda: _Ended(Outcome.FINISHED))
+    end: RunEnded = field(default_factory=lambda: RunEnded(Outcome.FINISHED))
 
     def add(self, t: float, state: PlantState, step: PipelineStep) -> None:
         """Append one sample."""

@@ -10,7 +10,8 @@ from omnidrive.control.command_check import MAX_COMMAND
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
 from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import BodyTwist, Pose
-from omnidrive.parameter import are_finite, check_sample_time
+from omnidrive.parameter import check_sample_time
+from omnidrive.record_check import are_finite, are_numbers, is_count, is_number, record_fault
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 
@@ -172,13 +173,27 @@ def check_command(command: object, capabilities: PlantCapabilities, wheels: int)
         )
 
 
-def check_state(state: object) -> PlantState:
-    """Return the result of a plant's ``reset`` or ``step``; raise TypeError if it is malformed."""
-    if not isinstance(state, PlantState):
-        raise TypeError(f"the plant returned {kind_of(state)}, not a PlantState")
-    if not (isinstance(state.pose, Pose) and isinstance(state.twist, BodyTwist)):
-        raise TypeError("the plant's state needs a Pose and a BodyTwist")
-    return state
+def plant_state_fault(state: Any) -> str | None:
+    """Return what is wrong with the result of a plant, in one line; None: nothing."""
+    fault = record_fault(state, PlantState, _STATE_RULES)
+    if fault is None and not (are_finite(state.pose) and are_finite(state.twist)):
+        return "its state is not finite"
+    return fault
+
+
+_STATE_RULES = {
+    "pose": (lambda pose: isinstance(pose, Pose) and are_numbers(pose), "a Pose of numbers"),
+    "twist": (
+        lambda twist: isinstance(twist, BodyTwist) and are_numbers(twist),
+        "a BodyTwist of numbers",
+    ),
+    "work": (is_number, "a number"),
+    "wheel_angles": (are_numbers, "a tuple of numbers"),
+    "wheel_torques": (are_numbers, "a tuple of numbers"),
+    "collisions": (is_count, "a whole number from 0"),
+    "wheel_speeds": (are_numbers, "a tuple of numbers"),
+    "saturated": (is_count, "a sum of Saturation"),
+}
 
 
 def check_robot(robot: object, plant: str) -> None:

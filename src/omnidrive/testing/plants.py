@@ -13,7 +13,7 @@ from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
 from omnidrive.robot import Robot
 from omnidrive.simulation import Plant, PlantCapabilities, PlantState
 from omnidrive.simulation.components import PlantContext
-from omnidrive.simulation.plant import check_state
+from omnidrive.simulation.plant import plant_state_fault
 from omnidrive.testing.laws import Laws, rotated
 
 _START = Pose(0.5, 0.2, 0.3)
@@ -92,9 +92,7 @@ class _PlantLaws(Laws):
             return f"it is {kind_of(made)}, need capabilities, reset, step and close"
         if not isinstance(made.capabilities, PlantCapabilities):
             return f"its capabilities are {kind_of(made.capabilities)}, not PlantCapabilities"
-        check_state(made.reset(_START))
-        check_state(made.step(_REST, self.dt))
-        return None
+        return plant_state_fault(made.reset(_START)) or plant_state_fault(made.step(_REST, self.dt))
 
     def record(self, part: Plant) -> list[PlantState]:
         return [part.reset(_START), *(part.step(_TWIST, self.dt) for _ in range(10))]
