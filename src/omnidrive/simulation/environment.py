@@ -30,6 +30,7 @@ from omnidrive.simulation.run import Outcome
 from omnidrive.simulation.sensors import Sensors
 
 _FRAMES = 4  # calls shown of a traceback
+_MAX_REASON = 500  # characters
 
 
 class RunEnded(Exception):
@@ -58,11 +59,11 @@ def guard(outcome: Outcome, *, starting: bool = False) -> Iterator[None]:
     try:
         yield
     except PlantLost as error:
-        raise RunEnded(Outcome.PLANT_LOST, str(error)) from None
+        raise RunEnded(Outcome.PLANT_LOST, one_line(str(error), _MAX_REASON)) from None
     except OmnidriveError as error:
         if starting:
             raise
-        raise RunEnded(outcome, str(error)) from None
+        raise RunEnded(outcome, one_line(str(error), _MAX_REASON)) from None
     except (Exception, SystemExit) as error:
         shown = traceback.format_exc(limit=-_FRAMES).rstrip()
         raise RunEnded(outcome, _reason(error), shown) from None

@@ -25,6 +25,7 @@ from omnidrive.control import (
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State, StateEstimator
+from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
@@ -191,8 +192,8 @@ def _executable(step: PipelineStep, plant: Plant, state: PlantState) -> Pipeline
 
 def _reason(message: str) -> tuple[str, str]:
     """Return the last line of a message, and the whole message if it is a traceback."""
-    lines = message.splitlines()
-    return (lines[-1], message) if len(lines) > 1 else (message, "")
+    lines = message.splitlines() or [""]
+    return one_line(lines[-1]), message if len(lines) > 1 else ""
 
 
 class _Row(NamedTuple):
