@@ -244,6 +244,17 @@ def test_wheel_motion_is_not_lost_when_readings_repeat_a_time():
     assert log.error < 1e-3
 
 
+def test_number_of_processed_fixes_is_bounded():
+    """A million of them in one update would take minutes."""
+    estimator = PoseEstimator(ROBOT)
+    estimator.update(SensorReadings(0.0, (0.0,) * 4))
+    flood = (PoseFix(0.05, START, 5.0, 5.0),) * 1_000_000
+    estimator.update(SensorReadings(0.1, (0.0,) * 4, fixes=flood))
+    assert len(estimator._buffer.fixes) == 20
+    assert estimator.rejected == 1_000_000 - 20
+    assert LatestFix().update(SensorReadings(0.1, fixes=flood)).pose == START
+
+
 def test_number_of_stored_readings_is_bounded():
     estimator = PoseEstimator(ROBOT)
     for k in range(500):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import hypot, inf, isfinite
+from math import hypot, inf, isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,8 @@ from omnidrive.estimation.state import LARGEST
 from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 
+MAX_RECEIVED = 200
+"""Largest number of fixes of one update that are looked at."""
 _MAX_SIGMA = 1e6
 """Largest standard deviation of a measured position, m."""
 _MAX_YAW_SIGMA = 1e3
@@ -63,6 +65,11 @@ def check_start(pose: Pose) -> None:
         raise InvalidInput(f"the pose at the start must be finite, got {tuple(pose)}")
 
 
+def usable_fixes(fixes: Sequence[PoseFix], now: float) -> list[PoseFix]:
+    """Return the usable ones of the last :data:`MAX_RECEIVED` fixes, see :func:`usable_fix`."""
+    return [fix for each in fixes[-MAX_RECEIVED:] if (fix := usable_fix(each, now)) is not None]
+
+
 def usable_fix(fix: PoseFix, now: float) -> PoseFix | None:
     """Return a pose fix, with an infinite yaw sigma if it measures no yaw; None: it is not usable.
 
@@ -84,8 +91,8 @@ def usable_fix(fix: PoseFix, now: float) -> PoseFix | None:
     return fix if abs(yaw) <= LARGEST else None
 
 
-def possible_angles(angles: Sequence[float], wheels: int) -> Float[Array, " wheels"]:
-    """Return wheel angles, rad; NaN for those that are absent, or larger than :data:`LARGEST`.
+def possible_angles(angles: Sequence[float], wheels: int) -> list[float]:
+    """Return wheel angles, rad; NaN for those that are absent, or beyond :data:`LARGEST`.
 
     Args:
         angles: One angle per wheel, or none.
@@ -98,8 +105,5 @@ def possible_angles(angles: Sequence[float], wheels: int) -> Float[Array, " whee
         raise InvalidInput(
             f"the readings hold {len(angles)} wheel angles, the robot has {wheels} wheels"
         )
-    checked: Float[Array, " wheels"] = np.full(wheels, np.nan)
-    if angles:
-        checked[:] = angles
-        checked[~(np.abs(checked) <= LARGEST)] = np.nan
-    return checked
+    possible = [float(angle) if -LARGEST <= angle <= LARGEST else nan for angle in angles]
+    return possible or [nan] * wheels

@@ -25,7 +25,7 @@ from omnidrive.estimation.plausibility import (
     RateLimits,
     check_start,
     possible_angles,
-    usable_fix,
+    usable_fixes,
 )
 from omnidrive.estimation.propagation import propagate
 from omnidrive.estimation.reading_buffer import MAX_FIXES, BufferedFix, Interval, ReadingBuffer
@@ -100,6 +100,8 @@ class PoseEstimator:
         self._limits = RateLimits.of(robot)
         self._model = _motion_model(robot, sensors, self.settings, self._limits, slips)
         self._radius = robot.wheel.radius
+        self._slack = 2.0 * self._model.encoder_resolution
+        self._unknown = np.full(len(robot.mounts), nan)
         self._gyro_bias = sensors.gyro.bias if sensors.gyro else 0.0
         self._gate = float(chdtri(3.0, self.settings.false_alarms))
         self._clock = ReadingClock(self.settings.time_jump)
@@ -117,7 +119,7 @@ class PoseEstimator:
         self._clock.reset()
         self._buffer.intervals = []
         self._contradicting.clear()
-        self._angles = np.full(len(self._model.rim_jacobian), nan)
+        self._angles: list[float] = self._unknown.tolist()
         self._is_gap = False  # whether readings were dropped since the previous ones
         self.filter_state = self._initial(pose, known=True)
         self.rejected, self.ignored, self.nis = 0, 0, nan
@@ -170,7 +172,7 @@ class PoseEstimator:
             return self._state("")
         if stamp is Stamp.JUMPED and before is not None:
             self._last_accepted = t - (before - self._last_accepted)  # the age is kept
-            self._angles[:] = nan
+            self._angles = self._unknown.tolist()
             notice = self._lose(t, f"the clock jumped by {t - before:+g} s")
         if before is None:
             self._last_accepted = t
@@ -188,29 +190,27 @@ class PoseEstimator:
     def _append(self, readings: SensorReadings, t: float) -> None:
         """Store wheel angles and yaw rate as those of the interval that ends at ``t``.
 
-        The interval is empty if it would be too short; its wheel motion is then that of the next
-        one.
+        The interval is empty if it would be too short; its wheel motion is then part of that of the
+        next one.
         """
-        intervals, count = self._buffer.intervals, len(self._angles)
-        angles = possible_angles(readings.wheel_angles, count)
+        intervals, before = self._buffer.intervals, self._angles
+        angles = possible_angles(readings.wheel_angles, len(before))
         begin = intervals[-1].end if intervals else t
-        rate = nan if readings.yaw_rate is None else float(readings.yaw_rate)
-        ignored = np.isnan(angles).sum() - np.isnan(readings.wheel_angles or angles).sum()
         if intervals and t - begin < _SHORTEST_INTERVAL:
-            intervals.append(Interval(begin, begin, np.full(count, nan), nan, self.filter_state))
-            unknown = np.isnan(self._angles)
-            self._angles[unknown] = angles[unknown]
+            intervals.append(Interval(begin, begin, self._unknown, nan, self.filter_state))
+            self._angles = [b if isnan(a) else a for a, b in zip(before, angles, strict=True)]
             return
-        displacements = self._radius * (angles - self._angles)
-        farthest = self._radius * self._limits.wheel_speed * (t - begin)
-        slack = 2.0 * self._model.encoder_resolution
-        impossible = np.abs(displacements) > farthest + slack
-        displacements[impossible] = nan
-        is_turning = abs(rate) <= self._limits.twist[2]
-        self.ignored += int(ignored + impossible.sum()) + (not is_turning and not isnan(rate))
-        if self._is_gap or not is_turning:  # after dropped readings it is the mean since them only
+        moved = [self._radius * (b - a) for a, b in zip(before, angles, strict=True)]
+        farthest = self._radius * self._limits.wheel_speed * (t - begin) + self._slack
+        possible = np.array([d if -farthest <= d <= farthest else nan for d in moved])
+        rate = nan if readings.yaw_rate is None else float(readings.yaw_rate)
+        is_possible = abs(rate) <= self._limits.twist[2]
+        self.ignored += sum(map(_exceeds, readings.wheel_angles, angles))
+        self.ignored += sum(map(_exceeds, moved, possible.tolist()))
+        self.ignored += _exceeds(rate, rate if is_possible else nan)
+        if self._is_gap or not is_possible:  # after dropped readings it is the mean since them only
             rate = nan
-        intervals.append(Interval(begin, t, displacements, rate, self.filter_state))
+        intervals.append(Interval(begin, t, possible, rate, self.filter_state))
         self._angles, self._is_gap = angles, False
 
     def _store(self, fixes: Sequence[PoseFix], t: float) -> tuple[list[BufferedFix], int]:
@@ -221,8 +221,7 @@ class PoseEstimator:
         """
         stored, first = [], len(self._buffer.intervals) - 1
         end = self._buffer.intervals[-1].end
-        usable = [fix for each in fixes if (fix := usable_fix(each, t)) is not None]
-        precise = [fix for fix in usable if not isnan(fix.position_sigma)]
+        precise = [fix for fix in usable_fixes(fixes, t) if not isnan(fix.position_sigma)]
         for fix in precise[-MAX_FIXES:]:
             item = BufferedFix(fix._replace(stamp=min(fix.stamp, end)))
             index = self._buffer.insert(item)
@@ -311,14 +310,18 @@ class PoseEstimator:
         self._is_lost = True
         self._contradicting.clear()
         self.filter_state = self._initial(self._pose, known=False)
-        unknown = np.full(len(self._angles), nan)
-        self._buffer.intervals = [Interval(t, t, unknown, nan, self.filter_state)]
+        self._buffer.intervals = [Interval(t, t, self._unknown, nan, self.filter_state)]
         return f"the estimate starts anew at the next pose fix: {cause}"
 
     def _state(self, notice: str) -> State:
         t = self._clock.time or 0.0
         covariance = self.filter_state.covariance[POSE, POSE].copy()
         return State(t, self._pose, None, covariance, t - self._last_accepted, notice)
+
+
+def _exceeds(given: float, possible: float) -> bool:
+    """Return whether a number was given, but is not possible."""
+    return isnan(possible) and not isnan(given)
 
 
 def _start_pose(fix: PoseFix, state: FilterState) -> Pose:

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from omnidrive.estimation.clock import ReadingClock, Stamp
-from omnidrive.estimation.plausibility import check_start, usable_fix
+from omnidrive.estimation.plausibility import check_start, usable_fixes
 from omnidrive.estimation.readings import PoseFix, SensorReadings
 from omnidrive.estimation.state import State
 from omnidrive.geometry import Pose
@@ -67,9 +67,8 @@ class LatestFix:
             age = before - self._latest.stamp
             self._latest = self._latest._replace(stamp=t - age)
         if stamp is not Stamp.DROPPED:
-            for each in readings.fixes:
-                fix = usable_fix(each, t)
-                if fix is not None and fix.stamp >= self._latest.stamp:
+            for fix in usable_fixes(readings.fixes, t):
+                if fix.stamp >= self._latest.stamp:
                     self._latest = fix._replace(pose=_continued(fix, self._latest.pose.yaw))
         now = self._clock.time or 0.0
         _, pose, position_sigma, yaw_sigma = self._latest
