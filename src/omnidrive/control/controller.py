@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
+from math import isclose
+from numbers import Real
 from typing import ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from omnidrive.control.reduced_drive import ReducedDrive
+from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
@@ -111,6 +114,33 @@ class Controller(Protocol):
     def step(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command to hold on [t, t + dt), t in s, for the state estimated at ``t``."""
         ...
+
+
+def check_controller(controller: object, dt: float) -> None:
+    """Check an object that is to control a robot in a loop with a sample time of ``dt`` (s).
+
+    Raises:
+        InvalidInput: It is a class, has no ``reset`` or ``step``, or is built for another sample
+            time.
+    """
+    if isinstance(controller, type):
+        raise InvalidInput(
+            f"the controller is the class {controller.__name__}: pass an object, such as "
+            f"{controller.__name__}()"
+        )
+    needed = ("reset", "step")
+    missing = [name for name in needed if not callable(getattr(controller, name, None))]
+    if missing:
+        raise InvalidInput(
+            f"a controller needs the methods reset(state) and step(t, state, reference): "
+            f"{type(controller).__name__} has no {' and no '.join(missing)}"
+        )
+    built_for = getattr(controller, "dt", None)
+    if isinstance(built_for, Real) and not isclose(built_for, dt, rel_tol=1e-6):
+        raise InvalidInput(
+            f"the controller is built for a sample time of {built_for:g} s, but the loop runs with "
+            f"dt={dt:g} s: build the controller with dt={dt:g}, or simulate with dt={built_for:g}"
+        )
 
 
 @runtime_checkable

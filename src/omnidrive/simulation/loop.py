@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isclose, nan
-from numbers import Real
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from omnidrive.control import (
     WheelSpeeds,
     WheelTorques,
 )
+from omnidrive.control.controller import check_controller
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State, StateEstimator
@@ -121,23 +121,7 @@ def _pipeline(
 
 def _check_start(controller: Controller, reference: Reference, start: Pose, dt: float) -> None:
     """Raise InvalidInput for a controller, a start or a reference that cannot be meant."""
-    if isinstance(controller, type):
-        raise InvalidInput(
-            f"the controller is the class {controller.__name__}: pass an object, such as "
-            f"{controller.__name__}()"
-        )
-    missing = [name for name in ("reset", "step") if not hasattr(controller, name)]
-    if missing:
-        raise InvalidInput(
-            f"a controller needs the methods reset(state) and step(t, state, reference): "
-            f"{type(controller).__name__} has no {' and no '.join(missing)}"
-        )
-    built_for = getattr(controller, "dt", None)
-    if isinstance(built_for, Real) and not isclose(built_for, dt, rel_tol=1e-6):
-        raise InvalidInput(
-            f"the controller is built for a sample time of {built_for:g} s, but the loop runs with "
-            f"dt={dt:g} s: build the controller with dt={dt:g}, or simulate with dt={built_for:g}"
-        )
+    check_controller(controller, dt)
     if not isinstance(start, Pose):
         raise InvalidInput(
             f"the start is a {type(start).__name__}: pass Pose(x, y, yaw), in m, m, rad"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,8 +12,9 @@ import numpy as np
 from omnidrive.choices import TaskName
 from omnidrive.control import Command, Controller, Status
 from omnidrive.control.components import ControllerContext
+from omnidrive.control.controller import check_controller
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits, WheelMonitor
-from omnidrive.errors import ComponentFailed
+from omnidrive.errors import ComponentFailed, InvalidInput
 from omnidrive.estimation import EncoderSettings, LatestFix, State, StateEstimator
 from omnidrive.estimation.components import EstimatorContext
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
@@ -115,10 +117,17 @@ def run_job(
     planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()
 ) -> TrackResult | StepResult | FaultResult:
     """Simulate one run, during which the observers are called, and evaluate it."""
+    planned = _copied(planned)
     if job.task == "faults":
         return _run_with_fault(planned, job, observers)
     run = _run_step_response if job.task == "step" else _run_along_path
     return run(planned, job, observers)
+
+
+def _copied(planned: PlannedScenario) -> PlannedScenario:
+    """Return the plan for one run: a part that changes what it receives changes no other run."""
+    names = ("robot", "plant_robot", "obstacles", "path", "motion")
+    return replace(planned, **{name: deepcopy(getattr(planned, name)) for name in names})
 
 
 def make_controller(
@@ -137,6 +146,9 @@ def make_controller(
         horizon: Value of its parameter ``horizon``, if it has one, in steps. None: that of the
             scenario.
         rng: Generator for the controller. None: one with the seed of the scenario.
+
+    Raises:
+        ComponentFailed: The factory raises an exception, or gives no controller for this scenario.
     """
     configured = scenario.controllers[label]
     if horizon is not None and configured.has_parameter("horizon"):
@@ -150,6 +162,10 @@ def make_controller(
         odometry=scenario.odometry,
     )
     controller: Controller = configured.make(context)
+    try:
+        check_controller(controller, scenario.sample_time)
+    except InvalidInput as error:
+        raise ComponentFailed(str(error)) from TypeError(str(error))
     return controller
 
 
