@@ -26,6 +26,9 @@ from tests.estimation.drive import CREEP, DT, MATCHED, QUIET, ROBOT, START, Driv
 ALL_SILENT = SensorFaults((0, 1, 2, 3), fixes_silent=True, gyro_silent=True)
 
 
+TRUE = Pose(7.0, 7.0, 7.0)
+
+
 class Spoiled(Drive):
     """A drive of which some readings are replaced; the time of all is shifted by ``clock``."""
 
@@ -36,7 +39,11 @@ class Spoiled(Drive):
         t = readings.stamp + self.clock
         fixes = tuple(fix._replace(stamp=fix.stamp + self.clock) for fix in readings.fixes)
         readings = readings._replace(stamp=t, fixes=fixes)._replace(**self.changes)
-        return self.estimator.update(readings)
+        return self.estimator.update(readings._replace(fixes=tuple(map(self.at, readings.fixes))))
+
+    def at(self, fix):
+        """Return the fix; with the pose TRUE, at the true pose."""
+        return fix._replace(pose=self.pose) if fix.pose is TRUE else fix
 
     def spoil(self, seconds=DT, **changes):
         """Go on with these readings."""
@@ -124,14 +131,14 @@ FIXES = [
     PoseFix(2.1, Pose(0.0, -inf, 0.0), 0.02, 0.01),
     PoseFix(2.1, Pose(0.0, 0.0, nan), 0.02, 0.01),
     PoseFix(2.1, Pose(0.0, 0.0, 1e300), 0.02, 0.01),
-    PoseFix(2.1, START, -1.0, 0.01),
-    PoseFix(2.1, START, 0.02, -1.0),
-    PoseFix(2.1, START, inf, 0.01),
-    PoseFix(2.1, START, 1e300, 0.01),
-    PoseFix(2.2, START, 0.02, 0.01),
-    PoseFix(inf, START, 0.02, 0.01),
-    PoseFix(nan, START, 0.02, 0.01),
-    PoseFix(-1e300, START, 0.02, 0.01),
+    PoseFix(2.1, TRUE, -1.0, 0.01),
+    PoseFix(2.1, TRUE, 0.02, -1.0),
+    PoseFix(2.1, TRUE, inf, 0.01),
+    PoseFix(2.1, TRUE, 1e300, 0.01),
+    PoseFix(2.2, TRUE, 0.02, 0.01),
+    PoseFix(inf, TRUE, 0.02, 0.01),
+    PoseFix(nan, TRUE, 0.02, 0.01),
+    PoseFix(-1e300, TRUE, 0.02, 0.01),
 ]
 
 
@@ -237,7 +244,7 @@ def test_wheel_motion_is_not_lost_when_readings_repeat_a_time():
     for _ in range(20):
         readings = log.go(DT).log[-1]
         for shift in (0.0, 1e-7):
-            turned = tuple(angle + 0.1 for angle in readings.wheel_angles)
+            turned = tuple((readings.wheel_angles + 0.1 * ROBOT.rim_jacobian[:, 0]).tolist())
             log.estimator.update(
                 SensorReadings(readings.stamp + shift, turned, yaw_rate=readings.yaw_rate)
             )
