@@ -50,6 +50,15 @@ _SeedsOption = Annotated[
         RUN_PANEL,
     ),
 ]
+_TimeoutOption = Annotated[
+    float | None,
+    option(
+        "S",
+        "End a run that takes longer than this wall time, s; the others go on. Compilation at the "
+        "first use counts [default: no limit].",
+        RUN_PANEL,
+    ),
+]
 _JobsOption = Annotated[
     int | None,
     option(
@@ -69,6 +78,7 @@ def compare(
     tasks: _TasksOption = None,
     noise_seeds: _SeedsOption = None,
     jobs: _JobsOption = None,
+    run_timeout: _TimeoutOption = None,
     fault: FaultOption = None,
     out: FolderOption = None,
     json: ResultsJsonOption = False,
@@ -103,10 +113,15 @@ def compare(
     chosen = [*(controllers.split(",") if controllers else ()), *(controller or ())]
     resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds)
     resolved = with_faults(resolved, fault)
-    folder = out or default_folder(resolved.name)
     with LiveProgress() as progress:
-        cores = jobs or available_cores()
-        done = study.run_study(resolved, folder, processes=cores, progress=progress)
+        done = study.run_study(
+            resolved,
+            out or default_folder(resolved.name),
+            processes=jobs or available_cores(),
+            progress=progress,
+            run_timeout=run_timeout,
+            numbered=out is None,
+        )
     parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
     total = f"{parts} = {sum(done.timing.values()):.1f} s"
     print_results(done, json=json, full=full, lines=[total])

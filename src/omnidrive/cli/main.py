@@ -10,14 +10,14 @@ import warnings
 from contextlib import suppress
 from errno import ENOSPC, EPIPE
 from importlib import import_module
-from types import FrameType
 from typing import Annotated, Any, TextIO
 
 import typer
 from typer.core import TyperGroup
 
+from omnidrive.cli import signals
 from omnidrive.cli.compile_status import show_compiling
-from omnidrive.cli.terminal import NoteHandler, note, quiet_option
+from omnidrive.cli.terminal import NoteHandler, encodable, note, quiet_option
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
 
 VERBS = {
@@ -101,26 +101,24 @@ def omnidrive(
 
 
 _STREAMS = {"stdout": 1, "stderr": 2}
-_INTERRUPTED = 128 + signal.SIGINT
-_SIGNALS = [
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-]
-_received: list[int] = []  # the signal that terminates this command
 
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    _open_streams()
-    for number in _SIGNALS:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # ignored under nohup
-            signal.signal(number, _interrupt)
-    logging.getLogger().addHandler(NoteHandler(logging.WARNING))
-    show_compiling()
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", FutureWarning)
-        warnings.showwarning = _note
-        status = _status()
-    _restore_signals()
+    status = 128 + signal.SIGINT  # of code that raises KeyboardInterrupt itself
+    try:
+        signals.install()
+        try:
+            _open_streams()
+            status = _status()
+        finally:
+            signals.disarm()
+    except KeyboardInterrupt:
+        pass
+    received = signals.restore()
+    if received is not None:
+        _print_error("interrupted; finished results are kept")
+        status = 128 + received
     sys.exit(status)
 
 
@@ -150,31 +148,18 @@ def _note(
         note(str(message))
 
 
-def _interrupt(number: int, _frame: FrameType | None) -> None:
-    """Terminate in order, as on Ctrl-C; a second Ctrl-C terminates at once."""
-    _restore_signals()
-    _received.append(number)
-    raise KeyboardInterrupt
-
-
-def _restore_signals() -> None:
-    """Restore the default of SIGINT; ignore the other signals, which are often sent twice."""
-    for number in _SIGNALS:
-        if signal.getsignal(number) is _interrupt:
-            handler = signal.SIG_DFL if number == signal.SIGINT else signal.SIG_IGN
-            signal.signal(number, handler)
-
-
 def _status() -> int:
     """Run the command and return its exit status; an error is printed as one paragraph."""
-    try:
-        status = int(app(prog_name="omnidrive", standalone_mode=False) or 0)
-    except (Exception, KeyboardInterrupt) as error:
-        status = _INTERRUPTED if _received else _handle(error)
-    if _received and status == _INTERRUPTED:  # typer's status for KeyboardInterrupt
-        _print_error("interrupted; finished results are kept")
-        return 128 + _received[0]
-    return status
+    logging.getLogger().addHandler(NoteHandler(logging.WARNING))
+    show_compiling()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", FutureWarning)
+        warnings.showwarning = _note
+        try:
+            return int(app(prog_name="omnidrive", standalone_mode=False) or 0)
+        except Exception as error:
+            signals.check_interrupted()  # the error may be a consequence
+            return _handle(error)
 
 
 def _handle(error: BaseException) -> int:
@@ -206,4 +191,4 @@ def _print_error(message: str) -> None:
     console = Console(stderr=True)
     with suppress(OSError):  # the terminal is closed
         console.print("[bold red]omnidrive:[/] ", end="")
-        console.print(message, markup=False, highlight=False)
+        console.print(encodable(message, sys.stderr.encoding), markup=False, highlight=False)

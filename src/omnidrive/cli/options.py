@@ -111,14 +111,9 @@ def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
 
 
 def default_folder(name: str) -> Path:
-    """Return a folder under runs/ that does not exist yet."""
+    """Return the folder under runs/ for the results of a study, with the present time."""
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    base = Path("runs") / f"{name}-{stamp}"
-    path, count = base, 1
-    while path.exists():
-        count += 1
-        path = base.with_name(f"{base.name}-{count}")
-    return path
+    return Path("runs") / f"{name}-{stamp}"
 
 
 def available_cores() -> int:

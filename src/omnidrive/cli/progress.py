@@ -17,6 +17,7 @@ from rich.progress import (
 from rich.text import Text
 
 from omnidrive.cli.compile_status import displays
+from omnidrive.cli.signals import check_interrupted
 from omnidrive.cli.terminal import is_quiet
 from omnidrive.visualization import Recording, film
 
@@ -30,7 +31,10 @@ class _Steps(MofNCompleteColumn):
 
 
 class LiveProgress:
-    """A progress listener that draws one bar per part on standard error."""
+    """A progress listener that draws one bar per part on standard error.
+
+    It raises KeyboardInterrupt after a signal that other code did not pass on.
+    """
 
     def __init__(self) -> None:
         self._progress = Progress(
@@ -61,11 +65,13 @@ class LiveProgress:
 
     def part(self, name: str, steps: int) -> None:
         """Start the bar of a part."""
+        check_interrupted()
         self._finish()
         self._task = self._progress.add_task(name, total=steps or None, what="")
 
     def done(self, what: str) -> None:
         """Advance the bar by one step."""
+        check_interrupted()
         self._progress.update(self._task, advance=1, what=what)
 
     def _show(self, what: str) -> None:

@@ -79,7 +79,9 @@ def run(
         recorders = [Recorder()] if video is not None else []
         progress = stack.enter_context(LiveProgress())
         observers: list[Observer] = [*viewers, *recorders]
-        done = study.run_study(resolved, folder, progress=progress, observers=observers)
+        done = study.run_study(
+            resolved, folder, progress=progress, observers=observers, numbered=out is None
+        )
         videos = [save_film(each.recording, video, progress) for each in recorders if video]
     print_results(done, json=json, full=full, lines=[f"video: {each}" for each in videos])
 

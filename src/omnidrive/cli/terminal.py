@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import sys
 from typing import Annotated, Any
 
 import typer
@@ -29,7 +30,7 @@ def is_quiet() -> bool:
 def show(text: str = "") -> None:
     """Print a line of results, unless ``--quiet`` is given."""
     if not _Output.quiet:
-        typer.echo(text)
+        _echo(text)
 
 
 def conclude(text: str, *, beside_json: bool = False) -> None:
@@ -39,12 +40,12 @@ def conclude(text: str, *, beside_json: bool = False) -> None:
         text: The line.
         beside_json: Print it on standard error, because standard output holds JSON.
     """
-    typer.echo(text, err=beside_json)
+    _echo(text, err=beside_json)
 
 
 def print_json(data: Any) -> None:
     """Print JSON on standard output."""
-    typer.echo(json.dumps(data, indent=2))
+    _echo(json.dumps(data, indent=2))
 
 
 def note(text: str) -> None:
@@ -61,7 +62,19 @@ def warn(text: str) -> None:
 
 def _print(text: str) -> None:
     if not _Output.quiet:
-        typer.echo(f"omnidrive: {text}", err=True)
+        _echo(f"omnidrive: {text}", err=True)
+
+
+def _echo(text: str, *, err: bool = False) -> None:
+    """Print a line on standard output or standard error."""
+    stream = sys.stderr if err else sys.stdout
+    typer.echo(encodable(text, stream.encoding), file=stream)
+
+
+def encodable(text: str, encoding: str | None) -> str:
+    """Return ``text`` with an escape for each character, as of a file name, that has no code."""
+    name = encoding or "utf-8"
+    return text.encode(name, "backslashreplace").decode(name)
 
 
 class NoteHandler(logging.Handler):

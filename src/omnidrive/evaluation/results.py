@@ -53,9 +53,7 @@ class TrackResult:
     @property
     def name(self) -> str:
         """Name, unique in the study; also the stem of the time-series file."""
-        horizon = f"-N{self.horizon}" if self.task == "horizon" else ""
-        repeat = f"-r{self.repeat}" if self.repeat else ""
-        return f"{self.task}-{self.controller}-{self.duration:g}s{horizon}{repeat}"
+        return track_name(self.task, self.controller, self.duration, self.horizon, self.repeat)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,7 +73,7 @@ class StepResult:
     @property
     def name(self) -> str:
         """Name, unique in the study; also the stem of the time-series file."""
-        return f"step-{self.controller}"
+        return step_name(self.controller)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,8 +99,27 @@ class FaultResult:
     @property
     def name(self) -> str:
         """Name, unique in the study; also the stem of the time-series file."""
-        fault = f"{self.number:02d}-{self.fault.kind}" if self.fault else "00-none"
-        return f"faults-{self.controller}-{fault}"
+        return fault_name(self.controller, self.number, self.fault)
+
+
+def track_name(
+    task: str, controller: str, duration: float, horizon: int | None, repeat: int
+) -> str:
+    """Return the name of a tracking run; see :class:`TrackResult`."""
+    suffix = f"-N{horizon}" if task == "horizon" else ""
+    seed = f"-r{repeat}" if repeat else ""
+    return f"{task}-{controller}-{duration:g}s{suffix}{seed}"
+
+
+def step_name(controller: str) -> str:
+    """Return the name of a step response."""
+    return f"step-{controller}"
+
+
+def fault_name(controller: str, number: int, fault: Fault | None) -> str:
+    """Return the name of a run of the task ``faults``; see :class:`FaultResult`."""
+    kind = f"{number:02d}-{fault.kind}" if fault else "00-none"
+    return f"faults-{controller}-{kind}"
 
 
 class ControllerType(NamedTuple):

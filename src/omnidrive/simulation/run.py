@@ -36,6 +36,8 @@ class Outcome(Enum):
     PLANT_FAILED = "the plant failed"
     PLANT_LOST = "the plant was lost"
     STOPPED = "the watchdog stopped the robot"
+    KILLED = "the process of the run was killed"
+    TIMED_OUT = "the run exceeded its time limit"
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -4,33 +4,24 @@ from __future__ import annotations
 
 import logging
 import logging.handlers
-import os
 import pickle
-import signal
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from ctypes import Array, c_char
 from functools import partial
-from multiprocessing import active_children, get_context, parent_process
-from multiprocessing.connection import wait
-from multiprocessing.process import BaseProcess
 from multiprocessing.sharedctypes import RawArray
-from queue import Empty, SimpleQueue
-from threading import Thread
+from queue import SimpleQueue
 
 from omnidrive.compiled.compilation import CompileRelay, compile_listeners
-from omnidrive.errors import WorkerLost
-from omnidrive.evaluation import FaultResult, StepResult, TrackResult
-from omnidrive.study.jobs import Job, run_job
+from omnidrive.simulation import Outcome
+from omnidrive.study.heartbeat import Heartbeat
+from omnidrive.study.jobs import Job, Result, job_name, run_job, unfinished
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.scenario import Scenario
+from omnidrive.study.workers import Call, Lost, Workers
 from omnidrive.visualization import Observer
 
-Result = TrackResult | StepResult | FaultResult
 _Logged = tuple[Result, list[logging.LogRecord]]
-_Finished = tuple[Job, _Logged | BaseException]
 
 _shared: list[PlannedScenario] = []  # one item in a worker process, used by all its runs
 _records: SimpleQueue[logging.LogRecord] = SimpleQueue()  # of the present run in a worker process
@@ -40,71 +31,88 @@ _COMPILE_TIMES = {
 }  # fmt: skip
 """Approximate time to compile the kernels of a controller after those above it, s."""
 
-_TERMINAL_SIGNALS = {
-    getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)
-}
-_END_SIGNALS = _TERMINAL_SIGNALS | {signal.SIGTERM}
-
 
 def execute(
     planned: PlannedScenario,
     jobs: Sequence[Job],
     processes: int,
     observers: Sequence[Observer] = (),
+    *,
+    run_timeout: float | None = None,
 ) -> Generator[tuple[Job, Result], None, None]:
     """Yield each job and its result when it is finished.
 
     The order depends on ``processes``, the results do not: every run has its own plant, controller
-    and random numbers. The runs are sequential if there are observers, if the plant is exclusive,
-    or if a component was typed into a Python session, which a worker process cannot import.
+    and random numbers. A run whose process is killed is executed once more; if that is killed too,
+    its outcome says so, and the other runs go on.
 
     Args:
         planned: The planned scenario.
         jobs: Runs to execute.
         processes: Number of worker processes; 1: in this process.
         observers: Observers of every run.
+        run_timeout: Largest wall time of a run, s; the runs are executed in worker processes, also
+            if it is one, so :func:`is_sequential` must be false. None: no limit.
 
     Raises:
-        WorkerLost: A worker process was killed; results yielded before are valid.
+        WorkerLost: No worker process could be started.
     """
     queue = _starting_order(planned.scenario, jobs)
-    scenario = planned.scenario
+    parallel = processes > 1 and len(queue) > 1
+    if run_timeout is None and (is_sequential(planned.scenario, observers) or not parallel):
+        with Heartbeat() as heartbeat:
+            for job in queue:
+                heartbeat.begin(job_name(planned, job))
+                result = run_job(planned, job, observers)
+                heartbeat.end(job_name(planned, job))
+                yield job, result
+    else:
+        yield from _in_workers(planned, queue, processes, run_timeout)
+
+
+def is_sequential(scenario: Scenario, observers: Sequence[Observer] = ()) -> bool:
+    """Return whether the runs must be executed in this process.
+
+    That is so if there are observers, if the plant is exclusive, or if a component was typed into a
+    Python session, which a worker process cannot import.
+    """
     components = (*scenario.controllers.values(), scenario.plant)
-    sequential = (
+    return (
         scenario.plant_capabilities.exclusive
         or bool(observers)
         or not all(each.is_importable for each in components)
     )
-    if sequential or processes <= 1 or len(queue) <= 1:
-        for job in queue:
-            yield job, run_job(planned, job, observers)
-        return
+
+
+def _in_workers(
+    planned: PlannedScenario, queue: Sequence[Job], processes: int, run_timeout: float | None
+) -> Generator[tuple[Job, Result], None, None]:
+    """Execute runs in worker processes; see :func:`execute`."""
     data = pickle.dumps(planned)
     # shared memory, not an argument: writing a large argument to a worker that cannot start blocks
     shared = RawArray(c_char, len(data))
     shared.raw = data
     relay = CompileRelay()
-    with _signals_blocked():  # this starts the resource tracker process of Python
-        pool = ProcessPoolExecutor(
-            min(processes, len(queue)),
-            mp_context=get_context("spawn"),
-            initializer=_start_worker,
-            initargs=(shared, relay, logging.getLogger("omnidrive").level),
-        )
-    finished: SimpleQueue[_Finished] = SimpleQueue()
-    workers: list[BaseProcess] = []
-    try:
-        with ThreadPoolExecutor(1) as starter:  # Ctrl-C would interrupt a start in the main thread
-            starter.submit(_start_workers, pool, queue, finished, workers).result()
-        for _ in queue:
-            yield _next_finished(finished, workers, relay)
-    except BrokenProcessPool as error:
-        raise WorkerLost from error
-    except BaseException:  # the runs in progress are abandoned
-        _kill_workers(pool, workers)
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    workers = Workers(
+        min(processes, len(queue)),
+        partial(_start_worker, shared, relay, logging.getLogger("omnidrive").level),
+        time_limit=run_timeout,
+        on_tick=relay.forward,
+    )
+    calls = [Call(job_name(planned, job), partial(_run, job)) for job in queue]
+    with closing(workers.outcomes(calls)) as outcomes:
+        for index, outcome in outcomes:
+            if outcome is Lost.TIMED_OUT:
+                reason = f"{run_timeout:g} s"
+                yield queue[index], unfinished(planned, queue[index], Outcome.TIMED_OUT, reason)
+            elif outcome is Lost.KILLED:
+                reason = "twice, possibly because memory ran out; --jobs 1 needs the least"
+                yield queue[index], unfinished(planned, queue[index], Outcome.KILLED, reason)
+            else:
+                result, records = outcome
+                for record in records:
+                    logging.getLogger(record.name).handle(record)
+                yield queue[index], result
 
 
 def _starting_order(scenario: Scenario, jobs: Sequence[Job]) -> list[Job]:
@@ -120,84 +128,11 @@ def _starting_order(scenario: Scenario, jobs: Sequence[Job]) -> list[Job]:
     return head + [job for job in longest if first[job.controller] is not job]
 
 
-def _start_workers(
-    pool: ProcessPoolExecutor,
-    queue: Sequence[Job],
-    finished: SimpleQueue[_Finished],
-    workers: list[BaseProcess],
-) -> None:
-    """Submit all jobs, which starts the workers; append these to ``workers``.
-
-    A thread of the pool puts the results into ``finished``: the main thread takes no lock of a
-    future, which it would keep if a signal interrupted it at that moment.
-    """
-
-    def put(job: Job, future: Future[_Logged]) -> None:
-        if not future.cancelled():
-            finished.put((job, future.exception() or future.result()))
-
-    with _signals_blocked():
-        others = active_children()
-        for job in queue:
-            pool.submit(_run, job).add_done_callback(partial(put, job))
-        workers += [process for process in active_children() if process not in others]
-
-
-def _next_finished(
-    finished: SimpleQueue[_Finished], workers: Sequence[BaseProcess], relay: CompileRelay
-) -> tuple[Job, Result]:
-    """Wait for the next finished job, while all workers are alive, and log what its worker logged.
-
-    Workers write nothing to the terminal: their messages would break the progress display.
-
-    Raises:
-        WorkerLost: A worker ended while it was sending a result; the pool itself would wait for the
-            rest of the result without end.
-    """
-    while True:
-        relay.forward()
-        try:
-            job, outcome = finished.get(timeout=1.0)
-        except Empty:
-            if wait([process.sentinel for process in workers], timeout=0):
-                raise WorkerLost from None
-            continue
-        if isinstance(outcome, BaseException):
-            raise outcome
-        result, records = outcome
-        for record in records:
-            logging.getLogger(record.name).handle(record)
-        return job, result
-
-
-def _kill_workers(pool: ProcessPoolExecutor, workers: Sequence[BaseProcess]) -> None:
-    """Kill the workers, and close the result pipe.
-
-    The thread of the pool may be reading an incomplete result. Its read ends when the write end of
-    the pipe is closed in all processes, including this one.
-    """
-    for process in workers:
-        process.kill()
-    results = getattr(pool, "_result_queue", None)
-    if results is not None:
-        results._writer.close()
-
-
-@contextmanager
-def _signals_blocked() -> Iterator[None]:
-    """Block the signals that end a command, in this thread and in processes that it starts."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _END_SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _start_worker(shared: Array[c_char], relay: CompileRelay, log_level: int) -> None:
     """Initialise a worker process.
+
+    Workers write nothing to the terminal, which would break the progress display: what a run logs
+    is sent with its result.
 
     Args:
         shared: The pickled scenario.
@@ -208,20 +143,7 @@ def _start_worker(shared: Array[c_char], relay: CompileRelay, log_level: int) ->
     logging.getLogger().addHandler(logging.handlers.QueueHandler(_records))
     logging.captureWarnings(True)
     compile_listeners.append(relay.send)
-    for number in _TERMINAL_SIGNALS:  # the terminal sends them to all processes; the parent reacts
-        signal.signal(number, signal.SIG_IGN)
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _END_SIGNALS)
-    Thread(target=_exit_with_parent, daemon=True).start()
     _shared[:] = [pickle.loads(shared.raw)]
-
-
-def _exit_with_parent() -> None:
-    """Exit when the parent process has ended for any reason."""
-    parent = parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
 
 
 def _run(job: Job) -> _Logged:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from shutil import copyfile
 
@@ -36,15 +37,22 @@ class RunFolder:
         path: The folder.
     """
 
-    def __init__(self, path: StrPath) -> None:
+    def __init__(self, path: StrPath, *, numbered: bool = False) -> None:
         """Create the folder.
+
+        Args:
+            path: The folder.
+            numbered: Whether to append -2, -3, ... to the name of a folder that exists. A name is
+                taken by creating the folder, so that commands may start at the same time.
 
         Raises:
             CannotWrite: It cannot be created, or is not empty.
         """
         self.path = to_path(path)
-        check_new_folder(self.path)
+        if not numbered:
+            check_new_folder(self.path)
         with write_errors(self.path, _ADVICE):
+            self.path = _numbered_folder(self.path) if numbered else self.path
             self.path.mkdir(parents=True, exist_ok=True)
 
     def save_inputs(self, planned: PlannedScenario) -> None:
@@ -64,7 +72,8 @@ class RunFolder:
         """Write the time series of a run to ``series/NAME.parquet``."""
         with self.complete_file(f"series/{name}.parquet") as path:
             path.parent.mkdir(exist_ok=True)
-            pq.write_table(log_table(run.columns), path)
+            with path.open("wb") as file:  # pyarrow refuses names that are not UTF-8
+                pq.write_table(log_table(run.columns), file)
 
     def save_results(
         self, planned: PlannedScenario, results: StudyResults, timing: dict[str, float]
@@ -81,6 +90,17 @@ class RunFolder:
         final = self.path / name
         with write_errors(self.path, _ADVICE), atomic_file(final) as part:
             yield part
+
+
+def _numbered_folder(path: Path) -> Path:
+    """Create the folder ``path``, or with -2, -3, ... after its name; return the created one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for number in count(1):
+        found = path if number == 1 else path.with_name(f"{path.name}-{number}")
+        with suppress(FileExistsError):
+            found.mkdir()
+            return found
+    raise AssertionError
 
 
 def _portable(scenario: Scenario) -> Scenario:

@@ -18,11 +18,14 @@ from omnidrive.errors import ComponentFailed, InvalidInput
 from omnidrive.estimation import EncoderSettings, LatestFix, State, StateEstimator
 from omnidrive.estimation.components import EstimatorContext
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
+from omnidrive.evaluation.results import fault_name, step_name, track_name
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation import (
     Fault,
+    KinematicPlant,
+    Outcome,
     PaperNoise,
     PerfectSensors,
     Plant,
@@ -37,6 +40,9 @@ from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import plant_of
 from omnidrive.study.scenario import NEED_FORCES, Scenario
 from omnidrive.visualization import Observer
+
+Result = TrackResult | StepResult | FaultResult
+"""Result of one run."""
 
 
 class Job(NamedTuple):
@@ -113,15 +119,61 @@ def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
     return tuple(f for f in default_faults(0.25 * task.duration) if f.kind not in unsupported)
 
 
-def run_job(
-    planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()
-) -> TrackResult | StepResult | FaultResult:
-    """Simulate one run, during which the observers are called, and evaluate it."""
-    planned = _copied(planned)
+def job_name(planned: PlannedScenario, job: Job) -> str:
+    """Return the name of the result of a run."""
+    if job.task == "step":
+        return step_name(job.controller)
     if job.task == "faults":
-        return _run_with_fault(planned, job, observers)
-    run = _run_step_response if job.task == "step" else _run_along_path
-    return run(planned, job, observers)
+        return fault_name(job.controller, job.fault, _fault(planned, job))
+    return track_name(job.task, job.controller, job.duration, job.horizon, job.repeat)
+
+
+def run_job(planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()) -> Result:
+    """Simulate one run, during which the observers are called, and evaluate it."""
+    own, step = _copied(planned), job.task == "step"
+    reference = _reference(own, job)
+    with plant_of(own, reference, job.repeat, on_map=not step, observers=observers) as plant:
+        run = _simulate(own, job, plant, reference)
+    return _evaluate(planned, job, run)
+
+
+def unfinished(planned: PlannedScenario, job: Job, outcome: Outcome, reason: str) -> Result:
+    """Return the result of a run whose log is lost: one sample at the start.
+
+    Args:
+        planned: The planned scenario.
+        job: The run.
+        outcome: Why the run ended.
+        reason: Reason in one line.
+    """
+    reference = _reference(planned, job)
+    run = simulate(
+        KinematicPlant(planned.plant_robot),
+        _FailedController(RuntimeError(reason)),
+        reference,
+        start=_start(planned, job, reference),
+        dt=planned.scenario.sample_time,
+    )
+    return _evaluate(planned, job, replace(run, outcome=outcome, reason=reason, traceback=""))
+
+
+def _reference(planned: PlannedScenario, job: Job) -> Reference:
+    """Return the motion to track."""
+    task = planned.scenario.tasks.step
+    if job.task != "step" or task is None:
+        return planned.reference(job.duration)
+    goal = Pose(*(a + b for a, b in zip(planned.start, task.displacement, strict=True)))
+    return Hold(goal, job.duration)
+
+
+def _start(planned: PlannedScenario, job: Job, reference: Reference) -> Pose:
+    """Return the true initial pose in W."""
+    return planned.start if job.task == "step" else reference.at(0.0).pose
+
+
+def _fault(planned: PlannedScenario, job: Job) -> Fault | None:
+    """Return the fault of a run of the task ``faults``; None: a run without one."""
+    return (None, *faults_of(planned.scenario))[job.fault]
 
 
 def _copied(planned: PlannedScenario) -> PlannedScenario:
@@ -170,10 +222,10 @@ def make_controller(
 
 
 class _FailedController:
-    """Controller that could not be made; its run ends before the first sample."""
+    """Controller whose run ends with an exception before the first sample."""
 
-    def __init__(self, error: ComponentFailed) -> None:
-        self.error = error.__cause__ or error
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
 
     def prepare(self) -> None:
         """Raise the exception of the factory."""
@@ -192,9 +244,6 @@ def _simulate(
     job: Job,
     plant: Plant,
     reference: Reference,
-    *,
-    start: Pose | None = None,
-    faults: tuple[Fault, ...] = (),
 ) -> Run:
     """Simulate one run with the supervisor.
 
@@ -208,11 +257,10 @@ def _simulate(
         job: The run.
         plant: The plant.
         reference: The motion to track.
-        start: True initial pose in W; None: that of the reference.
-        faults: Faults in addition to those of the scenario.
     """
     scenario, robot = planned.scenario, planned.robot
-    all_faults = (*scenario.faults, *faults)
+    fault = _fault(planned, job) if job.task == "faults" else None
+    faults = (*scenario.faults, *((fault,) if fault else ()))
     seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
     sensor_rng, jitter_rng = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
     controller_rng = np.random.default_rng([*seed, 2])
@@ -220,33 +268,38 @@ def _simulate(
     try:
         controller = make_controller(scenario, robot, job.controller, job.horizon, controller_rng)
     except ComponentFailed as error:  # the other runs of the study go on
-        controller = _FailedController(error)
+        controller = _FailedController(error.__cause__ or error)
     sensors = make_sensors(scenario, robot, sensor_rng, noise=job.task == "noise")
     return simulate(
         plant,
         controller,
         reference,
-        start=start or reference.at(0.0).pose,
+        start=_start(planned, job, reference),
         dt=scenario.sample_time,
         sensors=sensors,
         estimator=make_estimator(scenario, robot, sensors),
         supervisor=make_supervisor(scenario, robot),
-        schedule=Schedule(all_faults, robot) if all_faults else None,
+        schedule=Schedule(faults, robot) if faults else None,
         rng=jitter_rng,
     )
 
 
-def _run_with_fault(
-    planned: PlannedScenario, job: Job, observers: Sequence[Observer]
-) -> FaultResult:
-    """Simulate a run of the task ``faults``, with one of its faults or none."""
-    reference = planned.reference(job.duration)
-    fault = (None, *faults_of(planned.scenario))[job.fault]
-    faults = (fault,) if fault else ()
-    with plant_of(planned, reference, observers=observers) as plant:
-        run = _simulate(planned, job, plant, reference, faults=faults)
+def _evaluate(planned: PlannedScenario, job: Job, run: Run) -> Result:
+    """Return the result of a simulated run."""
+    if job.task == "step":
+        start, goal = planned.start, _reference(planned, job).at(0.0).pose
+        x, y, heading = (
+            step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
+        )
+        return StepResult(job.controller, run, (x, y, heading))
     metrics = measure(run, planned.robot.drive)
-    return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
+    if job.task == "faults":
+        fault = _fault(planned, job)
+        return FaultResult(job.controller, job.fault, fault, job.duration, run, metrics)
+    return TrackResult(
+        job.controller, job.task, job.duration, job.task == "noise", job.horizon, run, metrics,
+        planned.clearance(run.pose[:, :2]), job.repeat,
+    )  # fmt: skip
 
 
 def make_sensors(
@@ -293,33 +346,3 @@ def make_supervisor(scenario: Scenario, robot: Robot) -> SafetySupervisor:
         Watchdog(limits) if section.on else None,
         WheelMonitor(robot, encoders) if scenario.wheel_monitor else None,
     )
-
-
-def _run_along_path(
-    planned: PlannedScenario, job: Job, observers: Sequence[Observer]
-) -> TrackResult:
-    """Simulate a run of the task ``track``, ``noise`` or ``horizon``."""
-    reference = planned.reference(job.duration)
-    with plant_of(planned, reference, job.repeat, observers=observers) as plant:
-        run = _simulate(planned, job, plant, reference)
-    return TrackResult(
-        job.controller, job.task, job.duration, job.task == "noise", job.horizon, run,
-        measure(run, planned.robot.drive), planned.clearance(run.pose[:, :2]), job.repeat,
-    )  # fmt: skip
-
-
-def _run_step_response(
-    planned: PlannedScenario, job: Job, observers: Sequence[Observer]
-) -> StepResult:
-    """Simulate the step response from rest at the start, on a floor without obstacles."""
-    task = planned.scenario.tasks.step
-    assert task is not None
-    start = planned.start
-    goal = Pose(*(a + b for a, b in zip(start, task.displacement, strict=True)))
-    reference = Hold(goal, job.duration)
-    with plant_of(planned, reference, on_map=False, observers=observers) as plant:
-        run = _simulate(planned, job, plant, reference, start=start)
-    x, y, heading = (
-        step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
-    )
-    return StepResult(job.controller, run, (x, y, heading))

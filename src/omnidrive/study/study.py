@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import Configured, configure
-from omnidrive.errors import RunFailed
+from omnidrive.errors import InvalidInput, RunFailed
 from omnidrive.evaluation import (
     FaultResult,
     StepResult,
@@ -27,10 +27,11 @@ from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.evaluation.results import ControllerType
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
+from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
-from omnidrive.study.execute import Result, execute
+from omnidrive.study.execute import execute, is_sequential
 from omnidrive.study.folder import RunFolder
-from omnidrive.study.jobs import Job, jobs_of
+from omnidrive.study.jobs import Job, Result, jobs_of
 from omnidrive.study.output_paths import check_new_folder
 from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.study.scenario import Scenario, paper_scenario
@@ -139,6 +140,8 @@ def run_study(
     processes: int = 1,
     progress: ProgressListener | None = None,
     observers: Sequence[Observer] = (),
+    run_timeout: float | None = None,
+    numbered: bool = False,
 ) -> Study:
     """Plan a scenario, simulate and evaluate all its runs, and write the report.
 
@@ -150,20 +153,25 @@ def run_study(
         processes: Number of worker processes; the results do not depend on it.
         progress: Receiver of progress notifications. None: no notifications.
         observers: Observers of every run; with observers, the runs are sequential.
+        run_timeout: Largest wall time of a run in a worker process, s; a run that takes longer is
+            ended, and the others go on. None: no limit.
+        numbered: Whether to append -2, -3, ... to the name of a folder that exists.
 
     Raises:
-        InvalidInput: The scenario is not feasible.
+        InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
         NoPathFound: There is no path from start to goal.
         CannotWrite: The folder cannot be written.
-        WorkerLost: A worker process was killed; results written before are kept.
+        WorkerLost: No worker process could be started; results written before are kept.
     """
     path = None if folder is None else to_path(folder)
-    if path:
+    if path and not numbered:
         check_new_folder(path)
+    if run_timeout is not None:
+        _check_run_timeout(scenario, observers, run_timeout)
     clock = _Clock(progress or NullProgress())
     with clock.part("plan", 0):
         planned = plan_and_check(scenario)
-    store = RunFolder(path) if path else None
+    store = RunFolder(path, numbered=numbered) if path else None
     if store:
         store.save_inputs(planned)
     jobs = jobs_of(scenario)
@@ -171,7 +179,7 @@ def run_study(
     with (
         clock.part("simulate", len(jobs)),
         closing(
-            execute(planned, jobs, processes, observers)
+            execute(planned, jobs, processes, observers, run_timeout=run_timeout)
         ) as done,  # closing it ends the workers
     ):
         for job, result in done:
@@ -189,7 +197,19 @@ def run_study(
     if store:
         _report(store, results, tables, clock)
         store.save_results(planned, results, clock.seconds)
-    return Study(results, tables, path, clock.seconds)
+    return Study(results, tables, store.path if store else None, clock.seconds)
+
+
+def _check_run_timeout(
+    scenario: Scenario, observers: Sequence[Observer], run_timeout: float
+) -> None:
+    """Raise InvalidInput unless the runs can have a time limit."""
+    check_number("run_timeout", run_timeout, Bounds(0.1, 1e6, "s"))
+    if is_sequential(scenario, observers):
+        raise InvalidInput(
+            "a time limit of runs needs worker processes, which are not possible with this plant, "
+            "a view or video, or code from a Python session; omit --run-timeout"
+        )
 
 
 @dataclass(slots=True)

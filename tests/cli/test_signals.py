@@ -1,0 +1,103 @@
+"""Signals end the command with 128 + n, also where Python ignores or other code catches them."""
+
+import logging
+import os
+import signal
+import weakref
+from importlib import import_module
+from time import sleep
+
+import pytest
+
+from omnidrive.cli import signals
+from omnidrive.errors import CannotWrite
+
+main_module = import_module("omnidrive.cli.main")
+NUMBERS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
+
+
+@pytest.fixture(autouse=True)
+def handlers():
+    """Handlers of signals and messages, restored after the test."""
+    messages = logging.getLogger().handlers[:]
+    before = {number: signal.getsignal(number) for number in NUMBERS}
+    for number in NUMBERS:
+        signal.signal(number, signal.default_int_handler)
+    yield
+    logging.getLogger().handlers[:] = messages
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def installed():
+    signals.install()
+    yield
+    signals.restore()
+
+
+def ignore(number):
+    """Receive a signal in the callback of a weak reference, where Python ignores exceptions."""
+    target = type("Target", (), {})()
+    reference = weakref.ref(target, lambda _: signal.raise_signal(number))
+    del target
+    return reference
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs Unix")
+def test_ignored_interruption_is_raised_again(installed, number):
+    ignore(number)
+    with pytest.raises(KeyboardInterrupt):
+        sleep(5.0)
+    assert signals.restore() == number
+
+
+def test_caught_interruption_is_raised_at_the_next_step(installed):
+    signals.check_interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        signals.check_interrupted()
+
+
+def test_second_signal_ends_at_once_unless_it_is_the_same_one(installed, monkeypatch):
+    ended = []
+    monkeypatch.setattr(os, "_exit", ended.append)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGTERM)
+    signal.raise_signal(signal.SIGTERM)
+    assert not ended
+    signals._State.since -= 2.0
+    signal.raise_signal(signal.SIGINT)
+    assert ended == [128 + signal.SIGTERM]
+
+
+def caught():
+    try:
+        signal.raise_signal(signal.SIGTERM)
+    except BaseException:
+        return
+
+
+def failing():
+    """Let an error of the package follow an interruption."""
+    caught()
+    raise CannotWrite("a consequence")
+
+
+@pytest.mark.parametrize("work", [caught, failing, lambda: ignore(signal.SIGTERM)])
+def test_status_is_that_of_the_signal_whatever_the_command_does(monkeypatch, capsys, work):
+    monkeypatch.setattr(main_module, "app", lambda **_: work())
+    with pytest.raises(SystemExit) as ended:
+        main_module.main()
+    assert ended.value.code == 128 + signal.SIGTERM
+    assert capsys.readouterr().err == "omnidrive: interrupted; finished results are kept\n"
+
+
+def test_ignored_signals_stay_ignored(monkeypatch):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as SIGHUP under nohup
+    monkeypatch.setattr(main_module, "app", lambda **_: signal.raise_signal(signal.SIGTERM))
+    with pytest.raises(SystemExit) as ended:
+        main_module.main()
+    assert ended.value.code == 0
