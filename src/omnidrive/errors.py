@@ -17,7 +17,7 @@ OmnidriveError
 ├── PlantLost                     the connection to the simulator of a plant failed
 ├── CannotWrite                   results cannot be written
 ├── CannotDraw                    OpenGL or a display is missing
-├── WorkerLost                    a worker process was killed
+├── WorkerLost                    no worker process could be started
 └── RunFailed                     a run failed; raised only by ``Run.raise_if_failed()``
 
 Messages state the fact and how to correct it.
@@ -112,13 +112,14 @@ class CannotDraw(OmnidriveError):
 
 
 class WorkerLost(OmnidriveError):
-    """A worker process was killed during a run."""
+    """No worker process could be started."""
 
     def __init__(self) -> None:
         super().__init__(
-            "a worker process was killed, possibly because memory ran out; finished runs are "
-            "kept. One run at a time needs the least memory: --jobs 1 (in Python: processes=1). "
-            "A script that uses several processes must guard them by: if __name__ == '__main__'"
+            "worker processes end while they start, possibly because memory ran out; finished "
+            "runs are kept. One run at a time needs the least memory: --jobs 1 (in Python: "
+            "processes=1). A script with several processes must guard them by: if __name__ == "
+            "'__main__'"
         )
 
 
