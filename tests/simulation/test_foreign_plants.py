@@ -1,5 +1,6 @@
 """Plants, sensors and references of users that misbehave: the run ends, and its log is kept."""
 
+import time
 from math import inf, nan
 
 import numpy as np
@@ -11,7 +12,14 @@ from omnidrive.estimation import PoseFix, SensorReadings
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, PerfectSensors, PlantState, simulate
+from omnidrive.simulation import (
+    KinematicPlant,
+    Outcome,
+    PerfectSensors,
+    PlantState,
+    environment,
+    simulate,
+)
 
 DT = 0.1
 SMALL = named_robot("small")
@@ -40,6 +48,8 @@ class Bad:
             return good()
         if isinstance(self.value, BaseException):
             raise self.value
+        if callable(self.value):
+            return self.value()
         return self.value
 
 
@@ -132,6 +142,27 @@ def test_faulty_sensors_end_the_run(value, reason):
     log = run(sensors=sensors_with(value))
     check(log, Outcome.SENSORS_FAILED, reason, BAD_AFTER)
     assert bool(log.traceback) == isinstance(value, BaseException)
+
+
+def stalled():
+    time.sleep(60.0)
+
+
+def endless():
+    while True:
+        pass
+
+
+@pytest.mark.parametrize("stall", [stalled, endless])
+def test_stalled_part_is_ended_with_its_log(monkeypatch, stall):
+    monkeypatch.setattr(environment, "PART_TIMEOUT", 0.2)
+    monkeypatch.setattr(environment, "_SLOWEST", 0.0)
+    began = time.monotonic()
+    log = run(plant_with(stall))
+    check(log, Outcome.PLANT_FAILED, "its step at 0.4 s took longer than 0.2 s", BAD_AFTER + 1)
+    log = run(sensors=sensors_with(stall))
+    check(log, Outcome.SENSORS_FAILED, "its read at 0.4 s took longer than 0.2 s", BAD_AFTER)
+    assert time.monotonic() - began < 5.0
 
 
 def test_lost_plant_and_errors_of_the_package_keep_the_log():

@@ -38,24 +38,45 @@ class TimeLimit:
         self._interval, self._ticks, self.armed = seconds / _TICKS, 0, False
 
     def __enter__(self) -> TimeLimit:
-        self.armed = (
-            hasattr(signal, "setitimer")
-            and threading.current_thread() is threading.main_thread()
-            and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
-        )
+        self.armed = not _active and _can_interrupt()
         if self.armed:
-            signal.signal(signal.SIGALRM, self._tick)
+            _active.append(self)
             signal.setitimer(signal.ITIMER_REAL, self._interval, self._interval)
         return self
 
     def __exit__(self, *_: object) -> None:
         if self.armed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            _active.clear()
 
-    def _tick(self, _number: int, frame: FrameType | None) -> None:
+    def tick(self, frame: FrameType | None) -> None:
         """Count the time; raise TimedOut at the end, except in ``__exit__`` and in a debugger."""
         self._ticks += 1
         leaving = frame is not None and frame.f_code is TimeLimit.__exit__.__code__
         if self._ticks >= _TICKS and not leaving and sys.gettrace() is None:
             raise TimedOut
+
+
+_active: list[TimeLimit] = []
+"""The limit of the block that is executed; empty outside of one."""
+
+
+def _can_interrupt() -> bool:
+    """Return whether blocks of this thread can be interrupted.
+
+    The handler of the signal is set at the first call, and stays: to set and reset it for every
+    block takes longer than many blocks.
+    """
+    if not hasattr(signal, "setitimer"):
+        return False
+    if threading.current_thread() is not threading.main_thread():
+        return False
+    handler = signal.getsignal(signal.SIGALRM)
+    if handler is signal.SIG_DFL:
+        signal.signal(signal.SIGALRM, _on_alarm)
+    return handler in {signal.SIG_DFL, _on_alarm}
+
+
+def _on_alarm(_number: int, frame: FrameType | None) -> None:
+    for limit in _active:
+        limit.tick(frame)

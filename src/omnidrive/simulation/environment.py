@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import TracebackType
 from typing import Any, cast
 
 from omnidrive.control import CommandValue
 from omnidrive.control.supervision import Event
+from omnidrive.control.time_limit import TimedOut, TimeLimit
 from omnidrive.errors import InvalidInput, OmnidriveError, PlantLost, kind_of
 from omnidrive.estimation import SensorReadings
 from omnidrive.estimation.readings import readings_fault
@@ -29,6 +29,10 @@ from omnidrive.simulation.plant import (
 from omnidrive.simulation.run import Outcome
 from omnidrive.simulation.sensors import Sensors
 
+PART_TIMEOUT = 120.0
+"""Wall-clock time, s, after which a call of a plant or of sensors counts as stalled. The first call
+may compile kernels."""
+_SLOWEST = 20.0  # wall-clock time per simulated time of the slowest plant
 _FRAMES = 4  # calls shown of a traceback
 _MAX_REASON = 500  # characters
 
@@ -47,26 +51,57 @@ class RunEnded(Exception):
         self.outcome, self.reason, self.traceback = outcome, reason, traceback_
 
 
-@contextmanager
-def guard(outcome: Outcome, *, starting: bool = False) -> Iterator[None]:
-    """Raise :class:`RunEnded` with this outcome for an exception of a user's part.
+class Guard:
+    """Context manager that ends the run for an exception of a user's part in its block.
 
     Args:
         outcome: Outcome of the run after an exception other than :class:`PlantLost`.
         starting: Whether an :class:`OmnidriveError` is raised as it is: before the first step it
             concerns every run.
+        call: Name of the call with its time, for the message about a part that stalls.
+        limit: Longest wall-clock time of the block, s, see :class:`TimeLimit`; None: no limit.
+
+    Raises:
+        RunEnded: In place of the exception.
     """
-    try:
-        yield
-    except PlantLost as error:
-        raise RunEnded(Outcome.PLANT_LOST, one_line(str(error), _MAX_REASON)) from None
-    except OmnidriveError as error:
-        if starting:
-            raise
-        raise RunEnded(outcome, one_line(str(error), _MAX_REASON)) from None
-    except (Exception, SystemExit) as error:
-        shown = traceback.format_exc(limit=-_FRAMES).rstrip()
-        raise RunEnded(outcome, _reason(error), shown) from None
+
+    __slots__ = ("_call", "_limit", "_outcome", "_seconds", "_starting")
+
+    def __init__(
+        self,
+        outcome: Outcome,
+        *,
+        starting: bool = False,
+        call: str = "",
+        limit: float | None = None,
+    ) -> None:
+        self._outcome, self._starting, self._call = outcome, starting, call
+        self._seconds, self._limit = limit, TimeLimit(limit) if limit is not None else None
+
+    def __enter__(self) -> None:
+        if self._limit is not None:
+            self._limit.__enter__()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._limit is not None:
+            self._limit.__exit__()
+        if isinstance(error, PlantLost):
+            raise RunEnded(Outcome.PLANT_LOST, one_line(str(error), _MAX_REASON)) from None
+        if isinstance(error, OmnidriveError) and not self._starting:
+            raise RunEnded(self._outcome, one_line(str(error), _MAX_REASON)) from None
+        if isinstance(error, TimedOut):
+            reason = f"its {self._call} took longer than {self._seconds:g} s"
+            raise RunEnded(self._outcome, reason) from None
+        if isinstance(error, Exception | SystemExit) and not isinstance(
+            error, RunEnded | OmnidriveError
+        ):
+            shown = "".join(traceback.format_exception(error, limit=-_FRAMES)).rstrip()
+            raise RunEnded(self._outcome, _reason(error), shown) from None
 
 
 def _reason(error: BaseException) -> str:
@@ -128,22 +163,23 @@ class Environment:
 
     def reset(self, pose: Pose) -> PlantState:
         """Start plant and sensors at rest at ``pose``."""
-        with guard(Outcome.PLANT_FAILED, starting=True):
+        with self._plant_guard("reset"):
             state = self.plant.reset(pose)
-        with guard(Outcome.SENSORS_FAILED):
+        with Guard(Outcome.SENSORS_FAILED, call="reset", limit=PART_TIMEOUT):
             self.sensors.reset(pose)
         return self._checked(state)
 
-    def step(self, command: CommandValue, dt: float) -> PlantState:
-        """Simulate the plant with ``command`` for ``dt`` (s)."""
-        with guard(Outcome.PLANT_FAILED, starting=not self._started):
+    def step(self, t: float, command: CommandValue, dt: float) -> PlantState:
+        """Simulate the plant with ``command`` from ``t`` for ``dt`` (s)."""
+        with self._plant_guard(f"step at {t:g} s", dt):
             state = self.plant.step(command, dt)
         self._started = True
         return self._checked(state)
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
         """Return the sensor readings at ``t`` (s)."""
-        with guard(Outcome.SENSORS_FAILED):
+        call = f"read at {t:g} s"
+        with Guard(Outcome.SENSORS_FAILED, call=call, limit=PART_TIMEOUT):
             if self.schedule is not None:
                 self.sensors.apply(self.schedule.sensor_faults(t))
             readings = self.sensors.read(t, state)
@@ -155,7 +191,7 @@ class Environment:
     @property
     def duration(self) -> float:
         """Duration of the reference, s."""
-        with guard(Outcome.REFERENCE_FAILED):
+        with Guard(Outcome.REFERENCE_FAILED):
             duration = self.reference.duration
         if not (are_finite((duration,)) and duration >= 0.0):
             raise RunEnded(
@@ -175,14 +211,22 @@ class Environment:
             if fault.is_active(t) != fault.is_active(before):
                 change = "begins" if fault.is_active(t) else "ends"
                 self.events.append(Event(t, f"{fault.kind} {change}"))
-        with guard(Outcome.REFERENCE_FAILED):
+        with Guard(Outcome.REFERENCE_FAILED):
             disturbances = self.schedule.disturbances(before, t, self.reference)
         at_once = any(disturbances.impulse) or any(disturbances.offset)
         changed = at_once or disturbances != self._applied
         if changed and self.plant.capabilities.disturbable:
-            with guard(Outcome.PLANT_FAILED, starting=not self._started):
+            with self._plant_guard(f"apply at {t:g} s"):
                 cast(DisturbablePlant, self.plant).apply(disturbances)
             self._applied = disturbances
+
+    def _plant_guard(self, call: str, dt: float = 0.0) -> Guard:
+        """Return the guard of a call of the plant that simulates ``dt`` (s).
+
+        An exclusive plant, a running simulator, has time limits of its own.
+        """
+        limit = None if self.plant.capabilities.exclusive else PART_TIMEOUT + _SLOWEST * dt
+        return Guard(Outcome.PLANT_FAILED, starting=not self._started, call=call, limit=limit)
 
     def _checked(self, state: Any) -> PlantState:
         """Return the state of the plant; a malformed one ends the run."""

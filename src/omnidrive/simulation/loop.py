@@ -31,7 +31,7 @@ from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.schedule import sample_times
-from omnidrive.simulation.environment import Environment, RunEnded, guard
+from omnidrive.simulation.environment import Environment, Guard, RunEnded
 from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
@@ -91,10 +91,10 @@ def simulate(
     try:
         environment.check()
         _check_start(pipeline.controller, reference, start, dt)
-        with guard(Outcome.CONTROLLER_FAILED):
+        with Guard(Outcome.CONTROLLER_FAILED):
             pipeline.prepare()
         state = environment.reset(start)
-        with guard(Outcome.CONTROLLER_FAILED):
+        with Guard(Outcome.CONTROLLER_FAILED):
             pipeline.reset(start)
         duration = environment.duration
         samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
@@ -160,7 +160,7 @@ def _loop(
             return
         environment.apply(before, t)
         commanded = step.command.value
-        state = environment.step(commanded, h)
+        state = environment.step(t, commanded, h)
         before = t
 
 
