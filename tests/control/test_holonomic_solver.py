@@ -5,7 +5,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.control.nmpc.common.exit import CONVERGED, Exit
@@ -43,6 +43,7 @@ from omnidrive.control.nmpc.holonomic.stage_point import (
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.robot import Chassis
+from tests.examples import examples
 
 CHASSIS = Chassis.omni(
     angles=(0.25 * pi, 0.75 * pi, 1.25 * pi, 1.75 * pi),
@@ -122,7 +123,7 @@ def test_arc_factor_and_its_derivatives(half):
 
 
 @given(SEEDS)
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_arc_twist_connects_start_and_end_of_a_stage(seed):
     yaw, vx, vy, rate = np.random.default_rng(seed).uniform(-3, 3, 4).tolist()
     moved = Pose(0.1 * vx, 0.1 * vy, yaw + 0.1 * rate)
@@ -133,7 +134,7 @@ def test_arc_twist_connects_start_and_end_of_a_stage(seed):
 
 
 @given(SEEDS)
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_derivatives_of_stage_twists(seed):
     rng = np.random.default_rng(seed)
     stage, multipliers = rng.uniform(-3, 3, 4), tuple(rng.normal(size=2).tolist())
@@ -155,7 +156,7 @@ def test_derivatives_of_stage_twists(seed):
 
 
 @given(SEEDS, st.integers(1, 6))
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_reduced_gradient_matches_finite_differences(seed, stages):
     """Of the Lagrangian by every velocity, with the states as functions of the velocities."""
     rng = np.random.default_rng(seed)
@@ -180,14 +181,14 @@ def test_reduced_gradient_matches_finite_differences(seed, stages):
 
 
 @given(SEEDS, st.integers(1, 30))
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_gradient_vanishes_at_the_unconstrained_optimum(seed, stages):
     p = problem(np.random.default_rng(seed), stages)
     assert np.abs(gradient_of(p, unconstrained_velocities(p))).max() < 1e-9
 
 
 @given(SEEDS, st.integers(1, 30), st.floats(6.0, 20.0))
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_plans_are_feasible_and_converged_ones_optimal(seed, stages, limit):
     p = problem(np.random.default_rng(seed), stages, limit)
     found = HolonomicSolver().solve(p)
@@ -278,7 +279,7 @@ IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "zones
 
 @pytest.mark.parametrize("options", IPOPTS)
 @given(SEEDS, st.floats(4.0, 20.0))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_ipopt_does_not_find_a_lower_cost(options, seed, limit):
     """Keep-out zones may cause several local optima: then IPOPT's is checked for optimality."""
     pytest.importorskip("casadi")
@@ -339,7 +340,7 @@ def test_plan_leaves_and_avoids_keep_out_zones(corners, weight):
 
 
 @given(SEEDS)
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_signed_distance_and_its_derivatives(seed):
     rng = np.random.default_rng(seed)
     corners = [None, SQUARE, SQUARE[:2]][seed % 3]
@@ -368,7 +369,7 @@ def test_signed_distance_is_negative_inside_a_polygon():
 
 
 @given(SEEDS, st.floats(-pi, pi))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_plan_is_equivariant_under_rotation_of_the_world(seed, angle):
     p = problem(np.random.default_rng(seed), limit=10.0)
     isotropic = np.array([p.state_weights[0, 0], p.state_weights[0, 0], p.state_weights[0, 2]])

@@ -5,7 +5,7 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.control import Controller, FeedforwardController, Status
@@ -43,7 +43,6 @@ from omnidrive.testing.laws import Circle
 DT = 0.1
 PRESETS = [(kind, preset) for kind in ("t1", "t2") for preset in ("paper", "published-code")]
 
-relaxed = settings(deadline=None)  # the first call compiles
 metres = st.floats(-3.0, 3.0)
 angles = st.floats(-3.0, 3.0)
 poses = st.builds(Pose, metres, metres, angles)
@@ -70,7 +69,6 @@ class TestEveryPreset:
         assert isinstance(controller, Controller)
         assert isinstance(controller, FuzzyPidController)
 
-    @relaxed
     @given(poses, poses)
     def test_velocity_points_to_goal(self, controller, pose, goal):
         twist = to_world(first_command(controller, pose, goal), pose.yaw)
@@ -79,7 +77,6 @@ class TestEveryPreset:
         assert twist.vx * dy == pytest.approx(twist.vy * dx, abs=1e-9)
         assert twist.vx * dx + twist.vy * dy == pytest.approx(speed * hypot(dx, dy), abs=1e-9)
 
-    @relaxed
     @given(poses, poses, angles)
     def test_command_is_invariant_to_world_rotation(self, controller, pose, goal, angle):
         def turn(p):
@@ -130,7 +127,6 @@ class TestPublishedCode:
         twist = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(1.5, 0.0, 0.0))
         assert twist.vx == pytest.approx(7.0 * 1.5)
 
-    @relaxed
     @given(poses, poses)
     def test_has_no_memory(self, pose, goal):
         controller = fuzzy_pid("t1", "published-code", DT)
@@ -190,7 +186,6 @@ class TestPaper:
 
 
 class TestLaw:
-    @relaxed
     @given(errors, errors, errors)
     def test_saturation_keeps_direction(self, integral, last, error):
         parameters = SelfTuningParameters()
@@ -218,7 +213,6 @@ class TestLaw:
         assert command == pytest.approx(1.0)
         assert integral == pytest.approx(-0.2)
 
-    @relaxed
     @given(*[st.floats(-0.1, 0.1)] * 3)
     def test_gains_are_bounded_and_not_negative(self, dkp, dki, dkd):
         gains = tune_gains(SelfTuningParameters(), (dkp, dki, dkd))
@@ -442,7 +436,6 @@ class TestClassical:
             gains = [run.details[f"{gain}_{axis}"][:-1] for gain in ("kp", "ki", "kd")]
             assert [set(column) for column in gains] == [{4.0}, {3.0}, {0.0}]
 
-    @relaxed
     @given(poses, poses)
     def test_published_code_preset_is_proportional(self, pose, goal):
         twist = to_world(first_command(classical_pid("published-code", DT), pose, goal), pose.yaw)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.control.nmpc.holonomic import Actuation, SlipModel, holonomic_nmpc
@@ -15,6 +15,7 @@ from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.reference import Hold
 from omnidrive.robot import named_robot
 from omnidrive.simulation import MujocoPlant
+from tests.examples import examples
 
 DT = 0.1
 ROBOTS = [named_robot("paper"), named_robot("small")]
@@ -44,7 +45,7 @@ def test_acceleration_stays_within_the_friction_limits(robot):
 
 
 @given(SEEDS)
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_command_reaches_the_desired_pose_within_the_friction_limits(seed):
     rng = np.random.default_rng(seed)
     robot = ROBOTS[seed % 2]
@@ -85,7 +86,7 @@ def test_may_spin_decides_whether_commands_exceed_the_friction_limit(robot):
 
 
 @given(SEEDS)
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_wheels_that_must_not_spin_are_below_the_friction_limit_at_the_end(seed):
     rng = np.random.default_rng(seed)
     robot = ROBOTS[seed % 2]

@@ -5,7 +5,7 @@ from math import isnan, nan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.control import Command, FeedforwardController
@@ -22,12 +22,13 @@ from omnidrive.errors import InvalidGeometry
 from omnidrive.estimation import EncoderSettings, SensorReadings, State
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot, omni_ring
+from tests.examples import examples
 
 ROBOT = named_robot("paper")
 ORIGIN = Pose(0.0, 0.0, 0.0)
 LIMITS = WatchdogLimits(error=1.0, position_sigma=0.5, age=1.5, patience=0.3)
 DT = 0.1
-FEW = settings(max_examples=25, deadline=None)
+FEW = examples(25)
 
 
 def estimate(pose, sigma=0.0, age=0.0):

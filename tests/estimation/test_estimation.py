@@ -5,7 +5,7 @@ from math import inf, nan, pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
@@ -24,6 +24,7 @@ from omnidrive.simulation import MujocoPlant, SensorFaults, SensorSuite
 from omnidrive.testing.laws import rotated
 from tests.estimates import Perception
 from tests.estimation.drive import CREEP, DT, MATCHED, NOISE_ONLY, QUIET, ROBOT, START, Drive
+from tests.examples import examples
 
 
 def bounds(dimensions, runs):
@@ -266,7 +267,7 @@ def test_fix_of_the_position_only():
 NUMBERS = st.floats(-1e3, 1e3) | st.just(nan)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     rows=st.lists(
         st.tuples(st.lists(NUMBERS, min_size=4, max_size=4), NUMBERS | st.none(), NUMBERS),

@@ -4,7 +4,7 @@ from math import nan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -20,6 +20,7 @@ from omnidrive.estimation.se2 import (
 )
 from omnidrive.estimation.slip_prediction import predict_slip
 from omnidrive.robot import named_robot
+from tests.examples import examples
 
 DT = 0.1
 
@@ -32,7 +33,7 @@ def matrix(motion):
     return expm(np.array([[0.0, -turn, x], [turn, 0.0, y], [0.0, 0.0, 0.0]]))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(MOTIONS, MOTIONS)
 def test_kernels_match_the_matrix_group(a, b):
     group = matrix(a)
@@ -48,7 +49,7 @@ def test_kernels_match_the_matrix_group(a, b):
     assert inverse_adjoint(a) @ small == pytest.approx(expected, abs=1e-10)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(MOTIONS.map(lambda m: 0.2 * m), MOTIONS)
 def test_right_jacobian_is_the_derivative_of_the_exponential(a, b):
     step = 1e-6 * b

@@ -5,10 +5,11 @@ from math import isnan
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.evaluation import step_response
+from tests.examples import examples
 
 
 def second_order(damping, rate, t):
@@ -17,7 +18,7 @@ def second_order(damping, rate, t):
     return 1 - np.exp(-damping * rate * t) * (np.cos(w * t) + damping * rate / w * np.sin(w * t))
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(
     damping=st.floats(0.15, 0.95),
     rate=st.floats(1.0, 6.0),

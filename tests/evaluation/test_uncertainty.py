@@ -4,14 +4,15 @@ from math import isnan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
 from omnidrive.evaluation.uncertainty import estimate_mean, holm, p_value
+from tests.examples import examples
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(seed=st.integers(0, 2**32), count=st.integers(2, 60), shift=st.floats(-2, 2))
 def test_interval_and_p_value_match_scipy_paired_test(seed, count, shift):
     a, b = np.random.default_rng(seed).normal(size=(2, count))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput
@@ -20,6 +20,7 @@ from omnidrive.fuzzy.variables import (
     OutputVariable,
     Secondary,
 )
+from tests.examples import examples
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 
@@ -168,7 +169,7 @@ EXTREMES = st.sampled_from([0.0, -0.0, 5e-324, 1e-300, 1.0, 1e6, 1e150, 1e300, 1
 
 @given(systems(), st.integers(0, 2**32 - 1), st.lists(EXTREMES, min_size=6, max_size=6),
        st.sampled_from(["clamp", "matlab"]), st.sampled_from(["centroid", "cos"]))  # fmt: skip
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_outputs_are_finite_and_in_range(system, seed, extremes, policy, reduction):
     """All shapes, norms, types and defuzzifiers; inputs inside, outside and far outside ranges."""
     if system.type > 1 and not system.is_sugeno:

@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
@@ -12,6 +12,7 @@ from omnidrive.fuzzy.files.fll.writer import FUNCTIONS
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction
+from tests.examples import examples
 from tests.fuzzy.mutations import mutated
 from tests.fuzzy.systems import IDENTIFIERS, systems
 
@@ -221,7 +222,7 @@ NAMES = IDENTIFIERS.filter(lambda name: name.lower() not in RESERVED | FUNCTIONS
 PAIRS = [("min", "max"), ("prod", "probor"), ("lukasiewicz", "bsum"), ("hamacher", "einstein")]
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     systems(
         types=(1,),
@@ -241,7 +242,7 @@ def test_iec_round_trip(system, pair):
     assert read_fcl(write_fcl(system)) == as_iec_reads(system)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     systems(
         types=(1,),
@@ -360,7 +361,7 @@ PIECES = [
 ]
 
 
-@settings(max_examples=120, deadline=None)
+@examples(120)
 @given(mutated([IEC, FUZZYLITE, SINGLETONS], PIECES) | st.text())
 def test_mutated_text_is_read_or_refused(text):
     try:

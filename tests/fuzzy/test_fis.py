@@ -7,7 +7,7 @@ import tracemalloc
 from dataclasses import replace
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
@@ -24,6 +24,7 @@ from omnidrive.fuzzy.variables import (
     OutputVariable,
     Secondary,
 )
+from tests.examples import examples
 from tests.fuzzy.systems import PRINTABLE_NAMES, systems
 from tests.shared_data import shared
 
@@ -192,13 +193,13 @@ def test_read_paper_file():
 
 
 @given(systems(**MATLAB_SYSTEMS, names=PRINTABLE_NAMES))
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_round_trip_is_lossless(system):
     assert read_fis(write_fis(system)) == system
 
 
 @given(systems())
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_any_system_is_written_completely_or_refused(system):
     try:
         text = write_fis(system)
@@ -380,14 +381,14 @@ PIECES = ["[System]", "[Input1]", "[Rules]", "Name='a'", "Range=[0 1]", "MF1=", 
 
 
 @given(st.text() | st.lists(st.sampled_from(PIECES), max_size=60).map("\n".join))
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_arbitrary_text_is_refused(text):
     with pytest.raises(InvalidInput):
         read_fis(text)
 
 
 @given(st.data())
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_mutated_files_are_read_or_refused(data):
     sugeno = TYPE_2.format(**SUGENO, footprint=",[1],[0.1 0.1]", reduction="")
     text = data.draw(st.sampled_from([HEATER, sugeno]))

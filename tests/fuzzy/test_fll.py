@@ -2,7 +2,7 @@ from dataclasses import replace
 from math import inf
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
@@ -11,6 +11,7 @@ from omnidrive.fuzzy.files.fll.writer import FUNCTIONS
 from omnidrive.fuzzy.membership import SHAPES, Membership
 from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint, LinearFunction
+from tests.examples import examples
 from tests.fuzzy.mutations import mutated
 from tests.fuzzy.systems import IDENTIFIERS, systems
 
@@ -163,7 +164,7 @@ def as_read(system):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     systems(
         types=(1,),
@@ -301,7 +302,7 @@ PIECES = [
 ]
 
 
-@settings(max_examples=120, deadline=None)
+@examples(120)
 @given(mutated([HEATER, MIXER, OLD], PIECES) | st.text())
 def test_mutated_text_is_read_or_refused(text):
     try:

@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
@@ -9,6 +9,7 @@ from omnidrive.fuzzy.files.fml import read_fml, write_fml
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint, LinearFunction
+from tests.examples import examples
 from tests.fuzzy.mutations import mutated
 from tests.fuzzy.systems import PRINTABLE_NAMES, systems
 
@@ -140,7 +141,7 @@ def as_read(system):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     systems(
         types=(1,),
@@ -260,7 +261,7 @@ def test_nesting_and_text_limits():
 PIECES = ["&lt;", "&a;", "<", "/>", "nan", "inf", "1e999", "\0", "\ud800", "<a>", "custom_x", "MAX"]
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(mutated([MAMDANI, TSK], PIECES) | st.text())
 def test_mutated_text_is_read_or_refused(text):
     try:

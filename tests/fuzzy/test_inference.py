@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from omnidrive.fuzzy.files import load
@@ -14,6 +14,7 @@ from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rules import HEDGES, And, Is, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import FuzzySet, InputVariable, LinearFunction, OutputVariable
+from tests.examples import examples
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 from tests.shared_data import shared, shared_table
@@ -72,7 +73,7 @@ def test_exact_centroid_is_default_for_polylines():
 
 
 @given(systems(types=(1,), sugeno=(False,), defuzzifiers=("centroid",), **CONTINUOUS), SEEDS)
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_sampled_mamdani_matches_textbook_formulas(system, seed):
     """All shapes, norms, hedges, nested antecedents, weights, complemented consequents."""
     run = Inference(system, centroid="matlab", samples=41)
@@ -92,7 +93,7 @@ def is_well_posed(system, x):
 
 
 @given(systems(sugeno=(True,), types=(1, 2), algorithms=("km", "eiasc"), **CONTINUOUS), SEEDS)
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_sugeno_matches_textbook_formulas(system, seed):
     run = Inference(system)
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
@@ -118,7 +119,7 @@ def test_sugeno_matches_textbook_formulas(system, seed):
     ),
     SEEDS,
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_sampled_defuzzifiers_match_matlab(system, seed):
     run = Inference(system, centroid="matlab", samples=41)
     for x in oracle.points_in(system, np.random.default_rng(seed), 3):
@@ -164,7 +165,7 @@ EXACT = {
 
 
 @given(systems(**EXACT), SEEDS)
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_exact_defuzzifiers_match_polyline(system, seed):
     """The reference computes the aggregated output from the crossings of all pairs of lines."""
     run = Inference(system, centroid="exact")
@@ -242,7 +243,7 @@ def test_exact_centroid_of_ramp_with_top_beyond_range(shape, ramp, expected, hei
     ),
     SEEDS,
 )
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_exact_value_is_limit_of_fine_samples(system, seed):
     exact = Inference(system, centroid="exact")
     runs = [Inference(system, centroid="matlab", samples=n) for n in (1001, 32_001)]
@@ -353,7 +354,7 @@ def antisymmetric(system):
     SEEDS,
     st.sampled_from(["centroid", "cos"]),
 )
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_symmetric_rule_base_gives_odd_surface(system, seed, reduction):
     """For every type, shape and norm; a footprint may have different lags on its sides."""
     slopes = [s.upper.parameters[0] for v in system.variables for s in v.sets
@@ -387,7 +388,7 @@ PEAKS = st.lists(st.floats(0.05, 1.0), min_size=2, max_size=5).map(
 
 
 @given(PEAKS, PEAKS, st.data())
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_monotone_sugeno_rule_base_gives_monotone_surface(first, second, data):
     """Products of partitions of unity: the surface is bilinear between the rules' constants."""
     steps = data.draw(
@@ -415,7 +416,7 @@ def test_monotone_sugeno_rule_base_gives_monotone_surface(first, second, data):
 
 
 @given(PEAKS, st.sampled_from([("min", "min"), ("prod", "prod")]))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_monotone_mamdani_rule_base_gives_monotone_curve(peaks, operators):
     """One input, adjacent sets imply adjacent sets: proved by Van Broekhoven & De Baets 2009.
 
@@ -442,7 +443,7 @@ ANY = systems(types=(1, 2, 3), defuzzifiers=("centroid", "wtaver", "wtsum"), **C
 
 
 @given(ANY, SEEDS, st.randoms(use_true_random=False))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_order_of_rules_and_inputs_has_no_effect(system, seed, shuffle):
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     rules, order = list(system.rules), list(range(len(system.inputs)))
@@ -485,7 +486,7 @@ def scaled(function, by):
 
 
 @given(ANY, SEEDS, st.sampled_from([2.0**-20, 0.5, 1024.0]))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_unit_of_variable_has_no_effect(system, seed, by):
     """Powers of two scale without rounding, except for denormal numbers."""
 
@@ -522,7 +523,7 @@ def reducible(system):
 
 
 @given(systems(names=st.from_regex(r"[a-z]{1,6}", fullmatch=True)), SEEDS)
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_call_batch_mapping_and_threads_give_identical_results(system, seed):
     system = reducible(system)
     run = Inference(system, samples=31, slices=2)
@@ -559,7 +560,7 @@ def test_batch_does_not_modify_rows():
 
 
 @given(systems(types=(1, 2), hedges=HEDGES, **CONTINUOUS), SEEDS)
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_fired_rules_have_correct_strengths(system, seed):
     system = reducible(system)
     run = Inference(system, samples=11)
@@ -580,7 +581,7 @@ def test_fired_rules_have_correct_strengths(system, seed):
 
 
 @given(systems(types=(1,), sugeno=(False,), aggregations=("max",), max_rules=3), SEEDS)
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_duplicate_rule_has_no_effect_under_max(system, seed):
     twice = replace(system, rules=system.rules * 2)
     at = oracle.points_in(system, np.random.default_rng(seed), 10)

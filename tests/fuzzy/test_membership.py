@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput
@@ -20,6 +20,7 @@ from omnidrive.fuzzy.norms import (
 )
 from omnidrive.fuzzy.sets import membership_bounds
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, Secondary
+from tests.examples import examples
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import fuzzy_sets, memberships
 
@@ -35,7 +36,7 @@ def test_every_shape_has_formula():
 
 @pytest.mark.parametrize("shape", SHAPES)
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_degrees_match_formula(shape, data):
     function = data.draw(memberships(shapes=(shape,)))
     corners = [p for p in function.parameters if abs(p) <= 10]
@@ -93,7 +94,7 @@ def test_known_degrees(shape, parameters, x, degree):
     st.floats(0.0, 0.9),
     st.floats(0.0, 0.9),
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_footprint_of_triangle_is_lower_narrower_triangle(sides, scale, left, right):
     middle, before, after = sides
     a, b, c = middle - before, middle, middle + after
@@ -110,7 +111,7 @@ def test_footprint_of_triangle_is_lower_narrower_triangle(sides, scale, left, ri
     st.floats(0.01, 0.99),
     st.booleans(),
 )
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_bounds_and_z_slices_match_definition(each, level, of_lower):
     from omnidrive.fuzzy.sets import ZSlice
 
@@ -125,7 +126,7 @@ def test_bounds_and_z_slices_match_definition(each, level, of_lower):
 
 @pytest.mark.parametrize("norm", NORMS)
 @given(UNIT, UNIT)
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_t_norms_match_textbook(norm, a, b):
     assert t_norm(NORMS[norm], a, b) == pytest.approx(oracle.NORMS[norm](a, b), abs=1e-15)
     assert t_norm(NORMS[norm], a, b) == t_norm(NORMS[norm], b, a)
@@ -135,7 +136,7 @@ def test_t_norms_match_textbook(norm, a, b):
 @pytest.mark.parametrize("norm", AGGREGATIONS)
 @given(EVERY, EVERY)
 @example(1.0, np.nextafter(1.0, 0.0))  # (a + b - 2 a b)/(1 - a b) is 2 here
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_t_conorms_match_textbook_for_small_degrees(norm, a, b):
     """A centroid divides by the sum of the degrees: small ones must keep their precision."""
     found = t_conorm(AGGREGATIONS[norm], a, b)
@@ -146,7 +147,7 @@ def test_t_conorms_match_textbook_for_small_degrees(norm, a, b):
 
 @pytest.mark.parametrize("hedge", [h for h in HEDGE_CODES if h != "not"])
 @given(UNIT, UNIT)
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_hedges_are_monotone_and_match_fuzzylite(hedge, a, b):
     found = [apply_hedge(HEDGE_CODES[hedge], v) for v in sorted((a, b))]
     assert found[0] <= found[1]

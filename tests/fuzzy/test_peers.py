@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, assume, given
 from hypothesis import strategies as st
 
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint
+from tests.examples import examples
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 
@@ -131,7 +132,7 @@ SIMPFUL = SHARED | {
 
 
 @given(systems(**SIMPFUL), SEEDS)
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_simpful_matches_on_101_samples(system, seed):
     """Mamdani: on 101 points, simpful's sum is Matlab's."""
     system = without_vertical_sides(system)
@@ -147,7 +148,7 @@ def test_simpful_matches_on_101_samples(system, seed):
 
 
 @given(systems(**SIMPFUL | {"sugeno": (True,), "defuzzifiers": ("wtaver",)}), SEEDS)
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_simpful_matches_on_sugeno(system, seed):
     """Without weights: simpful omits them from the divisor."""
     system = without_vertical_sides(system)
@@ -236,7 +237,7 @@ def add_rules(system, peer, sets):
 @given(systems(**PYIT2FLS, types=(1,), conjunctions=("min",), implications=("min",))
        | systems(**PYIT2FLS, types=(1,), conjunctions=("prod",), implications=("prod",)),
        SEEDS)  # fmt: skip
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_pyit2fls_matches_on_type_1(system, seed):
     """It integrates by the trapezoid rule: on fine samples, this is the exact centroid."""
     system = without_vertical_sides(without_disjunctions(system))
@@ -271,7 +272,7 @@ TYPE_2 = PYIT2FLS | {"types": (2,), "algorithms": ("km",)}
     st.sampled_from([("Centroid", "centroid"), ("CoSet", "cos")]),
     st.sampled_from(["KM", "EIASC"]),
 )  # fmt: skip
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@examples(60, suppress=(HealthCheck.filter_too_much,))
 def test_pyit2fls_matches_on_type_2(system, seed, method, algorithm):
     """Its EKM has errors up to 1e-2 and may not terminate; its KM stops within 1e-6 of the end.
 

@@ -1,13 +1,14 @@
 """Rules as text: lossless round trips, limits, and errors with positions."""
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.position import Position
 from omnidrive.fuzzy.rule_text import MAX_LENGTH, normalised, parse_rule, rule_text
 from omnidrive.fuzzy.rules import MAX_DEPTH, And, Is, Or, Rule
+from tests.examples import examples
 from tests.fuzzy.systems import PRINTABLE_NAMES, rules, systems
 
 A, B, C = Is("a", "low"), Is("b", "high", ("not", "very")), Is("c", "mid")
@@ -22,7 +23,7 @@ RULES = st.tuples(VARIABLES, VARIABLES).flatmap(lambda known: rules(*known, nest
 
 
 @given(RULES)
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_round_trip(rule):
     text = rule_text(rule)
     assert parse_rule(text) == rule
@@ -145,7 +146,7 @@ TOKENS = ["if", "then", "is", "and", "or", "not", "any", "very", "with", "(", ")
 
 @given(st.text() | st.lists(st.sampled_from(TOKENS), max_size=40).map(" ".join))
 @example("if a is b then c is d with 1_0")
-@settings(max_examples=300, deadline=None)
+@examples(300)
 def test_arbitrary_text_is_read_or_refused(text):
     try:
         rule = parse_rule(text)
@@ -156,7 +157,7 @@ def test_arbitrary_text_is_read_or_refused(text):
 
 
 @given(systems())
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_rules_of_systems_round_trip(system):
     for rule in system.rules:
         assert parse_rule(rule_text(rule)) == rule

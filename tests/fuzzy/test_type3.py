@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, Secondary
+from tests.examples import examples
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 from tests.shared_data import shared
@@ -42,7 +43,7 @@ def with_secondary(system, secondary):
     st.integers(1, 7),
     st.sampled_from(["centroid", "cos"]),
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_infinite_spread_gives_type_2(system, seed, slices, reduction):
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     options = {"reduction": reduction, "samples": 51}
@@ -54,7 +55,7 @@ def test_infinite_spread_gives_type_2(system, seed, slices, reduction):
 
 
 @given(systems(types=(1,), **CONTINUOUS), SEEDS)
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_without_footprint_type_3_equals_type_1(system, seed):
     at = oracle.points_in(system, np.random.default_rng(seed), 10)
     run = Inference(system, samples=51)
@@ -66,7 +67,7 @@ def test_without_footprint_type_3_equals_type_1(system, seed):
 
 
 @given(systems(types=(3,), max_outputs=1, max_inputs=2, **CONTINUOUS), SEEDS, st.integers(1, 3))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_type_3_is_mean_of_z_slices_weighted_by_levels(system, seed, slices):
     algorithm = "km" if system.algorithm == "nie-tan" else system.algorithm
     run = Inference(system, centroid="matlab", samples=21, slices=slices, algorithm=algorithm)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from omnidrive.choices import ALGORITHMS
@@ -13,6 +13,7 @@ from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.reduction import type_reduce
 from omnidrive.fuzzy.segment_centroid import centroid_interval
 from omnidrive.fuzzy.variables import Footprint
+from tests.examples import examples
 from tests.fuzzy import oracle
 from tests.fuzzy.systems import systems
 from tests.shared_data import shared, shared_table
@@ -91,7 +92,7 @@ WEIGHTS = st.lists(
 
 
 @given(WEIGHTS)
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_every_algorithm_finds_optimal_switch_point(points):
     """Single points, equal points, weights of zero, no lower weights at all."""
     at, part, upper = np.array(sorted(points)).T.copy()
@@ -110,7 +111,7 @@ def test_every_algorithm_finds_optimal_switch_point(points):
 
 
 @given(systems(types=(2,), **CONTINUOUS), SEEDS)
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_sampled_interval_matches_textbook_formulas(system, seed):
     run = Inference(system, centroid="matlab", samples=31)
     if system.algorithm == "nie-tan":
@@ -128,7 +129,7 @@ def test_sampled_interval_matches_textbook_formulas(system, seed):
 
 
 @given(systems(types=(1, 2), **CONTINUOUS), SEEDS)
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_centre_of_sets_matches_textbook_formulas(system, seed):
     algorithm = "km" if system.algorithm == "nie-tan" else None
     run = Inference(system, centroid="matlab", samples=31, reduction="cos", algorithm=algorithm)
@@ -149,7 +150,7 @@ STEADY = CONTINUOUS | {"hedges": (), "negated_consequents": False}
 
 
 @given(systems(types=(2, 3), **STEADY), SEEDS, st.sampled_from(["centroid", "cos"]))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_interval_contains_type_1_and_nie_tan_values(system, seed, reduction):
     """The upper functions are one of the type-1 systems embedded in a type-2 system."""
     options = {"reduction": reduction, "samples": 51, "slices": 2}
@@ -174,7 +175,7 @@ def test_interval_contains_type_1_and_nie_tan_values(system, seed, reduction):
 
 
 @given(systems(types=(2,), **CONTINUOUS), SEEDS, st.sampled_from(["centroid", "cos"]))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_all_algorithms_agree_on_random_systems(system, seed, reduction):
     at = oracle.points_in(system, np.random.default_rng(seed), 20)
     at = at[[is_well_conditioned(system, x, 51) for x in at]]
@@ -187,7 +188,7 @@ def test_all_algorithms_agree_on_random_systems(system, seed, reduction):
 
 
 @given(systems(types=(1,), **CONTINUOUS), SEEDS, st.sampled_from(ALGORITHMS))
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_without_footprint_type_2_equals_type_1(system, seed, algorithm):
     at = oracle.points_in(system, np.random.default_rng(seed), 20)
     run = Inference(system)
@@ -203,7 +204,7 @@ def test_without_footprint_type_2_equals_type_1(system, seed, algorithm):
 @given(
     systems(types=(2,), **CONTINUOUS | {"output_shapes": STRAIGHT, "aggregations": ("max",)}), SEEDS
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_exact_interval_bounds_sampled_centroids(system, seed):
     """With fine midpoint samples and all switch points, the exact ends are met, not exceeded."""
     run = Inference(system, centroid="exact", algorithm="km")

@@ -4,7 +4,7 @@ from math import hypot, nan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.control import (
@@ -24,6 +24,7 @@ from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, Outcome, simulate
 from omnidrive.testing import check_controller
 from omnidrive.testing.laws import Circle, rotated
+from tests.examples import examples
 
 DT = 0.1
 SMALL = named_robot("small")
@@ -71,7 +72,7 @@ def test_follows_a_circle(name):
 
 
 @every_controller
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(angle=st.floats(-3.0, 3.0), whole_turns=st.integers(-2, 2))
 def test_command_is_invariant_to_rotation_of_the_world(name, angle, whole_turns):
     """Equivariance: the body twist does not depend on the orientation of the world frame."""

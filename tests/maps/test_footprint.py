@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
+from tests.examples import examples
 
 SIDE = 0.25
 SQUARE = np.array([[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]])
@@ -56,7 +57,7 @@ def brute(grid, footprint, yaw):
     return taken
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(
     occupied=small_grids, footprint=st.sampled_from([SQUARE, CHEVRON, ASIDE, SQUARE[::-1]]),
     yaw=st.floats(-4, 4) | st.sampled_from([0.0, np.pi / 2]),
@@ -90,7 +91,7 @@ def test_self_intersecting_polygon_has_no_hole():
     assert middle.all()
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(occupied=small_grids, footprint=footprints, yaw=st.floats(-4, 4))
 def test_without_heading_the_disc_through_the_farthest_corner_is_used(occupied, footprint, yaw):
     grid = OccupancyGrid(occupied, SIDE)

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import distance_transform_edt, label
 
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, paper_map, paper_wall
+from tests.examples import examples
 
 small_grids = arrays(bool, (6, 8), elements=st.sampled_from([False, False, True]))
 
@@ -45,7 +46,7 @@ def brute_distance(grid, x, y, *, kind=True):
     )
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     occupied=small_grids,
     x=st.floats(0.0, 1.999),
@@ -88,7 +89,7 @@ def test_clearance_on_empty_and_full_grids():
     assert full.clearance(np.empty((0, 2))).shape == (0,)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     occupied=small_grids, radius=st.floats(0.01, 0.8) | st.sampled_from([0.125, 0.25, 0.375, 0.5]),
     yaw=turns, walled=st.booleans(),
@@ -118,7 +119,7 @@ def test_large_grids_against_the_distance_transform_of_scipy(density):
         assert (grid.inflated(radius).occupied == (exact < radius - 1e-9)).all()
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(occupied=small_grids, radius=st.floats(0.01, 0.8), seed=st.integers(0, 99))
 def test_overlap_inside_a_free_cell_is_at_most_half_the_diagonal(occupied, radius, seed):
     grid = OccupancyGrid(occupied, 0.25)
@@ -159,7 +160,7 @@ def test_pose_of_a_rotated_grid_matches_nav2():
     assert grid.cell(9.3, 20.2) == (1, 0)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(occupied=small_grids, yaw=st.floats(-7, 7), seed=st.integers(0, 99))
 def test_clearance_is_invariant_under_rotation(occupied, yaw, seed):
     points = np.random.default_rng(seed).uniform((-1, -1), (3, 2.5), (50, 2))
@@ -230,7 +231,7 @@ def test_any_finite_point_has_a_cell():
         assert grid.nearest_free(x, y)[1] > 1e299
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(occupied=small_grids, x=st.floats(-3, 5), y=st.floats(-3, 5), yaw=turns)
 def test_nearest_free_cell(occupied, x, y, yaw):
     grid = OccupancyGrid(occupied, 0.25, (1.0, 2.0), yaw=yaw)
@@ -278,7 +279,7 @@ def test_region_size(cut_corners, sizes):
     assert grid.region_size(0, 2) == grid.region_size(9, 9) == 0
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(occupied=small_grids, row=st.integers(0, 5), col=st.integers(0, 7), cut=st.booleans())
 def test_region_size_matches_the_labels_of_scipy(occupied, row, col, cut):
     regions, _ = label(~occupied, np.ones((3, 3)) if cut else None)
@@ -286,7 +287,7 @@ def test_region_size_matches_the_labels_of_scipy(occupied, row, col, cut):
     assert OccupancyGrid(occupied, 1.0).region_size(row, col, cut_corners=cut) == expected
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(
     occupied=small_grids, x=st.floats(-1, 1), y=st.floats(-1, 1), side=st.floats(0.05, 0.5),
     yaw=turns,

@@ -7,12 +7,13 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
 from omnidrive.errors import InvalidMap
 from omnidrive.maps import load_nav2_map
+from tests.examples import examples
 from tests.maps.test_nav2 import write
 
 
@@ -159,7 +160,7 @@ IMAGES = [
 ]
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     content=st.sampled_from(IMAGES), at=st.integers(0, 99), cut=st.integers(0, 9), new=st.binary()
 )

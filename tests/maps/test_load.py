@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -20,6 +20,7 @@ from omnidrive.maps import (
     paper_map,
     save_nav2_map,
 )
+from tests.examples import examples
 from tests.shared_data import shared
 
 
@@ -88,7 +89,7 @@ def test_array_types(tmp_path, values):
     assert known[0, 1]
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(occupied=arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))))
 def test_numpy_round_trip(tmp_path_factory, occupied):
     path = write(tmp_path_factory.mktemp("map"), npy(occupied), "m.npy")
@@ -218,7 +219,7 @@ SEEDS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(
     content=st.sampled_from(SEEDS), at=st.integers(0, 140), cut=st.integers(0, 9),
     new=st.binary() | st.sampled_from([b"9" * 12, b"\n", b"(", b"'", b"<O", b"\0"]),

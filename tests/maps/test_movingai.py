@@ -4,11 +4,12 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidMap
 from omnidrive.maps import OccupancyGrid, load_movingai_map, load_queries
+from tests.examples import examples
 from tests.shared_data import shared
 
 MAP = b"type octile\nheight 2\nwidth 3\nmap\n.@G\nSTO\n"
@@ -136,7 +137,7 @@ def test_malformed_scenario_is_reported(tmp_path, content, message):
     assert message in error_message(load_queries, write(tmp_path, content, "m.scen"), grid)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     content=st.sampled_from([MAP, SCEN]), at=st.integers(0, 60), cut=st.integers(0, 9),
     new=st.binary() | st.sampled_from([b"99999999", b"\n", b"\t", b"\r\n", b" 20000"]),

@@ -7,7 +7,7 @@ from inspect import unwrap
 import numpy as np
 import pytest
 import yaml
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
@@ -16,6 +16,7 @@ from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, load_nav2_map, save_nav2_map
 from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN
 from omnidrive.maps.nav2 import kinds_of_greys
+from tests.examples import examples
 from tests.shared_data import shared
 
 META = {
@@ -96,7 +97,7 @@ def test_default_mode_is_trinary_without_negation(tmp_path):
     assert load_nav2_map(path).occupied.tolist() == [[True, True, False]]
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(
     negate=st.booleans(), low=st.floats(0, 1), high=st.floats(0, 1),
     mode=st.sampled_from(["trinary", "scale"]),
@@ -132,7 +133,7 @@ def test_rotated_map(tmp_path):
     assert grid.is_occupied(*grid.centre(1, 1))
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(
     occupied=arrays(bool, (3, 5)), x=st.floats(-50, 50), y=st.floats(-50, 50), yaw=st.floats(-7, 7),
     unknown=st.sampled_from(["occupied", "free"]),
@@ -310,7 +311,7 @@ def mutated(draw):
     return text.encode(errors="surrogatepass")
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(content=mutated() | st.binary() | st.text().map(str.encode))
 def test_mutated_yaml_raises_only_invalid_map(tmp_path_factory, content):
     path = write(tmp_path_factory.mktemp("map"))

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import label
 
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import maze_map, random_map, rooms_map, warehouse_map
+from tests.examples import examples
 
 MAKERS = {
     "random": lambda rng: random_map(40, 60, 0.2, rng, resolution=0.1),
@@ -32,7 +33,7 @@ def test_density_of_obstacles():
         assert share == pytest.approx(density, abs=0.004)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     rows=st.integers(3, 40), cols=st.integers(3, 40), corridor=st.integers(1, 5),
     seed=st.integers(0, 99),
@@ -52,7 +53,7 @@ def test_maze_is_perfect(rows, cols, corridor, seed):
     assert not free[:, -1].any()
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     rows=st.integers(1, 40), cols=st.integers(1, 40), room=st.integers(1, 9),
     door=st.integers(1, 9), seed=st.integers(0, 99),

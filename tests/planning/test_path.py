@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.interpolate import BSpline
@@ -14,6 +14,7 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.planning.clearance import Obstacles, piece_clearances
 from omnidrive.planning.pieces import pieces
+from tests.examples import examples
 
 MOVES = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
 ANYWHERE = st.floats(-3.0, 9.0).map(lambda x: round(x, 3))
@@ -37,7 +38,7 @@ def samples(path, count=4001):
 
 
 @given(points=control_points())
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_piece_lies_in_the_hull_of_four_control_points(points):
     """In every direction a piece extends at most to the farthest of its control points."""
     path, count = spline(points), len(points) - 3
@@ -64,7 +65,7 @@ def test_three_coincident_control_points_make_a_corner():
 
 
 @given(points=control_points())
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_length_bounds_contain_a_fine_polyline(points):
     path = spline(points)
     _, curve = samples(path, 60_001)
@@ -88,7 +89,7 @@ def test_length_of_a_path_that_reverses():
 
 
 @given(points=control_points())
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_curvature_bounds_contain_samples(points):
     path = spline(points)
     attained, proved = path.max_curvature
@@ -144,7 +145,7 @@ def test_curvature_of_straight_and_zero_length_paths_is_zero():
     points=control_points(4, 8),
     walled=st.booleans(),
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_clearance_bounds_contain_samples(occupied, points, walled):
     grid = OccupancyGrid(occupied, 1.0, walled=walled)
     path = spline(points)

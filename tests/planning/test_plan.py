@@ -4,13 +4,14 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import PathOptions, SplinePath, Waypoint, plan
+from tests.examples import examples
 
 ROOM = OccupancyGrid(np.zeros((40, 60), bool), 0.1)
 
@@ -28,7 +29,7 @@ def plan_path(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, **options)
     )
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     occupied=arrays(bool, (12, 14), elements=st.sampled_from([False, False, False, True])),
     inflation=st.sampled_from([0.0, 0.05, 0.12]),
@@ -53,7 +54,7 @@ def test_path_ends_at_start_and_goal():
 
 
 @given(start=st.floats(-6.2, 6.2), goal=st.floats(-6.2, 6.2), x=st.sampled_from([1, 1.2, 2, 5]))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_headings_are_continuous_and_match_the_ends(start, goal, x):
     """Also for a path shorter than ``turn_within``, and for a turn on the spot."""
     spline = plan_path(ROOM, (1.0, 1.0, start), (x, 1.0, goal)).spline

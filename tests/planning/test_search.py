@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, paper_map
 from omnidrive.planning import GridSearch, search
+from tests.examples import examples
 from tests.shared_data import shared_table
 
 START, GOAL = (4, 4), (29, 39)
@@ -90,7 +91,7 @@ def test_shortest_path_has_the_reference_length(method):
     assert ours.cost == pytest.approx(length(theirs), abs=1e-12)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(
     case=maps_with_ends(),
     neighbours=st.sampled_from([4, 8]),
@@ -113,7 +114,7 @@ def test_astar_is_as_short_as_dijkstra(case, neighbours, cut_corners, heuristic)
     check_moves(occupied, found.cells, neighbours, cut_corners)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(
     case=maps_with_ends(),
     heuristic=st.sampled_from(["octile", "euclidean", "zero", None]),
@@ -134,7 +135,7 @@ def test_jump_point_search_is_as_short_as_astar(case, heuristic):
     check_moves(occupied, ours.cells, 8, cut_corners=False)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(case=maps_with_ends(), neighbours=st.sampled_from([4, 8]), cut_corners=st.booleans())
 @pytest.mark.parametrize("heuristic", ["manhattan", "octile"])
 @pytest.mark.parametrize("method", ["astar", "greedy"])
@@ -175,7 +176,7 @@ def line_is_clear(occupied, one, other):
     return not (inside & crosses).any()
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(case=maps_with_ends(st.integers(1, 9), st.integers(1, 9)))
 @example(case=(np.zeros((9, 9), bool), (0, 0), (5, 8)))
 def test_any_angle_paths_touch_no_obstacle_and_are_short(case):
@@ -211,7 +212,7 @@ def test_any_angle_path_is_at_most_as_long_as_over_neighbours():
     assert grid.search((0, 0), (5, 5), method="lazy-theta").cost == pytest.approx(shortest.cost)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(case=maps_with_ends())
 def test_unreachable_goal_reports_the_size_of_the_region(case):
     occupied, start, goal = case

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.planning.search import astar as astar_module
@@ -13,6 +13,7 @@ from omnidrive.planning.search.heuristics import DIAGONAL, HEURISTICS, STRAIGHT
 from omnidrive.planning.search.jump_grid import JumpGrid, jumps
 from omnidrive.planning.search.lazy_theta import has_line_of_sight
 from omnidrive.planning.search.moves import MOVES, neighbourhood, pruned_moves
+from tests.examples import examples
 from tests.planning.test_search import line_is_clear
 
 
@@ -23,7 +24,7 @@ def random_map(shape, seed, density=0.4):
 SHAPES = st.tuples(st.integers(1, 140), st.integers(1, 140))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(shape=SHAPES, seed=st.integers(0, 99))
 def test_bitgrid_matches_its_grid(shape, seed):
     occupied = random_map(shape, seed)
@@ -80,7 +81,7 @@ def jumps_of(occupied, bitgrid, cells, move):
 DENSITIES = st.one_of(st.floats(0.0, 0.5), st.floats(0.0, 0.01))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(shape=SHAPES, seed=st.integers(0, 99), density=DENSITIES, move=st.integers(0, 7))
 def test_jump_points_match_a_scan_cell_by_cell(shape, seed, density, move):
     occupied = random_map(shape, seed, density)
@@ -138,7 +139,7 @@ def test_integer_lengths_compare_like_true_lengths(one, apart):
     assert np.sign(ours) == np.sign(exact)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(
     shape=st.tuples(st.integers(1, 12), st.integers(1, 12)), seed=st.integers(0, 999),
     ends=st.tuples(*[st.floats(0, 0.999)] * 4), density=st.floats(0.0, 0.3),

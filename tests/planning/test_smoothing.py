@@ -5,13 +5,14 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from omnidrive.errors import InvalidInput, NoPathFound
 from omnidrive.maps import OccupancyGrid, load_nav2_map, paper_map
 from omnidrive.planning import SplinePath, search, smooth
+from tests.examples import examples
 from tests.shared_data import shared
 
 MAPS = np.array([False, False, True])
@@ -93,7 +94,7 @@ def any_angle_paths(draw):
 
 
 @given(case=grid_paths(), clearance=st.sampled_from([0.0, 0.03, 0.07, 0.5]))
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_certified_path_enters_no_obstacle(case, clearance):
     grid, points = case
     smoothed = smooth(grid, points, clearance=clearance)
@@ -102,7 +103,7 @@ def test_certified_path_enters_no_obstacle(case, clearance):
 
 
 @given(case=any_angle_paths(), clearance=st.sampled_from([0.0, 0.2, 0.4]))
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_any_angle_path_through_a_tunnel_is_smoothed(case, clearance):
     """The polygon touches the corners of a tunnel one cell wide."""
     grid, points = case
@@ -111,7 +112,7 @@ def test_any_angle_path_through_a_tunnel_is_smoothed(case, clearance):
 
 
 @given(case=grid_paths(False), clearance=st.floats(0.0, 0.1))
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_required_or_attainable_clearance_is_kept(case, clearance):
     grid, points = case
     smoothed = smooth(grid, points, clearance=clearance)
@@ -121,7 +122,7 @@ def test_required_or_attainable_clearance_is_kept(case, clearance):
 
 
 @given(case=grid_paths(), method=st.sampled_from(["spline", "certified"]))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_proved_clearance_holds_for_either_method(case, method):
     grid, points = case
     smoothed = smooth(grid, points, method=method)

@@ -5,7 +5,7 @@ from math import inf, nan, pi, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput, InvalidReference
@@ -13,6 +13,7 @@ from omnidrive.geometry import WorldTwist
 from omnidrive.planning import SplinePath
 from omnidrive.reference import MotionLimits, Reference, time_within_limits
 from omnidrive.robot import Chassis, named_robot
+from tests.examples import examples
 from tests.reference.sample_paths import (
     CHASSIS,
     CROSS,
@@ -36,7 +37,7 @@ def trapezoid(length, speed, acceleration):
     return 2 * sqrt(length / acceleration)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(
     length=st.floats(0.01, 50.0),
     angle=st.floats(-pi, pi),
@@ -112,7 +113,7 @@ def test_wheel_limits_hold(name, heading):
         assert max(reference.limit_usage.values()) <= 1 + 1e-9
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     seed=st.integers(0, 10**6),
     points=st.integers(4, 30),
@@ -186,7 +187,7 @@ def test_twist_columns_are_derivatives_of_the_pose_columns(heading):
 
 
 @given(t=st.floats(-1.0, 9.0), n=st.integers(1, 30), dt=st.floats(0.0, 0.5))
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_window_matches_setpoints(t, n, dt):
     reference = _SAMPLE
     assert isinstance(reference, Reference)

@@ -5,13 +5,14 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.planning import SplinePath
 from omnidrive.reference import Hold, Reference, SampledReference, UniformReference
+from tests.examples import examples
 
 
 def cubic(t):
@@ -182,7 +183,7 @@ def test_times_are_relative_to_the_first():
 CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [3, 3, 2.0]])
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(duration=st.floats(0.5, 20), dt=st.floats(0.05, 30))
 def test_sampling_another_reference(duration, dt):
     other = UniformReference(SplinePath(CONTROL), duration)

@@ -4,7 +4,7 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -36,6 +36,7 @@ from omnidrive.reference.components import (
     square,
 )
 from omnidrive.robot import ROBOTS, named_robot
+from tests.examples import examples
 
 START = Pose(1.0, -2.0, 0.7)
 SHAPES = {
@@ -120,7 +121,7 @@ def test_start_turns_and_moves_the_motion():
     np.testing.assert_allclose(there.at(1.3).pose, moved, atol=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(
     radius=st.floats(0.1, 50.0),
     laps=st.integers(1, 5),

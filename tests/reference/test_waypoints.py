@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import CannotWrite, InvalidReference
@@ -19,6 +19,7 @@ from omnidrive.reference import (
     load_waypoints,
     save_waypoints,
 )
+from tests.examples import examples
 from tests.shared_data import shared_table
 
 CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [1, 3, 4], [0, 3, 4.0]])
@@ -136,7 +137,7 @@ def test_nav_path_round_trip_keeps_poses_and_times_only(tmp_path):
     assert again.twists[20:-20] == pytest.approx(sampled.twists[20:-20], abs=1e-3)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(
     ending=st.sampled_from([".csv", ".traj", ".yaml"]),
     steps=st.lists(st.floats(1e-3, 10), min_size=1, max_size=8),

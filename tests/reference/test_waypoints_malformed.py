@@ -6,12 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference import SampledReference, UniformReference, load_waypoints, save_waypoints
+from tests.examples import examples
 
 CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2.0]])
 ENDINGS = (".csv", ".path", ".traj", ".yaml")
@@ -224,7 +225,7 @@ def test_missing_file_or_folder_is_rejected(tmp_path, ending):
 EXAMPLES = {}
 
 
-def examples(folder):
+def valid_files(folder):
     """Write one valid file of each format."""
     if not EXAMPLES:
         path = Path(SplinePath(CONTROL).poses(np.linspace(0, 1, 7)))
@@ -253,7 +254,7 @@ def check_read_or_rejected(file):
     assert len(rejection) < 800
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(
     ending=st.sampled_from(ENDINGS),
     cut=st.integers(0, 6000),
@@ -263,7 +264,7 @@ def check_read_or_rejected(file):
 )
 def test_damaged_file_is_read_or_rejected(tmp_path_factory, ending, cut, insert, at, gone):
     folder = tmp_path_factory.mktemp("damaged")
-    content = examples(folder)[ending]
+    content = valid_files(folder)[ending]
     at %= len(content)
     damaged = content[:at] + insert + content[at + gone :]
     check_read_or_rejected(write(folder, f"a{ending}", damaged))
@@ -277,11 +278,11 @@ values = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(ending=st.sampled_from([".path", ".traj"]), value=values, number=st.integers(0, 10_000))
 def test_replaced_value_is_read_or_rejected(tmp_path_factory, ending, value, number):
     folder = tmp_path_factory.mktemp("odd")
-    data = json.loads(examples(folder)[ending])
+    data = json.loads(valid_files(folder)[ending])
     entries = []
 
     def visit(node):
@@ -296,7 +297,7 @@ def test_replaced_value_is_read_or_rejected(tmp_path_factory, ending, value, num
     check_read_or_rejected(write(folder, f"a{ending}", json.dumps(data)))
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(
     number=st.integers(0, 10_000),
     value=st.text(max_size=12) | st.floats().map(str) | st.integers().map(str),
@@ -304,14 +305,14 @@ def test_replaced_value_is_read_or_rejected(tmp_path_factory, ending, value, num
 )
 def test_number_replaced_by_word_is_read_or_rejected(tmp_path_factory, number, value, ending):
     folder = tmp_path_factory.mktemp("odd")
-    text = examples(folder)[ending].decode()
+    text = valid_files(folder)[ending].decode()
     found = list(re.finditer(r"-?\d+(\.\d+)?(e-?\d+)?", text))
     where = found[number % len(found)]
     damaged = text[: where.start()] + value + text[where.end() :]
     check_read_or_rejected(write(folder, f"a{ending}", damaged.encode("utf-8", "surrogatepass")))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(ending=st.sampled_from(ENDINGS), content=st.binary(max_size=60) | st.text(max_size=60))
 def test_arbitrary_content_is_read_or_rejected(tmp_path_factory, ending, content):
     folder = tmp_path_factory.mktemp("any")

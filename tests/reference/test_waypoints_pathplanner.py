@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidReference
@@ -12,6 +12,7 @@ from omnidrive.geometry import wrap
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference import SampledReference, UniformReference, load_waypoints, save_waypoints
 from omnidrive.reference.waypoints.bezier_chain import chain_points, fit_chain, step_counts
+from tests.examples import examples
 
 CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [1, 3, 4], [0, 3, 4.0]])
 
@@ -235,7 +236,7 @@ def test_corners_are_kept(tmp_path):
     assert {tuple(c) for c in corners[:, :2].tolist()} <= set(anchors)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     points=st.lists(st.tuples(*[st.floats(-3, 3)] * 3), min_size=2, max_size=12),
     scale=st.sampled_from([0.01, 1.0]),

@@ -8,7 +8,7 @@ from math import hypot, pi
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot
@@ -98,7 +98,6 @@ def test_round_trip_is_exact(robot, tmp_path):
     assert named_robot(str(tmp_path / "robot.yaml")) == changed
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 3, st.floats(-1.4, 1.4)), min_size=3, max_size=16),
     st.floats(1e-3, 1.0),

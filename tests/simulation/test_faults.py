@@ -7,7 +7,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.choices import FaultKind
@@ -25,11 +25,12 @@ from omnidrive.simulation import (
     parse_fault,
 )
 from omnidrive.simulation.disturbances.schedule import sample_times
+from tests.examples import examples
 
 ROBOT = named_robot("paper")
 REFERENCE = Hold(Pose(1.0, 2.0, 0.3), 100.0)
 BEFORE = -1.0
-FEW = settings(max_examples=25, deadline=None)
+FEW = examples(25)
 
 
 def schedule(*texts):

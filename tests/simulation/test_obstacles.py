@@ -4,7 +4,7 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -35,7 +35,6 @@ def test_rectangle_is_one_box():
     assert merge_cells(occupied).tolist() == [[7, 29, 4, 15]]
 
 
-@settings(deadline=None)
 @given(
     cells, st.floats(-4, 4), st.booleans(), st.lists(st.tuples(*[st.floats(-3, 6)] * 2), min_size=1)
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.robot import named_robot
@@ -12,6 +12,7 @@ from omnidrive.simulation import Disturbances
 from omnidrive.simulation.planar.contact import solve_twist
 from omnidrive.simulation.planar.model import mass_matrix, planar_model
 from omnidrive.simulation.planar.state import WHEEL_STATE
+from tests.examples import examples
 
 
 def impulse_by_bisection(wheel, spin, v, h):
@@ -39,7 +40,7 @@ def impulse_by_bisection(wheel, spin, v, h):
 numbers = st.floats(-1.0, 1.0).map(lambda v: round(v, 3))
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.lists(numbers, min_size=18, max_size=18), st.sampled_from(["small", "kiwi"]))
 def test_step_satisfies_the_momentum_balance(draws, name):
     """Residual of the momentum balance, with impulses found without the kernel."""

@@ -4,7 +4,7 @@ import copy
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.components import component_names, find_component
@@ -25,6 +25,7 @@ from omnidrive.study import (
 )
 from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.tasks import DurationsTask, Tasks
+from tests.examples import examples
 from tests.shared_data import shared
 from tests.study.small import small_scenario
 
@@ -265,7 +266,7 @@ def mutated(draw):
     return text.encode(errors="surrogatepass")
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(content=mutated() | st.binary() | st.text().map(str.encode))
 def test_any_file_loads_or_raises_invalid_scenario(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("scenario") / "s.yaml"

@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -32,6 +32,7 @@ from omnidrive.visualization import (
     observe,
     overview_camera,
 )
+from tests.examples import examples
 
 ROBOT = named_robot("small")
 SIZE = (160, 90)
@@ -133,7 +134,7 @@ def test_target_is_drawn_at_its_position():
     assert green.sum() * metres**2 == pytest.approx(np.pi * ROBOT.body_radius**2, rel=0.25)
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(
     points=st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=1, max_size=8).map(
         np.array

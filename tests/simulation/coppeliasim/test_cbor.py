@@ -1,10 +1,11 @@
 """Validation of CBOR messages."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.simulation.coppeliasim.cbor import is_harmless
+from tests.examples import examples
 from tests.simulation.coppeliasim.fake_server import cbor
 
 VALUES = st.recursive(
@@ -20,7 +21,7 @@ def depth(value):
     return 1 + max(map(depth, inner), default=0)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(VALUES.filter(lambda value: depth(value) < 12), st.data())
 def test_encoded_values_are_harmless_and_other_lengths_are_not(value, data):
     raw = cbor.dumps(value)
@@ -29,7 +30,7 @@ def test_encoded_values_are_harmless_and_other_lengths_are_not(value, data):
     assert not is_harmless(raw[: data.draw(st.integers(0, len(raw) - 1))])
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(st.binary(max_size=40))
 def test_harmless_bytes_are_read_to_their_end(raw):
     if is_harmless(raw):
