@@ -1,18 +1,85 @@
 """The command line in a separate process."""
 
+import atexit
+import json
 import os
 import subprocess
 import sys
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+_TIMEOUT = 300  # s
 
 
 def omnidrive(*args, cwd, **env):
-    """Run `omnidrive` with arguments and further environment variables; return its output."""
+    """Run `omnidrive` with arguments; return its status and output.
+
+    Without further environment variables the process is a fork of one that has imported the
+    package, and studies draw no figures: both take longer than most commands.
+    """
+    words = ["omnidrive", *map(str, args)]
+    if not env:
+        return _forked(words, cwd)
     return subprocess.run(
-        [sys.executable, "-m", "omnidrive", *map(str, args)],
-        cwd=cwd,
-        capture_output=True,
+        [sys.executable, "-m", *words], cwd=cwd, capture_output=True, text=True, timeout=_TIMEOUT,
+        check=False, env={**os.environ, "COLUMNS": "200", **env},
+    )  # fmt: skip
+
+
+def _forked(words, cwd):
+    with TemporaryDirectory() as folder:
+        files = [str(Path(folder, name)) for name in ("stdout", "stderr")]
+        server = _server()
+        print(json.dumps([words, str(cwd), *files]), file=server.stdin, flush=True)
+        status = json.loads(server.stdout.readline())
+        output = [Path(file).read_text(encoding="utf-8") for file in files]
+    return subprocess.CompletedProcess(words, status, *output)
+
+
+@cache
+def _server():
+    """Return the process that runs commands in forks of itself."""
+    server = subprocess.Popen(
+        [sys.executable, "-m", "tests.command"], cwd=Path(__file__).parents[1],
+        env={**os.environ, "COLUMNS": "200"}, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         text=True,
-        timeout=300,
-        check=False,
-        env={**os.environ, "COLUMNS": "200", **env},
-    )
+    )  # fmt: skip
+    atexit.register(server.wait)
+    atexit.register(server.stdin.close)
+    return server
+
+
+def _serve():
+    """Run one command for each line of the standard input, and answer with its exit status."""
+    import omnidrive.cli.compare
+    import omnidrive.cli.main
+    import omnidrive.evaluation  # noqa: F401
+    from omnidrive.study import study
+
+    study.write_figures = lambda results, folder: ()
+    for line in sys.stdin:
+        process = os.fork()
+        if process == 0:
+            _run(*json.loads(line))
+        _, status = os.waitpid(process, 0)
+        print(os.waitstatus_to_exitcode(status), flush=True)
+
+
+def _run(words, cwd, stdout, stderr):
+    """Run a command in this process, which ends with it."""
+    import signal
+
+    from omnidrive.cli.main import main
+
+    signal.alarm(_TIMEOUT)
+    os.chdir(cwd)
+    for number, path in enumerate((os.devnull, stdout, stderr)):
+        mode = os.O_RDWR | os.O_CREAT
+        os.dup2(os.open(path, mode), number)
+    sys.argv = words
+    main()
+
+
+if __name__ == "__main__":
+    _serve()

@@ -21,12 +21,13 @@ QUICK = [*ONE_PROCESS, "--controllers", "holonomic-nmpc", "--tasks", "track"]
 
 
 def test_compare_prints_tables_and_folder(tmp_path):
-    done = omnidrive("compare", *QUICK, "--out", "here", cwd=tmp_path)
+    done = omnidrive("compare", *QUICK, "--out", "here", cwd=tmp_path, NO_COLOR="1")
     assert done.returncode == 0, done.stderr
     assert "Tracking error without noise" in done.stdout
     assert done.stdout.splitlines()[-1].startswith("results: here")
     assert "simulate" in done.stdout.splitlines()[-2]
     assert (tmp_path / "here" / "report.html").exists()
+    assert (tmp_path / "here" / "figures" / "xy_comparison.pdf").exists()
 
 
 def test_compare_json_prints_only_json(tmp_path):

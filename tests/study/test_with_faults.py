@@ -34,17 +34,10 @@ def faulty(*texts, plant="kinematic", duration=20.0, **changes):
     )
 
 
-def no_figures(results, folder):
-    """Replacement for the slow drawing of figures."""
-    return ()
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("faults") / "run"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("omnidrive.study.study.write_figures", no_figures)
-        run_study(faulty(controllers=("feedforward", "fuzzy_t1")), path)
+    run_study(faulty(controllers=("feedforward", "fuzzy_t1")), path)
     return path
 
 
@@ -202,8 +195,7 @@ def test_help_lists_all_kinds(capsys):
     assert all(kind in shown for kind in FAULTS)
 
 
-def test_run_prints_and_stores_the_events(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("omnidrive.study.study.write_figures", no_figures)
+def test_run_prints_and_stores_the_events(tmp_path, capsys):
     words = ("--plant", "kinematic", "--controller", "feedforward", "--out", tmp_path / "out")
     verb("run", *words, "--fault", "pose-jump:at=5", "--fault", "sensor-silent:at=8")
     shown = capsys.readouterr().out
@@ -213,8 +205,7 @@ def test_run_prints_and_stores_the_events(tmp_path, capsys, monkeypatch):
     assert record["events"][0]["what"] == "pose-jump begins"
 
 
-def test_compare_enables_the_task_with_the_given_faults(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("omnidrive.study.study.write_figures", no_figures)
+def test_compare_enables_the_task_with_the_given_faults(tmp_path, capsys):
     words = ("--plant", "kinematic", "--controllers", "feedforward", "--out", tmp_path / "out")
     verb("compare", "--tasks", "faults", *words, "--fault", "pose-jump:distance=0.2,at=3")
     assert "pose-jump at 3 s" in capsys.readouterr().out

@@ -1,0 +1,11 @@
+"""Fixtures of all tests of studies."""
+
+import pytest
+
+
+@pytest.fixture(scope="module", autouse=True)
+def without_figures():
+    """Studies draw no figures, which take most of the time and have tests of their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("omnidrive.study.study.write_figures", lambda results, folder: ())
+        yield
