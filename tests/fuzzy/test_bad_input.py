@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidFuzzyFile, InvalidInput
+from omnidrive.fuzzy.files import load, save
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rules import Is, Rule
@@ -176,8 +177,6 @@ def test_outputs_are_finite_and_in_range(system, seed, extremes, policy, reducti
         system = replace(
             system, outputs=tuple(replace(o, defuzzifier="centroid") for o in system.outputs)
         )
-    if system.is_sugeno:
-        policy = "clamp"  # a linear function of 1e308 overflows
     width = len(system.inputs)
     rng = np.random.default_rng(seed)
     corners = [[v.low if rng.random() < 0.5 else v.high for v in system.inputs] for _ in range(3)]
@@ -220,13 +219,24 @@ def test_output_stays_in_range_for_tiny_firing_strength(implication, centroid, f
         assert 1.5 <= Inference(each, centroid=centroid)(far)[0] <= 1.7
 
 
-def test_overflowing_function_is_not_nan():
-    f = LinearFunction("f", 1e308, (1e308,))
-    cold = FuzzySet("cold", Membership("linsmf", (0, 1)))
+@pytest.mark.parametrize("suffix", [".fis", ".fll", ".fcl", ".fml"])
+def test_numbers_of_files_are_bounded(tmp_path, suffix):
+    """Products of the largest numbers do not overflow; larger ones are not loaded."""
+    large = LinearFunction("f", 1e100, (1e100,) if suffix != ".fcl" else ())
+    cold = FuzzySet("cold", Membership("trapmf", (0, 0, 1e100, 1e100)))
     system = FuzzySystem(
         "s",
-        (InputVariable("x", 0, 10, (cold,)),),
-        (OutputVariable("y", 0, 1, (f,)),),
+        (InputVariable("x", 0, 1e100, (cold,)),),
+        (OutputVariable("y", 0, 1, (large,), default=None if suffix == ".fis" else 0.5),),
         (Rule(Is("x", "cold"), (Is("y", "f"),)),),
     )
-    assert not np.isnan(Inference(system)(5.0)).any()
+    path = tmp_path / f"s{suffix}"
+    save(system, path)
+    rows = np.array([[5.0], [1e100], [-1e308]])
+    for policy in ("clamp", "matlab"):
+        assert np.isfinite(Inference(load(path), out_of_range=policy).batch(rows)).all()
+    text = path.read_text()
+    for number in ("-1e308", "1.1e100"):
+        path.write_text(number.join(text.rsplit("1e+100", 1)))
+        with pytest.raises(InvalidFuzzyFile, match=r"is not a finite number of at most 1e\+100"):
+            load(path)

@@ -192,7 +192,7 @@ def test_round_trip(system):
         ("hot Ramp 24 30", "hot Ramp 24 24", "line 9, column 13", "no direction"),
         ("InputVariable: sky", "InputVariable: room", "", "'room' is there twice"),
         ("range: -10.0 40.0", "range: 4 4", "line 3", "must have a width"),
-        ("range: -10.0 40.0", "range: -inf inf", "line 3", "must have a width"),
+        ("range: -10.0 40.0", "range: -inf inf", "line 3", "-inf is not a finite number"),
         ("range: -10.0 40.0", "range: 4", "line 5, column 10", "two numbers"),
         ("range: -10.0 40.0", "reach: 4", "line 5, column 3", "'reach'"),
         ("  lock-range: false", "  range: 0 1", "line 6, column 3", "twice"),

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from omnidrive.errors import InvalidInput
 
+MAX_NUMBER = 1e100
+"""Largest magnitude of a number of a system: products of two and sums of many do not overflow."""
+
 
 def convert_to_floats(value: object, *fields: str) -> None:
     """Convert the given fields to floats where a user passed integers; None stays None."""
@@ -11,6 +14,15 @@ def convert_to_floats(value: object, *fields: str) -> None:
         given = getattr(value, field)
         if given is not None:
             object.__setattr__(value, field, float(given))
+
+
+def check_numbers(owner: str, *values: float) -> None:
+    """Raise for a number that is not finite or above :data:`MAX_NUMBER` in magnitude."""
+    for value in values:
+        if not abs(value) <= MAX_NUMBER:  # NaN as well
+            raise InvalidInput(
+                f"{owner}: {value:g} is not a finite number of at most {MAX_NUMBER:g} in magnitude"
+            )
 
 
 def check_name(what: str, name: str) -> None:

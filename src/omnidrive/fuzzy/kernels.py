@@ -9,6 +9,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.fuzzy.antecedents import fire
 from omnidrive.fuzzy.centre_of_sets import centre_of_sets
+from omnidrive.fuzzy.checks import MAX_NUMBER
 from omnidrive.fuzzy.consequents import max_strengths, sum_strengths
 from omnidrive.fuzzy.packed_arrays import PackedArrays, floats_of, integers_of
 from omnidrive.fuzzy.reduction import type_reduce
@@ -60,7 +61,8 @@ OK, NOT_FINITE, OUT_OF_RANGE, NO_RULE = range(4)
 def check_inputs(p: PackedArrays, x: Float[Array, " inputs"]) -> int:
     """Check the inputs, clamp them in place if the policy is to clamp, and return a status.
 
-    Values that are not finite are refused under every policy.
+    Values that are not finite are refused under every policy. Without clamping to the range, they
+    are clamped to the largest number of a system.
     """
     ranges, options = floats_of(p, RANGES), integers_of(p, OPTIONS)
     status = OK
@@ -73,6 +75,8 @@ def check_inputs(p: PackedArrays, x: Float[Array, " inputs"]) -> int:
                 status = OUT_OF_RANGE
             elif options[INPUT_POLICY] == CLAMP:
                 x[i] = min(max(x[i], low), high)
+            else:
+                x[i] = min(max(x[i], -MAX_NUMBER), MAX_NUMBER)
     return status
 
 

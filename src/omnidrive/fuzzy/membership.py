@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.checks import check_numbers
 
 TRAPEZOID, SMOOTH, GAUSS, BELL, SIGMOID_DIFFERENCE, SIGMOID_PRODUCT, POINTS = range(7)
 
@@ -86,8 +87,7 @@ class Membership:
             )
         object.__setattr__(self, "parameters", tuple(map(float, self.parameters)))
         p, name = self.parameters, f"{self.shape} {_parameter_text(self.parameters)}"
-        if not all(map(isfinite, p)):
-            raise InvalidInput(f"{name}: every parameter must be finite")
+        check_numbers(name, *p)
         if kind.kernel == POINTS:
             _check_points(name, p)
             return

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
 from typing import Literal
 
 import numpy as np
@@ -13,7 +12,7 @@ from jaxtyping import Bool, Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
-from omnidrive.fuzzy.checks import check_name, check_unique, convert_to_floats
+from omnidrive.fuzzy.checks import check_name, check_numbers, check_unique, convert_to_floats
 from omnidrive.fuzzy.membership import Curves, Membership, degree
 from omnidrive.fuzzy.norms import AGGREGATIONS
 from omnidrive.parameter import check_choice
@@ -134,8 +133,7 @@ class LinearFunction:
         check_name("function", self.name)
         convert_to_floats(self, "constant")
         object.__setattr__(self, "coefficients", tuple(map(float, self.coefficients)))
-        if not all(map(isfinite, (self.constant, *self.coefficients))):
-            raise InvalidInput(f"function {self.name!r}: every coefficient must be finite")
+        check_numbers(f"function {self.name!r}", self.constant, *self.coefficients)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,8 +210,8 @@ class OutputVariable:
             )
         if self.is_sugeno:
             object.__setattr__(self, "aggregation", "sum")
-        if self.default is not None and not isfinite(self.default):
-            raise InvalidInput(f"output {self.name!r}: the default must be finite")
+        if self.default is not None:
+            check_numbers(f"the default of {self.name!r}", self.default)
 
     @property
     def is_sugeno(self) -> bool:
@@ -245,7 +243,8 @@ def _check_variable(
     name: str, low: float, high: float, sets: Sequence[FuzzySet | LinearFunction]
 ) -> None:
     check_name("variable", name)
-    if not (isfinite(low) and isfinite(high) and low < high and high - low < inf):
+    check_numbers(f"the range of {name!r}", low, high)
+    if not low < high:
         raise InvalidInput(f"the range of {name!r} must have a width, got [{low:g}, {high:g}]")
     if not 1 <= len(sets) <= MAX_SETS:
         raise InvalidInput(f"{name!r} needs 1 to {MAX_SETS} sets, got {len(sets)}")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Mapping
 from typing import TypeVar
 
 from omnidrive.errors import InvalidInput
 from omnidrive.files.xml_elements import Element
+from omnidrive.fuzzy.checks import MAX_NUMBER
 from omnidrive.fuzzy.files.assembly import LocatedRule, assemble_system, locate_errors
 from omnidrive.fuzzy.files.fml.parser import (
     ClauseEntry,
@@ -85,8 +85,8 @@ _READ_ACTIVATIONS = {v: k for k, v in ACTIVATIONS.items()}
 _READ_DEFUZZIFIERS: dict[str, Defuzzifier] = {v: k for k, v in DEFUZZIFIERS.items()}
 _READ_MODIFIERS: dict[str, Hedge] = {v: k for k, v in MODIFIERS.items()}
 
-INFINITE = sys.float_info.max
-"""Centre of the side of a Gaussian that no number reaches."""
+INFINITE = MAX_NUMBER
+"""Centre of the side of a Gaussian that no input reaches."""
 
 SHAPES: dict[str, tuple[str, tuple[int, ...]]] = {
     "triangularShape": ("trimf", (0, 1, 2)),
