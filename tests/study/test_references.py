@@ -231,6 +231,16 @@ def test_invalid_references_are_rejected(reference, message):
         scenario(reference)
 
 
+@pytest.mark.parametrize(("side", "turn"), [(400.0, 0.0), (1e10, 0.0), (1.0, 3.0)])
+def test_path_too_long_for_its_control_points_is_rejected(tmp_path, side, turn):
+    """Nine kilobytes could describe a motion of years."""
+    corners = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)]
+    rows = [f"{x},{y},{turn * k}" for k, (x, y) in enumerate(corners * 350)]
+    (tmp_path / "w.csv").write_text("\n".join(["x_m,y_m,yaw_rad", *rows]))
+    with pytest.raises(InvalidReference, match=r"w.csv: the path is [\d,]+ m long .* most 1,0"):
+        plan_and_check(scenario({"type": "waypoints", "file": str(tmp_path / "w.csv")}))
+
+
 def test_missing_waypoint_file_is_reported(tmp_path):
     with pytest.raises(InvalidReference, match=r"cannot read the waypoint file .*nope.csv"):
         plan_and_check(scenario({"type": "waypoints", "file": str(tmp_path / "nope.csv")}))

@@ -6,6 +6,8 @@ from math import ceil
 
 import numpy as np
 
+from omnidrive.errors import InvalidReference
+from omnidrive.files.bounded_file import one_line
 from omnidrive.files.str_path import StrPath
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference.limits import MotionLimits
@@ -20,6 +22,10 @@ _SPACING = 0.05
 
 _MIN_POINTS, _MAX_POINTS = 8, 2001
 """Smallest and largest number of control points; a path of more than 100 m has a wider spacing."""
+
+_MAX_LENGTH = 1000.0
+"""Greatest length of a path, in m; with the greatest number of control points, the
+corners of a longer one would be rounded by more than 0.3 m."""
 
 _LEVER = 0.3
 """Distance that counts as much as a turn by 1 rad, in m."""
@@ -37,24 +43,39 @@ def waypoint_reference(file: StrPath, robot: Robot) -> SampledReference | TimedR
         robot: Robot whose limits hold on a path without times.
 
     Raises:
-        InvalidReference: The file is missing or malformed, or the path cannot be timed.
+        InvalidReference: The file is missing or malformed, or a path without times is longer than
+            1 km or cannot be timed.
     """
     found = load_waypoints(file)
     if isinstance(found, SampledReference):
         return found
-    return time_within_limits(spline_along(found), robot.chassis, MotionLimits.of_robot(robot))
+    try:
+        spline = spline_along(found)
+    except InvalidReference as error:
+        raise InvalidReference(f"{one_line(str(file))}: {error}") from None
+    return time_within_limits(spline, robot.chassis, MotionLimits.of_robot(robot))
 
 
 def spline_along(path: Path) -> SplinePath:
-    """Return a spline along the polyline through the poses, within 0.03 m up to 100 m of length.
+    """Return a spline along the polyline through the poses.
+
+    It deviates by at most 0.03 m up to 100 m of length, and in proportion to the length beyond.
 
     Its control points lie on the polyline at equal distances of at most 0.05 m, where a turn by
     1 rad counts as 0.3 m. Corners are rounded within that distance. The robot turns on the spot
     where the path does.
+
+    Raises:
+        InvalidReference: The path is longer than 1 km.
     """
     moves = np.linalg.norm(np.diff(path.poses[:, :2], axis=0), axis=1)
     turns = np.abs(np.diff(path.poses[:, 2]))
     distance = np.concatenate([[0.0], np.cumsum(moves + _LEVER * turns)])
+    if distance[-1] > _MAX_LENGTH:
+        raise InvalidReference(
+            f"the path is {distance[-1]:,.0f} m long (1 rad counts as {_LEVER:g} m), need at most "
+            f"{_MAX_LENGTH:,.0f} m; split it, or check the unit of its numbers"
+        )
     count = min(max(ceil(distance[-1] / _SPACING) + 1, _MIN_POINTS), _MAX_POINTS)
     at = np.linspace(0.0, distance[-1], count)
     columns = [np.interp(at, distance, column) for column in path.poses.T]
