@@ -1,4 +1,4 @@
-"""Structure of the package: no import circles, no long functions."""
+"""Structure of the package: no import circles, no long functions, one writer of files."""
 
 import ast
 from pathlib import Path
@@ -59,3 +59,41 @@ def test_functions_are_short():
         and (length := node.end_lineno - node.lineno + 1) > MAX_LINES
     }
     assert not long
+
+
+WRITERS = {
+    "files/output_file.py": "the writer of all outputs",
+    "compiled/cache.py": "kernels, which are checked when they are read",
+    "visualization/video_file.py": "films, into the temporary file that the caller gives",
+    "cli/main.py": "closed standard streams",
+}
+"""Files that may write, and what."""
+
+
+def writes_elsewhere(call):
+    """Whether a call writes, renames or copies a file other than the temporary path ``part``."""
+    match call.func:
+        case ast.Attribute(value=ast.Name("part")):
+            return False
+        case ast.Attribute(attr="write_text" | "write_bytes"):
+            return True
+        case ast.Attribute(value=ast.Name("os"), attr="replace" | "rename"):
+            return True
+        case ast.Attribute(attr="open") | ast.Name("open"):
+            modes = [a.value for a in call.args if isinstance(a, ast.Constant)]
+            return any(isinstance(mode, str) and set(mode) & set("wax+") for mode in modes[:2])
+        case ast.Name("copyfile"):
+            return ast.unparse(call.args[-1]) != "part"
+    return False
+
+
+def test_outputs_are_written_by_one_writer():
+    """Files are whole or absent after a power failure only if ``output_file`` writes them."""
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(node)[:60]}"
+        for path in FILES
+        if str(path.relative_to(ROOT)) not in WRITERS
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and writes_elsewhere(node)
+    ]
+    assert not found

@@ -138,13 +138,12 @@ def test_malformed_image_is_reported(tmp_path, content, message):
 
 
 def test_length_of_a_chunk_allocates_no_memory(tmp_path):
-    """Pillow reads the chunks after the pixels by the length that they state."""
+    """Pillow skips the rest of the chunk of pixels by the length that it states."""
     content = png(8, GREY, b"\xff\xff")
-    damaged = content.replace(b"\0\0\0\0IEND", b"\xef\xff\xff\xffIDAT")
-    path = image_map(tmp_path, damaged)
+    at = content.index(b"IDAT")
+    path = image_map(tmp_path, content[: at - 4] + b"\xef\xff\xff\xff" + content[at:])
     tracemalloc.start()
-    with pytest.raises(InvalidMap, match="Truncated File Read"):
-        load_nav2_map(path)
+    assert load_nav2_map(path).occupied.tolist() == [[False, False]]
     assert tracemalloc.get_traced_memory()[1] < 20_000_000
     tracemalloc.stop()
 

@@ -218,7 +218,7 @@ def test_waypoints_that_a_format_cannot_represent_are_rejected(
 
 
 def test_write_error_is_reported(tmp_path):
-    with pytest.raises(CannotWrite, match=r"cannot write the waypoints .*: No such file"):
+    with pytest.raises(CannotWrite, match=r"cannot write to .*: No such file"):
         save_waypoints(tmp_path / "no" / "a.csv", PATH)
 
 

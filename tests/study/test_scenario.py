@@ -360,3 +360,11 @@ def test_plant_robot_differs_from_the_robot_of_the_controllers():
     both = run_study(scenario.with_values(robot=slippery)).results.tracks[0].metrics.me
     assert wrong == both  # the feedforward controller has no model of friction
     assert wrong > 2.0 * known
+
+
+def test_message_names_at_most_ten_keys(tmp_path):
+    keys = "".join(f"unknown{k}: 1\n" for k in range(5000))
+    (tmp_path / "s.yaml").write_text(keys)
+    with pytest.raises(InvalidScenario, match=r"; and 4994 more$") as caught:
+        load_scenario(tmp_path / "s.yaml")
+    assert str(caught.value).count("unknown key") == 6  # four keys are missing

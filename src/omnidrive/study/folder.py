@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from itertools import count
 from pathlib import Path
 from shutil import copyfile
@@ -14,7 +13,7 @@ import pyarrow.parquet as pq
 from omnidrive.choices import WAYPOINTS
 from omnidrive.components import configure
 from omnidrive.evaluation import StudyResults
-from omnidrive.files.output_file import atomic_file, write_errors
+from omnidrive.files.output_file import output_file, remove_abandoned, write_errors
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps import save_nav2_map
 from omnidrive.robot import is_robot_file, save_robot
@@ -61,18 +60,17 @@ class RunFolder:
             save_nav2_map(planned.obstacles, self.path / "map.yaml")
         waypoints = _waypoint_file(planned.scenario)
         if waypoints:
-            with self.complete_file(f"waypoints{waypoints.suffix}") as path:
-                copyfile(waypoints, path)
+            with self._file(f"waypoints{waypoints.suffix}") as part:
+                copyfile(waypoints, part)
         for key in _robot_files(planned.scenario):
             save_robot(getattr(planned, key), self.path / f"{key}.yaml")
-        with self.complete_file("scenario.yaml") as path:
-            save_scenario(_portable(planned.scenario), path)
+        save_scenario(_portable(planned.scenario), self.path / "scenario.yaml")
 
     def save_series(self, name: str, run: Run) -> None:
         """Write the time series of a run to ``series/NAME.parquet``."""
-        with self.complete_file(f"series/{name}.parquet") as path:
-            path.parent.mkdir(exist_ok=True)
-            with path.open("wb") as file:  # pyarrow refuses names that are not UTF-8
+        with self._file(f"series/{name}.parquet") as part:
+            part.parent.mkdir(exist_ok=True)
+            with part.open("wb") as file:  # pyarrow refuses names that are not UTF-8
                 pq.write_table(log_table(run.columns), file)
 
     def save_results(
@@ -81,20 +79,23 @@ class RunFolder:
         """Write ``results.json``; docs/run-folder.md describes its schema."""
         scenario = planned.scenario
         data = results_data(scenario, _portable(scenario), results, timing)
-        with self.complete_file("results.json") as path:
-            path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        with self._file("results.json") as part:
+            part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
-    @contextmanager
-    def complete_file(self, name: str) -> Iterator[Path]:
-        """Yield a temporary path; rename the file there to ``name`` if the block succeeds."""
-        final = self.path / name
-        with write_errors(self.path, _ADVICE), atomic_file(final) as part:
-            yield part
+    def _file(self, name: str) -> AbstractContextManager[Path]:
+        """Return the context of :func:`output_file` for a file of the folder."""
+        return output_file(self.path / name, _ADVICE)
 
 
 def _numbered_folder(path: Path) -> Path:
-    """Create the folder ``path``, or with -2, -3, ... after its name; return the created one."""
+    """Create the folder ``path``, or with -2, -3, ... after its name; return the created one.
+
+    Temporary files of killed commands are removed from the unfinished folders beside it.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
+    for other in path.parent.iterdir():
+        if other.is_dir() and not (other / "report.html").exists():
+            remove_abandoned(other)
     for number in count(1):
         found = path if number == 1 else path.with_name(f"{path.name}-{number}")
         with suppress(FileExistsError):

@@ -15,6 +15,7 @@ from omnidrive.components.configured import ALLOW_CODE
 from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.errors import InvalidScenario, suggestion
 from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot import is_robot_file
@@ -44,7 +45,7 @@ def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
 
     Raises:
         InvalidScenario: The file is missing or malformed, or a value is invalid; the message names
-            every invalid key.
+            up to ten invalid keys.
     """
     path = to_path(path)
     data = read_yaml(path, "scenario", InvalidScenario)
@@ -77,9 +78,14 @@ def _relative_to(scenario: Path, name: str, key: str) -> str:
 
 
 def save_scenario(scenario: Scenario, path: StrPath) -> None:
-    """Write a scenario file that :func:`load_scenario` can read."""
+    """Write a scenario file that :func:`load_scenario` can read.
+
+    Raises:
+        CannotWrite: The file cannot be written.
+    """
     text = yaml.safe_dump(scenario_data(scenario), sort_keys=False)
-    to_path(path).write_text(text, encoding="utf-8")
+    with output_file(to_path(path)) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def scenario_data(scenario: Scenario) -> dict[str, Any]:
@@ -97,15 +103,19 @@ def parse_scenario(data: dict[Any, Any], where: str, *, allow_code: bool = True)
         allow_code: See :func:`load_scenario`.
 
     Raises:
-        InvalidScenario: A key or value is invalid; the message names every one.
+        InvalidScenario: A key or value is invalid; the message names the first ten.
     """
     try:
         return Scenario.model_validate(data, context={ALLOW_CODE: allow_code})
     except ValidationError as error:
         problems = [p for p in error.errors() if p["type"] != "too_short"] or error.errors()
-        facts = dict.fromkeys(map(_explain, problems))
-        raise InvalidScenario(f"{where}: " + "; ".join(facts)) from None
+        facts = list(dict.fromkeys(map(_explain, problems)))
+        rest = f"; and {len(facts) - _LISTED} more" if len(facts) > _LISTED else ""
+        raise InvalidScenario(f"{where}: " + "; ".join(facts[:_LISTED]) + rest) from None
 
+
+_LISTED = 10
+"""Number of invalid keys and values that one message names."""
 
 _SENTENCES = ("there is ", "there are ", "the ", "cannot read ")
 """First words of messages that are sentences; others go on from the key, such as `is -1 m`."""

@@ -237,8 +237,8 @@ def _report(
     with clock.part("tables", 0):
         for path in write_tables(tables, store.path / "tables"):
             clock.progress.done(path.name)
-    with clock.part("report", 1), store.complete_file("report.html") as path:
-        write_page(results, tables, path)
+    with clock.part("report", 1):
+        write_page(results, tables, store.path / "report.html")
         clock.progress.done("report.html")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from math import hypot
 from pathlib import Path
 from typing import get_args
@@ -16,6 +15,7 @@ from jaxtyping import UInt8
 from omnidrive.arrays import Array
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.geometry import Pose
 from omnidrive.parameter import check_choice
@@ -93,24 +93,14 @@ def film(
     stride = -(-len(recording.t) // _MAX_FRAMES_BY_SUFFIX[kind])
     chosen = range(0, len(recording.t), stride)
     speed = _speed(recording, stride)
-    part = path.with_name(path.name + ".part")
-    try:
-        with Canvas(recording.model, width, height) as canvas:
-            renderer = _FrameRenderer(recording, canvas, camera, width / height, speed=speed)
-            frames = _report_progress(map(renderer.draw, chosen), len(chosen), progress)
-            if kind == ".mp4":
-                write_mp4(part, frames, FRAMES_PER_SECOND)
-            else:
-                sample = np.vstack([renderer.draw(chosen[k]) for k in (0, -1)])
-                write_gif(part, frames, FRAMES_PER_SECOND, sample)
-        os.replace(part, path)
-    except OSError as error:
-        raise CannotWrite(
-            f"cannot write the film {one_line(str(path))}: {error.strerror or error}"
-        ) from None
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
+    with output_file(path) as part, Canvas(recording.model, width, height) as canvas:
+        renderer = _FrameRenderer(recording, canvas, camera, width / height, speed=speed)
+        frames = _report_progress(map(renderer.draw, chosen), len(chosen), progress)
+        if kind == ".mp4":
+            write_mp4(part, frames, FRAMES_PER_SECOND)
+        else:
+            sample = np.vstack([renderer.draw(chosen[k]) for k in (0, -1)])
+            write_gif(part, frames, FRAMES_PER_SECOND, sample)
     return speed
 
 

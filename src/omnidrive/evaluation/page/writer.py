@@ -13,7 +13,7 @@ from omnidrive.evaluation.page.markup import facts_markup, tables_markup, verdic
 from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import Table
-from omnidrive.files.output_file import atomic_file
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 
 _STYLES = ("vendor/uPlot.min.css", "page.css")
@@ -38,9 +38,9 @@ def write_page(results: StudyResults, tables: Sequence[Table], path: StrPath) ->
         path: Output file in an existing folder.
 
     Raises:
-        OSError: The file cannot be written.
+        CannotWrite: The file cannot be written.
     """
-    with atomic_file(to_path(path)) as part:
+    with output_file(to_path(path)) as part:
         part.write_text(page_text(results, tables), encoding="utf-8")
 
 

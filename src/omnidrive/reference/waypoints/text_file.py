@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnidrive.errors import CannotWrite, InvalidReference
+from omnidrive.errors import InvalidReference
 from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.files.output_file import output_file
 
 MAX_BYTES = 10_000_000
 """Largest size of a waypoint file, in bytes."""
@@ -42,8 +43,5 @@ def write_text(file: Path, text: str) -> None:
             f"{name} would have {len(content):,} bytes, more than {MAX_BYTES:,}; "
             "save fewer samples: choose a longer dt"
         )
-    try:
-        file.write_bytes(content)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise CannotWrite(f"cannot write the waypoints {name}: {reason}") from None
+    with output_file(file) as part:
+        part.write_bytes(content)
