@@ -127,6 +127,9 @@ class RunFailed(OmnidriveError):
     """A run did not finish."""
 
 
+_LONGEST = 60  # characters of a name in messages
+
+
 def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:
     """Return the known name most similar to ``name``, None if the ratio is below ``cutoff``.
 
@@ -141,9 +144,9 @@ def suggestion(name: str, known: Iterable[str], *, most: int = 12) -> str:
     """Return the end of an error message about an unknown name.
 
     It is ``; did you mean 'a'?`` if a known name is similar, otherwise ``; there are a, b`` with at
-    most ``most`` names.
+    most ``most`` names. The names may come from a file: they are shown as one line, cut if long.
     """
-    names = list(known)
+    names = [_shown(each) for each in known]
     near = closest(name, names)
     if near is not None:
         return f"; did you mean '{near}'?"
@@ -158,3 +161,8 @@ def kind_of(value: object) -> str:
         return f"the class {value.__name__}"
     name = type(value).__name__
     return f"an {name}" if name[0] in "aeiouAEIOU" or name == "ndarray" else f"a {name}"
+
+
+def _shown(name: str) -> str:
+    line = name if name.isprintable() else ascii(name)[1:-1]
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 3]}..."

@@ -45,6 +45,7 @@ def ignore(number):
 
 
 @pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs Unix")
 def test_ignored_interruption_is_raised_again(installed, number):
     ignore(number)
     with pytest.raises(KeyboardInterrupt):

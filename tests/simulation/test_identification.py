@@ -191,6 +191,11 @@ HEAD = "t,command_vx,command_vy,command_yaw_rate,x,y,yaw,wheel_speed_0\n"
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0\n", "is not a log: "),
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,0\n0,0,0,0,0,0,0,0\n", "times must increase"),
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,0\n1,0,0,0,nan,0,0,0\n", "poses in sample 1"),
+        (
+            "a.csv",
+            HEAD.encode() + b"0,0,0,0,0,0,0,0\n1,1e155,0,0,0,0,0,0\n",
+            "commands in sample 1",
+        ),
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,0\n9999,0,0,0,0,0,0,0\n", "at most 3600 s"),
         ("a.parquet", b"PAR1 nonsense", "is not a log: "),
         ("a.csv", b"\xff\xfe", "is not a log: "),

@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from _thread import start_new_thread
-from threading import main_thread
-from time import monotonic, sleep
+from time import monotonic
 from types import FrameType
 from typing import Any
 
@@ -89,17 +87,7 @@ def _raise_again(ignored: Any) -> None:
     """Raise an interruption again that Python ignores, as in the callback of a weak reference."""
     if _State.received is None or not issubclass(ignored.exc_type, KeyboardInterrupt):
         _State.unraisable(ignored)
-    else:
+    elif hasattr(signal, "setitimer"):
         _State.raising = True
-        start_new_thread(_send_again, (_State.received,))  # without the locks of `threading`
-
-
-def _send_again(number: int) -> None:
-    """Send a signal to the main thread, unless the command has ended."""
-    sleep(_AGAIN)
-    if not _State.raising:
-        return
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(main_thread().ident or 0, number)
-    else:
-        signal.raise_signal(number)
+        signal.signal(signal.SIGALRM, _handle)
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)

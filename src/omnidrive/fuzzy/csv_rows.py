@@ -126,7 +126,7 @@ def _columns(block: _Block, inference: Inference) -> tuple[_Columns, tuple[str, 
         if names.count(name) > 1:
             raise InvalidInput(f"line 1: the column {name!r} appears twice")
         if name not in names:
-            hint = suggestion(name, [one_line(each, 60) for each in names])
+            hint = suggestion(name, names)
             if len(names) == 1 and (other := next((s for s in ";\t" if s in names[0]), None)):
                 hint = f"; the separator must be a comma, not {other!r}"
             raise InvalidInput(f"line 1: there is no column {name!r}{hint}")

@@ -50,7 +50,9 @@ class RobotLog:
     def __post_init__(self) -> None:
         if len(self.t) < 2:
             raise InvalidInput(f"the log has {len(self.t)} samples, need at least 2")
-        blocks = {"t": self.t, "commands": self.commands[:-1], "poses": self.poses}
+        last = np.where(np.isnan(self.commands[-1:]), 0.0, self.commands[-1:])  # it has no effect
+        commands = np.vstack([self.commands[:-1], last])
+        blocks = {"t": self.t, "commands": commands, "poses": self.poses}
         if self.wheel_speeds is not None:
             blocks["wheel speeds"] = self.wheel_speeds
         for name, block in blocks.items():
