@@ -107,19 +107,26 @@ def full_disk(folder, rng):
 
 
 @contextmanager
-def read_only(folder, rng):
-    """Take the permission to write to the folder; of root, by another effective user."""
+def as_other_user():
+    """Take the permissions of root; other users have nothing to take."""
     if IS_ROOT:
         os.seteuid(OTHER_USER)
-    else:
-        folder.chmod(0o555)
     try:
         yield
     finally:
         if IS_ROOT:
             os.seteuid(0)
-        else:
-            folder.chmod(0o755)
+
+
+@contextmanager
+def read_only(folder, rng):
+    """Take the permission to write to the folder."""
+    folder.chmod(0o555)
+    try:
+        with as_other_user():
+            yield
+    finally:
+        folder.chmod(0o755)
 
 
 @contextmanager
@@ -127,7 +134,7 @@ def unreachable(folder, rng):
     """Take the permission to enter the folder above."""
     folder.parent.chmod(0o000)
     try:
-        with read_only(folder, rng):
+        with as_other_user():
             yield
     finally:
         folder.parent.chmod(0o755)
