@@ -15,7 +15,10 @@ from omnidrive.study.section import Section, UniqueItems
 MAX_FAULTS = 100
 """Maximum number of faults of one run, and of faults of the task `faults`."""
 
-Seconds = Annotated[float, Bounds(0.1, 36_000.0, "s")]
+DURATION = Bounds(0.1, 36_000.0, "s")
+"""Range of the duration of a run."""
+
+Seconds = Annotated[float, DURATION]
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 _Metres = Annotated[float, Bounds(-100.0, 100.0, "m")]
 

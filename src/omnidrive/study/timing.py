@@ -13,7 +13,7 @@ from omnidrive.parameter import check_choice
 from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.tasks import DurationsTask, FaultsTask, Tasks
+from omnidrive.study.tasks import DURATION, DurationsTask, FaultsTask, Tasks
 
 DEFAULT_SPEED = 0.5
 """Default mean speed in m/s, close to that of the paper (its path in 20 s)."""
@@ -93,6 +93,13 @@ def _check_positive(name: str, value: float | None, unit: str) -> None:
 
 def _scaled(scenario: Scenario, factor: float) -> Scenario:
     """Return the scenario with every duration of the path multiplied by ``factor``."""
+    durations = scenario.tasks.path_durations
+    for duration in (round(factor * durations[0], 6), round(factor * durations[-1], 6)):
+        if not DURATION.low <= duration <= DURATION.high:
+            raise InvalidInput(
+                f"a run would take {duration:g} s, need {DURATION.low:g} to {DURATION.high:g} s: "
+                "choose another duration or speed"
+            )
     tasks = scenario_data(scenario)["tasks"]
     for name in ("track", "noise"):
         if tasks[name]:
