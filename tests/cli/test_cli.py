@@ -164,7 +164,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--start", "1_0,1"], "--start must be X,Y or X,Y,HEADING"),
         (["compare", "--duration", "5"], "shortest duration is 16.4 s"),
         (["compare", "--duration", "nan"], "duration must be positive"),
-        (["compare", "--speed", "1e-9"], "e+10 s, need 0.1 to 36000 s: choose another duration"),
+        (["compare", "--speed", "1e-9"], "e+09 s, need 0.1 to 36000 s: choose another duration"),
         (["compare", "--duration", "-5"], "duration must be positive, got -5 s"),
         (["compare", "--speed", "9"], "is too short for this path"),
         (["compare", "--duration", "25", "--speed", "0.4"], "give only one of them"),

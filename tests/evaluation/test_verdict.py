@@ -145,9 +145,11 @@ def test_stopped_run_is_not_ranked(part):
     (verdict,) = verdicts(replace(part, tracks=(stopped, second)))
     assert (verdict.best.name, verdict.unranked) == (second.controller, (first.controller,))
     assert (verdict.following, verdict.confidence_text) == (None, "no other result")
-    (table,) = (t for t in study_tables(replace(part, tracks=(stopped, second)), published=False)
-                if t.title == "Verdict")  # fmt: skip
-    assert f"{first.controller} (track 20 s)" in table.note
+    tables = study_tables(replace(part, tracks=(stopped, second)), published=False)
+    verdict_table, errors = tables[:2]
+    assert f"{first.controller} (track 20 s)" in verdict_table.note
+    assert errors.rows[0][1] == f"{first.controller} (stopped at 5.9 s)"
+    assert set(errors.rows[0][2:]) <= {"–", ""}
     assert verdicts(replace(part, tracks=(stopped, stopped))) == []
 
 

@@ -65,6 +65,7 @@ def run(controller=None, plant=None, estimator=None):
 
 BAD_COMMANDS = {
     "exception": (ZeroDivisionError("in my law"), "ZeroDivisionError: in my law"),
+    "several lines": (ZeroDivisionError("in\nmy law"), "ZeroDivisionError: in"),
     "none": (None, "returned None, not a Command"),
     "tuple": ((0.1, 0.0, 0.0), "returned a tuple, not a Command"),
     "twist": (TWIST, "returned a BodyTwist, not a Command"),

@@ -72,8 +72,8 @@ def _cost_cells(result: TrackResult) -> tuple[str, ...]:
         _cell(result, m.max_error, 1e3),
         _cell(result, m.wheel_acceleration),
         _cell(result, m.work),
-        number_text(m.step_time_median),
-        number_text(m.step_time_p99),
+        _cell(result, m.step_time_median),
+        _cell(result, m.step_time_p99),
         _cell(result, result.min_clearance, 1e3),
         _count_text(result.collisions),
     )

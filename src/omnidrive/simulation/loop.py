@@ -175,9 +175,14 @@ def _executable(step: PipelineStep, plant: Plant, state: PlantState) -> Pipeline
 
 
 def _reason(message: str) -> tuple[str, str]:
-    """Return the last line of a message, and the whole message if it is a traceback."""
-    lines = message.splitlines() or [""]
-    return one_line(lines[-1]), message if len(lines) > 1 else ""
+    """Return one line of a message, and the whole message if it is a traceback.
+
+    The line is the first after the calls of the last exception: its type and its message, which may
+    go on for many lines.
+    """
+    _, traced, after = message.rpartition("Traceback (most recent call last):\n")
+    lines = [line for line in after.splitlines() if not (traced and line.startswith(" "))]
+    return one_line(lines[0] if lines else ""), message if traced else ""
 
 
 class _Row(NamedTuple):
