@@ -41,16 +41,16 @@ def are_finite(values: object) -> bool:
     return are_numbers(values) and all(map(isfinite, cast(tuple[float, ...], values)))
 
 
-def is_number(value: object) -> bool:
+def is_number(value: Any) -> bool:
     """Return whether ``value`` is a real number that a float can hold."""
     return isinstance(value, float | np.floating) or (
-        isinstance(value, int | np.integer) and abs(value) < 2**1000
+        isinstance(value, int | np.integer) and bool(abs(value) < 2**1000)
     )
 
 
-def is_count(value: object) -> bool:
+def is_count(value: Any) -> bool:
     """Return whether ``value`` is a whole number from 0 to 2^31 - 1."""
-    return isinstance(value, int | np.integer) and 0 <= value < 2**31
+    return isinstance(value, int | np.integer) and bool(0 <= value < 2**31)
 
 
 def _shown(value: object) -> str:

@@ -109,17 +109,25 @@ class Pipeline:
 
         Raises:
             InvalidInput: The pose is not usable.
+            PartFailed: A part raises an exception, which is the cause.
         """
         self._estimate = self._state = State(0.0, pose)
         if not self._state.is_usable:
             raise InvalidInput(f"the start is not finite: {pose}")
         self._previous, self._computed, self._stalled = _STOP, None, ""
         self.detail_units = {}
-        self.estimator.reset(pose)
-        self.controller.reset(self._state)
-        self.supervisor.reset(self.controller)
-        if isinstance(self.controller, DetailedController):
-            self.detail_units = _checked_units(self.controller.detail_units)
+        part: Part = "estimator"
+        try:
+            self.estimator.reset(pose)
+            part = "controller"
+            self.controller.reset(self._state)
+            part = "supervisor"
+            self.supervisor.reset(self.controller)
+            part = "controller"
+            if isinstance(self.controller, DetailedController):
+                self.detail_units = _checked_units(self.controller.detail_units)
+        except _ERRORS as error:
+            raise PartFailed(part, _traceback()) from error
 
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
         """Estimate and check the state at ``t`` (s) without a command, as at the end of a run.
@@ -178,7 +186,12 @@ class Pipeline:
 
     def _update(self, t: float, readings: SensorReadings) -> tuple[State, Status]:
         """Return the estimate at ``t`` (s), or the last usable one and the status ``FALLBACK``."""
-        state, last = self.estimator.update(readings), self._estimate
+        seconds, last = 4.0 * STEP_TIMEOUT, self._estimate  # it may compile kernels
+        try:
+            with TimeLimit(seconds):
+                state = self.estimator.update(readings)
+        except TimedOut:
+            raise _Malformed(f"its update at {t:g} s took longer than {seconds:g} s") from None
         fault = state_fault(state)
         if fault is not None:
             raise _Malformed(fault)
@@ -230,6 +243,19 @@ class Pipeline:
     def _failure(self, part: Part, target: Pose, message: str) -> PipelineStep:
         command = _STOP._replace(status=Status.FAILED, message=message)
         return PipelineStep(self._state, target, command, nan, part)
+
+
+class PartFailed(Exception):
+    """A part of a pipeline raised an exception at the start of a run.
+
+    Attributes:
+        part: The part.
+        message: Traceback of the exception.
+    """
+
+    def __init__(self, part: Part, message: str) -> None:
+        super().__init__(f"the {part} failed:\n{message}")
+        self.part, self.message = part, message
 
 
 class _Malformed(Exception):

@@ -22,12 +22,14 @@ from omnidrive.control import (
     WheelTorques,
 )
 from omnidrive.control.controller import check_controller
+from omnidrive.control.pipeline import PartFailed
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State, StateEstimator
 from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import check_sample_time
+from omnidrive.record_check import are_finite
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.schedule import sample_times
@@ -94,8 +96,7 @@ def simulate(
         with Guard(Outcome.CONTROLLER_FAILED):
             pipeline.prepare()
         state = environment.reset(start)
-        with Guard(Outcome.CONTROLLER_FAILED):
-            pipeline.reset(start)
+        _reset(pipeline, start)
         duration = environment.duration
         samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
         _loop(environment, pipeline, state, samples, log)
@@ -126,12 +127,22 @@ def _check_start(controller: Controller, reference: Reference, start: Pose, dt: 
         raise InvalidInput(
             f"the start is a {type(start).__name__}: pass Pose(x, y, yaw), in m, m, rad"
         )
+    if not are_finite(start):
+        raise InvalidInput(f"the start must consist of finite numbers, got {start}")
     check_heading("the start's heading", start.yaw)
     try:
         first = reference.at(0.0).pose.yaw
     except Exception:  # the run reports it
         return
     check_heading("the reference's heading at its start", first)
+
+
+def _reset(pipeline: Pipeline, start: Pose) -> None:
+    """Start the parts of the pipeline."""
+    try:
+        pipeline.reset(start)
+    except PartFailed as error:
+        raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
 
 
 def _loop(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from omnidrive.components import configure
+from omnidrive.files.bounded_file import one_line
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot
@@ -16,6 +18,8 @@ from omnidrive.simulation import MovingObstacle, Plant
 from omnidrive.simulation.components import PlantContext
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.visualization import Observer, observe
+
+_log = logging.getLogger(__name__)
 
 
 def make_plant(
@@ -44,6 +48,14 @@ def make_plant(
     context = PlantContext(robot, rng, obstacles, tuple(moving))
     plant: Plant = configure("plants", name, parameters).make(context)
     return plant
+
+
+def _close(plant: Plant) -> None:
+    """Close a plant; an exception is logged, and the results of its run are kept."""
+    try:
+        plant.close()
+    except Exception as error:
+        _log.warning("the plant cannot be closed: %s", one_line(f"{type(error).__name__}: {error}"))
 
 
 @contextmanager
@@ -76,4 +88,4 @@ def plant_of(
             plant, planned.plant_robot, reference, observers, obstacles=obstacles, moving=moving
         )
     finally:
-        plant.close()
+        _close(plant)
