@@ -20,7 +20,7 @@ from omnidrive.components import (
 from omnidrive.components.component import Component
 from omnidrive.components.configured import Configured, OfGroup
 from omnidrive.components.parameters import parameters_of
-from omnidrive.errors import InvalidInput, MissingExtra
+from omnidrive.errors import ComponentFailed, InvalidInput, MissingExtra
 
 LAW = """
 from dataclasses import dataclass
@@ -109,6 +109,63 @@ def test_failed_import_shows_where(tmp_path):
 def test_bad_code_names_are_rejected(law, tmp_path, name, message):
     with pytest.raises(InvalidInput, match=f"(?s){message}"):
         find_component("controllers", name.format(path=tmp_path), allow_code=True)
+
+
+PARAMETERS = """
+import sys
+from dataclasses import dataclass, field
+
+class Odd: pass
+
+def fail(): raise RuntimeError("no default")
+
+@dataclass
+class Gains:
+    gain: float = 2.0
+    BODY
+
+class Law:
+    def __init__(self, context, parameters: Gains):
+        EXIT
+    def reset(self, state): pass
+    def step(self, t, state, reference): pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("BODY", "odd: Odd = None", "its parameters cannot be checked: .*Odd"),
+        ("BODY", "unknown: 'Missing' = 1", "its parameters cannot be checked: .*Missing"),
+        ("BODY", "other: float = field(default_factory=fail)", "law.py.*RuntimeError: no default"),
+        ("BODY", "def __post_init__(self): fail()", "law.py.*RuntimeError: no default"),
+        (": Gains)", ": 'Missing')", "NameError: name 'Missing' is not defined"),
+        ("EXIT", "sys.exit(0)", "law.py.*SystemExit: 0"),
+    ],
+)
+def test_failing_code_of_a_component_is_named(tmp_path, old, new, message):
+    assert old in PARAMETERS
+    text = PARAMETERS.replace(old, new).replace("BODY", "").replace("EXIT", "pass")
+    (tmp_path / "law.py").write_text(text)
+    with pytest.raises(ComponentFailed, match=rf"(?s)the controller '.*law.py:Law'.*{message}"):
+        configure("controllers", f"{tmp_path}/law.py:Law").make()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import sys\nsys.exit(3)", "cannot be imported.*SystemExit: 3"),
+        (
+            "def __getattr__(name): raise RuntimeError(name)",
+            "cannot be imported.*RuntimeError: Law",
+        ),
+        ("import sys\ndel sys.modules[__name__]\nclass Law: pass", "is no controller"),
+    ],
+)
+def test_hostile_module_is_an_error(tmp_path, text, message):
+    (tmp_path / "law.py").write_text(text)
+    with pytest.raises(InvalidInput, match=f"(?s){message}"):
+        find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
 
 
 def test_name_of_two_distributions_is_rejected(monkeypatch):

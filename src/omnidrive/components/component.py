@@ -5,13 +5,16 @@ from __future__ import annotations
 import inspect
 import os.path
 import traceback
-from collections.abc import Callable, Mapping
+import typing
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import getdoc, signature
 from typing import Any, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+import pydantic
+from pydantic import BaseModel, ConfigDict, PydanticUserError, ValidationError, create_model
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from omnidrive.components.documentation import plain_text
@@ -22,7 +25,13 @@ from omnidrive.files.bounded_file import one_line
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _FRAMES = 3  # calls shown of a traceback
-_OWN_FOLDER = os.path.join(os.path.dirname(__file__), "")
+_OTHER_CODE = (
+    os.path.dirname(__file__),
+    os.path.dirname(pydantic.__file__),
+    typing.__file__,
+    "<frozen",
+    "<string>",
+)
 _FORMS = "f(), f(context) or f(context, parameters: ITS_PARAMETER_CLASS)"
 _METHODS = {
     "controllers": ("reset", "step"),
@@ -80,14 +89,15 @@ class Component:
         """Class of the parameters; None: the component has none.
 
         Raises:
-            InvalidInput: The factory has another signature.
+            InvalidInput: The factory has another signature, or an annotation without a meaning.
         """
         arguments = self._arguments
         if len(arguments) < 2:
             return None
         owner: Any = self.factory
         function = getattr(owner, "__init__") if isinstance(owner, type) else owner  # noqa: B009
-        hints = get_type_hints(function)
+        with self.guarded():
+            hints = get_type_hints(function)
         found = hints.get(arguments[1].name)
         if not isinstance(found, type):
             raise InvalidInput(
@@ -99,7 +109,8 @@ class Component:
     @property
     def parameters(self) -> list[Parameter]:
         """Descriptions of the parameters."""
-        return parameters_of(self.parameter_class)
+        with self.guarded():
+            return parameters_of(self.parameter_class)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -121,12 +132,15 @@ class Component:
         Raises:
             pydantic.ValidationError: A value is unknown, missing, of the wrong type or out of
                 range.
+            ComponentFailed: The class of the parameters raises another exception, or a field has a
+                type that cannot be checked.
         """
         model: Any
         try:
-            model = self.parameter_model.model_validate({"parameters": dict(values)})
-            if self.parameter_class is not None:  # also check the defaults
-                self.parameter_model.model_validate({"parameters": plain(model.parameters)})
+            with self.guarded():
+                model = self.parameter_model.model_validate({"parameters": dict(values)})
+                if self.parameter_class is not None:  # also check the defaults
+                    self.parameter_model.model_validate({"parameters": plain(model.parameters)})
         except ValidationError as error:
             details = [self._detail(problem) for problem in error.errors()]
             raise ValidationError.from_exception_data(self.name, details) from None
@@ -157,14 +171,26 @@ class Component:
             parameters: Result of :meth:`parse`; None: the defaults.
 
         Raises:
-            ComponentFailed: The factory raises an exception, other than one of this package.
+            ComponentFailed: The factory raises an exception, other than one of this package, or
+                exits.
         """
         arguments = (context, self.parse({}) if parameters is None else parameters)
-        try:
+        with self.guarded():
             return self.factory(*arguments[: len(self._arguments)])
-        except OmnidriveError:
+
+    @contextmanager
+    def guarded(self) -> Iterator[None]:
+        """Convert the exceptions of the component's code within the context.
+
+        Raises:
+            ComponentFailed: The code raises an exception, other than one of this package or one
+                about a value, or exits.
+        """
+        try:
+            yield
+        except (OmnidriveError, ValidationError):
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ComponentFailed(
                 f"the {self.group.removesuffix('s')} '{self.name}' ({self.origin}) failed"
                 f"{failure_text(error)}"
@@ -187,12 +213,14 @@ class Component:
         return arguments
 
 
-def failure_text(error: Exception) -> str:
-    """Return a colon, the innermost calls outside this package and the exception, as text."""
+def failure_text(error: BaseException) -> str:
+    """Return a colon, the innermost calls of the component's code and the exception, as text."""
+    if isinstance(error, PydanticUserError):  # its other lines are advice to authors of models
+        return f": its parameters cannot be checked: {error.message.partition(chr(10))[0]}"
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith((_OWN_FOLDER, "<frozen"))
+        if not frame.filename.startswith(_OTHER_CODE)
     ]
     calls = "".join(traceback.format_list(frames[-_FRAMES:])).rstrip()
     fact = "".join(traceback.format_exception_only(error)).strip()

@@ -183,7 +183,8 @@ class OfGroup(NamedTuple):
         """Return the JSON schema of ``type`` and the parameters of one component."""
         component = find_component(self.group, name)
         kind = component.parameter_class
-        found = handler(TypeAdapter(kind).core_schema) if kind else {}
+        with component.guarded():
+            found = handler(TypeAdapter(kind).core_schema) if kind else {}
         options = handler.resolve_ref_schema(found) if found else {}
         parameters: dict[str, Any] = next(
             (each for each in (options, *options.get("anyOf", ())) if "properties" in each), {}

@@ -97,20 +97,22 @@ def _load_file(kind: str, name: str, path: Path) -> tuple[ModuleType, str]:
         try:
             _guarded_import(kind, name, run)
         except BaseException:
-            del sys.modules[module_name]
+            sys.modules.pop(module_name, None)
             raise
-    return sys.modules[module_name], f"{path.name}, SHA-256 {digest}"
+    else:
+        module = sys.modules[module_name]
+    return module, f"{path.name}, SHA-256 {digest}"
 
 
 def _guarded_import(
     kind: str, name: str, load: Callable[[], Any], distribution: str | None = None
 ) -> Any:
-    """Return the result of ``load``; an exception becomes a message with the innermost calls."""
+    """Return the result of ``load``; an exception or an exit becomes a message with the calls."""
     try:
         return load()
     except OmnidriveError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         origin = f" of the distribution {distribution}" if distribution else ""
         raise InvalidInput(
             f"the {kind} '{one_line(name)}'{origin} cannot be imported{failure_text(error)}"
@@ -118,13 +120,13 @@ def _guarded_import(
 
 
 def _attribute(kind: str, name: str, module: ModuleType, attribute: str) -> Callable[..., Any]:
-    try:
-        found = getattr(module, attribute)
-    except AttributeError:
+    absent = object()
+    found = _guarded_import(kind, name, lambda: getattr(module, attribute, absent))
+    if found is absent:
         own = [n for n, v in vars(module).items() if callable(v) and not n.startswith("_")]
         raise InvalidInput(
             f"the {kind} '{one_line(name)}' does not exist{suggestion(attribute, own)}"
-        ) from None
+        )
     if not callable(found):
         raise InvalidInput(f"the {kind} '{one_line(name)}' is not a class or function")
     return found  # type: ignore[no-any-return]
