@@ -5,9 +5,10 @@ import sys
 import pytest
 
 from omnidrive.compiled import cache_folder
-from omnidrive.errors import CannotWrite
+from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.study import warm_up
 from omnidrive.study.study import NullProgress
+from omnidrive.study.workers import Lost, Workers
 
 
 class Log(NullProgress):
@@ -60,3 +61,13 @@ def test_nothing_is_compiled_without_a_folder_to_keep_it(compiled_parts, tmp_pat
     with pytest.raises(CannotWrite, match=r"not kept: the folder .* cannot be used: File exists"):
         warm_up()
     assert parts == []
+
+
+def test_part_whose_process_is_killed_is_named(compiled_parts, monkeypatch):
+    def outcomes(workers, calls):
+        yield 0, ("batches", [])
+        yield 1, Lost.KILLED
+
+    monkeypatch.setattr(Workers, "outcomes", outcomes)
+    with pytest.raises(RunFailed, match=r"compilation of paper unicycle-nmpc: its process was kil"):
+        warm_up(processes=2)

@@ -132,4 +132,4 @@ def test_message_names_the_runs_while_nothing_finishes(caplog):
         sleep(1.0)
     assert 1 <= len(caplog.messages) <= 3  # after 0.2, 0.4 and 0.8 s
     for text in caplog.messages:
-        assert re.fullmatch(r"no run has finished for \d s; running: track-pid-20s \(\d s\)", text)
+        assert re.fullmatch(r"nothing has finished for \d s; running: track-pid-20s \(\d s\)", text)

@@ -14,7 +14,7 @@ _log = logging.getLogger("omnidrive")
 
 
 class Heartbeat:
-    """Context in which a message is logged if no run finishes for a minute, then two, and so on."""
+    """Context in which a message names what is executed, if nothing finishes for a minute."""
 
     def __init__(self, first: float = _FIRST) -> None:
         """Prepare the messages; ``first`` is the time before the first one, s."""
@@ -54,7 +54,7 @@ class Heartbeat:
             if monotonic() - since >= patience:
                 patience *= 2.0
                 _log.warning(
-                    "no run has finished for %.0f s; %s", monotonic() - since, self._text()
+                    "nothing has finished for %.0f s; %s", monotonic() - since, self._text()
                 )
 
     def _text(self) -> str:

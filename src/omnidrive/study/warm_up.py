@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Generator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import closing
-from multiprocessing import active_children, get_context
-from signal import SIG_IGN, SIGINT, signal
+from functools import partial
 from typing import cast, get_args
 
 import numpy as np
@@ -17,7 +15,7 @@ from omnidrive.compiled.cache_folder import failures, usable_folder
 from omnidrive.compiled.compilation import CompileRelay, announce_compiling, compile_listeners
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.errors import CannotWrite
+from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings, State
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
@@ -29,8 +27,7 @@ from omnidrive.study.jobs import make_controller
 from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import paper_scenario
 from omnidrive.study.study import NullProgress, ProgressListener
-
-_POLLING = 0.5  # s
+from omnidrive.study.workers import Call, Lost, Workers
 
 
 def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> None:
@@ -45,6 +42,8 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
 
     Raises:
         CannotWrite: The compiled kernels cannot be kept on disk.
+        RunFailed: The process that compiles a part was killed twice.
+        WorkerLost: No process could be started.
     """
     if usable_folder() is None:
         raise CannotWrite(failures[-1])
@@ -72,26 +71,16 @@ def _compile_parts(
         for part in parts:
             yield _compile_part(*part)
         return
-    others = active_children()
     relay = CompileRelay()
-    with ProcessPoolExecutor(
-        processes,
-        mp_context=get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(relay,),
-    ) as pool:
-        try:
-            waiting = {pool.submit(_compile_part, *part) for part in parts}
-            while waiting:
-                done, waiting = wait(waiting, _POLLING, return_when=FIRST_COMPLETED)
-                relay.forward()
-                for future in done:
-                    yield future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in set(active_children()) - set(others):
-                worker.kill()
-            raise
+    workers = Workers(processes, partial(_start_worker, relay), on_tick=relay.forward)
+    calls = [Call(" ".join(part).strip(), partial(_compile_part, *part)) for part in parts]
+    with closing(workers.outcomes(calls)) as outcomes:
+        for index, outcome in outcomes:
+            if isinstance(outcome, Lost):
+                raise RunFailed(
+                    f"compilation of {calls[index].name}: {outcome.value}; run the command again"
+                )
+            yield outcome
 
 
 def _is_cheap(controller: tuple[PresetName, str]) -> bool:
@@ -99,8 +88,7 @@ def _is_cheap(controller: tuple[PresetName, str]) -> bool:
 
 
 def _start_worker(relay: CompileRelay) -> None:
-    """Leave Ctrl-C, which the terminal sends to all processes, and messages to the parent."""
-    signal(SIGINT, SIG_IGN)
+    """Leave messages to the parent process."""
     compile_listeners.append(relay.send)
     logging.getLogger("omnidrive").setLevel(logging.ERROR)
 

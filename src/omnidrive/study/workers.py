@@ -40,7 +40,7 @@ class Lost(Enum):
     """Why a call has no result."""
 
     KILLED = "its process was killed twice, possibly because memory ran out"
-    TIMED_OUT = "it exceeded the time limit of a run"
+    TIMED_OUT = "it exceeded the time limit"
 
 
 class Call(NamedTuple):
