@@ -1,5 +1,5 @@
 """``python -m omnidrive`` is the command ``omnidrive``."""
 
-from omnidrive.cli import main
+from omnidrive_command import main
 
 main()

@@ -235,7 +235,8 @@ def signal_once(folder, rng, cold_cache):
     expected = {0} if late else {128 + number, -number}
     ended_itself = status == 0 and took < 0.1  # the process ended before it received the signal
     assert status in expected or ended_itself, f"{what}\n{errors}"
-    assert "Traceback" not in errors, f"{what}\n{errors}"
+    if number != signal.SIGKILL:  # then helpers of libraries may complain
+        assert "Traceback" not in errors, f"{what}\n{errors}"
     runs = check_readable(folder)
     return f"{what}; {runs} runs{' (too late)' if late or ended_itself else ''}"
 

@@ -9,7 +9,7 @@ from time import sleep
 
 import pytest
 
-from omnidrive.cli import signals
+import omnidrive_command as signals
 from omnidrive.errors import CannotWrite
 
 main_module = import_module("omnidrive.cli.main")
@@ -45,7 +45,6 @@ def ignore(number):
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs Unix")
 def test_ignored_interruption_is_raised_again(installed, number):
     ignore(number)
     with pytest.raises(KeyboardInterrupt):
@@ -90,7 +89,7 @@ def failing():
 def test_status_is_that_of_the_signal_whatever_the_command_does(monkeypatch, capsys, work):
     monkeypatch.setattr(main_module, "app", lambda **_: work())
     with pytest.raises(SystemExit) as ended:
-        main_module.main()
+        signals.main()
     assert ended.value.code == 128 + signal.SIGTERM
     assert capsys.readouterr().err == "omnidrive: interrupted; finished results are kept\n"
 
@@ -99,5 +98,17 @@ def test_ignored_signals_stay_ignored(monkeypatch):
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as SIGHUP under nohup
     monkeypatch.setattr(main_module, "app", lambda **_: signal.raise_signal(signal.SIGTERM))
     with pytest.raises(SystemExit) as ended:
-        main_module.main()
+        signals.main()
     assert ended.value.code == 0
+
+
+def test_interruption_is_not_lost_while_the_command_is_imported(monkeypatch):
+    def import_slowly(name):
+        ignore(signal.SIGTERM)
+        sleep(5.0)
+        pytest.fail("the import is not interrupted")
+
+    monkeypatch.setattr(signals, "import_module", import_slowly)
+    with pytest.raises(SystemExit) as ended:
+        signals.main()
+    assert ended.value.code == 128 + signal.SIGTERM

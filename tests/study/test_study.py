@@ -125,9 +125,8 @@ def test_folder_contains_report_tables_and_figures(folder, tmp_path, monkeypatch
     tasks = Tasks(step=StepTask(displacement=(1.0, 1.0, 0.7), duration=4.0))
     run_study(small_scenario(tasks=tasks, controllers=("feedforward",)), tmp_path / "run")
     figures = {path.name for path in (tmp_path / "run" / "figures").iterdir()}
-    assert figures == {
-        f"{name}.{suffix}" for name in ("kinematics", "step_response") for suffix in ("pdf", "svg")
-    }
+    names = ("kinematics", "step_response", "tracking_error")
+    assert figures == {f"{name}.{suffix}" for name in names for suffix in ("pdf", "svg")}
     tables = {p.name for p in (folder / "tables").iterdir()}
     assert {"verdict.tex", "verdict.csv", "step-response.tex", "step-response.csv"} <= tables
     assert "</html>" in (folder / "report.html").read_text()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
 import warnings
 from contextlib import suppress
@@ -15,10 +14,12 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
-from omnidrive.cli import signals
 from omnidrive.cli.compile_status import show_compiling
 from omnidrive.cli.terminal import NoteHandler, encodable, note, quiet_option
 from omnidrive.errors import OmnidriveError, RunFailed, WorkerLost
+from omnidrive_command import check_interrupted, main
+
+__all__ = ["VERBS", "app", "load_verb", "main", "run"]
 
 VERBS = {
     "compare": "Run a whole study: plan, simulate every controller, evaluate, report.",
@@ -103,25 +104,6 @@ def omnidrive(
 _STREAMS = {"stdout": 1, "stderr": 2}
 
 
-def main() -> None:
-    """Run the command line and exit with its status."""
-    status = 128 + signal.SIGINT  # of code that raises KeyboardInterrupt itself
-    try:
-        signals.install()
-        try:
-            _open_streams()
-            status = _status()
-        finally:
-            signals.disarm()
-    except KeyboardInterrupt:
-        pass
-    received = signals.restore()
-    if received is not None:
-        _print_error("interrupted; finished results are kept")
-        status = 128 + received
-    sys.exit(status)
-
-
 def _open_streams() -> None:
     """Open the null device as each standard stream that is closed, as after ``2>&-``.
 
@@ -148,8 +130,9 @@ def _note(
         note(str(message))
 
 
-def _status() -> int:
+def run() -> int:
     """Run the command and return its exit status; an error is printed as one paragraph."""
+    _open_streams()
     logging.getLogger().addHandler(NoteHandler(logging.WARNING))
     show_compiling()
     with warnings.catch_warnings():
@@ -158,7 +141,7 @@ def _status() -> int:
         try:
             return int(app(prog_name="omnidrive", standalone_mode=False) or 0)
         except Exception as error:
-            signals.check_interrupted()  # the error may be a consequence
+            check_interrupted()  # the error may be a consequence
             return _handle(error)
 
 

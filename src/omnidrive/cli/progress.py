@@ -17,9 +17,9 @@ from rich.progress import (
 from rich.text import Text
 
 from omnidrive.cli.compile_status import displays
-from omnidrive.cli.signals import check_interrupted
 from omnidrive.cli.terminal import is_quiet
 from omnidrive.visualization import Recording, film
+from omnidrive_command import check_interrupted
 
 
 class _Steps(MofNCompleteColumn):

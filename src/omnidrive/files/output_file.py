@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from errno import EACCES, EINVAL, ENOTSUP
+from glob import escape
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
@@ -50,15 +51,21 @@ def output_file(path: Path, advice: str = _ADVICE) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
-def remove_abandoned(folder: Path) -> None:
-    """Remove the temporary files in a folder and below that killed processes of this computer left.
+def remove_abandoned(folder: Path, name: str | None = None) -> None:
+    """Remove the temporary files in a folder that killed processes of this computer left.
 
     A file whose process still runs is kept.
+
+    Args:
+        folder: The folder.
+        name: Name of the file in it whose temporary files are removed. None: those of every file,
+            also in the folders below.
     """
+    pattern = "**/.*.part" if name is None else f".{escape(name)}.*.part"
     with suppress(OSError):
-        for part in folder.rglob(".*.part"):
-            name = _PART.fullmatch(part.name)
-            if name and name[1] == _COMPUTER and not _is_alive(int(name[2])):
+        for part in folder.glob(pattern):
+            found = _PART.fullmatch(part.name)
+            if found and found[1] == _COMPUTER and not _is_alive(int(found[2])):
                 part.unlink()
 
 

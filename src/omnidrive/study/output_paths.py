@@ -15,7 +15,7 @@ from tempfile import TemporaryFile
 
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.files.bounded_file import one_line
-from omnidrive.files.output_file import write_errors
+from omnidrive.files.output_file import remove_abandoned, write_errors
 from omnidrive.files.str_path import StrPath, to_path
 
 WAYPOINT_FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
@@ -115,18 +115,22 @@ def check_new_file(path: StrPath, *, force: bool) -> None:
 def check_new_folder(path: StrPath) -> None:
     """Check that a folder for results can be created; nothing is created.
 
+    A folder is empty, too, if it holds temporary files of killed commands only; they are removed.
+
     Raises:
         CannotWrite: It is not empty, is not a folder, or is not writable.
     """
     path = to_path(path)
     with _write_errors(path):
+        if path.exists() and all(each.suffix == ".part" for each in path.iterdir()):
+            remove_abandoned(path)
         if path.exists() and any(path.iterdir()):
             raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
         _check_writable(next(each for each in (path, *path.parents) if each.exists()))
 
 
 def _check_file(path: Path) -> None:
-    """Check that a file can be written."""
+    """Check that a file can be written; remove its temporary files of killed commands."""
     with _write_errors(path):
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
@@ -135,6 +139,7 @@ def _check_file(path: Path) -> None:
         if path.exists() and not os.access(path, os.W_OK):
             raise PermissionError("it is read-only")
         _check_writable(path.parent)
+        remove_abandoned(path.parent, path.name)
 
 
 def _check_writable(folder: Path) -> None:

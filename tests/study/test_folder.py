@@ -1,0 +1,93 @@
+"""Run folders: names that are taken, and names that are not UTF-8."""
+
+import json
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import pyarrow.parquet as pq
+import pytest
+
+from omnidrive.cli.terminal import conclude
+from omnidrive.errors import CannotWrite
+from omnidrive.evaluation.figures import catalogue
+from omnidrive.files import output_file
+from omnidrive.study import RunFolder, check_figure, check_new_folder, run_study
+from omnidrive.study.tasks import StepTask, Tasks
+from tests.study.small import small_scenario
+
+STEP = small_scenario(
+    controllers=("feedforward",),
+    tasks=Tasks(step=StepTask(displacement=(0.3, 0.1, 0.2), duration=2.0)),
+)
+
+
+def test_studies_that_start_at_the_same_time_have_different_folders(tmp_path):
+    path = tmp_path / "runs" / "paper-20260101-120000"
+    with ThreadPoolExecutor(16) as threads:
+        made = list(threads.map(lambda _: RunFolder(path, numbered=True).path, range(64)))
+    assert len(set(made)) == 64
+    assert {path, path.with_name(f"{path.name}-2"), path.with_name(f"{path.name}-64")} <= set(made)
+
+
+def test_numbered_folder_is_that_of_the_study(tmp_path, monkeypatch):
+    monkeypatch.setattr("omnidrive.study.study.write_figures", lambda results, folder: ())
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "precious").touch()
+    study = run_study(STEP, tmp_path / "run", numbered=True)
+    assert study.folder == tmp_path / "run-2"
+    assert (tmp_path / "run-2" / "report.html").exists()
+    with pytest.raises(CannotWrite, match="not empty"):
+        run_study(STEP, tmp_path / "run")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs names of any bytes")
+def test_folder_whose_name_is_not_utf_8(tmp_path, capsys, monkeypatch):
+    one_figure = {"kinematics": catalogue._FIGURES["kinematics"]}
+    monkeypatch.setattr(catalogue, "_FIGURES", one_figure)
+    folder = tmp_path / "run\udcff"
+    run_study(STEP, folder)
+    assert json.loads((folder / "results.json").read_text())["step_response"]
+    with open(folder / "series" / "step-feedforward.parquet", "rb") as file:
+        assert pq.read_table(file).num_rows > 10
+    assert len(list((folder / "figures").iterdir())) == 2
+    conclude(f"results: {folder}")
+    assert capsys.readouterr().out.endswith("run\\udcff\n")
+
+
+@pytest.fixture
+def parts(tmp_path):
+    """Create temporary files of a process that ended and of this one; return their paths."""
+    with subprocess.Popen([sys.executable, "-S", "-c", ""]) as ended:
+        ended.wait()
+
+    def create(name):
+        """Create the temporary files of ``name``."""
+        found = []
+        for process in (ended.pid, os.getpid()):
+            found.append(tmp_path / f".{name}.{output_file._COMPUTER}-{process}-0.part")
+            found[-1].touch()
+        return found
+
+    return create
+
+
+def test_folder_with_temporary_files_of_a_killed_command_is_new(parts, tmp_path):
+    dead, alive = parts("scenario.yaml")
+    with pytest.raises(CannotWrite, match="not empty"):
+        check_new_folder(tmp_path)
+    assert (dead.exists(), alive.exists()) == (False, True)
+    alive.unlink()
+    dead.touch()
+    check_new_folder(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_temporary_files_of_other_names_are_kept_beside_an_output_file(parts, tmp_path):
+    others = parts("plan[1].png")
+    _, alive = parts("plan1.png")
+    check_figure(tmp_path / "plan1.png")
+    assert {*tmp_path.iterdir()} == {alive, *others}
+    check_figure(tmp_path / "plan[1].png")
+    assert {*tmp_path.iterdir()} == {alive, others[1]}
