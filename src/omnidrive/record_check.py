@@ -44,7 +44,7 @@ def are_finite(values: object) -> bool:
 def is_number(value: Any) -> bool:
     """Return whether ``value`` is a real number that a float can hold."""
     return isinstance(value, float | np.floating) or (
-        isinstance(value, int | np.integer) and bool(abs(value) < 2**1000)
+        isinstance(value, int | np.integer) and bool(-(2**1000) < value < 2**1000)
     )
 
 
