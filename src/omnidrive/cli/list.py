@@ -64,7 +64,7 @@ def _try_to_find(group: Any, name: str) -> components.Component | str:
     """Return a component, or the reason for which it cannot be imported."""
     try:
         component = components.find_component(group, name)
-        component.parameter_class  # noqa: B018 - reads the signature
+        component.parameters  # noqa: B018 - reads the signature and the class of the parameters
     except OmnidriveError as error:
         return str(error)
     return component
