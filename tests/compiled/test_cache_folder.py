@@ -162,7 +162,7 @@ def test_untrusted_folder_is_not_used(usable, tmp_path, caplog, spoil, fact):
     (record,) = caplog.records
     assert record.message == (
         f"compiled kernels are not kept: the folder {path} {fact}; the environment variable "
-        "NUMBA_CACHE_DIR sets another folder"
+        "NUMBA_CACHE_DIR chooses another folder"
     )
     assert cache_folder.failures == [record.message]
 

@@ -244,8 +244,8 @@ def _checksum(name: str, content: bytes) -> bytes:
 
 def _fail(reason: str) -> None:
     message = (
-        f"compiled kernels are not kept: {reason}; the environment variable NUMBA_CACHE_DIR sets "
-        "another folder"
+        f"compiled kernels are not kept: {reason}; the environment variable NUMBA_CACHE_DIR "
+        "chooses another folder"
     )
     if message not in failures:
         failures.append(message)
