@@ -6,7 +6,7 @@ from omnidrive.control.controller import Command, CommandValue, Status, WheelSpe
 from omnidrive.errors import kind_of
 from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import BodyTwist, WorldTwist
-from omnidrive.record_check import are_numbers
+from omnidrive.parameter import are_numbers
 
 _VALUES = (BodyTwist, WheelSpeeds, WheelTorques)
 _STOP = BodyTwist(0.0, 0.0, 0.0)

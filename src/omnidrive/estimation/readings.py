@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from omnidrive.geometry import Pose
-from omnidrive.record_check import are_finite, are_numbers, is_number, record_fault
+from omnidrive.parameter import are_finite, are_numbers, is_number, record_fault
 
 
 class PoseFix(NamedTuple):

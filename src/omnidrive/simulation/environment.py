@@ -15,7 +15,7 @@ from omnidrive.estimation import SensorReadings
 from omnidrive.estimation.readings import readings_fault
 from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.geometry import Pose
-from omnidrive.record_check import are_finite
+from omnidrive.parameter import are_finite
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.disturbances import Disturbances

@@ -28,8 +28,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State, StateEstimator
 from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import BodyTwist, Pose, check_heading
-from omnidrive.parameter import check_sample_time
-from omnidrive.record_check import are_finite
+from omnidrive.parameter import are_finite, check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.schedule import sample_times

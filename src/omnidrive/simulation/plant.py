@@ -10,8 +10,14 @@ from omnidrive.control.command_check import MAX_COMMAND
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
 from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import BodyTwist, Pose
-from omnidrive.parameter import check_sample_time
-from omnidrive.record_check import are_finite, are_numbers, is_count, is_number, record_fault
+from omnidrive.parameter import (
+    are_finite,
+    are_numbers,
+    check_sample_time,
+    is_count,
+    is_number,
+    record_fault,
+)
 from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 
