@@ -20,7 +20,8 @@ class Status(IntEnum):
 
     OK = 0
     FALLBACK = 1
-    """No converged solution in time; the command follows the best plan available."""
+    """No converged solution in time, or no usable estimate or command in this sample; the command
+    follows the best plan, the last estimate or the last command."""
     FAILED = 2
     """No usable command; the run ends and the robot must be stopped."""
 

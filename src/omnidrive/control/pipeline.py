@@ -232,7 +232,8 @@ class Pipeline:
         Torques, which do not decrease a speed with their size, are followed by a zero twist.
         """
         computed, last = self._computed or (t, _STOP)
-        share = min(1.0, 1.0 - (t - computed - COMMAND_TIMEOUT) / RAMP_TIME)
+        excess = round(t - computed - COMMAND_TIMEOUT, 9)  # times have rounding errors
+        share = min(1.0, 1.0 - excess / RAMP_TIME)
         if share <= 0.0 or last.value == _REST:
             return _STOP._replace(status=Status.FAILED, message=self._stalled)
         value = last.value

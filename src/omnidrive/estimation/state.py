@@ -49,7 +49,7 @@ class State(NamedTuple):
             and -LARGEST <= yaw <= LARGEST
             and -LARGEST <= self.stamp <= LARGEST
             and -LARGEST <= self.fix_age <= LARGEST
-            and (self.covariance is None or isfinite(float(self.covariance.sum())))
+            and (self.covariance is None or isfinite(sum(self.covariance.ravel().tolist())))
         )
 
     @property
