@@ -10,11 +10,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from omnidrive.cli.terminal import conclude
-from omnidrive.errors import CannotWrite
+from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.evaluation.figures import catalogue
 from omnidrive.files import output_file
-from omnidrive.study import RunFolder, check_figure, check_new_folder, run_study
-from omnidrive.study.tasks import StepTask, Tasks
+from omnidrive.simulation import Outcome
+from omnidrive.study import RunFolder, check_figure, check_new_folder, run_job, run_study
+from omnidrive.study.jobs import unfinished
+from omnidrive.study.tasks import DurationsTask, StepTask, Tasks
 from tests.study.small import small_scenario
 
 STEP = small_scenario(
@@ -91,3 +93,27 @@ def test_temporary_files_of_other_names_are_kept_beside_an_output_file(parts, tm
     assert {*tmp_path.iterdir()} == {alive, *others}
     check_figure(tmp_path / "plan[1].png")
     assert {*tmp_path.iterdir()} == {alive, others[1]}
+
+
+def test_lost_run_is_named_in_results_and_report(tmp_path, monkeypatch):
+    def execute(planned, jobs, *_, **__):
+        for job in jobs:
+            lost = unfinished(planned, job, Outcome.TIMED_OUT, "60 s")
+            yield job, lost if job.task == "step" else run_job(planned, job)
+
+    monkeypatch.setattr("omnidrive.study.study.execute", execute)
+    monkeypatch.setattr("omnidrive.study.study.write_figures", lambda results, folder: ())
+    track = DurationsTask(durations=(20.0,))
+    study = run_study(STEP.with_values(tasks=Tasks(step=STEP.tasks.step, track=track)), tmp_path)
+    outcome = "the run exceeded its time limit: 60 s"
+    data = json.loads((tmp_path / "results.json").read_text())
+    assert {(row["finished"], row["outcome"]) for row in data["step_response"]} == {
+        (False, outcome)
+    }
+    assert data["runs"][0]["finished"]
+    assert pq.read_table(tmp_path / data["step_response"][0]["series"]).num_rows == 1
+    assert outcome in (tmp_path / "report.html").read_text()
+    table = (tmp_path / "tables" / "runs-that-ended-early.csv").read_text()
+    assert table.splitlines()[1] == f"step-feedforward,0,{outcome}"
+    with pytest.raises(RunFailed, match=f"step-feedforward at 0 s .{outcome}"):
+        study.raise_if_failed()

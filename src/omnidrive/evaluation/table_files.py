@@ -40,7 +40,7 @@ def write_tables(tables: Iterable[Table], folder: StrPath) -> Iterator[Path]:
         for suffix, text in ((".tex", latex_text(table)), (".csv", csv_text(table))):
             path = folder / f"{table.stem}{suffix}"
             with output_file(path) as part:
-                part.write_text(text, encoding="utf-8", newline="")
+                part.write_text(text, encoding="utf-8", errors="backslashreplace", newline="")
             yield path
 
 

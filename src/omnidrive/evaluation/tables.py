@@ -50,6 +50,7 @@ def study_tables(
         _step_table(results, published),
         _horizon_table(results),
         fault_table(results),
+        _ended_table(results),
         _controller_table(results),
     ]
     if results.has_fuzzy_controllers:
@@ -289,6 +290,14 @@ def _active_share(result: TrackResult) -> str:
     if iterations is None:
         return NO_VALUE
     return number_text(100.0 * float(np.mean(iterations[:-1] > 0.0)))
+
+
+def _ended_table(results: StudyResults) -> Table:
+    """Return time and reason of the end of every run that did not finish."""
+    ended = [r for r in (*results.runs, *results.faults) if r.run.outcome is not Outcome.FINISHED]
+    rows = [(r.name, f"{r.run.t[-1]:g}", r.run.ending) for r in ended]
+    columns = ("run", "end, s", "reason")
+    return Table("Runs that ended early", columns, tuple(rows), prose=True, is_detail=True)
 
 
 def _controller_table(results: StudyResults) -> Table:

@@ -41,7 +41,7 @@ def write_page(results: StudyResults, tables: Sequence[Table], path: StrPath) ->
         CannotWrite: The file cannot be written.
     """
     with output_file(to_path(path)) as part:
-        part.write_text(page_text(results, tables), encoding="utf-8")
+        part.write_text(page_text(results, tables), encoding="utf-8", errors="backslashreplace")
 
 
 def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
