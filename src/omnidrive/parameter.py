@@ -155,13 +155,13 @@ def are_finite(values: object) -> bool:
 def is_number(value: Any) -> bool:
     """Return whether ``value`` is a real number that a float can hold."""
     if isinstance(value, Integral):
-        return bool(-(2**1000) < value < 2**1000)
+        return -(2**1000) < int(value) < 2**1000
     return isinstance(value, float | Real)
 
 
 def is_count(value: Any) -> bool:
     """Return whether ``value`` is a whole number from 0 to 2^31 - 1."""
-    return isinstance(value, Integral) and bool(0 <= value < 2**31)
+    return isinstance(value, Integral) and 0 <= int(value) < 2**31
 
 
 def _shown(value: object) -> str:

@@ -169,30 +169,28 @@ def test_invalid_duration_is_refused_and_changes_nothing(make, dt):
 
 
 LONG_STEP = """
-import signal, sys, threading, time
+import signal, threading, time
 import omnidrive as od
-plant = {"planar": od.PlanarPlant, "ball": lambda robot: od.MujocoPlant(robot, "ball")}[
-    sys.argv[1]
-](od.named_robot("small"))
-plant.reset(od.Pose(0.0, 0.0, 0.0))
-if sys.argv[1] == "planar":
-    plant.timestep = 1e-6  # 3.6e9 steps
-threading.Timer(0.3, signal.raise_signal, [signal.SIGINT]).start()
-began = time.monotonic()
-try:
-    plant.step(od.BodyTwist(0.1, 0.0, 0.0), 3600.0)
-except KeyboardInterrupt:
-    print(time.monotonic() - began)
+robot = od.named_robot("small")
+for plant in (od.PlanarPlant(robot, timestep=1e-6), od.MujocoPlant(robot, "ball")):
+    plant.reset(od.Pose(0.0, 0.0, 0.0))
+    threading.Timer(0.1, signal.raise_signal, [signal.SIGINT]).start()
+    began = time.monotonic()
+    try:
+        plant.step(od.BodyTwist(0.1, 0.0, 0.0), 3600.0)  # minutes
+    except KeyboardInterrupt:
+        print(time.monotonic() - began)
 """
 
 
-@pytest.mark.parametrize("plant", ["planar", "ball"])
-def test_long_step_is_interrupted_at_once(plant):
+def test_long_step_is_interrupted_at_once():
     done = subprocess.run(
-        [sys.executable, "-c", LONG_STEP, plant],
+        [sys.executable, "-c", LONG_STEP],
         capture_output=True, text=True, timeout=100, check=True,
     )  # fmt: skip
-    assert float(done.stdout) < 3.0
+    waits = [float(line) for line in done.stdout.split()]
+    assert len(waits) == 2
+    assert max(waits) < 3.0
 
 
 @pytest.mark.parametrize("plant", PLANTS)

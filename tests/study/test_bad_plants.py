@@ -128,7 +128,7 @@ KINDS = {
         state(covariance=np.eye(2)),
         ESTIMATOR + "the covariance of its state is an ndarray of shape (2, 2), not a 3 x 3",
     ),
-    "estimator-sleeps": ("estimator", sleep, ESTIMATOR + "its update at 0.5 s took longer than"),
+    "estimator-sleeps": ("estimator", sleep, ESTIMATOR + "its call at 0.5 s took longer than"),
     "estimator-reset": ("estimator.reset", ValueError("no map"), ESTIMATOR + "ValueError: no map"),
 }
 AT_ONCE = {"plant-reset", "plant-reset-none", "estimator-reset"}

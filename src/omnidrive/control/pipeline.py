@@ -136,12 +136,17 @@ class Pipeline:
         """
         part: Part = "reference"
         target = self._state.pose
+        seconds = 4.0 * STEP_TIMEOUT  # the estimator may compile kernels
         try:
-            target = _target(reference, t)
-            part = "estimator"
-            state, status = self._update(t, readings)
-            part = "supervisor"
-            self._state = self.supervisor.check(t, readings, state, target)
+            with TimeLimit(seconds):
+                target = _target(reference, t)
+                part = "estimator"
+                state, status = self._update(t, readings)
+                part = "supervisor"
+                self._state = self.supervisor.check(t, readings, state, target)
+        except TimedOut:
+            reason = f"its call at {t:g} s took longer than {seconds:g} s"
+            return self._failure(part, target, reason)
         except _Malformed as error:
             return self._failure(part, target, str(error))
         except _ERRORS:
@@ -186,12 +191,7 @@ class Pipeline:
 
     def _update(self, t: float, readings: SensorReadings) -> tuple[State, Status]:
         """Return the estimate at ``t`` (s), or the last usable one and the status ``FALLBACK``."""
-        seconds, last = 4.0 * STEP_TIMEOUT, self._estimate  # it may compile kernels
-        try:
-            with TimeLimit(seconds):
-                state = self.estimator.update(readings)
-        except TimedOut:
-            raise _Malformed(f"its update at {t:g} s took longer than {seconds:g} s") from None
+        state, last = self.estimator.update(readings), self._estimate
         fault = state_fault(state)
         if fault is not None:
             raise _Malformed(fault)

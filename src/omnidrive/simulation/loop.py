@@ -32,7 +32,7 @@ from omnidrive.parameter import are_finite, check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.schedule import sample_times
-from omnidrive.simulation.environment import Environment, Guard, RunEnded
+from omnidrive.simulation.environment import PART_TIMEOUT, Environment, Guard, RunEnded
 from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
@@ -92,7 +92,7 @@ def simulate(
     try:
         environment.check()
         _check_start(pipeline.controller, reference, start, dt)
-        with Guard(Outcome.CONTROLLER_FAILED):
+        with Guard(Outcome.CONTROLLER_FAILED, call="preparation", limit=10.0 * PART_TIMEOUT):
             pipeline.prepare()
         state = environment.reset(start)
         _reset(pipeline, start)
@@ -138,10 +138,11 @@ def _check_start(controller: Controller, reference: Reference, start: Pose, dt: 
 
 def _reset(pipeline: Pipeline, start: Pose) -> None:
     """Start the parts of the pipeline."""
-    try:
-        pipeline.reset(start)
-    except PartFailed as error:
-        raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
+    with Guard(Outcome.CONTROLLER_FAILED, call="reset", limit=10.0 * PART_TIMEOUT):
+        try:
+            pipeline.reset(start)
+        except PartFailed as error:
+            raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
 
 
 def _loop(
