@@ -127,6 +127,9 @@ class RunFailed(OmnidriveError):
     """A run did not finish."""
 
 
+PART_ERRORS = (Exception, SystemExit, GeneratorExit)
+"""Exceptions by which a component, such as a user's controller, ends its own run only."""
+
 _LONGEST = 60  # characters of a name in messages
 
 

@@ -14,6 +14,7 @@ import pytest
 from omnidrive.compiled import announce_compiling
 from omnidrive.compiled.compilation import Compilation, compile_listeners
 from omnidrive.simulation import Outcome
+from omnidrive.study import execute as execute_module
 from omnidrive.study.execute import execute
 from omnidrive.study.jobs import Job, job_name, jobs_of, unfinished
 from omnidrive.study.planned_scenario import plan_and_check
@@ -59,6 +60,20 @@ def test_killed_worker_delays_the_study_only(planned, caplog):
     assert all(result.run.outcome is Outcome.FINISHED for _, result in finished)
     assert sum("was killed; starting it again" in text for text in caplog.messages) <= 1
     assert not active_children()
+
+
+def test_interrupt_that_a_component_raises_ends_its_run(planned, monkeypatch):
+    """In a worker, which ignores the signals of the terminal."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    job = jobs_of(planned.scenario)[0]
+    monkeypatch.setattr(execute_module, "run_job", interrupted)
+    monkeypatch.setattr(execute_module, "_shared", [planned])
+    result, _ = execute_module._run(job)
+    assert result.run.outcome is Outcome.KILLED
+    assert "by KeyboardInterrupt of a component" in result.run.ending
 
 
 class KillingJob(Job):

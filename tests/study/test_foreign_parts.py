@@ -83,6 +83,7 @@ BAD_COMMANDS = {
     "status as a number": (Command(TWIST, 0), "the status of its command is an int, not a Status"),
     "status as text": (Command(TWIST, "ok"), "the status of its command is a str, not a Status"),
     "no message": (Command(TWIST, message=None), "the message of its command is None, not a text"),
+    "generator exit": (GeneratorExit(), "GeneratorExit"),
     "exit": (SystemExit(0), "SystemExit: 0"),
     "failed with text": (Command(BodyTwist("a", 0.0, 0.0), Status.FAILED, message=None), ""),
     "failed wheels": (Command(WheelSpeeds([nan] * 9), Status.FAILED, ("a",), "solver"), "solver"),

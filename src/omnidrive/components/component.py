@@ -20,7 +20,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 from omnidrive.components.documentation import plain_text
 from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.components.parameters import Parameter, parameters_of
-from omnidrive.errors import ComponentFailed, InvalidInput, OmnidriveError, suggestion
+from omnidrive.errors import PART_ERRORS, ComponentFailed, InvalidInput, OmnidriveError, suggestion
 from omnidrive.files.bounded_file import one_line
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
@@ -190,7 +190,7 @@ class Component:
             yield
         except (OmnidriveError, ValidationError):
             raise
-        except (Exception, SystemExit) as error:
+        except PART_ERRORS as error:
             raise ComponentFailed(
                 f"the {self.group.removesuffix('s')} '{self.name}' ({self.origin}) failed"
                 f"{failure_text(error)}"

@@ -15,7 +15,7 @@ from typing import Any
 
 from omnidrive.components.component import Component, failure_text
 from omnidrive.components.entry_points import Group, component_names, distribution_of, entries_of
-from omnidrive.errors import InvalidInput, OmnidriveError, suggestion
+from omnidrive.errors import PART_ERRORS, InvalidInput, OmnidriveError, suggestion
 from omnidrive.files.bounded_file import one_line, read_bounded
 
 _MAX_CODE = 10_000_000  # bytes of a Python file
@@ -112,7 +112,7 @@ def _guarded_import(
         return load()
     except OmnidriveError:
         raise
-    except (Exception, SystemExit) as error:
+    except PART_ERRORS as error:
         origin = f" of the distribution {distribution}" if distribution else ""
         raise InvalidInput(
             f"the {kind} '{one_line(name)}'{origin} cannot be imported{failure_text(error)}"

@@ -21,7 +21,7 @@ from omnidrive.control.controller import (
 )
 from omnidrive.control.supervision import NullSupervisor, Supervisor
 from omnidrive.control.time_limit import TimedOut, TimeLimit
-from omnidrive.errors import InvalidInput, kind_of
+from omnidrive.errors import PART_ERRORS, InvalidInput, kind_of
 from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
 from omnidrive.estimation.state import LARGEST, state_fault
 from omnidrive.geometry import BodyTwist, Pose
@@ -32,7 +32,6 @@ _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else 
 _REST = BodyTwist(0.0, 0.0, 0.0)
 _STOP = Command(_REST)
 _FRAMES = 4  # calls shown of a traceback
-_ERRORS = (Exception, SystemExit)  # of a part
 
 STEP_TIMEOUT = 30.0
 """Wall-clock time, s, after which a call of ``Controller.step`` counts as stalled: so long that no
@@ -126,7 +125,7 @@ class Pipeline:
             part = "controller"
             if isinstance(self.controller, DetailedController):
                 self.detail_units = _checked_units(self.controller.detail_units)
-        except _ERRORS as error:
+        except PART_ERRORS as error:
             raise PartFailed(part, _traceback()) from error
 
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
@@ -149,7 +148,7 @@ class Pipeline:
             return self._failure(part, target, reason)
         except _Malformed as error:
             return self._failure(part, target, str(error))
-        except _ERRORS:
+        except PART_ERRORS:
             return self._failure(part, target, _traceback())
         return PipelineStep(state, target, _STOP._replace(status=status))
 
@@ -185,7 +184,7 @@ class Pipeline:
             return PipelineStep(observed.state, observed.target, command, step_time, "controller")
         try:
             command = self.supervisor.limit(command, dt)
-        except _ERRORS:
+        except PART_ERRORS:
             return self._failure("supervisor", observed.target, _traceback())
         return PipelineStep(observed.state, observed.target, command, step_time)
 
@@ -217,7 +216,7 @@ class Pipeline:
             in_time = limit.armed or perf_counter() - begin < seconds
         except TimedOut:
             in_time = False
-        except _ERRORS:
+        except PART_ERRORS:
             return _STOP._replace(status=Status.FAILED, message=_traceback()), nan
         if not in_time:
             self._stalled = f"its step at {t:g} s took longer than {seconds:g} s"

@@ -10,7 +10,7 @@ from typing import Any, cast
 from omnidrive.control import CommandValue
 from omnidrive.control.supervision import Event
 from omnidrive.control.time_limit import TimedOut, TimeLimit
-from omnidrive.errors import InvalidInput, OmnidriveError, PlantLost, kind_of
+from omnidrive.errors import PART_ERRORS, InvalidInput, OmnidriveError, PlantLost, kind_of
 from omnidrive.estimation import SensorReadings
 from omnidrive.estimation.readings import readings_fault
 from omnidrive.files.bounded_file import one_line, short_repr
@@ -97,9 +97,7 @@ class Guard:
         if isinstance(error, TimedOut):
             reason = f"its {self._call} took longer than {self._seconds:g} s"
             raise RunEnded(self._outcome, reason) from None
-        if isinstance(error, Exception | SystemExit) and not isinstance(
-            error, RunEnded | OmnidriveError
-        ):
+        if isinstance(error, PART_ERRORS) and not isinstance(error, RunEnded | OmnidriveError):
             shown = "".join(traceback.format_exception(error, limit=-_FRAMES)).rstrip()
             raise RunEnded(self._outcome, _reason(error), shown) from None
 

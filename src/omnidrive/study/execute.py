@@ -147,6 +147,16 @@ def _start_worker(shared: Array[c_char], relay: CompileRelay, log_level: int) ->
 
 
 def _run(job: Job) -> _Logged:
-    """Return the result of a run and what it logged."""
-    result = run_job(_shared[0], job)
+    """Return the result of a run and what it logged.
+
+    KeyboardInterrupt and the like are the part's that raised them: this process ignores the signals
+    of the terminal.
+    """
+    try:
+        result = run_job(_shared[0], job)
+    except Exception:
+        raise
+    except BaseException as error:
+        reason = f"by {type(error).__name__} of a component"
+        result = unfinished(_shared[0], job, Outcome.KILLED, reason)
     return result, [_records.get() for _ in range(_records.qsize())]
