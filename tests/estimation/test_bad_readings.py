@@ -13,6 +13,7 @@ from omnidrive.estimation import (
     LatestFix,
     PoseEstimator,
     PoseFix,
+    PoseFixSettings,
     SensorReadings,
     SensorSettings,
     State,
@@ -279,9 +280,23 @@ def test_another_number_of_wheels_is_refused(angles):
 
 
 @pytest.mark.parametrize("estimator", [LatestFix(), PoseEstimator(ROBOT)])
-def test_an_unknown_start_is_refused(estimator):
+@pytest.mark.parametrize("number", [nan, inf, 1e300])
+def test_an_unknown_start_is_refused(estimator, number):
     with pytest.raises(InvalidInput, match="the pose at the start must be finite"):
-        estimator.reset(Pose(0.0, nan, 0.0))
+        estimator.reset(Pose(0.0, number, 0.0))
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.9])
+def test_a_bias_that_changes_in_weeks_keeps_the_covariance_definite(damping):
+    """The noise of its process is far smaller than the rounding of its stationary variance."""
+    fixes = PoseFixSettings(position_bias=100.0, bias_time=1e6, bias_damping=damping)
+    log = Spoiled(SensorSettings(fixes=fixes), dt=1e-3).go(0.02)
+    covariance = log.estimator.filter_state.covariance[4:, 4:]
+    known = np.diag(covariance) != 0.0  # the yaw has no bias
+    assert (np.diag(covariance)[known] > 0.0).all()
+    sigmas = np.sqrt(np.diag(covariance)[known])
+    correlation = covariance[np.ix_(known, known)] / np.outer(sigmas, sigmas)
+    assert np.linalg.eigvalsh(correlation)[0] > -1e-12
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import hypot, inf, isfinite, nan
+from math import hypot, inf, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation.readings import PoseFix
-from omnidrive.estimation.state import LARGEST
+from omnidrive.estimation.state import LARGEST, State
 from omnidrive.geometry import Pose
 from omnidrive.robot import Robot
 
@@ -60,8 +60,8 @@ class RateLimits(NamedTuple):
 
 
 def check_start(pose: Pose) -> None:
-    """Raise :class:`~omnidrive.errors.InvalidInput` unless a known pose is finite."""
-    if not all(map(isfinite, pose)):
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless a known pose is usable."""
+    if not State(0.0, pose).is_usable:
         raise InvalidInput(f"the pose at the start must be finite, got {tuple(pose)}")
 
 

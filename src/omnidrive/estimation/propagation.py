@@ -23,6 +23,9 @@ _MAX_UNOBSERVED_TIME = 10.0
 _MAX_VARIANCES = (1e6, 1e6, 100.0, 1.0)
 """Largest variances of the pose and of the gyro's bias; m^2, m^2, rad^2, rad^2/s^2. Numbers of very
 different sizes would make the covariance indefinite by rounding."""
+_SMALL_SHARE = 1e-3
+"""Duration over the time constant of the bias below which its process noise is the first term of
+its series: the difference of stationary variances would consist of rounding errors."""
 _MIN_VARIANCE = 1e-12
 """Variance added to every measured displacement (m^2) or rotation (rad^2)."""
 
@@ -244,13 +247,22 @@ def _propagate_covariance(
         mean[i], mean[i + 3] = a * mean[i] + b * mean[i + 3], c * mean[i] + d * mean[i + 3]
     covariance = congruence(transition, joint)
     covariance[3, 3] += model.gyro_walk**2 * dt
+    share, damping = dt / model.bias_time, model.bias_damping
     for i in range(3):  # process noise that preserves the stationary variances of bias and rate
         variance = model.bias_sigma[i] ** 2
         rate_variance = variance / model.bias_time**2
-        covariance[4 + i, 4 + i] += variance - a * a * variance - b * b * rate_variance
-        covariance[7 + i, 7 + i] += rate_variance - c * c * variance - d * d * rate_variance
-        covariance[4 + i, 7 + i] -= a * c * variance + b * d * rate_variance
-        covariance[7 + i, 4 + i] -= a * c * variance + b * d * rate_variance
+        if share < _SMALL_SHARE:
+            noise = 4.0 / 3.0 * damping * share**3 * variance
+            rate_noise = 4.0 * damping * share * rate_variance
+            cross = 2.0 * damping * share**2 * variance / model.bias_time
+        else:
+            noise = variance - a * a * variance - b * b * rate_variance
+            rate_noise = rate_variance - c * c * variance - d * d * rate_variance
+            cross = -(a * c * variance + b * d * rate_variance)
+        covariance[4 + i, 4 + i] += noise
+        covariance[7 + i, 7 + i] += rate_noise
+        covariance[4 + i, 7 + i] += cross
+        covariance[7 + i, 4 + i] += cross
     for i in range(4):
         if covariance[i, i] > _MAX_VARIANCES[i]:
             scale = sqrt(_MAX_VARIANCES[i] / covariance[i, i])

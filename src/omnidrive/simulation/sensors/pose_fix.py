@@ -97,8 +97,18 @@ class PoseFixes:
         step = np.array(gauss_markov(dt, time, damping)).reshape(2, 2)
         stationary = np.diag([1.0, time**-2])
         noise = stationary - step @ stationary @ step.T
-        root = np.linalg.cholesky(noise) if damping > 0.0 else np.zeros((2, 2))
+        root = _root(noise) if damping > 0.0 else np.zeros((2, 2))
         self._bias = step @ self._bias + sigma * (root @ self.event_rng.standard_normal((2, 3)))
+
+
+def _root(covariance: Float[Array, "2 2"]) -> Float[Array, "2 2"]:
+    """Return a matrix R with R R^T equal to a covariance, whose rounding may make it indefinite."""
+    try:
+        return np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:  # a bias that hardly changes in one period of the fixes
+        variances, axes = np.linalg.eigh(covariance)
+        root: Float[Array, "2 2"] = axes * np.sqrt(np.maximum(variances, 0.0))
+        return root
 
 
 def _displaced(fix: PoseFix, size: float, bearing: float) -> PoseFix:
