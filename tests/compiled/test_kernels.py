@@ -12,9 +12,11 @@ from numba.core import serialize
 
 import omnidrive
 from omnidrive.compiled import cache, entry_point, kernels
+from omnidrive.compiled import key as key_module
 from omnidrive.compiled.cache_folder import usable_folder
 from omnidrive.compiled.dispatcher import Kernel
-from omnidrive.compiled.key import kernel_key
+from omnidrive.compiled.key import kernel_key, short_hash
+from omnidrive.fuzzy.kernels import infer_rows
 
 PACKAGE = Path(omnidrive.__file__).parent
 
@@ -161,3 +163,16 @@ def test_other_numba_functions_can_call_a_kernel_and_its_callees(build):
         return caller(x) + callee(x) + np.zeros(3).sum()
 
     assert foreign(1.0) == 11.0
+
+
+def test_keys_are_those_of_other_processes(monkeypatch):
+    """A key that contains an address, such as that of a wrapper in tests, is never found again."""
+    texts = []
+    monkeypatch.setattr(
+        key_module, "short_hash", lambda text: texts.append(text) or short_hash(text)
+    )
+    key_module._described.cache_clear()
+    kernel_key(infer_rows)
+    assert len(texts) > 20
+    assert not [text for text in texts if " at 0x" in text]
+    key_module._described.cache_clear()

@@ -22,7 +22,7 @@ from dis import opmap
 from enum import Enum
 from functools import cache
 from hashlib import sha256
-from inspect import CO_GENERATOR, CO_VARARGS, CO_VARKEYWORDS
+from inspect import CO_GENERATOR, CO_VARARGS, CO_VARKEYWORDS, unwrap
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -79,6 +79,7 @@ def _described(part: Any) -> _Description:
     elif isinstance(part, _Intrinsic):
         function = part._defn
         options = f"intrinsic {part._prefer_literal} {part._ctor_kwargs}"
+    function = unwrap(function)  # tests wrap functions, and a wrapper differs in every process
     code = function.__code__
     texts = [_name(function), options]
     texts += [_text(function.__defaults__, uses), _text(function.__kwdefaults__, uses)]
