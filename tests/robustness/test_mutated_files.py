@@ -1,0 +1,69 @@
+"""Every reader answers a mutated file by a result or a short error, soon and in little memory."""
+
+import os
+import random
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from tests.robustness.attack import attack, mutated_input, read_input, read_mutated, read_valid
+from tests.robustness.readers import readers
+
+COUNT = int(os.environ.get("OMNIDRIVE_MUTATIONS", "200000"))
+"""Number of mutated files of the long test."""
+
+
+def test_mutated_files_are_read_or_refused():
+    seed, reached = 20261123, set()
+    assert len(list(read_valid())) > len(readers())
+    for outcome in read_mutated(seed, range(8 * len(readers()))):
+        assert not outcome.fault, f"seed {seed}, {outcome}"
+        reached.add(outcome.accepted)
+    assert reached == {False, True}
+
+
+@pytest.mark.long
+def test_many_mutated_files_are_read_or_refused():
+    """In processes with limited memory, which are killed if they hang."""
+    seed, outcomes = random.randrange(2**32), []
+    half = COUNT // 2
+    with ThreadPoolExecutor(2) as pool:
+        for part in (range(half), range(half, COUNT)):
+            pool.submit(attack, seed, part, outcomes.append)
+    assert len(outcomes) == COUNT
+    faults = [outcome for outcome in outcomes if outcome.fault]
+    slowest, largest = (max(getattr(o, key) for o in outcomes) for key in ("seconds", "growth"))
+    print(f"seed {seed}: at most {slowest:.2f} s and {largest / 1e6:.0f} MB per file")
+    assert not faults, f"seed {seed}: {faults[:10]}"
+
+
+def test_input_depends_on_seed_and_index_only():
+    found = [mutated_input(seed, index) for seed in (1, 2) for index in (0, 1)]
+    assert found == [mutated_input(seed, index) for seed in (1, 2) for index in (0, 1)]
+    assert len(set(found)) == 4
+
+
+@pytest.mark.parametrize(
+    ("read", "fault"),
+    [
+        (lambda path: 1 / 0, "ZeroDivisionError: division by zero"),
+        (lambda path: len(b"x" * 40_000_000), "takes 40 MB"),
+        (lambda path: path.read_text(), ""),
+    ],
+)
+def test_faults_are_found(monkeypatch, tmp_path, read, fault):
+    monkeypatch.setattr("tests.robustness.attack.MAX_BYTES", 20_000_000)
+    name = next(iter(readers()))
+    monkeypatch.setitem(readers(), name, readers()[name]._replace(read=read))
+    assert read_input(0, name, b"", tmp_path).fault == fault
+    assert not list(Path(tmp_path).iterdir())
+
+
+def test_process_that_hangs_is_killed(monkeypatch):
+    """The rest of its inputs is read by another one."""
+    monkeypatch.setattr("tests.robustness.attack._PATIENCE", 0.0)
+    monkeypatch.setattr("tests.robustness.attack._INTERVAL", 0.05)
+    outcomes = []
+    attack(1, range(2), outcomes.append)
+    assert [(outcome.index, outcome.fault) for outcome in outcomes] == [(0, "hangs"), (1, "hangs")]
