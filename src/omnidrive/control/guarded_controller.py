@@ -7,7 +7,7 @@ from math import isfinite
 
 from omnidrive.control.controller import Command, Status
 from omnidrive.estimation import State
-from omnidrive.estimation.state import LARGEST
+from omnidrive.estimation.state import are_usable
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 
@@ -17,7 +17,7 @@ _STOP = BodyTwist(0.0, 0.0, 0.0)
 class GuardedController(ABC):
     """A :class:`~omnidrive.control.Controller` that survives bad numbers; abstract.
 
-    A time or pose that is not usable, see :attr:`~omnidrive.estimation.State.is_usable`, does not
+    A time or pose that is not usable (:func:`~omnidrive.estimation.state.are_usable`) does not
     reach the law: :meth:`fall_back` gives the command, whose status is not ``OK``, and the memory
     is that before the step. If the law itself computes a command that is not finite, for example
     because of the reference, the controller is reset.
@@ -35,17 +35,10 @@ class GuardedController(ABC):
 
     def step(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command to hold on [t, t + dt), t in s, for the state estimated at ``t``."""
-        x, y, yaw = state.pose
-        if not (
-            -LARGEST <= t <= LARGEST
-            and -LARGEST <= x <= LARGEST
-            and -LARGEST <= y <= LARGEST
-            and -LARGEST <= yaw <= LARGEST
-        ):
+        if not are_usable(t, state.pose):
             return self.fall_back(f"no usable time or pose: {t:g} s, {state.pose}")
         command = self.compute(t, state, reference)
-        a, b, c = command.value
-        if isfinite(a + b + c):
+        if isfinite(sum(command.value)):
             return command
         self.reset(state)
         return Command(_STOP, Status.FAILED, message=f"its law gave {command.value}")

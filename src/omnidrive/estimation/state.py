@@ -19,6 +19,17 @@ LARGEST = 1e10
 At 1e10, neighbouring floats differ by 2e-6."""
 
 
+def are_usable(t: float, pose: Pose) -> bool:
+    """Return whether a time (s) and a pose are numbers up to :data:`LARGEST`: not NaN, not huge."""
+    x, y, yaw = pose
+    return (
+        -LARGEST <= t <= LARGEST
+        and -LARGEST <= x <= LARGEST
+        and -LARGEST <= y <= LARGEST
+        and -LARGEST <= yaw <= LARGEST
+    )
+
+
 class State(NamedTuple):
     """Estimate of the robot's motion at one instant; unknown parts are None."""
 
@@ -38,16 +49,12 @@ class State(NamedTuple):
 
     @property
     def is_usable(self) -> bool:
-        """Whether stamp and pose are numbers up to :data:`LARGEST`, and covariance and age are.
+        """Whether stamp, pose and age are usable (:func:`are_usable`) and the covariance is finite.
 
-        A state that is not usable, because a number is NaN, infinite or huge, is no estimate.
+        A state that is not usable is no estimate. Its twist is not checked.
         """
-        x, y, yaw = self.pose
         return (
-            -LARGEST <= x <= LARGEST
-            and -LARGEST <= y <= LARGEST
-            and -LARGEST <= yaw <= LARGEST
-            and -LARGEST <= self.stamp <= LARGEST
+            are_usable(self.stamp, self.pose)
             and -LARGEST <= self.fix_age <= LARGEST
             and (self.covariance is None or isfinite(sum(self.covariance.ravel().tolist())))
         )
