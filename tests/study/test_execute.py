@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import warnings
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, current_process, get_context
 from time import sleep
 
 import pytest
@@ -15,7 +15,7 @@ from omnidrive.compiled import announce_compiling
 from omnidrive.compiled.compilation import Compilation, compile_listeners
 from omnidrive.simulation import Outcome
 from omnidrive.study import execute as execute_module
-from omnidrive.study.execute import execute
+from omnidrive.study.execute import execute, is_sequential
 from omnidrive.study.jobs import Job, job_name, jobs_of, unfinished
 from omnidrive.study.planned_scenario import plan_and_check
 from omnidrive.study.tasks import FaultsTask, NoiseTask
@@ -60,6 +60,12 @@ def test_killed_worker_delays_the_study_only(planned, caplog):
     assert all(result.run.outcome is Outcome.FINISHED for _, result in finished)
     assert sum("was killed; starting it again" in text for text in caplog.messages) <= 1
     assert not active_children()
+
+
+def test_daemon_processes_execute_runs_themselves(planned, monkeypatch):
+    assert not is_sequential(planned.scenario)
+    monkeypatch.setitem(current_process()._config, "daemon", True)
+    assert is_sequential(planned.scenario)
 
 
 def test_interrupt_that_a_component_raises_ends_its_run(planned, monkeypatch):

@@ -9,6 +9,7 @@ from collections.abc import Generator, Sequence
 from contextlib import closing
 from ctypes import Array, c_char
 from functools import partial
+from multiprocessing import current_process
 from multiprocessing.sharedctypes import RawArray
 from queue import SimpleQueue
 
@@ -73,13 +74,15 @@ def execute(
 def is_sequential(scenario: Scenario, observers: Sequence[Observer] = ()) -> bool:
     """Return whether the runs must be executed in this process.
 
-    That is so if there are observers, if the plant is exclusive, or if a component was typed into a
-    Python session, which a worker process cannot import.
+    That is so if there are observers, if the plant is exclusive, if a component was typed into a
+    Python session, which a worker process cannot import, or if this process is a daemon, such as
+    one of a pool, which may not start processes.
     """
     components = (*scenario.controllers.values(), scenario.plant)
     return (
         scenario.plant_capabilities.exclusive
         or bool(observers)
+        or current_process().daemon
         or not all(each.is_importable for each in components)
     )
 

@@ -208,7 +208,8 @@ def _check_run_timeout(
     if is_sequential(scenario, observers):
         raise InvalidInput(
             "a time limit of runs needs worker processes, which are not possible with this plant, "
-            "a view or video, or code from a Python session; omit --run-timeout"
+            "a view or video, code from a Python session, or in a daemon process; omit "
+            "--run-timeout"
         )
 
 
