@@ -23,7 +23,7 @@ WITH_DEFAULT_SIGNALS = """
 import os, signal, sys
 for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
     signal.signal(number, signal.SIG_DFL)
-code = "import sys; print('started', flush=True); from omnidrive_command import main; main()"
+code = "from omnidrive_command import main; print('started', flush=True); main()"
 os.execv(sys.executable, [sys.executable, "-c", code, *sys.argv[1:]])
 """
 

@@ -138,6 +138,8 @@ class Workers:
                 index, worker.call = worker.call, None
                 if ended:
                     self._workers.remove(worker)
+                    worker.process.kill()  # its end of the pipe is closed
+                    worker.process.join()
                     failed_starts += not worker.ready
                     if failed_starts == _MAX_FAILED_STARTS:
                         raise WorkerLost
