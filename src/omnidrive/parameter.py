@@ -144,7 +144,9 @@ def record_fault(record: object, cls: type, rules: Mapping[str, Rule]) -> str | 
 
 def are_numbers(values: object) -> bool:
     """Return whether ``values`` is a tuple of real numbers; NaN and infinity are among these."""
-    return isinstance(values, tuple) and all(map(is_number, values))
+    if not isinstance(values, tuple):
+        return False
+    return set(map(type, values)) == {float} or all(map(is_number, values))
 
 
 def are_finite(values: object) -> bool:
@@ -154,14 +156,16 @@ def are_finite(values: object) -> bool:
 
 def is_number(value: Any) -> bool:
     """Return whether ``value`` is a real number that a float can hold."""
+    if isinstance(value, float):
+        return True
     if isinstance(value, Integral):
         return -(2**1000) < int(value) < 2**1000
-    return isinstance(value, float | Real)
+    return isinstance(value, Real)
 
 
 def is_count(value: Any) -> bool:
     """Return whether ``value`` is a whole number from 0 to 2^31 - 1."""
-    return isinstance(value, Integral) and 0 <= int(value) < 2**31
+    return isinstance(value, int | Integral) and 0 <= int(value) < 2**31
 
 
 def _shown(value: object) -> str:

@@ -18,9 +18,10 @@ class TimeLimit:
     """Context manager that raises :class:`TimedOut` in its block after some wall-clock time.
 
     Python code and waiting calls such as ``time.sleep`` are interrupted; code of another language
-    is interrupted when it returns. The time is counted in tenths of the limit, of which a process
-    that is stopped (SIGSTOP, a suspended computer) misses all but one: that is no time of the call.
-    An exception that the block suppresses is raised again a tenth later.
+    is interrupted when it returns. The time is counted in ticks of a timer, a tenth of the limit or
+    those of a :class:`SharedTimer`. A process that is stopped (SIGSTOP, a suspended computer)
+    misses all but one: that is no time of the call. An exception that the block suppresses is
+    raised again a tick later.
 
     Nothing is interrupted in a thread other than the main one, on a system without ``SIGALRM``, if
     the program uses this signal itself, and in a debugger.
@@ -32,51 +33,79 @@ class TimeLimit:
         armed: Whether the block is interrupted.
     """
 
-    __slots__ = ("_interval", "_ticks", "armed")
+    __slots__ = ("_own", "_seconds", "_ticks", "armed")
 
     def __init__(self, seconds: float) -> None:
-        self._interval, self._ticks, self.armed = seconds / _TICKS, 0, False
+        self._seconds, self._ticks = seconds, 0
+        self._own: SharedTimer | None = None
+        self.armed = False
 
     def __enter__(self) -> TimeLimit:
-        self.armed = not _active and _can_interrupt()
+        if not _timers:
+            self._own = SharedTimer(self._seconds / _TICKS)
+            self._own.__enter__()
+        self.armed = bool(_timers) and threading.current_thread() is threading.main_thread()
         if self.armed:
             _active.append(self)
-            signal.setitimer(signal.ITIMER_REAL, self._interval, self._interval)
         return self
 
     def __exit__(self, *_: object) -> None:
         if self.armed:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            _active.clear()
+            _active.remove(self)
+        if self._own is not None:
+            self._own.__exit__()
 
-    def tick(self, frame: FrameType | None) -> None:
-        """Count the time; raise TimedOut at the end, except in ``__exit__`` and in a debugger."""
+    def tick(self, period: float, frame: FrameType | None) -> None:
+        """Count ``period`` (s); raise TimedOut at the end, except in an exit and in a debugger."""
         self._ticks += 1
-        leaving = frame is not None and frame.f_code is TimeLimit.__exit__.__code__
-        if self._ticks >= _TICKS and not leaving and sys.gettrace() is None:
+        whole = self._ticks if self._own is not None else self._ticks - 1  # the first is cut
+        leaving = frame is not None and frame.f_code.co_name == "__exit__"
+        if whole * period > 0.999 * self._seconds and not leaving and sys.gettrace() is None:
             raise TimedOut
 
 
+class SharedTimer:
+    """Context manager that runs one timer for all time limits in its block.
+
+    A limit with a timer of its own costs two system calls, which is more than many blocks take.
+    Within another such context, and where nothing can be interrupted, it does nothing.
+
+    Args:
+        period: Period of the timer, s.
+    """
+
+    __slots__ = ("_period",)
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+
+    def __enter__(self) -> None:
+        if not _timers and _can_interrupt():
+            _timers.append(self)
+            signal.signal(signal.SIGALRM, self._on_alarm)
+            signal.setitimer(signal.ITIMER_REAL, self._period, self._period)
+
+    def __exit__(self, *_: object) -> None:
+        if self in _timers:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            _timers.clear()
+
+    def _on_alarm(self, _number: int, frame: FrameType | None) -> None:
+        for limit in _active:
+            limit.tick(self._period, frame)
+
+
+_timers: list[SharedTimer] = []
+"""The timer that runs; empty without one."""
 _active: list[TimeLimit] = []
-"""The limit of the block that is executed; empty outside of one."""
+"""The limits of the blocks that are executed."""
 
 
 def _can_interrupt() -> bool:
-    """Return whether blocks of this thread can be interrupted.
-
-    The handler of the signal is set at the first call, and stays: to set and reset it for every
-    block takes longer than many blocks.
-    """
-    if not hasattr(signal, "setitimer"):
-        return False
-    if threading.current_thread() is not threading.main_thread():
-        return False
-    handler = signal.getsignal(signal.SIGALRM)
-    if handler is signal.SIG_DFL:
-        signal.signal(signal.SIGALRM, _on_alarm)
-    return handler in {signal.SIG_DFL, _on_alarm}
-
-
-def _on_alarm(_number: int, frame: FrameType | None) -> None:
-    for limit in _active:
-        limit.tick(frame)
+    """Return whether blocks of this thread can be interrupted."""
+    return (
+        hasattr(signal, "setitimer")
+        and threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
+    )

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, cast
 
-from omnidrive.control import CommandValue
+from omnidrive.control import CommandValue, pipeline
 from omnidrive.control.supervision import Event
-from omnidrive.control.time_limit import TimedOut, TimeLimit
+from omnidrive.control.time_limit import SharedTimer, TimedOut, TimeLimit
 from omnidrive.errors import PART_ERRORS, InvalidInput, OmnidriveError, PlantLost, kind_of
 from omnidrive.estimation import SensorReadings
 from omnidrive.estimation.readings import readings_fault
@@ -49,6 +49,11 @@ class RunEnded(Exception):
     def __init__(self, outcome: Outcome, reason: str = "", traceback_: str = "") -> None:
         super().__init__(reason)
         self.outcome, self.reason, self.traceback = outcome, reason, traceback_
+
+
+def run_timer() -> SharedTimer:
+    """Return the timer for the time limits of all calls of a run."""
+    return SharedTimer(min(pipeline.STEP_TIMEOUT, PART_TIMEOUT) / 10.0)
 
 
 class Guard:

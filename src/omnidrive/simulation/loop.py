@@ -32,7 +32,7 @@ from omnidrive.parameter import are_finite, check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.schedule import sample_times
-from omnidrive.simulation.environment import PART_TIMEOUT, Environment, Guard, RunEnded
+from omnidrive.simulation.environment import PART_TIMEOUT, Environment, Guard, RunEnded, run_timer
 from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
@@ -90,15 +90,16 @@ def simulate(
     environment = Environment(plant, sensors or PerfectSensors(), reference, schedule)
     log = _Log(pipeline)
     try:
-        environment.check()
-        _check_start(pipeline.controller, reference, start, dt)
-        with Guard(Outcome.CONTROLLER_FAILED, call="preparation", limit=10.0 * PART_TIMEOUT):
-            pipeline.prepare()
-        state = environment.reset(start)
-        _reset(pipeline, start)
-        duration = environment.duration
-        samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
-        _loop(environment, pipeline, state, samples, log)
+        with run_timer():
+            environment.check()
+            _check_start(pipeline.controller, reference, start, dt)
+            with Guard(Outcome.CONTROLLER_FAILED, call="preparation", limit=10.0 * PART_TIMEOUT):
+                pipeline.prepare()
+            state = environment.reset(start)
+            _reset(pipeline, start)
+            duration = environment.duration
+            samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
+            _loop(environment, pipeline, state, samples, log)
     except RunEnded as end:
         log.end = end
         if not log.rows:
