@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from numbers import Integral
+
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import check_bounds, check_sample_time
+
+_MAX_STAGES = 1000  # more take seconds per step
 
 
 def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> None:
@@ -18,6 +22,6 @@ def check_settings(dt: float, horizon: int, parameters: tuple[float, ...]) -> No
         InvalidInput: A value is outside its domain.
     """
     check_sample_time(dt)
-    if horizon < 1:
-        raise InvalidInput(f"the horizon must be at least 1 stage, got {horizon}")
+    if not isinstance(horizon, Integral) or not 1 <= horizon <= _MAX_STAGES:
+        raise InvalidInput(f"the horizon must be 1 to {_MAX_STAGES} stages, got {horizon!r:.60}")
     check_bounds(parameters)
