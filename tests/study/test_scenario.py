@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from omnidrive.components import component_names, find_component
 from omnidrive.control import Command, FeedforwardGains
-from omnidrive.errors import InvalidScenario
+from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.geometry import WorldTwist, to_body
 from omnidrive.planning import Waypoint
 from omnidrive.robot import named_robot
@@ -304,7 +304,7 @@ def test_retime_adds_no_tasks():
 
 @pytest.mark.parametrize("duration", [0.01, 30000.0, 1e9])
 def test_durations_out_of_range_are_rejected(duration):
-    with pytest.raises(InvalidScenario, match=r"need 0\.1 to 36000 s"):
+    with pytest.raises(InvalidInput, match=r"need 0\.1 to 36000 s"):
         retime(paper_scenario(), duration=duration)
 
 
