@@ -63,14 +63,15 @@ class Guard:
         outcome: Outcome of the run after an exception other than :class:`PlantLost`.
         starting: Whether an :class:`OmnidriveError` is raised as it is: before the first step it
             concerns every run.
-        call: Name of the call with its time, for the message about a part that stalls.
+        call: Name of the call, for the message about a part that stalls.
+        t: Time of the call, s, for that message; None: before the first sample.
         limit: Longest wall-clock time of the block, s, see :class:`TimeLimit`; None: no limit.
 
     Raises:
         RunEnded: In place of the exception.
     """
 
-    __slots__ = ("_call", "_limit", "_outcome", "_seconds", "_starting")
+    __slots__ = ("_call", "_limit", "_outcome", "_seconds", "_starting", "_t")
 
     def __init__(
         self,
@@ -78,9 +79,10 @@ class Guard:
         *,
         starting: bool = False,
         call: str = "",
+        t: float | None = None,
         limit: float | None = None,
     ) -> None:
-        self._outcome, self._starting, self._call = outcome, starting, call
+        self._outcome, self._starting, self._call, self._t = outcome, starting, call, t
         self._seconds, self._limit = limit, TimeLimit(limit) if limit is not None else None
 
     def __enter__(self) -> None:
@@ -95,12 +97,15 @@ class Guard:
     ) -> None:
         if self._limit is not None:
             self._limit.__exit__()
+        if error is None:
+            return
         if isinstance(error, PlantLost):
             raise RunEnded(Outcome.PLANT_LOST, one_line(str(error), _MAX_REASON)) from None
         if isinstance(error, OmnidriveError) and not self._starting:
             raise RunEnded(self._outcome, one_line(str(error), _MAX_REASON)) from None
         if isinstance(error, TimedOut):
-            reason = f"its {self._call} took longer than {self._seconds:g} s"
+            at = "" if self._t is None else f" at {self._t:g} s"
+            reason = f"its {self._call}{at} took longer than {self._seconds:g} s"
             raise RunEnded(self._outcome, reason) from None
         if isinstance(error, PART_ERRORS) and not isinstance(error, RunEnded | OmnidriveError):
             shown = "".join(traceback.format_exception(error, limit=-_FRAMES)).rstrip()
@@ -174,15 +179,14 @@ class Environment:
 
     def step(self, t: float, command: CommandValue, dt: float) -> PlantState:
         """Simulate the plant with ``command`` from ``t`` for ``dt`` (s)."""
-        with self._plant_guard(f"step at {t:g} s", dt):
+        with self._plant_guard("step", t, dt):
             state = self.plant.step(command, dt)
         self._started = True
         return self._checked(state)
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
         """Return the sensor readings at ``t`` (s)."""
-        call = f"read at {t:g} s"
-        with Guard(Outcome.SENSORS_FAILED, call=call, limit=PART_TIMEOUT):
+        with Guard(Outcome.SENSORS_FAILED, call="read", t=t, limit=PART_TIMEOUT):
             if self.schedule is not None:
                 self.sensors.apply(self.schedule.sensor_faults(t))
             readings = self.sensors.read(t, state)
@@ -219,17 +223,17 @@ class Environment:
         at_once = any(disturbances.impulse) or any(disturbances.offset)
         changed = at_once or disturbances != self._applied
         if changed and self.plant.capabilities.disturbable:
-            with self._plant_guard(f"apply at {t:g} s"):
+            with self._plant_guard("apply", t):
                 cast(DisturbablePlant, self.plant).apply(disturbances)
             self._applied = disturbances
 
-    def _plant_guard(self, call: str, dt: float = 0.0) -> Guard:
-        """Return the guard of a call of the plant that simulates ``dt`` (s).
+    def _plant_guard(self, call: str, t: float | None = None, dt: float = 0.0) -> Guard:
+        """Return the guard of a call of the plant at ``t`` that simulates ``dt`` (s).
 
         An exclusive plant, a running simulator, has time limits of its own.
         """
         limit = None if self.plant.capabilities.exclusive else PART_TIMEOUT + _SLOWEST * dt
-        return Guard(Outcome.PLANT_FAILED, starting=not self._started, call=call, limit=limit)
+        return Guard(Outcome.PLANT_FAILED, starting=not self._started, call=call, t=t, limit=limit)
 
     def _checked(self, state: Any) -> PlantState:
         """Return the state of the plant; a malformed one ends the run."""

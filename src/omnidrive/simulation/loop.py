@@ -164,7 +164,8 @@ def _loop(
         else:
             late = environment.overrun(t)
             step = pipeline.step(t, readings, environment.reference, h, late=late)
-            step = _executable(step, environment.plant, state)
+            if not isinstance(step.command.value, BodyTwist):  # the pipeline has checked twists
+                step = _executable(step, environment.plant, state)
         log.add(t, state, step)
         if step.failed:
             raise RunEnded(_FAILED[step.failed], *_reason(step.command.message))
