@@ -62,7 +62,7 @@ def test_faults_are_found(monkeypatch, tmp_path, read, fault):
 
 def test_process_that_hangs_is_killed(monkeypatch):
     """The rest of its inputs is read by another one."""
-    monkeypatch.setattr("tests.robustness.attack._PATIENCE", 0.0)
+    monkeypatch.setattr("tests.robustness.attack._KILL_AFTER", 0.0)
     monkeypatch.setattr("tests.robustness.attack._INTERVAL", 0.05)
     outcomes = []
     attack(1, range(2), outcomes.append)
