@@ -329,6 +329,18 @@ def test_policies_that_raise(fuzzy):
     assert "in.csv: line 53: no rule fires for service = 11, food = 1" in err
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [("show", "pipe.fis"), ("eval", "tipper.fis", "--in", "pipe.csv", "--out", "o.csv")],
+)
+def test_pipe_as_input_is_refused(fuzzy, arguments):
+    for name in ("pipe.fis", "pipe.csv"):
+        os.mkfifo(name)
+    status, _, err = fuzzy(*arguments)
+    assert status == 2
+    assert "it is not a file but a pipe; save its content to a file first" in err
+
+
 def test_late_error_keeps_old_output(fuzzy, monkeypatch, tmp_path):
     monkeypatch.setattr("omnidrive.fuzzy.csv_rows._BLOCK", 1000)
     write("old", "out.csv")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from omnidrive.errors import OmnidriveError
 from tests.robustness.attack import attack, mutated_input, read_input, read_mutated, read_valid
 from tests.robustness.readers import readers
 
@@ -21,6 +22,17 @@ def test_mutated_files_are_read_or_refused():
         assert not outcome.fault, f"seed {seed}, {outcome}"
         reached.add(outcome.accepted)
     assert reached == {False, True}
+
+
+@pytest.mark.parametrize("name", readers())
+def test_pipe_is_refused_at_once(tmp_path, name):
+    """To wait for its other end could take for ever."""
+    reader = readers()[name]
+    for file, valid in reader.others.items():
+        (tmp_path / file).write_bytes(valid)
+    os.mkfifo(tmp_path / reader.file)
+    with pytest.raises(OmnidriveError, match="it is not a file but a pipe; save its content to a"):
+        reader.read(tmp_path / reader.file)
 
 
 @pytest.mark.long
