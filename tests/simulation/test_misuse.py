@@ -38,6 +38,12 @@ def returning(command):
     return lambda: run(Constant(command))
 
 
+class Unconnected(od.KinematicPlant):
+    @property
+    def capabilities(self):
+        raise RuntimeError("not connected")
+
+
 feedforward = od.FeedforwardController(0.1)
 grid = od.OccupancyGrid(np.zeros((9, 9), bool), 1.0)
 CALLS = {
@@ -57,6 +63,7 @@ CALLS = {
     "other sample time": lambda: run(feedforward, dt=0.05),
     "class": lambda: run(od.FeedforwardController),
     "no controller": lambda: run(robot),
+    "capabilities raise": lambda: run(feedforward, plant=Unconnected(robot)),
     "plant class": lambda: run(feedforward, plant=od.KinematicPlant),
     "no plant": lambda: run(feedforward, plant=robot),
     "sensors class": lambda: run(feedforward, sensors=od.PerfectSensors),
@@ -107,6 +114,7 @@ EXPECTED = {
               "such as FeedforwardController()"),
     "no controller": ("InvalidInput", "a controller needs the methods reset(state) and step(t, "
                       "state, reference): Robot has no reset and no step"),
+    "capabilities raise": ("", "the plant failed: RuntimeError: not connected"),
     "plant class": ("InvalidInput", "as plant the class KinematicPlant is given: pass an object"),
     "no plant": ("InvalidInput", "plant: need an object with capabilities, reset, step, close; "
                  "Robot has no capabilities and no reset and no step and no close"),

@@ -143,6 +143,8 @@ class Environment:
     schedule: Schedule | None
     events: list[Event] = field(default_factory=list)
     _applied: Disturbances = field(default_factory=Disturbances)
+    _capabilities: PlantCapabilities = field(default=PlantCapabilities(), init=False)
+    """Capabilities of the plant, from :meth:`check` on."""
     _started: bool = field(default=False, init=False)
     """Whether the plant has made a step."""
 
@@ -153,17 +155,19 @@ class Environment:
             InvalidInput: The plant or the sensors lack a method, or a fault cannot occur in this
                 run.
         """
-        _check_part("plant", self.plant, ("capabilities", "reset", "step", "close"))
+        with Guard(Outcome.PLANT_FAILED, starting=True):
+            _check_part("plant", self.plant, ("capabilities", "reset", "step", "close"))
+            capabilities = self.plant.capabilities
         _check_part("sensors", self.sensors, ("reset", "apply", "read"))
-        if not isinstance(self.plant.capabilities, PlantCapabilities):
+        if not isinstance(capabilities, PlantCapabilities):
             raise InvalidInput(
-                f"capabilities of a plant are PlantCapabilities(...), got "
-                f"{kind_of(self.plant.capabilities)}"
+                f"capabilities of a plant are PlantCapabilities(...), got {kind_of(capabilities)}"
             )
+        self._capabilities = capabilities
         if self.schedule is None:
             return
         self.schedule.check(self.reference.duration)
-        if self.schedule.plant_faults and not self.plant.capabilities.disturbable:
+        if self.schedule.plant_faults and not capabilities.disturbable:
             raise InvalidInput(
                 f"this plant is not disturbable, so no {', '.join(self.schedule.plant_faults)}; "
                 "use a plant with the capability disturbable"
@@ -222,7 +226,7 @@ class Environment:
             disturbances = self.schedule.disturbances(before, t, self.reference)
         at_once = any(disturbances.impulse) or any(disturbances.offset)
         changed = at_once or disturbances != self._applied
-        if changed and self.plant.capabilities.disturbable:
+        if changed and self._capabilities.disturbable:
             with self._plant_guard("apply", t):
                 cast(DisturbablePlant, self.plant).apply(disturbances)
             self._applied = disturbances
@@ -232,7 +236,7 @@ class Environment:
 
         An exclusive plant, a running simulator, has time limits of its own.
         """
-        limit = None if self.plant.capabilities.exclusive else PART_TIMEOUT + _SLOWEST * dt
+        limit = None if self._capabilities.exclusive else PART_TIMEOUT + _SLOWEST * dt
         return Guard(Outcome.PLANT_FAILED, starting=not self._started, call=call, t=t, limit=limit)
 
     def _checked(self, state: Any) -> PlantState:
