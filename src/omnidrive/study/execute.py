@@ -109,7 +109,7 @@ def _in_workers(
                 reason = f"{run_timeout:g} s"
                 yield queue[index], unfinished(planned, queue[index], Outcome.TIMED_OUT, reason)
             elif outcome is Lost.KILLED:
-                reason = "twice, possibly because memory ran out; --jobs 1 needs the least"
+                reason = "twice; if memory ran out, --jobs 1 needs the least"
                 yield queue[index], unfinished(planned, queue[index], Outcome.KILLED, reason)
             else:
                 result, records = outcome

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -175,20 +175,9 @@ def run_study(
     if store:
         store.save_inputs(planned)
     jobs = jobs_of(scenario)
-    finished: dict[Job, Result] = {}
-    with (
-        clock.part("simulate", len(jobs)),
-        closing(
-            execute(planned, jobs, processes, observers, run_timeout=run_timeout)
-        ) as done,  # closing it ends the workers
-    ):
-        for job, result in done:
-            finished[job] = result
-            if store:
-                store.save_series(result.name, result.run)
-                store.save_results(planned, _collect(planned, jobs, finished), clock.seconds)
-            clock.progress.done(result.name)
-    results = _collect(planned, jobs, finished)
+    executed = execute(planned, jobs, processes, observers, run_timeout=run_timeout)
+    with clock.part("simulate", len(jobs)), closing(executed):  # closing it ends the workers
+        results = _collect_and_save(planned, jobs, executed, store, clock)
     tables = study_tables(
         results,
         published=_is_published_study(scenario),
@@ -227,6 +216,24 @@ class _Clock:
         began = perf_counter()
         yield
         self.seconds[name] = round(perf_counter() - began, 3)
+
+
+def _collect_and_save(
+    planned: PlannedScenario,
+    jobs: Sequence[Job],
+    executed: Iterable[tuple[Job, Result]],
+    store: RunFolder | None,
+    clock: _Clock,
+) -> StudyResults:
+    """Return the results of all runs; write those of each run when it is finished."""
+    finished: dict[Job, Result] = {}
+    for job, result in executed:
+        finished[job] = result
+        if store:
+            store.save_series(result.name, result.run)
+            store.save_results(planned, _collect(planned, jobs, finished), clock.seconds)
+        clock.progress.done(result.name)
+    return _collect(planned, jobs, finished)
 
 
 def _report(
