@@ -21,7 +21,6 @@ _NUMBERS = count()
 _PART = re.compile(r"\..*\.([0-9a-f]{8})-(\d+)-\d+\.part", re.DOTALL)
 """Name of a temporary file: computer, process and number of the file."""
 
-
 _ADVICE = "choose another path"
 
 
