@@ -230,6 +230,7 @@ ENTITIES = """<?xml version="1.0"?>
         (MJCF.replace("<worldbody>", '<replicate count="1000000000"/><worldbody>'),
          "<replicate> is not supported"),
         ("<mujoco/>", "there is no body in worldbody"),
+        (MJCF.replace('kv="2"', 'kv="1e-320"'), "a lag of the robot .*, got inf s"),
     ],
 )  # fmt: skip
 def test_bad_descriptions_are_refused_with_one_sentence(imported, text, message):

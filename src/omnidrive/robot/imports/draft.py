@@ -72,7 +72,8 @@ class RobotDraft:
             InvalidRobot: The parameters are not those of a possible robot.
         """
         try:
-            robot = self._robot()
+            with np.errstate(all="ignore"):  # a robot refuses numbers that are not finite
+                robot = self._robot()
         except InvalidInput as error:
             raise InvalidRobot(str(error)) from None
         return ImportedRobot(robot, tuple(self.read), tuple(self.guessed), tuple(self.missing))
