@@ -2,7 +2,7 @@
 
 Prints for the import, `--help`, the first step of a controller and `omnidrive compare` the seconds
 of wall time with all kernels compiled ("warm") and with none ("cold"), the seconds that the
-compilation of each kernel takes, and the time to read and check the compiled ones.
+compilation of each kernel takes, and the CPU time to read and check the compiled ones.
 """
 
 from __future__ import annotations
@@ -75,13 +75,13 @@ print(json.dumps(seconds))
 READING = (
     FIRST_STEPS
     + """
-from time import perf_counter
+from time import process_time
 from omnidrive.compiled.cache_folder import CacheFolder
 read, seconds, sizes = CacheFolder.read, [], []
 def timed(folder, name):
-    began = perf_counter()
+    began = process_time()
     content = read(folder, name)
-    seconds.append(perf_counter() - began)
+    seconds.append(process_time() - began)
     sizes.append(len(content))
     return content
 CacheFolder.read = timed
@@ -144,7 +144,7 @@ def main() -> None:
         )
         reads, sizes = zip(*(printed(READING, folder) for _ in range(3)), strict=True)
         rows.append(
-            at_most("read and check all that compare needs", 1e3 * min(reads), "ms", READ_LIMIT)
+            at_most("read and check compiled kernels, CPU", 1e3 * min(reads), "ms", READ_LIMIT)
         )
         rows.append(row("compiled kernels that compare reads", sizes[0] / 1e6, "MB"))
         for kernel, value in sorted(times.items(), key=lambda each: -each[1]):

@@ -72,8 +72,9 @@ class CacheFolder:
         except OSError as error:
             fact = f"cannot be read ({error.strerror or error})"
         else:
-            if stored[:_CHECKSUM_BYTES] == _checksum(name, stored[_CHECKSUM_BYTES:]):
-                return stored[_CHECKSUM_BYTES:]
+            checksum, content = stored[:_CHECKSUM_BYTES], stored[_CHECKSUM_BYTES:]
+            if checksum == _checksum(name, content):
+                return content
             fact = "is damaged"
         _log.warning("a compiled kernel in %s %s; it is compiled again", self.path, fact)
         return None
