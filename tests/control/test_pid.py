@@ -341,6 +341,17 @@ class TestRecommended:
         assert np.abs(run.pose[:, 0]).max() > 0.01
         assert abs(run.pose[-1, 0]) < 1e-3
 
+    @pytest.mark.parametrize("lost", [0, 1, 4])
+    def test_rate_after_lost_measurements_is_the_mean_since_the_last_one(self, make, lost):
+        """At a constant 0.1 m/s away from the goal; the filter halves the first rate."""
+        controller, goal = make(DT), Hold(Pose(0.0, 0.0, 0.0), 9.0)
+        controller.reset(State(0.0, goal.pose))
+        controller.step(0.0, State(0.0, goal.pose), goal)
+        t = DT * (lost + 1)
+        details = controller.step(t, State(t, Pose(0.1 * t, 0.0, 0.0)), goal).details
+        change = dict(zip(controller.detail_units, details, strict=True))["change_input_x"]
+        assert change == pytest.approx(-0.05, abs=1e-12)
+
     def test_lost_measurement_fails_one_step(self, make):
         controller, pose = make(DT), Circle().at(0.0).pose
         controller.reset(State(0.0, pose))
