@@ -21,6 +21,7 @@ from omnidrive.components import (
 from omnidrive.components.component import Component
 from omnidrive.components.configured import Configured, OfGroup
 from omnidrive.components.parameters import parameters_of
+from omnidrive.control import FeedforwardController
 from omnidrive.errors import ComponentFailed, InvalidInput, MissingExtra
 
 LAW = """
@@ -277,6 +278,8 @@ def test_parameters_are_described():
 def test_factories_with_other_signatures_are_rejected():
     with pytest.raises(InvalidInput, match="its arguments are a, b, c, need f"):
         Component("controllers", "mine", "", lambda a, b, c: None).make()
+    with pytest.raises(InvalidInput, match="its argument dt is a plain value, need f"):
+        Component("controllers", "mine", "", FeedforwardController).make(None)
     with pytest.raises(InvalidInput, match="needs an annotation: the class of the parameters"):
         Component("controllers", "mine", "", lambda context, parameters: None).make()
 

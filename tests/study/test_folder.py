@@ -86,6 +86,13 @@ def test_folder_with_temporary_files_of_a_killed_command_is_new(parts, tmp_path)
     assert not list(tmp_path.iterdir())
 
 
+def test_link_to_nothing_is_no_folder(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    for path in (tmp_path / "link", tmp_path / "link" / "new"):
+        with pytest.raises(CannotWrite, match="link is a link to nothing; choose another path"):
+            check_new_folder(path)
+
+
 def test_temporary_files_of_other_names_are_kept_beside_an_output_file(parts, tmp_path):
     others = parts("plan[1].png")
     _, alive = parts("plan1.png")

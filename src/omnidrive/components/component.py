@@ -33,6 +33,8 @@ _OTHER_CODE = (
     "<string>",
 )
 _FORMS = "f(), f(context) or f(context, parameters: ITS_PARAMETER_CLASS)"
+_PLAIN_TYPES = (float, int, str, bool, "float", "int", "str", "bool")
+"""Annotations of values, which are parameters and not a context."""
 _METHODS = {
     "controllers": ("reset", "step"),
     "plants": ("reset", "step", "close"),
@@ -209,6 +211,12 @@ class Component:
             raise InvalidInput(
                 f"the component '{one_line(self.name)}' cannot be called: its arguments are "
                 f"{', '.join(p.name for p in arguments)}, need {_FORMS}"
+            )
+        is_context = self.group != "maps"  # a reader of maps is called with a path
+        if is_context and arguments and arguments[0].annotation in _PLAIN_TYPES:
+            raise InvalidInput(
+                f"the component '{one_line(self.name)}' cannot be called: its argument "
+                f"{arguments[0].name} is a plain value, need {_FORMS}"
             )
         return arguments
 

@@ -126,7 +126,10 @@ def check_new_folder(path: StrPath) -> None:
             remove_abandoned(path)
         if path.exists() and any(path.iterdir()):
             raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
-        _check_writable(next(each for each in (path, *path.parents) if each.exists()))
+        present = next(each for each in (path, *path.parents) if os.path.lexists(each))
+        if not present.exists():
+            raise FileExistsError(f"{one_line(str(present))} is a link to nothing")
+        _check_writable(present)
 
 
 def _check_file(path: Path) -> None:
