@@ -230,6 +230,8 @@ ENTITIES = """<?xml version="1.0"?>
         (MJCF.replace("<worldbody>", '<replicate count="1000000000"/><worldbody>'),
          "<replicate> is not supported"),
         ("<mujoco/>", "there is no body in worldbody"),
+        (mecanum_urdf().replace('child link="front_left', 'child link="x&#10;\x7f'),
+         r"there is no link 'x\\n\\x7f_wheel_link'"),
         (MJCF.replace('kv="2"', 'kv="1e-320"'), "a lag of the robot .*, got inf s"),
     ],
 )  # fmt: skip

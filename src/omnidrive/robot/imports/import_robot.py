@@ -25,6 +25,7 @@ FORMATS: tuple[RobotFormat, ...] = get_args(RobotFormat)
 
 _MAX_BYTES = 10_000_000
 _MAX_ELEMENTS = 20_000
+_LONGEST = 1000  # characters of a message, which may contain names of the file
 _ROOTS: dict[str, RobotFormat] = {"robot": "urdf", "mujoco": "mjcf"}
 
 
@@ -62,7 +63,11 @@ def import_robot(
         imported = draft.finish()
     except InvalidRobot as error:
         name = one_line(str(path))
-        raise error if name in str(error) else InvalidRobot(f"{name}: {error}") from None
+        raise (
+            error
+            if name in str(error)
+            else InvalidRobot(f"{name}: {one_line(str(error), _LONGEST)}")
+        ) from None
     name = imported.robot.name
     if not (name.isprintable() and name.strip()):
         return replace(imported, robot=replace(imported.robot, name="robot"))

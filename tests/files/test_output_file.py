@@ -24,7 +24,7 @@ from omnidrive.robot import named_robot, save_robot
 from omnidrive.simulation.log_columns import LogColumn
 from omnidrive.simulation.log_file import save_log
 from omnidrive.study import RunFolder, paper_scenario, save_scenario
-from tests.power_failure import TORN, contents_after_failure, recorded_disk
+from tests.files.power_failure import TORN, contents_after_failure, recorded_disk
 
 
 def test_file_is_replaced_only_if_the_block_succeeds(tmp_path):
