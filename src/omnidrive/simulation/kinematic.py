@@ -8,7 +8,7 @@ from math import nan
 from omnidrive.control.controller import CommandValue
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move
-from omnidrive.robot import Robot
+from omnidrive.robot import Chassis, Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.plant import (
     PlantCapabilities,
@@ -32,9 +32,12 @@ class KinematicPlant:
 
     robot: Robot
     _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
+    _chassis: Chassis = field(init=False, repr=False)
+    _drive: Chassis = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_robot(self.robot, "KinematicPlant")
+        self._chassis, self._drive = self.robot.chassis, self.robot.drive
 
     @property
     def capabilities(self) -> PlantCapabilities:
@@ -49,8 +52,8 @@ class KinematicPlant:
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Hold ``command``, saturated in wheel space, for ``dt`` (s)."""
         check_step(command, dt, self.capabilities, len(self.robot.mounts))
-        speeds, scaled = self.robot.drive.limited_speeds(command)
-        actual = self.robot.chassis.twist(speeds)
+        speeds, scaled = self._drive.limited_speeds(command)
+        actual = self._chassis.twist(speeds)
         self._pose = move(self._pose, actual, dt)
         return PlantState(
             self._pose,
