@@ -62,12 +62,8 @@ def import_robot(
             draft.radius = wheel_radius
         imported = draft.finish()
     except InvalidRobot as error:
-        name = one_line(str(path))
-        raise (
-            error
-            if name in str(error)
-            else InvalidRobot(f"{name}: {one_line(str(error), _LONGEST)}")
-        ) from None
+        name, fact = one_line(str(path)), one_line(str(error), _LONGEST)
+        raise error if name in str(error) else InvalidRobot(f"{name}: {fact}") from None
     name = imported.robot.name
     if not (name.isprintable() and name.strip()):
         return replace(imported, robot=replace(imported.robot, name="robot"))
