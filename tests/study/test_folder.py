@@ -11,7 +11,7 @@ import pytest
 
 from omnidrive.cli.terminal import conclude
 from omnidrive.errors import CannotWrite, RunFailed
-from omnidrive.evaluation.figures import catalogue
+from omnidrive.evaluation.figures import catalogue, write_figures
 from omnidrive.files import output_file
 from omnidrive.simulation import Outcome
 from omnidrive.study import RunFolder, check_figure, check_new_folder, run_job, run_study
@@ -33,8 +33,7 @@ def test_studies_that_start_at_the_same_time_have_different_folders(tmp_path):
     assert {path, path.with_name(f"{path.name}-2"), path.with_name(f"{path.name}-64")} <= set(made)
 
 
-def test_numbered_folder_is_that_of_the_study(tmp_path, monkeypatch):
-    monkeypatch.setattr("omnidrive.study.study.write_figures", lambda results, folder: ())
+def test_numbered_folder_is_that_of_the_study(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "precious").touch()
     study = run_study(STEP, tmp_path / "run", numbered=True)
@@ -48,6 +47,7 @@ def test_numbered_folder_is_that_of_the_study(tmp_path, monkeypatch):
 def test_folder_whose_name_is_not_utf_8(tmp_path, capsys, monkeypatch):
     one_figure = {"kinematics": catalogue._FIGURES["kinematics"]}
     monkeypatch.setattr(catalogue, "_FIGURES", one_figure)
+    monkeypatch.setattr("omnidrive.study.study.write_figures", write_figures)
     folder = tmp_path / "run\udcff"
     run_study(STEP, folder)
     assert json.loads((folder / "results.json").read_text())["step_response"]
@@ -109,7 +109,6 @@ def test_lost_run_is_named_in_results_and_report(tmp_path, monkeypatch):
             yield job, lost if job.task == "step" else run_job(planned, job)
 
     monkeypatch.setattr("omnidrive.study.study.execute", execute)
-    monkeypatch.setattr("omnidrive.study.study.write_figures", lambda results, folder: ())
     track = DurationsTask(durations=(20.0,))
     study = run_study(STEP.with_values(tasks=Tasks(step=STEP.tasks.step, track=track)), tmp_path)
     outcome = "the run exceeded its time limit: 60 s"
