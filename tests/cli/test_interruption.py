@@ -108,7 +108,7 @@ def test_workers_end_with_the_command_and_results_are_kept(tmp_path, number):
         wait_for((tmp_path / "cut" / "results.json").exists)  # both workers are running
         process.send_signal(number)
         process.wait(TIMEOUT)
-        wait_for(lambda: not alive(process.pid), 5)
+        wait_for(lambda: not alive(process.pid), 30)
         errors = finish(process)
     if number == signal.SIGKILL:
         assert process.returncode == -number
@@ -123,7 +123,7 @@ def test_closed_terminal_ends_without_traceback(tmp_path):
         wait_for(lambda: workers(process.pid))
         os.killpg(process.pid, signal.SIGHUP)
         assert "interrupted" in finish(process)
-        wait_for(lambda: not alive(process.pid), 5)
+        wait_for(lambda: not alive(process.pid), 30)
     assert process.returncode == 128 + signal.SIGHUP
 
 
@@ -134,7 +134,7 @@ def test_ctrl_c_during_worker_start_ends_without_traceback(tmp_path, delay):
         time.sleep(delay)
         os.killpg(process.pid, signal.SIGINT)
         assert "interrupted" in finish(process)
-        wait_for(lambda: not alive(process.pid), 5)
+        wait_for(lambda: not alive(process.pid), 30)
     assert process.returncode == 130
 
 
@@ -143,7 +143,7 @@ def test_ctrl_c_before_worker_start_ends_without_traceback(tmp_path):
         wait_for((tmp_path / "cut").exists)
         os.killpg(process.pid, signal.SIGINT)
         assert "interrupted" in finish(process)
-        wait_for(lambda: not alive(process.pid), 5)
+        wait_for(lambda: not alive(process.pid), 30)
     assert process.returncode == 130
 
 
@@ -153,7 +153,7 @@ def test_second_ctrl_c_ends_at_once(tmp_path):
         while process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)
         finish(process)
-        wait_for(lambda: not alive(process.pid), 5)
+        wait_for(lambda: not alive(process.pid), 30)
     assert process.returncode in {130, -signal.SIGINT}
 
 
