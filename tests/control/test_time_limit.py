@@ -10,7 +10,7 @@ import time
 import pytest
 
 from omnidrive.control import FeedforwardController, Pipeline, Status, pipeline
-from omnidrive.control.time_limit import TimedOut, TimeLimit
+from omnidrive.control.time_limit import SharedTimer, TimedOut, TimeLimit
 from omnidrive.estimation import SensorReadings
 from omnidrive.geometry import Pose
 from omnidrive.testing.laws import Circle
@@ -34,7 +34,16 @@ def suppress():
     wait()
 
 
-@pytest.mark.parametrize("call", [wait, compute, suppress])
+def suppress_always():
+    """Suppress the exception in nearly all the time."""
+    while True:
+        try:
+            time.sleep(60.0)
+        except BaseException:
+            time.sleep(0.002)
+
+
+@pytest.mark.parametrize("call", [wait, compute, suppress, suppress_always])
 def test_call_is_interrupted(call):
     begin = time.monotonic()
     with pytest.raises(TimedOut), TimeLimit(0.2) as limit:
@@ -42,6 +51,18 @@ def test_call_is_interrupted(call):
     assert limit.armed
     assert time.monotonic() - begin > 0.19
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_suppressed_exception_is_raised_again_soon():
+    """The shared timer's own period is too long to hit the code that handles the exception."""
+    begin = time.monotonic()
+    with SharedTimer(0.1):
+        with pytest.raises(TimedOut), TimeLimit(0.2):
+            suppress_always()
+        assert time.monotonic() - begin < 5.0
+        with TimeLimit(0.3):
+            time.sleep(0.15)  # the timer has its own period again
+        assert signal.getitimer(signal.ITIMER_REAL)[1] == pytest.approx(0.1)
 
 
 def test_signal_that_the_program_uses_is_left_alone():

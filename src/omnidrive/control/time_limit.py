@@ -8,6 +8,7 @@ import threading
 from types import FrameType
 
 _TICKS = 10
+_AGAIN = 0.001  # s after which a suppressed exception is raised again
 
 
 class TimedOut(BaseException):
@@ -21,7 +22,7 @@ class TimeLimit:
     is interrupted when it returns. The time is counted in ticks of a timer, a tenth of the limit or
     those of a :class:`SharedTimer`. A process that is stopped (SIGSTOP, a suspended computer)
     misses all but one: that is no time of the call. An exception that the block suppresses is
-    raised again a tick later.
+    raised again after a millisecond, until the block ends.
 
     Nothing is interrupted in a thread other than the main one, on a system without ``SIGALRM``, if
     the program uses this signal itself, and in a debugger.
@@ -31,14 +32,15 @@ class TimeLimit:
 
     Attributes:
         armed: Whether the block is interrupted.
+        over: Whether the time is over.
     """
 
-    __slots__ = ("_own", "_seconds", "_ticks", "armed")
+    __slots__ = ("_own", "_seconds", "_ticks", "armed", "over")
 
     def __init__(self, seconds: float) -> None:
         self._seconds, self._ticks = seconds, 0
         self._own: SharedTimer | None = None
-        self.armed = False
+        self.armed = self.over = False
 
     def __enter__(self) -> TimeLimit:
         if not _timers:
@@ -54,14 +56,14 @@ class TimeLimit:
             _active.remove(self)
         if self._own is not None:
             self._own.__exit__()
+        elif self.over and _timers:
+            _timers[0].start()
 
-    def tick(self, period: float, frame: FrameType | None) -> None:
-        """Count ``period`` (s); raise TimedOut at the end, except in an exit and in a debugger."""
+    def tick(self, period: float) -> None:
+        """Count ``period`` (s)."""
         self._ticks += 1
         whole = self._ticks if self._own is not None else self._ticks - 1  # the first is cut
-        leaving = frame is not None and frame.f_code.co_name == "__exit__"
-        if whole * period > 0.999 * self._seconds and not leaving and sys.gettrace() is None:
-            raise TimedOut
+        self.over = whole * period > 0.999 * self._seconds
 
 
 class SharedTimer:
@@ -83,7 +85,11 @@ class SharedTimer:
         if not _timers and _can_interrupt():
             _timers.append(self)
             signal.signal(signal.SIGALRM, self._on_alarm)
-            signal.setitimer(signal.ITIMER_REAL, self._period, self._period)
+            self.start()
+
+    def start(self, first: float | None = None) -> None:
+        """Start the timer, whose first tick is after ``first`` (s), by default one period."""
+        signal.setitimer(signal.ITIMER_REAL, first or self._period, self._period)
 
     def __exit__(self, *_: object) -> None:
         if self in _timers:
@@ -92,8 +98,16 @@ class SharedTimer:
             _timers.clear()
 
     def _on_alarm(self, _number: int, frame: FrameType | None) -> None:
-        for limit in _active:
-            limit.tick(self._period, frame)
+        """Count the time of the limits; raise TimedOut, except in an exit and in a debugger."""
+        if not any(limit.over for limit in _active):
+            for limit in _active:
+                limit.tick(self._period)
+            if not any(limit.over for limit in _active):
+                return
+        leaving = frame is not None and frame.f_code.co_name == "__exit__"
+        if not leaving and sys.gettrace() is None:
+            self.start(_AGAIN)
+            raise TimedOut
 
 
 _timers: list[SharedTimer] = []
