@@ -101,7 +101,8 @@ def _fill(drawn: RichTable, table: Table, columns: list[int], *, tight: bool) ->
         most = least if tight and not _is_prose(table, i) else None
         drawn.add_column(Text(table.columns[i]), justify=side, min_width=least, max_width=most)
     grouped = len({row[0] for row in table.rows}) < len(table.rows)
-    rows = [k for k, row in enumerate(table.rows) if any(row[i] for i in columns[table.keys :])]
+    values = columns[table.keys :]  # none if all runs stopped early
+    rows = [k for k, row in enumerate(table.rows) if not values or any(row[i] for i in values)]
     for previous, k in zip((None, *rows), rows, strict=False):
         if grouped and previous is not None and table.rows[k][0] != table.rows[previous][0]:
             drawn.add_section()

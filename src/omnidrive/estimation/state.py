@@ -22,7 +22,7 @@ At 1e10, neighbouring floats differ by 2e-6."""
 def are_usable(t: float, pose: Pose) -> bool:
     """Return whether a time (s) and a pose are numbers up to :data:`LARGEST`: not NaN, not huge."""
     x, y, yaw = pose
-    return (
+    return bool(  # comparisons of numbers of NumPy give its own type
         -LARGEST <= t <= LARGEST
         and -LARGEST <= x <= LARGEST
         and -LARGEST <= y <= LARGEST
