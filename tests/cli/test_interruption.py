@@ -157,6 +157,7 @@ def test_second_ctrl_c_ends_at_once(tmp_path):
     assert process.returncode in {130, -signal.SIGINT}
 
 
+@pytest.mark.long
 def test_killed_worker_delays_the_study_only(tmp_path):
     few = [*MANY_RUNS[:-1], "20"]
     with command(tmp_path, few) as process:

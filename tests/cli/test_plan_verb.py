@@ -218,6 +218,7 @@ def test_folder_stands_for_its_scenario(capsys, room, tmp_path):
     assert by_folder["length_m"] == by_file["length_m"]
 
 
+@pytest.mark.long
 def test_minimum_time_on_the_papers_map(capsys):
     pytest.importorskip("casadi")
     options = ["--search", "astar", "--no-cut-corners", "--smooth", "certified"]

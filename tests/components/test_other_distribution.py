@@ -136,6 +136,7 @@ for group in GROUPS:
     assert theirs["maps"] == "maps|.grid|their-parts 1.2"
 
 
+@pytest.mark.long
 def test_factory_that_raises_ends_its_run_only(environment, tmp_path):
     arguments = ("--plant", "their-plant", "--tasks", "step", "--out", "out")
     controllers = ("--controller", "broken", "--controller", "feedforward")

@@ -196,6 +196,7 @@ def test_study_whose_runs_all_fail_at_the_start_has_a_report(tmp_path, monkeypat
     assert (tmp_path / "out" / "report.html").exists()
 
 
+@pytest.mark.long
 def test_command_exits_with_status_1_and_names_the_run(tmp_path):
     save_scenario(SCENARIO, tmp_path / "s.yaml")
     code = (

@@ -20,7 +20,15 @@ def paper():
     return plan_and_check(paper_scenario())
 
 
-@pytest.mark.parametrize("job", [j for j in TRACKS if j.controller != "holonomic-nmpc"], ids=name)
+@pytest.mark.parametrize(
+    "job",
+    [
+        pytest.param(job, marks=[pytest.mark.long] if job.duration > 20.0 else ())
+        for job in TRACKS
+        if job.controller != "holonomic-nmpc"
+    ],
+    ids=name,
+)
 def test_errors_are_not_larger_than_in_the_paper(paper, job):
     """With noise: errors of the measured pose, as in the paper, with a tolerance of 15 %."""
     row = PUBLISHED_ERRORS[job.task, job.duration, job.controller]
@@ -44,7 +52,7 @@ def test_clearance_is_measured_to_the_wall(paper):
     assert all(0.1 < c < 0.25 for c in clearances)
 
 
-@pytest.mark.parametrize("duration", RECOMMENDED)
+@pytest.mark.parametrize("duration", [20.0, pytest.param(30.0, marks=pytest.mark.long)])
 def test_holonomic_nmpc_has_a_tenth_of_the_published_error(paper, duration):
     m = run_job(paper, Job("track", "holonomic-nmpc", duration)).metrics
     me, mae = RECOMMENDED[duration]
@@ -78,7 +86,7 @@ def recommended():
 
 
 @pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
-@pytest.mark.parametrize("duration", RECOMMENDED_PID)
+@pytest.mark.parametrize("duration", [20.0, pytest.param(30.0, marks=pytest.mark.long)])
 def test_recommended_pids_track_closely(recommended, controller, duration):
     result = run_job(recommended, Job("track", controller, duration))
     m = result.metrics

@@ -41,7 +41,10 @@ def with_sensors(**changes):
     return paper_scenario().model_copy(update={"sensors": SensorsSection(**changes)})
 
 
-@pytest.mark.parametrize(("fixes", "limit"), [(PoseFixSettings(), 0.010), (HARD, 0.015)])
+@pytest.mark.parametrize(
+    ("fixes", "limit"),
+    [pytest.param(PoseFixSettings(), 0.010, marks=pytest.mark.long), (HARD, 0.015)],
+)
 def test_estimator_reduces_the_errors_of_the_noise_task(fixes, limit):
     """Two seeds of the long test; the paper's errors are 0.0566 m and 0.0586 rad."""
     planned = plan_and_check(with_sensors(fixes=fixes))
