@@ -240,3 +240,10 @@ def test_numbers_of_files_are_bounded(tmp_path, suffix):
         path.write_text(number.join(text.rsplit("1e+100", 1)))
         with pytest.raises(InvalidFuzzyFile, match=r"is not a finite number of at most 1e\+100"):
             load(path)
+
+
+@pytest.mark.parametrize("proposition", [Is("x" * 5000, "cold"), Is("temp", "x" * 5000)])
+def test_messages_about_long_names_in_rules_are_short(proposition):
+    with pytest.raises(InvalidInput) as caught:
+        replace(heater(), rules=(Rule(proposition, (Is("power", "on"),)),))
+    assert len(str(caught.value)) < 300

@@ -191,10 +191,10 @@ def _check_proposition(
 ) -> None:
     if proposition.variable not in variables:
         hint = suggestion(proposition.variable, variables)
-        raise InvalidInput(f"rule {number}: there is no {what} {proposition.variable!r}{hint}")
+        raise InvalidInput(f"rule {number}: there is no {what} {proposition.variable[:40]!r}{hint}")
     if proposition.set and proposition.set not in sets_of[proposition.variable]:
         known = sorted(sets_of[proposition.variable])
         raise InvalidInput(
-            f"rule {number}: {proposition.variable!r} has no set {proposition.set!r}"
+            f"rule {number}: {proposition.variable!r} has no set {proposition.set[:40]!r}"
             f"{suggestion(proposition.set, known)}"
         )

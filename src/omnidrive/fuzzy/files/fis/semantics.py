@@ -243,7 +243,7 @@ class _NumberedSets:
         sign, index, decimals = match[1], int(match[2]), (match[3] or "").rstrip("0")
         if index > len(self._sets) or (index == 0 and decimals):
             raise malformed(
-                position, f"{self._name!r} has sets 1 to {len(self._sets)}, got {word!r}"
+                position, f"{self._name!r} has sets 1 to {len(self._sets)}, got {word[:40]!r}"
             )
         if decimals not in _HEDGES:
             known = "; ".join(f".{d} {' '.join(h)}" for d, h in _HEDGES.items() if d)
