@@ -2,7 +2,7 @@
 
 Loading a file executes what it contains. So a file counts only if
 
-* the file and the folder belong to the user or to root, and nobody else may write to them;
+* the file and the folder belong to the user or to root, and no other user may write to them;
 * the checksum at its start is that of its name and its content.
 
 The checksum detects damage. Against forgery, the owner and the permissions are checked. Without a

@@ -66,6 +66,7 @@ def jobs_of(scenario: Scenario) -> list[Job]:
     tasks, jobs = scenario.tasks, []
 
     def horizon(label: str) -> int | None:
+        """Return the horizon of a controller in steps; None: it has none."""
         return getattr(scenario.controllers[label].parameters, "horizon", None)
 
     for duration in tasks.track.durations if tasks.track else ():

@@ -77,10 +77,12 @@ class _ControllerLaws(Laws):
         self.dt = dt
 
     def context(self) -> ControllerContext:
+        """Return the context for the factory, with new random numbers."""
         rng = np.random.default_rng(0)
         return ControllerContext(self.robot, self.dt, rng, forces=False)
 
     def protocol(self) -> str | None:
+        """Return why the object is no controller or its first command malformed; None: neither."""
         made = self.make()
         if not isinstance(made, Controller):
             return f"it is {kind_of(made)}, need reset(state) and step(t, state, reference)"
@@ -88,6 +90,7 @@ class _ControllerLaws(Laws):
         return checked_command(command, None if units is None else len(units)).message or None
 
     def record(self, part: Controller) -> list[tuple[object, ...]]:
+        """Return the commands and details of a run on the circle, one row per sample."""
         run = simulate(self.plant(), part, Circle(), start=_START, dt=self.dt).raise_if_failed()
         columns = [run.command, run.wheel_speed_command, run.wheel_torque_command]
         columns += [each[:, None] for each in run.details.values()]
@@ -105,6 +108,7 @@ class _ControllerLaws(Laws):
         return PlanarPlant(self.robot) if torques else KinematicPlant(self.robot)
 
     def finite(self) -> str | None:
+        """Return at which pose the command is not finite, however far the pose; None: nowhere."""
         for pose in (Pose(0.0, 0.0, 0.0), Pose(50.0, -50.0, 40.0), Pose(-1e3, 1e3, -3.0)):
             controller = self.make()
             controller.reset(State(0.0, _START))
@@ -117,6 +121,7 @@ class _ControllerLaws(Laws):
         return None
 
     def rotation(self) -> str | None:
+        """Return how a turn of the world changes the commands; None: not at all."""
         angle = 1.234
         one, two = self.make(), self.make()
         turned = rotated(_START, angle)
@@ -134,6 +139,7 @@ class _ControllerLaws(Laws):
         return None
 
     def convergence(self) -> str | None:
+        """Return the error after 15 s at a constant goal if it is too large; None: it is not."""
         hold, start = Hold(_GOAL, 15.0), Pose(0.0, 0.0, 0.0)
         run = simulate(self.plant(), self.make(), hold, start=start, dt=self.dt).raise_if_failed()
         x, y, yaw = (run.pose[-1] - np.array(_GOAL)).tolist()
