@@ -71,9 +71,11 @@ class _EstimatorLaws(Laws):
         self.accuracy = accuracy
 
     def context(self) -> EstimatorContext:
+        """Return the context for the factory."""
         return EstimatorContext(self.robot, _SETTINGS, forces=False)
 
     def protocol(self) -> str | None:
+        """Return why the object is no estimator or its first estimate malformed; None: neither."""
         made = self.make()
         if not isinstance(made, StateEstimator):
             return f"it is {kind_of(made)}, need reset(pose) and update(readings)"
@@ -103,6 +105,7 @@ class _EstimatorLaws(Laws):
         return rows
 
     def start(self) -> str | None:
+        """Return the first estimate after a reset if it is not the start pose; None: it is."""
         _, first = self.estimates(self.make())[0]
         error = np.abs(np.subtract(first.pose, _START))
         if error.max() > self.accuracy:

@@ -84,9 +84,11 @@ class _PlantLaws(Laws):
         getattr(self._made, "close", lambda: None)()
 
     def context(self) -> PlantContext:
+        """Return the context for the factory."""
         return PlantContext(self.robot)
 
     def protocol(self) -> str | None:
+        """Return why the object is no plant or its state malformed; None: neither."""
         made = self.make()
         if not isinstance(made, Plant):
             return f"it is {kind_of(made)}, need capabilities, reset, step and close"
@@ -95,6 +97,7 @@ class _PlantLaws(Laws):
         return plant_state_fault(made.reset(_START)) or plant_state_fault(made.step(_REST, self.dt))
 
     def record(self, part: Plant) -> list[PlantState]:
+        """Return the states of ten steps after a reset."""
         return [part.reset(_START), *(part.step(_TWIST, self.dt) for _ in range(10))]
 
     def drive(self, start: Pose, twist: BodyTwist, steps: int) -> list[PlantState]:
@@ -104,6 +107,7 @@ class _PlantLaws(Laws):
         return [plant.step(twist, self.dt) for _ in range(steps)]
 
     def start(self) -> str | None:
+        """Return how the state after a reset differs from rest at the start; None: not at all."""
         plant = self.make()
         state = plant.reset(_START)
         if not np.allclose(state.pose, _START, rtol=0.0, atol=1e-9):
@@ -116,6 +120,7 @@ class _PlantLaws(Laws):
         return None
 
     def mean_velocity(self) -> str | None:
+        """Return the command whose mean twist in B differs from it; None: there is none."""
         for twist in (BodyTwist(0.3, 0.0, 0.0), BodyTwist(0.0, 0.3, 0.0), BodyTwist(0.0, 0.0, 0.8)):
             states = self.drive(Pose(0.0, 0.0, 0.0), twist, 30)
             if not all(isfinite(v) for state in states for v in (*state.pose, *state.twist)):
@@ -128,6 +133,7 @@ class _PlantLaws(Laws):
         return None
 
     def rotation(self) -> str | None:
+        """Return how a turn of the world changes the motion; None: not at all."""
         angle = 2.0
         once = self.drive(_START, _TWIST, 10)[-1].pose
         other = self.drive(rotated(_START, angle), _TWIST, 10)[-1].pose
@@ -139,6 +145,7 @@ class _PlantLaws(Laws):
         return None
 
     def continuous_yaw(self) -> str | None:
+        """Return where the yaw jumps when it passes pi; None: nowhere."""
         start = Pose(0.0, 0.0, 3.0)
         states = self.drive(start, BodyTwist(0.0, 0.0, 2.0), 20)
         yaws = [start.yaw, *(state.pose.yaw for state in states)]
@@ -146,6 +153,7 @@ class _PlantLaws(Laws):
         return f"its yaw jumps by {jump:.3g} rad: it must not be wrapped" if jump > 1.0 else None
 
     def reported_twist(self) -> str | None:
+        """Return how the twist differs from the rate of the pose in W; None: not at all."""
         plant = self.make()
         self.record(plant)
         a, b = plant.step(_TWIST, 0.01), plant.step(_TWIST, 0.01)
