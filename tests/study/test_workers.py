@@ -5,9 +5,11 @@ import os
 import re
 import signal
 import struct
+import subprocess
 import sys
 from functools import partial
 from multiprocessing import active_children
+from multiprocessing.process import BaseProcess
 from time import sleep
 
 import pytest
@@ -133,3 +135,47 @@ def test_message_names_the_runs_while_nothing_finishes(caplog):
     assert 1 <= len(caplog.messages) <= 3  # after 0.2, 0.4 and 0.8 s
     for text in caplog.messages:
         assert re.fullmatch(r"nothing has finished for \d s; running: track-pid-20s \(\d s\)", text)
+
+
+def test_signal_at_the_start_of_a_process_leaves_none_behind(monkeypatch):
+    start = BaseProcess.start
+
+    def interrupted(process):
+        signal.raise_signal(signal.SIGINT)
+        start(process)
+
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(BaseProcess, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        outcomes([partial(answer, 0)])
+    assert not active_children()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+SIGNALS_BLOCKED_AT_EVERY_START = """
+import signal
+from functools import partial
+from multiprocessing import util
+from omnidrive.study.workers import Call, Workers
+
+start, masks = util.spawnv_passfds, []
+
+def recorded(*args):
+    masks.append(signal.pthread_sigmask(signal.SIG_BLOCK, []))
+    return start(*args)
+
+util.spawnv_passfds = recorded
+if __name__ == "__main__":
+    print(sorted(Workers(2, list).outcomes([Call(str(k), partial(int, k)) for k in range(2)])))
+    assert len(masks) == 3  # the resource tracker of Python starts first
+    for mask in masks:
+        assert {signal.SIGINT, signal.SIGTERM, signal.SIGHUP} <= mask, mask
+"""
+
+
+def test_signals_are_blocked_while_processes_start(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SIGNALS_BLOCKED_AT_EVERY_START)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.stdout == "[(0, 0), (1, 1)]\n", done.stderr
+    assert not done.returncode, done.stderr

@@ -8,15 +8,14 @@ import signal
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from queue import Empty, SimpleQueue
-from threading import Thread
+from threading import Thread, current_thread, main_thread
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -168,7 +167,8 @@ class Workers:
                 worker.execute(index, calls[index])
         starting = sum(not worker.ready for worker in self._workers)
         for _ in range(min(len(waiting) - starting, self._count - len(self._workers))):
-            _uninterrupted(self._start)
+            with _signals_deferred():  # no process is left out of the list
+                self._start()
 
     def _next_event(self) -> _Event:
         """Wait for an event; kill processes that exceed the time limit."""
@@ -192,7 +192,9 @@ class Workers:
         """Start a process and the thread that reads its messages."""
         context = get_context("spawn")
         ours, theirs = context.Pipe()
-        with _signals_blocked():  # this starts the resource tracker process of Python, too
+        with _signals_blocked():
+            resource_tracker.ensure_running()  # afterwards it unblocks signals itself
+        with _signals_blocked():
             process = context.Process(target=_work, args=(self._setup, theirs))
             process.start()
         theirs.close()  # so that the end of the process ends the messages
@@ -219,10 +221,25 @@ class Workers:
             self._workers.clear()
 
 
-def _uninterrupted(call: Callable[[], None]) -> None:
-    """Call a function in another thread: signals, which the main thread handles, do not stop it."""
-    with ThreadPoolExecutor(1) as thread:
-        thread.submit(call).result()
+@contextmanager
+def _signals_deferred() -> Iterator[None]:
+    """Handle the signals that end a command after the block: their handlers raise exceptions."""
+    if current_thread() is not main_thread():  # handlers run in the main thread
+        yield
+        return
+    arrived: list[int] = []
+    before = {each: signal.getsignal(each) for each in _END_SIGNALS}
+    try:
+        for each, handler in before.items():
+            if callable(handler):
+                signal.signal(each, lambda number, _: arrived.append(number))
+        yield
+    finally:
+        for each, handler in before.items():
+            if callable(handler):
+                signal.signal(each, handler)
+        for number in arrived:
+            signal.raise_signal(number)
 
 
 def _read(worker: _Worker, events: SimpleQueue[_Event]) -> None:
