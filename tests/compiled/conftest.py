@@ -1,4 +1,4 @@
-"""A package of two modules with kernels, imported after edits of its text."""
+"""A new process of the cache, and a package of kernels, imported after edits of its text."""
 
 import importlib
 import sys
@@ -71,8 +71,23 @@ def callee(x, scale=1.0):
 '''
 
 
+@pytest.fixture(autouse=True)
+def new_process():
+    """Return a function after which the cache is as in a new process; called around each test."""
+
+    def forget():
+        """Forget the chosen folder, the failures and the logged messages."""
+        cache_folder._first_usable.cache_clear()
+        cache_folder._once.passed.clear()
+        cache_folder.failures.clear()
+
+    forget()
+    yield forget
+    forget()
+
+
 @pytest.fixture
-def build(tmp_path, monkeypatch):
+def build(tmp_path, monkeypatch, new_process):
     """Return a function that imports the package after some replacements, as a new process does."""
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
@@ -93,14 +108,10 @@ def build(tmp_path, monkeypatch):
         for name in [name for name in sys.modules if name.startswith(package)]:
             del sys.modules[name]
         importlib.invalidate_caches()
-        cache_folder._first_usable.cache_clear()
-        cache_folder._once.passed.clear()
-        cache_folder.failures.clear()
+        new_process()
         return importlib.import_module(f"{package}.caller")
 
     yield make
     for name in [name for name in sys.modules if name.startswith(package)]:
         del sys.modules[name]
     kernels[:] = before
-    cache_folder._first_usable.cache_clear()
-    cache_folder.failures.clear()

@@ -10,18 +10,23 @@ import pytest
 
 from omnidrive.compiled import cache_folder
 from omnidrive.compiled.cache_folder import CacheFolder, usable_folder
+from tests.compiled.damages import (
+    IS_ROOT,
+    OTHER_USER,
+    give_away,
+    open_to_others,
+    replace_by_folder,
+    replace_by_pipe,
+)
 
-OTHER_USER = 65534
 LOOSE = "is writable by other users (`chmod go-w` corrects that)"
 CONTENT = bytes(range(256)) * 8
-needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, to change owners")
+needs_root = pytest.mark.skipif(not IS_ROOT, reason="needs root, to change owners")
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """A folder with one file, in a process that has logged nothing."""
-    monkeypatch.setattr(cache_folder._once, "passed", set())
-    monkeypatch.setattr(cache_folder, "failures", [])
+def folder(tmp_path):
+    """A folder with one file."""
     folder = CacheFolder(tmp_path)
     folder.write("a.kernel", CONTENT)
     return folder
@@ -70,21 +75,11 @@ def test_file_of_another_name_is_not_read(folder):
     assert folder.read("b.kernel") is None
 
 
-def make_pipe(path):
-    path.unlink()
-    os.mkfifo(path)
-
-
-def make_folder(path):
-    path.unlink()
-    path.mkdir()
-
-
-def make_link(path):
+def replace_by_link(path, rng):
     path.symlink_to(path.rename(path.with_name("elsewhere")))
 
 
-def make_large(path):
+def enlarge(path, rng):
     with path.open("ab") as file:
         file.truncate(cache_folder._MAX_BYTES + 1)
 
@@ -92,20 +87,17 @@ def make_large(path):
 @pytest.mark.parametrize(
     ("spoil", "fact"),
     [
-        (lambda path: path.chmod(0o666), f"it {LOOSE}"),
-        (lambda path: path.chmod(0o664), f"it {LOOSE}"),
-        pytest.param(
-            lambda path: os.chown(path, OTHER_USER, -1), "it belongs to another user",
-            marks=needs_root,
-        ),
-        (make_pipe, "it is no file"),
-        (make_folder, "it is no file"),
-        (make_link, "symbolic links"),
-        (make_large, "it is too large"),
+        (open_to_others, f"it {LOOSE}"),
+        (lambda path, rng: path.chmod(0o664), f"it {LOOSE}"),
+        pytest.param(give_away, "it belongs to another user", marks=needs_root),
+        (replace_by_pipe, "it is no file"),
+        (replace_by_folder, "it is no file"),
+        (replace_by_link, "symbolic links"),
+        (enlarge, "it is too large"),
     ],
-)  # fmt: skip
+)
 def test_untrusted_file_is_refused_and_reported_once(folder, caplog, spoil, fact):
-    spoil(folder.path / "a.kernel")
+    spoil(folder.path / "a.kernel", None)
     assert folder.read("a.kernel") is None
     assert folder.read("a.kernel") is None
     (record,) = caplog.records
@@ -121,20 +113,17 @@ def test_messages_of_workers_are_logged_once(folder, caplog):
 
 
 @pytest.fixture
-def usable(monkeypatch, tmp_path):
+def usable(monkeypatch, tmp_path, new_process):
     """Return a function that chooses the folder for a value of NUMBA_CACHE_DIR."""
-    monkeypatch.setattr(cache_folder._once, "passed", set())
-    monkeypatch.setattr(cache_folder, "failures", [])
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
 
     def choose(chosen):
         monkeypatch.setattr(cache_folder._config, "CACHE_DIR", str(chosen))
-        cache_folder._first_usable.cache_clear()
+        new_process()
         return usable_folder()
 
-    yield choose
-    cache_folder._first_usable.cache_clear()
+    return choose
 
 
 def loose(path):

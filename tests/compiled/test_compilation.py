@@ -67,7 +67,12 @@ def test_reports_of_other_processes_arrive_in_order(monkeypatch):
     assert found == sent
 
 
-def test_reports_that_nobody_collects_do_not_block():
-    relay = CompileRelay()
+def test_reports_that_nobody_collects_do_not_block(monkeypatch):
+    found = []
+    monkeypatch.setattr("omnidrive.compiled.compilation.compile_listeners", [found.append])
+    relay, sent = CompileRelay(), Compilation("kernel" * 10, 1.0)
     for _ in range(3000):
-        relay.send(Compilation("kernel" * 10, 1.0))
+        relay.send(sent)
+    relay.forward()
+    assert 0 < len(found) < 3000
+    assert set(found) == {sent}

@@ -16,7 +16,7 @@ from typing import Any
 from numba.core import compiler, sigutils
 from numba.core.serialize import dumps
 
-from omnidrive.compiled.cache_folder import SUFFIX, usable_folder
+from omnidrive.compiled.cache_folder import SUFFIX, CacheFolder, usable_folder
 from omnidrive.compiled.key import kernel_key, short_hash, type_text
 
 _log = logging.getLogger("omnidrive.compiled.cache")
@@ -38,12 +38,6 @@ class KernelCache:
         folder = usable_folder()
         return str(folder.path) if folder else ""
 
-    def enable(self) -> None:
-        """Do nothing: the cache is always on."""
-
-    def disable(self) -> None:
-        """Do nothing: the cache is always on."""
-
     def flush(self) -> None:
         """Remove all entries of this kernel."""
         folder = usable_folder()
@@ -63,7 +57,7 @@ class KernelCache:
             return None
         try:
             result = _compiler.CompileResult._rebuild(target_context, *pickle.loads(content))
-        except Exception as error:
+        except Exception as error:  # of any class: Numba restores its own objects
             _log.warning(
                 "a compiled kernel in %s cannot be loaded (%s); it is compiled again",
                 folder.path,
@@ -89,16 +83,18 @@ class KernelCache:
             yield False
             return
         name = self._name(signature, self._kernel.targetctx.codegen())
-        content = folder.read(name)
-        if content is not None:
-            self._read[name] = content
+        if self._fetch(folder, name):
             yield True
             return
         with folder.locked(name):
-            content = folder.read(name)
-            if content is not None:
-                self._read[name] = content
-            yield content is not None
+            yield self._fetch(folder, name)
+
+    def _fetch(self, folder: CacheFolder, name: str) -> bool:
+        """Read an entry for :meth:`load_overload`; return whether it is valid."""
+        content = folder.read(name)
+        if content is not None:
+            self._read[name] = content
+        return content is not None
 
     def _name(self, signature: Any, codegen: Any) -> str:
         arguments, result = _signatures.normalize_signature(signature)

@@ -42,9 +42,9 @@ _MODE = 0o755  # of the folder
 _LOCK = "lock"  # name of the file of which each name locks one byte
 _MAX_WAIT = 120.0  # s; for another process that holds a lock, which may be stopped
 _POLLING = 0.02  # s
-_READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-_CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 _BINARY = getattr(os, "O_BINARY", 0)  # Windows
+_READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | _BINARY
+_CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY
 
 SUFFIX = ".kernel"
 """Suffix of complete files."""
@@ -85,7 +85,7 @@ class CacheFolder:
         unfinished = self.path / f"{name}.{uuid4().hex[:16]}.tmp"
         try:
             self.path.mkdir(mode=_MODE, parents=True, exist_ok=True)  # removed in the meantime
-            with os.fdopen(os.open(unfinished, _CREATE | _BINARY, 0o644), "wb") as file:
+            with os.fdopen(os.open(unfinished, _CREATE, 0o644), "wb") as file:
                 file.write(_checksum(name, content) + content)
             unfinished.replace(path)
         except OSError as error:
@@ -171,7 +171,8 @@ def usable_folder() -> CacheFolder | None:
     """Return the folder of compiled kernels; None: there is none that can be used.
 
     It is a subfolder of NUMBA_CACHE_DIR if that is set; otherwise it is beside this file if
-    that can be written, or in ~/.cache. A folder that others may write is not used.
+    that can be written, or in ~/.cache. A folder that others may write is not used. If there is
+    none, :data:`failures` holds the reason.
     """
     return _first_usable(_config.CACHE_DIR)
 
@@ -210,7 +211,7 @@ def _read(path: Path) -> bytes:
     Raises:
         OSError: It is no regular file, too large, not trusted, or cannot be read.
     """
-    descriptor = os.open(path, _READ | _BINARY)
+    descriptor = os.open(path, _READ)
     try:
         status = os.fstat(descriptor)
         fault = _distrust(status)
