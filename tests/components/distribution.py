@@ -1,5 +1,8 @@
-"""Distributions with entry points, installed into a folder."""
+"""Distributions with entry points in a folder, and Python in a process that finds them."""
 
+import os
+import subprocess
+import sys
 import textwrap
 
 
@@ -14,3 +17,17 @@ def install(folder, name, version, entry_points, code):
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
     (info / "entry_points.txt").write_text(textwrap.dedent(entry_points))
     (folder / f"{module}.py").write_text(textwrap.dedent(code))
+
+
+def environment_with(folder):
+    """Return environment variables with which Python finds the distributions in a folder."""
+    paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}
+
+
+def run_python(environment, cwd, *arguments):
+    """Run Python with some arguments, and return its exit status and output."""
+    return subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        env=environment, cwd=cwd, capture_output=True, text=True, check=False,
+    )  # fmt: skip

@@ -9,8 +9,7 @@ import yaml
 from omnidrive.components import GROUPS
 from omnidrive.study import paper_scenario
 from omnidrive.study.scenario_file import scenario_data
-from tests.components.distribution import install
-from tests.components.python_process import environment_with, run_python
+from tests.components.distribution import environment_with, install, run_python
 
 CODE = '''
 """Components of every group."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from tests.components.python_process import environment_with, run_python
+from tests.components.distribution import environment_with, run_python
 
 PLUGIN = Path(__file__).parents[2] / "examples" / "plugin"
 

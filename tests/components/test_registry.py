@@ -153,13 +153,12 @@ def test_failing_code_of_a_component_is_named(tmp_path, old, new, message):
         configure("controllers", f"{tmp_path}/law.py:Law").make()
 
 
-def test_component_that_cannot_be_described_is_listed_with_its_error(tmp_path):
+def test_component_that_cannot_be_described_is_listed_with_its_error(tmp_path, monkeypatch):
     text = PARAMETERS.replace("BODY", "other: float = field(default_factory=fail)")
     (tmp_path / "law.py").write_text(text.replace("EXIT", "pass"))
     component = find_component("controllers", f"{tmp_path}/law.py:Law", allow_code=True)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("omnidrive.components.find_component", lambda *_: component)
-        assert "RuntimeError: no default" in _try_to_find("controllers", "law")
+    monkeypatch.setattr("omnidrive.components.find_component", lambda *_: component)
+    assert "RuntimeError: no default" in _try_to_find("controllers", "law")
 
 
 @pytest.mark.parametrize(

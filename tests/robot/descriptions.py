@@ -92,3 +92,31 @@ omni_controller:
     wheel_radius: 0.02
     open_loop: true
 """
+
+
+MJCF = """<mujoco model="cart">
+ <compiler angle="degree"/>
+ <default>
+  <geom density="500"/>
+  <default class="wheel"><geom type="cylinder" size="0.05 0.02"/>
+   <joint axis="0 0 1" armature="0.001"/></default>
+ </default>
+ <worldbody>
+  <geom type="plane" size="1 1 1"/>
+  <body name="base" pos="0 0 0.05"><freejoint/>
+   <geom type="box" size="0.25 0.18 0.05" mass="10" pos="0 0 0.05"/>
+   <frame euler="0 0 30">
+    <body name="a" pos="0.2 0 0" euler="0 90 0" childclass="wheel">
+     <joint name="wheel_a"/><geom/></body>
+    <body name="b" pos="-0.1 0.173 0" childclass="wheel"
+     quat="0.7071067811865476 0.6123724356957945 0.35355339059327373 0">
+     <joint name="wheel_b"/><geom/></body>
+    <body name="c" pos="-0.1 -0.173 0" zaxis="-0.5 -0.8660254037844386 0" childclass="wheel">
+     <joint name="wheel_c"/><geom/></body>
+   </frame>
+  </body>
+ </worldbody>
+ <actuator><velocity joint="wheel_a" kv="2" forcerange="-4 4" ctrlrange="-20 20"/>
+ <velocity joint="wheel_b" kv="2" forcerange="-4 4" ctrlrange="-20 20"/>
+ <velocity joint="wheel_c" kv="2" forcerange="-4 4" ctrlrange="-20 20"/></actuator>
+</mujoco>"""

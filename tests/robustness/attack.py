@@ -65,19 +65,18 @@ def mutated_input(seed, index):
 def read_input(index, name, content, folder):
     """Read a mutated file in an empty folder and return the outcome."""
     reader = readers()[name]
-    for file, valid in (*reader.others.items(), (reader.file, content)):
-        (folder / file).write_bytes(valid)
+    path = reader.write(folder, content)
     before, began = _resident_peak(reset=True), time.process_time()
     accepted, fault = True, ""
     try:
-        reader.read(folder / reader.file)
+        reader.read(path)
     except OmnidriveError as error:
         accepted, fault = False, _fault_of_message(str(error))
     except Exception as error:
         fault = f"{type(error).__name__}: {error}"[:300]
     seconds, growth = time.process_time() - began, max(_resident_peak() - before, 0)
-    for path in folder.iterdir():
-        path.unlink()
+    for each in folder.iterdir():
+        each.unlink()
     if not fault and seconds > MAX_SECONDS:
         fault = f"takes {seconds:.1f} s"
     if not fault and growth > MAX_BYTES:
@@ -101,21 +100,21 @@ def _resident_peak(*, reset=False):
 
 def read_valid():
     """Yield the outcomes of the valid files, with index -1; kernels are compiled on the way."""
-    with TemporaryDirectory() as name:
-        for reader, (_, valid, *_) in readers().items():
-            for content in valid:
-                outcome = read_input(-1, reader, content, Path(name))
-                assert outcome.accepted, (reader, content)
+    with TemporaryDirectory() as folder:
+        for name, reader in readers().items():
+            for content in reader.valid:
+                outcome = read_input(-1, name, content, Path(folder))
+                assert outcome.accepted, (name, content)
                 assert not outcome.fault or outcome.fault.startswith("takes"), outcome
                 yield outcome
 
 
 def read_mutated(seed, indices):
     """Yield the outcome of every input; a warning is a fault."""
-    with TemporaryDirectory() as name, warnings.catch_warnings():
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("error")
         for index in indices:
-            yield read_input(index, *mutated_input(seed, index), Path(name))
+            yield read_input(index, *mutated_input(seed, index), Path(folder))
 
 
 def attack(seed, indices, report=lambda outcome: None):
@@ -184,9 +183,7 @@ def _main(seed, first, last=None):
         print(name, repr(content[:2000]))
         with TemporaryDirectory() as folder:
             reader = readers()[name]
-            for file, valid in (*reader.others.items(), (reader.file, content)):
-                Path(folder, file).write_bytes(valid)
-            reader.read(Path(folder, reader.file))
+            reader.read(reader.write(Path(folder), content))
         return
     for outcome in read_valid():
         print(json.dumps(outcome), flush=True)

@@ -209,7 +209,7 @@ def _png_chunk(content, _, rng):
         data = zlib.compress(bytes(rng.choice((10, 10_000, 30_000_000))), 9)
         data = rng.choice((b"", b"a\0\0", b"a\0\1\0en\0b\0")) + data
     else:
-        data = mutate_bytes(data, rng)
+        data = _mutate_bytes(data, rng)
     chunks[k] = name, data
     if change == 5:
         chunks.insert(k, rng.choice(chunks))
@@ -219,7 +219,7 @@ def _png_chunk(content, _, rng):
     return _PNG + b"".join(parts)
 
 
-def mutate_bytes(content, rng):
+def _mutate_bytes(content, rng):
     """Return bytes with noise, without pieces of other files."""
     return rng.choice((_flip_bits, _overwrite, _truncate, _delete, _length))(content, (), rng)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -43,8 +44,13 @@ from omnidrive.robot import load_robot, named_robot, save_robot
 from omnidrive.robot.imports import import_robot
 from omnidrive.simulation.identification import identify_robot, read_log
 from omnidrive.study import load_scenario, paper_scenario, save_scenario
-from tests.robot.descriptions import MECANUM_CONTROLLER, OMNI_CONTROLLER, mecanum_urdf, omni_urdf
-from tests.robot.test_imports import MJCF
+from tests.robot.descriptions import (
+    MECANUM_CONTROLLER,
+    MJCF,
+    OMNI_CONTROLLER,
+    mecanum_urdf,
+    omni_urdf,
+)
 
 MOVINGAI = b"type octile\nheight 3\nwidth 4\nmap\n.@G.\nSTO.\n....\n"
 SCEN = b"version 1\n0\tm.map\t4\t3\t0\t0\t3\t2\t4.24264069\n1\tm.map\t4\t3\t3\t2\t0\t1\t3.41\n"
@@ -65,7 +71,13 @@ class Reader(NamedTuple):
     file: str
     valid: tuple[bytes, ...]
     read: Callable[[Path], object]
-    others: dict[str, bytes] = {}  # noqa: RUF012
+    others: Mapping[str, bytes] = MappingProxyType({})
+
+    def write(self, folder: Path, content: bytes) -> Path:
+        """Write the file and the further ones into a folder; return the path of the file."""
+        for name, each in (*self.others.items(), (self.file, content)):
+            (folder / name).write_bytes(each)
+        return folder / self.file
 
 
 @cache

@@ -29,11 +29,11 @@ def test_pipes_are_refused_at_once(tmp_path):
     for k, reader in enumerate(readers().values()):
         folder = tmp_path / str(k)
         folder.mkdir()
-        for file, valid in reader.others.items():
-            (folder / file).write_bytes(valid)
-        os.mkfifo(folder / reader.file)
+        pipe = reader.write(folder, b"")
+        pipe.unlink()
+        os.mkfifo(pipe)
         with pytest.raises(OmnidriveError, match="it is not a file but a pipe; save its content"):
-            reader.read(folder / reader.file)
+            reader.read(pipe)
 
 
 @pytest.mark.long

@@ -20,8 +20,14 @@ from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 from omnidrive.components.documentation import plain_text
 from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.components.parameters import Parameter, parameters_of
-from omnidrive.errors import PART_ERRORS, ComponentFailed, InvalidInput, OmnidriveError, suggestion
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import (
+    PART_ERRORS,
+    ComponentFailed,
+    InvalidInput,
+    OmnidriveError,
+    one_line,
+    suggestion,
+)
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _FRAMES = 3  # calls shown of a traceback
@@ -97,7 +103,7 @@ class Component:
         if len(arguments) < 2:
             return None
         owner: Any = self.factory
-        function = getattr(owner, "__init__") if isinstance(owner, type) else owner  # noqa: B009
+        function = owner.__init__ if inspect.isclass(owner) else owner
         with self.guarded():
             hints = get_type_hints(function)
         found = hints.get(arguments[1].name)
@@ -204,27 +210,25 @@ class Component:
         try:
             arguments = [p for p in signature(self.factory).parameters.values() if _is_passed(p)]
         except ValueError as error:  # of some built-in classes
-            raise InvalidInput(
-                f"the component '{one_line(self.name)}' cannot be called: {error}; need {_FORMS}"
-            ) from None
+            raise self._uncallable(str(error)) from None
         if len(arguments) > 2:
-            raise InvalidInput(
-                f"the component '{one_line(self.name)}' cannot be called: its arguments are "
-                f"{', '.join(p.name for p in arguments)}, need {_FORMS}"
-            )
+            raise self._uncallable(f"its arguments are {', '.join(p.name for p in arguments)}")
         is_context = self.group != "maps"  # a reader of maps is called with a path
         if is_context and arguments and arguments[0].annotation in _PLAIN_TYPES:
-            raise InvalidInput(
-                f"the component '{one_line(self.name)}' cannot be called: its argument "
-                f"{arguments[0].name} is a plain value, need {_FORMS}"
-            )
+            raise self._uncallable(f"its argument {arguments[0].name} is a plain value")
         return arguments
+
+    def _uncallable(self, fact: str) -> InvalidInput:
+        """Return the error about a factory with a wrong signature."""
+        return InvalidInput(
+            f"the component '{one_line(self.name)}' cannot be called: {fact}, need {_FORMS}"
+        )
 
 
 def failure_text(error: BaseException) -> str:
     """Return a colon, the innermost calls of the component's code and the exception, as text."""
     if isinstance(error, PydanticUserError):  # its other lines are advice to authors of models
-        return f": its parameters cannot be checked: {error.message.partition(chr(10))[0]}"
+        return f": its parameters cannot be checked: {error.message.splitlines()[0]}"
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)

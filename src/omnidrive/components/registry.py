@@ -15,8 +15,8 @@ from typing import Any
 
 from omnidrive.components.component import Component, failure_text
 from omnidrive.components.entry_points import Group, component_names, distribution_of, entries_of
-from omnidrive.errors import PART_ERRORS, InvalidInput, OmnidriveError, suggestion
-from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.errors import PART_ERRORS, InvalidInput, OmnidriveError, one_line, suggestion
+from omnidrive.files.bounded_file import read_bounded
 
 _MAX_CODE = 10_000_000  # bytes of a Python file
 
@@ -129,7 +129,8 @@ def _attribute(kind: str, name: str, module: ModuleType, attribute: str) -> Call
         )
     if not callable(found):
         raise InvalidInput(f"the {kind} '{one_line(name)}' is not a class or function")
-    return found  # type: ignore[no-any-return]
+    factory: Callable[..., Any] = found
+    return factory
 
 
 def _digest(module: ModuleType) -> str:
