@@ -14,6 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from figures import at_most, publish, row
 
@@ -110,7 +111,7 @@ def least(program: str, cache: Path, folder: Path, **variables: str) -> float:
     return min(seconds(program, cache, folder, **variables) for _ in range(3))
 
 
-def printed(program: str, folder: Path):
+def printed(program: str, folder: Path) -> Any:
     """Return the JSON that a program prints; its kernels are in a folder of their own."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "kernels")}
     done = subprocess.run(
