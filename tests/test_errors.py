@@ -1,6 +1,6 @@
-"""Ends of messages about unknown names."""
+"""Texts for messages."""
 
-from omnidrive.errors import suggestion
+from omnidrive.errors import kind_of, one_line, short_repr, suggestion
 
 
 def test_suggestion_is_the_closest_name_or_a_list():
@@ -11,3 +11,24 @@ def test_suggestion_is_the_closest_name_or_a_list():
 def test_names_of_a_file_are_shown_as_one_short_line():
     assert suggestion("x", ["a\nb", "c" * 5000]) == f"; there are a\\nb, {'c' * 57}..."
     assert suggestion("c" * 4990, ["c" * 5000]) == f"; did you mean '{'c' * 57}...'?"
+
+
+def test_text_is_escaped_to_one_line():
+    assert one_line("a\nb\x1b") == "a\\nb\\x1b"
+    assert one_line("x" * 400, 10) == "xxxxxxx..."
+
+
+class Nameless:
+    def __repr__(self):
+        raise ValueError
+
+
+def test_value_is_shown_in_one_short_line():
+    assert short_repr(["a\n"]) == "['a\\n']"
+    assert short_repr("x" * 400, 10) == "'xxxxxx..."
+    assert short_repr(Nameless()) == "a Nameless"
+
+
+def test_kind_of_a_value_has_its_article():
+    kinds = [kind_of(each) for each in (None, 1, "", dict)]
+    assert kinds == ["None", "an int", "a str", "the class dict"]

@@ -17,9 +17,9 @@ from omnidrive.control.pid import (
     TrackingParameters,
     no_tuning,
 )
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.estimation import EstimatorSettings
-from omnidrive.parameter import bounds_of, check_bounds
+from omnidrive.parameter import bounds_of, check_bounds, check_number
 from omnidrive.reference.shapes import Circle
 
 SMALL = od.named_robot("small")
@@ -55,6 +55,12 @@ def test_parameters_out_of_bounds_are_refused(name):
     make, message = CALLS[name]
     with pytest.raises(InvalidInput, match=re.escape(message)):
         make()
+
+
+@pytest.mark.parametrize("value", ["1", None, 1j, 10**5000], ids=kind_of)
+def test_argument_that_is_no_number_is_refused(value):
+    with pytest.raises(InvalidInput, match=r"^gain must be a number, got "):
+        check_number("gain", value, od.Bounds(0.0, 1.0))
 
 
 def test_parameters_in_a_scenario_are_checked():

@@ -1,4 +1,4 @@
-"""Exceptions of the package.
+"""Exceptions of the package, and texts for their messages.
 
 OmnidriveError
 ├── InvalidInput(ValueError)      an argument outside its documented domain
@@ -130,8 +130,6 @@ class RunFailed(OmnidriveError):
 PART_ERRORS = (Exception, SystemExit, GeneratorExit)
 """Exceptions by which a component, such as a user's controller, ends its own run only."""
 
-_LONGEST = 60  # characters of a name in messages
-
 
 def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:
     """Return the known name most similar to ``name``, None if the ratio is below ``cutoff``.
@@ -149,7 +147,7 @@ def suggestion(name: str, known: Iterable[str], *, most: int = 12) -> str:
     It is ``; did you mean 'a'?`` if a known name is similar, otherwise ``; there are a, b`` with at
     most ``most`` names. The names may come from a file: they are shown as one line, cut if long.
     """
-    names = [_shown(each) for each in known]
+    names = [one_line(each, 60) for each in known]
     near = closest(name, names)
     if near is not None:
         return f"; did you mean '{near}'?"
@@ -166,6 +164,19 @@ def kind_of(value: object) -> str:
     return f"an {name}" if name[0] in "aeiouAEIOU" or name == "ndarray" else f"a {name}"
 
 
-def _shown(name: str) -> str:
-    line = name if name.isprintable() else ascii(name)[1:-1]
-    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 3]}..."
+def one_line(text: str, limit: int = 300) -> str:
+    """Return ``text`` with unprintable characters escaped, truncated to ``limit`` characters."""
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[: limit + 1])
+    return line if len(line) <= limit else line[: limit - 3] + "..."
+
+
+def short_repr(value: object, limit: int = 60) -> str:
+    """Return the representation of a value for messages: one line of at most ``limit`` characters.
+
+    A value whose ``repr`` raises an exception is described by :func:`kind_of`.
+    """
+    try:
+        text = repr(value)
+    except Exception:  # of any class, also a user's
+        return kind_of(value)
+    return one_line(text, limit)

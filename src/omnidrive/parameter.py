@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast, get_type_hints
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from omnidrive.errors import InvalidInput, closest, kind_of
+from omnidrive.errors import InvalidInput, closest, kind_of, short_repr
 
 
 class Bounds(NamedTuple):
@@ -68,7 +68,7 @@ def check_bounds(parameters: object) -> None:
         check_number(name, getattr(parameters, name), bounds)
 
 
-def check_number(name: str, value: object, bounds: Bounds) -> None:
+def check_number(name: str, value: Any, bounds: Bounds) -> None:
     """Raise :class:`~omnidrive.errors.InvalidInput` unless ``value`` is a number within bounds.
 
     Args:
@@ -76,8 +76,8 @@ def check_number(name: str, value: object, bounds: Bounds) -> None:
         value: The argument to check; any object.
         bounds: Range and unit.
     """
-    if not isinstance(value, Real):
-        raise InvalidInput(f"{name} must be a number, got {value!r:.60}")
+    if not is_number(value):
+        raise InvalidInput(f"{name} must be a number, got {short_repr(value)}")
     try:
         bounds.check(float(value))
     except ValueError as error:
@@ -93,32 +93,24 @@ def check_choice(what: str, name: object, known: Collection[str]) -> None:
         known: The known names; the message lists them and suggests the closest.
     """
     if not isinstance(name, str):
-        raise InvalidInput(f"a {what} is one of {', '.join(known)}, got {name!r:.60}")
+        raise InvalidInput(f"a {what} is one of {', '.join(known)}, got {short_repr(name)}")
     if name not in known:
         near = closest(name, known)
         hint = f"; did you mean '{near}'?" if near else ""
-        raise InvalidInput(f"there is no {what} {name!r:.60}; there are {', '.join(known)}{hint}")
+        raise InvalidInput(
+            f"there is no {what} {short_repr(name)}; there are {', '.join(known)}{hint}"
+        )
 
 
 TIME_TOLERANCE = 1e-9
 """Tolerance, s, of comparisons between times that are multiples of different periods: both have
 rounding errors."""
+_SAMPLE_TIMES = Bounds(1e-9, 3600.0, "s")
 
 
-_SAMPLE_TIMES = (1e-9, 3600.0)  # s
-
-
-def check_sample_time(dt: Any) -> None:
-    """Check a sample time.
-
-    Raises:
-        InvalidInput: ``dt`` (s) is not a number from 1e-9 to 3600.
-    """
-    least, most = _SAMPLE_TIMES
-    if not is_number(dt):
-        raise InvalidInput(f"the sample time must be a number of seconds, got {dt!r:.60}")
-    if not least <= dt <= most:  # also NaN
-        raise InvalidInput(f"the sample time must be {least:g} to {most:g} s, got {dt:g} s")
+def check_sample_time(dt: object) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless ``dt`` is a number, 1e-9 to 3600 s."""
+    check_number("the sample time", dt, _SAMPLE_TIMES)
 
 
 Rule = tuple[Callable[[Any], bool], str]
@@ -138,7 +130,7 @@ def record_fault(record: object, cls: type, rules: Mapping[str, Rule]) -> str | 
     for name, (holds, need) in rules.items():
         value = getattr(record, name)
         if not holds(value):
-            return f"{name} of its {cls.__name__} is {_shown(value)}, need {need}"
+            return f"{name} of its {cls.__name__} is {short_repr(value)}, need {need}"
     return None
 
 
@@ -165,13 +157,4 @@ def is_number(value: Any) -> bool:
 
 def is_count(value: Any) -> bool:
     """Return whether ``value`` is a whole number from 0 to 2^31 - 1."""
-    return isinstance(value, int | Integral) and 0 <= int(value) < 2**31
-
-
-def _shown(value: object) -> str:
-    """Return the beginning of the representation of a value, or its type if it has none."""
-    try:
-        first, *_ = repr(value).splitlines() or [""]
-    except Exception:
-        return kind_of(value)
-    return first if len(first) <= 60 else f"{first[:57]}..."
+    return isinstance(value, Integral) and 0 <= int(value) < 2**31

@@ -250,7 +250,7 @@ def test_commands_agree_with_ipopt():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"dt": 0.0}, "the sample time must be 1e-09 to 3600 s, got 0 s"),
+        ({"dt": 0.0}, "the sample time is 0 s, need 1e-09 to 3600 s"),
         ({"horizon": 0}, "the horizon must be 1 to 1000 stages, got 0"),
         ({"horizon": 10**9}, "the horizon must be 1 to 1000 stages, got 1000000000"),
         ({"parameters": HolonomicParameters(position_weight=-1.0)}, "position_weight"),

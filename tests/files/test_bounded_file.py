@@ -1,15 +1,15 @@
-"""Bounded reading of files, and one-line texts for messages."""
+"""Bounded reading of files."""
 
 import os
 import socket
 import subprocess
 import sys
-import tracemalloc
 from pathlib import Path
 
 import pytest
 
-from omnidrive.files.bounded_file import one_line, open_file, read_bounded, read_head, short_repr
+from omnidrive.files.bounded_file import open_file, read_bounded, read_head
+from tests.memory import allocates_at_most
 
 
 class InvalidPlan(ValueError):
@@ -85,13 +85,10 @@ def test_standard_input_is_read_if_it_is_a_file(tmp_path):
 
 def test_memory_of_a_read_is_that_of_the_file(tmp_path):
     (tmp_path / "a").write_bytes(bytes(300_000))
-    tracemalloc.start()
-    with open_file(tmp_path / "a", "plan", InvalidPlan) as file:
+    with allocates_at_most(1e6), open_file(tmp_path / "a", "plan", InvalidPlan) as file:
         assert len(file.read(100_000)) == 100_000
         assert len(file.read(0xEFFF_FFFF)) == 200_000
         assert file.read(0xEFFF_FFFF) == b""
-    assert tracemalloc.get_traced_memory()[1] < 1_000_000
-    tracemalloc.stop()
 
 
 def test_read_errors_are_converted_and_others_propagate(tmp_path):
@@ -102,9 +99,3 @@ def test_read_errors_are_converted_and_others_propagate(tmp_path):
     with pytest.raises(ZeroDivisionError):  # noqa: SIM117
         with open_file(tmp_path / "a", "plan", InvalidPlan):
             raise ZeroDivisionError
-
-
-def test_text_is_escaped_to_one_line():
-    assert one_line("a\nb\x1b") == "a\\nb\\x1b"
-    assert one_line("x" * 400, 10) == "xxxxxxx..."
-    assert short_repr(["a\n"]) == "['a\\n']"

@@ -106,22 +106,26 @@ def test_what_a_power_failure_does_to_other_writers(tmp_path, monkeypatch):
     assert write("file") == ({b"old"}, {b"old"})
 
 
-def test_file_system_that_cannot_synchronise_folders(tmp_path, monkeypatch):
-    def refuse(descriptor):
-        raise OSError(errno.EINVAL, "Invalid argument")
+def fail_to_synchronise(monkeypatch, number):
+    """Let os.fsync fail with the number of an error."""
 
-    monkeypatch.setattr(os, "fsync", refuse)
+    def fail(descriptor):
+        """Raise the error."""
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fsync", fail)
+
+
+def test_file_system_that_cannot_synchronise_folders(tmp_path, monkeypatch):
+    fail_to_synchronise(monkeypatch, errno.EINVAL)
     with output_file(tmp_path / "a") as part:
         part.write_text("new")
     assert (tmp_path / "a").read_text() == "new"
 
 
 def test_disk_that_fails_late_is_reported(tmp_path, monkeypatch):
-    def fail(descriptor):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     (tmp_path / "a").write_text("old")
-    monkeypatch.setattr(os, "fsync", fail)
+    fail_to_synchronise(monkeypatch, errno.ENOSPC)
     with pytest.raises(CannotWrite, match=r"cannot write to .*a: No space left"):  # noqa: SIM117
         with output_file(tmp_path / "a") as part:
             part.write_text("new")

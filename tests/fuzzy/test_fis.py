@@ -3,7 +3,6 @@
 import os
 import re
 import time
-import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -26,6 +25,7 @@ from omnidrive.fuzzy.variables import (
 )
 from tests.examples import examples
 from tests.fuzzy.systems import PRINTABLE_NAMES, systems
+from tests.memory import allocates_at_most
 from tests.shared_data import shared
 
 MATLAB_SYSTEMS = {
@@ -466,13 +466,11 @@ def test_large_file_is_refused_unread(tmp_path):
     path = tmp_path / "huge.fis"
     with path.open("wb") as stream:
         stream.truncate(100_000_000)
-    tracemalloc.start()
-    try:
-        with pytest.raises(InvalidFuzzyFile, match="larger than the limit of 8 MB"):
-            load(path)
-        assert tracemalloc.get_traced_memory()[1] < 20_000_000
-    finally:
-        tracemalloc.stop()
+    with (
+        allocates_at_most(20e6),
+        pytest.raises(InvalidFuzzyFile, match="larger than the limit of 8 MB"),
+    ):
+        load(path)
 
 
 @pytest.mark.parametrize(

@@ -161,7 +161,7 @@ def test_malformed_command_is_refused(make, command, message):
 def test_invalid_duration_is_refused_and_changes_nothing(make, dt):
     plant, twist = make(named_robot("small")), BodyTwist(0.3, 0.1, 0.2)
     start = plant.reset(Pose(0.0, 0.0, 0.0))
-    with pytest.raises(InvalidInput, match="the sample time must be"):
+    with pytest.raises(InvalidInput, match=r"the sample time (is .* s, need|must be a number)"):
         type(plant).step.__wrapped__(plant, twist, dt)  # without type checks
     after = plant.step(twist, 0.1)
     plant.reset(start.pose)

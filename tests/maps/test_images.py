@@ -1,7 +1,6 @@
 """Images of maps: pixel formats, opacity, and malformed files."""
 
 import struct
-import tracemalloc
 import zlib
 from contextlib import suppress
 
@@ -15,6 +14,7 @@ from omnidrive.errors import InvalidMap
 from omnidrive.maps import load_nav2_map
 from tests.examples import examples
 from tests.maps.test_nav2 import write
+from tests.memory import allocates_at_most
 
 
 def image_map(folder, content):
@@ -55,11 +55,11 @@ def test_colours_are_reduced_to_luma(tmp_path):
 )
 def test_pixels_without_a_colour_in_the_palette_are_rejected(tmp_path, palette, entries):
     chunks = [] if palette is None else [(b"PLTE", palette)]
-    (tmp_path / "map.png").write_bytes(png(8, 3, b"\0\1", *chunks))
+    (tmp_path / "map.png").write_bytes(png(8, PALETTE, b"\0\1", *chunks))
     path = write(tmp_path, image="map.png")
     with pytest.raises(InvalidMap, match=f"map.png has no colour .* palette has {entries} entries"):
         load_nav2_map(path)
-    (tmp_path / "map.png").write_bytes(png(8, 3, b"\0\1", (b"PLTE", b"\0\0\0\xff\xff\xff")))
+    (tmp_path / "map.png").write_bytes(png(8, PALETTE, b"\0\1", BLACK_WHITE))
     assert load_nav2_map(path).occupied[0].tolist() == [True, False]
 
 
@@ -142,10 +142,8 @@ def test_length_of_a_chunk_allocates_no_memory(tmp_path):
     content = png(8, GREY, b"\xff\xff")
     at = content.index(b"IDAT")
     path = image_map(tmp_path, content[: at - 4] + b"\xef\xff\xff\xff" + content[at:])
-    tracemalloc.start()
-    assert load_nav2_map(path).occupied.tolist() == [[False, False]]
-    assert tracemalloc.get_traced_memory()[1] < 20_000_000
-    tracemalloc.stop()
+    with allocates_at_most(20e6):
+        assert load_nav2_map(path).occupied.tolist() == [[False, False]]
 
 
 IMAGES = [

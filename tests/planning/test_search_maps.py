@@ -1,13 +1,12 @@
 """Grid search on the shared benchmark maps and on large maps."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 
 from omnidrive.errors import NoPathFound
 from omnidrive.maps import OccupancyGrid, load_map, load_queries
 from omnidrive.planning import GridSearch, search
+from tests.memory import allocates_at_most
 from tests.shared_data import shared
 
 MAPS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20-10-2-1")
@@ -48,23 +47,15 @@ def test_memory_on_a_large_map_is_bounded(method):
     occupied = np.zeros((4096, 4096), bool)
     occupied[:, 4000] = True
     grid = OccupancyGrid(occupied, 0.05)
-    tracemalloc.start()
-    try:
-        with pytest.raises(NoPathFound, match=f"only {4096 * 4000} of {4096 * 4095} free cells"):
-            search(grid, (17, 5), (4000, 4095), method=method)
-        assert tracemalloc.get_traced_memory()[1] < 400e6
-    finally:
-        tracemalloc.stop()
+    message = f"only {4096 * 4000} of {4096 * 4095} free cells"
+    with allocates_at_most(400e6), pytest.raises(NoPathFound, match=message):
+        search(grid, (17, 5), (4000, 4095), method=method)
 
 
 @pytest.mark.parametrize("shape", [(1, 5_000_000), (5_000_000, 1), (2_500_000, 2)])
 @pytest.mark.parametrize("method", ["astar", "jump-point"])
 def test_memory_on_narrow_maps_is_bounded(shape, method):
     grid = OccupancyGrid(np.zeros(shape, bool), 1.0)
-    tracemalloc.start()
-    try:
+    with allocates_at_most(600e6):
         found = search(grid, (0, 0), (shape[0] - 1, shape[1] - 1), method=method)
-        assert tracemalloc.get_traced_memory()[1] < 600e6
-    finally:
-        tracemalloc.stop()
     assert len(found.cells) == max(shape)

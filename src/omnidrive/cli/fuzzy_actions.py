@@ -25,12 +25,11 @@ from omnidrive.cli.options import available_cores, choose_one, parse_coordinates
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, print_json, show, warn
 from omnidrive.compiled import announce_compiling
-from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.errors import InvalidInput, one_line, suggestion
 from omnidrive.evaluation.figures import control_surface, membership_figure, rule_viewer
 from omnidrive.evaluation.figures import save as save_figure
-from omnidrive.files.bounded_file import one_line
 from omnidrive.files.number_text import parse_number
-from omnidrive.files.output_file import write_errors
+from omnidrive.files.output_file import create_folder
 from omnidrive.fuzzy import (
     Footprint,
     FuzzySystem,
@@ -256,8 +255,7 @@ def _save_figures(inference: Inference, given: list[float] | None, folder: Path)
         warnings.filterwarnings("ignore", "Glyph")  # characters that the font does not have
         # BLAS may set floating-point flags without an error; Matplotlib's projection reports them
         warnings.filterwarnings("ignore", "overflow encountered in dot")
-        with write_errors(folder):
-            folder.mkdir(parents=True, exist_ok=True)
+        create_folder(folder)
         for name, draw in figures.items():
             save_figure(draw(), folder / f"{name}.png")
     return len(figures)

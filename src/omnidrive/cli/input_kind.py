@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from omnidrive.components import component_names
-from omnidrive.errors import InvalidInput
-from omnidrive.files.bounded_file import one_line, read_head
+from omnidrive.errors import InvalidInput, one_line
+from omnidrive.files.bounded_file import read_head
 from omnidrive.study.output_paths import WAYPOINT_FORMATS
 
 Kind = Literal["map", "waypoints", "scenario"]

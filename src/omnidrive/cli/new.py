@@ -16,8 +16,7 @@ from omnidrive.cli.completion import component, one_of
 from omnidrive.cli.options import RESULTS_PANEL, choose_one, option
 from omnidrive.cli.terminal import show
 from omnidrive.components import component_names
-from omnidrive.errors import InvalidInput
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidInput, one_line
 from omnidrive.files.output_file import output_file
 
 Kind = Literal["controller", "plant", "robot"]

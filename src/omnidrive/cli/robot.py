@@ -13,8 +13,7 @@ from omnidrive.cli.completion import component
 from omnidrive.cli.options import ForceOption, JsonOption, choice, option, verb_group
 from omnidrive.cli.terminal import conclude, print_json, warn
 from omnidrive.cli.terminal import show as print_line
-from omnidrive.errors import InvalidInput
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidInput, one_line
 
 if TYPE_CHECKING:
     from omnidrive.simulation.identification import Estimate

@@ -15,8 +15,7 @@ from omnidrive.components.component import Component
 from omnidrive.components.entry_points import Group, component_names
 from omnidrive.components.fields import plain
 from omnidrive.components.registry import find_component
-from omnidrive.errors import InvalidInput, MissingExtra
-from omnidrive.files.bounded_file import short_repr
+from omnidrive.errors import InvalidInput, MissingExtra, short_repr
 
 _OBJECT = "Python object"  # origin of a component that was not found by a name
 ALLOW_CODE = "allow_code"

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from omnidrive.errors import InvalidInput
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidInput, one_line
 
 _MAX_LENGTH = 2000
 

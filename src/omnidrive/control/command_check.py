@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from omnidrive.control.controller import Command, CommandValue, Status, WheelSpeeds, WheelTorques
-from omnidrive.errors import kind_of
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import kind_of, short_repr
 from omnidrive.geometry import BodyTwist, WorldTwist
 from omnidrive.parameter import are_numbers
 
@@ -57,11 +56,11 @@ def command_fault(command: object, details: int | None) -> str | None:
 def _value_fault(value: CommandValue) -> str | None:
     """Return what is wrong with the numbers of a command; None: nothing."""
     if not are_numbers(value):
-        return f"its {_noun(value)} not of numbers: {_shown(value)}"
+        return f"its {_noun(value)} not of numbers: {short_repr(value, 100)}"
     for number in value:
         if not -MAX_COMMAND <= number <= MAX_COMMAND:
             fact = "too large" if number - number == 0 else "not finite"
-            return f"its {_noun(value)} {fact}: {_shown(value)}"
+            return f"its {_noun(value)} {fact}: {short_repr(value, 100)}"
     return None
 
 
@@ -78,16 +77,8 @@ def _details_fault(logged: object, details: int | None) -> str | None:
     if len(logged) not in {0, details}:
         return f"its command holds {len(logged)} details, its detail_units {details}"
     if not are_numbers(logged):
-        return f"the details of its command are not all numbers: {_shown(logged)}"
+        return f"the details of its command are not all numbers: {short_repr(logged, 100)}"
     return None
-
-
-def _shown(value: object) -> str:
-    """Return a short representation of a value, which may not have one."""
-    try:
-        return one_line(repr(value), 100)
-    except Exception:
-        return kind_of(value)
 
 
 def _way_out(value: object) -> str:

@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 
 from omnidrive.evaluation.table import NO_VALUE, Table
-from omnidrive.files.output_file import output_file, write_errors
+from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.files.str_path import StrPath, to_path
 
 _PLUS_MINUS = " ± "
@@ -34,8 +34,7 @@ def write_tables(tables: Iterable[Table], folder: StrPath) -> Iterator[Path]:
         CannotWrite: A file cannot be written.
     """
     folder = to_path(folder)
-    with write_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    create_folder(folder)
     for table in tables:
         for suffix, text in ((".tex", latex_text(table)), (".csv", csv_text(table))):
             path = folder / f"{table.stem}{suffix}"

@@ -1,1 +1,1 @@
-"""Bounded reading of untrusted files."""
+"""Bounded reading of untrusted files, and outputs that are complete or absent."""

@@ -8,7 +8,9 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
+
+from omnidrive.errors import one_line
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -96,17 +98,6 @@ def read_bounded(
     if len(content) > most:
         raise error_type(f"{one_line(str(path))} {excess}")
     return content
-
-
-def short_repr(value: Any) -> str:
-    """Return the representation of a value for messages: one line of at most 60 characters."""
-    return one_line(repr(value), 60)
-
-
-def one_line(text: str, limit: int = 300) -> str:
-    """Return ``text`` with unprintable characters escaped, truncated to ``limit`` characters."""
-    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[: limit + 1])
-    return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
 def _unreadable(path: Path, kind: str, error_type: type[Exception], error: Exception) -> Exception:

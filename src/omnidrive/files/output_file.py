@@ -13,8 +13,7 @@ from itertools import count
 from pathlib import Path
 from platform import node
 
-from omnidrive.errors import CannotWrite, OmnidriveError
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import CannotWrite, OmnidriveError, one_line
 
 _COMPUTER = sha256(node().encode()).hexdigest()[:8]
 _NUMBERS = count()
@@ -50,6 +49,16 @@ def output_file(path: Path, advice: str = _ADVICE) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def create_folder(path: Path) -> None:
+    """Create a folder, and those above it, unless it exists.
+
+    Raises:
+        CannotWrite: It cannot be created.
+    """
+    with write_errors(path):
+        path.mkdir(parents=True, exist_ok=True)
+
+
 def remove_abandoned(folder: Path, name: str | None = None) -> None:
     """Remove the temporary files in a folder that killed processes of this computer left.
 
@@ -74,7 +83,7 @@ def _is_alive(process: int) -> bool:
     except (ProcessLookupError, OverflowError):
         return False
     except OSError:  # of another user
-        return True
+        pass
     return True
 
 

@@ -6,8 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from omnidrive.errors import InvalidInput
-from omnidrive.files.bounded_file import short_repr
+from omnidrive.errors import InvalidInput, short_repr
 
 StrPath = str | os.PathLike[str]
 """Path of a file or folder, as every public function accepts it."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import yaml
 
-from omnidrive.files.bounded_file import one_line, read_bounded, short_repr
+from omnidrive.errors import one_line, short_repr
+from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.number_text import parse_number
 
 _MAX_BYTES = 100_000

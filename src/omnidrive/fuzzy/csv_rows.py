@@ -16,8 +16,8 @@ from jaxtyping import Float
 from pyarrow import csv as arrow
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.files.bounded_file import one_line, open_file, short_repr
+from omnidrive.errors import InvalidInput, one_line, short_repr, suggestion
+from omnidrive.files.bounded_file import open_file
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.output_file import output_file
 from omnidrive.fuzzy.inference import Inference

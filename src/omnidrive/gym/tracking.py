@@ -13,9 +13,8 @@ from gymnasium import spaces
 from jaxtyping import Float32, UInt8
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, short_repr
 from omnidrive.estimation import LatestFix, StateEstimator
-from omnidrive.files.bounded_file import short_repr
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.gym.observation import ObservationModel, top_speed
 from omnidrive.gym.renderer import Renderer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omnidrive.choices import Unknown
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, check_unknown, occupied

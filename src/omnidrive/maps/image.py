@@ -12,8 +12,8 @@ from PIL import Image, UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import one_line, open_file
+from omnidrive.errors import InvalidMap, one_line
+from omnidrive.files.bounded_file import open_file
 from omnidrive.maps.map_file import MAX_CELLS
 
 _FORMATS = ("PPM", "PNG", "BMP")  # PPM: PGM and PBM as well
@@ -53,7 +53,7 @@ def _decode(content: BinaryIO, name: str) -> Pixels:
         warnings.simplefilter("ignore")  # Pillow warns about sizes that are rejected below
         with Image.open(content, formats=_FORMATS) as image:
             if image.width * image.height > MAX_CELLS:
-                raise InvalidMap(f"{name} has more than {MAX_CELLS:,} cells; crop it")
+                raise Image.DecompressionBombError
             return _pixels(image, name)
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from omnidrive.choices import Unknown
 from omnidrive.components import Component, component_names, find_component
-from omnidrive.errors import InvalidMap, OmnidriveError, closest
-from omnidrive.files.bounded_file import one_line, read_head, short_repr
+from omnidrive.errors import InvalidMap, OmnidriveError, closest, one_line, short_repr
+from omnidrive.files.bounded_file import read_head
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.ascii import ASCII_CELLS
 from omnidrive.maps.grid import OccupancyGrid

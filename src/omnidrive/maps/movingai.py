@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidMap, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, OCCUPIED, occupied

@@ -12,8 +12,7 @@ from PIL import Image
 
 from omnidrive.arrays import Array
 from omnidrive.choices import Unknown
-from omnidrive.errors import InvalidMap, closest
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidMap, closest, one_line, short_repr
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path

@@ -12,8 +12,8 @@ from numpy.lib import format as npy
 
 from omnidrive.arrays import Array
 from omnidrive.choices import Unknown
-from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import one_line, open_file, short_repr
+from omnidrive.errors import InvalidMap, one_line, short_repr
+from omnidrive.files.bounded_file import open_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, check_unknown, occupied

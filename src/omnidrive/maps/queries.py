@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidMap, one_line, short_repr
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.grid import OccupancyGrid

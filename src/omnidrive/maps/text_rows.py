@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidMap
-from omnidrive.files.bounded_file import short_repr
+from omnidrive.errors import InvalidMap, short_repr
 from omnidrive.maps.map_file import check_size
 
 _NEW_LINE = ord("\n")

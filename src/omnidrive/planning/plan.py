@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 import numpy as np
 
 from omnidrive.choices import HeuristicName, MethodName, SmoothingName
-from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
-from omnidrive.files.bounded_file import short_repr
+from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound, short_repr
 from omnidrive.geometry import check_heading
 from omnidrive.maps import OccupancyGrid
 from omnidrive.notebook import facts_html

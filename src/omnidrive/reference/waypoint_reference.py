@@ -6,8 +6,7 @@ from math import ceil
 
 import numpy as np
 
-from omnidrive.errors import InvalidReference
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidReference, one_line
 from omnidrive.files.str_path import StrPath
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference.limits import MotionLimits

@@ -9,8 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from omnidrive.components import component_names, find_component
-from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidInput, one_line, suggestion
 from omnidrive.robot.robot import Robot
 from omnidrive.robot.robot_file import is_robot_file, load_robot
 

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from omnidrive.errors import InvalidInput, InvalidRobot, suggestion
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidInput, InvalidRobot, one_line, short_repr, suggestion
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path

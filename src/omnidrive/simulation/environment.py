@@ -10,10 +10,17 @@ from typing import Any, cast
 from omnidrive.control import CommandValue, pipeline
 from omnidrive.control.supervision import Event
 from omnidrive.control.time_limit import SharedTimer, TimedOut, TimeLimit
-from omnidrive.errors import PART_ERRORS, InvalidInput, OmnidriveError, PlantLost, kind_of
+from omnidrive.errors import (
+    PART_ERRORS,
+    InvalidInput,
+    OmnidriveError,
+    PlantLost,
+    kind_of,
+    one_line,
+    short_repr,
+)
 from omnidrive.estimation import SensorReadings
 from omnidrive.estimation.readings import readings_fault
-from omnidrive.files.bounded_file import one_line, short_repr
 from omnidrive.geometry import Pose
 from omnidrive.parameter import are_finite
 from omnidrive.reference import Reference

@@ -12,8 +12,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from omnidrive.control.supervision import Event
-from omnidrive.errors import InvalidInput, MissingExtra
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidInput, MissingExtra, one_line
 from omnidrive.files.output_file import output_file
 from omnidrive.simulation.log_columns import LogColumn
 from omnidrive.simulation.mcap_log import mcap_writer, write_mcap

@@ -24,9 +24,8 @@ from omnidrive.control import (
 from omnidrive.control.controller import check_controller
 from omnidrive.control.pipeline import PartFailed
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, one_line
 from omnidrive.estimation import LatestFix, State, StateEstimator
-from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import are_finite, check_sample_time
 from omnidrive.reference import Reference

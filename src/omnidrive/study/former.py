@@ -6,7 +6,7 @@ import re
 import warnings
 from typing import Any
 
-from omnidrive.files.bounded_file import short_repr
+from omnidrive.errors import short_repr
 from omnidrive.study.section import Renamed, current_name
 
 OLD_CONTROLLERS = {"nmpc": "unicycle-nmpc", "recommended": "holonomic-nmpc"}

@@ -13,8 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import CannotWrite, InvalidInput, one_line
 from omnidrive.files.output_file import remove_abandoned, write_errors
 from omnidrive.files.str_path import StrPath, to_path
 

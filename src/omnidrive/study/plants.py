@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from omnidrive.components import configure
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import one_line
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot

@@ -13,8 +13,7 @@ from pydantic import ValidationError
 from omnidrive.choices import WAYPOINTS
 from omnidrive.components.configured import ALLOW_CODE
 from omnidrive.components.fields import field_names, field_type, plain
-from omnidrive.errors import InvalidScenario, suggestion
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidScenario, one_line, short_repr, suggestion
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml

@@ -13,8 +13,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from omnidrive.arrays import Array
-from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import CannotWrite, InvalidInput, one_line
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.geometry import Pose

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from omnidrive.errors import InvalidInput, suggestion
+from omnidrive.errors import InvalidInput, short_repr, suggestion
 from omnidrive.evaluation.figures.comparison import heading_comparison, horizon_bars, xy_comparison
 from omnidrive.evaluation.figures.effort import effort
 from omnidrive.evaluation.figures.gain_history import gain_history, step_gain_history
@@ -18,8 +18,7 @@ from omnidrive.evaluation.figures.step_response import step_response
 from omnidrive.evaluation.figures.style import figure_style, save
 from omnidrive.evaluation.figures.tracking_error import tracking_error
 from omnidrive.evaluation.results import StudyResults
-from omnidrive.files.bounded_file import short_repr
-from omnidrive.files.output_file import write_errors
+from omnidrive.files.output_file import create_folder
 from omnidrive.files.str_path import StrPath, to_path
 
 Draw = Callable[[StudyResults], Figure | None]
@@ -97,8 +96,7 @@ def write_figures(results: StudyResults, folder: StrPath) -> Iterator[Path]:
         CannotWrite: A file cannot be written.
     """
     folder = to_path(folder)
-    with write_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    create_folder(folder)
     for name, figure in draw_figures(results):
         for suffix in ("svg", "pdf"):
             path = folder / f"{name}.{suffix}"

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from omnidrive.errors import InvalidFuzzyFile, InvalidInput
-from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.errors import InvalidFuzzyFile, InvalidInput, one_line
+from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl

@@ -16,8 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidReference, suggestion
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidReference, one_line, short_repr, suggestion
 from omnidrive.files.number_text import parse_number
 from omnidrive.planning import Path
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, MAX_VALUE

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omnidrive.errors import InvalidReference, suggestion
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidReference, one_line, short_repr, suggestion
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, MAX_VALUE
 from omnidrive.reference.waypoints.text_file import read_text
 

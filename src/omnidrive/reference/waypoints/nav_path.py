@@ -13,8 +13,7 @@ from math import atan2, cos, hypot, sin
 
 import numpy as np
 
-from omnidrive.errors import InvalidReference
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidReference, one_line
 from omnidrive.files.yaml_file import read_yaml_documents
 from omnidrive.planning import Path
 from omnidrive.reference.waypoints.field import Field

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnidrive.errors import InvalidReference
-from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.errors import InvalidReference, one_line
+from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.output_file import output_file
 
 MAX_BYTES = 10_000_000

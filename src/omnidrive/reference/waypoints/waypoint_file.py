@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.errors import InvalidReference
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidReference, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.planning import Path
 from omnidrive.reference.limit_sampling import MIN_ADDED_STEP, sample_within_limits

@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidRobot
-from omnidrive.files.bounded_file import short_repr
+from omnidrive.errors import InvalidRobot, short_repr
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.position import Position
 from omnidrive.files.xml_elements import Element

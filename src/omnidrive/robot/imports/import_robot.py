@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import get_args
 
 from omnidrive.choices import RobotFormat
-from omnidrive.errors import InvalidInput, InvalidRobot, suggestion
-from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.errors import InvalidInput, InvalidRobot, one_line, suggestion
+from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.xml_elements import Element, read_xml
 from omnidrive.files.yaml_file import read_yaml

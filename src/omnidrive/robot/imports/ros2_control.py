@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from math import cos, isfinite, pi, sin
 from typing import Any, NamedTuple
 
-from omnidrive.errors import InvalidRobot
-from omnidrive.files.bounded_file import one_line, short_repr
+from omnidrive.errors import InvalidRobot, one_line, short_repr
 from omnidrive.robot.imports.draft import RobotDraft, mecanum_roller
 from omnidrive.robot.mount import Mount
 from omnidrive.robot.robot import MAX_WHEELS

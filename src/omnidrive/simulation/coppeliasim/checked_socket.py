@@ -7,8 +7,7 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
-from omnidrive.errors import PlantLost
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import PlantLost, one_line
 from omnidrive.simulation.coppeliasim.cbor import MAX_BYTES, is_harmless
 from omnidrive.simulation.coppeliasim.request_socket import InvalidReply, RequestSocket
 

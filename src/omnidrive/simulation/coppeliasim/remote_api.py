@@ -8,8 +8,7 @@ from math import isfinite, nan
 from types import ModuleType
 from typing import Any
 
-from omnidrive.errors import InvalidScene, MissingExtra, PlantLost
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import InvalidScene, MissingExtra, PlantLost, one_line
 from omnidrive.simulation.coppeliasim.checked_socket import CheckedSocket
 
 _MAX_INTEGER = 2**53  # larger integers are neither handles nor measurements

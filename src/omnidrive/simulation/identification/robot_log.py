@@ -13,8 +13,8 @@ import pyarrow.parquet
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.files.bounded_file import one_line, read_bounded
+from omnidrive.errors import InvalidInput, one_line, suggestion
+from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.str_path import StrPath, to_path
 
 _COMMAND = ("command_vx", "command_vy", "command_yaw_rate")
