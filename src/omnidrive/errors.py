@@ -25,6 +25,7 @@ Messages state the fact and how to correct it.
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -129,6 +130,11 @@ class RunFailed(OmnidriveError):
 
 PART_ERRORS = (Exception, SystemExit, GeneratorExit)
 """Exceptions by which a component, such as a user's controller, ends its own run only."""
+
+
+def traceback_text(error: BaseException) -> str:
+    """Return the traceback of a component's exception, with the innermost four calls only."""
+    return "".join(traceback.format_exception(error, limit=-4)).rstrip()
 
 
 def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:

@@ -6,11 +6,11 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from omnidrive.control import FeedforwardController
+from omnidrive.control import FeedforwardController, pipeline
 from omnidrive.errors import InvalidInput, PlantLost
-from omnidrive.estimation import PoseFix, SensorReadings
+from omnidrive.estimation import LatestFix, PoseFix, SensorReadings
 from omnidrive.geometry import BodyTwist, Pose
-from omnidrive.reference import Hold
+from omnidrive.reference import Hold, Setpoint
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
     KinematicPlant,
@@ -18,6 +18,7 @@ from omnidrive.simulation import (
     PerfectSensors,
     PlantState,
     environment,
+    guard,
     simulate,
 )
 
@@ -53,29 +54,22 @@ class Bad:
         return self.value
 
 
+def spoiled(part, method, value):
+    """Return a class with a method that misbehaves, which is not type-checked at run time."""
+    bad, original = Bad(value), getattr(part, method)
+    replaced = {method: lambda self, *given: bad(lambda: original(self, *given))}
+    return type(part.__name__, (part,), replaced)
+
+
 def plant_with(value, method="step"):
-    bad = Bad(value)
-
-    class Plant(KinematicPlant):
-        """A plant of a user, without run-time type checks."""
-
-    original = getattr(KinematicPlant, method)
-    setattr(Plant, method, lambda self, *given: bad(lambda: original(self, *given)))
-    return Plant(SMALL)
+    return spoiled(KinematicPlant, method, value)(SMALL)
 
 
-def sensors_with(value, method="read"):
-    bad = Bad(value)
-
-    class Sensors(PerfectSensors):
-        """Sensors of a user."""
-
-    original = getattr(PerfectSensors, method)
-    setattr(Sensors, method, lambda self, *given: bad(lambda: original(self, *given)))
-    return Sensors()
+def sensors_with(value):
+    return spoiled(PerfectSensors, "read", value)()
 
 
-def run(plant=None, sensors=None, reference=None):
+def run(plant=None, sensors=None, reference=None, estimator=None):
     return simulate(
         plant or KinematicPlant(SMALL),
         FeedforwardController(DT),
@@ -83,6 +77,7 @@ def run(plant=None, sensors=None, reference=None):
         start=START,
         dt=DT,
         sensors=sensors,
+        estimator=estimator,
     )
 
 
@@ -155,7 +150,7 @@ def endless():
 
 @pytest.mark.parametrize("stall", [stalled, endless])
 def test_stalled_part_is_ended_with_its_log(monkeypatch, stall):
-    monkeypatch.setattr(environment, "PART_TIMEOUT", 0.2)
+    monkeypatch.setattr(guard, "PART_TIMEOUT", 0.2)
     monkeypatch.setattr(environment, "_SLOWEST", 0.0)
     began = time.monotonic()
     log = run(plant_with(stall))
@@ -204,6 +199,44 @@ def test_failed_start_has_one_row(value, reason):
             raise value
 
     check(run(sensors=Silent()), Outcome.SENSORS_FAILED, reason, 1)
+
+
+@pytest.mark.parametrize(
+    ("target", "reason"),
+    [
+        (SystemExit(3), "SystemExit: 3"),
+        (InvalidInput("no map"), "no map"),
+        (None, "AttributeError: 'NoneType' object has no attribute 'pose'"),
+        (Setpoint((0.0, 0.0, 0.0), REST), "its setpoint holds a tuple, not a Pose"),
+        (Setpoint(Pose("0", 0.0, "90"), REST), "TypeError: must be real number, not str"),
+        (Setpoint(Pose(0.0, 0.0, inf), REST), "its pose at 0 s is not finite"),
+        (time.sleep, "its pose at 0 s took longer than 0.2 s"),
+    ],
+)
+def test_faulty_reference_ends_the_run_at_its_start(monkeypatch, target, reason):
+    class Faulty:
+        duration = 1.0
+
+        def at(self, t):
+            if isinstance(target, BaseException):
+                raise target
+            return target(60.0) if callable(target) else target
+
+        def window(self, t, n, dt):
+            raise NotImplementedError
+
+    monkeypatch.setattr(guard, "PART_TIMEOUT", 0.2)
+    check(run(reference=Faulty()), Outcome.REFERENCE_FAILED, reason, 1)
+
+
+def test_stalled_reset_of_an_estimator_is_a_failure_of_the_estimator(monkeypatch):
+    class Stalled(LatestFix):
+        def reset(self, pose):
+            time.sleep(60.0)
+
+    monkeypatch.setattr(pipeline, "STEP_TIMEOUT", 0.01)
+    log = run(estimator=Stalled())
+    check(log, Outcome.ESTIMATOR_FAILED, "its reset took longer than 0.4 s", 1)
 
 
 @pytest.mark.parametrize("duration", [nan, inf, -1.0, None, "1"])

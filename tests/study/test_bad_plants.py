@@ -16,7 +16,7 @@ from omnidrive.control import pipeline as pipeline_module
 from omnidrive.errors import InvalidInput, PlantLost
 from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import BodyTwist, Pose
-from omnidrive.simulation import KinematicPlant, Outcome, PlantState, environment
+from omnidrive.simulation import KinematicPlant, Outcome, PlantState, environment, guard
 from omnidrive.study.scenario_sections import SensorsSection
 from tests.study.test_bad_parts import assert_equal, logs
 
@@ -158,7 +158,7 @@ QUICK = ("plant-refuses", "plant-list", "plant-sleeps", "plant-close", "plant-ch
 def test_bad_plants_and_estimators_end_their_own_run_only(monkeypatch, caplog, kinds):
     alone = study(())
     monkeypatch.setattr(pipeline_module, "STEP_TIMEOUT", 0.1)
-    monkeypatch.setattr(environment, "PART_TIMEOUT", 0.3)
+    monkeypatch.setattr(guard, "PART_TIMEOUT", 0.3)
     monkeypatch.setattr(environment, "_SLOWEST", 0.0)
     with caplog.at_level(logging.WARNING):
         found = study(kinds)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite, nan
@@ -21,7 +20,7 @@ from omnidrive.control.controller import (
 )
 from omnidrive.control.supervision import NullSupervisor, Supervisor
 from omnidrive.control.time_limit import TimedOut, TimeLimit
-from omnidrive.errors import PART_ERRORS, InvalidInput, kind_of
+from omnidrive.errors import PART_ERRORS, InvalidInput, kind_of, traceback_text
 from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
 from omnidrive.estimation.state import LARGEST, state_fault
 from omnidrive.geometry import BodyTwist, Pose
@@ -31,7 +30,6 @@ from omnidrive.reference import Reference
 _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
 _REST = BodyTwist(0.0, 0.0, 0.0)
 _STOP = Command(_REST)
-_FRAMES = 4  # calls shown of a traceback
 
 STEP_TIMEOUT = 30.0
 """Wall-clock time, s, after which a call of ``Controller.step`` counts as stalled: so long that no
@@ -108,7 +106,7 @@ class Pipeline:
 
         Raises:
             InvalidInput: The pose is not usable.
-            PartFailed: A part raises an exception, which is the cause.
+            PartFailed: A part stalls, or raises an exception, which is the cause.
         """
         self._estimate = self._state = State(0.0, pose)
         if not self._state.is_usable:
@@ -116,17 +114,21 @@ class Pipeline:
         self._previous, self._computed, self._stalled = _STOP, None, ""
         self.detail_units = {}
         part: Part = "estimator"
+        seconds = 40.0 * STEP_TIMEOUT  # the parts may compile kernels
         try:
-            self.estimator.reset(pose)
-            part = "controller"
-            self.controller.reset(self._state)
-            part = "supervisor"
-            self.supervisor.reset(self.controller)
-            part = "controller"
-            if isinstance(self.controller, DetailedController):
-                self.detail_units = _checked_units(self.controller.detail_units)
+            with TimeLimit(seconds):
+                self.estimator.reset(pose)
+                part = "controller"
+                self.controller.reset(self._state)
+                part = "supervisor"
+                self.supervisor.reset(self.controller)
+                part = "controller"
+                if isinstance(self.controller, DetailedController):
+                    self.detail_units = _checked_units(self.controller.detail_units)
+        except TimedOut:
+            raise PartFailed(part, f"its reset took longer than {seconds:g} s") from None
         except PART_ERRORS as error:
-            raise PartFailed(part, _traceback()) from error
+            raise PartFailed(part, traceback_text(error)) from error
 
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
         """Estimate and check the state at ``t`` (s) without a command, as at the end of a run.
@@ -148,8 +150,8 @@ class Pipeline:
             return self._failure(part, target, reason)
         except _Malformed as error:
             return self._failure(part, target, str(error))
-        except PART_ERRORS:
-            return self._failure(part, target, _traceback())
+        except PART_ERRORS as error:
+            return self._failure(part, target, traceback_text(error))
         return PipelineStep(state, target, _STOP._replace(status=status))
 
     def step(
@@ -184,8 +186,8 @@ class Pipeline:
             return PipelineStep(observed.state, observed.target, command, step_time, "controller")
         try:
             command = self.supervisor.limit(command, dt)
-        except PART_ERRORS:
-            return self._failure("supervisor", observed.target, _traceback())
+        except PART_ERRORS as error:
+            return self._failure("supervisor", observed.target, traceback_text(error))
         return PipelineStep(observed.state, observed.target, command, step_time)
 
     def _update(self, t: float, readings: SensorReadings) -> tuple[State, Status]:
@@ -216,8 +218,8 @@ class Pipeline:
             in_time = limit.armed or perf_counter() - begin < seconds
         except TimedOut:
             in_time = False
-        except PART_ERRORS:
-            return _STOP._replace(status=Status.FAILED, message=_traceback()), nan
+        except PART_ERRORS as error:
+            return _STOP._replace(status=Status.FAILED, message=traceback_text(error)), nan
         if not in_time:
             self._stalled = f"its step at {t:g} s took longer than {seconds:g} s"
             return self._aged_command(t), step_time
@@ -246,11 +248,11 @@ class Pipeline:
 
 
 class PartFailed(Exception):
-    """A part of a pipeline raised an exception at the start of a run.
+    """A part of a pipeline raised an exception or stalled at the start of a run.
 
     Attributes:
         part: The part.
-        message: Traceback of the exception.
+        message: Traceback of the exception, or a sentence about the call that stalled.
     """
 
     def __init__(self, part: Part, message: str) -> None:
@@ -284,8 +286,3 @@ def _checked_units(units: object) -> dict[str, str]:
     if isinstance(units, Mapping) and all(isinstance(v, str) for kv in units.items() for v in kv):
         return dict(units)
     raise TypeError(f"detail_units must map names to units, both texts; it is {kind_of(units)}")
-
-
-def _traceback() -> str:
-    """Return the traceback of the current exception, with its innermost calls only."""
-    return traceback.format_exc(limit=-_FRAMES).rstrip()

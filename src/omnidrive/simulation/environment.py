@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import traceback
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any, cast
 
-from omnidrive.control import CommandValue, pipeline
+from omnidrive.control import CommandValue
 from omnidrive.control.supervision import Event
-from omnidrive.control.time_limit import SharedTimer, TimedOut, TimeLimit
-from omnidrive.errors import (
-    PART_ERRORS,
-    InvalidInput,
-    OmnidriveError,
-    PlantLost,
-    kind_of,
-    one_line,
-    short_repr,
-)
+from omnidrive.errors import InvalidInput, kind_of, short_repr
 from omnidrive.estimation import SensorReadings
 from omnidrive.estimation.readings import readings_fault
 from omnidrive.geometry import Pose
 from omnidrive.parameter import are_finite
 from omnidrive.reference import Reference
+from omnidrive.simulation import guard
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.disturbances import Disturbances
+from omnidrive.simulation.guard import Guard, RunEnded
 from omnidrive.simulation.plant import (
     DisturbablePlant,
     Plant,
@@ -36,97 +27,7 @@ from omnidrive.simulation.plant import (
 from omnidrive.simulation.run import Outcome
 from omnidrive.simulation.sensors import Sensors
 
-PART_TIMEOUT = 120.0
-"""Wall-clock time, s, after which a call of a plant or of sensors counts as stalled. The first call
-may compile kernels."""
 _SLOWEST = 20.0  # wall-clock time per simulated time of the slowest plant
-_FRAMES = 4  # calls shown of a traceback
-_MAX_REASON = 500  # characters
-
-
-class RunEnded(Exception):
-    """The run ends before its reference.
-
-    Attributes:
-        outcome: Why the run ends.
-        reason: Reason in one line; may be empty.
-        traceback: Traceback of the exception of a part; empty without one.
-    """
-
-    def __init__(self, outcome: Outcome, reason: str = "", traceback_: str = "") -> None:
-        super().__init__(reason)
-        self.outcome, self.reason, self.traceback = outcome, reason, traceback_
-
-
-def run_timer() -> SharedTimer:
-    """Return the timer for the time limits of all calls of a run."""
-    return SharedTimer(min(pipeline.STEP_TIMEOUT, PART_TIMEOUT) / 10.0)
-
-
-class Guard:
-    """Context manager that ends the run for an exception of a user's part in its block.
-
-    Args:
-        outcome: Outcome of the run after an exception other than :class:`PlantLost`.
-        starting: Whether an :class:`OmnidriveError` is raised as it is: before the first step it
-            concerns every run.
-        call: Name of the call, for the message about a part that stalls.
-        t: Time of the call, s, for that message; None: before the first sample.
-        limit: Longest wall-clock time of the block, s, see :class:`TimeLimit`; None: no limit.
-
-    Raises:
-        RunEnded: In place of the exception.
-    """
-
-    __slots__ = ("_call", "_limit", "_outcome", "_seconds", "_starting", "_t")
-
-    def __init__(
-        self,
-        outcome: Outcome,
-        *,
-        starting: bool = False,
-        call: str = "",
-        t: float | None = None,
-        limit: float | None = None,
-    ) -> None:
-        self._outcome, self._starting, self._call, self._t = outcome, starting, call, t
-        self._seconds, self._limit = limit, TimeLimit(limit) if limit is not None else None
-
-    def __enter__(self) -> None:
-        if self._limit is not None:
-            self._limit.__enter__()
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._limit is not None:
-            self._limit.__exit__()
-        if error is None:
-            return
-        if isinstance(error, PlantLost):
-            raise RunEnded(Outcome.PLANT_LOST, one_line(str(error), _MAX_REASON)) from None
-        if isinstance(error, OmnidriveError) and not self._starting:
-            raise RunEnded(self._outcome, one_line(str(error), _MAX_REASON)) from None
-        if isinstance(error, TimedOut):
-            at = "" if self._t is None else f" at {self._t:g} s"
-            reason = f"its {self._call}{at} took longer than {self._seconds:g} s"
-            raise RunEnded(self._outcome, reason) from None
-        if isinstance(error, PART_ERRORS) and not isinstance(error, RunEnded | OmnidriveError):
-            shown = "".join(traceback.format_exception(error, limit=-_FRAMES)).rstrip()
-            raise RunEnded(self._outcome, _reason(error), shown) from None
-
-
-def _reason(error: BaseException) -> str:
-    """Return type and message of an exception in one line."""
-    try:
-        message = str(error)
-    except Exception as second:
-        message = f"its message raises {kind_of(second)}"
-    first, *_ = message.splitlines() or [""]
-    return one_line(f"{type(error).__name__}: {first}")
 
 
 @dataclass(slots=True)
@@ -149,7 +50,8 @@ class Environment:
     reference: Reference
     schedule: Schedule | None
     events: list[Event] = field(default_factory=list)
-    _applied: Disturbances = field(default_factory=Disturbances)
+    _applied: Disturbances = field(default_factory=Disturbances, init=False)
+    """Disturbances that act on the plant."""
     _capabilities: PlantCapabilities = field(default=PlantCapabilities(), init=False)
     """Capabilities of the plant, from :meth:`check` on."""
     _started: bool = field(default=False, init=False)
@@ -184,7 +86,7 @@ class Environment:
         """Start plant and sensors at rest at ``pose``."""
         with self._plant_guard("reset"):
             state = self.plant.reset(pose)
-        with Guard(Outcome.SENSORS_FAILED, call="reset", limit=PART_TIMEOUT):
+        with Guard(Outcome.SENSORS_FAILED, call="reset", limit=guard.PART_TIMEOUT):
             self.sensors.reset(pose)
         return self._checked(state)
 
@@ -197,7 +99,7 @@ class Environment:
 
     def read(self, t: float, state: PlantState) -> SensorReadings:
         """Return the sensor readings at ``t`` (s)."""
-        with Guard(Outcome.SENSORS_FAILED, call="read", t=t, limit=PART_TIMEOUT):
+        with Guard(Outcome.SENSORS_FAILED, call="read", t=t, limit=guard.PART_TIMEOUT):
             if self.schedule is not None:
                 self.sensors.apply(self.schedule.sensor_faults(t))
             readings = self.sensors.read(t, state)
@@ -243,7 +145,7 @@ class Environment:
 
         An exclusive plant, a running simulator, has time limits of its own.
         """
-        limit = None if self._capabilities.exclusive else PART_TIMEOUT + _SLOWEST * dt
+        limit = None if self._capabilities.exclusive else guard.PART_TIMEOUT + _SLOWEST * dt
         return Guard(Outcome.PLANT_FAILED, starting=not self._started, call=call, t=t, limit=limit)
 
     def _checked(self, state: Any) -> PlantState:

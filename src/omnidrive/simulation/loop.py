@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import nan
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -24,14 +25,16 @@ from omnidrive.control import (
 from omnidrive.control.controller import check_controller
 from omnidrive.control.pipeline import PartFailed
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
-from omnidrive.errors import InvalidInput, one_line
+from omnidrive.errors import InvalidInput, kind_of, one_line
 from omnidrive.estimation import LatestFix, State, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import are_finite, check_sample_time
 from omnidrive.reference import Reference
+from omnidrive.simulation import guard
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.schedule import sample_times
-from omnidrive.simulation.environment import PART_TIMEOUT, Environment, Guard, RunEnded, run_timer
+from omnidrive.simulation.environment import Environment
+from omnidrive.simulation.guard import Guard, RunEnded, run_timer
 from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
@@ -92,7 +95,9 @@ def simulate(
         with run_timer():
             environment.check()
             _check_start(pipeline.controller, reference, start, dt)
-            with Guard(Outcome.CONTROLLER_FAILED, call="preparation", limit=10.0 * PART_TIMEOUT):
+            with Guard(
+                Outcome.CONTROLLER_FAILED, call="preparation", limit=10.0 * guard.PART_TIMEOUT
+            ):
                 pipeline.prepare()
             state = environment.reset(start)
             _reset(pipeline, start)
@@ -120,29 +125,29 @@ def _pipeline(
 
 
 def _check_start(controller: Controller, reference: Reference, start: Pose, dt: float) -> None:
-    """Raise InvalidInput for a controller, a start or a reference that cannot be meant."""
+    """Raise InvalidInput for a controller, a start or a reference that cannot be meant.
+
+    Raises:
+        RunEnded: The reference fails.
+    """
     check_controller(controller, dt)
     if not isinstance(start, Pose):
-        raise InvalidInput(
-            f"the start is a {type(start).__name__}: pass Pose(x, y, yaw), in m, m, rad"
-        )
+        raise InvalidInput(f"the start is {kind_of(start)}: pass Pose(x, y, yaw), in m, m, rad")
     if not are_finite(start):
         raise InvalidInput(f"the start must consist of finite numbers, got {start}")
     check_heading("the start's heading", start.yaw)
-    try:
-        first = reference.at(0.0).pose.yaw
-    except Exception:  # the run reports it
-        return
-    check_heading("the reference's heading at its start", first)
+    with Guard(Outcome.REFERENCE_FAILED, call="pose", t=0.0, limit=guard.PART_TIMEOUT):
+        first = reference.at(0.0).pose
+    if isinstance(first, Pose) and are_finite(first):  # otherwise the run reports it
+        check_heading("the reference's heading at its start", first.yaw)
 
 
 def _reset(pipeline: Pipeline, start: Pose) -> None:
     """Start the parts of the pipeline."""
-    with Guard(Outcome.CONTROLLER_FAILED, call="reset", limit=10.0 * PART_TIMEOUT):
-        try:
-            pipeline.reset(start)
-        except PartFailed as error:
-            raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
+    try:
+        pipeline.reset(start)
+    except PartFailed as error:
+        raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
 
 
 def _loop(
@@ -281,14 +286,10 @@ class _Log:
             outcome=outcome,
             details=_detail_columns(columns["details"], units),
             detail_units=dict(units),
-            events=tuple(sorted([*events, *self.notices, *supervisor.events], key=_time_of)),
+            events=tuple(sorted([*events, *self.notices, *supervisor.events], key=attrgetter("t"))),
             reason=reason,
             traceback=self.end.traceback,
         )
-
-
-def _time_of(event: Event) -> float:
-    return event.t
 
 
 _REAL = (
@@ -310,6 +311,7 @@ def _columns(rows: Sequence[tuple[float, ...]]) -> Float[Array, "rows wheels"]:
 def _detail_columns(
     details: Sequence[tuple[float, ...]], units: Mapping[str, str]
 ) -> dict[str, Float[Array, " rows"]]:
+    """Return the details by name; NaN in rows without details."""
     if not units:
         return {}
     none = (nan,) * len(units)
