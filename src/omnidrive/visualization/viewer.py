@@ -9,7 +9,6 @@ from importlib import import_module
 from math import hypot
 from threading import Thread
 from time import monotonic, sleep
-from types import TracebackType
 from typing import Any
 
 import mujoco
@@ -124,12 +123,7 @@ class Viewer:
     def __enter__(self) -> Viewer:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -92,6 +92,15 @@ def test_settings_for_another_robot_are_refused(server):
         CoppeliaSimPlant(SMALL, scene)
 
 
+@pytest.mark.parametrize(
+    ("options", "fact"),
+    [({"timeout": -1.0}, "timeout is -1 s, need 0.1 to 600 s"), ({"port": 0}, "port is 0, need 1")],
+)
+def test_settings_out_of_range_are_refused(options, fact):
+    with pytest.raises(InvalidInput, match=fact):
+        CoppeliaSimScene(**options)
+
+
 def test_tilted_body_is_refused():
     with fake_server(SMALL, upright=False) as server, plant_at(server) as plant:
         with pytest.raises(InvalidScene, match=r"z axis of '/omni'.* does not point up"):

@@ -109,6 +109,12 @@ def refuse(peer):
     peer.ended.wait(10.0)
 
 
+def reserved_flags(peer):
+    peer.greet()
+    peer.read_frame()
+    peer.send(frame(8, b""))
+
+
 def long_command(peer):
     peer.send(GREETING)
     peer.send(frame(4, READY + bytes(MEBIBYTE)))
@@ -144,6 +150,7 @@ KINDS = {
     "slow greeting": lambda peer: peer.drip(GREETING),
     "slow reply": slow_reply,
     "commands": lambda peer: peer.flood(frame(4, b"\x04PING\0\0") * 1000),
+    "reserved flags": reserved_flags,
     "long command": long_command,
     "refuses": refuse,
     "web server": lambda peer: peer.send(b"HTTP/1.1 400 Bad Request\r\n\r\n"),
@@ -153,7 +160,7 @@ KINDS = {
     "closes in the middle": close_in_the_middle,
     "garbage": garbage,
 }
-QUICK = ("parts", "empty parts", "lists", "waits", "slow reply")
+QUICK = ("parts", "empty parts", "lists", "waits", "slow reply", "reserved flags")
 
 
 @contextmanager
@@ -239,6 +246,7 @@ def test_hostile_servers_of_a_few_kinds():
     assert "its reply is not a single part" in found["empty parts"][1]
     assert "is not CoppeliaSim's remote API" in found["lists"][1]
     assert "did not reply within 0.3 s" in found["slow reply"][1]
+    assert "a frame with the reserved flags 0x08" in found["reserved flags"][1]
 
 
 @pytest.mark.long

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import nan
 from time import monotonic, sleep
-from types import TracebackType
 
 from omnidrive.control.controller import CommandValue
 from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
@@ -181,12 +180,7 @@ class CoppeliaSimPlant:
     def __enter__(self) -> CoppeliaSimPlant:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _start(self) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from omnidrive.parameter import Bounds, check_choice
+from omnidrive.parameter import Bounds, check_bounds, check_choice
 
 Interface = Literal["joints", "signals"]
 _ScenePath = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]{1,200}$")]
@@ -21,7 +21,7 @@ class CoppeliaSimScene:
     The defaults fit the scene of the paper's author.
 
     Raises:
-        InvalidInput: The interface is unknown.
+        InvalidInput: A number is out of its range, or the interface is unknown.
     """
 
     host: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,253}$")] = "localhost"
@@ -55,4 +55,5 @@ class CoppeliaSimScene:
     """Sign of every joint: 1 if its positive direction is that of the robot's wheel, else -1."""
 
     def __post_init__(self) -> None:
+        check_bounds(self)
         check_choice("interface to CoppeliaSim", self.interface, get_args(Interface))
