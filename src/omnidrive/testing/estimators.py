@@ -113,6 +113,7 @@ class _EstimatorLaws(Laws):
         return None
 
     def accurate(self) -> str | None:
+        """Return when an estimate on the arc is wrong or its covariance invalid; None: never."""
         for k, (true, estimate) in enumerate(self.estimates(self.make())):
             t = k * self.dt
             if not all(map(isfinite, estimate.pose)):
@@ -133,6 +134,7 @@ class _EstimatorLaws(Laws):
         return None
 
     def absent(self) -> str | None:
+        """Return whether its pose is not finite after readings without any sensor."""
         estimator = self.make()
         estimator.reset(_START)
         for k in range(3):

@@ -13,7 +13,8 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.components import Component
-from omnidrive.errors import OmnidriveError
+from omnidrive.errors import PART_ERRORS, OmnidriveError
+from omnidrive.files.bounded_file import one_line
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference import Setpoint
 from omnidrive.robot import Robot, named_robot
@@ -85,8 +86,8 @@ class Laws(ABC):
                 fact = law()
             except OmnidriveError as error:
                 fact = str(error)
-            except Exception as error:
-                fact = f"it raises {type(error).__name__}: {error}"
+            except PART_ERRORS as error:
+                fact = one_line(f"it raises {type(error).__name__}: {error}")
             if fact is not None:
                 broken.append(f"  {name.replace('_', ' ')}: {fact}")
                 if name == "protocol":  # the other laws would all fail
