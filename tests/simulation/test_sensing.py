@@ -19,8 +19,7 @@ from omnidrive.estimation import (
     State,
     StateEstimator,
 )
-from omnidrive.geometry import BodyTwist, Pose, move
-from omnidrive.robot import named_robot
+from omnidrive.geometry import BodyTwist, move
 from omnidrive.simulation import (
     KinematicPlant,
     MujocoPlant,
@@ -33,10 +32,7 @@ from omnidrive.simulation import (
 )
 from omnidrive.simulation.sensors import Encoders, Gyro, PoseFixes
 from tests.estimates import Perception
-
-ROBOT = named_robot("paper")
-REST = BodyTwist(0.0, 0.0, 0.0)
-START = Pose(1.0, -2.0, 0.5)
+from tests.estimation.drive import REST, ROBOT, START
 
 
 def standing(pose=START, angles=()):

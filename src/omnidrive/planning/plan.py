@@ -165,10 +165,10 @@ def plan(
             cut_corners=options.cut_corners,
         )
     except NoPathFound as error:
+        if inflation == 0.0:
+            raise
         raise NoPathFound(
             f"{error}; the robot's centre must keep {needed} from every obstacle: {_NARROW}"
-            if inflation
-            else str(error)
         ) from None
     points = free_space.centres(found.cells)
     points = np.vstack([points, points[-1:]]) if len(points) == 1 else points

@@ -58,11 +58,10 @@ def waypoint_reference(file: StrPath, robot: Robot) -> SampledReference | TimedR
 def spline_along(path: Path) -> SplinePath:
     """Return a spline along the polyline through the poses.
 
-    It deviates by at most 0.03 m up to 100 m of length, and in proportion to the length beyond.
-
-    Its control points lie on the polyline at equal distances of at most 0.05 m, where a turn by
-    1 rad counts as 0.3 m. Corners are rounded within that distance. The robot turns on the spot
-    where the path does.
+    Its control points lie on the polyline at equal distances of at most 0.05 m up to 100 m of
+    length, where a turn by 1 rad counts as 0.3 m. It deviates by at most 0.03 m, at corners, which
+    are rounded. Both distances grow in proportion to the length beyond. The robot turns on the
+    spot where the path does.
 
     Raises:
         InvalidReference: The path is longer than 1 km.

@@ -58,6 +58,10 @@ class Chassis:
             mounts: Mount of each wheel.
             wheel_radius: r, in m.
             max_wheel_speed: Largest speed of every wheel, in rad/s.
+
+        Raises:
+            InvalidGeometry: The wheels cannot produce every planar twist.
+            InvalidInput: The radius or the speed is not positive.
         """
         check_positive("wheel_radius", wheel_radius, "m")
         rows = _rows(mounts, wheel_radius)

@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import ClassVar
 
 from omnidrive.components import component_names, find_component
-from omnidrive.errors import InvalidInput, one_line, suggestion
+from omnidrive.errors import InvalidInput, kind_of, one_line, suggestion
 from omnidrive.robot.robot import Robot
 from omnidrive.robot.robot_file import is_robot_file, load_robot
 
@@ -44,7 +45,7 @@ def _packaged(name: str) -> Robot:
 class _PackagedRobots(Mapping[str, Robot]):
     """Robots whose files are read on use, which keeps imports fast."""
 
-    _factories = {each.__name__: each for each in (paper, small, kiwi, mecanum)}  # noqa: RUF012
+    _factories: ClassVar = {each.__name__: each for each in (paper, small, kiwi, mecanum)}
 
     def __getitem__(self, name: str) -> Robot:
         return self._factories[name]()
@@ -97,8 +98,7 @@ def named_robot(name: str, *, assumed_effective_radius: float | None = None) -> 
         robot = find_component("robots", name).make()
     if not isinstance(robot, Robot):
         raise InvalidInput(
-            f"the factory of the robot '{one_line(name)}' returned a {type(robot).__name__}, not a "
-            "Robot"
+            f"the factory of the robot '{one_line(name)}' returned {kind_of(robot)}, not a Robot"
         )
     if assumed_effective_radius is None:
         return robot

@@ -22,7 +22,8 @@ FORMAT = "omnidrive-robot-1"
 """Name and version of the file format."""
 
 _MAX_NAME = 64  # characters
-_MAX_NUMBER = 1e9  # in SI units; larger numbers would overflow in products
+MAX_NUMBER = 1e9
+"""Greatest magnitude in a description of a robot, SI units; products of larger numbers overflow."""
 
 _MAX_ANGLE = (6.3, "-6.3 to 6.3 rad (degrees?)")
 _LARGEST = {
@@ -298,9 +299,9 @@ class _Source(NamedTuple):
         if number is None:
             shown = short_repr(value)
             raise self.error(f"{label} must be a number without a unit ({about}), got {shown}")
-        if not (isfinite(number) and abs(number) <= _MAX_NUMBER):
+        if not (isfinite(number) and abs(number) <= MAX_NUMBER):
             raise self.error(
-                f"{label} is {number:g}, need a finite number of at most {_MAX_NUMBER:g} in "
+                f"{label} is {number:g}, need a finite number of at most {MAX_NUMBER:g} in "
                 "magnitude"
             )
         key = label.rpartition("].")[2]

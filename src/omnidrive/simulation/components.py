@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ class PlantContext:
     robot: Robot
     rng: np.random.Generator | None = None
     obstacles: OccupancyGrid | None = None
-    moving: tuple[MovingObstacle, ...] = field(default=())
+    moving: tuple[MovingObstacle, ...] = ()
 
 
 def _capable(capabilities: PlantCapabilities) -> Callable[[Any], Any]:

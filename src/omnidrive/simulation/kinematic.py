@@ -50,7 +50,11 @@ class KinematicPlant:
         return PlantState(pose, _REST, nan, wheel_speeds=(0.0,) * len(self.robot.mounts))
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
-        """Hold ``command``, saturated in wheel space, for ``dt`` (s)."""
+        """Hold ``command``, saturated in wheel space, for ``dt`` (s).
+
+        Raises:
+            InvalidInput: It cannot, see :func:`~omnidrive.simulation.plant.check_step`.
+        """
         check_step(command, dt, self.capabilities, len(self.robot.mounts))
         speeds, scaled = self._drive.limited_speeds(command)
         actual = self._chassis.twist(speeds)

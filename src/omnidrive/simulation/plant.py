@@ -99,7 +99,8 @@ class Plant(Protocol):
         only.
 
         Raises:
-            InvalidInput: The plant cannot execute the command, see :func:`check_command`.
+            InvalidInput: The plant cannot execute the command for this time, see
+                :func:`check_step`.
             PlantLost: The simulator cannot be reached any more.
         """
         ...

@@ -13,8 +13,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.components import Component
-from omnidrive.errors import PART_ERRORS, OmnidriveError
-from omnidrive.files.bounded_file import one_line
+from omnidrive.errors import PART_ERRORS, OmnidriveError, one_line
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference import Setpoint
 from omnidrive.robot import Robot, named_robot

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.errors import InvalidReference, one_line, short_repr
+from omnidrive.errors import InvalidReference, kind_of, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.planning import Path
 from omnidrive.reference.limit_sampling import MIN_ADDED_STEP, sample_within_limits
@@ -95,7 +95,7 @@ def save_waypoints(
         waypoints = untimed_waypoints("the path", waypoints.poses)
     elif not isinstance(waypoints, Reference):
         raise InvalidReference(
-            f"cannot save a {type(waypoints).__name__} as waypoints, only a Path or a Reference"
+            f"cannot save {kind_of(waypoints)} as waypoints, only a Path or a Reference"
         )
     elif dt is not None or not isinstance(waypoints, SampledReference):
         step = _DEFAULT_STEP if dt is None else dt

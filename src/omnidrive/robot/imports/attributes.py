@@ -10,8 +10,7 @@ from omnidrive.errors import InvalidRobot, short_repr
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.position import Position
 from omnidrive.files.xml_elements import Element
-
-_MAX_NUMBER = 1e9  # in SI units
+from omnidrive.robot.robot_file import MAX_NUMBER
 
 
 def malformed(position: Position, what: str) -> InvalidRobot:
@@ -37,7 +36,7 @@ def numbers(
         return np.array(default)
     text = element.get(name)
     values = [parse_number(word) for word in text.split()[: count + 1]]
-    found = [value for value in values if value is not None and abs(value) <= _MAX_NUMBER]
+    found = [value for value in values if value is not None and abs(value) <= MAX_NUMBER]
     if len(values) != count or len(found) != count:
         hint = "; expand the file by xacro first" if "${" in text else ""
         raise malformed(

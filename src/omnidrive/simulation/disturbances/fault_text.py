@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.files.number_text import parse_number
@@ -50,7 +49,7 @@ def parse_fault(text: str) -> Fault:
         raise InvalidInput(f"fault {kind}: {facts}") from None
 
 
-def _fact(problem: Any) -> str:
+def _fact(problem: ErrorDetails) -> str:
     """Return the message for one error, which begins with the name of the value."""
     name, message = problem["loc"][-1], problem["msg"]
     if problem["type"] == "value_error":

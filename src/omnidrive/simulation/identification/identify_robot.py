@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import hypot, sqrt
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -354,7 +355,7 @@ def _identified(  # noqa: PLR0917
 
     A changed effective radius moves all wheels away from or towards the centre in proportion.
     """
-    changes: dict[str, object] = {}
+    changes: dict[str, Any] = {}
     if not radius.reason:
         changes["wheel"] = replace(robot.wheel, radius=radius.value)
     if not effective.reason:
@@ -368,4 +369,4 @@ def _identified(  # noqa: PLR0917
         max(own if each.reason else each.value, 0.0)
         for own, each in zip(robot.lag, (translation, rotation), strict=True)
     )
-    return replace(robot, **changes)  # type: ignore[arg-type]
+    return replace(robot, **changes)

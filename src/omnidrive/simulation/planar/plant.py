@@ -97,7 +97,11 @@ class PlanarPlant:
         return self._measure()
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
-        """Execute ``command`` for ``dt`` seconds."""
+        """Execute ``command`` for ``dt`` seconds.
+
+        Raises:
+            InvalidInput: It cannot, see :func:`~omnidrive.simulation.plant.check_step`.
+        """
         check_step(command, dt, self.capabilities, len(self.robot.mounts))
         if isinstance(command, WheelTorques):
             return self._step_torques(command, dt)
