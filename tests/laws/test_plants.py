@@ -137,7 +137,7 @@ def test_excessive_wheel_speeds_are_reported(make):
         (BodyTwist(0.0, -inf, 0.0), "numbers within"),
         (BodyTwist(0.0, 0.0, 1e308), "numbers within"),
         (BodyTwist("a", 0.0, 0.0), "numbers within"),
-        (BodyTwist(10**400, 0.0, 0.0), "numbers within"),
+        (BodyTwist(10**5000, 0.0, 0.0), "numbers within .* got a BodyTwist"),  # without a repr
         (WheelSpeeds([nan, 0.0, 0.0, 0.0]), "numbers within"),
     ],
 )

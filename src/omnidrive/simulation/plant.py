@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.control.command_check import MAX_COMMAND
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
-from omnidrive.errors import InvalidInput, kind_of
+from omnidrive.errors import InvalidInput, kind_of, short_repr
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import (
     are_finite,
@@ -163,7 +163,8 @@ def check_command(command: object, capabilities: PlantCapabilities, wheels: int)
         )
     if not (are_finite(command) and max(map(abs, command), default=0.0) <= MAX_COMMAND):
         raise InvalidInput(
-            f"a command must consist of numbers within +-{MAX_COMMAND:g}, got {command!r:.200}"
+            f"a command must consist of numbers within +-{MAX_COMMAND:g}, got "
+            f"{short_repr(command, 200)}"
         )
     if isinstance(command, BodyTwist):
         return
