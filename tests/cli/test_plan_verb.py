@@ -244,6 +244,7 @@ def test_unknown_suffix_is_rejected_and_creates_nothing(room, tmp_path):
         (["--png", "folder.png"], "cannot write to folder.png: it is a folder"),
         (["--png", "file/a.png"], "cannot write to file/a.png: Not a directory"),
         (["--png", "/proc/a.svg"], "cannot write to /proc/a.svg: "),
+        (["--out", "a" * 300 + ".b"], "the suffix of a waypoint file is one of .csv"),
         (["--out", "a.txt"], "the suffix of a waypoint file is one of .csv"),
         (["--out", "no/a.csv"], "cannot write to no/a.csv: there is no folder no"),
         (["--out", "folder.csv"], "cannot write to folder.csv: it is a folder"),

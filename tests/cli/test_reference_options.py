@@ -77,6 +77,20 @@ def test_other_options_still_apply(here):
     assert planned.path.length / first == pytest.approx(0.3, rel=0.01)
 
 
+@pytest.mark.parametrize("name", ["v1.2", "small.csv", "x.map"])
+def test_folder_with_a_dot_in_its_name_stands_for_its_scenario(here, name):
+    folder = here / name
+    folder.mkdir()
+    save_scenario(paper_scenario(), folder / "scenario.yaml")
+    assert ScenarioOptions(scenario=name).resolve() == paper_scenario()
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "x" * 300 + ".yaml"])
+def test_scenario_name_that_is_too_long_is_reported(name):
+    with pytest.raises(InvalidScenario, match="File name too long"):
+        ScenarioOptions(scenario=name).resolve()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -1,7 +1,8 @@
-"""Kind of an input file, by its name and, for YAML, its keys."""
+"""Kind of an input file or folder, by its name and, for YAML, its keys."""
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Literal
@@ -19,14 +20,27 @@ _POSES_KEY = re.compile(rb"""(?:^|[{,])\s*["']?poses["']?\s*:""", re.MULTILINE)
 
 
 def input_kind(path: Path) -> Kind:
-    """Return the kind of a file, a folder or an installed map: map, waypoints or scenario."""
+    """Return the kind of a file, a folder or an installed map.
+
+    A folder is a scenario. A YAML file with the key `image` is a map, one with the key `poses` is
+    a waypoint file; any other, also one that cannot be read, is a scenario. Other files are
+    waypoint files if they have one of their suffixes, else maps. A path without a suffix that does
+    not exist is a scenario.
+    """
     if str(path) in component_names("maps"):
         return "map"
+    if os.path.isdir(path):  # Path.is_dir raises OSError for names that are too long
+        return "scenario"
     suffix = path.suffix.lower()
-    if suffix not in {".yaml", ".yml"}:
-        if suffix in WAYPOINT_FORMATS:
-            return "waypoints"
-        return "map" if suffix or path.is_file() else "scenario"
+    if suffix in {".yaml", ".yml"}:
+        return _yaml_kind(path)
+    if suffix in WAYPOINT_FORMATS:
+        return "waypoints"
+    return "map" if suffix or os.path.isfile(path) else "scenario"
+
+
+def _yaml_kind(path: Path) -> Kind:
+    """Return the kind of a YAML file, found from the keys at its start."""
     try:
         head = read_head(path, _HEAD, "file", InvalidInput)
     except InvalidInput:
@@ -37,7 +51,7 @@ def input_kind(path: Path) -> Kind:
 
 
 def check_map_name(file: Path) -> None:
-    """Raise InvalidInput if a name is neither that of an installed map nor that of a map file."""
+    """Raise InvalidInput unless ``file`` is an installed map or has the suffix of a map format."""
     known = component_names("maps")
     if str(file) not in known and file.suffix.lower() not in known:
         maps = ", ".join(name for name in known if name.startswith("."))

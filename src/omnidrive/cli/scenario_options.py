@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
@@ -331,7 +332,7 @@ class ScenarioOptions:
         if self.scenario == "paper":
             return study.paper_scenario(preset or "paper")
         path = Path(self.scenario)
-        file = path / "scenario.yaml" if path.is_dir() else path
+        file = path / "scenario.yaml" if os.path.isdir(path) else path
         return study.load_scenario(file, allow_code=self.allow_code)
 
 

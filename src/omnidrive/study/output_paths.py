@@ -35,7 +35,7 @@ def is_waypoint_file(path: StrPath) -> bool:
     path = to_path(path)
     if path.suffix.lower() in WAYPOINT_FORMATS:
         return True
-    if path.suffix and not path.is_dir():
+    if path.suffix and not os.path.isdir(path):
         raise InvalidInput(
             f"{one_line(str(path))}: the suffix of a waypoint file is one of "
             f"{', '.join(WAYPOINT_FORMATS[:-1])}; a folder has no suffix"
