@@ -6,6 +6,8 @@ from omnidrive.errors import InvalidInput
 
 MAX_NUMBER = 1e100
 """Largest magnitude of a number of a system: products of two and sums of many do not overflow."""
+MAX_NAME = 200
+"""Largest number of characters of a name."""
 
 
 def convert_to_floats(value: object, *fields: str) -> None:
@@ -27,9 +29,9 @@ def check_numbers(owner: str, *values: float) -> None:
 
 def check_name(what: str, name: str) -> None:
     """Raise for a name that is empty, too long, or has invisible characters."""
-    if not name or len(name) > 200 or not name.isprintable() or name != name.strip():
+    if not 1 <= len(name) <= MAX_NAME or not name.isprintable() or name != name.strip():
         raise InvalidInput(
-            f"the name of a {what} must be 1 to 200 printable characters: {name[:40]!r}"
+            f"the name of a {what} must be 1 to {MAX_NAME} printable characters: {name[:40]!r}"
         )
 
 

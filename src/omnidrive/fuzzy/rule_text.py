@@ -8,6 +8,7 @@ from typing import NamedTuple, NoReturn
 
 from omnidrive.errors import InvalidInput
 from omnidrive.files.position import Position
+from omnidrive.fuzzy.checks import MAX_NAME
 from omnidrive.fuzzy.position import malformed, parse_number
 from omnidrive.fuzzy.rules import (
     HEDGES,
@@ -23,9 +24,6 @@ from omnidrive.fuzzy.rules import (
 
 MAX_LENGTH = 10_000
 """Maximum number of characters of a rule."""
-
-MAX_NAME = 200
-"""Maximum number of characters of a name."""
 
 RESERVED = frozenset({"if", "then", "is", "and", "or", "with", *HEDGES})
 """Keywords, in lower case; as names they must be quoted."""
@@ -186,8 +184,7 @@ class _Parser:
             negation += ("not",)
         opening = self._tokens[self._next]
         if not self._accept("("):
-            proposition = self._proposition("an input")
-            return Is(proposition.variable, proposition.set, negation + proposition.hedges)
+            return self._proposition("an input").hedged(*negation)
         if depth >= MAX_DEPTH:
             self._fail(opening, f"parentheses are nested more than {MAX_DEPTH} deep")
         inner = self._disjunction(depth + 1)
@@ -201,7 +198,7 @@ class _Parser:
                 "'not' before a group is not supported, because 'or' may differ from the dual of "
                 "'and'; write it before each set: not (A and B) is not A or not B",
             )
-        return Is(inner.variable, inner.set, negation + inner.hedges)
+        return inner.hedged(*negation)
 
     def _proposition(self, what: str) -> Is:
         variable = self._name(what)

@@ -41,6 +41,10 @@ class Is:
                 "required, except after the hedge 'any', which must be the last one"
             )
 
+    def hedged(self, *hedges: Hedge) -> Is:
+        """Return the proposition with ``hedges`` before its own."""
+        return Is(self.variable, self.set, hedges + self.hedges)
+
 
 @dataclass(frozen=True, slots=True)
 class And:

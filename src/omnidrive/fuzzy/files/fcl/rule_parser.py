@@ -91,8 +91,7 @@ class RuleParser:
             negations += ("not",)
         opening = tokens.next
         if not tokens.accept("("):
-            proposition = self._proposition()
-            return Is(proposition.variable, proposition.set, negations + proposition.hedges)
+            return self._proposition().hedged(*negations)
         if depth >= MAX_DEPTH:
             raise malformed(opening.position, f"parentheses are nested more than {MAX_DEPTH} deep")
         inner = self._disjunction(depth + 1)
@@ -104,7 +103,7 @@ class RuleParser:
             raise malformed(
                 opening.position, "NOT before a group is not supported; write it before each set"
             )
-        return Is(inner.variable, inner.set, negations + inner.hedges)
+        return inner.hedged(*negations)
 
     def _proposition(self) -> Is:
         tokens = self._tokens
