@@ -134,6 +134,20 @@ def record_fault(record: object, cls: type, rules: Mapping[str, Rule]) -> str | 
     return None
 
 
+def numbers_rule(cls: type) -> Rule:
+    """Return the rule that a value is a ``cls``, a class of tuples, and consists of numbers."""
+    return (
+        lambda value: isinstance(value, cls) and are_numbers(value),
+        f"a {cls.__name__} of numbers",
+    )
+
+
+def or_none(rule: Rule) -> Rule:
+    """Return the rule that a value is None or satisfies ``rule``."""
+    holds, need = rule
+    return lambda value: value is None or holds(value), f"{need} or None"
+
+
 def are_numbers(values: object) -> bool:
     """Return whether ``values`` is a tuple of real numbers; NaN and infinity are among these."""
     if not isinstance(values, tuple):

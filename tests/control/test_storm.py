@@ -66,7 +66,8 @@ def exceeds_limits(name, controller, command, pose, t, reference):
         rows = reference.window(t, 3, 0.5 * controller.dt)[:, 3:]
         x, y, yaw = moved - (rows[0] + 4.0 * rows[1] + rows[2]) / 6.0
         return hypot(x, y) > 1.5 + 1e-6 or abs(yaw) > 1.5 + 1e-6
-    return False  # `feedforward` and the published code have no limits
+    assert name == "feedforward" or name.endswith("_published"), name  # they have no limits
+    return False
 
 
 def sees_good_steps_only(controller, shadow):
@@ -178,9 +179,9 @@ def test_storm_over_a_pipeline(name, steps):
 def test_bad_time_fails_one_step_of_a_pipeline():
     line = Pipeline(STORMED["pid"](0.1))
     line.reset(Pose(0.0, 0.0, 0.0))
-    before = line.step(0.0, SensorReadings(0.0), Circle(), 0.1)
+    line.step(0.0, SensorReadings(0.0), Circle(), 0.1)
     for t in BAD:
         step = line.step(t, SensorReadings(0.1), Circle(), 0.1)
         assert step.failed == "reference"
         assert "the time of the sample is not usable" in step.command.message
-    assert before.command != line.step(0.1, SensorReadings(0.1), Circle(), 0.1).command
+    assert line.step(0.1, SensorReadings(0.1), Circle(), 0.1).command.status is Status.OK

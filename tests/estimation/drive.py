@@ -42,8 +42,17 @@ def oscillating(t):
     return BodyTwist(0.5 * np.cos(0.4 * t), 0.3 * np.sin(0.7 * t), 0.4 * np.sin(0.3 * t))
 
 
+def is_definite(covariance, tolerance=1e-9):
+    """Return whether a covariance is finite and positive semidefinite, in any units."""
+    sigmas = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.maximum(np.outer(sigmas, sigmas), 1e-300)
+    return np.isfinite(covariance).all() and np.linalg.eigvalsh(correlation)[0] > -tolerance
+
+
 class Drive:
     """A robot without slip whose rims creep, with its sensors, their readings and its estimator."""
+
+    clock = 0.0  # offset of the clock of the sensors, s
 
     def __init__(
         self, sensors=QUIET, filter_settings=None, seed=0, creep=0.0, robot=ROBOT, start=START,
@@ -69,7 +78,9 @@ class Drive:
             self.fix_bias = self.sensors._fixes._bias.copy()  # of the fix at this sample
         state = PlantState(self.pose, REST, 0.0, tuple(self.angles.tolist()))
         self.log.append(self.sensors.read(self.t, state))
-        return self.update(self.log[-1])
+        readings, clock = self.log[-1], self.clock
+        fixes = tuple(fix._replace(stamp=fix.stamp + clock) for fix in readings.fixes)
+        return self.update(readings._replace(stamp=readings.stamp + clock, fixes=fixes))
 
     def update(self, readings):
         """Update the estimator; tests spoil the readings here."""

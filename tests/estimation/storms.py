@@ -15,7 +15,7 @@ from omnidrive.estimation import (
 )
 from omnidrive.geometry import Pose, wrap
 from omnidrive.robot import ROBOTS
-from tests.estimation.drive import DT, START, Drive
+from tests.estimation.drive import DT, START, Drive, is_definite
 
 SENSORS = SensorSettings(fixes=PoseFixSettings(position_bias=0.01, yaw_bias=0.005))
 SIZES = (nan, inf, -inf, 1e300, -1e308, 5e-324, 0.0, 1e6, -1e6, 1e3, -500.0, 15.0, 1.0, -0.05)
@@ -29,7 +29,6 @@ class StormyDrive(Drive):
     """A drive whose readings are spoiled while ``rng`` is set."""
 
     storm = None
-    clock = 0.0  # offset of the clock of all readings, s
 
     def __init__(self, *args, **kwargs):
         self.times = []  # of the updates, ms
@@ -37,9 +36,7 @@ class StormyDrive(Drive):
 
     def spoiled(self, readings):
         """Return readings of which one to all parts are spoiled."""
-        rng, t = self.storm, readings.stamp + self.clock
-        fixes = tuple(fix._replace(stamp=fix.stamp + self.clock) for fix in readings.fixes)
-        readings = readings._replace(stamp=t, fixes=fixes)
+        rng, t = self.storm, readings.stamp
         if rng is None:
             return readings
         parts = rng.random(4) < rng.choice([0.2, 0.5, 1.0])
@@ -77,13 +74,6 @@ class StormyDrive(Drive):
         if state.covariance is not None:
             assert is_definite(state.covariance)
         return state
-
-
-def is_definite(covariance):
-    """Return whether a covariance is finite and positive semidefinite, in any units."""
-    sigmas = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.maximum(np.outer(sigmas, sigmas), 1e-300)
-    return np.isfinite(covariance).all() and np.linalg.eigvalsh(correlation)[0] > -1e-9
 
 
 def survive(seed, estimator=None):

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from omnidrive.control.controller import Command, CommandValue, Status, WheelSpeeds, WheelTorques
+from omnidrive.control.controller import (
+    Command,
+    CommandValue,
+    Status,
+    WheelSpeeds,
+    WheelTorques,
+    failed_command,
+)
 from omnidrive.errors import kind_of, short_repr
 from omnidrive.geometry import BodyTwist, WorldTwist
 from omnidrive.parameter import are_numbers
 
 _VALUES = (BodyTwist, WheelSpeeds, WheelTorques)
-_STOP = BodyTwist(0.0, 0.0, 0.0)
 MAX_COMMAND = 1e9
 """Greatest magnitude in a command, m/s, rad/s or N m; products of larger numbers can overflow."""
 
@@ -22,27 +28,20 @@ def checked_command(command: object, details: int | None) -> Command:
         command: What ``Controller.step`` returned.
         details: Number of the controller's ``detail_units``; None: it has none.
     """
-    fault = command_fault(command, details)
-    if fault is None and isinstance(command, Command):
-        if command.status is not Status.FAILED:
-            return command
-        fault = command.message if isinstance(command.message, str) else ""
-    return Command(_STOP, Status.FAILED, message=fault or "")
-
-
-def command_fault(command: object, details: int | None) -> str | None:
-    """Return what is wrong with the result of a controller, in one line; None: nothing.
-
-    The arguments are those of :func:`checked_command`. Only the status of a command with the status
-    ``FAILED`` is checked.
-    """
     if not isinstance(command, Command):
-        return f"it returned {kind_of(command)}, not a Command: {_way_out(command)}"
+        way_out = _way_out(command)
+        return failed_command(f"it returned {kind_of(command)}, not a Command: {way_out}")
+    if command.status is Status.FAILED:
+        return failed_command(command.message if isinstance(command.message, str) else "")
+    fault = _command_fault(command, details)
+    return command if fault is None else failed_command(fault)
+
+
+def _command_fault(command: Command, details: int | None) -> str | None:
+    """Return what is wrong with the fields of a command, in one line; None: nothing."""
     value, status, logged, message = command
     if not isinstance(status, Status):
         return f"the status of its command is {kind_of(status)}, not a Status such as Status.OK"
-    if status is Status.FAILED:
-        return None
     if not isinstance(value, _VALUES):
         return (
             f"its command holds {kind_of(value)}, not a BodyTwist, WheelSpeeds or WheelTorques: "

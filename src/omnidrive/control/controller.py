@@ -92,6 +92,15 @@ class Command(NamedTuple):
         return self.value if isinstance(self.value, BodyTwist) else None
 
 
+STOP = BodyTwist(0.0, 0.0, 0.0)
+"""The twist of a robot at rest."""
+
+
+def failed_command(message: str) -> Command:
+    """Return zero twist with the status ``FAILED`` and this reason."""
+    return Command(STOP, Status.FAILED, message=message)
+
+
 @runtime_checkable
 class Controller(Protocol):
     """Maps state estimates to commands, once per sample.

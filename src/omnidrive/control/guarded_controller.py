@@ -5,22 +5,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from math import isfinite
 
-from omnidrive.control.controller import Command, Status
+from omnidrive.control.controller import Command, failed_command
 from omnidrive.estimation import State
 from omnidrive.estimation.state import are_usable
-from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
-
-_STOP = BodyTwist(0.0, 0.0, 0.0)
 
 
 class GuardedController(ABC):
     """A :class:`~omnidrive.control.Controller` that survives bad numbers; abstract.
 
     A time or pose that is not usable (:func:`~omnidrive.estimation.state.are_usable`) does not
-    reach the law: :meth:`fall_back` gives the command, whose status is not ``OK``, and the memory
-    is that before the step. If the law itself computes a command that is not finite, for example
-    because of the reference, the controller is reset.
+    reach the law: :meth:`fall_back` gives the command, whose status is not ``OK``, and only it may
+    change the memory. If the law itself computes a command that is not finite, for example because
+    of the reference, the step fails and the controller is reset.
     """
 
     __slots__ = ()
@@ -41,8 +38,8 @@ class GuardedController(ABC):
         if isfinite(sum(command.value)):
             return command
         self.reset(state)
-        return Command(_STOP, Status.FAILED, message=f"its law gave {command.value}")
+        return failed_command(f"its law gave {command.value}")
 
     def fall_back(self, reason: str) -> Command:
         """Return the command of a step in which the law cannot compute one; here ``FAILED``."""
-        return Command(_STOP, Status.FAILED, message=reason)
+        return failed_command(reason)

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 
 from omnidrive.control.command_check import checked_command
 from omnidrive.control.controller import (
+    STOP,
     Command,
     Controller,
     DetailedController,
@@ -17,19 +18,18 @@ from omnidrive.control.controller import (
     Status,
     WheelSpeeds,
     WheelTorques,
+    failed_command,
 )
 from omnidrive.control.supervision import NullSupervisor, Supervisor
 from omnidrive.control.time_limit import TimedOut, TimeLimit
-from omnidrive.errors import PART_ERRORS, InvalidInput, kind_of, traceback_text
+from omnidrive.errors import PART_ERRORS, kind_of, traceback_text
 from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
-from omnidrive.estimation.state import LARGEST, state_fault
+from omnidrive.estimation.state import check_start, is_usable_number, state_fault
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Reference
 
 # a thread's own time is not disturbed by other processes; some systems count it too coarsely
 _clock = thread_time_ns if get_clock_info("thread_time").resolution < 1e-6 else perf_counter_ns
-_REST = BodyTwist(0.0, 0.0, 0.0)
-_STOP = Command(_REST)
 
 STEP_TIMEOUT = 30.0
 """Wall-clock time, s, after which a call of ``Controller.step`` counts as stalled: so long that no
@@ -85,7 +85,7 @@ class Pipeline:
     estimator: StateEstimator = field(default_factory=LatestFix)
     supervisor: Supervisor = field(default_factory=NullSupervisor)
     detail_units: Mapping[str, str] = field(default_factory=dict, init=False)
-    _previous: Command = field(default=_STOP, init=False, repr=False)
+    _previous: Command = field(default=Command(STOP), init=False, repr=False)
     """Command computed in the previous sample."""
     _estimate: State = field(default=State(0.0, Pose(nan, nan, nan)), init=False, repr=False)
     """Last usable estimate."""
@@ -108,10 +108,9 @@ class Pipeline:
             InvalidInput: The pose is not usable.
             PartFailed: A part stalls, or raises an exception, which is the cause.
         """
+        check_start(pose)
         self._estimate = self._state = State(0.0, pose)
-        if not self._state.is_usable:
-            raise InvalidInput(f"the start is not finite: {pose}")
-        self._previous, self._computed, self._stalled = _STOP, None, ""
+        self._previous, self._computed, self._stalled = Command(STOP), None, ""
         self.detail_units = {}
         part: Part = "estimator"
         seconds = 40.0 * STEP_TIMEOUT  # the parts may compile kernels
@@ -152,7 +151,7 @@ class Pipeline:
             return self._failure(part, target, str(error))
         except PART_ERRORS as error:
             return self._failure(part, target, traceback_text(error))
-        return PipelineStep(state, target, _STOP._replace(status=status))
+        return PipelineStep(state, target, Command(STOP, status))
 
     def step(
         self,
@@ -219,7 +218,7 @@ class Pipeline:
         except TimedOut:
             in_time = False
         except PART_ERRORS as error:
-            return _STOP._replace(status=Status.FAILED, message=traceback_text(error)), nan
+            return failed_command(traceback_text(error)), nan
         if not in_time:
             self._stalled = f"its step at {t:g} s took longer than {seconds:g} s"
             return self._aged_command(t), step_time
@@ -232,19 +231,19 @@ class Pipeline:
 
         Torques, which do not decrease a speed with their size, are followed by a zero twist.
         """
-        computed, last = self._computed or (t, _STOP)
+        computed, last = self._computed or (t, Command(STOP))
         excess = round(t - computed - COMMAND_TIMEOUT, 9)  # times have rounding errors
         share = min(1.0, 1.0 - excess / RAMP_TIME)
-        if share <= 0.0 or last.value == _REST:
-            return _STOP._replace(status=Status.FAILED, message=self._stalled)
+        if share <= 0.0 or last.value == STOP:
+            return failed_command(self._stalled)
         value = last.value
         if share < 1.0:
-            value = _REST if isinstance(value, WheelTorques) else _scaled(value, share)
+            value = STOP if isinstance(value, WheelTorques) else _scaled(value, share)
         return Command(value, Status.FALLBACK)
 
     def _failure(self, part: Part, target: Pose, message: str) -> PipelineStep:
-        command = _STOP._replace(status=Status.FAILED, message=message)
-        return PipelineStep(self._state, target, command, nan, part)
+        """Return the step of a sample in which a part other than the controller failed."""
+        return PipelineStep(self._state, target, failed_command(message), nan, part)
 
 
 class PartFailed(Exception):
@@ -265,8 +264,8 @@ class _Malformed(Exception):
 
 
 def _target(reference: Reference, t: float) -> Pose:
-    """Return the pose of the reference at ``t`` (s)."""
-    if not -LARGEST <= t <= LARGEST:
+    """Return the pose of the reference at ``t`` (s); raise _Malformed if one is not usable."""
+    if not is_usable_number(t):
         raise _Malformed(f"the time of the sample is not usable: {t:g} s")
     target = reference.at(t).pose
     if not isinstance(target, Pose):

@@ -102,10 +102,9 @@ class SharedTimer:
         if not any(limit.over for limit in _active):
             for limit in _active:
                 limit.tick(self._period)
-            if not any(limit.over for limit in _active):
-                return
+        is_over = any(limit.over for limit in _active)
         leaving = frame is not None and frame.f_code.co_name == "__exit__"
-        if not leaving and sys.gettrace() is None:
+        if is_over and not leaving and sys.gettrace() is None:
             self.start(_AGAIN)
             raise TimedOut
 

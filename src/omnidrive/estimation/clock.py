@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import inf
 
-from omnidrive.estimation.state import LARGEST
+from omnidrive.estimation.state import is_usable_number
 
 
 class Stamp(Enum):
@@ -15,7 +15,7 @@ class Stamp(Enum):
     FOLLOWS = "follows"
     """It is not before the last accepted time, nor too far after it."""
     DROPPED = "dropped"
-    """It is NaN, beyond :data:`LARGEST`, before the last accepted time or too far after it."""
+    """It is not usable, before the last accepted time, or too far after it."""
     JUMPED = "jumped"
     """It is not before the dropped time of the previous readings: the clock itself jumped."""
 
@@ -43,7 +43,7 @@ class ReadingClock:
 
     def advance(self, t: float) -> Stamp:
         """Check a time, s, and take it over unless it is dropped."""
-        if not -LARGEST <= t <= LARGEST:  # NaN as well
+        if not is_usable_number(t):
             return Stamp.DROPPED
         if self.time is None or 0.0 <= t - self.time <= self.longest_step:
             self.time, self._suspect = t, None

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
-from math import hypot, inf, nan
+from math import inf, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +12,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation.readings import PoseFix
-from omnidrive.estimation.state import LARGEST, State
-from omnidrive.geometry import Pose
+from omnidrive.estimation.state import is_usable_number
 from omnidrive.robot import Robot
 
 MAX_RECEIVED = 200
@@ -26,7 +24,6 @@ _MAX_YAW_SIGMA = 1e3
 _MARGIN = 2.0
 """Rates up to this multiple of what the motors can do are possible: a robot can be pushed, and
 wheels can overshoot."""
-_SIGMAS, _DRIFT = 4.0, 0.05  # standard deviations and m by which fixes may differ in addition
 
 
 class RateLimits(NamedTuple):
@@ -47,23 +44,6 @@ class RateLimits(NamedTuple):
         fastest = _MARGIN * robot.max_wheel_speed
         return cls(fastest, fastest * np.abs(np.linalg.pinv(robot.chassis.jacobian)).sum(axis=1))
 
-    def reachable(self, fixes: Sequence[PoseFix]) -> bool:
-        """Return whether a robot can have been at the positions of all fixes at their stamps."""
-        speed = hypot(self.twist[0], self.twist[1])
-        ordered = sorted(fixes, key=lambda fix: fix.stamp)
-        for before, after in pairwise(ordered):
-            distance = hypot(after.pose.x - before.pose.x, after.pose.y - before.pose.y)
-            noise = _SIGMAS * hypot(before.position_sigma, after.position_sigma) + _DRIFT
-            if distance > speed * (after.stamp - before.stamp) + noise:
-                return False
-        return True
-
-
-def check_start(pose: Pose) -> None:
-    """Raise :class:`~omnidrive.errors.InvalidInput` unless a known pose is usable."""
-    if not State(0.0, pose).is_usable:
-        raise InvalidInput(f"the pose at the start must be finite, got {tuple(pose)}")
-
 
 def usable_fixes(fixes: Sequence[PoseFix], now: float) -> list[PoseFix]:
     """Return the usable ones of the last :data:`MAX_RECEIVED` fixes, see :func:`usable_fix`."""
@@ -73,26 +53,26 @@ def usable_fixes(fixes: Sequence[PoseFix], now: float) -> list[PoseFix]:
 def usable_fix(fix: PoseFix, now: float) -> PoseFix | None:
     """Return a pose fix, with an infinite yaw sigma if it measures no yaw; None: it is not usable.
 
-    The stamp must be finite and not after ``now``; position and measured yaw must be at most
-    :data:`LARGEST`. No standard deviation must be negative, nor that of the position infinite; NaN
-    is an unknown one.
+    The stamp must be finite and not after ``now``; position and measured yaw must be usable numbers
+    (:func:`~omnidrive.estimation.state.is_usable_number`). No standard deviation must be negative,
+    nor that of the position infinite; NaN is an unknown one.
 
     Args:
         fix: The fix.
         now: Time of the readings with which it arrived, s.
     """
     stamp, (x, y, yaw), position_sigma, yaw_sigma = fix
-    if not (-inf < stamp <= now and abs(x) <= LARGEST and abs(y) <= LARGEST):
+    if not (-inf < stamp <= now and is_usable_number(x) and is_usable_number(y)):
         return None
     if position_sigma < 0.0 or position_sigma > _MAX_SIGMA or yaw_sigma < 0.0:
         return None
     if yaw_sigma > _MAX_YAW_SIGMA:
         return fix._replace(yaw_sigma=inf)
-    return fix if abs(yaw) <= LARGEST else None
+    return fix if is_usable_number(yaw) else None
 
 
 def possible_angles(angles: Sequence[float], wheels: int) -> list[float]:
-    """Return wheel angles, rad; NaN for those that are absent, or beyond :data:`LARGEST`.
+    """Return wheel angles, rad; NaN for those that are absent or not usable.
 
     Args:
         angles: One angle per wheel, or none.
@@ -105,5 +85,5 @@ def possible_angles(angles: Sequence[float], wheels: int) -> list[float]:
         raise InvalidInput(
             f"the readings hold {len(angles)} wheel angles, the robot has {wheels} wheels"
         )
-    possible = [float(angle) if -LARGEST <= angle <= LARGEST else nan for angle in angles]
+    possible = [float(angle) if is_usable_number(angle) else nan for angle in angles]
     return possible or [nan] * wheels

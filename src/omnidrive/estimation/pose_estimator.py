@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from math import isfinite, isnan, nan, pi
+from math import hypot, inf, isfinite, isnan, nan
 
 import numpy as np
 from scipy.special import chdtri
@@ -21,18 +21,13 @@ from omnidrive.estimation.filter_state import (
     FilterState,
 )
 from omnidrive.estimation.motion_model import MotionModel, Odometry
-from omnidrive.estimation.plausibility import (
-    RateLimits,
-    check_start,
-    possible_angles,
-    usable_fixes,
-)
+from omnidrive.estimation.plausibility import RateLimits, possible_angles, usable_fixes
 from omnidrive.estimation.propagation import propagate
 from omnidrive.estimation.reading_buffer import MAX_FIXES, BufferedFix, Interval, ReadingBuffer
-from omnidrive.estimation.readings import PoseFix, SensorReadings
-from omnidrive.estimation.relocation import JUMP_COVARIANCE, consistent
+from omnidrive.estimation.readings import PoseFix, SensorReadings, unwrapped_pose
+from omnidrive.estimation.relocation import JUMP_COVARIANCE, consistent, reachable
 from omnidrive.estimation.sensor_settings import SensorSettings
-from omnidrive.estimation.state import State
+from omnidrive.estimation.state import State, check_start
 from omnidrive.geometry import Pose
 from omnidrive.parameter import check_bounds
 from omnidrive.robot import Robot
@@ -113,7 +108,7 @@ class PoseEstimator:
         """Discard all readings; at time 0 the robot is at rest at ``pose``, known exactly.
 
         Raises:
-            InvalidInput: ``pose`` is not finite.
+            InvalidInput: ``pose`` is not usable.
         """
         check_start(pose)
         self._clock.reset()
@@ -181,6 +176,8 @@ class PoseEstimator:
         self._reprocess(first)
         self.rejected += len(readings.fixes) - sum(item.accepted for item in received)
         self._detect_relocation(t)
+        accepted = [item.fix.stamp for _, item in self._buffer.fixes if item.accepted]
+        self._last_accepted = max([self._last_accepted, *accepted])
         if self._is_contradicted(received):
             count = self.settings.restart_after
             notice = self._lose(t, f"{count} pose fixes in a row contradict the estimate")
@@ -217,13 +214,15 @@ class PoseEstimator:
         """Insert the usable fixes; return them, and the first interval that has to be filtered.
 
         If the pose is lost, the filter starts at the first of them. Of more than
-        :data:`MAX_FIXES` the last ones are used.
+        :data:`MAX_FIXES` the last ones are used. A position of unknown precision is not used, and a
+        yaw of unknown precision counts as not measured.
         """
         stored, first = [], len(self._buffer.intervals) - 1
         end = self._buffer.intervals[-1].end
         precise = [fix for fix in usable_fixes(fixes, t) if not isnan(fix.position_sigma)]
         for fix in precise[-MAX_FIXES:]:
-            item = BufferedFix(fix._replace(stamp=min(fix.stamp, end)))
+            yaw_sigma = inf if isnan(fix.yaw_sigma) else fix.yaw_sigma
+            item = BufferedFix(fix._replace(stamp=min(fix.stamp, end), yaw_sigma=yaw_sigma))
             index = self._buffer.insert(item)
             if index is not None:
                 stored.append(item)
@@ -248,7 +247,8 @@ class PoseEstimator:
             state = self._propagate(state, interval, item.fix.stamp - time)
             time = item.fix.stamp
             if item.starts:
-                state = self._initial(_start_pose(item.fix, state), known=False)
+                yaw = float(state.mean[POSE][2])
+                state = self._initial(unwrapped_pose(item.fix, yaw), known=False)
             if item.relocated:
                 covariance = state.covariance.copy()
                 covariance[POSE, POSE] += JUMP_COVARIANCE
@@ -269,6 +269,7 @@ class PoseEstimator:
         return propagate(state, odometry, self._model)
 
     def _correct(self, state: FilterState, item: BufferedFix) -> tuple[FilterState, float]:
+        """Return the filter state at the stamp of a fix after its correction, and the fix's NIS."""
         _, measured, *sigmas = item.fix
         if not isfinite(sigmas[1]):  # the fix measures the position only
             measured = measured._replace(yaw=item.prior.yaw + float(state.mean[FIX_BIAS][2]))
@@ -279,8 +280,7 @@ class PoseEstimator:
 
     def _detect_relocation(self, t: float) -> None:
         """Accept the latest fixes if enough of them in a row were rejected but are consistent."""
-        stored = self._buffer.fixes
-        latest = stored[-self.settings.relocate_after :]
+        latest = self._buffer.fixes[-self.settings.relocate_after :]
         if (
             len(latest) == self.settings.relocate_after
             and not any(item.accepted for _, item in latest)
@@ -291,8 +291,6 @@ class PoseEstimator:
             self._reprocess(first)
             if item.accepted:
                 self.relocations.append(t)
-        stamps = [item.fix.stamp for _, item in stored if item.accepted]
-        self._last_accepted = max([self._last_accepted, *stamps])
 
     def _is_contradicted(self, received: list[BufferedFix]) -> bool:
         """Return whether enough fixes in a row were rejected that can be those of one robot."""
@@ -302,7 +300,7 @@ class PoseEstimator:
             else:
                 self._contradicting.append(item.fix)
         enough = len(self._contradicting) == self._contradicting.maxlen
-        return enough and self._limits.reachable(self._contradicting)
+        return enough and reachable(self._contradicting, hypot(*self._limits.twist[:2].tolist()))
 
     def _lose(self, t: float, cause: str) -> str:
         """Start anew at the next fix; return the notice."""
@@ -324,14 +322,6 @@ def _exceeds(given: float, possible: float) -> bool:
     return isnan(possible) and not isnan(given)
 
 
-def _start_pose(fix: PoseFix, state: FilterState) -> Pose:
-    """Return the pose of a fix, with the yaw of ``state`` if it measures none, continuous."""
-    yaw = float(state.mean[POSE][2])
-    if isfinite(fix.yaw_sigma):
-        yaw = fix.pose.yaw + 2.0 * pi * round((yaw - fix.pose.yaw) / (2.0 * pi))
-    return Pose(fix.pose.x, fix.pose.y, yaw)
-
-
 def _motion_model(
     robot: Robot,
     sensors: SensorSettings,
@@ -339,6 +329,11 @@ def _motion_model(
     limits: RateLimits,
     slips: bool,
 ) -> MotionModel:
+    """Return the parameters of the motion model of a robot with these sensors.
+
+    The stiffness makes a robot follow wheels that do not slip with the time constant
+    :data:`_FOLLOWING_TIME`; without pose fixes the parameters of their bias have no effect.
+    """
     gyro, fixes = sensors.gyro, sensors.fixes
     rim_jacobian, friction_limits = np.ascontiguousarray(robot.rim_jacobian), robot.friction_limits
     time, damping = fixes.bias_dynamics if fixes else (1.0, 0.9)

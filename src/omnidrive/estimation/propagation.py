@@ -251,7 +251,7 @@ def _propagate_covariance(
     for i in range(3):  # process noise that preserves the stationary variances of bias and rate
         variance = model.bias_sigma[i] ** 2
         rate_variance = variance / model.bias_time**2
-        if share < _SMALL_SHARE:
+        if share < _SMALL_SHARE:  # integrated noise of density 4 damping variance / bias_time^3
             noise = 4.0 / 3.0 * damping * share**3 * variance
             rate_noise = 4.0 * damping * share * rate_variance
             cross = 2.0 * damping * share**2 * variance / model.bias_time

@@ -47,10 +47,11 @@ class Interval:
 
 @dataclass(slots=True)
 class ReadingBuffer:
-    """Consecutive intervals.
+    """The intervals of the last seconds.
 
     Attributes:
         memory: Time for which readings are stored, s.
+        intervals: In the order of time; each begins where the one before ends.
     """
 
     memory: float

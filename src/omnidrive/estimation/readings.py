@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from math import inf, pi
 from typing import NamedTuple
 
 from omnidrive.geometry import Pose
-from omnidrive.parameter import are_finite, are_numbers, is_number, record_fault
+from omnidrive.parameter import are_finite, are_numbers, is_number, or_none, record_fault
 
 
 class PoseFix(NamedTuple):
@@ -42,6 +43,17 @@ class SensorReadings(NamedTuple):
     """Pose fixes in the order of their arrival: none, one or several, perhaps late."""
 
 
+def unwrapped_pose(fix: PoseFix, yaw: float) -> Pose:
+    """Return the pose of a fix with whole turns added to its yaw, so that it is near ``yaw`` (rad).
+
+    The yaw is ``yaw`` itself if the fix measures none.
+    """
+    if fix.yaw_sigma == inf:
+        return fix.pose._replace(yaw=yaw)
+    turns = round((yaw - fix.pose.yaw) / (2.0 * pi))
+    return fix.pose._replace(yaw=fix.pose.yaw + 2.0 * pi * turns)
+
+
 def readings_fault(readings: object) -> str | None:
     """Return what is wrong with the result of sensors, in one line; None: nothing.
 
@@ -62,7 +74,7 @@ _READINGS_RULES = {
     "stamp": (lambda stamp: are_finite((stamp,)), "a finite number"),
     "wheel_angles": (are_numbers, "a tuple of numbers"),
     "wheel_torques": (are_numbers, "a tuple of numbers"),
-    "yaw_rate": (lambda rate: rate is None or is_number(rate), "a number or None"),
+    "yaw_rate": or_none((is_number, "a number")),
     "fixes": (
         lambda fixes: isinstance(fixes, tuple) and all(map(_is_fix, fixes)),
         "a tuple of PoseFix",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from itertools import pairwise
+from math import hypot, isfinite
 
 import numpy as np
 
@@ -14,9 +15,9 @@ JUMP_COVARIANCE = np.diag([100.0, 100.0, 10.0])
 """Covariance added to the pose for an unknown displacement; m^2, m^2, rad^2."""
 
 _SIGMAS = 4.0
-"""Largest distance between consistent fixes, in standard deviations of their difference."""
+"""Largest deviation between fixes of one robot, in standard deviations of their difference."""
 _DRIFT = 0.05
-"""Odometry drift that is tolerated between fixes, m and rad."""
+"""Deviation that is tolerated in addition, for drift of the odometry, m and rad."""
 
 
 def consistent(fixes: Sequence[tuple[PoseFix, Pose]], current: Pose) -> bool:
@@ -43,5 +44,20 @@ def consistent(fixes: Sequence[tuple[PoseFix, Pose]], current: Pose) -> bool:
         if distance > _SIGMAS * fix.position_sigma * 2.0**0.5 + _DRIFT:
             return False
         if abs(wrap(pose.yaw - middle.yaw)) > _SIGMAS * fix.yaw_sigma * 2.0**0.5 + _DRIFT:
+            return False
+    return True
+
+
+def reachable(fixes: Sequence[PoseFix], max_speed: float) -> bool:
+    """Return whether a robot can have been at the positions of all fixes at their stamps.
+
+    Args:
+        fixes: The fixes, in any order.
+        max_speed: Largest possible speed of the robot, m/s.
+    """
+    for before, after in pairwise(sorted(fixes, key=lambda fix: fix.stamp)):
+        distance = hypot(after.pose.x - before.pose.x, after.pose.y - before.pose.y)
+        noise = _SIGMAS * hypot(before.position_sigma, after.position_sigma) + _DRIFT
+        if distance > max_speed * (after.stamp - before.stamp) + noise:
             return False
     return True

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from math import hypot, isfinite, nan, sqrt
-from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import kind_of
+from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.parameter import is_number, numbers_rule, or_none, record_fault
 
 LARGEST = 1e10
 """Greatest magnitude of a usable time (s), coordinate (m) or angle (rad).
@@ -19,15 +19,23 @@ LARGEST = 1e10
 At 1e10, neighbouring floats differ by 2e-6."""
 
 
+def is_usable_number(number: float) -> bool:
+    """Return whether a number is at most :data:`LARGEST` in magnitude: not NaN, not huge."""
+    return bool(-LARGEST <= number <= LARGEST)  # NumPy's numbers give a bool of its own
+
+
 def are_usable(t: float, pose: Pose) -> bool:
-    """Return whether a time (s) and a pose are numbers up to :data:`LARGEST`: not NaN, not huge."""
-    x, y, yaw = pose
-    return bool(  # comparisons of numbers of NumPy give its own type
-        -LARGEST <= t <= LARGEST
-        and -LARGEST <= x <= LARGEST
-        and -LARGEST <= y <= LARGEST
-        and -LARGEST <= yaw <= LARGEST
-    )
+    """Return whether a time (s) and all parts of a pose are usable numbers."""
+    return all(map(is_usable_number, (t, *pose)))
+
+
+def check_start(pose: Pose) -> None:
+    """Raise :class:`~omnidrive.errors.InvalidInput` unless the pose at a start is usable."""
+    if not are_usable(0.0, pose):
+        raise InvalidInput(
+            f"the pose at the start must be finite and at most {LARGEST:g} in magnitude, "
+            f"got {tuple(pose)}"
+        )
 
 
 class State(NamedTuple):
@@ -55,7 +63,7 @@ class State(NamedTuple):
         """
         return (
             are_usable(self.stamp, self.pose)
-            and -LARGEST <= self.fix_age <= LARGEST
+            and is_usable_number(self.fix_age)
             and (self.covariance is None or isfinite(sum(self.covariance.ravel().tolist())))
         )
 
@@ -81,28 +89,18 @@ def state_fault(state: object) -> str | None:
 
     Numbers that are not usable are no fault, see :attr:`State.is_usable`.
     """
-    if not isinstance(state, State):
-        return f"it returned {kind_of(state)}, not a State"
-    if not isinstance(state.notice, str):
-        return f"the notice of its state is {kind_of(state.notice)}, not text"
-    pose, twist, covariance = state.pose, state.twist, state.covariance
-    if not isinstance(pose, Pose):
-        return f"its state holds {kind_of(pose)}, not a Pose"
-    if not (twist is None or isinstance(twist, BodyTwist)):
-        return f"the twist of its state is {kind_of(twist)}, not a BodyTwist or None"
-    for value in (state.stamp, *pose, *(twist or ()), state.fix_age):
-        if type(value) is not float and not isinstance(value, Real):
-            return f"its state holds {kind_of(value)} where a number is expected"
-    return _covariance_fault(covariance)
+    return record_fault(state, State, _STATE_RULES)
 
 
-def _covariance_fault(covariance: object) -> str | None:
-    """Return what is wrong with a covariance, in one line; None: nothing."""
-    given = kind_of(covariance)
-    if isinstance(covariance, np.ndarray):
-        given += f" of shape {covariance.shape}"
-        if covariance.shape == (3, 3) and covariance.dtype.kind in "fiu":
-            return None
-    elif covariance is None:
-        return None
-    return f"the covariance of its state is {given}, not a 3 x 3 array of numbers or None"
+def _is_covariance(value: object) -> bool:
+    return isinstance(value, np.ndarray) and value.shape == (3, 3) and value.dtype.kind in "fiu"
+
+
+_STATE_RULES = {
+    "stamp": (is_number, "a number"),
+    "pose": numbers_rule(Pose),
+    "twist": or_none(numbers_rule(BodyTwist)),
+    "covariance": or_none((_is_covariance, "a 3 x 3 array of numbers")),
+    "fix_age": (is_number, "a number"),
+    "notice": (lambda notice: isinstance(notice, str), "text"),
+}

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf, isfinite, pi
+from math import isfinite
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from omnidrive.estimation.clock import ReadingClock, Stamp
-from omnidrive.estimation.plausibility import check_start, usable_fixes
-from omnidrive.estimation.readings import PoseFix, SensorReadings
-from omnidrive.estimation.state import State
+from omnidrive.estimation.plausibility import usable_fixes
+from omnidrive.estimation.readings import PoseFix, SensorReadings, unwrapped_pose
+from omnidrive.estimation.state import State, check_start
 from omnidrive.geometry import Pose
 
 
@@ -27,7 +27,10 @@ class StateEstimator(Protocol):
         ...
 
     def update(self, readings: SensorReadings) -> State:
-        """Return the estimated state at ``readings.stamp``; stamps must not decrease."""
+        """Return the estimated state at ``readings.stamp``.
+
+        Stamps increase unless the clock of the sensors is at fault.
+        """
         ...
 
 
@@ -35,7 +38,7 @@ class StateEstimator(Protocol):
 class LatestFix:
     """An estimator that returns the pose fix with the latest stamp; it has no filter.
 
-    Fixes that are not finite or from the future are ignored, so that the estimate grows old.
+    Fixes that are not usable or from the future are ignored, so that the estimate grows old.
     """
 
     _latest: PoseFix = field(default=PoseFix(0.0, Pose(0.0, 0.0, 0.0), 0.0, 0.0), init=False)
@@ -45,7 +48,7 @@ class LatestFix:
         """Take ``pose`` as an exact fix at time 0, returned until a fix arrives.
 
         Raises:
-            InvalidInput: ``pose`` is not finite.
+            InvalidInput: ``pose`` is not usable.
         """
         check_start(pose)
         self._latest = PoseFix(0.0, pose, 0.0, 0.0)
@@ -69,18 +72,10 @@ class LatestFix:
         if stamp is not Stamp.DROPPED:
             for fix in usable_fixes(readings.fixes, t):
                 if fix.stamp >= self._latest.stamp:
-                    self._latest = fix._replace(pose=_continued(fix, self._latest.pose.yaw))
+                    self._latest = fix._replace(pose=unwrapped_pose(fix, self._latest.pose.yaw))
         now = self._clock.time or 0.0
         _, pose, position_sigma, yaw_sigma = self._latest
         covariance = None
         if isfinite(position_sigma) and isfinite(yaw_sigma):
             covariance = np.diag([position_sigma**2, position_sigma**2, yaw_sigma**2])
         return State(now, pose, None, covariance, now - self._latest.stamp, notice)
-
-
-def _continued(fix: PoseFix, before: float) -> Pose:
-    """Return the pose of a fix with a yaw near ``before`` (rad), or equal to it if it has none."""
-    if fix.yaw_sigma == inf:
-        return fix.pose._replace(yaw=before)
-    turns = round((before - fix.pose.yaw) / (2.0 * pi))
-    return fix.pose._replace(yaw=fix.pose.yaw + 2.0 * pi * turns)

@@ -16,6 +16,7 @@ from omnidrive.parameter import (
     check_sample_time,
     is_count,
     is_number,
+    numbers_rule,
     record_fault,
 )
 from omnidrive.robot import Robot
@@ -190,11 +191,8 @@ def plant_state_fault(state: Any) -> str | None:
 
 
 _STATE_RULES = {
-    "pose": (lambda pose: isinstance(pose, Pose) and are_numbers(pose), "a Pose of numbers"),
-    "twist": (
-        lambda twist: isinstance(twist, BodyTwist) and are_numbers(twist),
-        "a BodyTwist of numbers",
-    ),
+    "pose": numbers_rule(Pose),
+    "twist": numbers_rule(BodyTwist),
     "work": (is_number, "a number"),
     "wheel_angles": (are_numbers, "a tuple of numbers"),
     "wheel_torques": (are_numbers, "a tuple of numbers"),

@@ -94,6 +94,9 @@ class MemorylessChannel:
     Attributes:
         tune: The fuzzy system.
         parameters: Gains and scales.
+
+    Raises:
+        InvalidInput: A parameter is out of its range.
     """
 
     tune: Tuner
@@ -121,6 +124,9 @@ class SelfTuningChannel:
         tune: The fuzzy system.
         dt: Sample time in s.
         parameters: Gains, scales and limits.
+
+    Raises:
+        InvalidInput: A parameter is out of its range.
     """
 
     tune: Tuner
@@ -159,6 +165,9 @@ class TrackingChannel:
         tune: The fuzzy system.
         dt: Sample time in s.
         parameters: Gains, ranges and limits.
+
+    Raises:
+        InvalidInput: A parameter is out of its range.
     """
 
     tune: Tuner

@@ -8,6 +8,7 @@ from math import hypot
 import numpy as np
 
 from omnidrive.control.controller import (
+    STOP,
     Command,
     CommandValue,
     Controller,
@@ -20,11 +21,10 @@ from omnidrive.control.supervision.watchdog import Watchdog
 from omnidrive.control.supervision.wheel_monitor import Finding, WheelDefect, WheelMonitor
 from omnidrive.errors import InvalidGeometry
 from omnidrive.estimation import SensorReadings, State
-from omnidrive.estimation.state import LARGEST
+from omnidrive.estimation.state import is_usable_number
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.robot import Robot
 
-_STOP = BodyTwist(0.0, 0.0, 0.0)
 _SHARE = 0.85
 """Share of the wheels' friction that commands use once a wheel has failed."""
 _LONGEST_STEP = 0.5
@@ -65,9 +65,9 @@ class SafetySupervisor:
     _dead: set[int] = field(default_factory=set, init=False)
     _locked: int | None = field(default=None, init=False)
     _drive: ReducedDrive | None = field(default=None, init=False)
-    _commanded: BodyTwist = field(default=_STOP, init=False)
+    _commanded: BodyTwist = field(default=STOP, init=False)
     """Twist of the last command; the present twist while torques are commanded."""
-    _sent: CommandValue = field(default=_STOP, init=False)
+    _sent: CommandValue = field(default=STOP, init=False)
     """The last command."""
     _held: float | None = field(default=None, init=False)
     """Time for which the last command was held, s; None before the first."""
@@ -84,7 +84,7 @@ class SafetySupervisor:
         self.controller, self._original, self.stopped = None, controller, None
         self.events = []
         self._dead, self._locked, self._drive = set(), None, None
-        self._commanded, self._sent, self._held = _STOP, _STOP, None
+        self._commanded, self._sent, self._held = STOP, STOP, None
         self._angles, self._t = (), 0.0
         for part in (self.watchdog, self.monitor):
             if part is not None:
@@ -93,7 +93,7 @@ class SafetySupervisor:
     @property
     def at_rest(self) -> bool:
         """Whether the robot has been stopped and its command is zero."""
-        return self.stopped is not None and self._commanded == _STOP
+        return self.stopped is not None and self._commanded == STOP
 
     def check(self, t: float, readings: SensorReadings, state: State, target: Pose) -> State:
         """Check wheels and estimate at ``t`` (s) and return the state for the controller.
@@ -172,8 +172,8 @@ class SafetySupervisor:
         """Return the mean twist since the previous sample by wheel angles, otherwise by poses."""
         before, now, dt = self._angles, readings.wheel_angles, self._held
         if dt is None:
-            return _STOP
-        if len(before) == len(now) > 0 and all(abs(v) <= LARGEST for v in (*before, *now)):
+            return STOP
+        if len(before) == len(now) > 0 and all(map(is_usable_number, (*before, *now))):
             return self.robot.drive.twist(np.subtract(now, before) / dt)
         return twist_between(self._pose, pose, dt)
 
@@ -225,7 +225,7 @@ class SafetySupervisor:
     def _braking(self, dt: float) -> BodyTwist:
         """Return the next twist on the straight line to rest, at the maximum deceleration."""
         limits = (self._drive or self.robot).acceleration_faces
-        return limit_acceleration(limits / _SHARE, self._commanded, _STOP, dt)
+        return limit_acceleration(limits / _SHARE, self._commanded, STOP, dt)
 
     def _in_null_space(self, twist: BodyTwist, dt: float) -> BodyTwist:
         """Return a twist that translates B as ``twist`` does while the locked wheel does not turn.

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from omnidrive.control.controller import Command, Status
+from omnidrive.control.controller import STOP, Command, Status
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import Exit
@@ -45,7 +45,6 @@ _SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
     "rti": lambda: HolonomicSolver(HolonomicSolverSettings(max_iterations=RTI_ITERATIONS)),
     "casadi": HolonomicIpopt,
 }
-_STOP = BodyTwist(0.0, 0.0, 0.0)
 
 OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
 """Without a new plan: number of steps that follow the latest plan at its full speed, and number of
@@ -92,6 +91,9 @@ class HolonomicController(GuardedController):
         solver: Solver of the optimal control problem.
         keep_outs: Keep-out zones over the horizon.
         solution: The latest plan; None if there is none since ``reset``.
+
+    Raises:
+        InvalidInput: ``dt``, ``horizon`` or a parameter is outside its domain.
     """
 
     dt: float
@@ -148,8 +150,8 @@ class HolonomicController(GuardedController):
         return other
 
     def _clear(self) -> None:
-        self.solution, self._age, self._final_twist = None, 0, _STOP
-        self._twists.extend([_STOP] * (self._twists.maxlen or 0))
+        self.solution, self._age, self._final_twist = None, 0, STOP
+        self._twists.extend([STOP] * (self._twists.maxlen or 0))
 
     def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
@@ -193,9 +195,9 @@ class HolonomicController(GuardedController):
         self._age += 1
         plan, age, max_age = self.solution, self._age, OLD_PLAN_STEPS + RAMP_STEPS
         if plan is None or age > max_age or age >= len(plan.velocities):
-            self._twists.append(_STOP)
-            self._final_twist = _STOP
-            return Command(_STOP, Status.FAILED, self._details(FallbackLevel.STOP, None), reason)
+            self._twists.append(STOP)
+            self._final_twist = STOP
+            return Command(STOP, Status.FAILED, self._details(FallbackLevel.STOP, None), reason)
         factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
         vx, vy, yaw_rate = self._planned_twist(plan, age)
         twist = self._compensate(BodyTwist(factor * vx, factor * vy, factor * yaw_rate))

@@ -34,12 +34,6 @@ _SOLVERS: dict[SolverName, Callable[[], UnicycleOptimizer]] = {
     "rti": lambda: UnicycleSolver(UnicycleSolverSettings(max_iterations=1)),
     "casadi": UnicycleIpopt,
 }
-_STATUS = {
-    Exit.CONVERGED: Status.OK,
-    Exit.CAPPED: Status.FALLBACK,
-    Exit.STALLED: Status.FALLBACK,
-    Exit.UNUSABLE: Status.FAILED,
-}
 
 
 def unicycle_law(
@@ -87,6 +81,9 @@ class UnicycleController(GuardedController):
         parameters: Weights and limits.
         solver: Solver of the optimal control problem.
         solution: The latest plan; None if there is none since ``reset``.
+
+    Raises:
+        InvalidInput: ``dt``, ``horizon`` or a parameter is outside its domain.
     """
 
     dt: float
@@ -121,7 +118,8 @@ class UnicycleController(GuardedController):
             return self.fall_back("no usable solution")
         self.solution = solution
         twist = unicycle_law(problem, solution, self.parameters.lateral_gain)
-        return Command(twist, _STATUS[solution.exit])
+        converged = solution.exit is Exit.CONVERGED
+        return Command(twist, Status.OK if converged else Status.FALLBACK)
 
     def _guess(self, problem: UnicycleProblem) -> Float[Array, "stages 2"]:
         """Return the latest plan shifted by one stage; without a plan, the feedforward controls."""
