@@ -15,12 +15,12 @@ _BEARINGS = (0, 45, 90, 135)  # degrees; the polytopes are symmetric about their
 
 
 def robot_tables(summary: RobotSummary) -> list[Table]:
-    """Return the tables of a robot: parameters, wheels, speeds and accelerations, lost wheels."""
+    """Return the tables of a robot: parameters, wheels, speeds and accelerations, dead wheels."""
     return [
         _parameters(summary),
         _wheels(summary.robot),
         _directions(summary),
-        _lost_wheels(summary),
+        _dead_wheels(summary),
     ]
 
 
@@ -124,7 +124,7 @@ def _directions(summary: RobotSummary) -> Table:
     )
 
 
-def _lost_wheels(summary: RobotSummary) -> Table:
+def _dead_wheels(summary: RobotSummary) -> Table:
     whole = summary.acceleration
     rows = [
         (str(i), *(_left(left, whole) if left else ("no longer omnidirectional", "", "")))

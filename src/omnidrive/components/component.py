@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, PydanticUserError, ValidationError, 
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from omnidrive.components.documentation import plain_text
+from omnidrive.components.entry_points import noun
 from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.components.parameters import Parameter, parameters_of
 from omnidrive.errors import (
@@ -81,9 +82,8 @@ class Component:
             return
         missing = [n for n in _METHODS.get(self.group, ()) if not hasattr(self.factory, n)]
         if missing:
-            kind = self.group.removesuffix("s")
             raise InvalidInput(
-                f"the class {one_line(self.name)} is no {kind}: it has no method "
+                f"the class {one_line(self.name)} is no {noun(self.group)}: it has no method "
                 f"{' and no method '.join(missing)}"
             )
 
@@ -200,8 +200,7 @@ class Component:
             raise
         except PART_ERRORS as error:
             raise ComponentFailed(
-                f"the {self.group.removesuffix('s')} '{self.name}' ({self.origin}) failed"
-                f"{failure_text(error)}"
+                f"the {noun(self.group)} '{self.name}' ({self.origin}) failed{failure_text(error)}"
             ) from error
 
     @cached_property

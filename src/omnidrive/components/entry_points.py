@@ -20,6 +20,11 @@ GROUPS: tuple[Group, ...] = get_args(Group)
 _OWN = "omnidrive"
 
 
+def noun(group: str) -> str:
+    """Return the noun of one component of a group for messages, such as ``controller``."""
+    return group.removesuffix("s")
+
+
 def component_names(group: Group) -> tuple[str, ...]:
     """Return the names of the installed components of a group, those of this package first.
 

@@ -14,7 +14,13 @@ from types import ModuleType
 from typing import Any
 
 from omnidrive.components.component import Component, failure_text
-from omnidrive.components.entry_points import Group, component_names, distribution_of, entries_of
+from omnidrive.components.entry_points import (
+    Group,
+    component_names,
+    distribution_of,
+    entries_of,
+    noun,
+)
 from omnidrive.errors import PART_ERRORS, InvalidInput, OmnidriveError, one_line, suggestion
 from omnidrive.files.bounded_file import read_bounded
 
@@ -33,7 +39,7 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
     Raises:
         InvalidInput: There is no such component, its code is not allowed or cannot be imported.
     """
-    entries, kind = entries_of(group).get(name), group.removesuffix("s")
+    entries, kind = entries_of(group).get(name), noun(group)
     if entries is not None:
         return _installed(group, tuple(entries))
     if name.endswith(".py"):
@@ -66,7 +72,7 @@ def find_component(group: Group, name: str, *, allow_code: bool = False) -> Comp
 @cache  # reading the version of a distribution takes milliseconds
 def _installed(group: Group, entries: tuple[EntryPoint, ...]) -> Component:
     entry, *others = entries
-    kind = group.removesuffix("s")
+    kind = noun(group)
     if others:
         owners = ", ".join(map(distribution_of, entries))
         raise InvalidInput(

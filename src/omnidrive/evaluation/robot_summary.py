@@ -1,4 +1,4 @@
-"""Capabilities of a robot: largest speeds and accelerations, loss of a wheel, warnings."""
+"""Capabilities of a robot: largest speeds and accelerations, dead wheels, warnings."""
 
 from __future__ import annotations
 

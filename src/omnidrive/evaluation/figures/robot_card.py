@@ -54,7 +54,7 @@ def robot_card(summary: RobotSummary) -> Figure:
             "rad/s²",
             "yaw acceleration",
         )
-        _lost_wheels(acceleration, summary)
+        _dead_wheels(acceleration, summary)
         _legend(acceleration)
         _legend(speed)
         _matrix(matrix, summary)
@@ -148,7 +148,7 @@ def _polytope(axes: Axes, capability: Capability, title: str, unit: str, yaw: st
     axes.plot(0.0, 0.0, "+", color=DARK, ms=6, zorder=5)
 
 
-def _lost_wheels(axes: Axes, summary: RobotSummary) -> None:
+def _dead_wheels(axes: Axes, summary: RobotSummary) -> None:
     """Draw the slice without yaw acceleration that remains when each wheel is dead.
 
     Equal slices are drawn once. Of more than four different ones only the weakest is drawn: that
