@@ -32,6 +32,9 @@ CODE = """
     def broken(path):
         return {}["width"]
 
+    def quit(path):
+        raise SystemExit(0)
+
     def number():
         return 5
 """
@@ -41,6 +44,7 @@ POINTS = """
     .fixed = their_maps:load_fixed
     .broken = their_maps:broken
     .gone = their_maps:gone
+    .quit = their_maps:quit
     .png = their_maps:load_fixed
     hall = their_maps:hall
     number = their_maps:number
@@ -102,6 +106,7 @@ def test_named_maps(tmp_path, monkeypatch):
     ("name", "fact"),
     [
         ("m.broken", r"m.broken cannot be loaded by .broken of their-maps 2.1: KeyError: 'width'"),
+        ("m.quit", r"m.quit cannot be loaded by .quit of their-maps 2.1: SystemExit: 0"),
         ("m.arena", r"m.arena cannot be loaded by .arena of their-maps 2.1: FileNotFoundError"),
         ("m.xyz", r"m.xyz is not a map: need a Nav2 map .*; other installed formats: .arena, .br"),
     ],

@@ -9,7 +9,7 @@ from typing import Any
 
 from omnidrive.choices import Unknown
 from omnidrive.components import Component, component_names, find_component
-from omnidrive.errors import InvalidMap, OmnidriveError, closest, one_line, short_repr
+from omnidrive.errors import PART_ERRORS, InvalidMap, OmnidriveError, closest, one_line, short_repr
 from omnidrive.files.bounded_file import read_head
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps.ascii import ASCII_CELLS
@@ -97,7 +97,7 @@ def _check_name(file: Path) -> None:
 
 
 def _call(component: Component, name: str, *arguments: Path, **options: Any) -> OccupancyGrid:
-    """Return the map of a component; an error of its code becomes InvalidMap.
+    """Return the map of a component; an error or an exit of its code becomes InvalidMap.
 
     Args:
         component: Reader of a format, or a named map.
@@ -111,7 +111,7 @@ def _call(component: Component, name: str, *arguments: Path, **options: Any) -> 
         grid = component.factory(*arguments, **options)
     except OmnidriveError:
         raise
-    except Exception as error:  # of any code that is installed
+    except PART_ERRORS as error:
         fact = one_line(f"{type(error).__name__}: {error}", 200)
         raise InvalidMap(
             f"{name} cannot be loaded by {component.name} of {component.origin}: {fact}"
