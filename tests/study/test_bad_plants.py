@@ -116,6 +116,7 @@ KINDS = {
     "plant-reset": ("plant.reset", RuntimeError("no scene"), PLANT + "RuntimeError: no scene"),
     "plant-reset-none": ("plant.reset", lambda *_: None, PLANT + "it returned None, not a Plant"),
     "plant-close": ("plant.close", OSError("no route"), "reached the end of the reference"),
+    "plant-close-exit": ("plant.close", SystemExit(0), "reached the end of the reference"),
     "plant-changes": ("plant", change_the_robot, ""),
     "estimator-exception": ("estimator", KeyError("gyro"), ESTIMATOR + "KeyError: 'gyro'"),
     "estimator-exit": ("estimator", SystemExit(2), ESTIMATOR + "SystemExit: 2"),
@@ -128,7 +129,7 @@ KINDS = {
     "estimator-reset": ("estimator.reset", ValueError("no map"), ESTIMATOR + "ValueError: no map"),
 }
 AT_ONCE = {"plant-reset", "plant-reset-none", "estimator-reset"}
-FINISHES = {"plant-close", "plant-changes"}
+FINISHES = {"plant-close", "plant-close-exit", "plant-changes"}
 
 
 def study(kinds):
@@ -144,8 +145,8 @@ def study(kinds):
     )
 
 
-QUICK = ("plant-refuses", "plant-list", "plant-sleeps", "plant-close", "plant-changes",
-         "estimator-exit", "estimator-covariance", "estimator-reset")  # fmt: skip
+QUICK = ("plant-refuses", "plant-list", "plant-sleeps", "plant-close", "plant-close-exit",
+         "plant-changes", "estimator-exit", "estimator-covariance", "estimator-reset")  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -161,7 +162,8 @@ def test_bad_plants_and_estimators_end_their_own_run_only(monkeypatch, caplog, k
     for name in ("good", "again"):
         assert found[name].outcome is Outcome.FINISHED
         assert_equal(found[name], alone[name])
-    assert "the plant cannot be closed: OSError: no route" in caplog.text
+    for fact in ("OSError: no route", "SystemExit: 0"):
+        assert f"the plant cannot be closed: {fact}" in caplog.text
     for name in kinds:
         part, value, sentence = KINDS[name]
         run = found[name]

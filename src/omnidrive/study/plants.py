@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from omnidrive.components import configure
-from omnidrive.errors import one_line
+from omnidrive.errors import PART_ERRORS, one_line
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot
@@ -54,7 +54,7 @@ def _close(plant: Plant) -> None:
     """Close a plant; an exception is logged, and the results of its run are kept."""
     try:
         plant.close()
-    except Exception as error:
+    except PART_ERRORS as error:
         _log.warning("the plant cannot be closed: %s", one_line(f"{type(error).__name__}: {error}"))
 
 
