@@ -184,7 +184,7 @@ class _Parser:
             negation += ("not",)
         opening = self._tokens[self._next]
         if not self._accept("("):
-            return self._proposition("an input").hedged(*negation)
+            return self._proposition("an input").hedged(negation)
         if depth >= MAX_DEPTH:
             self._fail(opening, f"parentheses are nested more than {MAX_DEPTH} deep")
         inner = self._disjunction(depth + 1)
@@ -198,7 +198,7 @@ class _Parser:
                 "'not' before a group is not supported, because 'or' may differ from the dual of "
                 "'and'; write it before each set: not (A and B) is not A or not B",
             )
-        return inner.hedged(*negation)
+        return inner.hedged(negation)
 
     def _proposition(self, what: str) -> Is:
         variable = self._name(what)

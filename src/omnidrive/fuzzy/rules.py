@@ -41,7 +41,7 @@ class Is:
                 "required, except after the hedge 'any', which must be the last one"
             )
 
-    def hedged(self, *hedges: Hedge) -> Is:
+    def hedged(self, hedges: tuple[Hedge, ...]) -> Is:
         """Return the proposition with ``hedges`` before its own."""
         return Is(self.variable, self.set, hedges + self.hedges)
 

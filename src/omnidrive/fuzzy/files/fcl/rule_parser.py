@@ -91,7 +91,7 @@ class RuleParser:
             negations += ("not",)
         opening = tokens.next
         if not tokens.accept("("):
-            return self._proposition().hedged(*negations)
+            return self._proposition().hedged(negations)
         if depth >= MAX_DEPTH:
             raise malformed(opening.position, f"parentheses are nested more than {MAX_DEPTH} deep")
         inner = self._disjunction(depth + 1)
@@ -103,7 +103,7 @@ class RuleParser:
             raise malformed(
                 opening.position, "NOT before a group is not supported; write it before each set"
             )
-        return inner.hedged(*negations)
+        return inner.hedged(negations)
 
     def _proposition(self) -> Is:
         tokens = self._tokens
