@@ -22,7 +22,7 @@ from omnidrive.simulation import KinematicPlant, MujocoPlant
 from omnidrive.testing.laws import Circle
 from omnidrive.visualization import (
     Canvas,
-    GhostModel,
+    DisplayModel,
     Overlays,
     Recorder,
     check_film,
@@ -118,14 +118,14 @@ def test_long_run_plays_faster(recording, tmp_path, monkeypatch):
 
 def test_target_is_drawn_at_its_position():
     """In a vertical view the target is a green disc with the robot's radius."""
-    ghost = GhostModel(ROBOT)
-    ghost.set_pose(0.0, Pose(5.0, 5.0, 0.0), np.zeros(4))  # out of the picture
+    display = DisplayModel(ROBOT)
+    display.set_pose(0.0, Pose(5.0, 5.0, 0.0), np.zeros(4))  # out of the picture
     camera = mujoco.MjvCamera()
     camera.azimuth, camera.elevation, camera.distance = 90.0, -90.0, 4.0
     no_points = np.zeros((0, 2))
     overlays = Overlays(no_points, no_points, Pose(0.5, -0.3, 0.5), ROBOT.body_radius)
-    with Canvas(ghost.model, 200, 200) as canvas:
-        drawn = canvas.draw(ghost.data, camera, overlays).astype(float)
+    with Canvas(display.model, 200, 200) as canvas:
+        drawn = canvas.draw(display.data, camera, overlays).astype(float)
     green = (drawn[:, :, 1] > drawn[:, :, 0] + 25) & (drawn[:, :, 1] > drawn[:, :, 2] + 10)
     rows, columns = np.nonzero(green)
     metres = 2.0 * 4.0 * tan(radians(22.5)) / 200

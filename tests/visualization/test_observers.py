@@ -121,7 +121,7 @@ def test_recorded_poses_interpolate_the_samples(make):
     )
 
 
-def test_ghost_model_follows_the_cubic_between_samples():
+def test_display_model_follows_the_cubic_between_samples():
     """On an arc of 0.1 rad the cubic's error is below 1e-5; that of a straight line is 1.2e-3."""
     log_observer, twist = Log(), BodyTwist(1.0, 0.0, 1.0)
     plant = observe(KinematicPlant(ROBOT), ROBOT, CIRCLE, [log_observer])

@@ -15,7 +15,7 @@ from omnidrive.robot import Robot
 from omnidrive.simulation import Plant, PlantState
 from omnidrive.visualization import (
     Canvas,
-    GhostModel,
+    DisplayModel,
     Overlays,
     follow,
     is_following,
@@ -55,7 +55,7 @@ class Renderer:
         self._plant, self._robot, self._reference = plant, robot, reference
         self._size, self._obstacles = size, obstacles
         self._canvas: Canvas | None = None
-        self._ghost: GhostModel | None = None
+        self._display: DisplayModel | None = None
         self._state: PlantState | None = None
         self._wheels = np.zeros(len(robot.mounts))
         self._trail: list[tuple[float, float]] = []
@@ -67,8 +67,8 @@ class Renderer:
 
     def advance(self, state: PlantState, dt: float) -> None:
         """Update the state after a step of ``dt`` (s)."""
-        if self._ghost is not None and self._state is not None:
-            self._wheels = self._ghost.next_wheel_angles(self._state, state, self._wheels, dt)
+        if self._display is not None and self._state is not None:
+            self._wheels = self._display.next_wheel_angles(self._state, state, self._wheels, dt)
         self._state = state
         self._trail.append(state.pose[:2])
         if len(self._trail) > _MAX_TRAIL:
@@ -84,7 +84,7 @@ class Renderer:
         source = (
             cast(RenderedPlant, self._plant)
             if self._plant.capabilities.renders
-            else self._update_ghost(t)
+            else self._update_display(t)
         )
         if self._canvas is None:
             self._canvas = Canvas(source.model, *self._size)
@@ -101,9 +101,9 @@ class Renderer:
             self._canvas.close()
             self._canvas = None
 
-    def _update_ghost(self, t: float) -> GhostModel:
+    def _update_display(self, t: float) -> DisplayModel:
         assert self._state is not None
-        if self._ghost is None:
-            self._ghost = GhostModel(self._robot, obstacles=self._obstacles)
-        self._ghost.set_pose(t, self._state.pose, self._wheels)
-        return self._ghost
+        if self._display is None:
+            self._display = DisplayModel(self._robot, obstacles=self._obstacles)
+        self._display.set_pose(t, self._state.pose, self._wheels)
+        return self._display

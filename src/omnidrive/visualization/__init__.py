@@ -8,8 +8,8 @@ from omnidrive.visualization.camera import (
     overview_camera,
 )
 from omnidrive.visualization.canvas import Canvas
+from omnidrive.visualization.display_model import DisplayModel
 from omnidrive.visualization.film import check_film, film
-from omnidrive.visualization.ghost_model import GhostModel
 from omnidrive.visualization.observer import Observer, Scene, observe
 from omnidrive.visualization.overlays import Overlays, sample_path
 from omnidrive.visualization.recording import Recorder, Recording, replay
@@ -18,7 +18,7 @@ from omnidrive.visualization.viewer import Viewer
 __all__ = [
     "CameraName",
     "Canvas",
-    "GhostModel",
+    "DisplayModel",
     "Observer",
     "Overlays",
     "Recorder",

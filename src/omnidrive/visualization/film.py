@@ -20,7 +20,7 @@ from omnidrive.geometry import Pose
 from omnidrive.parameter import check_choice
 from omnidrive.visualization.camera import CameraName, follow, is_following, make_camera
 from omnidrive.visualization.canvas import Canvas
-from omnidrive.visualization.ghost_model import update_kinematics
+from omnidrive.visualization.display_model import update_kinematics
 from omnidrive.visualization.opengl import offscreen
 from omnidrive.visualization.overlays import Overlays
 from omnidrive.visualization.recording import FRAMES_PER_SECOND, MAX_FRAMES, Recording

@@ -24,7 +24,7 @@ from omnidrive.simulation.plant import (
     PlantCapabilities,
     PlantState,
 )
-from omnidrive.visualization.ghost_model import GhostModel, interpolate_pose
+from omnidrive.visualization.display_model import DisplayModel, interpolate_pose
 
 
 class RenderedPlant(Plant, Protocol):
@@ -182,8 +182,8 @@ class _ModelledWorld:
         obstacles: OccupancyGrid | None,
         moving: Sequence[MovingObstacle],
     ) -> None:
-        self._ghost = GhostModel(robot, obstacles=obstacles, moving=moving)
-        self._scene = Scene(self._ghost.model, self._ghost.data, robot, reference)
+        self._display = DisplayModel(robot, obstacles=obstacles, moving=moving)
+        self._scene = Scene(self._display.model, self._display.data, robot, reference)
         self._clocks = [_Clock(observer) for observer in observers]
         self._state = PlantState(Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0), 0.0)
         self._t, self._wheels = 0.0, np.zeros(len(robot.mounts))
@@ -191,7 +191,7 @@ class _ModelledWorld:
     def begin(self, state: PlantState) -> None:
         """Call the observers at the start of a run."""
         self._t, self._state, self._wheels = 0.0, state, np.zeros(len(self._wheels))
-        self._ghost.set_pose(0.0, state.pose, self._wheels)
+        self._display.set_pose(0.0, state.pose, self._wheels)
         for clock in self._clocks:
             clock.begin(self._scene)
 
@@ -199,7 +199,7 @@ class _ModelledWorld:
         """Call the observers at their times within one step of the plant."""
         if not all(map(isfinite, (*state.pose, *state.twist))):
             return
-        angles = self._ghost.next_wheel_angles(self._state, state, self._wheels, dt)
+        angles = self._display.next_wheel_angles(self._state, state, self._wheels, dt)
         end = self._t + dt
         times = {
             clock.next + k * clock.observer.period
@@ -209,7 +209,7 @@ class _ModelledWorld:
         for t in sorted(times):
             fraction = min(max((t - self._t) / dt, 0.0), 1.0)
             wheels = self._wheels + fraction * (angles - self._wheels)
-            self._ghost.set_pose(t, interpolate_pose(self._state, state, dt, fraction), wheels)
+            self._display.set_pose(t, interpolate_pose(self._state, state, dt, fraction), wheels)
             for clock in self._clocks:
                 clock.tick(t)
         self._t, self._state, self._wheels = end, state, angles

@@ -17,7 +17,7 @@ from omnidrive.robot import Robot
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.plant import PlantState
 from omnidrive.simulation.run import Run
-from omnidrive.visualization.ghost_model import GhostModel, interpolate_pose
+from omnidrive.visualization.display_model import DisplayModel, interpolate_pose
 from omnidrive.visualization.observer import Scene
 from omnidrive.visualization.overlays import sample_path
 
@@ -115,7 +115,7 @@ def replay(
 ) -> Recording:
     """Return a recording made from the log of a run, of a simulated or real robot.
 
-    Poses are interpolated between the rows of the log; wheels turn without slip.
+    Poses are interpolated between the rows of the log; wheels roll without slip.
 
     Args:
         run: Log of the run.
@@ -123,7 +123,7 @@ def replay(
         obstacles: Map to draw.
         moving: Moving obstacles to draw.
     """
-    ghost = GhostModel(robot, obstacles=obstacles, moving=moving)
+    display = DisplayModel(robot, obstacles=obstacles, moving=moving)
     finite = np.isfinite(run.pose).all(axis=1) & np.isfinite(run.twist).all(axis=1)
     rows = len(run.t) if finite.all() else max(int(np.argmin(finite)), 1)
     frames = min(round((run.t[rows - 1] - run.t[0]) * FRAMES_PER_SECOND) + 1, MAX_FRAMES)
@@ -134,7 +134,7 @@ def replay(
     ]
     angles = [np.zeros(len(robot.mounts))]
     for k, dt in enumerate(np.diff(run.t[:rows]).tolist()):
-        angles.append(ghost.next_wheel_angles(states[k], states[k + 1], angles[k], dt))
+        angles.append(display.next_wheel_angles(states[k], states[k + 1], angles[k], dt))
     qpos, mocap_positions = [], []
     for t in times.tolist():
         k = min(max(int(np.searchsorted(run.t[:rows], t, side="right")) - 1, 0), max(rows - 2, 0))
@@ -142,12 +142,12 @@ def replay(
         dt = float(run.t[last] - run.t[k])
         part = min((t - float(run.t[k])) / dt, 1.0) if dt > 0.0 else 0.0
         wheels = angles[k] + part * (angles[last] - angles[k])
-        ghost.set_pose(t, interpolate_pose(states[k], states[last], dt, part), wheels)
-        qpos.append(ghost.data.qpos.copy())
-        mocap_positions.append(ghost.data.mocap_pos.copy())
+        display.set_pose(t, interpolate_pose(states[k], states[last], dt, part), wheels)
+        qpos.append(display.data.qpos.copy())
+        mocap_positions.append(display.data.mocap_pos.copy())
     target = np.column_stack([np.interp(times, run.t, column) for column in run.target.T])
     return Recording(
-        ghost.model,
+        display.model,
         robot.body_radius,
         run.target[:, :2].copy(),
         times,

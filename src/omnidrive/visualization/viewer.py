@@ -16,7 +16,7 @@ import numpy as np
 
 from omnidrive.errors import CannotDraw
 from omnidrive.visualization.camera import make_camera
-from omnidrive.visualization.ghost_model import update_kinematics
+from omnidrive.visualization.display_model import update_kinematics
 from omnidrive.visualization.observer import Scene
 from omnidrive.visualization.opengl import has_display
 from omnidrive.visualization.overlays import Overlays, sample_path

@@ -1,4 +1,4 @@
-"""MuJoCo model of the robot at given poses, for plants that are not simulated in MuJoCo."""
+"""MuJoCo model that displays the robot at given poses, of other plants and of logs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from omnidrive.simulation.mujoco.robot_model import robot_mjcf
 from omnidrive.simulation.plant import PlantState
 
 
-class GhostModel:
-    """A MuJoCo model of the robot whose pose and wheel angles are set, not simulated.
+class DisplayModel:
+    """MuJoCo model of the robot whose pose and wheel angles are set, not simulated.
 
     Attributes:
         model: The MuJoCo model.
@@ -52,13 +52,17 @@ class GhostModel:
         self._joints = [int(self.model.joint(f"wheel{i}").qposadr[0]) for i in wheels]
         self.set_pose(0.0, Pose(0.0, 0.0, 0.0), np.zeros(len(wheels)))
 
-    def set_pose(self, t: float, pose: Pose, wheels: Float[Array, " wheels"]) -> None:
-        """Set time (s), pose and wheel angles (rad), and move the moving obstacles."""
+    def set_pose(self, t: float, pose: Pose, wheel_angles: Float[Array, " wheels"]) -> None:
+        """Set the time (s), the pose of B in W and the wheel angles (rad).
+
+        The angles have the signs of the wheel matrix. The moving obstacles are placed where they
+        are at this time.
+        """
         x, y, yaw = pose
         data = self.data
         data.time = t
         data.qpos[:7] = x, y, self._height, cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)
-        data.qpos[self._joints] = wheels
+        data.qpos[self._joints] = wheel_angles
         for k, obstacle in enumerate(self._moving):
             data.mocap_pos[k, :2] = obstacle.position(t)
         update_kinematics(self.model, data)
@@ -66,9 +70,10 @@ class GhostModel:
     def next_wheel_angles(
         self, before: PlantState, after: PlantState, angles: Float[Array, " wheels"], dt: float
     ) -> Float[Array, " wheels"]:
-        """Return the wheel angles (rad) ``dt`` seconds after they were ``angles``.
+        """Return the wheel angles (rad) at ``after``, ``dt`` s later than ``angles`` at ``before``.
 
-        They are those of the plant. If it reports none, wheels roll without slip at the mean twist.
+        They are those in ``after`` or, if it has none, those of wheels that roll without slip at
+        the mean of both body twists. The signs are those of the wheel matrix.
         """
         if len(after.wheel_angles) == len(angles):
             return np.array(after.wheel_angles)
@@ -78,15 +83,15 @@ class GhostModel:
 
 
 def update_kinematics(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Compute the positions of all bodies and lights."""
+    """Compute the poses of bodies, cameras and lights from ``qpos`` and the mocap positions."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
 
 
 def interpolate_pose(before: PlantState, after: PlantState, dt: float, fraction: float) -> Pose:
-    """Return the pose at a fraction (0 to 1) of the ``dt`` seconds between two states.
+    """Return the pose of B in W at a fraction (0 to 1) of the ``dt`` seconds between two states.
 
-    The cubic Hermite interpolation of their poses and velocities in W.
+    It is the cubic Hermite interpolation of their poses and velocities in W.
     """
     first, last = np.array(before.pose), np.array(after.pose)
     rates = [dt * _in_world(state) for state in (before, after)]
