@@ -98,20 +98,24 @@ def build(tmp_path, monkeypatch, new_process):
     (folder / "__init__.py").write_text("")
     before = kernels[:]
 
+    def forget_modules():
+        """Let the next import execute the modules of the package."""
+        for name in [name for name in sys.modules if name.startswith(package)]:
+            del sys.modules[name]
+
     def make(*replacements):
+        """Write the replaced texts, import the package and return its module ``caller``."""
         texts = {"caller": CALLER.format(package=package), "callee": CALLEE}
         for old, new in replacements:
             assert any(old in text for text in texts.values())
             texts = {name: text.replace(old, new) for name, text in texts.items()}
         for name, text in texts.items():
             (folder / f"{name}.py").write_text(text)
-        for name in [name for name in sys.modules if name.startswith(package)]:
-            del sys.modules[name]
+        forget_modules()
         importlib.invalidate_caches()
         new_process()
         return importlib.import_module(f"{package}.caller")
 
     yield make
-    for name in [name for name in sys.modules if name.startswith(package)]:
-        del sys.modules[name]
+    forget_modules()
     kernels[:] = before

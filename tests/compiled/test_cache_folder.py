@@ -13,10 +13,13 @@ from omnidrive.compiled.cache_folder import CacheFolder, usable_folder
 from tests.compiled.damages import (
     IS_ROOT,
     OTHER_USER,
+    fill_with_noise,
+    flip_bits,
     give_away,
     open_to_others,
     replace_by_folder,
     replace_by_pipe,
+    truncate,
 )
 
 LOOSE = "is writable by other users (`chmod go-w` corrects that)"
@@ -53,21 +56,11 @@ def test_removed_folder_is_made_again(folder):
 def test_no_damaged_file_is_read(folder):
     """120 files, each truncated, with flipped bits or with other bytes."""
     path = folder.path / "a.kernel"
-    sound = path.read_bytes()
     for seed in range(120):
-        rng = np.random.default_rng(seed)
-        damaged = bytearray(sound)
-        match seed % 4:
-            case 0:
-                del damaged[rng.integers(len(sound)) :]
-            case 1 | 2:
-                damaged[rng.integers(len(sound))] ^= 1 << rng.integers(8)
-            case 3:
-                damaged = rng.bytes(rng.integers(2 * len(sound)))
-        path.write_bytes(damaged)
+        folder.write("a.kernel", CONTENT)
+        damage = (truncate, flip_bits, fill_with_noise)[seed % 3]
+        damage(path, np.random.default_rng(seed))
         assert folder.read("a.kernel") is None, seed
-    path.write_bytes(sound)
-    assert folder.read("a.kernel") == CONTENT
 
 
 def test_file_of_another_name_is_not_read(folder):
