@@ -91,6 +91,8 @@ class PageRunner:
             assert re.search(rf"^{re.escape(words[0])}:", makefile, re.MULTILINE), words[0]
         elif program == "pip":
             check_extras(words)
+        elif program == ".":
+            assert words == [".venv/bin/activate"], line
         else:
             assert program in _EXTERNAL, f"unknown command: {line}"
         return ""
