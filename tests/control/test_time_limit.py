@@ -53,6 +53,21 @@ def test_call_is_interrupted(call):
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
+def test_interrupted_call_has_time_to_clean_up():
+    released = []
+
+    def hold():
+        try:
+            wait()
+        finally:
+            time.sleep(0.005)
+            released.append(True)
+
+    with pytest.raises(TimedOut), TimeLimit(0.2):
+        hold()
+    assert released == [True]
+
+
 def test_suppressed_exception_is_raised_again_soon():
     """The shared timer's own period is too long to hit the code that handles the exception."""
     begin = time.monotonic()

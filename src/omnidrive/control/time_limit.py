@@ -8,7 +8,8 @@ import threading
 from types import FrameType
 
 _TICKS = 10
-_AGAIN = 0.001  # s after which a suppressed exception is raised again
+_CLEAN_UP = 0.05  # s for the code that the exception ends, until it is raised again
+_AGAIN = 0.001  # s from then on
 
 
 class TimedOut(BaseException):
@@ -21,8 +22,8 @@ class TimeLimit:
     Python code and waiting calls such as ``time.sleep`` are interrupted; code of another language
     is interrupted when it returns. The time is counted in ticks of a timer, a tenth of the limit or
     those of a :class:`SharedTimer`. A process that is stopped (SIGSTOP, a suspended computer)
-    misses all but one: that is no time of the call. An exception that the block suppresses is
-    raised again after a millisecond, until the block ends.
+    misses all but one: that is no time of the call. The exception is raised again after 50 ms, and
+    then every millisecond, until the block ends: so it can release what it holds, but not go on.
 
     Nothing is interrupted in a thread other than the main one, on a system without ``SIGALRM``, if
     the program uses this signal itself, and in a debugger.
@@ -99,13 +100,14 @@ class SharedTimer:
 
     def _on_alarm(self, _number: int, frame: FrameType | None) -> None:
         """Count the time of the limits; raise TimedOut, except in an exit and in a debugger."""
-        if not any(limit.over for limit in _active):
+        was_over = any(limit.over for limit in _active)
+        if not was_over:
             for limit in _active:
                 limit.tick(self._period)
         is_over = any(limit.over for limit in _active)
         leaving = frame is not None and frame.f_code.co_name == "__exit__"
         if is_over and not leaving and sys.gettrace() is None:
-            self.start(_AGAIN)
+            self.start(_AGAIN if was_over else _CLEAN_UP)
             raise TimedOut
 
 
