@@ -273,10 +273,18 @@ def test_another_number_of_wheels_is_refused(angles):
 
 
 @pytest.mark.parametrize("estimator", [LatestFix(), PoseEstimator(ROBOT)])
-@pytest.mark.parametrize("number", [nan, inf, 1e300])
+@pytest.mark.parametrize("number", [nan, inf, 1e300, 10**400, "1"])
 def test_an_unknown_start_is_refused(estimator, number):
     with pytest.raises(InvalidInput, match="the pose at the start must be finite"):
         estimator.reset(Pose(0.0, number, 0.0))
+
+
+def test_a_run_with_a_huge_start_is_refused():
+    with pytest.raises(InvalidInput, match="the pose at the start must be finite and at most 1e"):
+        simulate(
+            KinematicPlant(ROBOT), FeedforwardController(0.1), Hold(START, 1.0),
+            start=Pose(1e300, 0.0, 0.0), dt=0.1,
+        )  # fmt: skip
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.9])

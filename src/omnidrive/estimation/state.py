@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, short_repr
 from omnidrive.geometry import BodyTwist, Pose
-from omnidrive.parameter import is_number, numbers_rule, or_none, record_fault
+from omnidrive.parameter import are_numbers, is_number, numbers_rule, or_none, record_fault
 
 LARGEST = 1e10
 """Greatest magnitude of a usable time (s), coordinate (m) or angle (rad).
@@ -31,10 +31,10 @@ def are_usable(t: float, pose: Pose) -> bool:
 
 def check_start(pose: Pose) -> None:
     """Raise :class:`~omnidrive.errors.InvalidInput` unless the pose at a start is usable."""
-    if not are_usable(0.0, pose):
+    if not (are_numbers(pose) and are_usable(0.0, pose)):
         raise InvalidInput(
             f"the pose at the start must be finite and at most {LARGEST:g} in magnitude, "
-            f"got {tuple(pose)}"
+            f"got {short_repr(tuple(pose), 100)}"
         )
 
 

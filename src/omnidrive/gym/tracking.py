@@ -13,6 +13,7 @@ from gymnasium import spaces
 from jaxtyping import Float32, UInt8
 
 from omnidrive.arrays import Array
+from omnidrive.control.controller import STOP
 from omnidrive.errors import InvalidInput, short_repr
 from omnidrive.estimation import LatestFix, StateEstimator
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
@@ -28,7 +29,6 @@ from omnidrive.study import make_plant, paper_scenario, plan_scenario
 from omnidrive.study.former import OLD_PLANTS
 from omnidrive.study.section import current_name
 
-_REST = BodyTwist(0.0, 0.0, 0.0)
 _BOUNDS = {
     "dt": (Bounds(0.001, 1.0, "s"),),
     "smoothness_weight": (Bounds(0.0, 1000.0, ""),),
@@ -152,7 +152,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._estimator = self._make_estimator()
         self._estimator.reset(start)
         self._estimate = self._estimator.update(self._sensors.read(0.0, self._state)).pose
-        self._twist = _REST
+        self._twist = STOP
         self._renderer.begin(self._state)
         return self._observation(), self._info()
 

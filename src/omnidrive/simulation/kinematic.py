@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import nan
 
-from omnidrive.control.controller import CommandValue
+from omnidrive.control.controller import STOP, CommandValue
 from omnidrive.errors import InvalidInput
-from omnidrive.geometry import BodyTwist, Pose, move
+from omnidrive.geometry import Pose, move
 from omnidrive.robot import Chassis, Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.plant import (
@@ -17,8 +17,6 @@ from omnidrive.simulation.plant import (
     check_robot,
     check_step,
 )
-
-_REST = BodyTwist(0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
@@ -47,7 +45,7 @@ class KinematicPlant:
     def reset(self, pose: Pose) -> PlantState:
         """Start at rest at ``pose``."""
         self._pose = pose
-        return PlantState(pose, _REST, nan, wheel_speeds=(0.0,) * len(self.robot.mounts))
+        return PlantState(pose, STOP, nan, wheel_speeds=(0.0,) * len(self.robot.mounts))
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Hold ``command``, saturated in wheel space, for ``dt`` (s).

@@ -13,20 +13,19 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control import (
-    Command,
     CommandValue,
     Controller,
     Pipeline,
     PipelineStep,
-    Status,
     WheelSpeeds,
     WheelTorques,
 )
-from omnidrive.control.controller import check_controller
+from omnidrive.control.controller import STOP, check_controller, failed_command
 from omnidrive.control.pipeline import PartFailed
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput, kind_of, one_line
 from omnidrive.estimation import LatestFix, State, StateEstimator
+from omnidrive.estimation.state import check_start
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import are_finite, check_sample_time
 from omnidrive.reference import Reference
@@ -39,7 +38,6 @@ from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
 
-_STOP = BodyTwist(0.0, 0.0, 0.0)
 _UNKNOWN = (nan, nan, nan)
 _BEFORE_START = -1.0  # s; a time before the first sample
 _FAILED = {
@@ -133,8 +131,7 @@ def _check_start(controller: Controller, reference: Reference, start: Pose, dt: 
     check_controller(controller, dt)
     if not isinstance(start, Pose):
         raise InvalidInput(f"the start is {kind_of(start)}: pass Pose(x, y, yaw), in m, m, rad")
-    if not are_finite(start):
-        raise InvalidInput(f"the start must consist of finite numbers, got {start}")
+    check_start(start)
     check_heading("the start's heading", start.yaw)
     with Guard(Outcome.REFERENCE_FAILED, call="pose", t=0.0, limit=guard.PART_TIMEOUT):
         first = reference.at(0.0).pose
@@ -159,7 +156,7 @@ def _loop(
 ) -> None:
     """Read the sensors, compute the command and step the plant, sample by sample."""
     before = _BEFORE_START
-    commanded: CommandValue = _STOP
+    commanded: CommandValue = STOP
     supervisor = pipeline.supervisor
     for t, h, ends in samples:
         readings = environment.read(t, state)
@@ -173,7 +170,7 @@ def _loop(
         log.add(t, state, step)
         if step.failed:
             raise RunEnded(_FAILED[step.failed], *_reason(step.command.message))
-        if ends or (supervisor.at_rest and commanded == _STOP):
+        if ends or (supervisor.at_rest and commanded == STOP):
             return
         environment.apply(before, t)
         commanded = step.command.value
@@ -186,8 +183,7 @@ def _executable(step: PipelineStep, plant: Plant, state: PlantState) -> Pipeline
     try:
         check_command(step.command.value, plant.capabilities, len(state.wheel_speeds))
     except InvalidInput as error:
-        refused = Command(_STOP, Status.FAILED, message=str(error))
-        return step._replace(command=refused, failed=step.failed or "controller")
+        return step._replace(command=failed_command(str(error)), failed=step.failed or "controller")
     return step
 
 
@@ -266,10 +262,8 @@ class _Log:
 
     def add_failed_start(self, start: Pose) -> None:
         """Append the only row of a run that fails before its first sample, at rest at ``start``."""
-        state = PlantState(start, _STOP, nan)
-        step = PipelineStep(
-            State(0.0, Pose(*_UNKNOWN)), Pose(*_UNKNOWN), Command(_STOP, Status.FAILED)
-        )
+        state = PlantState(start, STOP, nan)
+        step = PipelineStep(State(0.0, Pose(*_UNKNOWN)), Pose(*_UNKNOWN), failed_command(""))
         self.add(0.0, state, step)
 
     def run(self, events: Sequence[Event]) -> Run:

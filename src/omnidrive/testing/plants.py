@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from omnidrive.control.controller import STOP
 from omnidrive.errors import kind_of
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, to_world
 from omnidrive.robot import Robot
@@ -18,7 +19,6 @@ from omnidrive.testing.laws import Laws, rotated
 
 _START = Pose(0.5, 0.2, 0.3)
 _TWIST = BodyTwist(0.3, -0.2, 0.7)
-_REST = BodyTwist(0.0, 0.0, 0.0)
 
 
 def check_plant(
@@ -94,7 +94,7 @@ class _PlantLaws(Laws):
             return f"it is {kind_of(made)}, need capabilities, reset, step and close"
         if not isinstance(made.capabilities, PlantCapabilities):
             return f"its capabilities are {kind_of(made.capabilities)}, not PlantCapabilities"
-        return plant_state_fault(made.reset(_START)) or plant_state_fault(made.step(_REST, self.dt))
+        return plant_state_fault(made.reset(_START)) or plant_state_fault(made.step(STOP, self.dt))
 
     def record(self, part: Plant) -> list[PlantState]:
         """Return the states of ten steps after a reset."""
@@ -114,7 +114,7 @@ class _PlantLaws(Laws):
             return f"after reset at {tuple(_START)} its pose is {tuple(state.pose)}"
         if not np.allclose(state.twist, 0.0, rtol=0.0, atol=1e-9):
             return f"after reset its twist is {tuple(state.twist)}, need zero"
-        later = plant.step(_REST, 1.0).pose
+        later = plant.step(STOP, 1.0).pose
         if not np.allclose(later, _START, rtol=0.0, atol=self.tolerance):
             return f"without a command it moves to {tuple(later)} in 1 s"
         return None

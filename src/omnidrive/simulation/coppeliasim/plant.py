@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import nan
 from time import monotonic, sleep
 
-from omnidrive.control.controller import CommandValue
+from omnidrive.control.controller import STOP, CommandValue
 from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.robot import Robot
@@ -29,7 +29,6 @@ from omnidrive.simulation.plant import (
     check_step,
 )
 
-_REST = BodyTwist(0.0, 0.0, 0.0)
 _MIN_UPRIGHTNESS = 0.9  # cosine of the tilt up to which the yaw is well defined
 _MIN_TIMESTEP = 1e-5  # s; shortest accepted time step of the simulator
 _POLL_PERIOD = 0.01  # s; period of the state queries while a simulation stops
@@ -134,7 +133,7 @@ class CoppeliaSimPlant:
         self._motors.command([0.0] * len(self.robot.mounts))
         self._yaw = pose.yaw
         start, _ = self._motion()
-        return self._plant_state(start, _REST)
+        return self._plant_state(start, STOP)
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Execute ``command`` for ``dt`` seconds, a multiple of the simulator's time step.
