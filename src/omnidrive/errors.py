@@ -132,6 +132,16 @@ PART_ERRORS = (Exception, SystemExit, GeneratorExit)
 """Exceptions by which a component, such as a user's controller, ends its own run only."""
 
 
+def failure_reason(error: BaseException) -> str:
+    """Return type and message of a component's exception in one line of at most 300 characters."""
+    try:
+        message = str(error)
+    except Exception as second:
+        message = f"its message raises {kind_of(second)}"
+    name, lines = type(error).__name__, message.splitlines()
+    return one_line(f"{name}: {lines[0]}" if lines else name)
+
+
 def traceback_text(error: BaseException) -> str:
     """Return the traceback of a component's exception, with the innermost four calls only."""
     return "".join(traceback.format_exception(error, limit=-4)).rstrip()

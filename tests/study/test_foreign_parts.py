@@ -66,6 +66,8 @@ def run(controller=None, plant=None, estimator=None):
 BAD_COMMANDS = {
     "exception": (ZeroDivisionError("in my law"), "ZeroDivisionError: in my law"),
     "several lines": (ZeroDivisionError("in\nmy law"), "ZeroDivisionError: in"),
+    "group": (ExceptionGroup("two", [OSError(), OSError()]), "ExceptionGroup: two (2 sub-exc"),
+    "traceback as message": (OSError("Traceback (most recent call last):\n a"), "OSError: Traceb"),
     "none": (None, "returned None, not a Command"),
     "tuple": ((0.1, 0.0, 0.0), "returned a tuple, not a Command"),
     "twist": (TWIST, "returned a BodyTwist, not a Command"),

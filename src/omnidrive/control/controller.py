@@ -84,7 +84,8 @@ class Command(NamedTuple):
     """Internal quantities for the log, in the order of :class:`DetailedController`'s
     ``detail_units``."""
     message: str = ""
-    """Reason of the status ``FAILED``, or a traceback; may be empty."""
+    """Reason of the status ``FAILED``, in the first line; more lines, such as a traceback, may
+    follow. May be empty."""
 
     @property
     def twist(self) -> BodyTwist | None:

@@ -22,7 +22,7 @@ from omnidrive.control.controller import (
 )
 from omnidrive.control.supervision import NullSupervisor, Supervisor
 from omnidrive.control.time_limit import TimedOut, TimeLimit
-from omnidrive.errors import PART_ERRORS, kind_of, traceback_text
+from omnidrive.errors import PART_ERRORS, failure_reason, kind_of, traceback_text
 from omnidrive.estimation import LatestFix, SensorReadings, State, StateEstimator
 from omnidrive.estimation.state import check_start, is_usable_number, state_fault
 from omnidrive.geometry import BodyTwist, Pose
@@ -56,7 +56,7 @@ class PipelineStep(NamedTuple):
     step_time: float = nan
     """Computing time of ``Controller.step`` in its thread, us; NaN if it was not called."""
     failed: Part | None = None
-    """The part that failed; its message or traceback is ``command.message``."""
+    """The part that failed; the first line of ``command.message`` is the reason."""
 
 
 @dataclass(slots=True)
@@ -127,7 +127,7 @@ class Pipeline:
         except TimedOut:
             raise PartFailed(part, f"its reset took longer than {seconds:g} s") from None
         except PART_ERRORS as error:
-            raise PartFailed(part, traceback_text(error)) from error
+            raise PartFailed(part, _report(error)) from error
 
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
         """Estimate and check the state at ``t`` (s) without a command, as at the end of a run.
@@ -150,7 +150,7 @@ class Pipeline:
         except _Malformed as error:
             return self._failure(part, target, str(error))
         except PART_ERRORS as error:
-            return self._failure(part, target, traceback_text(error))
+            return self._failure(part, target, _report(error))
         return PipelineStep(state, target, Command(STOP, status))
 
     def step(
@@ -186,7 +186,7 @@ class Pipeline:
         try:
             command = self.supervisor.limit(command, dt)
         except PART_ERRORS as error:
-            return self._failure("supervisor", observed.target, traceback_text(error))
+            return self._failure("supervisor", observed.target, _report(error))
         return PipelineStep(observed.state, observed.target, command, step_time)
 
     def _update(self, t: float, readings: SensorReadings) -> tuple[State, Status]:
@@ -218,7 +218,7 @@ class Pipeline:
         except TimedOut:
             in_time = False
         except PART_ERRORS as error:
-            return failed_command(traceback_text(error)), nan
+            return failed_command(_report(error)), nan
         if not in_time:
             self._stalled = f"its step at {t:g} s took longer than {seconds:g} s"
             return self._aged_command(t), step_time
@@ -251,7 +251,7 @@ class PartFailed(Exception):
 
     Attributes:
         part: The part.
-        message: Traceback of the exception, or a sentence about the call that stalled.
+        message: Reason in the first line; below it the traceback of an exception.
     """
 
     def __init__(self, part: Part, message: str) -> None:
@@ -285,3 +285,8 @@ def _checked_units(units: object) -> dict[str, str]:
     if isinstance(units, Mapping) and all(isinstance(v, str) for kv in units.items() for v in kv):
         return dict(units)
     raise TypeError(f"detail_units must map names to units, both texts; it is {kind_of(units)}")
+
+
+def _report(error: BaseException) -> str:
+    """Return type and message of an exception in one line, and its traceback below."""
+    return f"{failure_reason(error)}\n{traceback_text(error)}"

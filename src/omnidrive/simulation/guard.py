@@ -10,7 +10,7 @@ from omnidrive.errors import (
     PART_ERRORS,
     OmnidriveError,
     PlantLost,
-    kind_of,
+    failure_reason,
     one_line,
     traceback_text,
 )
@@ -93,14 +93,4 @@ class Guard:
             reason = f"its {self._call}{at} took longer than {self._seconds:g} s"
             raise RunEnded(self._outcome, reason) from None
         if isinstance(error, PART_ERRORS) and not isinstance(error, RunEnded | OmnidriveError):
-            raise RunEnded(self._outcome, _reason(error), traceback_text(error)) from None
-
-
-def _reason(error: BaseException) -> str:
-    """Return type and message of an exception in one line."""
-    try:
-        message = str(error)
-    except Exception as second:
-        message = f"its message raises {kind_of(second)}"
-    first, *_ = message.splitlines() or [""]
-    return one_line(f"{type(error).__name__}: {first}")
+            raise RunEnded(self._outcome, failure_reason(error), traceback_text(error)) from None

@@ -188,14 +188,9 @@ def _executable(step: PipelineStep, plant: Plant, state: PlantState) -> Pipeline
 
 
 def _reason(message: str) -> tuple[str, str]:
-    """Return one line of a message, and the whole message if it is a traceback.
-
-    The line is the first after the calls of the last exception: its type and its message, which may
-    go on for many lines.
-    """
-    _, traced, after = message.rpartition("Traceback (most recent call last):\n")
-    lines = [line for line in after.splitlines() if not (traced and line.startswith(" "))]
-    return one_line(lines[0] if lines else ""), message if traced else ""
+    """Return the first line of a message, and the traceback below it; empty without one."""
+    reason, _, rest = message.partition("\n")
+    return one_line(reason), rest if "Traceback (most recent call last):" in rest else ""
 
 
 class _Row(NamedTuple):
