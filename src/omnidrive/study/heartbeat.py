@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from threading import Event, Thread
 from time import monotonic
-from types import TracebackType
 
 _FIRST = 60.0  # s without a finished run before the first message; doubles with each message
 _MOST_NAMES = 4  # in a message
@@ -28,12 +27,7 @@ class Heartbeat:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._ended.set()
 
     def begin(self, name: str) -> None:
