@@ -17,7 +17,7 @@ OmnidriveError
 ├── PlantLost                     the connection to the simulator of a plant failed
 ├── CannotWrite                   results cannot be written
 ├── CannotDraw                    OpenGL or a display is missing
-├── WorkerLost                    no worker process could be started
+├── WorkerLost                    worker processes end while they start
 └── RunFailed                     a run failed; raised only by ``Run.raise_if_failed()``
 
 Messages state the fact and how to correct it.
@@ -113,7 +113,7 @@ class CannotDraw(OmnidriveError):
 
 
 class WorkerLost(OmnidriveError):
-    """No worker process could be started."""
+    """Worker processes end while they start."""
 
     def __init__(self) -> None:
         super().__init__(

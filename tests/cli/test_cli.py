@@ -185,7 +185,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--noise-seeds", "0"], "noise.repeats is 0 seeds, need 1 to 200 seeds"),
         (
             ["compare", "--tasks", "step", "--noise-seeds", "9"],
-            "needs the task noise",
+            "needs the task `noise`",
         ),
         (["compare", "--no-such-option"], "No such option"),
         (["run", "--controller", "pdi"], "did you mean 'pid'?"),

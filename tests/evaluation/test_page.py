@@ -87,7 +87,7 @@ def test_playback_shows_first_of_repeated_runs(study):
     noisy = study.select("noise")
     again = tuple(replace(r, repeat=1, run=study.tracks[0].run) for r in noisy)
     (group,) = data_of(page_text(replace(study, tracks=noisy + again, steps=()), ()))["groups"]
-    assert group["label"] == "Noise 30 s, first of 2"
+    assert group["label"] == "Noise 30 s, first of 2 seeds"
     assert len(group["runs"]) == len(noisy)
     assert group["runs"][0]["measured"] is not None
 

@@ -45,8 +45,8 @@ _SeedsOption = Annotated[
     int | None,
     option(
         "N",
-        "Repeat the task noise with N seeds; report means with confidence intervals and paired "
-        "differences.",
+        "Repeat the task `noise` with N seeds (1 to 200); report means with confidence intervals "
+        "and paired differences.",
         RUN_PANEL,
     ),
 ]
@@ -54,8 +54,8 @@ _TimeoutOption = Annotated[
     float | None,
     option(
         "S",
-        "End a run that takes longer than this wall time, s; the others go on. Compilation at the "
-        "first use counts [default: no limit].",
+        "End a run that takes longer than this wall time, s; the others go on. The time includes "
+        "compiling kernels at their first use [default: no limit].",
         RUN_PANEL,
     ),
 ]
@@ -63,7 +63,7 @@ _JobsOption = Annotated[
     int | None,
     option(
         "N",
-        "Number of parallel runs; does not affect results [default: all cores].",
+        "Number of parallel runs; affects no results but computing times [default: all cores].",
         RUN_PANEL,
         least=1,
     ),
@@ -86,10 +86,14 @@ def compare(
 ) -> None:
     """Run a whole study: plan, simulate every controller, evaluate, report.
 
-    The tasks are tracking with two durations, tracking with noise, step response and prediction
-    horizon of the NMPC. The command prints the best controller of each task and the main tables,
-    with the published values of the paper for comparison, and writes a run folder with scenario,
-    results.json, time series, figures, tables and report.html.
+    The tasks are those of the scenario: by default tracking with two durations, tracking with
+    noise, step response and, for the NMPC, several prediction horizons; `--tasks faults` injects
+    faults. The command prints the best controller of each task and the main tables, and writes a
+    run folder with scenario, results.json, time series, figures, tables and report.html.
+
+    Results with path, timing and robot of the paper (L. Panta, "Comparative Analysis of NMPC and
+    Fuzzy PID Controllers for Trajectory Tracking in Omni-Drive Robots: Design, Simulation, and
+    Performance Evaluation"), as of the default scenario, are shown beside those published there.
 
     For example:
 
@@ -149,20 +153,20 @@ def _restrict(
     horizon_only = [n for n in get_args(TaskName) if getattr(scenario.tasks, n)] == ["horizon"]
     if horizon_only and not scenario.predictive:
         raise InvalidInput(
-            "the task horizon needs a controller with the parameter horizon; add unicycle-nmpc or "
-            "holonomic-nmpc to --controllers"
+            "the task `horizon` needs a controller with the parameter horizon; add unicycle-nmpc "
+            "or holonomic-nmpc to --controllers"
         )
     return scenario if noise_seeds is None else _with_repeats(scenario, noise_seeds)
 
 
 def _with_repeats(scenario: study.Scenario, seeds: int) -> study.Scenario:
-    """Return the scenario with the task noise repeated for ``seeds`` seeds."""
+    """Return the scenario with the task `noise` repeated for ``seeds`` seeds."""
     from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
     data = scenario_data(scenario)
     if data["tasks"]["noise"] is None:
         raise InvalidInput(
-            "--noise-seeds needs the task noise; add noise to --tasks, or omit --noise-seeds"
+            "--noise-seeds needs the task `noise`; add noise to --tasks, or omit --noise-seeds"
         )
     data["tasks"]["noise"]["repeats"] = seeds
     return parse_scenario(data, "with these options")

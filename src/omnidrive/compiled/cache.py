@@ -1,8 +1,8 @@
 """Machine code of kernels on disk: a file for each kernel, key and signature.
 
-The key (:mod:`omnidrive.compiled.key`) covers the code; the signature covers the types of the
-arguments and the processor. The line numbers in the traceback of an error that a kernel raises are
-those at the time of compilation.
+The key (:mod:`omnidrive.compiled.key`) covers the code; the hash at the end of the file name covers
+the types of the arguments and the result, and the processor. The line numbers in the traceback of
+an error that a kernel raises are those at the time of compilation.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _dumps: Any = dumps
 
 
 class KernelCache:
-    """Cache of one kernel: a file per key and signature."""
+    """Disk cache of one kernel, with the interface of the ``_cache`` of a Numba dispatcher."""
 
     def __init__(self, kernel: Any) -> None:
         self._kernel = kernel
@@ -39,7 +39,7 @@ class KernelCache:
         return str(folder.path) if folder else ""
 
     def flush(self) -> None:
-        """Remove all entries of this kernel."""
+        """Remove the entries of this kernel with its present key."""
         folder = usable_folder()
         for name in entries(self._kernel):
             if folder:
@@ -68,7 +68,7 @@ class KernelCache:
         return result
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Write a compiled kernel."""
+        """Write a compiled kernel with machine code, unless it has addresses of this process."""
         if not result.library.is_complete or result.library.has_dynamic_globals:
             return
         folder = usable_folder()
@@ -77,7 +77,11 @@ class KernelCache:
 
     @contextmanager
     def locked(self, signature: Any) -> Iterator[bool]:
-        """Yield whether there is a valid entry, after other processes that compile it are done."""
+        """Yield whether there is a valid entry; if not, hold its lock during the block.
+
+        Waits at most two minutes for another process that compiles it, and continues without the
+        lock afterwards, or if the file system has no locks.
+        """
         folder = usable_folder()
         if folder is None:
             yield False

@@ -1,4 +1,4 @@
-"""Controllers of this package as components, and the context that every controller gets."""
+"""Factories of the controllers of this package, which scenarios name, and their context."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 
 import numpy as np
 
-from omnidrive import control  # its modules are imported on use, those of one controller only
+from omnidrive import control  # imports only the modules of the controller in use
 from omnidrive.choices import PresetName
 from omnidrive.control.controller import Controller
 from omnidrive.control.feedforward import FeedforwardGains
@@ -22,7 +22,7 @@ SolverName = Literal["sqp", "rti", "casadi"]
 
 @dataclass(frozen=True, eq=False)
 class ControllerContext:
-    """What a controller is made for.
+    """Context of a controller, an argument of its factory.
 
     Attributes:
         robot: The robot, as far as the controllers know it.

@@ -1,10 +1,10 @@
-"""State estimators of this package as components, and the context that every estimator gets."""
+"""Factories of the state estimators of this package, which scenarios name, and their context."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from omnidrive import estimation  # its modules are imported on use
+from omnidrive import estimation  # imports only the modules of the estimator in use
 from omnidrive.estimation.estimator_settings import EstimatorSettings
 from omnidrive.estimation.sensor_settings import SensorSettings
 from omnidrive.estimation.state_estimator import StateEstimator
@@ -13,7 +13,7 @@ from omnidrive.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class EstimatorContext:
-    """What a state estimator is made for.
+    """Context of a state estimator, an argument of its factory.
 
     Attributes:
         robot: The robot, as far as it is known.

@@ -1,4 +1,8 @@
-"""Results published in the paper, for comparison."""
+"""Results published in the paper, for comparison.
+
+The paper: L. Panta, "Comparative Analysis of NMPC and Fuzzy PID Controllers for Trajectory Tracking
+in Omni-Drive Robots: Design, Simulation, and Performance Evaluation".
+"""
 
 from __future__ import annotations
 

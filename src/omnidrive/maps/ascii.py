@@ -33,12 +33,13 @@ def load_ascii_map(
 
     Args:
         path: The file.
-        resolution: Side of a cell, in m.
+        resolution: Side of a cell, 0.001 to 10 m.
         unknown: Whether unknown cells count as "occupied" or "free".
 
     Raises:
         InvalidInput: ``unknown`` is neither "occupied" nor "free".
-        InvalidMap: The file is missing, malformed or too large, or the resolution is out of range.
+        InvalidMap: The file is missing, malformed or has more than 50 million cells, or the
+            resolution is out of range.
     """
     check_unknown(unknown)
     path = to_path(path)

@@ -27,14 +27,16 @@ def load_movingai_map(path: StrPath, *, resolution: float = 1.0) -> OccupancyGri
     Format: Sturtevant 2012, "Benchmarks for grid-based pathfinding". Ground (``.``,
     ``G``) and swamp (``S``) are free; everything else (``@``, ``O``, ``T``, ``W``) is an obstacle.
     The first line of cells, y = 0 in the file, is the topmost row of the map: the file's cell
-    (x, y) is row ``height - 1 - y``, column x of the grid.
+    (x, y) is row ``height - 1 - y``, column x of the grid. The lower left corner of the map is the
+    origin of the world frame W.
 
     Args:
         path: The file.
-        resolution: Side of a cell, in m; the format has none.
+        resolution: Side of a cell, 0.001 to 10 m; the format states none.
 
     Raises:
-        InvalidMap: The file is missing, malformed or too large.
+        InvalidMap: The file is missing, malformed or has more than 50 million cells, or the
+            resolution is out of range.
     """
     path = to_path(path)
     name = one_line(str(path))

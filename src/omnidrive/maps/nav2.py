@@ -54,7 +54,8 @@ def load_nav2_map(path: StrPath, *, unknown: Unknown = "occupied") -> OccupancyG
 
     Raises:
         InvalidInput: ``unknown`` is neither "occupied" nor "free".
-        InvalidMap: The file is missing, malformed or too large.
+        InvalidMap: The YAML file or its image is missing or malformed, the map has more than
+            50 million cells, or the resolution is out of range.
     """
     check_unknown(unknown)
     path = to_path(path)

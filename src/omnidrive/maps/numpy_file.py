@@ -26,19 +26,23 @@ _VERSION = (1, 0)  # later versions are for structured types, which are not maps
 def load_numpy_map(
     path: StrPath, *, resolution: float = 1.0, unknown: Unknown = "occupied"
 ) -> OccupancyGrid:
-    """Read an ``.npy`` file: an array of rows and columns with the layout of the grid, row 0 first.
+    """Read an ``.npy`` file: a two-dimensional array [row, column].
+
+    Rows grow along the y axis and columns along the x axis of the world frame W; the outer corner
+    of element [0, 0] is its origin. Flip an image whose row 0 is the topmost (``numpy.flipud``).
 
     In a boolean array, True is an obstacle. In a numeric array, 0 is free, negative numbers and NaN
     are unknown (ROS uses -1), and all other numbers are obstacles. Nothing is unpickled.
 
     Args:
         path: The file.
-        resolution: Side of a cell, in m.
+        resolution: Side of a cell, 0.001 to 10 m.
         unknown: Whether unknown cells count as occupied or free.
 
     Raises:
         InvalidInput: ``unknown`` is neither "occupied" nor "free".
-        InvalidMap: The file is missing, malformed or too large.
+        InvalidMap: The file is missing, malformed or has more than 50 million cells, or the
+            resolution is out of range.
     """
     check_unknown(unknown)
     path = to_path(path)

@@ -15,10 +15,11 @@ _MOST_CELLS = 60  # drawn along each side of the map
 
 
 def path_svg(grid: OccupancyGrid, positions: Float[Array, "points 2"]) -> str:
-    """Return the occupied cells of a map and a path on it.
+    """Return an SVG drawing, 200 px along its longer side, of a map and a path.
 
     Args:
-        grid: The map; blocks of cells are occupied if one of their cells is.
+        grid: The map, drawn as at most 60 blocks of cells along each side; a block is occupied if
+            any of its cells is.
         positions: Points (x, y) of the path in W, m.
     """
     drawing = Drawing(grid.extent, width=200.0)
@@ -43,7 +44,7 @@ def _blocks(occupied: Bool[Array, "rows cols"], k: int) -> Bool[Array, "fewer_ro
 
 
 def _runs(occupied: Bool[Array, "rows cols"]) -> list[tuple[int, int, int]]:
-    """Return row, first column and end of every horizontal run of occupied cells."""
+    """Return (row, first column, column after the last) of every run of occupied cells in a row."""
     padded = np.pad(occupied, ((0, 0), (1, 1))).astype(np.int8)
     edges = np.argwhere(np.diff(padded, axis=1))
     return [

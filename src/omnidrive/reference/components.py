@@ -1,4 +1,4 @@
-"""Components of the group ``omnidrive.references``: the named shapes, and waypoint files."""
+"""Factories of references, which scenarios name: shapes and waypoint files; and their context."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from omnidrive.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class ReferenceContext:
-    """What a component of the group ``omnidrive.references`` gets besides its parameters.
+    """Context of a reference, an argument of its factory.
 
-    The component returns a motion in its natural duration; a study slows it down or speeds it up
+    The factory returns a motion in its natural duration; a study slows it down or speeds it up
     uniformly to the durations of its tasks.
 
     Attributes:
@@ -68,7 +68,7 @@ def raised_cosine(context: ReferenceContext, parameters: RaisedCosine) -> ShapeR
 
 
 def slalom(context: ReferenceContext, parameters: Slalom) -> ShapeReference:
-    """Slalom of clothoids, at constant speed between its ends."""
+    """Slalom of clothoids, which begins to the left."""
     return _fastest(context, parameters)
 
 

@@ -1,4 +1,4 @@
-"""Plants of this package as components, and the context that every plant gets."""
+"""Factories of the plants of this package, which scenarios name, and their context."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from omnidrive import simulation  # its modules are imported on use, those of one plant only
+from omnidrive import simulation  # imports only the modules of the plant in use
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import Robot
 from omnidrive.simulation.coppeliasim.scene import CoppeliaSimScene
@@ -21,11 +21,15 @@ _MUJOCO = _WHEELS._replace(disturbable=True, collides=True, renders=True, forces
 
 @dataclass(frozen=True, eq=False)
 class PlantContext:
-    """What a plant is made for.
+    """Context of a plant, an argument of its factory.
+
+    A plant ignores what does not apply to it, such as ``obstacles`` without the capability
+    ``collides``.
 
     Attributes:
         robot: The simulated robot.
-        rng: Generator of the initial angles of the rollers. None: equal angles.
+        rng: Generator of the initial wheel angles, uniform in one roller pitch, for plants with
+            rollers. None: 0 rad.
         obstacles: Map around the robot. None: an unbounded floor without obstacles.
         moving: Moving obstacles.
     """
@@ -48,7 +52,7 @@ def _capable(capabilities: PlantCapabilities) -> Callable[[Any], Any]:
 
 
 def static_capabilities(factory: Any) -> PlantCapabilities:
-    """Return the attribute ``capabilities`` of a factory of plants; without one, none."""
+    """Return the ``capabilities`` of a plant factory; if it has none, they are all False."""
     found = getattr(factory, "capabilities", None)
     return found if isinstance(found, PlantCapabilities) else PlantCapabilities()
 

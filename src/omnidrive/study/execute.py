@@ -56,7 +56,7 @@ def execute(
             if it is one, so :func:`is_sequential` must be false. None: no limit.
 
     Raises:
-        WorkerLost: No worker process could be started.
+        WorkerLost: Worker processes end while they start.
     """
     queue = _starting_order(planned.scenario, jobs)
     parallel = processes > 1 and len(queue) > 1

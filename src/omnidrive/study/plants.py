@@ -36,7 +36,8 @@ def make_plant(
     Args:
         robot: The simulated robot.
         name: Name of the plant, or of code such as ``mine.py:MyPlant``.
-        rng: Generator of the initial angles of the rollers. None: equal angles.
+        rng: Generator of the initial wheel angles, uniform in one roller pitch, for plants with
+            rollers. None: 0 rad.
         obstacles: Map around the robot. None: an unbounded floor without obstacles.
         moving: Moving obstacles.
         parameters: Parameters of the plant.

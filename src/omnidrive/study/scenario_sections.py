@@ -64,8 +64,8 @@ class RobotSection(Section):
     lag: tuple[_Lag, _Lag] | None = None
     """Time constants with which translation and rotation follow commands, s, s."""
     roller_phase: bool = False
-    """Whether the initial angles of the rollers are random, drawn from the seed of the scenario for
-    each repeat; otherwise they are equal at all wheels. For the plants `mujoco-rollers` and
+    """Whether the initial wheel angles are random, uniform in one roller pitch and drawn from the
+    seed of the scenario for each repeat; otherwise they are 0. For the plants `mujoco-rollers` and
     `planar`."""
 
 

@@ -161,7 +161,7 @@ def run_study(
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
         NoPathFound: There is no path from start to goal.
         CannotWrite: The folder cannot be written.
-        WorkerLost: No worker process could be started; results written before are kept.
+        WorkerLost: Worker processes end while they start; results written before are kept.
     """
     path = None if folder is None else to_path(folder)
     if path and not numbered:

@@ -48,7 +48,7 @@ class Call(NamedTuple):
     name: str
     """Name for messages."""
     function: Callable[[], Any]
-    """Function that can be pickled."""
+    """Picklable function without arguments; its result must be picklable, too."""
 
 
 class _Event(NamedTuple):
@@ -91,7 +91,8 @@ class _Worker:
 class Workers:
     """Processes that execute calls in parallel.
 
-    A call whose process is killed is executed once more in a new process. Messages of a process are
+    A call whose process ends unexpectedly is executed once more in a new process; one that exceeds
+    the time limit is not. Messages of a process are
     read by a thread, since the main thread must not wait for the rest of an incomplete message.
     """
 
@@ -108,10 +109,13 @@ class Workers:
 
         Args:
             count: Largest number of processes at the same time.
-            setup: Function that every process executes first.
-            time_limit: Largest wall time of a call, s. None: no limit.
-            start_limit: Likewise of the start of a process, if it is longer and there is a limit.
-            on_tick: Called at least every second while calls are executed.
+            setup: Picklable function that every process executes first; if it raises, the start has
+                failed.
+            time_limit: Largest wall time of a call, s; the process is killed, and the outcome is
+                :attr:`Lost.TIMED_OUT`. None: no limit.
+            start_limit: Largest wall time of the start of a process, s; ``time_limit`` if that is
+                larger. Ignored without ``time_limit``.
+            on_tick: Called at least every second while :meth:`outcomes` waits, in its thread.
         """
         self._count, self._setup = count, setup
         self._time_limit, self._start_limit = time_limit, start_limit
@@ -123,8 +127,10 @@ class Workers:
         """Yield the index of each call and its result, or :class:`Lost`, when it is finished.
 
         Raises:
-            WorkerLost: No process could be started.
-            BaseException: That of a call; the other calls are abandoned.
+            WorkerLost: Two processes in succession ended before they were ready.
+            Exception: That of a call, with the traceback in its process as a note; RuntimeError if
+                it or the result cannot be pickled, and instead of SystemExit and the like. The
+                other calls are abandoned.
         """
         waiting, attempts, left = deque(range(len(calls))), [0] * len(calls), len(calls)
         failed_starts = 0
@@ -137,7 +143,7 @@ class Workers:
                 index, worker.call = worker.call, None
                 if ended:
                     self._workers.remove(worker)
-                    worker.process.kill()  # its end of the pipe is closed
+                    worker.process.kill()  # its pipe is closed, but it may still run
                     worker.process.join()
                     failed_starts += not worker.ready
                     if failed_starts == _MAX_FAILED_STARTS:
@@ -197,7 +203,7 @@ class Workers:
         with _signals_blocked():
             process = context.Process(target=_work, args=(self._setup, theirs))
             process.start()
-        theirs.close()  # so that the end of the process ends the messages
+        theirs.close()  # so that recv() raises EOFError when the process ends
         worker = _Worker(process, ours, monotonic())
         self._workers.append(worker)
         Thread(target=_read, args=(worker, self._events), daemon=True).start()

@@ -20,7 +20,7 @@ from omnidrive.evaluation.tuning import INPUTS, tuning_signals, unit_text
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome, Run
 
-_DECIMALS = 5  # 0.01 mm/s, 0.01 mrad/s
+_DECIMALS = 5  # 10 um, 10 us, 0.01 mm/s, 0.01 mrad/s; also gains
 _POSE_DECIMALS = 8  # 10 nm, 10 nrad: errors are differences of poses
 _TASKS = {"track": "Track", "noise": "Noise", "horizon": "Horizons"}
 _SPLINE_POINTS = 600
@@ -29,8 +29,9 @@ _SPLINE_POINTS = 600
 def payload(results: StudyResults) -> str:
     """Return the JSON data, safe inside a script element: every ``<`` is escaped.
 
-    Lengths in m, angles in rad, times in s; poses are rounded to 1e-8, other columns to 1e-5; a
-    number that is not finite becomes null.
+    Lengths in m, angles in rad, times in s. Wheels in B; poses, paths and the map in W. True and
+    target poses are rounded to 1e-8, other columns to 1e-5; a value in a column that is not finite
+    becomes null.
     """
     spline = results.spline.poses(np.linspace(0.0, 1.0, _SPLINE_POINTS))
     data = {
@@ -93,7 +94,7 @@ def _groups(results: StudyResults) -> list[dict[str, Any]]:
             encoded = [_controller(r, styles) for r in runs]
         name = f"{_TASKS[task]} {duration:g} s"
         seeds = len({r.repeat for r in results.select(task, duration=duration, repeat=None)})
-        name += f", first of {seeds}" if seeds > 1 else ""
+        name += f", first of {seeds} seeds" if seeds > 1 else ""
         groups.append(_group(f"{task}-{duration:g}", name, [r.run for r in runs], encoded))
     if results.steps:
         step_runs = [r.run for r in results.steps]
@@ -108,13 +109,15 @@ def _groups(results: StudyResults) -> list[dict[str, Any]]:
     return groups
 
 
-def _group(name: str, label: str, runs: list[Run], encoded: list[dict[str, Any]]) -> dict[str, Any]:
+def _group(
+    identifier: str, label: str, runs: list[Run], encoded: list[dict[str, Any]]
+) -> dict[str, Any]:
     """Return one group of runs; times and target are those of the longest run."""
     longest = max(runs, key=lambda run: len(run.t))
     return {
-        "id": name,
+        "id": identifier,
         "label": label,
-        "onMap": name != "step",
+        "onMap": identifier != "step",
         "t": _column(longest.t),
         "target": [_column(longest.target[:, i], _POSE_DECIMALS) for i in range(3)],
         "tuning": _quantities(runs),
@@ -144,7 +147,7 @@ def _controller(
 
 
 def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, Any]:
-    noisy = not np.array_equal(run.measured, run.pose)
+    is_shown = not np.array_equal(run.measured, run.pose)  # noisy or estimated
     speed = np.hypot(run.twist[:, 0], run.twist[:, 1])
     return {
         "label": label,
@@ -152,7 +155,7 @@ def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, 
         "ink": list(style.colour),
         "dash": list(style.dash),
         "pose": [_column(run.pose[:, i], _POSE_DECIMALS) for i in range(3)],
-        "measured": [_column(run.measured[:, i]) for i in (0, 1)] if noisy else None,
+        "measured": [_column(run.measured[:, i]) for i in (0, 1)] if is_shown else None,
         "speed": _column(speed),
         "yawRate": _column(run.twist[:, 2]),
         "tuning": {f"{each.quantity} {each.channel}": _column(each.values)

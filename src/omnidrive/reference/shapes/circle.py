@@ -26,7 +26,7 @@ class Circle(PlaneCurve):
     """Whether the motion is clockwise; the centre is then on the right of the start."""
 
     def points(self, s: Float[Array, " n"]) -> Float[Array, "4 n 2"]:
-        """Return x and y (m) and their first three derivatives with respect to s."""
+        """Return x and y, and their derivatives, see :meth:`PlaneCurve.points`."""
         rate = 2.0 * pi * self.laps
         x, y = harmonics(rate * s, rate), -harmonics(rate * s + 0.5 * pi, rate)
         y[0] += 1.0

@@ -29,7 +29,7 @@ class Eight(PlaneCurve):
     """Number of laps."""
 
     def points(self, s: Float[Array, " n"]) -> Float[Array, "4 n 2"]:
-        """Return x and y (m) and their first three derivatives with respect to s."""
+        """Return x and y, and their derivatives, see :meth:`PlaneCurve.points`."""
         rate = 2.0 * pi * self.laps
         x = 0.5 * self.length * harmonics(rate * s, rate)
         y = 0.5 * self.width * harmonics(2.0 * rate * s, 2.0 * rate)

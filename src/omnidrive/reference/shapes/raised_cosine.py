@@ -29,7 +29,7 @@ class RaisedCosine(PlaneCurve):
     """Number of periods."""
 
     def points(self, s: Float[Array, " n"]) -> Float[Array, "4 n 2"]:
-        """Return x and y (m) and their first three derivatives with respect to s."""
+        """Return x and y, and their derivatives, see :meth:`PlaneCurve.points`."""
         rate = 2.0 * pi * self.periods
         y = -0.5 * self.amplitude * harmonics(rate * s + 0.5 * pi, rate)
         y[0] += 0.5 * self.amplitude

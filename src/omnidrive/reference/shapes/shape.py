@@ -54,11 +54,15 @@ class PlaneCurve(Shape):
 
     @abstractmethod
     def points(self, s: Float[Array, " n"]) -> Float[Array, "4 n 2"]:
-        """Return x and y (m) and their first three derivatives with respect to s."""
+        """Return x and y (m), and their first three derivatives with respect to s.
+
+        They are in the frame of the start; s is in [0, 1], and the first axis is the order of the
+        derivative.
+        """
 
     @abstractmethod
     def directions(self, s: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Return the direction of travel in rad, continuous in s."""
+        """Return the direction of travel from the x axis of the start in rad, continuous in s."""
 
     def evaluate(self, s: Float[Array, " n"]) -> PathDerivatives:
         """Return poses and derivatives, see :meth:`Shape.evaluate`.

@@ -19,37 +19,41 @@ from omnidrive.reference.shapes.shape import PlaneCurve
 class _Clothoids(NamedTuple):
     """Segments of linear curvature; the arrays hold the values at the start of each."""
 
-    length: Float[Array, " segments"]
-    """Arc length before the segment, m."""
+    start: Float[Array, " segments"]
+    """Arc length from the start of the path, m."""
     direction: Float[Array, " segments"]
-    """Direction, rad."""
+    """Direction of travel from the x axis of the start, rad."""
     curvature: Float[Array, " segments"]
     """Curvature, 1/m."""
     sharpness: Float[Array, " segments"]
     """Derivative of the curvature with respect to arc length, 1/m^2."""
     position: Complex[Array, " segments"]
-    """x + i y, m."""
+    """x + i y in the frame of the start, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slalom(PlaneCurve):
-    """Slalom about the x axis of the start at constant speed: clothoids of equal sharpness.
+    """Slalom along the x axis of the start: clothoids of equal sharpness.
+
+    It begins to the left and weaves about a line parallel to the x axis, at y > 0. |dp/ds| is
+    constant.
 
     The curvature is a triangular wave over arc length, so that a segment is a clothoid, whose
     points are Fresnel integrals (Meek & Walton, "The use of Cornu spirals in drawing planar curves
-    of controlled curvature", 1989). The direction changes by ``angle``, then by
-    ``gates`` times twice that to alternating sides, and at last back to 0.
+    of controlled curvature", 1989). The direction turns left from 0 to ``angle``, then ``gates``
+    times between ``angle`` and ``-angle``, and finally back to 0.
     """
 
     gates: Annotated[int, Bounds(1, 100, "")] = 4
-    """Number of full swings from one side to the other; an odd number ends on the x axis."""
+    """Number of swings of the direction between `angle` and `-angle`. If it is odd, the slalom ends
+    on the x axis of the start; if it is even, at twice the y of its centre line."""
     angle: Annotated[float, Bounds(0.01, 1.5, "rad")] = 0.7
     """Largest angle between the direction of travel and the x axis of the start, rad."""
     curvature: Annotated[float, Bounds(0.001, 100.0, "1/m")] = 1.5
     """Largest curvature, 1/m."""
 
     def points(self, s: Float[Array, " n"]) -> Float[Array, "4 n 2"]:
-        """Return x and y (m) and their first three derivatives with respect to s."""
+        """Return x and y, and their derivatives, see :meth:`PlaneCurve.points`."""
         segments, total = self._segments
         which, along = self._locate(s)
         curvature = segments.curvature[which] + segments.sharpness[which] * along
@@ -75,16 +79,16 @@ class Slalom(PlaneCurve):
         segments, total = self._segments
         length = total * s
         which = np.clip(
-            np.searchsorted(segments.length, length, side="right") - 1, 0, len(segments.length) - 1
+            np.searchsorted(segments.start, length, side="right") - 1, 0, len(segments.start) - 1
         )
-        return which, length - segments.length[which]
+        return which, length - segments.start[which]
 
     @cached_property
     def _segments(self) -> tuple[_Clothoids, float]:
         """All segments, and the total arc length in m.
 
-        A swing by an angle t with the sharpness c consists of two segments of the length h with
-        t = c h^2 and the peak curvature c h. That of a full swing, t = 2 angle, is ``curvature``.
+        A swing by an angle a consists of two segments of length h: a = c h^2 with the sharpness c,
+        and the peak curvature is c h. That of a full swing, a = 2 ``angle``, is ``curvature``.
         """
         sharpness = self.curvature**2 / (2.0 * self.angle)
         full, half = 2.0 * self.angle / self.curvature, sqrt(self.angle / sharpness)
@@ -96,9 +100,9 @@ class Slalom(PlaneCurve):
         direction = np.concatenate([[0.0], np.cumsum(turns)[:-1]])
         moves = _clothoid(direction, curvature, slopes, steps)
         position = np.concatenate([[0.0], np.cumsum(moves)[:-1]])
-        length = np.concatenate([[0.0], np.cumsum(steps)])
-        segments = _Clothoids(length[:-1], direction, curvature, slopes, position)
-        return segments, float(length[-1])
+        starts = np.concatenate([[0.0], np.cumsum(steps)])
+        segments = _Clothoids(starts[:-1], direction, curvature, slopes, position)
+        return segments, float(starts[-1])
 
 
 def _clothoid(

@@ -62,7 +62,7 @@ class Square(PlaneCurve):
             )
 
     def points(self, s: Float[Array, " n"]) -> Float[Array, "4 n 2"]:
-        """Return x and y (m) and their first three derivatives with respect to s."""
+        """Return x and y, and their derivatives, see :meth:`PlaneCurve.points`."""
         at, wide = self._blend(s), 2.0 * self.rounding
         w = at.share
         # integral of the weight over the distance, the weight, and its first two derivatives

@@ -70,8 +70,8 @@ class MujocoPlant:
         Args:
             robot: The robot.
             wheels: Model of its wheels.
-            rng: Generator of the initial wheel angles of every run, for wheels with rollers; None:
-                the angles are 0.
+            rng: Generator of the initial wheel angles of every run, uniform in one roller pitch,
+                for wheels with rollers. None: 0 rad.
             obstacles: Map of the obstacles; None: an infinite floor.
             moving: Moving obstacles; their time starts at ``reset``.
 

@@ -61,7 +61,8 @@ class PlanarPlant:
 
         Args:
             robot: The robot.
-            rng: Generator of the wheel angles at every reset; None: those of the MuJoCo model.
+            rng: Generator of the initial wheel angles of every run, uniform in one roller pitch.
+                None: 0 rad.
             timestep: Longest integration step, 1e-6 to 0.1 s.
 
         Raises:
