@@ -17,8 +17,8 @@ from omnidrive.errors import (
 from omnidrive.simulation.run import Outcome
 
 PART_TIMEOUT = 120.0
-"""Wall-clock time, s, after which a call of a plant or of sensors counts as stalled. The first call
-may compile kernels."""
+"""Wall-clock time, s, after which a call of a plant, of sensors or of a reference counts as
+stalled. The first call may compile kernels."""
 _MAX_REASON = 500  # characters
 
 

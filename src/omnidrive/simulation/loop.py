@@ -79,8 +79,8 @@ def simulate(
         rng: Generator for jitter of the sample time; None: no jitter.
 
     Raises:
-        InvalidInput: ``dt`` is not a positive number of seconds or not that of the controller, the
-            controller has no ``step`` or ``reset``, the initial heading seems to be in degrees, a
+        InvalidInput: ``dt`` is not 1e-9 to 3600 s or not that of the controller, a part lacks a
+            method, the start is not a usable pose, the initial heading seems to be in degrees, a
             fault begins after the end or needs a plant with other capabilities, or a pipeline is
             combined with an estimator or a supervisor.
         OmnidriveError: The plant cannot start.
@@ -123,9 +123,10 @@ def _pipeline(
 
 
 def _check_start(controller: Controller, reference: Reference, start: Pose, dt: float) -> None:
-    """Raise InvalidInput for a controller, a start or a reference that cannot be meant.
+    """Check the controller, the start, and the initial heading of the reference.
 
     Raises:
+        InvalidInput: One of them cannot be meant.
         RunEnded: The reference fails.
     """
     check_controller(controller, dt)
@@ -140,7 +141,7 @@ def _check_start(controller: Controller, reference: Reference, start: Pose, dt: 
 
 
 def _reset(pipeline: Pipeline, start: Pose) -> None:
-    """Start the parts of the pipeline."""
+    """Start the parts of the pipeline; raise RunEnded if one fails."""
     try:
         pipeline.reset(start)
     except PartFailed as error:
