@@ -41,6 +41,7 @@ from gauntlet_table import TableFile, changes, read_table, version
 from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from omnidrive.cli.options import available_cores
 from omnidrive.robot import ROBOTS
 from omnidrive.study.workers import Call, Lost, Workers
 
@@ -74,7 +75,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     several("--references", (*SHAPES, *STEPS))
     several("--controllers", CONTROLLERS)
     parser.add_argument("--quick", action="store_true", help="one robot, about a minute")
-    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--processes", type=int, default=available_cores())
     parser.add_argument("--out", type=Path, default=OUT / "gauntlet.csv", help="table of all cells")
     parser.add_argument("--against", type=Path, help="earlier table: list what moved by over 5 %%")
     parser.add_argument("--others", type=Path, help="table with the other controllers, not run")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from math import inf, nan
@@ -193,7 +194,18 @@ def study_jobs(part: str, plant: str, preset: str) -> dict[Cell, Job]:
 
 
 def run_cell(cell: Cell) -> Figures:
-    """Simulate one cell and return its figures."""
+    """Simulate one cell and return its figures; an exception is printed and fails this cell."""
+    try:
+        figures = figures_of(cell)
+    except Exception as error:
+        print(f"{cell.name}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        return FAILED
+    if figures is FAILED:
+        print(f"{cell.name}: the run ended early", file=sys.stderr, flush=True)
+    return figures
+
+
+def figures_of(cell: Cell) -> Figures:
     preset = cell.case if cell.part == "study" else "recommended"
     if cell.part in ("noise", "study") or cell.reference not in SHAPES | STEPS | {IMPOSSIBLE: 0}:
         job = study_jobs(cell.part, cell.plant, preset)[cell]

@@ -102,7 +102,7 @@ def exact_arrival(robot: str) -> float:
     reference while it is on time, and the largest squared speeds x while it
     is late.
     """
-    shape, pieces, per_piece = SHAPES["eight"], 200, 20
+    shape, pieces, per_piece = SHAPES["eight"], 200, 10
     path = piecewise(shape, pieces)
     limits = limit_rows(ROBOTS[robot].chassis, MotionLimits.of_robot(ROBOTS[robot], share=TRACTION))
     a, b, _ = interval_rows(path, limits, per_piece)
@@ -126,9 +126,10 @@ def exact_arrival(robot: str) -> float:
         late[i + 1] = max(late[i] + own - asked, 0.0)
     nodes = np.linspace(0.0, 1.0, len(largest))
     positions = shape.evaluate(nodes).poses
-    away = np.hypot(*(positions - positions[-1])[:, :2].T) > ARRIVED
-    i = int(np.flatnonzero(away)[-1]) + 1
-    return float(np.interp(nodes[i], s, motion_times) + late[i])
+    distance = np.hypot(*(positions - positions[-1])[:, :2].T)
+    last = int(np.flatnonzero(distance > ARRIVED)[-1])
+    times = np.interp(nodes, s, motion_times) + late
+    return float(np.interp(-ARRIVED, -distance[last : last + 2], times[last : last + 2]))
 
 
 class _Parameter(Shape):

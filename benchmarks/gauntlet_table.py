@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from math import inf, isfinite, isnan
 from pathlib import Path
 
@@ -48,18 +48,30 @@ class TableFile:
             found, own = read_versions(path), read_table(path)
             if found <= {code}:
                 self.cells = own
+                _end_line(path)
             else:
                 self.previous = path.with_suffix(".previous.csv")
                 path.replace(self.previous)
         if not path.exists():
             with path.open("w", newline="") as file:
-                csv.writer(file).writerow(["version", *Cell._fields, *Figures._fields])
+                csv.writer(file, lineterminator="\n").writerow(
+                    ["version", *Cell._fields, *Figures._fields]
+                )
 
     def add(self, cell: Cell, figures: Figures) -> None:
         """Append a finished cell; an interrupted write costs this cell only."""
         self.cells[cell] = figures
         with self.path.open("a", newline="") as file:
-            csv.writer(file).writerow([self.code, *cell, *(f"{value:.6g}" for value in figures)])
+            csv.writer(file, lineterminator="\n").writerow(
+                [self.code, *cell, *(f"{value:.6g}" for value in figures)]
+            )
+
+
+def _end_line(path: Path) -> None:
+    """Remove the incomplete last line of an interrupted write."""
+    text = path.read_bytes()
+    if not text.endswith(b"\n"):
+        path.write_bytes(text[: text.rfind(b"\n") + 1])
 
 
 def _rows(path: Path) -> Iterator[dict[str, str]]:
@@ -102,11 +114,3 @@ def _moved(name: str, new: float, old: float) -> bool:
     if not (isfinite(new) and isfinite(old)):
         return True
     return abs(new - old) > max(MOVED * abs(old), FLOORS[name])
-
-
-def write_table(path: Path, code: str, table: Iterable[tuple[Cell, Figures]]) -> None:
-    """Write a whole table, sorted, to compare versions with."""
-    path.unlink(missing_ok=True)
-    file = TableFile(path, code)
-    for cell, figures in sorted(table):
-        file.add(cell, figures)
