@@ -1,7 +1,7 @@
 """Entry point of the command `omnidrive`, and the signals that end it.
 
-It stands outside the package, whose import takes a second: a signal is not lost there either,
-although Python ignores the exceptions of the weak references by which it locks modules.
+It stands outside the package, whose import takes a second, so that signals are handled during that
+import, too. Python locks modules by weak references, and ignores exceptions in their callbacks.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from importlib import import_module
 from threading import main_thread
 from time import monotonic, sleep
 from types import FrameType
-from typing import Any
+from typing import Any, ClassVar
 
 _SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -38,7 +38,7 @@ class _State:
     received: int | None = None
     since = 0.0
     raising = False
-    handlers: dict[int, Any] = {}  # noqa: RUF012
+    handlers: ClassVar[dict[int, Any]] = {}
     unraisable: Any = None
 
 
@@ -90,7 +90,8 @@ def restore() -> int | None:
         signal.signal(number, signal.SIG_DFL if python else handler)
     _State.handlers.clear()
     sys.unraisablehook = _State.unraisable
-    return _State.received
+    received, _State.received = _State.received, None
+    return received
 
 
 def check_interrupted() -> None:

@@ -3,9 +3,11 @@
 import atexit
 import json
 import os
+import signal
 import subprocess
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -52,11 +54,10 @@ def _server():
 
 def _serve():
     """Run one command for each line of the standard input, and answer with its exit status."""
-    import omnidrive.cli.compare
-    import omnidrive.cli.main
-    import omnidrive.evaluation  # noqa: F401
     from omnidrive.study import study
 
+    for module in ("compare", "main", "study_results"):
+        import_module(f"omnidrive.cli.{module}")
     study.write_figures = lambda results, folder: ()
     for line in sys.stdin:
         process = os.fork()
@@ -68,15 +69,12 @@ def _serve():
 
 def _run(words, cwd, stdout, stderr):
     """Run a command in this process, which ends with it."""
-    import signal
-
     from omnidrive.cli.main import main
 
     signal.alarm(_TIMEOUT)
     os.chdir(cwd)
     for number, path in enumerate((os.devnull, stdout, stderr)):
-        mode = os.O_RDWR | os.O_CREAT
-        os.dup2(os.open(path, mode), number)
+        os.dup2(os.open(path, os.O_RDWR | os.O_CREAT), number)
     sys.argv = words
     main()
 

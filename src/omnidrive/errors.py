@@ -18,7 +18,8 @@ OmnidriveError
 ├── CannotWrite                   results cannot be written
 ├── CannotDraw                    OpenGL or a display is missing
 ├── WorkerLost                    worker processes end while they start
-└── RunFailed                     a run failed; raised only by ``Run.raise_if_failed()``
+└── RunFailed                     a run or a compilation failed; raised by ``raise_if_failed()``
+                                  and ``warm_up()`` only
 
 Messages state the fact and how to correct it.
 """
@@ -125,7 +126,7 @@ class WorkerLost(OmnidriveError):
 
 
 class RunFailed(OmnidriveError):
-    """A run did not finish."""
+    """A run, or the compilation of kernels in advance, did not finish."""
 
 
 PART_ERRORS = (Exception, SystemExit, GeneratorExit)

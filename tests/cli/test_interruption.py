@@ -94,6 +94,14 @@ def finish(process):
     return " ".join(errors.split())
 
 
+def interrupt(process, number):
+    """Send a signal to all processes of a command, as a terminal does; check how they end."""
+    os.killpg(process.pid, number)
+    assert "interrupted" in finish(process)
+    wait_for(lambda: not alive(process.pid), 30)
+    assert process.returncode == 128 + number
+
+
 @pytest.mark.parametrize(
     "number",
     [
@@ -121,10 +129,7 @@ def test_workers_end_with_the_command_and_results_are_kept(tmp_path, number):
 def test_closed_terminal_ends_without_traceback(tmp_path):
     with command(tmp_path) as process:
         wait_for(lambda: workers(process.pid))
-        os.killpg(process.pid, signal.SIGHUP)
-        assert "interrupted" in finish(process)
-        wait_for(lambda: not alive(process.pid), 30)
-    assert process.returncode == 128 + signal.SIGHUP
+        interrupt(process, signal.SIGHUP)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.8])
@@ -132,19 +137,13 @@ def test_ctrl_c_during_worker_start_ends_without_traceback(tmp_path, delay):
     with command(tmp_path) as process:
         wait_for(lambda: workers(process.pid))
         time.sleep(delay)
-        os.killpg(process.pid, signal.SIGINT)
-        assert "interrupted" in finish(process)
-        wait_for(lambda: not alive(process.pid), 30)
-    assert process.returncode == 130
+        interrupt(process, signal.SIGINT)
 
 
 def test_ctrl_c_before_worker_start_ends_without_traceback(tmp_path):
     with command(tmp_path) as process:
         wait_for((tmp_path / "cut").exists)
-        os.killpg(process.pid, signal.SIGINT)
-        assert "interrupted" in finish(process)
-        wait_for(lambda: not alive(process.pid), 30)
-    assert process.returncode == 130
+        interrupt(process, signal.SIGINT)
 
 
 def test_second_ctrl_c_ends_at_once(tmp_path):
@@ -207,18 +206,19 @@ def check_readable(folder):
     return len(records)
 
 
-def signal_once(folder, rng, cold_cache):
+def signal_once(folder, seed, cold_cache):
     """Send a signal at a random moment of a random phase; return what happened."""
-    phase, number = (
-        rng.choice(PHASES),
-        rng.choice((signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL)),
-    )
+    rng = random.Random(seed)
+    phase = rng.choice(PHASES)
+    number = rng.choice((signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL))
     args = rng.choice(COMMANDS[:3] if phase in {"figures", "report"} else COMMANDS)
     env = {"NUMBA_CACHE_DIR": str(cold_cache)} if phase == "compile" else {}
     longest = {"start": 1.0, "compile": 8.0, "plan": 3.0, "report": 0.3}.get(phase, 2.0)
     delay = rng.uniform(0.0, longest)
     group = rng.random() < 0.3  # as a terminal or systemd do
-    what = f"{signal.Signals(number).name} {delay:.3f} s into {phase} of {' '.join(args)}"
+    what = (
+        f"seed {seed}: {signal.Signals(number).name} {delay:.3f} s into {phase} of {' '.join(args)}"
+    )
     with command(folder, args, **env) as process:
         while process.poll() is None and not reached(phase, folder):
             time.sleep(0.005)
@@ -245,8 +245,7 @@ def signal_once(folder, rng, cold_cache):
 @pytest.mark.parametrize("count", [3, pytest.param(300, marks=pytest.mark.long)])
 def test_signals_at_random_moments_of_every_phase(tmp_path, count):
     """Right exit status, no process left, every finished run readable."""
-    seed = 2026
-    for k in range(count):
-        folder, cold_cache = tmp_path / str(k), tmp_path / "cache" / str(k)
+    for seed in range(2_026_000, 2_026_000 + count):
+        folder, cold_cache = tmp_path / str(seed), tmp_path / "cache" / str(seed)
         folder.mkdir()
-        print(k, signal_once(folder, random.Random(1000 * seed + k), cold_cache))  # shown by -s
+        print(signal_once(folder, seed, cold_cache))  # shown by -s

@@ -1,6 +1,5 @@
 """Signals end the command with 128 + n, also where Python ignores or other code catches them."""
 
-import logging
 import os
 import signal
 import weakref
@@ -13,20 +12,13 @@ import omnidrive_command as signals
 from omnidrive.errors import CannotWrite
 
 main_module = import_module("omnidrive.cli.main")
-NUMBERS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
 
 
 @pytest.fixture(autouse=True)
-def handlers():
-    """Handlers of signals and messages, restored after the test."""
-    messages = logging.getLogger().handlers[:]
-    before = {number: signal.getsignal(number) for number in NUMBERS}
-    for number in NUMBERS:
+def default_handlers(restored_handlers):
+    """Let every signal raise KeyboardInterrupt before the command handles it."""
+    for number in signals._SIGNALS:
         signal.signal(number, signal.default_int_handler)
-    yield
-    logging.getLogger().handlers[:] = messages
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 @pytest.fixture
@@ -44,7 +36,7 @@ def ignore(number):
     return reference
 
 
-@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("number", signals._SIGNALS)
 def test_ignored_interruption_is_raised_again(installed, number):
     ignore(number)
     with pytest.raises(KeyboardInterrupt):
@@ -91,6 +83,7 @@ def test_status_is_that_of_the_signal_whatever_the_command_does(monkeypatch, cap
     with pytest.raises(SystemExit) as ended:
         signals.main()
     assert ended.value.code == 128 + signal.SIGTERM
+    signals.check_interrupted()  # that command has ended
     assert capsys.readouterr().err == "omnidrive: interrupted; finished results are kept\n"
 
 

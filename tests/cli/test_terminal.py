@@ -2,7 +2,6 @@
 
 import json
 import logging
-import signal
 import warnings
 from importlib import import_module
 from unittest.mock import Mock
@@ -18,18 +17,13 @@ from omnidrive.errors import InvalidInput
 from omnidrive.study import Study
 from omnidrive.study.section import Renamed
 
-SIGNALS = (signal.SIGINT, signal.SIGHUP, signal.SIGTERM)
-"""Signals that the command handles."""
-
 
 @pytest.fixture
-def command(monkeypatch, capsys, tmp_path):
+def command(monkeypatch, capsys, tmp_path, restored_handlers):
     """Run the command in this process; return its status, standard output and standard error."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setattr(terminal._Output, "noted", set())
-    handlers = logging.getLogger().handlers[:]
-    signals = {number: signal.getsignal(number) for number in SIGNALS}
 
     def run(*args):
         monkeypatch.setattr("sys.argv", ["omnidrive", *map(str, args)])
@@ -38,9 +32,6 @@ def command(monkeypatch, capsys, tmp_path):
         return ended.value.code, *capsys.readouterr()
 
     yield run
-    logging.getLogger().handlers[:] = handlers
-    for number, handler in signals.items():
-        signal.signal(number, handler)
     terminal._set_quiet(False)
 
 
@@ -121,20 +112,6 @@ def test_compiling_is_noted_once(command, monkeypatch, verb):
     assert (status, err.count("enough"), err.count("note: compiling")) == (2, 1, 1)
 
 
-def test_signals_that_are_ignored_stay_so_as_under_nohup(command, monkeypatch):
-    found = {}
-
-    def verb():
-        found.update((number, signal.getsignal(number)) for number in SIGNALS)
-
-    monkeypatch.setattr("omnidrive.cli.warmup.warmup", verb)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    assert command("warmup")[0] == 0
-    assert found[signal.SIGHUP] is signal.SIG_IGN
-    assert callable(found[signal.SIGTERM])
-
-
 def test_quiet_prints_errors(command):
     status, out, err = command("plan", "none.yaml", "--quiet")
     assert (status, out) == (2, "")
@@ -157,6 +134,18 @@ def test_messages_of_libraries_are_notes_printed_once(command, monkeypatch):
     monkeypatch.setattr("omnidrive.cli.warmup.warmup", verb)
     expected = "omnidrive: note: no font STIX, really\nomnidrive: note: 'a' is now called 'b'\n"
     assert command("warmup") == (0, "", expected)
+
+
+def test_names_from_files_do_not_control_the_terminal(capsys, monkeypatch):
+    monkeypatch.setattr(terminal._Output, "noted", set())
+    name = "run\x1b[2J\nomnidrive: done"
+    terminal.conclude(f"results: {name}")
+    terminal.note(name)
+    terminal.warn(name)
+    out, err = capsys.readouterr()
+    assert out == "results: run\\x1b[2J\\nomnidrive: done\n"
+    shown = "run\\x1b[2J omnidrive: done"
+    assert err == f"omnidrive: note: {shown}\nomnidrive: warning: {shown}\n"
 
 
 def test_quiet_prints_no_notes(command, monkeypatch):

@@ -1,8 +1,9 @@
-"""Kinds of bad foreign parts in a study with good ones, whose results are bit for bit as without.
+"""Kinds of bad controllers in a study with good ones, whose results are bit for bit as without.
 
 Each kind is a class; a new one needs only its sentence in BAD_CONTROLLERS.
 """
 
+import json
 import random
 import time
 from math import inf, nan
@@ -16,7 +17,8 @@ from omnidrive.control.components import ControllerContext
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.simulation import Outcome
 from omnidrive.study import run_study
-from omnidrive.study.tasks import DurationsTask, Tasks
+from omnidrive.study.tasks import DurationsTask, StepTask, Tasks
+from tests.command import omnidrive
 from tests.study.small import small_scenario
 
 TWIST = BodyTwist(0.1, 0.0, 0.0)
@@ -26,7 +28,7 @@ GOOD = {"feedforward": "feedforward", "pid": "pid"}
 
 
 class Bad(FeedforwardController):
-    """A good controller until :data:`FAULT_TIME`, then ``fail`` gives its commands."""
+    """A good controller until :data:`FAULT_TIME`; its subclasses then ``fail``."""
 
     def __init__(self, context: ControllerContext):
         super().__init__(context.dt)
@@ -93,11 +95,11 @@ class ListedUnits(Bad):
 
 
 class NumberedUnits(Bad):
-    detail_units = {"gain": 1}  # noqa: RUF012
+    detail_units = {"gain": 1}
 
 
 class FewDetails(Bad):
-    detail_units = {"a": "1", "b": "1"}  # noqa: RUF012
+    detail_units = {"a": "1", "b": "1"}
 
     def fail(self, *_):
         return Command(TWIST, Status.OK, (1.0,))
@@ -185,6 +187,7 @@ TIMED_OUT = CONTROLLER + "its step at 0.5 s took longer than 0.3 s"
 BAD_CONTROLLERS = {
     "exception": (raising(ZeroDivisionError("law")), CONTROLLER + "ZeroDivisionError: law"),
     "exit": (raising(SystemExit(0)), CONTROLLER + "SystemExit: 0"),
+    "generator-exit": (raising(GeneratorExit()), CONTROLLER + "GeneratorExit"),
     "memory": (raising(MemoryError("1 TB")), CONTROLLER + "MemoryError: 1 TB"),
     "no-text": (raising(NoText()), CONTROLLER),
     "long-text": (raising(ValueError("\n" * 10**6)), CONTROLLER),
@@ -210,12 +213,27 @@ BAD_CONTROLLERS = {
     "inf": (returning(Command(BodyTwist(0.0, -inf, 0.0))), "its twist is not finite: BodyTwist("),
     "huge": (returning(Command(BodyTwist(0.0, 0.0, 1e300))), "its twist is too large: BodyTwist("),
     "text": (returning(Command(BodyTwist("a", "b", "c"))), "its twist is not of numbers: BodyTwi"),
+    "endless-number": (returning(Command(BodyTwist(0.0, 10**5000, 0.0))), "is not of numbers"),
+    "arrays": (
+        returning(Command(BodyTwist(*np.ones((3, 1))))),
+        "not of numbers: BodyTwist(vx=array",
+    ),
+    "complex": (returning(Command(BodyTwist(1j, 0.0, 0.0))), "not of numbers: BodyTwist(vx=1j,"),
     "three-wheels": (returning(Command(WheelSpeeds([1.0] * 3))), "holds 3 wheel speeds, but the"),
     "torques": (returning(Command(WheelTorques([1.0] * 4))), "does not execute wheel torques"),
     "status-number": (returning(Command(TWIST, 1)), "status of its command is an int, not a Sta"),
     "status-text": (
         returning(Command(TWIST, "ok")),
         "status of its command is a str, not a Sta",
+    ),
+    "failed": (returning(Command(TWIST, Status.FAILED, message="no way")), CONTROLLER + "no way"),
+    "failed-with-text": (
+        returning(Command(BodyTwist("a", 0.0, 0.0), Status.FAILED, message=None)),
+        CONTROLLER.removesuffix(": "),
+    ),
+    "failed-wheels": (
+        returning(Command(WheelSpeeds([nan] * 9), Status.FAILED, ("a",), "solver")),
+        CONTROLLER + "solver",
     ),
     "message": (returning(Command(TWIST, message=3)), "message of its command is an int, not a te"),
     "units-raise": (RaisingUnits, CONTROLLER + "RuntimeError: no units"),
@@ -233,6 +251,15 @@ ENDS_AT_ONCE = {
     "construction", "reset", "preparation", "exit-at-preparation", "no-method", "no-controller",
     "sample-time", "units-raise", "units-in-a-tuple", "units-as-numbers",
 }  # fmt: skip
+TRACED = {
+    "exception",
+    "exit",
+    "generator-exit",
+    "recursion",
+    "construction",
+    "reset",
+    "preparation",
+}
 
 
 def logs(controllers, **changes):
@@ -266,6 +293,8 @@ def test_bad_controllers_change_no_result_of_good_ones(monkeypatch):
         if name == "changes":
             continue
         assert run.outcome is Outcome.CONTROLLER_FAILED
+        assert run.status[-1] == Status.FAILED
+        assert "test_bad_parts.py" in run.traceback or name not in TRACED
         if name in ENDS_AT_ONCE:
             assert len(run.t) == 1
         else:  # the log is kept; a stalled controller is held for 0.5 s and ramped to zero
@@ -285,3 +314,47 @@ def test_stalled_controller_is_held_then_ramped_to_rest(monkeypatch):
     assert shares == pytest.approx([0.8, 0.6, 0.4, 0.2, 0.0], abs=1e-9)
     assert run.status[5:].tolist() == [Status.FALLBACK] * 9 + [Status.FAILED]
     assert Pose(*run.pose[-1]) != Pose(*run.pose[4])
+
+
+WITH_STEP = Tasks(track=TASKS.track, step=StepTask(displacement=(1.0, 1.0, 0.5), duration=4.0))
+
+
+def test_failed_runs_are_in_results_and_report(tmp_path):
+    bad = {"at-a-step": raising(ZeroDivisionError("in my law")), "at-reset": FailsAtReset}
+    controllers = {"feedforward": "feedforward", **bad}
+    study = run_study(small_scenario(controllers=controllers, tasks=WITH_STEP), tmp_path / "out")
+    content = (tmp_path / "out" / "results.json").read_text()
+    data = json.loads(content, parse_constant=pytest.fail)  # such as NaN
+    found = {record["controller"]: record for record in data["runs"]}
+    finished = {name: record["finished"] for name, record in found.items()}
+    assert finished == {"feedforward": True, "at-a-step": False, "at-reset": False}
+    assert "ZeroDivisionError: in my law" in found["at-a-step"]["outcome"]
+    assert found["at-a-step"]["traceback"].startswith("Traceback")
+    assert "RuntimeError: no memory left" in found["at-reset"]["outcome"]
+    assert "no memory left" in (tmp_path / "out" / "report.html").read_text()
+    assert len(study.results.steps) == 3
+
+
+def test_study_whose_runs_all_fail_at_the_start_has_a_report(tmp_path):
+    scenario = small_scenario(controllers={"bad": FailsAtReset}, tasks=WITH_STEP)
+    study = run_study(scenario, tmp_path / "out")
+    assert {result.run.outcome for result in study.results.tracks} == {Outcome.CONTROLLER_FAILED}
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.long
+def test_command_exits_with_status_1_and_names_the_run(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "class Faulty:\n"
+        "    def reset(self, state): pass\n"
+        "    def step(self, t, state, reference): return None\n"
+    )
+    done = omnidrive(
+        "compare", "--plant", "kinematic", "--tasks", "track,step", "--jobs", "1",
+        "--controllers", "feedforward", "--controller", "mine.py:Faulty", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 1
+    message = " ".join(done.stderr.split())
+    assert "track-Faulty-20s at 0 s" in message
+    assert "it returned None, not a Command" in message
+    assert "Traceback" not in done.stderr

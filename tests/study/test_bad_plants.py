@@ -18,9 +18,8 @@ from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.simulation import KinematicPlant, Outcome, PlantState, environment, guard
 from omnidrive.study.scenario_sections import SensorsSection
-from tests.study.test_bad_parts import assert_equal, logs
+from tests.study.test_bad_parts import FAULT_TIME, assert_equal, logs
 
-FAULT_TIME = 0.45  # s
 ORIGIN, REST = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
 active = []  # name of the part and what it does in the present run
 
@@ -70,6 +69,7 @@ class AnyEstimator(LatestFix):
 
 
 def misbehave(part, good, owner):
+    """Return ``good`` unless the active fault is one of this part of the ``owner``."""
     if not active or active[0] != part:
         return good
     value = active[1]
@@ -96,6 +96,7 @@ def change_the_robot(owner, good):
 
 
 def state(**changes):
+    """Return what replaces fields of a good state."""
     return lambda owner, good: good._replace(**changes)
 
 
@@ -124,6 +125,14 @@ KINDS = {
     "estimator-pose": ("estimator", ORIGIN, ESTIMATOR + "it returned a Pose, not a State"),
     "estimator-tuple": ("estimator", State(0.5, (0.0, 0.0)), ESTIMATOR + "pose of its State is (0"),
     "estimator-text": ("estimator", state(stamp="now"), "stamp of its State is 'now', need a numb"),
+    "estimator-x": ("estimator", state(pose=Pose(None, 0.0, 0.0)), "State is Pose(x=None, y=0.0,"),
+    "estimator-age": ("estimator", state(fix_age=None), "fix_age of its State is None, need a nu"),
+    "estimator-twist": (
+        "estimator",
+        state(twist=(0.0, 0.0, 0.0)),
+        "need a BodyTwist of numbers or",
+    ),
+    "estimator-list": ("estimator", state(covariance=[[1.0]]), "is [[1.0]], need a 3 x 3 array"),
     "estimator-covariance": ("estimator", state(covariance=np.eye(2)), "need a 3 x 3 array of num"),
     "estimator-sleeps": ("estimator", sleep, ESTIMATOR + "its call at 0.5 s took longer than"),
     "estimator-reset": ("estimator.reset", ValueError("no map"), ESTIMATOR + "ValueError: no map"),
@@ -145,27 +154,19 @@ def study(kinds):
     )
 
 
-QUICK = ("plant-refuses", "plant-list", "plant-sleeps", "plant-close", "plant-close-exit",
-         "plant-changes", "estimator-exit", "estimator-covariance", "estimator-reset")  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    "kinds", [QUICK, pytest.param(tuple(KINDS), marks=pytest.mark.long)], ids=["few", "all"]
-)
-def test_bad_plants_and_estimators_end_their_own_run_only(monkeypatch, caplog, kinds):
+def test_bad_plants_and_estimators_end_their_own_run_only(monkeypatch, caplog):
     alone = study(())
     monkeypatch.setattr(pipeline_module, "STEP_TIMEOUT", 0.1)
     monkeypatch.setattr(guard, "PART_TIMEOUT", 0.3)
     monkeypatch.setattr(environment, "_SLOWEST", 0.0)
     with caplog.at_level(logging.WARNING):
-        found = study(kinds)
+        found = study(KINDS)
     for name in ("good", "again"):
         assert found[name].outcome is Outcome.FINISHED
         assert_equal(found[name], alone[name])
     for fact in ("OSError: no route", "SystemExit: 0"):
         assert f"the plant cannot be closed: {fact}" in caplog.text
-    for name in kinds:
-        part, value, sentence = KINDS[name]
+    for name, (part, value, sentence) in KINDS.items():
         run = found[name]
         assert sentence in run.ending, (name, run.ending)
         assert "\n" not in run.reason

@@ -85,15 +85,16 @@ def test_interrupt_that_a_component_raises_ends_its_run(planned, monkeypatch):
 class KillingJob(Job):
     """Job whose worker is killed when it unpickles the job."""
 
+    number = "SIGKILL"
+
     def __reduce__(self):
-        return os.kill, (Pid(), signal.SIGKILL)
+        return os.kill, (Pid(), getattr(signal, self.number))
 
 
-class StoppingJob(Job):
+class StoppingJob(KillingJob):
     """Job whose worker is stopped when it unpickles the job."""
 
-    def __reduce__(self):
-        return os.kill, (Pid(), signal.SIGSTOP)
+    number = "SIGSTOP"
 
 
 class Pid:
@@ -127,15 +128,6 @@ def test_result_of_a_lost_run_is_that_of_its_task(task):
     assert result.run.ending == "the process of the run was killed: twice"
     assert result.name == job_name(planned, job)
     assert result.run.pose[0].tolist() == list(planned.start)
-
-
-@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signal masks")
-def test_signals_are_blocked_only_during_worker_start(planned):
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    results = execute(planned, jobs_of(planned.scenario), 2)
-    next(results)
-    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
-    results.close()
 
 
 class LoggingJob(Job):

@@ -1,4 +1,4 @@
-"""Run folders: names that are taken, and names that are not UTF-8."""
+"""Run folders: their names, temporary files in them, and results of lost runs."""
 
 import json
 import os

@@ -174,6 +174,10 @@ def changed(*path, value):
         ),
         (changed("map", "source", value="a\0b"), r"map.source must name a file, got 'a\x00b'"),
         (changed("map", "source", value=""), "map.source must name a file, got ''"),
+        (
+            changed("robot", "name", value="a\0.yaml"),
+            r"robot.name must name a file, got 'a\x00.yaml'",
+        ),
     ],
 )
 def test_message_names_the_invalid_key_and_the_valid_values(tmp_path, data, message):
@@ -210,6 +214,15 @@ def test_hostile_files_are_refused(tmp_path, text, message):
     with pytest.raises(InvalidScenario, match=message) as caught:
         load_scenario(path)
     assert is_short_line(tmp_path, caught.value)
+
+
+@pytest.mark.parametrize("text", ["nothing", "format: omnidrive-robot-1", "a: 1"])
+def test_name_of_an_invalid_file_is_shown_in_one_line(tmp_path, text):
+    path = tmp_path / "a\n\x1b[2J.yaml"
+    path.write_text(text)
+    with pytest.raises(InvalidScenario, match=r"a\\n\\x1b\[2J.yaml") as caught:
+        load_scenario(path)
+    assert str(caught.value).isprintable()
 
 
 @pytest.mark.parametrize(
@@ -271,10 +284,12 @@ def mutated(draw):
 def test_any_file_loads_or_raises_invalid_scenario(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("scenario") / "s.yaml"
     path.write_bytes(content)
+    message = ""
     try:
         load_scenario(path)
     except InvalidScenario as error:
-        assert str(error).isprintable()  # noqa: PT017
+        message = str(error)
+    assert message.isprintable()
 
 
 def test_missing_file_is_named(tmp_path):

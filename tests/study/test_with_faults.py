@@ -19,7 +19,7 @@ from omnidrive.study import (
     save_scenario,
 )
 from omnidrive.study.jobs import jobs_of
-from omnidrive.study.results_data import fault_record
+from omnidrive.study.results_data import results_data
 from omnidrive.study.scenario_file import parse_scenario, scenario_data
 from omnidrive.study.scenario_sections import WatchdogSection
 from omnidrive.study.tasks import FaultsTask, Tasks
@@ -68,7 +68,8 @@ def test_scenario_of_the_folder_reproduces_the_results(folder):
     assert scenario.tasks.faults == FaultsTask(duration=20.0)
     results = run_study(scenario, processes=2).results
     old = json.loads((folder / "results.json").read_text())["faults"]
-    assert json.loads(json.dumps([fault_record(*each) for each in results.recoveries])) == old
+    new = results_data(scenario, scenario, results, {})["faults"]
+    assert json.loads(json.dumps(new)) == old
     assert len(results.faults) == 12
 
 

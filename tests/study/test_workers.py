@@ -5,10 +5,9 @@ import os
 import re
 import signal
 import struct
-import subprocess
 import sys
 from functools import partial
-from multiprocessing import active_children
+from multiprocessing import active_children, resource_tracker, util
 from multiprocessing.process import BaseProcess
 from time import sleep
 
@@ -110,7 +109,31 @@ def test_process_that_stops_at_its_start_is_ended_by_the_time_limit():
         outcomes([partial(answer, 1)], setup=partial(sleep, 600), time_limit=0.2, start_limit=0.2)
 
 
-def test_interruption_ends_all_processes(tmp_path):
+def blocked():
+    """Return the signals that this thread blocks."""
+    return signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_processes_start_with_blocked_signals_and_unblock_them(monkeypatch):
+    """That of a call, and the resource tracker of Python, which unblocks those of its parent."""
+    tracker, inherited, spawn = resource_tracker._resource_tracker, [], util.spawnv_passfds
+
+    def spawn_and_note(*arguments):
+        """Note the signals that the new process inherits as blocked."""
+        inherited.append(blocked())
+        return spawn(*arguments)
+
+    monkeypatch.setattr(util, "spawnv_passfds", spawn_and_note)
+    for name in ("_fd", "_pid"):
+        monkeypatch.setattr(tracker, name, None)  # as in a process that has started none
+    assert outcomes([blocked], count=1) == {0: blocked()}
+    os.close(tracker._fd)
+    os.waitpid(tracker._pid, 0)
+    ending = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    assert [ending & each for each in inherited] == 2 * [ending]
+
+
+def test_interruption_ends_all_processes():
     def interrupt(*_):
         raise KeyboardInterrupt
 
@@ -150,32 +173,3 @@ def test_signal_at_the_start_of_a_process_leaves_none_behind(monkeypatch):
         outcomes([partial(answer, 0)])
     assert not active_children()
     assert signal.getsignal(signal.SIGINT) is before
-
-
-SIGNALS_BLOCKED_AT_EVERY_START = """
-import signal
-from functools import partial
-from multiprocessing import util
-from omnidrive.study.workers import Call, Workers
-
-start, masks = util.spawnv_passfds, []
-
-def recorded(*args):
-    masks.append(signal.pthread_sigmask(signal.SIG_BLOCK, []))
-    return start(*args)
-
-util.spawnv_passfds = recorded
-if __name__ == "__main__":
-    print(sorted(Workers(2, list).outcomes([Call(str(k), partial(int, k)) for k in range(2)])))
-    assert len(masks) == 3  # the resource tracker of Python starts first
-    for mask in masks:
-        assert {signal.SIGINT, signal.SIGTERM, signal.SIGHUP} <= mask, mask
-"""
-
-
-def test_signals_are_blocked_while_processes_start(tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(SIGNALS_BLOCKED_AT_EVERY_START)
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
-    assert done.stdout == "[(0, 0), (1, 1)]\n", done.stderr
-    assert not done.returncode, done.stderr

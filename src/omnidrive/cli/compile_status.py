@@ -29,7 +29,7 @@ class CompileStatus(logging.Handler):
     def __init__(self) -> None:
         super().__init__()
         self._count = 0
-        self._texts: list[tuple[str, str]] = []  # kernels that are being compiled
+        self._texts: dict[str, str] = {}  # by kernel that is being compiled
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show the start or the end of a compilation; ignore other records."""
@@ -40,12 +40,10 @@ class CompileStatus(logging.Handler):
         if compilation.seconds is None:
             self._count += 1
             function = kernel.rpartition(".")[2]
-            self._texts.append((kernel, f"compiling kernel {self._count}: {function}"))
+            self._texts[kernel] = f"compiling kernel {self._count}: {function}"
         else:
-            ended = next((each for each in self._texts[::-1] if each[0] == kernel), None)
-            if ended:
-                self._texts.remove(ended)
-        displays[-1](self._texts[-1][1] if self._texts else "")
+            self._texts.pop(kernel, None)
+        displays[-1](next(reversed(self._texts.values()), ""))
 
 
 def show_compiling() -> None:

@@ -103,6 +103,8 @@ def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
     result = dict(base)
     for key, value in values.items():
         inner = result.get(key)
-        both = isinstance(value, dict) and isinstance(inner, dict)
-        result[key] = _merged(inner, value) if both else value  # type: ignore[arg-type]
+        if isinstance(value, dict) and isinstance(inner, dict):
+            result[key] = _merged(inner, value)
+        else:
+            result[key] = value
     return result

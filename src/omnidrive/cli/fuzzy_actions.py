@@ -70,7 +70,7 @@ def show_system(
         print_tables([outputs_table(inference, given)])
     if out is not None:
         count = _save_figures(inference, given, out)
-        conclude(f"{count} figures written to {one_line(str(out))}", beside_json=json)
+        conclude(f"{count} figures written to {out}", beside_json=json)
 
 
 def _record(inference: Inference, given: list[float] | None) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def convert_system(file: Path, out: Path, type2: str | None, force: bool) -> Non
     system = _load(file, type2)
     check_new_file(out, force=force)
     save(system, out)
-    conclude(f"written to {one_line(str(out))}")
+    conclude(f"written to {out}")
 
 
 def parse_choices(
@@ -160,7 +160,7 @@ def evaluate_table(
     if result.unused:
         shown = ", ".join(result.unused[:6]) + (", ..." if len(result.unused) > 6 else "")
         warn(f"columns ignored, because they are not inputs: {shown}")
-    conclude(f"{result.rows} rows written to {one_line(str(target))}")
+    conclude(f"{result.rows} rows written to {target}")
 
 
 def _choice(option: str, value: str, names: Any) -> Any:

@@ -15,8 +15,6 @@ from omnidrive.study.output_paths import WAYPOINT_FORMATS
 Kind = Literal["map", "waypoints", "scenario"]
 
 _HEAD = 65_536  # bytes of a YAML file that are searched for keys
-_IMAGE_KEY = re.compile(rb"""(?:^|[{,])\s*["']?image["']?\s*:""", re.MULTILINE)
-_POSES_KEY = re.compile(rb"""(?:^|[{,])\s*["']?poses["']?\s*:""", re.MULTILINE)
 
 
 def input_kind(path: Path) -> Kind:
@@ -45,9 +43,14 @@ def _yaml_kind(path: Path) -> Kind:
         head = read_head(path, _HEAD, "file", InvalidInput)
     except InvalidInput:
         return "scenario"  # the error is reported when it is loaded
-    if _IMAGE_KEY.search(head):
+    if _has_key(head, b"image"):
         return "map"
-    return "waypoints" if _POSES_KEY.search(head) else "scenario"
+    return "waypoints" if _has_key(head, b"poses") else "scenario"
+
+
+def _has_key(head: bytes, key: bytes) -> bool:
+    """Return whether the start of a YAML file has a key, at any level."""
+    return re.search(rb"""(?:^|[{,])\s*["']?%b["']?\s*:""" % key, head, re.MULTILINE) is not None
 
 
 def check_map_name(file: Path) -> None:

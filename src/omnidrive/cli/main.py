@@ -145,7 +145,7 @@ def run() -> int:
             return _handle(error)
 
 
-def _handle(error: BaseException) -> int:
+def _handle(error: Exception) -> int:
     """Print the message of an error and return the exit status."""
     if isinstance(error, typer.exceptions.TyperException):  # invalid options
         error.show() if hasattr(error, "show") else _print_error(str(error))

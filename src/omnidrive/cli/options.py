@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import typer
 
 from omnidrive.cli.completion import Complete, one_of
-from omnidrive.errors import InvalidInput, closest
 from omnidrive.files.number_text import parse_number
+from omnidrive.parameter import check_choice
 
 PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Simulation", "Results"
 """Panels of the help text."""
@@ -91,23 +91,24 @@ def parse_coordinates(text: str) -> list[float]:
     return numbers if len(numbers) == text.count(",") + 1 and len(numbers) in {2, 3} else []
 
 
-def choose_many(name: str, text: str, options: Iterable[str]) -> tuple[str, ...]:
-    """Parse a comma-separated selection; the result has the order of ``options``."""
+def choose_many(name: str, text: str, options: Collection[str]) -> tuple[str, ...]:
+    """Parse a comma-separated selection; the result has the order of ``options``.
+
+    Raises:
+        InvalidInput: A part is not one of ``options``.
+    """
     selected = {choose_one(name, part.strip(), options) for part in text.split(",")}
     return tuple(option for option in options if option in selected)
 
 
-def choose_one(name: str, value: str, options: Iterable[str]) -> Any:
+def choose_one(name: str, value: str, options: Collection[str]) -> Any:
     """Return ``value`` if it is one of ``options``.
 
     Raises:
         InvalidInput: It is not; the message lists the options and the closest one.
     """
-    if value in options:
-        return value
-    near = closest(value, options)
-    hint = f"; did you mean '{near}'?" if near else ""
-    raise InvalidInput(f"there is no {name} '{value}'; there are {', '.join(options)}{hint}")
+    check_choice(name, value, options)
+    return value
 
 
 def default_folder(name: str) -> Path:

@@ -74,7 +74,7 @@ def show(
         warn(warning)
     if png is not None:
         save_figure(robot_card(summary), png)
-        conclude(f"figure written to {one_line(str(png))}", beside_json=json)
+        conclude(f"figure written to {png}", beside_json=json)
 
 
 @robot.command(name="import")
@@ -129,7 +129,7 @@ def import_(
         notes = [f"Imported from {file.name}."]
         notes += [f"{name}: {fact}" for name in ("guessed", "missing") for fact in parts[name]]
         save_robot(found.robot, out, notes=notes)
-        text = f"written to {one_line(str(out))}; check it by: omnidrive robot show {out}"
+        text = f"written to {out}; check it by: omnidrive robot show {out}"
         conclude(text, beside_json=json)
     else:
         conclude("not written; use --out FILE.yaml", beside_json=json)
@@ -187,7 +187,7 @@ def identify(
         notes = [f"Identified from {log.name} with the nominal robot {nominal.name}."]
         notes += [f"{each.name}: {each}" for each in found.estimates.values()]
         save_robot(found.robot, out, notes=notes)
-        conclude(f"written to {one_line(str(out))}", beside_json=json)
+        conclude(f"written to {out}", beside_json=json)
 
 
 def _record(estimate: Estimate) -> dict[str, object]:

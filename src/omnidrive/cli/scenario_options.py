@@ -301,6 +301,7 @@ class ScenarioOptions:
         return data
 
     def _base(self, preset: PresetName | None) -> study.Scenario:
+        """Return the scenario of the arguments, to which the other options apply."""
         from omnidrive.planning import Waypoint
 
         file = self.map_file
@@ -381,7 +382,15 @@ def _scenario_name(text: str) -> str:
 
 
 def parse_waypoint(name: str, text: str) -> list[float]:
-    """Parse ``X,Y`` or ``X,Y,HEADING``."""
+    """Parse ``X,Y`` or ``X,Y,HEADING`` in m, m, rad.
+
+    Args:
+        name: Name of the option, for messages.
+        text: Its value.
+
+    Raises:
+        InvalidInput: The text has another form, or the heading is not within 6.3 rad of zero.
+    """
     numbers = parse_coordinates(text)
     if not numbers:
         raise InvalidInput(

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import logging
 import sys
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import typer
+
+from omnidrive.errors import one_line
+
+_LONGEST = 10_000  # characters of a line about results or input
 
 
 class _Output:
@@ -19,7 +23,7 @@ class _Output:
     """
 
     quiet = False
-    noted: set[str] = set()  # noqa: RUF012
+    noted: ClassVar[set[str]] = set()
 
 
 def is_quiet() -> bool:
@@ -40,7 +44,7 @@ def conclude(text: str, *, beside_json: bool = False) -> None:
         text: The line.
         beside_json: Print it on standard error, because standard output holds JSON.
     """
-    _echo(text, err=beside_json)
+    _echo(one_line(text, _LONGEST), err=beside_json)
 
 
 def print_json(data: Any) -> None:
@@ -49,10 +53,10 @@ def print_json(data: Any) -> None:
 
 
 def note(text: str) -> None:
-    """Print a note on standard error, once and in one line, unless ``--quiet`` is given."""
+    """Print a note on standard error, once, unless ``--quiet`` is given."""
     if text not in _Output.noted:
         _Output.noted.add(text)
-        _print(f"note: {' '.join(text.split())}")
+        _print(f"note: {text}")
 
 
 def warn(text: str) -> None:
@@ -61,8 +65,9 @@ def warn(text: str) -> None:
 
 
 def _print(text: str) -> None:
+    """Print a text, which may contain names from files, in one line on standard error."""
     if not _Output.quiet:
-        _echo(f"omnidrive: {text}", err=True)
+        _echo(f"omnidrive: {one_line(' '.join(text.split()), _LONGEST)}", err=True)
 
 
 def _echo(text: str, *, err: bool = False) -> None:

@@ -22,8 +22,6 @@ from omnidrive.study.scenario import Scenario
 from omnidrive.study.workers import Call, Lost, Workers
 from omnidrive.visualization import Observer
 
-_Logged = tuple[Result, list[logging.LogRecord]]
-
 _shared: list[PlannedScenario] = []  # one item in a worker process, used by all its runs
 _records: SimpleQueue[logging.LogRecord] = SimpleQueue()  # of the present run in a worker process
 
@@ -149,11 +147,11 @@ def _start_worker(shared: Array[c_char], relay: CompileRelay, log_level: int) ->
     _shared[:] = [pickle.loads(shared.raw)]
 
 
-def _run(job: Job) -> _Logged:
+def _run(job: Job) -> tuple[Result, list[logging.LogRecord]]:
     """Return the result of a run and what it logged.
 
-    KeyboardInterrupt and the like are the part's that raised them: this process ignores the signals
-    of the terminal.
+    KeyboardInterrupt and the like end this run only, because a component raised them: this process
+    ignores the signals of the terminal.
     """
     try:
         result = run_job(_shared[0], job)

@@ -51,11 +51,17 @@ class RunFolder:
         if not numbered:
             check_new_folder(self.path)
         with write_errors(self.path, _ADVICE):
-            self.path = _numbered_folder(self.path) if numbered else self.path
-            self.path.mkdir(parents=True, exist_ok=True)
+            if numbered:
+                self.path = _numbered_folder(self.path)
+            else:
+                self.path.mkdir(parents=True, exist_ok=True)
 
     def save_inputs(self, planned: PlannedScenario) -> None:
-        """Write the scenario and copies of its map, robot and waypoint files."""
+        """Write the scenario and copies of its map, robot and waypoint files.
+
+        Raises:
+            CannotWrite: A file cannot be written.
+        """
         if planned.scenario.map.is_file:
             save_nav2_map(planned.obstacles, self.path / "map.yaml")
         waypoints = _waypoint_file(planned.scenario)
@@ -67,7 +73,11 @@ class RunFolder:
         save_scenario(_portable(planned.scenario), self.path / "scenario.yaml")
 
     def save_series(self, name: str, run: Run) -> None:
-        """Write the time series of a run to ``series/NAME.parquet``."""
+        """Write the time series of a run to ``series/NAME.parquet``.
+
+        Raises:
+            CannotWrite: The file cannot be written.
+        """
         with self._file(f"series/{name}.parquet") as part:
             part.parent.mkdir(exist_ok=True)
             with part.open("wb") as file:  # pyarrow refuses names that are not UTF-8
@@ -76,11 +86,20 @@ class RunFolder:
     def save_results(
         self, planned: PlannedScenario, results: StudyResults, timing: dict[str, float]
     ) -> None:
-        """Write ``results.json``; docs/run-folder.md describes its schema."""
+        """Write ``results.json``; docs/run-folder.md describes its schema.
+
+        Args:
+            planned: The planned scenario.
+            results: Results of the runs that are finished.
+            timing: Wall time of each part of the study, s.
+
+        Raises:
+            CannotWrite: The file cannot be written.
+        """
         scenario = planned.scenario
         data = results_data(scenario, _portable(scenario), results, timing)
         with self._file("results.json") as part:
-            part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+            part.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
     def _file(self, name: str) -> AbstractContextManager[Path]:
         """Return the context of :func:`output_file` for a file of the folder."""

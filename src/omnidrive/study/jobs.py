@@ -130,7 +130,11 @@ def job_name(planned: PlannedScenario, job: Job) -> str:
 
 
 def run_job(planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()) -> Result:
-    """Simulate one run, during which the observers are called, and evaluate it."""
+    """Simulate one run, during which the observers are called, and evaluate it.
+
+    Raises:
+        ComponentFailed: The factory of the plant or of the estimator raises an exception.
+    """
     own, step = _copied(planned), job.task == "step"
     reference = _reference(own, job)
     with plant_of(own, reference, job.repeat, on_map=not step, observers=observers) as plant:
@@ -229,7 +233,7 @@ class _FailedController:
         self.error = error
 
     def prepare(self) -> None:
-        """Raise the exception of the factory."""
+        """Raise the exception."""
         raise self.error
 
     def reset(self, state: State) -> None:
@@ -240,12 +244,7 @@ class _FailedController:
         return Command(BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
 
 
-def _simulate(
-    planned: PlannedScenario,
-    job: Job,
-    plant: Plant,
-    reference: Reference,
-) -> Run:
+def _simulate(planned: PlannedScenario, job: Job, plant: Plant, reference: Reference) -> Run:
     """Simulate one run with the supervisor.
 
     The random numbers are the same for every controller. They depend on the seed of the scenario,
@@ -320,7 +319,11 @@ def make_sensors(
 
 
 def make_estimator(scenario: Scenario, robot: Robot, sensors: Sensors) -> StateEstimator:
-    """Return a new estimator for ``sensors``: LatestFix if the scenario defines none."""
+    """Return a new estimator for ``sensors``: LatestFix if the scenario defines none.
+
+    Raises:
+        ComponentFailed: The factory of the estimator raises an exception.
+    """
     section = scenario.sensors
     if section is None or section.estimator is None or not isinstance(sensors, SensorSuite):
         return LatestFix()

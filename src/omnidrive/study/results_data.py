@@ -36,7 +36,9 @@ _VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
 def results_data(
     scenario: Scenario, saved: Scenario, results: StudyResults, timing: dict[str, float]
 ) -> dict[str, Any]:
-    """Return the content of results.json as dictionaries, lists, numbers and strings.
+    """Return the content of results.json as dictionaries, lists, numbers, strings and None.
+
+    Numbers that are undefined are None.
 
     Args:
         scenario: The scenario of the study.
@@ -44,7 +46,7 @@ def results_data(
         results: Results of the runs that are finished.
         timing: Wall time of each part of the study, s.
     """
-    return {
+    content = {
         "format": "omnidrive-results-1",
         "versions": {
             "python": python_version(),
@@ -61,9 +63,11 @@ def results_data(
         "step_response": [row for step in results.steps for row in _step_records(step)],
         "repeated": [_mean_record(group) for group in repeated_runs(results)],
         "paired": [_paired_record(difference) for difference in paired_differences(results)],
-        "faults": [fault_record(*recovery) for recovery in results.recoveries],
+        "faults": [_fault_record(*recovery) for recovery in results.recoveries],
         "timing_s": timing,
     }
+    record: dict[str, Any] = _json_safe(content)
+    return record
 
 
 def _component_origins(scenario: Scenario) -> dict[str, Any]:
@@ -91,9 +95,9 @@ def _robot_origin(name: str) -> str:
 
 
 def _track_record(result: TrackResult) -> dict[str, Any]:
-    """Return an entry of ``runs`` in results.json, in m, rad, s; null if undefined."""
+    """Return an entry of ``runs`` in results.json, in m, rad, s."""
     m, run = result.metrics, result.run
-    record = {
+    return {
         "name": result.name,
         "controller": result.controller,
         "task": result.task,
@@ -117,44 +121,39 @@ def _track_record(result: TrackResult) -> dict[str, Any]:
         "step_time_us": {"median": m.step_time_median, "p99": m.step_time_p99},
         "series": f"series/{result.name}.parquet",
     }
-    return _json_safe(record)
 
 
 def _step_records(result: StepResult) -> list[dict[str, Any]]:
-    """Return the entries of ``step_response`` in results.json, one per axis; null if undefined."""
+    """Return the entries of ``step_response`` in results.json, one per axis."""
     return [
-        _json_safe(
-            {
-                "controller": result.controller,
-                "axis": axis,
-                **response._asdict(),
-                **_outcome_record(result.run),
-                "series": f"series/{result.name}.parquet",
-            }
-        )
+        {
+            "controller": result.controller,
+            "axis": axis,
+            **response._asdict(),
+            **_outcome_record(result.run),
+            "series": f"series/{result.name}.parquet",
+        }
         for axis, response in zip(STEP_AXES, result.responses, strict=True)
     ]
 
 
-def fault_record(result: FaultResult, recovery: Recovery) -> dict[str, Any]:
-    """Return an entry of ``faults`` in results.json; null if undefined."""
+def _fault_record(result: FaultResult, recovery: Recovery) -> dict[str, Any]:
+    """Return an entry of ``faults`` in results.json."""
     fault = result.fault
-    return _json_safe(
-        {
-            "name": result.name,
-            "controller": result.controller,
-            "fault": fault.model_dump() if fault else None,
-            "duration": result.duration,
-            "recovered": recovery.recovered,
-            "time_to_recover": recovery.time_to_recover,
-            "worst_error": recovery.max_error,
-            "stopped": recovery.stopped,
-            "me": result.metrics.me,
-            "mae": result.metrics.mae,
-            **_outcome_record(result.run),
-            "series": f"series/{result.name}.parquet",
-        }
-    )
+    return {
+        "name": result.name,
+        "controller": result.controller,
+        "fault": fault.model_dump() if fault else None,
+        "duration": result.duration,
+        "recovered": recovery.recovered,
+        "time_to_recover": recovery.time_to_recover,
+        "worst_error": recovery.max_error,
+        "stopped": recovery.stopped,
+        "me": result.metrics.me,
+        "mae": result.metrics.mae,
+        **_outcome_record(result.run),
+        "series": f"series/{result.name}.parquet",
+    }
 
 
 def _outcome_record(run: Run) -> dict[str, Any]:
@@ -176,7 +175,7 @@ def _mean_record(group: RepeatedRuns) -> dict[str, Any]:
         "runs": len(group.runs),
         "finished": len(group.finished),
         **{
-            measure: _json_safe({k: estimate[k] for k in ("mean", "low", "high")})
+            measure: {k: estimate[k] for k in ("mean", "low", "high")}
             for measure, estimate in estimates.items()
         },
     }
@@ -201,33 +200,32 @@ def _paired_record(pair: PairedDifference) -> dict[str, Any]:
 
 
 def _verdict_record(verdict: Verdict) -> dict[str, Any]:
-    """Return an entry of ``verdict`` in results.json; null if undefined."""
+    """Return an entry of ``verdict`` in results.json."""
     advantage = verdict.advantage
     return {
         "task": verdict.task,
         "name": verdict.name,
         "measure": verdict.measure,
         "tied": advantage is not None and advantage.is_tied,
-        **_json_safe(
-            dict.fromkeys(Advantage._fields) if advantage is None else advantage._asdict()
-        ),
+        **(dict.fromkeys(Advantage._fields) if advantage is None else advantage._asdict()),
         "ranking": [
-            _json_safe(
-                {
-                    "name": contender.name,
-                    "value": contender.value,
-                    "work": contender.work,
-                    "step_time_us": contender.step_time,
-                    "recovered": contender.recovered,
-                }
-            )
+            {
+                "name": contender.name,
+                "value": contender.value,
+                "work": contender.work,
+                "step_time_us": contender.step_time,
+                "recovered": contender.recovered,
+            }
             for contender in verdict.ranking
         ],
         "unranked": list(verdict.unranked),
     }
 
 
-def _json_safe(record: dict[str, Any]) -> dict[str, Any]:
-    """Return the record with None instead of numbers that JSON cannot represent."""
-    undefined = {k for k, v in record.items() if isinstance(v, float) and not isfinite(v)}
-    return {k: None if k in undefined else v for k, v in record.items()}
+def _json_safe(value: Any) -> Any:
+    """Return a value, also nested, with None instead of numbers that JSON cannot represent."""
+    if isinstance(value, dict):
+        return {key: _json_safe(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_json_safe(each) for each in value]
+    return None if isinstance(value, float) and not isfinite(value) else value

@@ -47,17 +47,16 @@ def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
             up to ten invalid keys.
     """
     path = to_path(path)
-    data = read_yaml(path, "scenario", InvalidScenario)
+    data, name = read_yaml(path, "scenario", InvalidScenario), one_line(str(path))
     if not isinstance(data, dict):
-        raise InvalidScenario(f"{path} is not a scenario: it contains no keys")
+        raise InvalidScenario(f"{name} is not a scenario: it contains no keys")
     if data.get("format") == ROBOT_FORMAT:
-        name = one_line(str(path))
         raise InvalidScenario(f"{name} is a robot file; use --robot {name}")
-    scenario = parse_scenario(data, str(path), allow_code=allow_code)
+    scenario = parse_scenario(data, name, allow_code=allow_code)
     changes: dict[str, object] = {}
     for key, robot in (("robot", scenario.robot), ("plant_robot", scenario.plant_robot)):
         if robot is not None and is_robot_file(robot.name):
-            file = str(path.parent / robot.name)
+            file = _relative_to(path, robot.name, f"{key}.name")
             changes[key] = robot.model_copy(update={"name": file})
     if scenario.map.is_file:
         source = _relative_to(path, scenario.map.source, "map.source")
@@ -72,7 +71,8 @@ def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
 def _relative_to(scenario: Path, name: str, key: str) -> str:
     """Return the path of a file that a scenario file names, as the value of ``key``."""
     if not name or "\0" in name:
-        raise InvalidScenario(f"{scenario}: {key} must name a file, got {short_repr(name)}")
+        place = one_line(str(scenario))
+        raise InvalidScenario(f"{place}: {key} must name a file, got {short_repr(name)}")
     return str(scenario.parent / name)
 
 

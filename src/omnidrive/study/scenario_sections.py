@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, get_args
+from typing import Annotated, ClassVar, get_args
 
 from pydantic import Field, model_validator
 
@@ -39,7 +40,7 @@ class RobotSection(Section):
     if the difference matters.
     """
 
-    old_keys = {"assumed_arm": "assumed_effective_radius"}  # noqa: RUF012
+    old_keys: ClassVar[Mapping[str, str]] = {"assumed_arm": "assumed_effective_radius"}
 
     name: str
     """Name of an installed robot, or a robot file (.yaml). In a scenario file, its path is relative

@@ -239,6 +239,7 @@ def _collect_and_save(
 def _report(
     store: RunFolder, results: StudyResults, tables: Sequence[Table], clock: _Clock
 ) -> None:
+    """Write figures, tables and the page, each as a part of the study."""
     with clock.part("figures", 0):
         for path in write_figures(results, store.path / "figures"):
             clock.progress.done(path.name)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from functools import partial
-from typing import cast, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -48,43 +48,50 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
     if usable_folder() is None:
         raise CannotWrite(failures[-1])
     progress = progress or NullProgress()
-    scenarios = [(preset, paper_scenario(preset)) for preset in get_args(PresetName)]
-    controllers = [
-        (preset, name) for preset, scenario in scenarios for name in scenario.controllers
-    ]
-    # the costliest first
-    parts = [("batches", ""), *sorted(controllers, key=_is_cheap), ("planning", "")]
-    parts += [("estimator", ""), ("identification", "")]
+    parts = _parts()
     progress.part("warm up", len(parts))
-    with announce_compiling(note=""), closing(_compile_parts(parts, processes)) as finished:
+    with announce_compiling(note=""), closing(_compile(parts, processes)) as finished:
         for name, lost in finished:
             progress.done(name)
             if lost:
                 raise CannotWrite(lost[0])
 
 
-def _compile_parts(
-    parts: list[tuple[str, str]], processes: int
-) -> Generator[tuple[str, list[str]], None, None]:
+def _parts() -> list[Call]:
+    """Return functions whose calls compile all kernels, the costliest first."""
+    controllers = [
+        (preset, name)
+        for preset in get_args(PresetName)
+        for name in paper_scenario(preset).controllers
+    ]
+    controllers.sort(key=lambda each: not each[1].endswith("nmpc"))
+    return [
+        Call("batches", _batch),
+        *(
+            Call(f"{name} ({preset})", partial(_control, preset, name))
+            for preset, name in controllers
+        ),
+        Call("planning", _plans),
+        Call("estimator", _estimate),
+        Call("identification", _identify),
+    ]
+
+
+def _compile(parts: Sequence[Call], processes: int) -> Generator[tuple[str, list[str]], None, None]:
     """Compile each part, and yield its name and why its kernels were not kept."""
     if processes <= 1:
         for part in parts:
-            yield _compile_part(*part)
+            yield part.name, _compile_part(part)
         return
     relay = CompileRelay()
     workers = Workers(processes, partial(_start_worker, relay), on_tick=relay.forward)
-    calls = [Call(" ".join(part).strip(), partial(_compile_part, *part)) for part in parts]
+    calls = [Call(part.name, partial(_compile_part, part)) for part in parts]
     with closing(workers.outcomes(calls)) as outcomes:
         for index, outcome in outcomes:
+            name = parts[index].name
             if isinstance(outcome, Lost):
-                raise RunFailed(
-                    f"compilation of {calls[index].name}: {outcome.value}; run the command again"
-                )
-            yield outcome
-
-
-def _is_cheap(controller: tuple[PresetName, str]) -> bool:
-    return not controller[1].endswith("nmpc")
+                raise RunFailed(f"compilation of {name}: {outcome.value}; run the command again")
+            yield name, outcome
 
 
 def _start_worker(relay: CompileRelay) -> None:
@@ -93,18 +100,10 @@ def _start_worker(relay: CompileRelay) -> None:
     logging.getLogger("omnidrive").setLevel(logging.ERROR)
 
 
-def _compile_part(kind: str, controller: str) -> tuple[str, list[str]]:
-    """Compile what one part needs; return its name and why kernels were not kept."""
-    if controller:
-        _control(cast("PresetName", kind), controller)
-        return f"{controller} ({kind})", failures
-    {
-        "planning": _plans,
-        "batches": _batch,
-        "estimator": _estimate,
-        "identification": _identify,
-    }[kind]()
-    return kind, failures
+def _compile_part(part: Call) -> list[str]:
+    """Compile what one part needs; return why kernels were not kept."""
+    part.function()
+    return failures
 
 
 def _control(preset: PresetName, name: str) -> None:

@@ -199,7 +199,8 @@ class Workers:
         context = get_context("spawn")
         ours, theirs = context.Pipe()
         with _signals_blocked():
-            resource_tracker.ensure_running()  # afterwards it unblocks signals itself
+            if os.name == "posix":
+                resource_tracker.ensure_running()  # afterwards it unblocks signals itself
         with _signals_blocked():
             process = context.Process(target=_work, args=(self._setup, theirs))
             process.start()
