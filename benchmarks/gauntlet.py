@@ -79,6 +79,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=OUT / "gauntlet.csv", help="table of all cells")
     parser.add_argument("--against", type=Path, help="earlier table: list what moved by over 5 %%")
     parser.add_argument("--others", type=Path, help="table with the other controllers, not run")
+    parser.add_argument("--worst", type=int, default=0, help="failing cells to print per row")
     parser.add_argument("--list", action="store_true", help="count the cells and run none")
     return parser.parse_args(arguments)
 
@@ -131,13 +132,16 @@ def run(cells: Sequence[Cell], file: TableFile, processes: int) -> None:
                 console.print(f"{count} of {len(waiting)} cells, {left / 60:.1f} min left")
 
 
-def report(rows: Sequence[dict[str, object]]) -> None:
-    """Print the rows; write benchmarks/out/gauntlet.json."""
+def report(rows: Sequence[dict[str, object]], most: int) -> None:
+    """Print the rows, up to ``most`` failing cells of each, and write out/gauntlet.json."""
     table = Table("row", "value", "unit", "target", "holds", "failing", "worst cell")
     for r in rows:
         table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], str(r["holds"]),
-                      r["failing"], r["worst"])  # fmt: skip
+                      f"{len(r['failing'])} of {r['cells']}", r["worst"])  # fmt: skip
     console.print(table)
+    for r in rows:
+        for text in r["failing"][:most]:
+            console.print(f"{r['name']}: {text}", soft_wrap=True)
     OUT.mkdir(exist_ok=True)
     (OUT / "gauntlet.json").write_text(json.dumps(list(rows), indent=1) + "\n")
 
@@ -161,7 +165,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     selected = {cell: file.cells[cell] for cell in cells if cell in file.cells}
     compared = {cell._replace(controller=name) for cell in selected for name in CONTROLLERS}
     selected = {c: f for c, f in others.items() if c in compared} | selected
-    report(entries(selected, read_table(STUDY) if STUDY.exists() else {}))
+    report(entries(selected, read_table(STUDY)), options.worst)
     if options.against:
         moved = changes(selected, earlier)
         console.print(f"{len(moved)} figures moved by more than 5 %, factor and cell:")

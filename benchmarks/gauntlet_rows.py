@@ -37,17 +37,22 @@ class Row:
     values: Callable[[list[Group], Context], Iterator[Comparison]]
 
     def entry(self, groups: list[Group], context: Context) -> dict[str, object] | None:
-        """Return name, value, target, whether it holds, and the worst cell; None: no cells."""
+        """Return name, value, target, whether it holds, and the cells; None: no cells."""
         found = list(self.values([g for g in groups if g.part == self.part], context))
         if not found:
             return None
-        worst = max(found, key=lambda each: each.value)
-        failing = sum(not each.value <= self.limit + TINY for each in found)
+        found.sort(key=lambda each: -each.value)
+        failing = [each for each in found if not each.value <= self.limit + TINY]
         return {
-            "name": self.name, "value": float(f"{worst.value:.4g}"), "unit": self.unit,
-            "target": f"<= {self.limit:g}", "holds": failing == 0,
-            "failing": f"{failing} of {len(found)}", "worst": f"{_place(worst)}: {worst.text}",
-        }  # fmt: skip
+            "name": self.name,
+            "value": float(f"{found[0].value:.4g}"),
+            "unit": self.unit,
+            "target": f"<= {self.limit:g}",
+            "holds": not failing,
+            "failing": [f"{each.value:.4g} {_place(each)}: {each.text}" for each in failing],
+            "cells": len(found),
+            "worst": f"{_place(found[0])}: {found[0].text}",
+        }
 
 
 def _place(worst: Comparison) -> str:

@@ -123,6 +123,8 @@ def test_one_cell():
     assert 0.5 < figures.settling_s < 4.0
     assert figures.work_J > 1.0
     assert np.isnan(figures.me_mm)
+    again = gauntlet_cells.run_cell(CELL)  # the plant is that of before
+    assert again.settling_s == figures.settling_s
 
 
 def test_a_cell_that_raises_fails_alone(monkeypatch, capsys):
@@ -149,12 +151,13 @@ def test_rows_of_tracking():
         ("lag", "fuzzy_t1", 0): Figures(2.0, 9.0),
     })  # fmt: skip
     over = rows["tracking: ME over nominal"]
-    assert (over["value"], over["holds"], over["failing"]) == (1.9, True, "0 of 1")
+    assert (over["value"], over["holds"], over["failing"], over["cells"]) == (1.9, True, [], 1)
     over = rows["tracking: MAE over nominal"]
     assert (over["value"], over["holds"]) == (2.5, False)
     over = rows["tracking: ME over the best other"]
-    assert (over["value"], over["holds"], over["failing"]) == (0.95, False, "1 of 2")
+    assert (over["value"], over["holds"], over["cells"]) == (0.95, False, 2)
     assert over["worst"] == "small, 0.05 s, ball, lag, eight: 1.9, fuzzy_t1 2"
+    assert over["failing"] == [f"0.95 {over['worst']}"]
     assert rows["tracking: MAE over the best other"]["value"] == 1.0
     assert "step: overshoot" not in rows
 
@@ -197,7 +200,7 @@ def test_rows_of_noise_compare_means_over_the_seeds():
         for seed, value in enumerate(values)
     }, "noise")  # fmt: skip
     row = rows["task noise: ME over the best other"]
-    assert (row["value"], row["holds"], row["failing"]) == (0.8, True, "0 of 1")
+    assert (row["value"], row["holds"], row["cells"]) == (0.8, True, 1)
     assert "2 seeds: 2, pid 2.5" in row["worst"]
 
 
@@ -253,10 +256,12 @@ def test_main_resumes_and_compares(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(gauntlet, "run_cell", run_cell)
     out = tmp_path / "table.csv"
     selected = ["--only", "step", "--robots", "small", "--dts", "0.1", "--plants", "ball",
-                "--references", "step-x", "--processes", "1"]  # fmt: skip
+                "--references", "step-x", "--processes", "1", "--worst", "3"]  # fmt: skip
     gauntlet.main([*selected, "--out", str(out)])
     assert [cell.controller for cell in calls] == list(gauntlet_cells.CONTROLLERS)
-    assert "1 of 1" in capsys.readouterr().out
+    out_text = capsys.readouterr().out
+    assert "1 of 1" in out_text
+    assert "step: overshoot: 3 small, 0.1 s, ball, nominal, step-x: 3" in out_text
     gauntlet.main([*selected, "--out", str(out), "--against", str(out)])
     assert len(calls) == len(gauntlet_cells.CONTROLLERS)
     assert "0 figures moved" in capsys.readouterr().out
