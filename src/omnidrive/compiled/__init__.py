@@ -16,6 +16,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import typeof
 from numba.core import config
+from numba.extending import overload
 
 from omnidrive.compiled.compilation import announce_compiling
 from omnidrive.compiled.dispatcher import Kernel
@@ -24,8 +25,18 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _config: Any = config  # its attributes are set at run time
+_overload: Any = overload
+_OPTIONS = {"error_model": "numpy", "nogil": True}
 
-__all__ = ["announce_compiling", "compiled", "compiled_sums", "entry_point", "inlined", "kernels"]
+__all__ = [
+    "announce_compiling",
+    "compilable",
+    "compiled",
+    "compiled_sums",
+    "entry_point",
+    "inlined",
+    "kernels",
+]
 
 kernels: list[Any] = []
 """All kernels whose modules are imported."""
@@ -59,11 +70,23 @@ def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
     return _compiled(kernel, forceinline=True)
 
 
+def compilable(function: Callable[P, R]) -> Callable[P, R]:
+    """Let kernels call a function that Python executes as before; return the function.
+
+    For a law that is called once per sample from Python, and from compiled loops: one text, no
+    compilation for Python, and the same bits in both, except that a kernel computes ``x**2`` as
+    ``x * x``. The function refers only to what a kernel may refer to.
+    """
+    plain = unwrap(function)
+    _overload(function, strict=False, jit_options=_OPTIONS)(lambda *_, **__: plain)
+    return function
+
+
 def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
     function = unwrap(kernel)
     if _config.DISABLE_JIT:
         return cast("Callable[P, R]", function)
-    targetoptions = {"error_model": "numpy", "nogil": True, **options}
+    targetoptions = {**_OPTIONS, **options}
     machine = Kernel(function, targetoptions=targetoptions)
     kernels.append(machine)
     return cast("Callable[P, R]", machine)

@@ -6,10 +6,16 @@ from dataclasses import dataclass
 from math import exp
 from typing import Annotated, NamedTuple
 
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compilable, compiled
+from omnidrive.control.compiled_law import CompiledLaw, SetpointWindow
 from omnidrive.control.controller import Command
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.estimation import State
-from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.geometry.kernels import twist_between, wrap
 from omnidrive.parameter import Bounds, check_bounds, check_sample_time
 from omnidrive.reference import Reference
 
@@ -23,6 +29,7 @@ class FeedforwardGains(NamedTuple):
     """Decay rate of the heading error, 1/s."""
 
 
+@compilable
 def feedforward_law(
     gains: FeedforwardGains, pose: Pose, current: Pose, following: Pose, dt: float
 ) -> BodyTwist:
@@ -79,3 +86,30 @@ class FeedforwardController(GuardedController):
         pose = state.pose
         current, following = (Pose(*row) for row in reference.window(t, 2, self.dt)[:, :3].tolist())
         return Command(feedforward_law(self.gains, pose, current, following, self.dt))
+
+    def compiled_law(self) -> CompiledLaw:
+        """Return the law for compiled loops."""
+        data = _FeedforwardData(self.gains, self.dt)
+        return CompiledLaw(_feedforward_step, data, 0, SetpointWindow(0.0, 2, self.dt))
+
+
+class _FeedforwardData(NamedTuple):
+    gains: FeedforwardGains
+    dt: float
+
+
+@compiled
+def _feedforward_step(  # noqa: PLR0917
+    data: _FeedforwardData,
+    memory: Float[Array, " memory"],
+    t: float,
+    pose: Pose,
+    setpoints: Float[Array, "2 6"],
+    command: Float[Array, " 3"],
+    details: Float[Array, " 0"],
+) -> int:
+    current = Pose(setpoints[0, 0], setpoints[0, 1], setpoints[0, 2])
+    following = Pose(setpoints[1, 0], setpoints[1, 1], setpoints[1, 2])
+    twist = feedforward_law(data.gains, pose, current, following, data.dt)
+    command[0], command[1], command[2] = twist.vx, twist.vy, twist.yaw_rate
+    return 0

@@ -97,6 +97,11 @@ class Inference:
         self._count = len(self._inputs)
         self._blank = np.empty(len(self._outputs))
 
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Floats, integers and slices of the system, for :func:`.kernels.infer_rows`."""
+        return self._floats, self._integers, self._slices
+
     def _repr_html_(self) -> str:
         """Return the fuzzy system for notebooks."""
         return self.system._repr_html_()

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import cos, sin
 
+from omnidrive.control.compiled_law import CompiledLaw
 from omnidrive.control.controller import Command
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.pid.channel import Channel, TrackingChannel, tuning_units
-from omnidrive.control.pid.laws import saturate
+from omnidrive.control.pid.compiled_laws import tracking_pid_law, waypoint_law
+from omnidrive.control.pid.tracking import (
+    mean_velocity,
+    pose_error,
+    rate_of_error,
+    saturated,
+    twist_of,
+)
 from omnidrive.control.preparation import run_once
 from omnidrive.estimation import State
-from omnidrive.geometry import (
-    BodyTwist,
-    Pose,
-    WorldTwist,
-    to_body,
-    to_world,
-    twist_between,
-    wrap,
-)
+from omnidrive.geometry import Pose, WorldTwist, to_body, wrap
 from omnidrive.reference import Reference
 
 
@@ -80,6 +79,10 @@ class FuzzyPidController(GuardedController):
         twist = WorldTwist(velocity.real, velocity.imag, yaw_rate.real)
         return Command(to_body(twist, pose.yaw), details=position_details + heading_details)
 
+    def compiled_law(self) -> CompiledLaw | None:
+        """Return the law for compiled loops; None for other channels or tuners than ours."""
+        return waypoint_law(self.dt, (self.position, self.heading), wraps=self.wraps_heading)
+
 
 @dataclass(slots=True)
 class TrackingPidController(GuardedController):
@@ -127,56 +130,31 @@ class TrackingPidController(GuardedController):
     def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
-        current, motion = _motion(reference, t, self.dt)
-        rate = self._rate(t, pose)
+        target, motion = _motion(reference, t, self.dt)
+        rate = (0.0, 0.0, 0.0)
+        if self._previous is not None:
+            before, previous, last_motion = self._previous
+            rate = rate_of_error(pose, previous, last_motion, t - before, self.dt)
         self._previous = t, pose, motion
-        error = _in_body(pose, current.x - pose.x, current.y - pose.y, wrap(current.yaw - pose.yaw))
+        error = pose_error(pose, target)
 
         x, details_x = self.x.step(error[0], rate[0])
         y, details_y = self.y.step(error[1], rate[1])
         turn, details_heading = self.heading.step(error[2], rate[2])
-        saturated = saturate(complex(x, y), self.x.parameters.limit)
-        saturated_turn = saturate(turn, self.heading.parameters.limit)
-        self.x.compensate_saturation(saturated.real - x)
-        self.y.compensate_saturation(saturated.imag - y)
-        self.heading.compensate_saturation(saturated_turn - turn)
-
-        correction = to_world(BodyTwist(saturated.real, saturated.imag, saturated_turn), pose.yaw)
-        twist = _arc(pose, motion, correction, self.dt)
+        limits = (self.x.parameters.limit, self.heading.parameters.limit)
+        correction = saturated(x, y, turn, limits)
+        self.x.compensate_saturation(correction.vx - x)
+        self.y.compensate_saturation(correction.vy - y)
+        self.heading.compensate_saturation(correction.yaw_rate - turn)
+        twist = twist_of(pose, motion, correction, self.dt)
         return Command(twist, details=details_x + details_y + details_heading)
 
-    def _rate(self, t: float, pose: Pose) -> tuple[float, float, float]:
-        """Return the mean rate of the error in B since the previous pose, without reference jumps.
-
-        The time since then is a whole number of sample times, also if these vary a little.
-        """
-        if self._previous is None:
-            return (0.0, 0.0, 0.0)
-        before, previous, motion = self._previous
-        dt = self.dt * max(1, round((t - before) / self.dt))
-        return _in_body(
-            pose,
-            motion.vx - (pose.x - previous.x) / dt,
-            motion.vy - (pose.y - previous.y) / dt,
-            motion.yaw_rate - wrap(pose.yaw - previous.yaw) / dt,
-        )
-
-
-def _in_body(pose: Pose, x: float, y: float, yaw: float) -> tuple[float, float, float]:
-    """Rotate a difference of poses, or of twists, from W to B."""
-    c, s = cos(pose.yaw), sin(pose.yaw)
-    return c * x + s * y, -s * x + c * y, yaw
+    def compiled_law(self) -> CompiledLaw | None:
+        """Return the law for compiled loops; None for other tuners than ours."""
+        return tracking_pid_law(self.dt, (self.x, self.y, self.heading))
 
 
 def _motion(reference: Reference, t: float, dt: float) -> tuple[Pose, WorldTwist]:
-    """Return the reference pose at ``t`` and the mean velocity on [t, t + dt] (Simpson's rule)."""
-    rows = reference.window(t, 3, 0.5 * dt).tolist()
-    begin, middle, end = (row[3:] for row in rows)
-    mean = ((a + 4.0 * b + c) / 6.0 for a, b, c in zip(begin, middle, end, strict=True))
-    return Pose(*rows[0][:3]), WorldTwist(*mean)
-
-
-def _arc(pose: Pose, motion: WorldTwist, correction: WorldTwist, dt: float) -> BodyTwist:
-    """Return the body twist whose arc ends where both velocities, in W, would lead in ``dt`` s."""
-    goal = Pose(*(p + dt * (v + c) for p, v, c in zip(pose, motion, correction, strict=True)))
-    return twist_between(pose, goal, dt)
+    """Return the reference pose at ``t`` and the mean velocity on [t, t + dt]."""
+    begin, middle, end = (tuple(row) for row in reference.window(t, 3, 0.5 * dt).tolist())
+    return Pose(*begin[:3]), mean_velocity(begin[3:], middle[3:], end[3:])

@@ -6,6 +6,8 @@ imaginary part is zero. The input of the fuzzy system is the magnitude of the er
 of a vector, the signed value of a coordinate.
 
 The preset `recommended` corrects a feedforward, one signed coordinate of B at a time.
+
+Kernels call the same functions (:func:`~omnidrive.compiled.compilable`).
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 from math import expm1
 from typing import Annotated, NamedTuple, TypeVar
 
+from omnidrive.compiled import compilable
 from omnidrive.parameter import Bounds
 
 GainChange = tuple[float, float, float]
@@ -81,6 +84,7 @@ class SelfTuningState(NamedTuple):
     """Previous magnitude of the error, in m or rad."""
 
 
+@compilable
 def tune_gains(
     parameters: MemorylessParameters | SelfTuningParameters, change: GainChange
 ) -> Gains:
@@ -96,6 +100,7 @@ def tune_gains(
     )
 
 
+@compilable
 def memoryless_law(gains: Gains, error: complex) -> complex:
     """Return the command of the incremental PID at its first sample: (kp + ki + kd) error.
 
@@ -104,6 +109,7 @@ def memoryless_law(gains: Gains, error: complex) -> complex:
     return (gains.kp + gains.ki + gains.kd) * error
 
 
+@compilable
 def self_tuning_law(
     parameters: SelfTuningParameters,
     gains: Gains,
@@ -133,12 +139,14 @@ def self_tuning_law(
     return command, back_calculate(parameters.tracking_time, integral, command - desired, dt)
 
 
+@compilable
 def saturate(desired: Quantity, limit: float) -> Quantity:
     """Return ``desired`` limited to the magnitude ``limit``, with its direction unchanged."""
     magnitude = abs(desired)
     return desired * (limit / magnitude) if magnitude > limit else desired
 
 
+@compilable
 def back_calculate(
     tracking_time: float, integral: Quantity, saturation_error: Quantity, dt: float
 ) -> Quantity:
@@ -200,6 +208,7 @@ class TrackingState(NamedTuple):
     """Filtered rate of the error, in m/s or rad/s."""
 
 
+@compilable
 def low_pass(filter_time: float, last: float, value: float, dt: float) -> float:
     """Return the output of a first-order low-pass filter; stable for every ``dt``.
 
@@ -214,12 +223,14 @@ def low_pass(filter_time: float, last: float, value: float, dt: float) -> float:
     return last + dt / (filter_time + dt) * (value - last)
 
 
+@compilable
 def fuzzy_inputs(parameters: TrackingParameters, error: float, rate: float) -> tuple[float, float]:
     """Return error and rate divided by their ranges, clamped to [-1, 1]."""
     scaled_error, scaled_rate = error / parameters.error_range, rate / parameters.rate_range
     return min(max(scaled_error, -1.0), 1.0), min(max(scaled_rate, -1.0), 1.0)
 
 
+@compilable
 def mirror_to_negative(error: float, change: float) -> tuple[float, float]:
     """Return both inputs of the fuzzy system, mirrored so that the error is not positive.
 
@@ -230,6 +241,7 @@ def mirror_to_negative(error: float, change: float) -> tuple[float, float]:
     return (-error, -change) if (error, change) > (0.0, 0.0) else (error, change)
 
 
+@compilable
 def tune_bounded_gains(parameters: TrackingParameters, change: GainChange) -> Gains:
     """Return non-negative gains within their deviations: K = K0 + dK (Zhao et al. 1993).
 
@@ -243,6 +255,7 @@ def tune_bounded_gains(parameters: TrackingParameters, change: GainChange) -> Ga
     )
 
 
+@compilable
 def tracking_integral(
     parameters: TrackingParameters, ki: float, integral: float, error: float, dt: float
 ) -> float:
@@ -255,6 +268,7 @@ def tracking_integral(
     return integral + ki * dt * error if abs(error) <= parameters.error_range else integral
 
 
+@compilable
 def tracking_law(gains: Gains, integral: float, error: float, rate: float, dt: float) -> float:
     """Return the correction ``(1 - exp(-kp dt)) / dt e + integral + kd de/dt`` of a feedforward.
 
@@ -271,6 +285,7 @@ def tracking_law(gains: Gains, integral: float, error: float, rate: float, dt: f
     return -expm1(-gains.kp * dt) / dt * error + integral + gains.kd * rate
 
 
+@compilable
 def back_calculate_bounded(
     parameters: TrackingParameters, integral: float, saturation_error: float, dt: float
 ) -> float:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from math import isfinite, nan
 from typing import Literal, get_args
 
-from omnidrive.control.pid.channel import Tuner
 from omnidrive.control.pid.gain_tuning import gain_tuning_system
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
@@ -45,7 +45,25 @@ def gain_inference(kind: Kind, preset: Preset) -> Inference:
     return _paper(kind) if preset == "paper" else _published(kind)
 
 
-def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
+@dataclass(frozen=True, eq=False, slots=True)
+class FuzzyTuner:
+    """A :data:`~omnidrive.control.pid.Tuner` that evaluates a fuzzy system.
+
+    Attributes:
+        inference: The compiled system; its outputs are the changes of kp, ki and kd.
+    """
+
+    inference: Inference
+
+    def __call__(self, error: float, change: float) -> GainChange:
+        """Return the changes; nan for inputs that are not finite, which fails the step."""
+        if not (isfinite(error) and isfinite(change)):
+            return nan, nan, nan
+        kp, ki, kd = self.inference(error, change).tolist()
+        return kp, ki, kd
+
+
+def fuzzy_tuner(kind: Kind, preset: Preset) -> FuzzyTuner:
     """Return the tuner of a preset: from scaled error and change to the changes of kp, ki and kd.
 
     Inputs outside [-1, 1] fire no rule, as in Matlab: the changes are then zero. Inputs that are
@@ -54,14 +72,7 @@ def fuzzy_tuner(kind: Kind, preset: Preset) -> Tuner:
     Raises:
         InvalidInput: The kind or preset is unknown.
     """
-    return partial(_changes, gain_inference(kind, preset))
-
-
-def _changes(infer: Inference, error: float, change: float) -> GainChange:
-    if not (isfinite(error) and isfinite(change)):
-        return nan, nan, nan  # a lost measurement fails the step, without an exception
-    kp, ki, kd = infer(error, change).tolist()
-    return kp, ki, kd
+    return FuzzyTuner(gain_inference(kind, preset))
 
 
 def _paper(kind: Kind) -> Inference:
