@@ -10,7 +10,7 @@ import pytest
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import ROBOTS
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 import gauntlet
 import gauntlet_cells
