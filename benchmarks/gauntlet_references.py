@@ -99,8 +99,7 @@ def exact_arrival(robot: str) -> float:
 
     The earliest arrival along the path from rest to rest that is never ahead of the reference,
     within the wheel speed and :data:`TRACTION` of the forces: the robot follows the time law of the
-    reference while it is on time, and the largest squared speeds x while it
-    is late.
+    reference while it is on time, and has the largest squared speeds x while it is late.
     """
     shape, pieces, per_piece = SHAPES["eight"], 200, 10
     path = piecewise(shape, pieces)

@@ -34,14 +34,17 @@ class Row:
     part: str
     unit: str
     limit: float
-    values: Callable[[list[Group], Context], Iterator[Comparison]]
+    values: Callable[[list[Group], Table], Iterator[Comparison]]
 
-    def entry(self, groups: list[Group], context: Context) -> dict[str, object] | None:
-        """Return name, value, target, whether it holds, and the cells; None: no cells."""
-        found = list(self.values([g for g in groups if g.part == self.part], context))
+    def entry(self, groups: list[Group], study: Table) -> dict[str, object] | None:
+        """Return name, value, target, whether it holds, and the cells; None: no cells.
+
+        ``study``: figures of the paper's study at an earlier commit.
+        """
+        found = list(self.values([g for g in groups if g.part == self.part], study))
         if not found:
             return None
-        found.sort(key=lambda each: -each.value)
+        found.sort(key=lambda each: -inf if isnan(each.value) else -each.value)
         failing = [each for each in found if not each.value <= self.limit + TINY]
         return {
             "name": self.name,
@@ -59,14 +62,6 @@ def _place(worst: Comparison) -> str:
     cell = worst.cell
     seed = [] if cell.part != "noise" else [f"{worst.cell.seed + 1} seeds"]
     return ", ".join([cell.robot, f"{cell.dt:g} s", cell.plant, cell.case, cell.reference, *seed])
-
-
-class Context(NamedTuple):
-    """Tables that rows refer to."""
-
-    table: Table
-    study: Table
-    """Figures of the paper's study at an earlier commit."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +106,7 @@ def quotient(value: float, reference: float) -> float:
 
 
 def absolute(figure: str):
-    def values(groups: list[Group], context: Context) -> Iterator[Comparison]:
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
         for group in groups:
             if group.own is not None:
                 value = getattr(group.own, figure)
@@ -123,7 +118,7 @@ def absolute(figure: str):
 def over_others(figure: str, cases: tuple[str, ...] | None = None):
     """Compare with the best other controller."""
 
-    def values(groups: list[Group], context: Context) -> Iterator[Comparison]:
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
         for group in groups:
             if group.own is None or not group.others or (cases and group.cell.case not in cases):
                 continue
@@ -134,7 +129,7 @@ def over_others(figure: str, cases: tuple[str, ...] | None = None):
 
 
 def over_nominal(figure: str):
-    def values(groups: list[Group], context: Context) -> Iterator[Comparison]:
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
         nominal = {g.cell: getattr(g.own, figure) for g in groups if g.own is not None}
         for group in groups:
             base = nominal.get(group.cell._replace(case="nominal"))
@@ -146,7 +141,7 @@ def over_nominal(figure: str):
     return values
 
 
-def settling(groups: list[Group], context: Context) -> Iterator[Comparison]:
+def settling(groups: list[Group], study: Table) -> Iterator[Comparison]:
     """Compare with the fastest other controller that overshoots by at most 1 %."""
     for group in groups:
         able = [
@@ -161,7 +156,7 @@ def settling(groups: list[Group], context: Context) -> Iterator[Comparison]:
             )
 
 
-def case_overshoot(groups: list[Group], context: Context) -> Iterator[Comparison]:
+def case_overshoot(groups: list[Group], study: Table) -> Iterator[Comparison]:
     """Compare with 5 %, or half the overshoot of the best other that settles, if that is more."""
     for group in groups:
         if group.own is None:
@@ -176,7 +171,7 @@ def case_overshoot(groups: list[Group], context: Context) -> Iterator[Comparison
         yield Comparison(value / limit, group.cell, f"{value:.3g} %, {name} {least:.3g} %")
 
 
-def lateness(groups: list[Group], context: Context) -> Iterator[Comparison]:
+def lateness(groups: list[Group], study: Table) -> Iterator[Comparison]:
     for group in groups:
         if group.own is not None:
             value = group.own.arrival
@@ -186,7 +181,7 @@ def lateness(groups: list[Group], context: Context) -> Iterator[Comparison]:
 def over_seeds(figure: str):
     """Compare means over the seeds of the noise with those of the best other controller."""
 
-    def values(groups: list[Group], context: Context) -> Iterator[Comparison]:
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
         seeds: dict[Cell, dict[str, list[float]]] = {}
         for group in sorted(groups, key=lambda each: each.cell.seed):
             means = seeds.setdefault(group.cell._replace(seed=0), {})
@@ -210,15 +205,15 @@ def over_seeds(figure: str):
 COMPARED = ("me_mm", "mae_mrad", "max_mm", "overshoot_percent", "settling_s")
 
 
-def over_earlier(only: tuple[str, ...] = COMPARED, task: str = "", preset: str = ""):
+def over_earlier(only: tuple[str, ...] = COMPARED, task: str = ""):
     """Compare every controller with its figures at an earlier commit."""
 
-    def values(groups: list[Group], context: Context) -> Iterator[Comparison]:
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
         for group in groups:
-            if not (group.cell.reference.startswith(task) and group.cell.case.startswith(preset)):
+            if not group.cell.reference.startswith(task):
                 continue
             for name, figures in group.figures.items():
-                earlier = context.study.get(group.cell._replace(controller=name))
+                earlier = study.get(group.cell._replace(controller=name))
                 for figure in only if earlier else ():
                     new, old = getattr(figures, figure), getattr(earlier, figure)
                     if not isnan(new) and new - old > 0.1 * FLOORS[figure]:  # not by rounding
@@ -258,6 +253,6 @@ ROWS = (
 
 def entries(table: Table, study: Table) -> list[dict[str, object]]:
     """Return the entries of all rows with cells."""
-    groups, context = groups_of(table), Context(table, study)
-    found = [row.entry(groups, context) for row in ROWS]
+    groups = groups_of(table)
+    found = [row.entry(groups, study) for row in ROWS]
     return [each for each in found if each is not None]

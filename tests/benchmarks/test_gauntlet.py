@@ -3,6 +3,7 @@
 import sys
 from math import inf, nan, pi
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +19,17 @@ import gauntlet_rows
 import gauntlet_table
 from gauntlet_cases import CASES, CasePlant
 from gauntlet_cells import RECOMMENDED, Cell, Figures, Grid
-from gauntlet_references import SHAPES, exact_arrival, limits_of, path_distance, reference_of
+from gauntlet_references import (
+    SHAPES,
+    counted,
+    exact_arrival,
+    limits_of,
+    path_distance,
+    reference_of,
+)
 
 from omnidrive.reference import limit_usage
+from omnidrive.simulation import Outcome
 
 CELL = Cell("step-cases", "small", 0.1, "ball", "lag", "step-x", 0, "pid")
 
@@ -106,6 +115,26 @@ def test_distance_to_a_path_keeps_its_branch_where_the_path_crosses_itself():
     np.testing.assert_allclose(found.position, 0.01, atol=2e-4)
     np.testing.assert_allclose(found.heading, 0.02, atol=6e-3)
     np.testing.assert_allclose(found.share, s, atol=2e-3)
+
+
+def test_arrival_on_the_path_is_compared_with_the_exact_retiming():
+    cell = CELL._replace(part="impossible", robot="paper", reference="eight-8s")
+    t, late = np.arange(0.0, 9.01, 0.05), 0.4
+    reference = reference_of(cell.reference, cell.robot)
+    poses = np.array([reference.at(max(each - late, 0.0)).pose for each in t.tolist()])
+    run = SimpleNamespace(t=t, pose=poses, outcome=Outcome.FINISHED, work=np.zeros(1))
+    exact = exact_arrival("paper")
+    figures = gauntlet_cells.impossible_figures(cell, run)
+    assert figures.arrival == pytest.approx((exact + late) / exact, abs=1e-3)
+    assert figures.me_mm < 0.5
+    run.t, run.pose = t[:150], poses[:150]
+    assert gauntlet_cells.impossible_figures(cell, run).arrival == inf
+
+
+def test_the_end_of_a_reference_that_stops_at_once_does_not_count():
+    t = np.arange(0.0, 10.1, 1.0)
+    assert t[counted("square", t)].tolist() == [3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+    assert t[counted("eight", t)].tolist() == [*range(3, 11)]
 
 
 def test_settling_is_the_last_entry_into_the_band():
