@@ -1,6 +1,7 @@
 """Self-tuning PID: laws, presets and closed-loop behaviour."""
 
 import pickle
+from dataclasses import replace
 from math import cos, hypot, pi, sin
 
 import numpy as np
@@ -22,7 +23,8 @@ from omnidrive.control.pid import (
 from omnidrive.control.pid.laws import (
     Gains,
     SelfTuningState,
-    back_calculate_bounded,
+    TrackingState,
+    braking,
     fuzzy_inputs,
     low_pass,
     mirror_to_negative,
@@ -32,12 +34,15 @@ from omnidrive.control.pid.laws import (
     tune_bounded_gains,
     tune_gains,
 )
+from omnidrive.control.pid.presets import HEADING_KP, robot_parameters
+from omnidrive.control.pid.tracking import lead, missing_motion
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State
-from omnidrive.geometry import Pose, to_world, wrap
-from omnidrive.reference import Hold
-from omnidrive.robot import named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, simulate
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, to_world, twist_between, wrap
+from omnidrive.reference import Hold, ShapeReference
+from omnidrive.reference.shapes import Eight
+from omnidrive.robot import ROBOTS, named_robot
+from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, simulate
 from omnidrive.testing.laws import Circle
 
 DT = 0.1
@@ -247,6 +252,21 @@ def run_on(controller, reference, start, dt=DT, estimator=None, robot="paper"):
     return simulate(plant, controller, reference, start=start, dt=dt, estimator=estimator)
 
 
+class Scaled(KinematicPlant):
+    """A plant that executes ``gain`` times the commanded twist."""
+
+    def __init__(self, robot, gain):
+        super().__init__(robot)
+        self.gain = gain
+
+    def step(self, command, dt):
+        return super().step(BodyTwist(*(self.gain * each for each in command)), dt)
+
+
+def far_apart():
+    return Pose(0.0, 0.0, 0.0), Pose(5.0, -3.0, 2.0)
+
+
 RECOMMENDED = {
     "pid": lambda dt: classical_pid("recommended", dt),
     "t1": lambda dt: fuzzy_pid("t1", "recommended", dt),
@@ -262,7 +282,7 @@ def make(request):
 
 class TestRecommended:
     def test_equals_feedforward_controller_with_kp_only(self):
-        plain = TrackingParameters(ki=0.0, kd=0.0, limit=20.0)
+        plain = TrackingParameters(ki=0.0, kd=0.0)
         start = Pose(0.1, -1.1, 0.1)
         one = run_on(tracking_pid(plain), Circle(), start)
         two = run_on(FeedforwardController(DT), Circle(), start)
@@ -282,9 +302,9 @@ class TestRecommended:
         for axis in ("x", "y", "heading"):
             assert run.details[f"change_input_{axis}"][: jump + 1] == pytest.approx(0.0)
             assert run.details[f"error_input_{axis}"][jump] == 1.0
-        limit = TrackingParameters().limit
-        assert np.hypot(run.command[:, 0], run.command[:, 1]).max() <= 1.05 * limit  # arc for chord
-        assert np.abs(run.command[:, 2]).max() <= limit + 1e-9
+        # proportional to the error of (1 m, 1 m, 0.5 rad): no more than kp times it
+        assert np.hypot(run.command[:, 0], run.command[:, 1]).max() < 6.0 * hypot(1.0, 1.0)
+        assert np.abs(run.command[:, 2]).max() < 5.0 * 0.5
 
     def test_error_rate_of_blocked_robot_is_reference_velocity(self):
         """The measured pose is constant while the reference moves."""
@@ -305,10 +325,38 @@ class TestRecommended:
         assert np.abs(run.pose - run.target)[-10:].max() < 1e-3
 
     def test_saturation_of_x_and_y_keeps_direction(self):
-        controller = tracking_pid(TrackingParameters())
+        controller = tracking_pid(TrackingParameters(limit=1.5))
         twist = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(4.0, 1.0, 0.0))
         assert twist.vy / twist.vx == pytest.approx(0.25)
         assert hypot(twist.vx, twist.vy) == pytest.approx(1.5)
+
+    @pytest.mark.parametrize("name", ROBOTS)
+    def test_limits_are_those_of_the_robot(self, name):
+        """No speed of another robot limits a command far from the goal."""
+        robot = named_robot(name)
+        controller = classical_pid("recommended", DT, robot)
+        speed, yaw_rate = robot.top_speeds
+        far = Pose(1e3, 1e3, 3.0)
+        assert hypot(
+            *first_command(controller, far._replace(yaw=0.0), Pose(0.0, 0.0, 0.0))[:2]
+        ) == (pytest.approx(speed))
+        turn = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 3.0)).yaw_rate
+        reached = braking(
+            -np.expm1(-4.0 * DT) / DT, 3.0, controller.heading.parameters.acceleration
+        )
+        assert turn == pytest.approx(min(yaw_rate, reached * 3.0 * -np.expm1(-4.0 * DT) / DT))
+
+    def test_robot_without_forces_has_neither_lag_nor_acceleration(self):
+        robot = named_robot("small")
+        position, heading = robot_parameters(robot, forces=False)
+        assert position == TrackingParameters(limit=2.5)
+        assert heading.lag == 0.0
+        assert robot_parameters(replace(robot, motor_lag=0.5))[0].lag == robot.lag[0] + 0.5
+
+    def test_robot_without_friction_is_accepted(self):
+        slippery = replace(named_robot("small"), friction=0.0)
+        twist = first_command(classical_pid("recommended", DT, slippery), *far_apart())
+        assert np.isfinite(twist).all()
 
     def test_heading_difference_is_wrapped(self, make):
         run = run_on(make(DT), Hold(Pose(0.0, 0.0, -3.0), 10.0), Pose(0.0, 0.0, 3.0))
@@ -339,7 +387,56 @@ class TestRecommended:
         plant = Drifting(named_robot("paper"))
         run = simulate(plant, make(DT), Hold(start, 30.0), start=start, dt=DT)
         assert np.abs(run.pose[:, 0]).max() > 0.01
-        assert abs(run.pose[-1, 0]) < 1e-3
+        assert abs(run.pose[-1, 0]) < 1e-6
+
+    @pytest.mark.parametrize("dt", [0.02, 0.1])
+    @pytest.mark.parametrize("name", ROBOTS)
+    def test_step_does_not_overshoot(self, name, dt):
+        robot = named_robot(name)
+        goal = Hold(Pose(1.0, 1.0, pi / 4), 3.0)
+        controller = classical_pid("recommended", dt, robot)
+        run = simulate(PlanarPlant(robot), controller, goal, start=Pose(0.0, 0.0, 0.0), dt=dt)
+        done = run.pose / goal.pose
+        assert done.max() < 1.005
+        assert done[-1].min() > 0.98
+
+    @pytest.mark.parametrize("gain", [0.9, 1.1])
+    def test_integral_halves_the_error_of_a_wrong_gain(self, make, gain):
+        """Of a wheel radius that is 10 % wrong; the error after the first lap's half."""
+        start = Circle().at(0.0).pose
+        plant = Scaled(named_robot("paper"), gain)
+        with_integral = simulate(plant, make(DT), Circle(), start=start, dt=DT)
+        without = tracking_pid(TrackingParameters(ki=0.0))
+        without = simulate(plant, without, Circle(), start=start, dt=DT)
+        late = with_integral.t > 4.0
+        errors = [np.abs(run.pose - run.target)[late].mean() for run in (with_integral, without)]
+        assert errors[0] < 0.5 * errors[1]
+
+    def test_lag_of_the_robot_is_led(self):
+        robot = named_robot("small")
+        motion = ShapeReference(Eight(length=2.0, width=1.0), 10.0)
+        me = []
+        for known in (robot, replace(robot, lag=(0.0, 0.0))):
+            controller = classical_pid("recommended", DT, known)
+            start = motion.at(0.0).pose
+            run = simulate(PlanarPlant(robot), controller, motion, start=start, dt=DT)
+            me.append(np.hypot(*(run.pose - run.target)[:, :2].T).mean())
+        assert me[0] < 0.5 * me[1]
+
+    def test_outlier_does_not_enter_the_integral(self):
+        """Neither when it comes nor when it goes."""
+        controller, goal = classical_pid("recommended", DT), Hold(Pose(0.0, 0.0, 0.0), 9.0)
+        controller.reset(State(0.0, goal.pose))
+        for k in range(6):
+            pose = Pose(0.5 * (k == 3), 0.0, 0.0)
+            command = controller.step(DT * k, State(DT * k, pose), goal)
+        kd = controller.x.parameters.kd
+        assert abs(command.twist.vx) < kd * 0.5 / DT
+        no_kd = tracking_pid(TrackingParameters(kd=0.0))
+        no_kd.reset(State(0.0, goal.pose))
+        for k in range(6):
+            command = no_kd.step(DT * k, State(DT * k, Pose(0.5 * (k == 3), 0.0, 0.0)), goal)
+        assert command.twist.vx == 0.0
 
     @pytest.mark.parametrize("lost", [0, 1, 4])
     def test_rate_after_lost_measurements_is_the_mean_since_the_last_one(self, make, lost):
@@ -363,9 +460,9 @@ class TestRecommended:
         assert np.isfinite([*after.twist, *after.details]).all()
 
     def test_tuned_gains_stay_within_deviation(self):
-        p = TrackingParameters()
         run = run_on(fuzzy_pid("t1", "recommended", DT), Circle(), Pose(0.1, -1.3, -0.2))
         for axis in ("x", "y", "heading"):
+            p = TrackingParameters(kp=HEADING_KP) if axis == "heading" else TrackingParameters()
             for gain in ("kp", "ki", "kd"):
                 column = run.details[f"{gain}_{axis}"][:-1]
                 middle, deviation = getattr(p, gain), getattr(p, f"{gain}_deviation")
@@ -391,8 +488,8 @@ class TestTrackingLaw:
         p = TrackingParameters(kd=0.02)
         kp, ki, kd = tune_bounded_gains(p, change)
         assert 4.0 - 1e-9 <= kp <= 6.0 + 1e-9
-        assert 0.0 <= ki <= 2.0 + 1e-9
-        assert 0.0 <= kd <= 0.07 + 1e-9
+        assert 5.0 - 1e-9 <= ki <= 10.0 + 1e-9
+        assert 0.0 <= kd <= 0.05 + 1e-9
 
     @given(small, small)
     def test_inputs_are_clamped(self, error, rate):
@@ -416,26 +513,74 @@ class TestTrackingLaw:
 
     @pytest.mark.parametrize("dt", [0.001, 0.1, 1.0])
     def test_proportional_part_decays_exactly(self, dt):
-        left = 1.0 - dt * tracking_law(Gains(5.0, 0.0, 0.0), 0.0, 1.0, 0.0, dt)
+        p = TrackingParameters()
+        left = 1.0 - dt * tracking_law(p, Gains(5.0, 0.0, 0.0), 0.0, 1.0, 1.0, 0.0, dt)
         assert left == pytest.approx(np.exp(-5.0 * dt))
 
     def test_law_is_sum_of_its_parts(self):
-        law = tracking_law(Gains(5.0, 9.0, 0.2), 0.3, 0.1, -0.5, 1e-9)
+        law = tracking_law(TrackingParameters(), Gains(5.0, 9.0, 0.2), 0.3, 0.1, 0.1, -0.5, 1e-9)
         assert law == pytest.approx(5.0 * 0.1 + 0.3 - 0.2 * 0.5, rel=1e-6)
 
-    def test_integral_holds_beyond_error_range(self):
-        p = TrackingParameters(error_range=0.05)
-        assert tracking_integral(p, 2.0, 0.3, 0.05, DT) == pytest.approx(0.3 + 2.0 * 0.05 * DT)
-        assert tracking_integral(p, 2.0, 0.3, 0.051, DT) == 0.3
+    def test_automatic_reset_is_a_pi_controller(self):
+        """On ``dx/dt = u + d`` it removes d as ``u = kp e + ki integral(e dt)`` does, filtered."""
+        p, dt, d = TrackingParameters(), 1e-3, -0.1
+        gains, x, state, u = Gains(5.0, 7.5, 0.0), 0.0, TrackingState(0.0, 0.0, 0.0, 0.0), 0.0
+        total = 0.0
+        for _ in range(6000):
+            x += dt * (u + d)
+            integral, missing = tracking_integral(p, gains, state, abs(x), u - (u + d), dt)
+            state = TrackingState(integral, missing, 0.0, abs(x))
+            u = tracking_law(p, gains, integral, -x, abs(x), 0.0, dt)
+            total -= x * dt
+        assert u == pytest.approx(-d, abs=1e-4)
+        assert 7.5 * total == pytest.approx(-d, rel=0.01)
 
-    @given(small, small)
-    def test_saturation_reduces_integral_without_sign_change(self, integral, saturation_error):
-        p = TrackingParameters(tracking_time=0.5)
-        left = back_calculate_bounded(p, integral, saturation_error, DT)
-        assert abs(left) <= abs(integral)
-        assert left * integral >= 0.0
-        if integral * saturation_error < 0.0 and abs(saturation_error) * DT / 0.5 < abs(integral):
-            assert left == pytest.approx(integral + 0.2 * saturation_error)
+    def test_integral_holds_beyond_its_range(self):
+        p = TrackingParameters(integral_range=0.15)
+        near, far = TrackingState(0.3, 0.2, 0.0, 0.1), TrackingState(0.3, 0.2, 0.0, 0.16)
+        gains = Gains(5.0, 7.5, 0.0)
+        assert tracking_integral(p, gains, near, 0.15, 1.0, DT)[0] > 0.3
+        assert tracking_integral(p, gains, near, 0.151, 1.0, DT) == (0.3, 0.2)
+        assert tracking_integral(p, gains, far, 0.0, 1.0, DT) == (0.3, 0.2)
+        assert tracking_integral(p, Gains(0.0, 7.5, 0.0), near, 0.0, 1.0, DT) == (0.3, 0.2)
+
+    @given(st.floats(0.1, 20.0), st.floats(1e-6, 50.0), st.floats(1e-3, 100.0))
+    def test_braking_decelerates_within_the_limit(self, slope, distance, acceleration):
+        speed = slope * distance * braking(slope, distance, acceleration)
+        step = 1e-6 * distance
+        nearer = distance - step
+        change = speed - slope * nearer * braking(slope, nearer, acceleration)
+        assert 0.0 < speed <= slope * distance
+        assert speed * change / step <= acceleration * (1.0 + 1e-3)
+
+    @given(st.floats(0.0, 0.5), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+    def test_motion_of_a_first_order_lag_is_not_missing(self, lag, before, command):
+        """The exact response to a constant command along x, without rotation."""
+        fallen = -np.expm1(-DT / lag) if lag else 1.0
+        travelled = command * DT + (before - command) * lag * fallen
+        origin = Pose(0.0, 0.0, 0.7)
+        there = Pose(travelled * cos(0.7), travelled * sin(0.7), 0.7)
+        missing, response = missing_motion(
+            there, origin, BodyTwist(command, 0.0, 0.0), BodyTwist(before, 0.0, 0.0), (lag, 0.0), DT
+        )
+        assert missing == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+        assert response.vx == pytest.approx(before + (command - before) * fallen)
+
+    def test_prediction_keeps_its_direction_in_w(self):
+        """A robot that turns, and whose velocity in W is that of its command."""
+        turn, speed = 0.4, 0.8
+        start, end = Pose(0.0, 0.0, 0.0), Pose(DT * speed, 0.0, turn)
+        command = twist_between(start, end, DT)
+        at_end = to_body(WorldTwist(speed, 0.0, turn / DT), turn)
+        before = BodyTwist(speed, 0.0, turn / DT)
+        _, response = missing_motion(end, start, command, before, (1e9, 1e9), DT)
+        assert response == pytest.approx(at_end, abs=1e-6)
+
+    def test_lead_of_a_jump_is_that_of_the_greatest_acceleration(self):
+        led = lead(
+            WorldTwist(0.0, 0.0, 0.0), (0.0,) * 3, (3.0, 4.0, -9.0), (0.2, 0.1), (2.0, 1.0), DT
+        )
+        assert led == pytest.approx((0.2 * 2.0 * 0.6, 0.2 * 2.0 * 0.8, -0.1))
 
 
 class TestClassical:

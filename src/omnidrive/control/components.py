@@ -93,22 +93,30 @@ class HolonomicNmpcOptions:
 
 def pid(context: ControllerContext, parameters: PidOptions) -> Controller:
     """PID with constant gains."""
-    return control.classical_pid(parameters.preset or context.preset, context.dt)
+    preset = parameters.preset or context.preset
+    return control.classical_pid(preset, context.dt, context.robot, forces=context.forces)
 
 
 def fuzzy_t1(context: ControllerContext, parameters: PidOptions) -> Controller:
     """PID tuned by a type-1 fuzzy system, as in the paper."""
-    return control.fuzzy_pid("t1", parameters.preset or context.preset, context.dt)
+    return _fuzzy_pid("t1", context, parameters)
 
 
 def fuzzy_t2(context: ControllerContext, parameters: PidOptions) -> Controller:
     """PID tuned by an interval type-2 fuzzy system, as in the paper."""
-    return control.fuzzy_pid("t2", parameters.preset or context.preset, context.dt)
+    return _fuzzy_pid("t2", context, parameters)
 
 
 def fuzzy_t3(context: ControllerContext, parameters: PidOptions) -> Controller:
     """PID tuned by an interval type-3 fuzzy system."""
-    return control.fuzzy_pid("t3", parameters.preset or context.preset, context.dt)
+    return _fuzzy_pid("t3", context, parameters)
+
+
+def _fuzzy_pid(
+    kind: Literal["t1", "t2", "t3"], context: ControllerContext, parameters: PidOptions
+) -> Controller:
+    preset = parameters.preset or context.preset
+    return control.fuzzy_pid(kind, preset, context.dt, context.robot, forces=context.forces)
 
 
 def unicycle_nmpc(context: ControllerContext, parameters: UnicycleNmpcOptions) -> Controller:

@@ -211,6 +211,24 @@ class Robot:
         """
         return acceleration_polytope(self.rim_jacobian, self.force_limits, self.inertia)
 
+    @property
+    def top_speeds(self) -> tuple[float, float]:
+        """Largest speed, m/s, and yaw rate, rad/s, that the wheels reach in every direction.
+
+        Wheel i turns at ``J_i u v`` for the speed v along the unit vector u. In its worst direction
+        that is the length of the first two entries of J_i (Cauchy-Schwarz inequality), so that
+        ``v = w_max / max_i |(J_i1, J_i2)|`` and ``yaw rate = w_max / max_i |J_i3|``; one at a time.
+        """
+        return _least_radii(self.chassis.jacobian / self.max_wheel_speed)
+
+    @property
+    def top_accelerations(self) -> tuple[float, float]:
+        """Largest acceleration, m/s^2, and yaw acceleration, rad/s^2, in every direction.
+
+        As :attr:`top_speeds`, of the polytope :attr:`acceleration_faces`; one at a time.
+        """
+        return _least_radii(self.acceleration_faces) if self.max_force > 0.0 else (0.0, 0.0)
+
     def _repr_html_(self) -> str:
         """Return drawing and main properties for notebooks."""
         kinds = sorted({"mecanum" if mount.roller_angle else "omni" for mount in self.mounts})
@@ -222,6 +240,12 @@ class Robot:
         }
         drawing = robot_svg(self.mounts, self.wheel.radius, self.body_radius)
         return facts_html(f"Robot {self.name}", facts, drawing)
+
+
+def _least_radii(faces: Float[Array, "faces 3"]) -> tuple[float, float]:
+    """Return the largest translation in every direction, and yaw, with ``|faces @ v| <= 1``."""
+    plane, yaw = np.hypot(faces[:, 0], faces[:, 1]), np.abs(faces[:, 2])
+    return float(1.0 / plane.max()), float(1.0 / yaw.max())
 
 
 def _check_numbers(robot: Robot) -> None:

@@ -14,7 +14,6 @@ from omnidrive.control.pid.laws import (
     SelfTuningState,
     TrackingParameters,
     TrackingState,
-    back_calculate_bounded,
     fuzzy_inputs,
     low_pass,
     memoryless_law,
@@ -154,7 +153,7 @@ class SelfTuningChannel:
         return command, TuningRecord(*gains, *inputs)
 
 
-_INITIAL = TrackingState(0.0, 0.0)
+_INITIAL = TrackingState(0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
@@ -182,22 +181,22 @@ class TrackingChannel:
         """Clear the memory."""
         self._state = _INITIAL
 
-    def step(self, error: float, rate: float) -> tuple[float, TuningRecord]:
-        """Return the desired correction in m/s or rad/s for an error in m or rad and its rate."""
+    def step(
+        self, error: float, rate: float, missing: float, distance: float
+    ) -> tuple[float, TuningRecord]:
+        """Return the desired correction in m/s or rad/s.
+
+        Args:
+            error: Reference minus pose, in m or rad.
+            rate: Rate of the error, in m/s or rad/s.
+            missing: Predicted minus measured mean velocity since the previous sample; m/s or rad/s.
+            distance: Magnitude of the error; that of the vector for x and y.
+        """
         parameters, state, dt = self.parameters, self._state, self.dt
         rate = low_pass(parameters.filter_time, state.rate, rate, dt)
         inputs = fuzzy_inputs(parameters, error, rate)
         gains = tune_bounded_gains(parameters, self.tune(*mirror_to_negative(*inputs)))
-        integral = tracking_integral(parameters, gains.ki, state.integral, error, dt)
-        self._state = TrackingState(integral, rate)
-        return tracking_law(gains, integral, error, rate, dt), TuningRecord(*gains, *inputs)
-
-    def compensate_saturation(self, saturation_error: float) -> None:
-        """Correct the integral for saturation (back-calculation).
-
-        Args:
-            saturation_error: Saturated minus desired correction, in m/s or rad/s.
-        """
-        integral, rate = self._state
-        integral = back_calculate_bounded(self.parameters, integral, saturation_error, self.dt)
-        self._state = TrackingState(integral, rate)
+        integral, filtered = tracking_integral(parameters, gains, state, distance, missing, dt)
+        self._state = TrackingState(integral, filtered, rate, distance)
+        correction = tracking_law(parameters, gains, integral, error, distance, rate, dt)
+        return correction, TuningRecord(*gains, *inputs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import nan
+from math import hypot, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from omnidrive.control.pid.laws import (
     SelfTuningParameters,
     SelfTuningState,
     TrackingParameters,
-    back_calculate_bounded,
+    TrackingState,
     fuzzy_inputs,
     low_pass,
     memoryless_law,
@@ -37,15 +37,18 @@ from omnidrive.control.pid.laws import (
     tune_gains,
 )
 from omnidrive.control.pid.tracking import (
+    lead,
     mean_velocity,
+    missing_motion,
     pose_error,
     rate_of_error,
     saturated,
     twist_of,
+    whole_samples,
 )
 from omnidrive.control.pid.tuners import FuzzyTuner
 from omnidrive.fuzzy.kernels import infer_rows
-from omnidrive.geometry import Pose, WorldTwist
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.geometry.kernels import to_body, wrap
 
 _Row = Float[Array, " floats"]
@@ -118,7 +121,9 @@ class _TrackingData(NamedTuple):
     tune_heading: _PackedTuner
 
 
-_STARTED, _TIME, _POSE, _MOTION, _CHANNELS = 0, 1, 2, 5, 8  # places in the memory
+# places in the memory
+_STARTED, _TIME, _POSE, _MOTION, _COMMAND, _RESPONSE, _CHANNELS = 0, 1, 2, 5, 8, 11, 14
+_STATE = len(TrackingState._fields)
 
 
 def tracking_pid_law(dt: float, channels: tuple[TrackingChannel, ...]) -> CompiledLaw | None:
@@ -128,7 +133,7 @@ def tracking_pid_law(dt: float, channels: tuple[TrackingChannel, ...]) -> Compil
         return None
     data = _TrackingData(dt, *(each.parameters for each in channels), *tuners)
     window = SetpointWindow(0.0, 3, 0.5 * dt)
-    return CompiledLaw(_tracking_step, data, _CHANNELS + 2 * len(channels), window)
+    return CompiledLaw(_tracking_step, data, _CHANNELS + _STATE * len(channels), window)
 
 
 @compiled
@@ -141,36 +146,39 @@ def _tracking_step(  # noqa: PLR0917
     command: _Row,
     details: _Row,
 ) -> int:
-    s, dt = setpoints, data.dt
-    motion = mean_velocity(
-        (s[0, 3], s[0, 4], s[0, 5]), (s[1, 3], s[1, 4], s[1, 5]), (s[2, 3], s[2, 4], s[2, 5])
-    )
-    rate = (0.0, 0.0, 0.0)
-    if memory[_STARTED] > 0.0:
-        previous = Pose(memory[_POSE], memory[_POSE + 1], memory[_POSE + 2])
-        last = WorldTwist(memory[_MOTION], memory[_MOTION + 1], memory[_MOTION + 2])
-        rate = rate_of_error(pose, previous, last, t - memory[_TIME], dt)
-    memory[_STARTED], memory[_TIME] = 1.0, t
-    memory[_POSE], memory[_POSE + 1], memory[_POSE + 2] = pose.x, pose.y, pose.yaw
-    memory[_MOTION], memory[_MOTION + 1] = motion.vx, motion.vy
-    memory[_MOTION + 2] = motion.yaw_rate
+    s, m, dt = setpoints, memory, data.dt
+    begin, end = (s[0, 3], s[0, 4], s[0, 5]), (s[2, 3], s[2, 4], s[2, 5])
+    motion = mean_velocity(begin, (s[1, 3], s[1, 4], s[1, 5]), end)
+    lags = (data.x.lag, data.heading.lag)
+    rate, missing, response = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
+    if m[_STARTED] > 0.0:
+        previous = Pose(m[_POSE], m[_POSE + 1], m[_POSE + 2])
+        last = WorldTwist(m[_MOTION], m[_MOTION + 1], m[_MOTION + 2])
+        held = BodyTwist(m[_COMMAND], m[_COMMAND + 1], m[_COMMAND + 2])
+        response = BodyTwist(m[_RESPONSE], m[_RESPONSE + 1], m[_RESPONSE + 2])
+        elapsed = whole_samples(t - m[_TIME], dt)
+        rate = rate_of_error(pose, previous, last, elapsed)
+        missing, response = missing_motion(pose, previous, held, response, lags, elapsed)
     error = pose_error(pose, Pose(s[0, 0], s[0, 1], s[0, 2]))
 
-    states = memory[_CHANNELS:]
-    of_x, of_y, of_heading = states[0:2], states[2:4], states[4:6]
-    n = _RECORD
-    x = _tracking_channel(data.x, data.tune_x, of_x, (error[0], rate[0]), dt, details)
-    y = _tracking_channel(data.y, data.tune_y, of_y, (error[1], rate[1]), dt, details[n:])
+    states, n = m[_CHANNELS:], _STATE
+    distance = hypot(error[0], error[1])
+    errors = (error[0], rate[0], missing[0], distance)
+    x = _tracking_channel(data.x, data.tune_x, states[:n], errors, dt, details)
+    errors = (error[1], rate[1], missing[1], distance)
+    y = _tracking_channel(data.y, data.tune_y, states[n:], errors, dt, details[_RECORD:])
+    errors = (error[2], rate[2], missing[2], abs(error[2]))
     turn = _tracking_channel(
-        data.heading, data.tune_heading, of_heading, (error[2], rate[2]), dt, details[2 * n :]
+        data.heading, data.tune_heading, states[2 * n :], errors, dt, details[2 * _RECORD :]
     )
     correction = saturated(x, y, turn, (data.x.limit, data.heading.limit))
-    of_x[0] = back_calculate_bounded(data.x, of_x[0], correction.vx - x, dt)
-    of_y[0] = back_calculate_bounded(data.y, of_y[0], correction.vy - y, dt)
-    of_heading[0] = back_calculate_bounded(
-        data.heading, of_heading[0], correction.yaw_rate - turn, dt
-    )
-    twist = twist_of(pose, motion, correction, dt)
+    most = (data.x.acceleration, data.heading.acceleration)
+    twist = twist_of(pose, lead(motion, begin, end, lags, most, dt), correction, dt)
+    m[_STARTED], m[_TIME] = 1.0, t
+    m[_POSE], m[_POSE + 1], m[_POSE + 2] = pose.x, pose.y, pose.yaw
+    m[_MOTION], m[_MOTION + 1], m[_MOTION + 2] = motion.vx, motion.vy, motion.yaw_rate
+    m[_COMMAND], m[_COMMAND + 1], m[_COMMAND + 2] = twist.vx, twist.vy, twist.yaw_rate
+    m[_RESPONSE], m[_RESPONSE + 1], m[_RESPONSE + 2] = response.vx, response.vy, response.yaw_rate
     command[0], command[1], command[2] = twist.vx, twist.vy, twist.yaw_rate
     return 0
 
@@ -180,20 +188,21 @@ def _tracking_channel(  # noqa: PLR0917
     parameters: TrackingParameters,
     tuner: _PackedTuner,
     state: _Row,
-    errors: tuple[float, float],
+    errors: tuple[float, float, float, float],
     dt: float,
     details: _Row,
 ) -> float:
-    """As ``TrackingChannel.step``; ``state``: integral and filtered rate."""
-    error = errors[0]
-    rate = low_pass(parameters.filter_time, state[1], errors[1], dt)
+    """As ``TrackingChannel.step``; ``state``: the fields of its state."""
+    error, rate, missing, distance = errors
+    rate = low_pass(parameters.filter_time, state[2], rate, dt)
     inputs = fuzzy_inputs(parameters, error, rate)
     mirrored = mirror_to_negative(inputs[0], inputs[1])
     gains = tune_bounded_gains(parameters, _tuned(tuner, mirrored[0], mirrored[1]))
-    state[0] = tracking_integral(parameters, gains.ki, state[0], error, dt)
-    state[1] = rate
+    before = TrackingState(state[0], state[1], state[2], state[3])
+    integral, filtered = tracking_integral(parameters, gains, before, distance, missing, dt)
+    state[0], state[1], state[2], state[3] = integral, filtered, rate, distance
     _record(gains, inputs, details)
-    return tracking_law(gains, state[0], error, rate, dt)
+    return tracking_law(parameters, gains, integral, error, distance, rate, dt)
 
 
 class _WaypointData(NamedTuple):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import hypot
+from typing import NamedTuple
 
 from omnidrive.control.compiled_law import CompiledLaw
 from omnidrive.control.controller import Command
@@ -11,15 +13,19 @@ from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.pid.channel import Channel, TrackingChannel, tuning_units
 from omnidrive.control.pid.compiled_laws import tracking_pid_law, waypoint_law
 from omnidrive.control.pid.tracking import (
+    Vector,
+    lead,
     mean_velocity,
+    missing_motion,
     pose_error,
     rate_of_error,
     saturated,
     twist_of,
+    whole_samples,
 )
 from omnidrive.control.preparation import run_once
 from omnidrive.estimation import State
-from omnidrive.geometry import Pose, WorldTwist, to_body, wrap
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
 from omnidrive.reference import Reference
 
 
@@ -84,23 +90,42 @@ class FuzzyPidController(GuardedController):
         return waypoint_law(self.dt, (self.position, self.heading), wraps=self.wraps_heading)
 
 
+class _Sample(NamedTuple):
+    """What a :class:`TrackingPidController` keeps of one sample."""
+
+    t: float
+    """Time, s."""
+    pose: Pose
+    """Pose in W."""
+    motion: WorldTwist
+    """Mean velocity of the reference until the next sample."""
+    command: BodyTwist
+    response: BodyTwist
+    """Twist that is predicted from the commands before."""
+
+
+_ZERO = (0.0, 0.0, 0.0)
+
+
 @dataclass(slots=True)
 class TrackingPidController(GuardedController):
     """A :class:`Controller` that follows the reference's motion and corrects errors in B.
 
     It commands the body twist whose arc leads, in one sample, to the pose that the reference's
-    motion plus the corrections of the channels would reach. With constant gains, ki = kd = 0 and
-    no limit it equals :func:`~omnidrive.control.feedforward.feedforward_law`.
+    motion plus the corrections of the channels would reach. The reference's motion is its mean
+    velocity, led by the lag of the robot. With constant gains, ki = kd = 0, no lag and no limits it
+    equals :func:`~omnidrive.control.feedforward.feedforward_law`.
 
-    The reference's motion is its mean velocity, and the rate of the error is that motion minus the
-    motion of the measured pose: a jump of the reference causes an error but no derivative kick.
-    The corrections of x and y are saturated together, which keeps their direction, and the
-    integrals are corrected for the saturation. After samples without a usable pose, the rate of the
-    error is the mean over the time without one.
+    The rate of the error is that motion minus the motion of the measured pose: a jump of the
+    reference causes an error but no derivative kick. The integral parts compensate the motion that
+    is missing after the commands, see :func:`~.laws.tracking_integral`. The corrections of x and y
+    are saturated together, which keeps their direction. After samples without a usable pose, the
+    rate of the error and the missing motion are means over the time without one.
 
     Attributes:
         dt: Sample time in s.
-        x: From the error along x of B, in m, to a velocity in that direction, in m/s.
+        x: From the error along x of B, in m, to a velocity in that direction, in m/s; its lag,
+            limit and acceleration are those of translation.
         y: Likewise along y of B.
         heading: From the heading error, wrapped, in rad, to a yaw rate, in rad/s.
     """
@@ -109,8 +134,7 @@ class TrackingPidController(GuardedController):
     x: TrackingChannel
     y: TrackingChannel
     heading: TrackingChannel
-    _previous: tuple[float, Pose, WorldTwist] | None = field(default=None, init=False)
-    """Time (s), pose, and motion of the reference at the previous sample."""
+    _previous: _Sample | None = field(default=None, init=False)
 
     @property
     def detail_units(self) -> Mapping[str, str]:
@@ -130,23 +154,26 @@ class TrackingPidController(GuardedController):
     def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s); only its pose is used."""
         pose = state.pose
-        target, motion = _motion(reference, t, self.dt)
-        rate = (0.0, 0.0, 0.0)
-        if self._previous is not None:
-            before, previous, last_motion = self._previous
-            rate = rate_of_error(pose, previous, last_motion, t - before, self.dt)
-        self._previous = t, pose, motion
+        of_position, of_heading = self.x.parameters, self.heading.parameters
+        lags = of_position.lag, of_heading.lag
+        target, begin, motion, end = _motion(reference, t, self.dt)
         error = pose_error(pose, target)
+        rate, missing, response = _ZERO, _ZERO, BodyTwist(*_ZERO)
+        if self._previous is not None:
+            before, previous, last_motion, command, response = self._previous
+            elapsed = whole_samples(t - before, self.dt)
+            rate = rate_of_error(pose, previous, last_motion, elapsed)
+            missing, response = missing_motion(pose, previous, command, response, lags, elapsed)
 
-        x, details_x = self.x.step(error[0], rate[0])
-        y, details_y = self.y.step(error[1], rate[1])
-        turn, details_heading = self.heading.step(error[2], rate[2])
-        limits = (self.x.parameters.limit, self.heading.parameters.limit)
-        correction = saturated(x, y, turn, limits)
-        self.x.compensate_saturation(correction.vx - x)
-        self.y.compensate_saturation(correction.vy - y)
-        self.heading.compensate_saturation(correction.yaw_rate - turn)
-        twist = twist_of(pose, motion, correction, self.dt)
+        distance = hypot(error[0], error[1])
+        x, details_x = self.x.step(error[0], rate[0], missing[0], distance)
+        y, details_y = self.y.step(error[1], rate[1], missing[1], distance)
+        turn, details_heading = self.heading.step(error[2], rate[2], missing[2], abs(error[2]))
+        correction = saturated(x, y, turn, (of_position.limit, of_heading.limit))
+        most = of_position.acceleration, of_heading.acceleration
+        leading = lead(motion, begin, end, lags, most, self.dt)
+        twist = twist_of(pose, leading, correction, self.dt)
+        self._previous = _Sample(t, pose, motion, twist, response)
         return Command(twist, details=details_x + details_y + details_heading)
 
     def compiled_law(self) -> CompiledLaw | None:
@@ -154,7 +181,7 @@ class TrackingPidController(GuardedController):
         return tracking_pid_law(self.dt, (self.x, self.y, self.heading))
 
 
-def _motion(reference: Reference, t: float, dt: float) -> tuple[Pose, WorldTwist]:
-    """Return the reference pose at ``t`` and the mean velocity on [t, t + dt]."""
+def _motion(reference: Reference, t: float, dt: float) -> tuple[Pose, Vector, WorldTwist, Vector]:
+    """Return the reference pose at ``t``, and velocity at ``t``, mean and at ``t + dt``, in W."""
     begin, middle, end = (tuple(row) for row in reference.window(t, 3, 0.5 * dt).tolist())
-    return Pose(*begin[:3]), mean_velocity(begin[3:], middle[3:], end[3:])
+    return Pose(*begin[:3]), begin[3:], mean_velocity(begin[3:], middle[3:], end[3:]), end[3:]

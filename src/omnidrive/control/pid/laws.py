@@ -12,7 +12,7 @@ Kernels call the same functions (:func:`~omnidrive.compiled.compilable`).
 
 from __future__ import annotations
 
-from math import expm1
+from math import expm1, inf, sqrt
 from typing import Annotated, NamedTuple, TypeVar
 
 from omnidrive.compiled import compilable
@@ -164,39 +164,38 @@ def back_calculate(
 class TrackingParameters(NamedTuple):
     """Parameters of the preset `recommended` for each axis: x and y (m, m/s), heading (rad, rad/s).
 
-    Chosen on the paper's scenario (`mujoco-rollers`, with and without noise, with one sample of
-    delay) where the results are insensitive to them, not where one result is best. Each gain is
-    tuned within its deviation, such as ``kp +- kp_deviation``.
+    Each gain is tuned within its deviation, such as ``kp +- kp_deviation``. The last three are by
+    default those of a robot that executes every command exactly; ``robot_parameters`` in
+    :mod:`omnidrive.control.pid.presets` derives them from a robot.
     """
 
     kp: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 5.0
-    """Decay rate of errors, as in the feedforward controller. At 6 1/s and one sample of delay, the
-    overshoot of the step response is half as large again; at 4 1/s tracking is a tenth worse."""
-    ki: Annotated[float, Bounds(0.0, 50.0, "1/s^2")] = 1.0
-    """Removes constant errors within seconds; 2 1/s^2 gives no improvement."""
-    kd: Annotated[float, Bounds(0.0, 1.0, "1")] = 0.05
-    """Damps a robot with delay; with 0.2, noise costs a quarter more control effort."""
+    """Decay rate of errors."""
+    ki: Annotated[float, Bounds(0.0, 50.0, "1/s^2")] = 7.5
+    """Integral gain; a disturbance is compensated with the time constant ``kp / ki``."""
+    kd: Annotated[float, Bounds(0.0, 1.0, "1")] = 0.03
+    """Derivative gain; damps a robot with delay, and costs effort with noise."""
     kp_deviation: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 1.0
-    """Greatest deviation of the tuned kp: 4 to 6 1/s."""
-    ki_deviation: Annotated[float, Bounds(0.0, 50.0, "1/s^2")] = 1.0
-    """Greatest deviation of the tuned ki: 0 to 2 1/s^2."""
-    kd_deviation: Annotated[float, Bounds(0.0, 1.0, "1")] = 0.05
-    """Greatest deviation of the tuned kd: 0 to 0.1."""
+    """Greatest deviation of the tuned kp."""
+    ki_deviation: Annotated[float, Bounds(0.0, 50.0, "1/s^2")] = 2.5
+    """Greatest deviation of the tuned ki."""
+    kd_deviation: Annotated[float, Bounds(0.0, 1.0, "1")] = 0.03
+    """Greatest deviation of the tuned kd."""
     error_range: Annotated[float, Bounds(1e-3, 100.0, "m or rad")] = 0.05
-    """Error at which the first input of the fuzzy system reaches the end of its range, 1.
-
-    The integral is held beyond it. Wide enough for the errors of a good run; with 0.1 the start
-    from rest winds up the integral, and ME increases by half a millimetre."""
+    """Error at which the first input of the fuzzy system reaches the end of its range, 1."""
     rate_range: Annotated[float, Bounds(1e-3, 100.0, "m/s or rad/s")] = 1.0
     """Rate of the error at which the second input reaches 1."""
     filter_time: Annotated[float, Bounds(0.0, 10.0, "s")] = 0.1
     """Time constant of the low-pass filter of that rate."""
-    limit: Annotated[float, Bounds(0.01, 20.0, "m/s or rad/s")] = 1.5
-    """Greatest correction, added to the feedforward; it prevents oscillation of the step response.
-
-    The speed limit of the paper's predictive controller."""
-    tracking_time: Annotated[float, Bounds(0.01, 10.0, "s")] = 0.5
-    """Time constant of the integral's back-calculation under saturation."""
+    integral_range: Annotated[float, Bounds(1e-3, 100.0, "m or rad")] = 0.15
+    """Error beyond which the integral is held: a step, an outlier, a robot without grip."""
+    limit: Annotated[float, Bounds(1e-6, inf, "m/s or rad/s")] = inf
+    """Greatest correction, added to the feedforward."""
+    acceleration: Annotated[float, Bounds(1e-6, inf, "m/s^2 or rad/s^2")] = inf
+    """Deceleration with which the robot approaches a distant target, and greatest acceleration of
+    the reference that is led."""
+    lag: Annotated[float, Bounds(0.0, inf, "s")] = 0.0
+    """Time constant of the robot's response to commands, by which the feedforward leads."""
 
 
 class TrackingState(NamedTuple):
@@ -204,8 +203,12 @@ class TrackingState(NamedTuple):
 
     integral: float
     """Integral part of the correction, in m/s or rad/s."""
+    missing: float
+    """Low-pass filtered missing motion, in m/s or rad/s; see :func:`tracking_integral`."""
     rate: float
     """Filtered rate of the error, in m/s or rad/s."""
+    distance: float
+    """Magnitude of the error at the previous sample, in m or rad."""
 
 
 @compilable
@@ -256,43 +259,87 @@ def tune_bounded_gains(parameters: TrackingParameters, change: GainChange) -> Ga
 
 
 @compilable
-def tracking_integral(
-    parameters: TrackingParameters, ki: float, integral: float, error: float, dt: float
-) -> float:
-    """Return the integral part: it increases by ``ki e dt`` while the error is within its range.
+def tracking_integral(  # noqa: PLR0917
+    parameters: TrackingParameters,
+    gains: Gains,
+    state: TrackingState,
+    distance: float,
+    missing: float,
+    dt: float,
+) -> tuple[float, float]:
+    """Return the integral part and the filtered missing motion at this sample.
 
-    The integral is meant for small, constant errors. Large errors come from the start, a jump of
-    the reference or an outlier; integrating them would cause overshoot (conditional integration,
-    Astrom & Hagglund 2006).
+    PI control by automatic reset (Astrom & Hagglund 2006, section 3.5): the integral part is not a
+    sum of errors, but the low-pass filtered difference between the motion that the commands should
+    have caused and the measured one. With ``v = u + d`` and ``u = kp e + i``, the filter
+    ``T di/dt = (u - v) - i`` of the time constant ``T = kp / ki`` integrates ``ki e``. Unlike a sum
+    of errors, it is zero while a robot without disturbance approaches its target, so that a step
+    causes no overshoot, and it follows the saturated command, so that it does not wind up. Two
+    filters in series with half the time constant each pass less noise than one.
+
+    The integral is held while this distance or the previous one exceeds the range: they come from a
+    jump of the reference, an outlier or wheels that slip (conditional integration, ibid.).
+
+    Args:
+        parameters: Range.
+        gains: Gains at this sample; kp = 0 means no integral part.
+        state: Memory of the previous sample.
+        distance: Magnitude of the error, in m or rad; that of the vector for x and y.
+        missing: Predicted minus measured mean velocity since the previous sample, in m/s or rad/s.
+        dt: Sample time in s.
     """
-    return integral + ki * dt * error if abs(error) <= parameters.error_range else integral
+    if not (gains.kp > 0.0 and max(distance, state.distance) <= parameters.integral_range):
+        return state.integral, state.missing
+    share = -expm1(-2.0 * gains.ki / gains.kp * dt)
+    filtered = state.missing + share * (missing - state.missing)
+    return state.integral + share * (filtered - state.integral), filtered
 
 
 @compilable
-def tracking_law(gains: Gains, integral: float, error: float, rate: float, dt: float) -> float:
+def braking(slope: float, distance: float, acceleration: float) -> float:
+    """Return the factor of proportional control that lets a robot brake in time; at most 1.
+
+    Proportional control ``slope * distance`` decelerates by ``slope^2 distance``. Where that
+    exceeds the acceleration a, the speed is ``sqrt(2 a (distance - a / (2 slope^2)))``, which
+    decelerates by a and continues the line without a step in its slope: the proximate time-optimal
+    servomechanism (Workman, thesis, Stanford 1987; Franklin, Powell & Workman, "Digital Control of
+    Dynamic Systems", 3rd ed. 1998).
+
+    Args:
+        slope: Speed per distance of proportional control, in 1/s; not negative.
+        distance: Distance to the target, in m or rad; not negative.
+        acceleration: a, in m/s^2 or rad/s^2; infinite for no limit.
+    """
+    if slope * slope * distance <= acceleration:
+        return 1.0
+    speed = sqrt(2.0 * acceleration * (distance - 0.5 * acceleration / (slope * slope)))
+    return speed / (slope * distance)
+
+
+@compilable
+def tracking_law(  # noqa: PLR0917
+    parameters: TrackingParameters,
+    gains: Gains,
+    integral: float,
+    error: float,
+    distance: float,
+    rate: float,
+    dt: float,
+) -> float:
     """Return the correction ``(1 - exp(-kp dt)) / dt e + integral + kd de/dt`` of a feedforward.
 
     The proportional part, held for ``dt``, leaves the error ``exp(-kp dt) e`` as the continuous law
-    does, and so applies to every sample time.
+    does, and so applies to every sample time. It is reduced at large distances by :func:`braking`.
 
     Args:
+        parameters: Acceleration.
         gains: Gains at this sample.
         integral: Integral part at this sample, in m/s or rad/s.
         error: Reference minus pose, in m or rad.
+        distance: Magnitude of the error; that of the vector for x and y.
         rate: Filtered rate of the error, in m/s or rad/s.
         dt: Sample time in s.
     """
-    return -expm1(-gains.kp * dt) / dt * error + integral + gains.kd * rate
-
-
-@compilable
-def back_calculate_bounded(
-    parameters: TrackingParameters, integral: float, saturation_error: float, dt: float
-) -> float:
-    """As :func:`back_calculate`, but towards zero and never past it.
-
-    A correction saturates mostly because of its proportional part, which must not reverse the sign
-    of the integral.
-    """
-    full = back_calculate(parameters.tracking_time, integral, saturation_error, dt)
-    return min(max(full, min(integral, 0.0)), max(integral, 0.0))
+    slope = -expm1(-gains.kp * dt) / dt
+    factor = braking(slope, distance, parameters.acceleration)
+    return factor * slope * error + integral + gains.kd * rate

@@ -19,16 +19,24 @@ from omnidrive.control.pid.laws import (
 )
 from omnidrive.control.pid.tuners import Kind, fuzzy_tuner
 from omnidrive.parameter import check_choice, check_sample_time
+from omnidrive.robot import Robot
 
 PidPreset = Literal["paper", "published-code", "recommended"]
 
 MAX_YAW_RATE = 3.14
 """Yaw-rate limit of the paper's predictive controller, in rad/s."""
 
+HEADING_KP = 4.0
+"""Proportional gain of the heading in ``recommended``, in 1/s."""
+
+_LEAST = 1e-6  # m/s or rad/s, m/s^2 or rad/s^2: for a robot without grip
+
 PidController = FuzzyPidController | TrackingPidController
 
 
-def fuzzy_pid(kind: Kind, preset: PidPreset, dt: float) -> PidController:
+def fuzzy_pid(
+    kind: Kind, preset: PidPreset, dt: float, robot: Robot | None = None, *, forces: bool = True
+) -> PidController:
     """Return a self-tuning PID controller.
 
     Args:
@@ -38,29 +46,71 @@ def fuzzy_pid(kind: Kind, preset: PidPreset, dt: float) -> PidController:
             ``recommended`` follows the reference's motion and corrects signed errors in B, with
             gains tuned by the paper's fuzzy system in the same way for both signs of an error.
         dt: Sample time in s.
+        robot: Robot whose speeds, accelerations and lag ``recommended`` is made for, see
+            :func:`robot_parameters`. None: one that executes every command.
+        forces: Whether motors, masses and friction act; otherwise only the speeds apply.
 
     Raises:
         InvalidInput: ``dt`` is not positive, or the kind or preset is unknown.
     """
     check_choice("preset", preset, get_args(PidPreset))
-    return _pid(fuzzy_tuner(kind, "paper" if preset == "recommended" else preset), preset, dt)
+    tuner = fuzzy_tuner(kind, "paper" if preset == "recommended" else preset)
+    return _pid(tuner, preset, dt, robot, forces=forces)
 
 
-def classical_pid(preset: PidPreset, dt: float) -> PidController:
+def classical_pid(
+    preset: PidPreset, dt: float, robot: Robot | None = None, *, forces: bool = True
+) -> PidController:
     """Return the same controller with constant gains, as a baseline for the fuzzy system.
 
     Args:
         preset: As for :func:`fuzzy_pid`; the gains are the initial values of the tuned ones.
         dt: Sample time in s.
+        robot: As for :func:`fuzzy_pid`.
+        forces: Likewise.
 
     Raises:
         InvalidInput: ``dt`` is not positive, or the preset is unknown.
     """
     check_choice("preset", preset, get_args(PidPreset))
-    return _pid(no_tuning, preset, dt)
+    return _pid(no_tuning, preset, dt, robot, forces=forces)
 
 
-def _pid(tune: Tuner, preset: PidPreset, dt: float) -> PidController:
+BRAKING_SHARE = 0.55
+"""Share of a robot's least acceleration with which it approaches a target."""
+
+
+def robot_parameters(
+    robot: Robot, *, forces: bool = True
+) -> tuple[TrackingParameters, TrackingParameters]:
+    """Return the parameters of ``recommended`` for position and heading of a robot.
+
+    The limits are the speeds, the accelerations :data:`BRAKING_SHARE` times the accelerations that
+    its wheels reach in every direction (:attr:`~omnidrive.robot.Robot.top_speeds`,
+    :attr:`~omnidrive.robot.Robot.top_accelerations`).
+
+    Args:
+        robot: The robot.
+        forces: Whether motors, masses and friction act: otherwise there is neither a lag nor a
+            limit of the acceleration.
+    """
+    position, heading = (TrackingParameters(limit=max(top, _LEAST)) for top in robot.top_speeds)
+    heading = heading._replace(kp=HEADING_KP)
+    if not forces:
+        return position, heading
+    both = zip((position, heading), robot.top_accelerations, robot.lag, strict=True)
+    position, heading = (
+        parameters._replace(
+            acceleration=max(BRAKING_SHARE * top, _LEAST), lag=lag + robot.motor_lag
+        )
+        for parameters, top, lag in both
+    )
+    return position, heading
+
+
+def _pid(
+    tune: Tuner, preset: PidPreset, dt: float, robot: Robot | None, *, forces: bool
+) -> PidController:
     check_sample_time(dt)
     if preset == "published-code":
         channel = MemorylessChannel(tune, MemorylessParameters())
@@ -72,5 +122,10 @@ def _pid(tune: Tuner, preset: PidPreset, dt: float) -> PidController:
             SelfTuningChannel(tune, dt, SelfTuningParameters(limit=MAX_YAW_RATE)),
             wraps_heading=True,
         )
-    x, y, heading = (TrackingChannel(tune, dt, TrackingParameters()) for _ in range(3))
-    return TrackingPidController(dt, x, y, heading)
+    position, heading = (
+        (TrackingParameters(), TrackingParameters(kp=HEADING_KP))
+        if robot is None
+        else robot_parameters(robot, forces=forces)
+    )
+    channels = (TrackingChannel(tune, dt, each) for each in (position, position, heading))
+    return TrackingPidController(dt, *channels)

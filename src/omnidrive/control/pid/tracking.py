@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, expm1, sin
 
 from omnidrive.compiled import compilable
 from omnidrive.control.pid.laws import saturate
@@ -10,6 +10,7 @@ from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.geometry.kernels import to_world, twist_between, wrap
 
 Vector = tuple[float, float, float]
+Pair = tuple[float, float]  # for translation and for rotation
 
 
 @compilable
@@ -37,27 +38,101 @@ def pose_error(pose: Pose, target: Pose) -> Vector:
 
 
 @compilable
-def rate_of_error(
-    pose: Pose, previous: Pose, motion: WorldTwist, elapsed: float, dt: float
-) -> Vector:
-    """Return the mean rate of the error in B since the previous pose, without reference jumps.
+def whole_samples(elapsed: float, dt: float) -> float:
+    """Return the time since the previous pose as a whole number of sample times, s.
 
-    The time since then is a whole number of sample times, also if these vary a little.
+    The sample times of a run may vary a little.
+    """
+    return dt * max(1, round(elapsed / dt))
+
+
+@compilable
+def rate_of_error(pose: Pose, previous: Pose, motion: WorldTwist, elapsed: float) -> Vector:
+    """Return the mean rate of the error in B since the previous pose, without reference jumps.
 
     Args:
         pose: Pose of B in W.
         previous: Pose at the previous sample with a usable one.
         motion: Motion of the reference since then, in W.
-        elapsed: Time since then, s.
-        dt: Sample time, s.
+        elapsed: Time since then, s; see :func:`whole_samples`.
     """
-    time = dt * max(1, round(elapsed / dt))
     return _in_body(
         pose.yaw,
-        motion.vx - (pose.x - previous.x) / time,
-        motion.vy - (pose.y - previous.y) / time,
-        motion.yaw_rate - wrap(pose.yaw - previous.yaw) / time,
+        motion.vx - (pose.x - previous.x) / elapsed,
+        motion.vy - (pose.y - previous.y) / elapsed,
+        motion.yaw_rate - wrap(pose.yaw - previous.yaw) / elapsed,
     )
+
+
+@compilable
+def lead(  # noqa: PLR0917
+    motion: WorldTwist, begin: Vector, end: Vector, lags: Pair, most: Pair, dt: float
+) -> WorldTwist:
+    """Return the mean command that moves a robot with a first-order lag as ``motion``.
+
+    ``v = lag dv/dt + response``, averaged over a sample: the lag times the change of the velocity.
+
+    Args:
+        motion: Mean velocity of the reference in the sample, in W.
+        begin: Its velocity at the begin of the sample, in W; m/s, m/s, rad/s.
+        end: Likewise at the end.
+        lags: Pair of translation and rotation, s.
+        most: Greatest accelerations that are led, m/s^2 and rad/s^2: a jump of the velocity is not.
+        dt: Sample time, s.
+    """
+    along = saturate(complex(end[0] - begin[0], end[1] - begin[1]), most[0] * dt)
+    turn = saturate(end[2] - begin[2], most[1] * dt)
+    return WorldTwist(
+        motion.vx + lags[0] / dt * along.real,
+        motion.vy + lags[0] / dt * along.imag,
+        motion.yaw_rate + lags[1] / dt * turn,
+    )
+
+
+@compilable
+def _lagged(lag: float, command: float, before: float, dt: float) -> tuple[float, float]:
+    """Return mean and end of the response to a constant command, from the response ``before``."""
+    if lag <= 0.0:
+        return command, command
+    fallen = -expm1(-dt / lag)
+    change = command - before
+    return command - change * fallen * lag / dt, before + change * fallen
+
+
+@compilable
+def missing_motion(  # noqa: PLR0917
+    pose: Pose,
+    previous: Pose,
+    command: BodyTwist,
+    response: BodyTwist,
+    lags: Pair,
+    dt: float,
+) -> tuple[Vector, BodyTwist]:
+    """Return the predicted minus the measured mean twist of a sample, and the predicted twist.
+
+    The prediction is a first-order lag of the robot's velocity in W, because most of the lag is due
+    to its mass; both twists are in the frame halfway between the two headings.
+
+    Args:
+        pose: Pose of B in W at the end of the sample.
+        previous: Pose at its begin.
+        command: Command during the sample.
+        response: Twist predicted for its begin.
+        lags: Pair of translation and rotation, s.
+        dt: Duration of the sample, s.
+
+    Returns:
+        The difference in m/s, m/s and rad/s, and the twist predicted for the end of the sample.
+    """
+    turn = wrap(pose.yaw - previous.yaw)
+    x, y, _ = _in_body(0.5 * turn, response.vx, response.vy, 0.0)
+    mean_x, x = _lagged(lags[0], command.vx, x, dt)
+    mean_y, y = _lagged(lags[0], command.vy, y, dt)
+    mean_turn, turning = _lagged(lags[1], command.yaw_rate, response.yaw_rate, dt)
+    measured = twist_between(previous, Pose(pose.x, pose.y, previous.yaw + turn), dt)
+    x, y, _ = _in_body(0.5 * turn, x, y, 0.0)
+    missing = (mean_x - measured.vx, mean_y - measured.vy, mean_turn - measured.yaw_rate)
+    return missing, BodyTwist(x, y, turning)
 
 
 @compilable
