@@ -3,6 +3,8 @@
 from omnidrive.choices import Heading
 from omnidrive.reference.components import ReferenceContext
 from omnidrive.reference.corridor import Corridor
+from omnidrive.reference.delay_within_limits import delay_within_limits
+from omnidrive.reference.delayed_reference import DelayedReference
 from omnidrive.reference.limit_sampling import sample_within_limits
 from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
@@ -27,6 +29,7 @@ from omnidrive.reference.waypoints import load_waypoints, save_waypoints
 __all__ = [
     "Circle",
     "Corridor",
+    "DelayedReference",
     "Eight",
     "Heading",
     "Hold",
@@ -46,6 +49,7 @@ __all__ = [
     "Square",
     "TimedReference",
     "UniformReference",
+    "delay_within_limits",
     "limit_rows",
     "limit_usage",
     "load_waypoints",

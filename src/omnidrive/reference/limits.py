@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isfinite, isnan
+from math import cos, inf, isfinite, isnan, pi
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -142,3 +142,37 @@ def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
     return tuple(
         group._replace(rows=group.rows / limit) for group, limit in groups if isfinite(limit)
     )
+
+
+_ANGLES = np.arange(16) * pi / 16
+_POLYGON = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / cos(pi / 32)
+"""``|_POLYGON @ a| <= 1`` is a polygon of 32 sides in the circle ``|a| <= 1``, 0.5 % smaller."""
+
+
+def limit_terms(
+    body: tuple[Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, "n 3"]],
+    limits: tuple[LimitRows, ...],
+) -> tuple[Float[Array, "n rows"], Float[Array, "n rows"]]:
+    """Return all limits at n points of a path q(s) as rows ``|along u + across x| <= 1``.
+
+    u is d2s/dt2 and x is (ds/dt)^2. The last row holds all speed limits.
+
+    Args:
+        body: q' in B, its derivative, and q'' in B, as
+            :meth:`~omnidrive.reference.piecewise_path.PiecewisePath.in_body`.
+        limits: The limits.
+    """
+    first, change, second = body
+    along, across, square = [], [], np.zeros(len(first))
+    for group in limits:
+        if group.kind == "speed":
+            values = (first @ group.rows.T) ** 2
+            top = values.sum(axis=1) if group.euclidean else values.max(axis=1)
+            square = np.maximum(square, top)
+            continue
+        rows = _POLYGON @ group.rows if group.euclidean else group.rows
+        along.append(first @ rows.T)
+        across.append((change if group.kind == "twist rate" else second) @ rows.T)
+    along.append(np.zeros((len(first), 1)))
+    across.append(square[:, None])
+    return np.hstack(along), np.hstack(across)

@@ -111,16 +111,8 @@ class PiecewisePath:
     def in_body(
         self, motion: PathDerivatives
     ) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, "n 3"]]:
-        """Return q' in B, the derivative of that with respect to s, and q'' in B.
-
-        The body twist is R^T q' ds/dt, and d(R^T q')/ds = R^T q'' - yaw' z x R^T q' with z up.
-        """
-        first, second = (rotate_into_body(part, motion.poses[:, 2]) for part in motion[1:])
-        yaw_derivative = first[:, 2]
-        change = second.copy()
-        change[:, 0] += yaw_derivative * first[:, 1]
-        change[:, 1] -= yaw_derivative * first[:, 0]
-        return first, change, second
+        """Return :func:`body_derivatives`."""
+        return body_derivatives(motion)
 
     def _set_headings(self) -> bool:
         """Set the headings of a tangent path; return whether no piece turns too far."""
@@ -177,6 +169,20 @@ class PiecewisePath:
             f"the path has no direction of travel, or turns on the spot, at ({x:.3f}, {y:.3f}) m, "
             "so that the heading cannot be tangent to it; choose heading 'path', 'fixed' or 'free'"
         )
+
+
+def body_derivatives(
+    motion: PathDerivatives,
+) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, "n 3"]]:
+    """Return q' in B, the derivative of that with respect to s, and q'' in B.
+
+    The body twist is R^T q' ds/dt, and d(R^T q')/ds = R^T q'' - yaw' z x R^T q' with z up.
+    """
+    first, second = (rotate_into_body(part, motion.poses[:, 2]) for part in motion[1:])
+    change = second.copy()
+    change[:, 0] += first[:, 2] * first[:, 1]
+    change[:, 1] -= first[:, 2] * first[:, 0]
+    return first, change, second
 
 
 def rotate_into_body(

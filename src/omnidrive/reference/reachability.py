@@ -19,7 +19,7 @@ _FLAT = 1e-14
 
 
 @inlined
-def _acceleration_range(
+def acceleration_range(
     x: float, ahead: float, double: float, a: Float[Array, " rows"], b: Float[Array, " rows"]
 ) -> tuple[float, float, float, float]:
     """Return the least and largest u at ``x`` that lead into [0, ahead], and their derivatives."""
@@ -50,12 +50,36 @@ def _max_controllable(
         if abs(a[r]) <= _FLAT * abs(b[r]) and abs(b[r]) * x > 1.0:
             x = 1.0 / abs(b[r])
     for _ in range(4 * a.size + 8):
-        low, high, low_slope, high_slope = _acceleration_range(x, ahead, double, a, b)
+        low, high, low_slope, high_slope = acceleration_range(x, ahead, double, a, b)
         slope = high_slope - low_slope
         if high >= low or slope >= 0.0:  # the latter by rounding: no two lines cross below 0
             break
         x = max(x - (high - low) / slope, 0.0)
     return x
+
+
+@inlined
+def controllable_speeds(
+    a: Float[Array, "intervals rows"],
+    b: Float[Array, "intervals rows"],
+    width: float,
+    top: float,
+    end: float,
+) -> Float[Array, " nodes"]:
+    """Return the largest squared speed at each node from which the limits can be kept to the end.
+
+    Args:
+        a: As for :func:`max_squared_speeds`.
+        b: Likewise.
+        width: Likewise.
+        top: Upper bound of x everywhere.
+        end: Largest x at the end.
+    """
+    most = np.empty(len(a) + 1)
+    most[-1] = end
+    for i in range(len(a) - 1, -1, -1):
+        most[i] = _max_controllable(top, most[i + 1], 2.0 * width, a[i], b[i])
+    return most
 
 
 @compiled
@@ -78,14 +102,11 @@ def max_squared_speeds(
         ends: Largest x at the start and at the end; 0 for rest.
     """
     count, double = len(a), 2.0 * width
-    most = np.empty(count + 1)
-    most[count] = min(ends[1], top)
-    for i in range(count - 1, -1, -1):
-        most[i] = _max_controllable(top, most[i + 1], double, a[i], b[i])
+    most = controllable_speeds(a, b, width, top, min(ends[1], top))
     x = np.empty(count + 1)
     x[0] = min(ends[0], most[0])
     for i in range(count):
-        low, high, _, _ = _acceleration_range(x[i], most[i + 1], double, a[i], b[i])
+        low, high, _, _ = acceleration_range(x[i], most[i + 1], double, a[i], b[i])
         u = high if high >= low else 0.5 * (low + high)
         x[i + 1] = min(max(x[i] + double * u, 0.0), most[i + 1])
     return x

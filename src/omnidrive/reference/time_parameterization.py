@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, log2, pi
+from math import ceil, log2
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.limits import LimitRows, limit_terms
 from omnidrive.reference.piecewise_path import PiecewisePath
 from omnidrive.reference.reachability import max_squared_speeds
 from omnidrive.reference.timed_reference import TimedReference
@@ -29,10 +29,6 @@ _EXCESS, _GAIN = 1e-3, 1e-3
 
 _TRIES = 3
 """Largest number of times that limits are tightened."""
-
-_ANGLES = np.arange(16) * pi / 16
-_POLYGON = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / cos(pi / 32)
-"""``|_POLYGON @ a| <= 1`` is a polygon of 32 sides in the circle ``|a| <= 1``, 0.5 % smaller."""
 
 
 def time_optimal_reference(path: PiecewisePath, limits: tuple[LimitRows, ...]) -> TimedReference:
@@ -121,20 +117,9 @@ def interval_rows(
     for share in _SHARES:
         first, change, second = path.in_body(path.at(piece, (part + share) / per_piece))
         distance = 2.0 * share / per_piece
-        square = np.zeros(count)
-        for group in limits:
-            if group.kind == "speed":
-                values = (first @ group.rows.T) ** 2
-                top = values.sum(axis=1) if group.euclidean else values.max(axis=1)
-                square = np.maximum(square, top)
-                continue
-            rows = _POLYGON @ group.rows if group.euclidean else group.rows
-            along = first @ rows.T
-            across = (change if group.kind == "twist rate" else second) @ rows.T
-            a.append(along + distance * across)
-            b.append(across)
-        a.append(distance * square[:, None])
-        b.append(square[:, None])
+        along, across = limit_terms((first, change, second), limits)
+        a.append(along + distance * across)
+        b.append(across)
         size.append(np.abs(first).max(axis=1))
     least = 1e-9 * float(np.max(size))
     ends = (bool(size[0][0] <= least), bool(size[-1][-1] <= least))
