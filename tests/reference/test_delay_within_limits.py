@@ -135,7 +135,7 @@ def test_motion_is_on_the_path_behind_the_reference_and_within_limits(shape, sha
     assert np.abs(twists @ ROBOT.chassis.jacobian.T).max() < 1.03 * ROBOT.max_wheel_speed
     change = delayed.setpoints[20:, 3:] - delayed.setpoints[:-20, 3:]
     mean = rotate_into_body(change[30:-30] / (20 * delayed.step), delayed.setpoints[40:-40, 2])
-    assert np.abs(mean @ LIMITS[1].rows.T).max() < 1.15
+    assert np.abs(mean @ LIMITS[1].rows.T).max() < 1.25
 
 
 @pytest.mark.parametrize("shape", [Eight(), RandomSmooth(seed=4), Square(side=3.0)])

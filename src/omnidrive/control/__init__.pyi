@@ -5,6 +5,8 @@ from .controller import (
     DetailedController,
     PreparableController,
     ReducibleController,
+    Retiming,
+    RetimingController,
     Status,
     WheelSpeeds,
     WheelTorques,
@@ -24,6 +26,7 @@ from .pid import (
 )
 from .pipeline import Pipeline, PipelineStep
 from .reduced_drive import ReducedDrive
+from .reference_governor import ReferenceGovernor
 
 __all__ = [
     "Command",
@@ -40,6 +43,9 @@ __all__ = [
     "PreparableController",
     "ReducedDrive",
     "ReducibleController",
+    "ReferenceGovernor",
+    "Retiming",
+    "RetimingController",
     "Status",
     "TrackingPidController",
     "UnicycleController",

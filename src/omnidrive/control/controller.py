@@ -115,7 +115,8 @@ class Controller(Protocol):
       :class:`PreparableController`;
     - ``dt``: sample time for which the controller is built, s; a loop of another one is refused;
     - ``detail_units``: see :class:`DetailedController`;
-    - ``with_reduced_drive(drive)``: see :class:`ReducibleController`.
+    - ``with_reduced_drive(drive)``: see :class:`ReducibleController`;
+    - ``retime(reference)``: see :class:`RetimingController`.
     """
 
     def reset(self, state: State) -> None:
@@ -182,4 +183,22 @@ class ReducibleController(Controller, Protocol):
 
     def with_reduced_drive(self, drive: ReducedDrive) -> Controller:
         """Return a controller in the same state that plans with the driving wheels only."""
+        ...
+
+
+class Retiming(NamedTuple):
+    """When a controller reaches the end of a reference."""
+
+    duration: float
+    """Time of the end, in s; not less than the duration of the reference."""
+    notice: str = ""
+    """Why that is later than the reference, in one line; empty: it is not."""
+
+
+@runtime_checkable
+class RetimingController(Controller, Protocol):
+    """A :class:`Controller` that follows a reference later where the robot cannot be in time."""
+
+    def retime(self, reference: Reference) -> Retiming:
+        """Return when the end of ``reference`` is reached; called after ``reset``."""
         ...

@@ -3,7 +3,7 @@
 from omnidrive.choices import Heading
 from omnidrive.reference.components import ReferenceContext
 from omnidrive.reference.corridor import Corridor
-from omnidrive.reference.delay_within_limits import delay_within_limits
+from omnidrive.reference.delay_within_limits import delay_within_limits, needed_limits
 from omnidrive.reference.delayed_reference import DelayedReference
 from omnidrive.reference.limit_sampling import sample_within_limits
 from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within
@@ -54,6 +54,7 @@ __all__ = [
     "limit_usage",
     "load_waypoints",
     "minimum_time",
+    "needed_limits",
     "sample_within_limits",
     "save_waypoints",
     "shortest_duration",

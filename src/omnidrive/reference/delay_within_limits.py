@@ -14,6 +14,7 @@ from omnidrive.errors import InvalidReference
 from omnidrive.reference.delayed_progress import delayed_squared_rates
 from omnidrive.reference.delayed_reference import DelayedReference
 from omnidrive.reference.limits import LimitRows, limit_terms
+from omnidrive.reference.motion import Motion, limit_shares
 from omnidrive.reference.piecewise_path import (
     PathDerivatives,
     body_derivatives,
@@ -81,6 +82,21 @@ def delay_within_limits(
     if not delays[-1] < inf:
         raise InvalidReference("the limits are too low for the path: check their units")
     return _tabulated(reference, samples, rates, delays)
+
+
+def needed_limits(reference: Reference, limits: tuple[LimitRows, ...]) -> dict[str, float]:
+    """Return the peak use of each limit by a reference, as a share of the limit, by name.
+
+    As :func:`~omnidrive.reference.limit_usage`, but with the samples and the mean accelerations of
+    :func:`delay_within_limits`. A jump of the velocity at the start or at the end does not count.
+
+    Raises:
+        InvalidReference: The reference cannot be sampled, or takes longer than 5000 s.
+    """
+    samples = _sampled(reference)
+    accelerations = _accelerations(samples, rest=False)
+    shares = limit_shares(Motion(samples.poses, samples.twists, accelerations), limits)
+    return {name: float(share.max()) for name, share in shares.items()}
 
 
 def _sampled(reference: Reference) -> _Samples:

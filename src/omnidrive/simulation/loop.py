@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import nan
 from operator import attrgetter
 from typing import NamedTuple
@@ -17,6 +19,8 @@ from omnidrive.control import (
     Controller,
     Pipeline,
     PipelineStep,
+    Retiming,
+    RetimingController,
     WheelSpeeds,
     WheelTorques,
 )
@@ -38,6 +42,7 @@ from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
 
+_logger = logging.getLogger("omnidrive")
 _UNKNOWN = (nan, nan, nan)
 _BEFORE_START = -1.0  # s; a time before the first sample
 _FAILED = {
@@ -63,8 +68,9 @@ def simulate(
 ) -> Run:
     """Simulate a closed loop until the reference ends.
 
-    An exception or a malformed result of a part ends the run, not the program: the outcome, the
-    reason and the traceback are in the returned log.
+    With a :class:`~omnidrive.control.RetimingController` it may last longer; a warning and an event
+    at 0 s give the reason. An exception or a malformed result of a part ends the run, not the
+    program: the outcome, the reason and the traceback are in the returned log.
 
     Args:
         plant: The simulated robot; the caller closes it.
@@ -99,7 +105,7 @@ def simulate(
                 pipeline.prepare()
             state = environment.reset(start)
             _reset(pipeline, start)
-            duration = environment.duration
+            duration = _duration(environment, pipeline.controller, log)
             samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
             _loop(environment, pipeline, state, samples, log)
     except RunEnded as end:
@@ -146,6 +152,27 @@ def _reset(pipeline: Pipeline, start: Pose) -> None:
         pipeline.reset(start)
     except PartFailed as error:
         raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
+
+
+def _duration(environment: Environment, controller: Controller, log: _Log) -> float:
+    """Return the duration of the run, s, and log the reason if it is longer than the reference."""
+    duration = environment.duration
+    if not isinstance(controller, RetimingController):
+        return duration
+    with Guard(Outcome.CONTROLLER_FAILED, call="retime", limit=guard.PART_TIMEOUT):
+        retiming = controller.retime(environment.reference)
+        if not (isinstance(retiming, Retiming) and are_finite((retiming.duration,))):
+            raise TypeError(f"retime must return a Retiming with a finite duration, not {retiming}")
+    if retiming.notice:
+        _warn_once(retiming.notice)
+        log.notices.append(Event(0.0, retiming.notice))
+    return max(duration, retiming.duration)
+
+
+@lru_cache(maxsize=256)
+def _warn_once(text: str) -> None:
+    """Log a warning, unless it has been logged lately in this process."""
+    _logger.warning(text)
 
 
 def _loop(
@@ -224,7 +251,7 @@ class _Log:
     pipeline: Pipeline
     rows: list[_Row] = field(default_factory=list)
     notices: list[Event] = field(default_factory=list)
-    """Notices of the estimator."""
+    """Notices of the controller at the start, and of the estimator."""
     end: RunEnded = field(default_factory=lambda: RunEnded(Outcome.FINISHED))
 
     def add(self, t: float, state: PlantState, step: PipelineStep) -> None:

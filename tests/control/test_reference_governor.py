@@ -1,0 +1,179 @@
+"""Reference governor: what it leaves as it is, what it governs, and how long runs last."""
+
+import logging
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from omnidrive.control import FeedforwardController, ReferenceGovernor, Retiming, RetimingController
+from omnidrive.control.reference_governor import TOLERATED_DELAY
+from omnidrive.estimation import State
+from omnidrive.geometry import Pose
+from omnidrive.reference import (
+    DelayedReference,
+    Eight,
+    Hold,
+    ShapeReference,
+    Square,
+    UniformReference,
+)
+from omnidrive.robot import named_robot
+from omnidrive.simulation import KinematicPlant, Outcome, simulate
+from omnidrive.study.planned_scenario import plan_scenario
+from omnidrive.study.scenario import paper_scenario
+
+KIWI = named_robot("kiwi")
+
+
+def governor(robot=KIWI, traction=0.85):
+    return ReferenceGovernor(robot.chassis, robot.acceleration_faces / traction)
+
+
+class Jump:
+    """Reference of a user that jumps by 1 m at 1 s."""
+
+    duration = 4.0
+
+    def at(self, t):
+        return Hold(Pose(float(t >= 1.0), 0.0, 0.0), 1.0).at(t)
+
+    def window(self, t, n, dt):
+        rows = np.zeros((n, 6))
+        rows[:, 0] = t + dt * np.arange(n) >= 1.0
+        return rows
+
+
+class FailsLate(Jump):
+    """Reference that cannot be evaluated from 3 s on."""
+
+    def window(self, t, n, dt):
+        if t + (n - 1) * dt > 3.0:
+            raise RuntimeError("late")
+        return np.zeros((n, 6))
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        ShapeReference(Eight(), 14.0),
+        ShapeReference(Square(ramp=0.0), 20.0),  # jumps to its speed and stops at once
+        Hold(Pose(5.0, 5.0, 1.0), 2.0),
+        Jump(),
+        FailsLate(),
+    ],
+    ids=["within limits", "jumps at its ends", "hold", "jump", "fails"],
+)
+def test_references_that_it_leaves_as_they_are(reference):
+    ours = governor()
+    assert ours.govern(reference) is reference
+    assert ours.delay(1.0) == 0.0
+    assert ours.retime(reference) == Retiming(reference.duration)
+
+
+@pytest.mark.parametrize("duration", [20.0, 30.0])
+def test_references_of_the_papers_study_are_left_as_they_are(duration):
+    planned = plan_scenario(paper_scenario("recommended"))
+    reference = planned.reference(duration)
+    assert isinstance(reference, UniformReference)  # which jumps to 1.6 m/s at its start
+    assert governor(planned.robot).govern(reference) is reference
+
+
+def test_small_violations_are_left_to_the_controller():
+    reference = ShapeReference(Eight(), 8.0)
+    robot = named_robot("paper")
+    assert governor(robot).govern(reference) is reference  # 1.06 times the forces, for 2 ms
+    late = governor(named_robot("small")).govern(reference)
+    assert late.max_delay > TOLERATED_DELAY
+    assert late.duration == 8.0  # it makes up for the delay
+
+
+def test_reference_beyond_the_limits_is_followed_later():
+    reference = ShapeReference(Eight(), 8.0)
+    ours = governor()
+    governed = ours.govern(reference)
+    assert isinstance(governed, DelayedReference)
+    assert governed.reference is reference
+    assert ours.govern(reference) is governed  # computed once
+    assert ours.delay(0.5) == 0.0 < ours.delay(7.0) == governed.delay(7.0)
+    duration, notice = ours.retime(reference)
+    assert duration == governed.duration > 8.5
+    assert "64.3 rad/s of 40 rad/s" in notice
+    assert f"at {duration:.2f} s instead of 8.00 s" in notice
+    ours.reset()
+    assert ours.govern(reference) is not governed
+
+
+def test_without_limits_of_acceleration_only_the_speed_counts():
+    reference = ShapeReference(Eight(), 8.0)
+    ours = ReferenceGovernor(KIWI.chassis, None)
+    assert 8.0 < ours.govern(reference).duration < governor().govern(reference).duration
+    assert "forces" not in ours.retime(reference).notice
+
+
+@dataclass
+class Governed:
+    """Controller that follows the governed reference."""
+
+    law: FeedforwardController
+    governor: ReferenceGovernor = field(default_factory=governor)
+
+    def reset(self, state):
+        self.law.reset(state)
+
+    def step(self, t, state, reference):
+        return self.law.step(t, state, self.governor.govern(reference))
+
+    def retime(self, reference):
+        return self.governor.retime(reference)
+
+
+def test_run_lasts_until_the_governed_reference_ends(caplog):
+    reference = ShapeReference(Eight(), 8.0)
+    controller = Governed(FeedforwardController(0.05))
+    assert isinstance(controller, RetimingController)
+    with caplog.at_level(logging.WARNING, "omnidrive"):
+        runs = [
+            simulate(
+                KinematicPlant(KIWI), controller, reference, start=Pose(0.0, 0.0, 0.0), dt=0.05
+            )
+            for _ in range(2)
+        ]
+    run = runs[0].raise_if_failed()
+    end = controller.governor.govern(reference).duration
+    assert run.t[-1] == pytest.approx(end, abs=0.03)
+    assert run.target[-1] == pytest.approx(reference.at(8.0).pose)  # the target is the original
+    assert run.pose[-1] == pytest.approx(run.target[-1], abs=0.02)
+    event = run.events[0]
+    assert event.t == 0.0
+    assert event.what == controller.retime(reference).notice
+    assert sum(each.getMessage() == event.what for each in caplog.records) == 1  # not once per run
+
+
+@pytest.mark.parametrize("answer", [None, 9.0, Retiming(float("inf")), Retiming(float("nan"))])
+def test_malformed_retiming_ends_the_run(answer):
+    controller = Governed(FeedforwardController(0.1))
+    controller.retime = lambda reference: answer
+    run = simulate(
+        KinematicPlant(KIWI), controller, Hold(Pose(0.0, 0.0, 0.0), 1.0),
+        start=Pose(0.0, 0.0, 0.0), dt=0.1,
+    )  # fmt: skip
+    assert run.outcome is Outcome.CONTROLLER_FAILED
+    assert "Retiming" in run.reason
+
+
+def test_shorter_retiming_does_not_shorten_the_run():
+    controller = Governed(FeedforwardController(0.1))
+    controller.retime = lambda reference: Retiming(0.2)
+    start = Pose(0.0, 0.0, 0.0)
+    run = simulate(KinematicPlant(KIWI), controller, Hold(start, 1.0), start=start, dt=0.1)
+    assert run.t[-1] == 1.0
+
+
+def test_state_does_not_change_the_governed_reference():
+    reference = ShapeReference(Eight(), 8.0)
+    one, other = Governed(FeedforwardController(0.05)), Governed(FeedforwardController(0.05))
+    one.reset(State(0.0, Pose(0.0, 0.0, 0.0)))
+    one.step(0.0, State(0.0, Pose(0.3, 0.1, 0.2)), reference)
+    first, second = (each.governor.govern(reference) for each in (one, other))
+    assert np.array_equal(first.setpoints, second.setpoints)
