@@ -36,7 +36,7 @@ from gauntlet_cells import (
     run_cell,
 )
 from gauntlet_references import SHAPES, STEPS
-from gauntlet_rows import entries
+from gauntlet_rows import NEGLIGIBLE, entries
 from gauntlet_table import TableFile, changes, read_table, version
 from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
@@ -136,8 +136,11 @@ def report(rows: Sequence[dict[str, object]], most: int) -> None:
     """Print the rows, up to ``most`` failing cells of each, and write out/gauntlet.json."""
     table = Table("row", "value", "unit", "target", "holds", "failing", "worst cell")
     for r in rows:
+        failing = f"{len(r['failing'])} of {r['cells']}"
+        if r["clearly"] < len(r["failing"]):
+            failing += f", {r['clearly']} by over {NEGLIGIBLE:g}"
         table.add_row(r["name"], f"{r['value']:g}", r["unit"], r["target"], str(r["holds"]),
-                      f"{len(r['failing'])} of {r['cells']}", r["worst"])  # fmt: skip
+                      failing, r["worst"])  # fmt: skip
     console.print(table)
     for r in rows:
         for text in r["failing"][:most]:

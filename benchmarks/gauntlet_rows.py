@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import inf, isfinite, isnan
+from math import inf, isfinite, isnan, nan
 from statistics import fmean
 from typing import NamedTuple
 
@@ -16,6 +16,8 @@ OVER_NOMINAL, OVER_OTHERS = 2.0, 0.8
 PATH_DISTANCE, PATH_HEADING, ARRIVAL = 15.0, 30.0, 0.05  # mm, mrad, share of the exact arrival
 NOISE, STUDY = 1.02, 1.02
 TINY = 1e-9
+NEGLIGIBLE = 0.1
+"""mm or mrad; of cells that compare errors, those that fail by more are counted as well."""
 
 
 class Comparison(NamedTuple):
@@ -24,6 +26,8 @@ class Comparison(NamedTuple):
     value: float
     cell: Cell
     text: str
+    scale: float = nan
+    """What the value is a multiple of, in mm or mrad; NaN for other rows."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class Row:
             "target": f"<= {self.limit:g}",
             "holds": not failing,
             "failing": [f"{each.value:.4g} {_place(each)}: {each.text}" for each in failing],
+            "clearly": sum(not (e.value - self.limit) * e.scale <= NEGLIGIBLE for e in failing),
             "cells": len(found),
             "worst": f"{_place(found[0])}: {found[0].text}",
         }
@@ -123,7 +128,8 @@ def over_others(figure: str, cases: tuple[str, ...] | None = None):
             if group.own is None or not group.others or (cases and group.cell.case not in cases):
                 continue
             value, (least, name) = getattr(group.own, figure), best(group, figure)
-            yield Comparison(quotient(value, least), group.cell, f"{value:.4g}, {name} {least:.4g}")
+            text = f"{value:.4g}, {name} {least:.4g}"
+            yield Comparison(quotient(value, least), group.cell, text, least)
 
     return values
 
@@ -136,7 +142,8 @@ def over_nominal(figure: str):
             if group.own is None or base is None or group.cell.case == "nominal":
                 continue
             value = getattr(group.own, figure)
-            yield Comparison(quotient(value, base), group.cell, f"{value:.4g}, nominal {base:.4g}")
+            text = f"{value:.4g}, nominal {base:.4g}"
+            yield Comparison(quotient(value, base), group.cell, text, base)
 
     return values
 

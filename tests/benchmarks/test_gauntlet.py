@@ -191,6 +191,16 @@ def test_rows_of_tracking():
     assert "step: overshoot" not in rows
 
 
+def test_cells_that_fail_by_less_than_a_tenth_of_a_millimetre_are_counted():
+    rows = rows_of({
+        ("nominal", RECOMMENDED, 0): Figures(0.01),
+        ("lag", RECOMMENDED, 0): Figures(0.11),
+        ("late", RECOMMENDED, 0): Figures(0.13),
+    })  # fmt: skip
+    row = rows["tracking: ME over nominal"]
+    assert (len(row["failing"]), row["clearly"]) == (2, 1)
+
+
 def step(overshoot, settling=1.0):
     return Figures(overshoot_percent=overshoot, settling_s=settling)
 
