@@ -158,7 +158,9 @@ def _lines(content, _, rng):
     elif change == 1:
         del lines[a : b + 1]
     elif change == 2:
-        lines[a:a] = lines[a : b + 1] * min(rng.choice((1, 20, 2000)), 200_000 // len(lines))
+        block = lines[a : b + 1]
+        most = 1 + min(200_000 // len(lines), MAX_BYTES // sum(map(len, block)))
+        lines[a:a] = block * min(rng.choice((1, 20, 2000)), most)
     else:
         lines[a : b + 1] = rng.sample(lines[a : b + 1], b + 1 - a)
     return b"".join(lines)
