@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from omnidrive.compiled.compilation import compile_listeners
 from omnidrive.control import FeedforwardController, ReferenceGovernor, Retiming, RetimingController
 from omnidrive.control.reference_governor import TOLERATED_DELAY
 from omnidrive.estimation import State
@@ -102,6 +103,18 @@ def test_reference_beyond_the_limits_is_followed_later():
     assert f"at {duration:.2f} s instead of 8.00 s" in notice
     ours.reset()
     assert ours.govern(reference) is not governed
+
+
+@pytest.mark.parametrize("name", ["paper", "small", "kiwi", "mecanum"])
+def test_nothing_is_compiled_after_preparation(name):
+    ours, compilations = governor(named_robot(name)), []
+    ours.prepare()
+    compile_listeners.append(compilations.append)
+    try:
+        ours.govern(ShapeReference(Eight(), 4.0)).window(2.0, 5, 0.1)
+    finally:
+        compile_listeners.remove(compilations.append)
+    assert not compilations
 
 
 def test_without_limits_of_acceleration_only_the_speed_counts():

@@ -89,11 +89,11 @@ def test_delay_of_a_start_at_full_speed_is_made_up_for():
     speed, acceleration = 1.0, 0.25
     delayed = delay_within_limits(Motion(lambda t: t, 30.0), translation_limits(3.0, acceleration))
     lost = speed / (2.0 * acceleration)
-    assert 0.5 * lost < delayed.max_delay < lost
+    assert delayed.max_delay == pytest.approx(lost, rel=0.05)
     middle = (delayed.setpoints[:, 0] > 12.0) & (delayed.setpoints[:, 0] < 22.0)
     assert not delayed.delays[middle].any()  # windows there are those of the reference
     assert delayed.setpoints[:, 3].max() > 1.3  # faster than the reference while it is late
-    assert delayed.delays[-1] > 0.5 * lost
+    assert delayed.delays[-1] == pytest.approx(lost, rel=0.05)
     free = delay_within_limits(
         Motion(lambda t: t, 30.0), translation_limits(3.0, acceleration), rest=False
     )
@@ -142,7 +142,7 @@ def test_motion_is_on_the_path_behind_the_reference_and_within_limits(shape, sha
 def test_much_too_fast_reference_becomes_the_fastest_motion(shape):
     exact = exact_retiming(shape, LIMITS)
     delayed = delay_within_limits(ShapeReference(shape, 0.4 * exact.duration), LIMITS)
-    assert delayed.duration == pytest.approx(exact.duration, rel=0.02)
+    assert delayed.duration == pytest.approx(exact.duration, rel=0.03)
 
 
 def test_no_motion_along_the_path_is_later_less():
@@ -193,7 +193,7 @@ def test_window_has_the_velocity_of_its_poses():
     ("reference", "reason"),
     [
         (Motion(lambda t: np.where(t < 1.0, 0.0, 1.0), 3.0), "jumps at 1.00 s"),
-        (Motion(lambda t: 0.0 * t, 3.0, lambda t: np.where(t < 2.0, 0.0, pi / 2)), "jumps at 1.99"),
+        (Motion(lambda t: 0.0 * t, 3.0, lambda t: np.where(t < 2.0, 0.0, pi / 2)), "at 2.00 s"),
         (Motion(lambda t: nan * t, 3.0), "finite"),
         (Motion(lambda t: t, 0.0), "must be positive"),
         (Motion(lambda t: t, nan), "must be positive"),

@@ -21,16 +21,14 @@ from omnidrive.reference import (
 )
 from omnidrive.robot import Chassis
 
-TOLERATED_DELAY = 0.05
+TOLERATED_DELAY = 0.1
 """Delay, s, up to which the tracking controller makes up for what the limits do not permit."""
 
 SPEED_SHARE, FORCE_SHARE = 0.98, 0.965
 """Shares of the wheel speed limit and of the acceleration limits of the controller that governed
 references use; the rest is for feedback."""
 
-_TRIAL = SampledReference(
-    np.array([0.0, 0.1]), np.array([[0.0, 0.0, 0.0], [1e3, 0.0, 0.0]]), np.zeros((2, 3))
-)
+_STILL = SampledReference(np.array([0.0, 0.1]), np.zeros((2, 3)), np.zeros((2, 3)))
 
 
 @dataclass(slots=True)
@@ -60,7 +58,8 @@ class ReferenceGovernor:
 
     def prepare(self) -> None:
         """Compile the kernels."""
-        delay_within_limits(_TRIAL, self._limits(SPEED_SHARE, FORCE_SHARE)).window(0.0, 2, 0.1)
+        delay_within_limits(_STILL, self._limits(SPEED_SHARE, FORCE_SHARE))
+        DelayedReference(_STILL, 0.1, np.zeros((2, 6)), np.ones(2)).window(0.0, 2, 0.1)
 
     def reset(self) -> None:
         """Forget the latest reference."""

@@ -29,10 +29,14 @@ AVERAGING_TIME = 0.1
 _STEP, _MAX_STEP = 0.01, 0.05
 """Time between samples, in s, and the largest one, with which accelerations are still resolved."""
 
-_MIN_SAMPLES = 400
+_MIN_SAMPLES = 1000
 
 _JUMP = 10.0
 """Use of a speed limit, as a share of it, between two samples that counts as a jump."""
+
+_PASSES, _SHORT = 4, 0.02
+"""Largest number of passes, between which the averaging times adapt to the rates, and the largest
+delay, in s, after which one is enough."""
 
 _TOP = 1e6
 """Largest squared rate, where the reference is at rest."""
@@ -61,9 +65,10 @@ def delay_within_limits(
     the reference's own time as path parameter.
 
     Only the poses of the reference are used, at steps of 0.01 s, smaller ones if it takes less than
-    4 s, larger ones if it takes more than 1000 s. Its accelerations are means with triangular
+    10 s, larger ones if it takes more than 1000 s. Its accelerations are means with triangular
     weights over 0.1 s before and after. A corner, which no robot passes at speed, is therefore
-    passed as if it were rounded, at a distance of (0.1 s)/6 times the change of the velocity.
+    passed at the speed at which a robot rounds it at a distance of acceleration x (0.1 s)^2 / 6, a
+    few millimetres.
 
     Args:
         reference: The motion.
@@ -77,11 +82,16 @@ def delay_within_limits(
     """
     samples = _sampled(reference)
     _check_no_jump(samples, limits)
-    a, b = _limit_rows(samples, limits, rest)
-    rates, delays = delayed_squared_rates(a, b, samples.step, _TOP)
-    if not delays[-1] < inf:
-        raise InvalidReference("the limits are too low for the path: check their units")
-    return _tabulated(reference, samples, rates, delays)
+    rates = np.ones(len(samples.poses))
+    for _ in range(_PASSES):
+        a, b = _limit_rows(samples, limits, _accelerations(samples, rates, rest))
+        squared, delays = delayed_squared_rates(a, b, samples.step, _TOP)
+        if not delays[-1] < inf:
+            raise InvalidReference("the limits are too low for the path: check their units")
+        rates = np.sqrt(squared)
+        if delays.max() < _SHORT:
+            break
+    return _tabulated(reference, samples, squared, delays)
 
 
 def needed_limits(reference: Reference, limits: tuple[LimitRows, ...]) -> dict[str, float]:
@@ -94,7 +104,7 @@ def needed_limits(reference: Reference, limits: tuple[LimitRows, ...]) -> dict[s
         InvalidReference: The reference cannot be sampled, or takes longer than 5000 s.
     """
     samples = _sampled(reference)
-    accelerations = _accelerations(samples, rest=False)
+    accelerations = _accelerations(samples, np.ones(len(samples.poses)), rest=False)
     shares = limit_shares(Motion(samples.poses, samples.twists, accelerations), limits)
     return {name: float(share.max()) for name, share in shares.items()}
 
@@ -128,33 +138,47 @@ def _check_no_jump(samples: _Samples, limits: tuple[LimitRows, ...]) -> None:
 
 
 def _limit_rows(
-    samples: _Samples, limits: tuple[LimitRows, ...], rest: bool
+    samples: _Samples, limits: tuple[LimitRows, ...], accelerations: Float[Array, "samples 3"]
 ) -> tuple[Float[Array, "intervals rows"], Float[Array, "intervals rows"]]:
     """Return all limits as rows ``|a u + b x| <= 1`` at both ends of each interval.
 
     As :func:`~omnidrive.reference.time_parameterization.interval_rows`; s is the reference's time.
     """
-    motion = PathDerivatives(samples.poses, samples.twists, _accelerations(samples, rest))
+    motion = PathDerivatives(samples.poses, samples.twists, accelerations)
     along, across = limit_terms(body_derivatives(motion), limits)
     a = np.hstack([along[:-1], along[1:] + 2.0 * samples.step * across[1:]])
     return a, np.hstack([across[:-1], across[1:]])
 
 
-def _accelerations(samples: _Samples, rest: bool) -> Float[Array, "samples 3"]:
+def _accelerations(
+    samples: _Samples, rates: Float[Array, " samples"], rest: bool
+) -> Float[Array, "samples 3"]:
     """Return the mean accelerations around the samples, in W.
 
     A second difference of poses is the mean of the acceleration with triangular weights. Before the
     start and after the end the pose is constant, or, without rest there, goes on with the velocity
     and the opposite acceleration.
+
+    Args:
+        samples: The samples.
+        rates: Rate at each sample at which the motion follows the reference: where it is slow, the
+            averaging time is a shorter one of the reference.
+        rest: Whether the motion starts and ends at rest.
     """
     step, poses, _ = samples
     m = min(max(round(AVERAGING_TIME / step), 1), len(poses) - 1)
     before, after = np.tile(poses[0], (m, 1)), np.tile(poses[-1], (m, 1))
     if not rest:
         before, after = 2.0 * before - poses[m:0:-1], 2.0 * after - poses[-2 : -m - 2 : -1]
-    wide = np.vstack([before, poses, after])
-    second: Float[Array, "samples 3"] = wide[2 * m :] - 2.0 * poses + wide[: -2 * m]
-    return second / (m * step) ** 2
+    times = step * np.arange(-m, len(poses) + m)
+    columns = np.vstack([before, poses, after]).T
+    width = np.maximum(m * np.minimum(rates, 1.0), 1.0) * step
+    own = times[m:-m]
+    second = [
+        (np.interp(own + width, times, c) - 2.0 * c[m:-m] + np.interp(own - width, times, c))
+        for c in columns
+    ]
+    return np.stack(second, axis=1) / (width * width)[:, None]
 
 
 def _tabulated(
