@@ -1,14 +1,20 @@
-"""The kinematic plant: wheels execute their commanded speeds without slip."""
+"""The kinematic plant: wheels execute their commanded speeds without slip; compiled."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from math import nan
+from typing import NamedTuple
 
-from omnidrive.control.controller import STOP, CommandValue
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import entry_point, inlined
+from omnidrive.control.controller import CommandValue
 from omnidrive.errors import InvalidInput
-from omnidrive.geometry import Pose, move
-from omnidrive.robot import Chassis, Robot
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.geometry.kernels import move
+from omnidrive.robot import Robot
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.plant import (
     PlantCapabilities,
@@ -19,33 +25,135 @@ from omnidrive.simulation.plant import (
 )
 
 
-@dataclass(slots=True)
+class KinematicModel(NamedTuple):
+    """Parameters of the robot for the compiled functions."""
+
+    drive: Float[Array, "wheels 3"]
+    """Wheel speed per commanded body twist; rad/m, rad/m, rad/rad."""
+    inverse: Float[Array, "3 wheels"]
+    """Body twist per wheel speed: the pseudo-inverse of the wheel matrix; m/rad, m/rad, rad/rad."""
+    limits: Float[Array, " 1"]
+    """Largest wheel speed, rad/s."""
+
+
+class KinematicState(NamedTuple):
+    """Everything that the plant keeps from one command to the next."""
+
+    motion: Float[Array, " 6"]
+    """Pose of B in W and body twist; m, m, rad, m/s, m/s, rad/s."""
+    speeds: Float[Array, " wheels"]
+    """Speed of each wheel, rad/s."""
+
+
+@inlined
+def roll(  # noqa: PLR0917
+    drive: Float[Array, "wheels 3"],
+    inverse: Float[Array, "3 wheels"],
+    limits: Float[Array, " 1"],
+    motion: Float[Array, " 6"],
+    speeds: Float[Array, " wheels"],
+    dt: float,
+) -> None:
+    """Move for ``dt`` (s) with the wheel speeds in ``speeds``, in place.
+
+    Args:
+        drive: This and the following: fields of :class:`KinematicModel`.
+        inverse: See there.
+        limits: See there.
+        motion: This and the following: fields of :class:`KinematicState`.
+        speeds: See there.
+        dt: Duration, s.
+    """
+    vx, vy, yaw_rate = 0.0, 0.0, 0.0
+    for i in range(len(speeds)):
+        vx += inverse[0, i] * speeds[i]
+        vy += inverse[1, i] * speeds[i]
+        yaw_rate += inverse[2, i] * speeds[i]
+    pose = move(Pose(motion[0], motion[1], motion[2]), BodyTwist(vx, vy, yaw_rate), dt)
+    motion[0], motion[1], motion[2] = pose.x, pose.y, pose.yaw
+    motion[3], motion[4], motion[5] = vx, vy, yaw_rate
+
+
+@inlined
+def follow(  # noqa: PLR0917
+    drive: Float[Array, "wheels 3"],
+    inverse: Float[Array, "3 wheels"],
+    limits: Float[Array, " 1"],
+    motion: Float[Array, " 6"],
+    speeds: Float[Array, " wheels"],
+    vx: float,
+    vy: float,
+    yaw_rate: float,
+    dt: float,
+) -> bool:
+    """Execute a commanded body twist for ``dt`` (s), in place; return whether it was scaled down.
+
+    Wheel speeds beyond the limit are scaled down together.
+
+    Args:
+        drive: This and the following: see :func:`roll`.
+        inverse: See there.
+        limits: See there.
+        motion: See there.
+        speeds: See there.
+        vx: Commanded velocity along x of B, m/s.
+        vy: Commanded velocity along y of B, m/s.
+        yaw_rate: Commanded yaw rate, rad/s.
+        dt: See there.
+    """
+    peak = 0.0
+    for i in range(len(speeds)):
+        speeds[i] = drive[i, 0] * vx + drive[i, 1] * vy + drive[i, 2] * yaw_rate
+        peak = max(peak, abs(speeds[i]))
+    scaled: bool = peak > limits[0]
+    if scaled:
+        for i in range(len(speeds)):
+            speeds[i] *= limits[0] / peak
+    roll(drive, inverse, limits, motion, speeds, dt)
+    return scaled
+
+
 class KinematicPlant:
     """Exact SE(2) motion within the wheel-speed limits; no mass, no slip.
 
     ``robot.drive`` converts a body twist to wheel speeds, ``robot.chassis`` converts these to
     motion; the two differ for a miscalibrated robot. Wheel speeds that no twist has in common
     (four wheels, three degrees of freedom) give the motion with the least squares of slip.
+
+    Attributes:
+        robot: The robot.
     """
 
-    robot: Robot
-    _pose: Pose = field(default=Pose(0.0, 0.0, 0.0), init=False)
-    _chassis: Chassis = field(init=False, repr=False)
-    _drive: Chassis = field(init=False, repr=False)
+    def __init__(self, robot: Robot) -> None:
+        """Create the model of the robot.
 
-    def __post_init__(self) -> None:
-        check_robot(self.robot, "KinematicPlant")
-        self._chassis, self._drive = self.robot.chassis, self.robot.drive
+        Args:
+            robot: The robot.
+
+        Raises:
+            InvalidInput: ``robot`` is not a robot.
+        """
+        check_robot(robot, "KinematicPlant")
+        self.robot = robot
+        self._model = KinematicModel(
+            np.array(robot.drive.jacobian, dtype=float, order="C"),
+            np.ascontiguousarray(np.linalg.pinv(robot.chassis.jacobian)),
+            np.array([robot.drive.max_wheel_speed]),
+        )
+        self._state = KinematicState(np.zeros(6), np.zeros(len(robot.mounts)))
+        self._follow = entry_point(follow, *self._model, *self._state, 0.0, 0.0, 0.0, 0.1)
 
     @property
     def capabilities(self) -> PlantCapabilities:
         """Disturbable by pose offsets only: there are no forces, and it takes no torques."""
-        return PlantCapabilities(disturbable=True, wheel_speeds=True)
+        return _CAPABILITIES
 
     def reset(self, pose: Pose) -> PlantState:
         """Start at rest at ``pose``."""
-        self._pose = pose
-        return PlantState(pose, STOP, nan, wheel_speeds=(0.0,) * len(self.robot.mounts))
+        self._state = KinematicState(
+            np.array([*pose, 0.0, 0.0, 0.0]), np.zeros(len(self._state.speeds))
+        )
+        return self._measure(scaled=False)
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
         """Hold ``command``, saturated in wheel space, for ``dt`` (s).
@@ -53,17 +161,13 @@ class KinematicPlant:
         Raises:
             InvalidInput: It cannot, see :func:`~omnidrive.simulation.plant.check_step`.
         """
-        check_step(command, dt, self.capabilities, len(self.robot.mounts))
-        speeds, scaled = self._drive.limited_speeds(command)
-        actual = self._chassis.twist(speeds)
-        self._pose = move(self._pose, actual, dt)
-        return PlantState(
-            self._pose,
-            actual,
-            nan,
-            wheel_speeds=tuple(speeds.tolist()),
-            saturated=Saturation.WHEEL_SPEED if scaled else 0,
-        )
+        check_step(command, dt, _CAPABILITIES, len(self.robot.mounts))
+        if isinstance(command, BodyTwist):
+            scaled = bool(self._follow(*self._model, *self._state, *command, dt))
+            return self._measure(scaled=scaled)
+        self._state.speeds[:], scaled = self.robot.drive.limited_speeds(command)
+        roll(*self._model, *self._state, dt)
+        return self._measure(scaled=scaled)
 
     def apply(self, disturbances: Disturbances) -> None:
         """Add a pose offset.
@@ -77,8 +181,20 @@ class KinematicPlant:
                 "a plant without forces accepts no disturbance but a pose offset; use a plant with "
                 "forces"
             )
-        x, y, yaw = self._pose
-        self._pose = Pose(x + offset.x, y + offset.y, yaw + offset.yaw)
+        self._state.motion[:3] += offset
 
     def close(self) -> None:
         """Do nothing: the plant holds no resources."""
+
+    def _measure(self, *, scaled: bool) -> PlantState:
+        x, y, yaw, vx, vy, yaw_rate = self._state.motion.tolist()
+        return PlantState(
+            Pose(x, y, yaw),
+            BodyTwist(vx, vy, yaw_rate),
+            nan,
+            wheel_speeds=tuple(self._state.speeds.tolist()),
+            saturated=Saturation.WHEEL_SPEED if scaled else 0,
+        )
+
+
+_CAPABILITIES = PlantCapabilities(disturbable=True, wheel_speeds=True)
