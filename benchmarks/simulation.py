@@ -21,18 +21,23 @@ from s_path import SPath
 from omnidrive.control import FeedforwardController
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.robot import ROBOTS, Robot
-from omnidrive.simulation import MujocoPlant, Plant, identify_lag, simulate, simulate_batch
+from omnidrive.simulation import MujocoPlant, Plant, identify_lag, simulate, simulate_commands
 from omnidrive.study import make_plant
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 PLANTS = ("mujoco-rollers", "mujoco-balls", "planar", "kinematic")
-FACTORS = {"mujoco-rollers": 25.0, "mujoco-balls": 250.0, "planar": 1000.0}
+FACTORS = {
+    "mujoco-rollers": 25.0,
+    "mujoco-balls": 250.0,
+    "planar": 1000.0,
+    "kinematic": 10_000.0,
+}
 ROUNDS = 5
 SECONDS = {
     "mujoco-rollers": 2.0,
     "mujoco-balls": 6.0,
     "planar": 60.0,
-    "kinematic": 20.0,
+    "kinematic": 200.0,
 }  # per round
 CURVE = BodyTwist(0.5, 0.2, 0.6)
 BATCH = (20, 100)  # runs, commands
@@ -88,7 +93,7 @@ def speed_of_batch(robot: Robot) -> float:
     runs, steps = BATCH
     starts, commands = np.zeros((runs, 3)), np.tile(np.array(CURVE), (runs, steps, 1))
     start = thread_time()
-    simulate_batch(robot, starts, commands, 0.1)
+    simulate_commands(robot, starts, commands, 0.1)
     return runs * steps * 0.1 / (thread_time() - start)
 
 

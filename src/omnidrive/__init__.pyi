@@ -56,8 +56,10 @@ from .simulation import (
     Saturation,
     SensorSuite,
     identify_lag,
+    run_generators,
     simulate,
     simulate_batch,
+    simulate_commands,
 )
 from .simulation.components import PlantContext
 from .study import Scenario, Study, load_scenario, paper_scenario, run_study
@@ -146,6 +148,7 @@ __all__ = [
     "paper_scenario",
     "plan",
     "replay",
+    "run_generators",
     "run_study",
     "save_nav2_map",
     "save_robot",
@@ -153,6 +156,7 @@ __all__ = [
     "search",
     "simulate",
     "simulate_batch",
+    "simulate_commands",
     "smooth",
     "step_response",
     "time_uniformly",

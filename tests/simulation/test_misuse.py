@@ -16,6 +16,7 @@ import omnidrive as od
 from omnidrive.simulation import CoppeliaSimPlant
 
 robot, rest = od.named_robot("small"), od.Pose(0.0, 0.0, 0.0)
+feedforward = od.FeedforwardController(0.1)
 plant, hold = od.KinematicPlant(robot), od.Hold(od.Pose(0.5, 0.0, 0.0), 1.0)
 
 
@@ -34,6 +35,10 @@ def run(controller, reference=hold, start=rest, dt=0.1, plant=plant, sensors=Non
     return od.simulate(plant, controller, reference, start=start, dt=dt, sensors=sensors).ending
 
 
+def batch(plant=plant, controller=feedforward, references=(hold,), **options):
+    return list(od.simulate_batch(plant, controller, references, dt=0.1, **options))
+
+
 def returning(command):
     return lambda: run(Constant(command))
 
@@ -44,7 +49,6 @@ class Unconnected(od.KinematicPlant):
         raise RuntimeError("not connected")
 
 
-feedforward = od.FeedforwardController(0.1)
 grid = od.OccupancyGrid(np.zeros((9, 9), bool), 1.0)
 CALLS = {
     "tuple": returning((0.1, 0.0, 0.0)),
@@ -72,6 +76,11 @@ CALLS = {
     "planar of a chassis": lambda: od.PlanarPlant(robot.chassis),
     "mujoco of a name": lambda: od.MujocoPlant("small"),
     "coppeliasim of a chassis": lambda: CoppeliaSimPlant(robot.chassis),
+    "batch of a robot": lambda: batch(plant=robot),
+    "batch of one reference": lambda: batch(references=hold),
+    "batch from one start": lambda: batch(starts=rest),
+    "batch with other sensors": lambda: batch(sensors=od.PerfectSensors()),
+    "batch with an estimator": lambda: batch(controller=od.Pipeline(feedforward)),
     "two turns": lambda: run(feedforward, start=od.Pose(0.0, 0.0, 12.5)),
     "built for the loop": lambda: run(od.FeedforwardController(0.1 + 1e-9)),
 }
@@ -127,6 +136,16 @@ EXPECTED = {
     "mujoco of a name": ("InvalidInput", "MujocoPlant needs a Robot, got a str: pass "
                          "od.named_robot('small')"),
     "coppeliasim of a chassis": ("InvalidInput", "CoppeliaSimPlant needs a Robot, got a Chassis"),
+    "batch of a robot": ("InvalidInput", "a batch of closed loops starts with a plant; a batch of "
+                         "given commands, without controller, is simulate_commands(robot, starts"),
+    "batch of one reference": ("InvalidInput", "references must be a sequence, one for each run, "
+                               "got a Hold: for the same in every run pass itertools.repeat(it"),
+    "batch from one start": ("InvalidInput", "starts must be a sequence, one for each run, got a "
+                             "Pose"),
+    "batch with other sensors": ("InvalidInput", "a batch simulates exact poses (sensors=None) and "
+                                 "the paper's noise (sensors=PaperNoise, the class), got Perf"),
+    "batch with an estimator": ("InvalidInput", "a batch takes a controller, not a pipeline: its "
+                                "state estimate is the latest pose fix (LatestFix)"),
     "two turns": ("", "reached the end of the reference"),
     "built for the loop": ("", "reached the end of the reference"),
 }  # fmt: skip

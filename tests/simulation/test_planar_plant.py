@@ -22,7 +22,7 @@ from omnidrive.simulation import (
     Payload,
     PlanarPlant,
     PoseOffset,
-    simulate_batch,
+    simulate_commands,
 )
 from omnidrive.simulation.mujoco.robot_model import robot_mjcf
 from omnidrive.simulation.planar.model import mass_matrix, planar_model
@@ -322,7 +322,7 @@ def test_batch_equals_single_steps_bit_for_bit():
     robot, rng = named_robot("kiwi"), np.random.default_rng(5)
     starts = rng.normal(size=(3, 3))
     commands = rng.normal(size=(3, 12, 3))
-    poses, twists = simulate_batch(robot, starts, commands, 0.05)
+    poses, twists = simulate_commands(robot, starts, commands, 0.05)
     plant = PlanarPlant(robot)
     for run in range(3):
         plant.reset(Pose(*starts[run].tolist()))
@@ -334,9 +334,9 @@ def test_batch_equals_single_steps_bit_for_bit():
 
 def test_batch_with_wrong_sizes_is_refused():
     with pytest.raises(InvalidInput, match="2 starts for 3 runs"):
-        simulate_batch(Small.robot, np.zeros((2, 3)), np.zeros((3, 4, 3)), 0.1)
-    with pytest.raises(InvalidInput, match="must be 1e-09 to 3600 s"):
-        simulate_batch(Small.robot, np.zeros((1, 3)), np.zeros((1, 4, 3)), 0.0)
+        simulate_commands(Small.robot, np.zeros((2, 3)), np.zeros((3, 4, 3)), 0.1)
+    with pytest.raises(InvalidInput, match="need 1e-09 to 3600 s"):
+        simulate_commands(Small.robot, np.zeros((1, 3)), np.zeros((1, 4, 3)), 0.0)
 
 
 def test_initial_roller_angles_are_random():

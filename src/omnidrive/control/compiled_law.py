@@ -13,7 +13,7 @@ class SetpointWindow(NamedTuple):
 
     first: float
     """Time of the first setpoint after the sample, s."""
-    count: int
+    length: int
     """Number of setpoints."""
     spacing: float
     """Time between them, s."""

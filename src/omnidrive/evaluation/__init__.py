@@ -10,7 +10,6 @@ from omnidrive.evaluation.paired import (
     paired_differences,
     repeated_runs,
 )
-from omnidrive.evaluation.path_error import PathErrors, path_errors
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.results import (
     STEP_AXES,
@@ -31,7 +30,6 @@ __all__ = [
     "FaultResult",
     "Metrics",
     "PairedDifference",
-    "PathErrors",
     "Recovery",
     "RepeatedRuns",
     "StepResponse",
@@ -44,7 +42,6 @@ __all__ = [
     "headline",
     "measure",
     "paired_differences",
-    "path_errors",
     "position_error",
     "recovery",
     "repeated_runs",

@@ -1,3 +1,4 @@
+from .batch import BatchResults, run_generators, simulate_batch
 from .coppeliasim import CoppeliaSimPlant, CoppeliaSimScene
 from .disturbances import FAULTS, Fault, Schedule, default_faults, parse_fault
 from .disturbances.disturbances import (
@@ -14,7 +15,7 @@ from .kinematic import KinematicPlant
 from .loop import simulate
 from .moving_obstacle import MovingObstacle
 from .mujoco.plant import MujocoPlant
-from .planar import PlanarPlant, simulate_batch
+from .planar import PlanarPlant, simulate_commands
 from .plant import (
     DisturbablePlant,
     Plant,
@@ -36,6 +37,7 @@ from .sensors import (
 
 __all__ = [
     "FAULTS",
+    "BatchResults",
     "CoppeliaSimPlant",
     "CoppeliaSimScene",
     "DisturbablePlant",
@@ -69,6 +71,8 @@ __all__ = [
     "default_faults",
     "identify_lag",
     "parse_fault",
+    "run_generators",
     "simulate",
     "simulate_batch",
+    "simulate_commands",
 ]

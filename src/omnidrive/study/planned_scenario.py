@@ -237,15 +237,14 @@ def _inflation(section: MapSection, grid: OccupancyGrid, robot: Robot) -> tuple[
     It holds for cell centres; a point of a cell is half a diagonal from its centre.
     """
     if section.source == "paper":
-        return section.margin, "the margin; the paper's map contains that of the robot"
+        return section.margin, ""
     half_diagonal = grid.resolution * 0.5**0.5
     inflation = robot.body_radius + max(section.margin, half_diagonal)
-    body = f"the body radius of {robot.body_radius:g} m"
     if half_diagonal <= section.margin:
-        return inflation, f"{body} and the margin of {section.margin:g} m"
+        return inflation, ""
     return inflation, (
-        f"{body} and half a cell diagonal, {half_diagonal:.3g} m, which is larger than the margin "
-        f"of {section.margin:g} m"
+        f"the body radius of {robot.body_radius:g} m and half a cell diagonal, "
+        f"{half_diagonal:.3g} m, which is larger than the margin of {section.margin:g} m"
     )
 
 

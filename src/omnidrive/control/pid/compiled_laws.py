@@ -73,9 +73,7 @@ def _packed(tune: Tuner) -> _PackedTuner | None:
     return _NO_TUNING if tune is no_tuning else None
 
 
-def _tuners(
-    kind: type, channels: Sequence[Channel | TrackingChannel], dt: float
-) -> list[_PackedTuner] | None:
+def _tuners(kind: Any, channels: Sequence[Any], dt: float) -> list[_PackedTuner] | None:
     """Return the tuners of channels of one kind; None: a channel or tuner is of another kind.
 
     Channels with memory must be distinct, and have the sample time of the controller.
@@ -131,7 +129,8 @@ def tracking_pid_law(dt: float, channels: tuple[TrackingChannel, ...]) -> Compil
     tuners = _tuners(TrackingChannel, channels, dt)
     if tuners is None:
         return None
-    data = _TrackingData(dt, *(each.parameters for each in channels), *tuners)
+    x, y, heading = (each.parameters for each in channels)
+    data = _TrackingData(dt, x, y, heading, *tuners)
     window = SetpointWindow(0.0, 3, 0.5 * dt)
     return CompiledLaw(_tracking_step, data, _CHANNELS + _STATE * len(channels), window)
 
@@ -230,8 +229,8 @@ def waypoint_law(
     ):
         tuners = _tuners(kind, channels, dt)
         if tuners is not None:
-            parameters = [each.parameters for each in channels]
-            data = _WaypointData(dt, wraps, *parameters, *tuners)
+            position, heading = (each.parameters for each in channels)
+            data = _WaypointData(dt, wraps, position, heading, *tuners)
             return CompiledLaw(step, data, 8, SetpointWindow(dt, 1, 0.0))
     return None
 
@@ -273,7 +272,7 @@ def _memoryless_step(  # noqa: PLR0917
     inputs = (p.error_gain * turn, p.change_gain * turn)
     gains = tune_gains(p, _tuned(data.tune_heading, inputs[0], inputs[1]))
     _record(gains, inputs, details[_RECORD:])
-    _set_command(velocity, memoryless_law(gains, turn), pose, command)
+    _set_command(velocity, memoryless_law(gains, turn).real, pose, command)
     return 0
 
 
@@ -300,7 +299,7 @@ def _self_tuning_step(  # noqa: PLR0917
     gains = _self_tuned(data.heading, data.tune_heading, m[7], turn, data.dt, details[_RECORD:])
     yaw_rate, m[6] = self_tuning_law(data.heading, gains, before, turn, data.dt)
     m[7] = turn
-    _set_command(velocity, yaw_rate, pose, command)
+    _set_command(velocity, yaw_rate.real, pose, command)
     return 0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import pi
+from math import inf, pi
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
@@ -32,11 +32,17 @@ class _BaseFault(BaseModel):
         duration: float | None = getattr(self, "duration", None)
         return duration
 
+    @property
+    def active_span(self) -> tuple[float, float]:
+        """Times s and e: it acts at s <= t < e, s."""
+        duration = self._active_duration
+        end = inf if duration is None else self.at + duration - TIME_TOLERANCE
+        return self.at - TIME_TOLERANCE, end
+
     def is_active(self, t: float) -> bool:
         """Return whether it acts at ``t`` (s)."""
-        return self.at - TIME_TOLERANCE <= t and (
-            self._active_duration is None or t < self.at + self._active_duration - TIME_TOLERANCE
-        )
+        start, end = self.active_span
+        return start <= t < end
 
 
 class Push(_BaseFault):

@@ -1,6 +1,6 @@
 """Planar rigid-body simulation with Coulomb friction at every wheel; compiled."""
 
-from omnidrive.simulation.planar.batch import simulate_batch
+from omnidrive.simulation.planar.open_loop import simulate_commands
 from omnidrive.simulation.planar.plant import PlanarPlant
 
-__all__ = ["PlanarPlant", "simulate_batch"]
+__all__ = ["PlanarPlant", "simulate_commands"]

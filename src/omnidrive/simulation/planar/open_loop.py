@@ -1,4 +1,4 @@
-"""Batches of open-loop runs of the planar plant."""
+"""Open-loop runs of the planar plant."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from omnidrive.simulation.planar.state import PlanarState
 from omnidrive.simulation.plant import count_steps
 
 
-def simulate_batch(
+def simulate_commands(
     robot: Robot,
     starts: Float[Array, "starts 3"],
     commands: Float[Array, "runs steps 3"],

@@ -1,0 +1,187 @@
+"""Closed loops of one plant and one controller, simulated run by run or many at once."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import announce_compiling, entry_point
+from omnidrive.control import Controller
+from omnidrive.control.compiled_law import CompilableController, CompiledLaw
+from omnidrive.control.controller import DetailedController
+from omnidrive.errors import InvalidInput, kind_of
+from omnidrive.geometry import Pose
+from omnidrive.simulation.batch.loop import (
+    CARRIED,
+    END,
+    FIGURES,
+    LOG_WHEELS,
+    RunArrays,
+    SampleArrays,
+    closed_loop,
+)
+from omnidrive.simulation.batch.plants import BatchPlant
+from omnidrive.simulation.batch.results import run_of
+from omnidrive.simulation.batch.run_samples import RunSamples
+from omnidrive.simulation.plant import Plant
+from omnidrive.simulation.run import Run
+
+
+class BatchRun(NamedTuple):
+    """One run of a batch."""
+
+    samples: RunSamples
+    start: Pose
+    """Pose at t = 0."""
+    noise: np.random.Generator | None
+    """Generator of the sensor noise; None: exact poses."""
+
+
+class RunResults(NamedTuple):
+    """Results of consecutive runs."""
+
+    figures: Float[Array, "runs figures"]
+    logs: list[Run]
+    """Empty if logs are not kept."""
+
+
+class ClosedLoops:
+    """Closed loops of one plant and one controller; threads can share the object.
+
+    Args:
+        plant: The plant.
+        controller: The controller.
+        keeps_logs: Whether logs are kept.
+
+    Raises:
+        InvalidInput: The plant or the controller is not supported.
+    """
+
+    def __init__(self, plant: Plant, controller: Controller, *, keeps_logs: bool) -> None:
+        self.law = compiled_law(controller)
+        self._keeps_logs = keeps_logs
+        self._original = BatchPlant(plant)
+        self._wheels = self._original.wheels
+        self._units = detail_units(controller)
+        self._local = threading.local()
+        loop = closed_loop(self._original.kernels, self.law.step)
+        window = np.zeros((1, self.law.window.length, 6))
+        one, poses = np.zeros(1), np.zeros((1, 3))
+        samples = SampleArrays(one, one, poses, window, np.zeros(1, np.int64))
+        runs = self._arrays(1, 1, poses, np.zeros((1, 0, 3)))
+        with announce_compiling():
+            self._loop = entry_point(loop, *self._arguments(self._original, samples, runs), 0, 1)
+
+    @property
+    def forces(self) -> bool:
+        """Whether the plant has forces."""
+        return self._original.forces
+
+    def simulate(self, runs: Sequence[BatchRun]) -> RunResults:
+        """Simulate runs, those on the same samples in one call of the kernel."""
+        done = [
+            self._simulate(list(group)) for _, group in groupby(runs, lambda run: id(run.samples))
+        ]
+        figures = np.concatenate([each.figures for each in done])
+        return RunResults(figures, [log for each in done for log in each.logs])
+
+    def _simulate(self, runs: list[BatchRun]) -> RunResults:
+        samples = runs[0].samples
+        if samples.changes and len(runs) > 1:
+            done = [self._simulate([run]) for run in runs]
+            figures = np.concatenate([each.figures for each in done])
+            return RunResults(figures, [log for each in done for log in each.logs])
+        count = len(samples.arrays.times)
+        draws = [run.noise.random((count, 3)) for run in runs if run.noise is not None]
+        uniforms = np.array(draws) if draws else np.zeros((len(runs), 0, 3))
+        starts = np.array([run.start for run in runs], dtype=float)
+        arrays = self._arrays(len(runs), count, starts, uniforms)
+        plant, begin = self._plant(), 0
+        for k, disturbances in samples.changes:
+            self._loop(*self._arguments(plant, samples.arrays, arrays), begin, k + 1)
+            begin = k + 1
+            if arrays.figures[0, END] == 0.0:
+                plant.apply(disturbances)
+        self._loop(*self._arguments(plant, samples.arrays, arrays), begin, count)
+        if samples.changes:
+            plant.plant.reset(Pose(0.0, 0.0, 0.0))
+        return RunResults(arrays.figures, self._logs(samples, arrays))
+
+    def _plant(self) -> BatchPlant:
+        """Return the plant of this thread."""
+        plant: BatchPlant | None = getattr(self._local, "plant", None)
+        if plant is None:
+            plant = self._local.plant = BatchPlant(self._original.plant)
+        return plant
+
+    def _arrays(self, runs: int, count: int, starts: Array, uniforms: Array) -> RunArrays:
+        details = len(self._units)
+        columns = LOG_WHEELS + 2 * self._wheels + details if self._keeps_logs else 0
+        return RunArrays(
+            starts,
+            uniforms,
+            np.zeros((runs, CARRIED)),
+            np.zeros((runs, self.law.memory)),
+            np.zeros((runs, 2, details)),
+            np.zeros((runs, FIGURES)),
+            np.empty((runs, count if columns else 0, columns)),
+        )
+
+    def _arguments(
+        self, plant: BatchPlant, samples: SampleArrays, runs: RunArrays
+    ) -> tuple[Any, ...]:
+        return (
+            plant.model, plant.initial, plant.state, self.law.data, samples, runs, self._wheels,
+        )  # fmt: skip
+
+    def _logs(self, samples: RunSamples, arrays: RunArrays) -> list[Run]:
+        if not self._keeps_logs:
+            return []
+        return [
+            run_of(
+                log, figures, samples.arrays.times, self._wheels, self._units, samples.events,
+                forces=self.forces,
+            )
+            for log, figures in zip(arrays.logs, arrays.figures, strict=True)
+        ]  # fmt: skip
+
+
+def compiled_law(controller: Controller) -> CompiledLaw:
+    """Return the law of a controller.
+
+    Raises:
+        InvalidInput: It has none, or its class replaces methods of the class that has it.
+    """
+    kinds = type(controller).__mro__
+    if isinstance(controller, CompilableController):
+        owner = _first_with("compiled_law", kinds)
+        changed = [
+            name for name in ("reset", "step", "compute") if _first_with(name, kinds) < owner
+        ]
+        law = controller.compiled_law() if not changed else None
+        if law is not None:
+            return law
+    raise InvalidInput(
+        "a batch runs controllers with a compiled law, which feedforward, pid, fuzzy_t1, fuzzy_t2 "
+        f"and fuzzy_t3 of this package have, got {kind_of(controller)}: use simulate for others, "
+        "and for PID with channels or tuners of your own"
+    )
+
+
+def detail_units(controller: Controller) -> dict[str, str]:
+    """Return name and unit of each detail of a controller's commands."""
+    if isinstance(controller, DetailedController):
+        return dict(controller.detail_units)
+    return {}
+
+
+def _first_with(name: str, kinds: Iterable[type]) -> int:
+    """Return the index of the first class that defines a name; their number if none does."""
+    kinds = tuple(kinds)
+    return next((i for i, kind in enumerate(kinds) if name in vars(kind)), len(kinds))

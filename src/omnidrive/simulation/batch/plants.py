@@ -1,0 +1,159 @@
+"""The plants that compiled loops can simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from math import nan
+from typing import Any, NamedTuple, cast
+
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compilable, compiled
+from omnidrive.errors import InvalidInput, kind_of
+from omnidrive.geometry import Pose
+from omnidrive.simulation.disturbances.disturbances import Disturbances
+from omnidrive.simulation.kinematic import KinematicModel, KinematicPlant, KinematicState, follow
+from omnidrive.simulation.planar.dynamics import integrate
+from omnidrive.simulation.planar.plant import PlanarPlant
+from omnidrive.simulation.planar.state import PlanarState
+from omnidrive.simulation.plant import DisturbablePlant, Plant, count_steps
+
+_Vector = Float[Array, " 3"]
+Motion = Float[Array, " 8"]
+"""True motion: pose (m, m, rad), body twist (m/s, m/s, rad/s), work (J), saturated limits."""
+
+compilable(count_steps)
+
+
+class PlantKernels(NamedTuple):
+    """A plant as kernels; ``model`` and ``state`` are named tuples of the plant's arrays."""
+
+    start: Callable[..., None]
+    """``start(initial, state, pose, motion)``: set the state to the initial one, at ``pose``."""
+    step: Callable[..., None]
+    """``step(model, state, command, dt, motion)``: execute a body twist for ``dt`` (s)."""
+    wheels: Callable[..., None]
+    """``wheels(state, speeds, torques)``: fill in the speeds (rad/s) and torques (N m)."""
+
+
+class BatchPlant:
+    """A copy of a plant, the arrays of which compiled loops read and change.
+
+    Args:
+        plant: A :class:`KinematicPlant` or :class:`PlanarPlant`; it is not changed.
+
+    Raises:
+        InvalidInput: It is another plant.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = copy(plant)
+        self.plant.reset(Pose(0.0, 0.0, 0.0))
+        if type(plant) is KinematicPlant:
+            self.kernels, self.forces = _KINEMATIC, False
+        elif type(plant) is PlanarPlant:
+            self.kernels, self.forces = _PLANAR, True
+        else:
+            raise InvalidInput(
+                f"a batch simulates the plants kinematic and planar, got {kind_of(plant)}: use "
+                "simulate, or make_plant(robot, 'planar')"
+            )
+        own: Any = self.plant
+        self.wheels = len(own.robot.mounts)
+        self.initial = type(own._state)(*(array.copy() for array in own._state))
+
+    def apply(self, disturbances: Disturbances) -> None:
+        """Set the disturbances of the plant, see ``DisturbablePlant.apply``."""
+        cast(DisturbablePlant, self.plant).apply(disturbances)
+
+    @property
+    def model(self) -> Any:
+        """Parameters of the plant; those of ``apply`` from then on."""
+        own: Any = self.plant
+        if self.forces:
+            return _PlanarData(own._model.body, own._model.wheels, own.timestep)
+        return own._model
+
+    @property
+    def state(self) -> Any:
+        """State of the plant."""
+        own: Any = self.plant
+        return own._state
+
+
+class _PlanarData(NamedTuple):
+    bodies: Array
+    wheels: Array
+    timestep: float
+
+
+@compiled
+def _start_kinematic(
+    initial: KinematicState, state: KinematicState, pose: _Vector, motion: Motion
+) -> None:
+    state.motion[:], state.speeds[:] = initial.motion, initial.speeds
+    for i in range(3):
+        state.motion[i] = pose[i]
+    for i in range(6):
+        motion[i] = state.motion[i]
+    motion[6], motion[7] = nan, 0.0
+
+
+@compiled
+def _step_kinematic(
+    model: KinematicModel, state: KinematicState, command: _Vector, dt: float, motion: Motion
+) -> None:
+    scaled = follow(
+        model.drive, model.inverse, model.limits, state.motion, state.speeds,
+        command[0], command[1], command[2], dt,
+    )  # fmt: skip
+    for i in range(6):
+        motion[i] = state.motion[i]
+    motion[6], motion[7] = nan, 1.0 if scaled else 0.0
+
+
+@compiled
+def _kinematic_wheels(state: KinematicState, speeds: Array, torques: Array) -> None:
+    for i in range(len(speeds)):
+        speeds[i] = state.speeds[i]
+
+
+@compiled
+def _start_planar(initial: PlanarState, state: PlanarState, pose: _Vector, motion: Motion) -> None:
+    state.motion[:], state.wheels[:] = initial.motion, initial.wheels
+    state.rollers[:] = initial.rollers
+    body = state.motion[0]
+    body.x, body.y, body.yaw = pose[0], pose[1], pose[2]
+    _measure_planar(state, motion)
+
+
+@compiled
+def _step_planar(
+    model: _PlanarData, state: PlanarState, command: _Vector, dt: float, motion: Motion
+) -> None:
+    steps = count_steps(dt, model.timestep)
+    integrate(
+        model.bodies, model.wheels, state.motion, state.wheels, state.rollers,
+        command[0], command[1], command[2], dt / steps, steps,
+    )  # fmt: skip
+    _measure_planar(state, motion)
+
+
+@compiled
+def _measure_planar(state: PlanarState, motion: Motion) -> None:
+    body = state.motion[0]
+    motion[0], motion[1], motion[2] = body.x, body.y, body.yaw
+    motion[3], motion[4], motion[5] = body.vx, body.vy, body.yaw_rate
+    motion[6], motion[7] = body.work, body.saturated
+
+
+@compiled
+def _planar_wheels(state: PlanarState, speeds: Array, torques: Array) -> None:
+    for i in range(len(speeds)):
+        speeds[i], torques[i] = state.wheels[i].speed, state.wheels[i].torque
+
+
+_KINEMATIC = PlantKernels(_start_kinematic, _step_kinematic, _kinematic_wheels)
+_PLANAR = PlantKernels(_start_planar, _step_planar, _planar_wheels)

@@ -1,0 +1,330 @@
+"""Batches of closed loops: equal to ``simulate``, independent of threads and blocks, bounded."""
+
+import itertools
+import tracemalloc
+from functools import cache
+
+import numpy as np
+import pytest
+
+from omnidrive.control import FeedforwardController, Pipeline, WheelSpeeds
+from omnidrive.control.pid import (
+    TrackingChannel,
+    TrackingParameters,
+    TrackingPidController,
+    classical_pid,
+    fuzzy_pid,
+)
+from omnidrive.errors import InvalidInput
+from omnidrive.evaluation import measure
+from omnidrive.geometry import Pose
+from omnidrive.reference import Hold, SampledReference
+from omnidrive.robot import named_robot
+from omnidrive.simulation import (
+    KinematicPlant,
+    MujocoPlant,
+    Outcome,
+    PaperNoise,
+    PlanarPlant,
+    Schedule,
+    default_faults,
+    parse_fault,
+    run_generators,
+    simulate,
+    simulate_batch,
+    simulate_commands,
+)
+from omnidrive.testing.laws import Circle
+
+SEED = 11
+PRESETS = ("recommended", "paper", "published-code")
+LAWS = {"feedforward": FeedforwardController} | {
+    f"{kind} {preset}": (lambda dt, k=kind, p=preset: make_pid(k, p, dt))
+    for kind in ("pid", "t1", "t2", "t3")
+    for preset in PRESETS
+}
+PLANTS = {"kinematic": KinematicPlant, "planar": PlanarPlant}
+FAULTS = {
+    "kinematic": ("pose-jump", "sensor-silent", "encoder-dead", "solver-overrun", "period-jitter"),
+    "planar": tuple(fault.kind for fault in default_faults(0.5)),
+}
+REFERENCES = {
+    "own": Circle(),  # an object with the methods of a reference only
+    "sampled": SampledReference.of(Circle(), 0.25),
+    "hold": Hold(Pose(0.5, -0.5, 2.0), 2.0),
+}
+ARRAYS = (
+    "t", "pose", "measured", "position_sigma", "yaw_sigma", "target", "command", "twist",
+    "wheel_speed", "wheel_torque", "saturated", "work", "status", "collisions",
+    "wheel_speed_command", "wheel_torque_command",
+)  # fmt: skip
+
+
+def make_pid(kind, preset, dt):
+    return classical_pid(preset, dt) if kind == "pid" else fuzzy_pid(kind, preset, dt)
+
+
+@cache
+def robot(name):
+    return named_robot(name)
+
+
+def schedule_of(kind, robot_name="paper", at=0.5):
+    if kind is None:
+        return None
+    faults = [parse_fault(f"{each}:at={at}") for each in kind.split("+")]
+    return Schedule(tuple(faults), robot(robot_name))
+
+
+def differences(run, other):
+    """Names of the columns in which two logs differ in any bit."""
+    assert list(run.details) == list(other.details)
+    pairs = {name: (getattr(run, name), getattr(other, name)) for name in ARRAYS}
+    pairs |= {name: (run.details[name], other.details[name]) for name in run.details}
+    return {k for k, (a, b) in pairs.items() if not np.array_equal(a, b, equal_nan=True)}
+
+
+def assert_equals_simulate(plant, law, reference, dt, kind, *, noisy, robot_name="paper"):
+    """One cell of the grid: run 3 of a batch of other runs, and the same run alone."""
+    plant, schedule = PLANTS[plant](robot(robot_name)), schedule_of(kind, robot_name)
+    start = Pose(0.1, -1.1, 0.3)
+    (batch,) = simulate_batch(
+        plant,
+        LAWS[law](dt),
+        [reference] * 3,
+        dt=dt,
+        starts=[Pose(0.0, -1.0, 0.0), start, start],
+        sensors=PaperNoise if noisy else None,
+        schedule=schedule,
+        seed=SEED,
+        first=1,
+        logs=True,
+    )
+    noise, jitter = run_generators(SEED, 3)
+    run = simulate(
+        plant,
+        LAWS[law](dt),
+        reference,
+        start=start,
+        dt=dt,
+        sensors=PaperNoise(noise) if noisy else None,
+        schedule=schedule,
+        rng=jitter,
+    )
+    log = batch.logs[2]
+    assert not differences(run, log)
+    assert (run.outcome, run.events, run.detail_units) == (
+        log.outcome,
+        log.events,
+        log.detail_units,
+    )
+    metrics = measure(run, robot(robot_name).chassis)
+    assert batch.me[2] == pytest.approx(metrics.me, rel=1e-12, abs=1e-15)
+    assert batch.mae[2] == pytest.approx(metrics.mae, rel=1e-12, abs=1e-15)
+    assert batch.max_error[2] == metrics.max_error
+    assert batch.work[2] == pytest.approx(metrics.work, nan_ok=True, abs=0.0)
+    assert batch.statuses[2].tolist() == [(run.status == i).sum() for i in range(3)]
+
+
+@pytest.mark.parametrize("kind", [None, "pose-jump+sensor-silent", "solver-overrun+period-jitter"])
+@pytest.mark.parametrize("law", ["t1 recommended", "pid recommended"])
+def test_kinematic_runs_equal_simulate(law, kind):
+    assert_equals_simulate("kinematic", law, REFERENCES["sampled"], 0.1, kind, noisy=True)
+
+
+@pytest.mark.parametrize("kind", [None, "push+slope+sensor-silent", "wheel-locked+payload"])
+def test_planar_runs_equal_simulate(kind):
+    assert_equals_simulate("planar", "feedforward", REFERENCES["own"], 0.1, kind, noisy=True)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_whole_grid_equals_simulate(plant, law):
+    """Every law and plant with every fault, reference, robot and sample time at least once."""
+    references, robots = itertools.cycle(REFERENCES.values()), itertools.cycle(["paper", "mecanum"])
+    times = itertools.cycle([0.1, 0.02, 0.05, 0.3])
+    for kind in (None, *FAULTS[plant], "+".join(FAULTS[plant])):
+        for noisy in (False, True):
+            cell = (next(references), next(times), kind)
+            assert_equals_simulate(plant, law, *cell, noisy=noisy, robot_name=next(robots))
+
+
+def kinematic_batch(runs=37, **options):
+    controller = fuzzy_pid("t1", "recommended", 0.1)
+    references = [REFERENCES["sampled"], REFERENCES["hold"]] * (runs // 2) + [REFERENCES["hold"]]
+    common = {"dt": 0.1, "sensors": PaperNoise, "seed": SEED}
+    return simulate_batch(
+        KinematicPlant(robot("paper")), controller, references[:runs], **common | options
+    )
+
+
+def figures(blocks):
+    return np.vstack([np.column_stack([b.me, b.mae, b.max_error, b.statuses]) for b in blocks])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"threads": 2, "block": 5}, {"threads": 3, "block": 1}, {"block": 7}, {"threads": 2}],
+)
+def test_results_depend_neither_on_threads_nor_on_blocks(options):
+    alone = figures(kinematic_batch())
+    blocks = list(kinematic_batch(**options))
+    sizes = [len(block.me) for block in blocks]
+    assert [block.first for block in blocks] == [sum(sizes[:i]) for i in range(len(sizes))]
+    assert (figures(blocks) == alone).all()
+    assert len(np.unique(alone[:, 0])) == len(alone)  # every run has its own noise
+
+
+def test_batch_can_be_split():
+    whole, part = figures(kinematic_batch()), figures(kinematic_batch(runs=10, first=10))
+    assert (part == whole[10:20]).all()
+
+
+def test_plant_and_controller_are_not_changed():
+    plant, controller = KinematicPlant(robot("paper")), classical_pid("recommended", 0.1)
+    plant.reset(Pose(1.0, 2.0, 0.5))
+    list(simulate_batch(plant, controller, [Circle()], dt=0.1, schedule=schedule_of("pose-jump")))
+    assert plant.step(WheelSpeeds([0.0] * 4), 0.1).pose == (1.0, 2.0, 0.5)
+
+
+def test_runs_are_made_when_they_are_needed():
+    """Memory does not grow with the number of runs."""
+    made = itertools.count()
+
+    def endless():
+        while True:
+            next(made)
+            yield REFERENCES["hold"]
+
+    batch = kinematic_batch_of(endless(), block=10, threads=2)
+    next(batch)
+    tracemalloc.start()
+    try:
+        for _ in range(20):
+            next(batch)
+        early, _ = tracemalloc.get_traced_memory()
+        for _ in range(60):
+            next(batch)
+        late, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+        batch.close()
+    assert next(made) < 81 * 10 + 10 * (1 + 2 * 2 * 16 // 10) + 10
+    assert late - early < 50_000
+    assert peak < 20_000_000
+
+
+def kinematic_batch_of(references, **options):
+    controller = classical_pid("recommended", 0.1)
+    plant = KinematicPlant(robot("paper"))
+    return simulate_batch(plant, controller, references, dt=0.1, sensors=PaperNoise, **options)
+
+
+class Breaks(Circle):
+    """A reference that fails after a time."""
+
+    def at(self, t):
+        if t > 0.95:
+            raise RuntimeError("lost")
+        return super().at(t)
+
+    def window(self, t, n, dt):
+        return Circle().window(t, n, dt)
+
+
+class Overflows(Circle):
+    """Setpoints with infinite velocity after a time."""
+
+    def window(self, t, n, dt):
+        rows = super().window(t, n, dt)
+        return rows if t < 0.95 else np.full_like(rows, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("reference", "outcome"),
+    [(Breaks(), Outcome.REFERENCE_FAILED), (Overflows(), Outcome.CONTROLLER_FAILED)],
+)
+@pytest.mark.parametrize("kind", [None, "solver-overrun"])
+def test_failed_runs_equal_simulate(reference, outcome, kind):
+    schedule = schedule_of(kind, at=0.7)
+    start = Pose(0.1, -1.1, 0.3)
+    (batch,) = kinematic_batch_of(
+        [reference, REFERENCES["hold"]], starts=[start] * 2, schedule=schedule, seed=SEED, logs=True
+    )
+    run = simulate(
+        KinematicPlant(robot("paper")),
+        classical_pid("recommended", 0.1),
+        reference,
+        start=start,
+        dt=0.1,
+        sensors=PaperNoise(run_generators(SEED, 0)[0]),
+        schedule=schedule,
+    )
+    assert batch.outcomes == (outcome, Outcome.FINISHED)
+    assert run.outcome is outcome
+    assert not differences(run, batch.logs[0])
+    assert run.events == batch.logs[0].events
+
+
+class Slower(FeedforwardController):
+    def compute(self, t, state, reference):
+        return super().compute(t - 0.1, state, reference)
+
+
+class Drifting(KinematicPlant):
+    pass
+
+
+def recommended_pid(dt):
+    return classical_pid("recommended", dt)
+
+
+def refused(match, plant=KinematicPlant, controller=recommended_pid, **options):
+    references = options.pop("references", [Circle()])
+    with pytest.raises(InvalidInput, match=match):
+        list(
+            simulate_batch(
+                plant(robot("paper")), controller(0.1), references, **{"dt": 0.1} | options
+            )
+        )
+
+
+def own_tuner(dt):
+    channels = [TrackingChannel(lambda e, c: (0.0,) * 3, dt, TrackingParameters()) for _ in "xyh"]
+    return TrackingPidController(dt, *channels)
+
+
+def test_unsupported_parts_are_refused():
+    refused("plants kinematic and planar, got", lambda r: MujocoPlant(r, "ball"))
+    refused("plants kinematic and planar, got", Drifting)
+    refused("feedforward, pid, fuzzy_t1, fuzzy_t2 and fuzzy_t3", controller=Slower)
+    refused("with channels or tuners of your own", controller=own_tuner)
+    refused("not a pipeline: its state estimate", controller=lambda dt: Pipeline(Slower(dt)))
+    refused("no push: it accepts pose-jump", schedule=schedule_of("push"))
+
+
+def test_bad_numbers_are_refused():
+    refused("built for a sample time of 0.1 s", dt=0.2)
+    refused("dt|sample time", dt=0.0)
+    refused("threads", threads=0)
+    refused("block", block=0)
+    refused("seed", seed=-1)
+    refused("end after 1", references=[Circle()] * 2, starts=[Pose(0.0, 0.0, 0.0)])
+    refused("in rad, not degrees", starts=[Pose(0.0, 0.0, 90.0)])
+    refused("must be finite", starts=[Pose(np.nan, 0.0, 0.0)])
+    refused("begins at 50 s, but the run ends", schedule=schedule_of("pose-jump", at=50.0))
+    refused("at most 1,000,000 samples", references=[Hold(Pose(0.0, 0.0, 0.0), 1e6)])
+
+
+def test_commands_of_a_closed_loop_give_its_motion():
+    """The open-loop batch of the planar plant executes the log of a closed loop."""
+    run = simulate(
+        PlanarPlant(robot("paper")),
+        FeedforwardController(0.1),
+        Circle(),
+        start=Pose(0.1, -1.1, 0.3),
+        dt=0.1,
+    )
+    poses, _ = simulate_commands(robot("paper"), run.pose[:1], run.command[None, :-1], 0.1)
+    assert (poses[0] == run.pose[1:]).all()
