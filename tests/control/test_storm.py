@@ -74,13 +74,11 @@ def sees_good_steps_only(controller, shadow):
     """Return a controller that did not see the bad steps.
 
     For most it is the shadow, which is called in good steps only. The memory of a
-    HolonomicController is stated to be the twists that it has commanded, also in bad steps, and the
+    HolonomicController is stated to be the observed motion, which bad steps continue, and the
     latest plan.
     """
     if isinstance(controller, HolonomicController):
-        shadow.solution, shadow._age = controller.solution, controller._age
-        shadow._final_twist = controller._final_twist
-        shadow._twists.extend(controller._twists)
+        shadow._copy_state(controller)
     return shadow
 
 

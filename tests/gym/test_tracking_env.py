@@ -63,10 +63,12 @@ def test_environment_with_noise_and_a_plant_factory_passes_the_check():
 def drive(env, controller, **reset):
     """Return the poses of a controller in the environment."""
     _, info = env.reset(**reset)
-    controller.reset(State(0.0, Pose(*info["measured"])))
+    exact = np.zeros((3, 3))
+    controller.reset(State(0.0, Pose(*info["measured"]), None, exact))
     poses, ended = [info["pose"]], False
     while not ended:
-        twist = controller.step(info["t"], State(info["t"], Pose(*info["measured"])), CIRCLE).twist
+        state = State(info["t"], Pose(*info["measured"]), None, exact)
+        twist = controller.step(info["t"], state, CIRCLE).twist
         _, _, lost, ended, info = env.step(np.array(twist) / env.max_twist)
         assert not lost
         poses.append(info["pose"])

@@ -82,13 +82,14 @@ class HolonomicNmpcOptions:
     `casadi`: IPOPT (needs the extra `casadi`)."""
     weights: HolonomicParameters = field(default_factory=HolonomicParameters)
     """Weights of the cost function."""
-    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.85
+    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.8
     """Maximum acceleration of the predicted motion, as a multiple of that at the friction and
     torque limits."""
     may_spin: bool | None = None
-    """Whether the wheels may slip to reduce the tracking error. Slip makes the error smaller, but
-    the odometry drifts by decimetres in a hard start. Set it to false for a robot that measures its
-    pose by odometry only. None: false with an estimator, otherwise true."""
+    """Whether the wheels may slip to reduce the tracking error, as long as the measured poses are
+    not noisy. Slip makes the error smaller, but the odometry drifts by decimetres in a hard start.
+    Set it to false for a robot that measures its pose by odometry only. None: false with an
+    estimator, otherwise true."""
 
 
 def pid(context: ControllerContext, parameters: PidOptions) -> Controller:

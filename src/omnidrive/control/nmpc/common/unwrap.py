@@ -9,7 +9,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.geometry import wrap
 
-_wrap = inlined(wrap)
+wrap_angle = inlined(wrap)
 
 
 @compiled
@@ -19,7 +19,7 @@ def unwrap_near(headings: Float[Array, " n"], yaw: float) -> Float[Array, " n"]:
     All angles are in rad. Consecutive headings of the result differ by at most half a turn.
     """
     unwrapped = np.empty(len(headings))
-    unwrapped[0] = yaw + _wrap(headings[0] - yaw)
+    unwrapped[0] = yaw + wrap_angle(headings[0] - yaw)
     for k in range(1, len(headings)):
-        unwrapped[k] = unwrapped[k - 1] + _wrap(headings[k] - headings[k - 1])
+        unwrapped[k] = unwrapped[k - 1] + wrap_angle(headings[k] - headings[k - 1])
     return unwrapped

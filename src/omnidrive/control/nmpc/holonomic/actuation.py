@@ -51,7 +51,7 @@ class Actuation:
 
     @classmethod
     def of(
-        cls, robot: Robot, traction: float = 0.85, *, may_spin: bool = True, delay: float = 0.0
+        cls, robot: Robot, traction: float = 0.8, *, may_spin: bool = True, delay: float = 0.0
     ) -> Actuation:
         """Return the model of a robot whose plans use a share of the wheels' friction.
 

@@ -2,33 +2,46 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from math import isfinite
-from typing import Literal
+from math import isfinite, isnan, nan, sqrt
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from omnidrive.compiled import entry_point
 from omnidrive.control.controller import STOP, Command, Status
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
-from omnidrive.control.nmpc.common.exit import Exit
+from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
-from omnidrive.control.nmpc.holonomic.keep_out_zone import KeepOutZone
+from omnidrive.control.nmpc.holonomic.keep_out_zone import KeepOutZone, stack_keep_outs
+from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory, motion_memory
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, Limits
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
-from omnidrive.control.nmpc.holonomic.tracking import tracking_problem
+from omnidrive.control.nmpc.holonomic.step import (
+    Measurement,
+    Plan,
+    Plant,
+    command_stage,
+    fill_problem,
+    observe,
+    remember,
+    step,
+)
 from omnidrive.control.preparation import run_once
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.estimation import State
-from omnidrive.geometry import BodyTwist, Pose, move, twist_between
+from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import check_choice
 from omnidrive.reference import Hold, Reference
+from omnidrive.reference.reference import WindowReference
 from omnidrive.robot import Chassis
 
 SolverName = Literal["sqp", "rti", "casadi"]
@@ -46,9 +59,30 @@ _SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
     "casadi": HolonomicIpopt,
 }
 
+_AHEAD = 256
+"""Number of further sample times for which a reference is evaluated at once."""
+_SAME_TIME = 1e-6
+"""Difference of times, as a share of the sample time, that is taken for rounding."""
+_LARGEST = 1e6
+"""Largest speed (m/s, rad/s) and variance (m^2, rad^2) of a state that is not a fault."""
+_NO_TWIST = (0.0, 0.0, 0.0)
+_UNKNOWN_TWIST = (nan, nan, nan)
+_UNKNOWN_VARIANCES = (-1.0, -1.0, -1.0)
+
 OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
 """Without a new plan: number of steps that follow the latest plan at its full speed, and number of
 the steps after them in which the speed decreases; then the robot is stopped."""
+
+
+class ObservedMotion(NamedTuple):
+    """Estimates of the motion observer."""
+
+    pose: Pose
+    """Pose of B in W; m, m, rad."""
+    twist: BodyTwist
+    """Body twist; m/s, m/s, rad/s."""
+    disturbance: BodyTwist
+    """Twist that has to be added to the commands for the model to move as the robot does."""
 
 
 class FallbackLevel(IntEnum):
@@ -67,6 +101,37 @@ class FallbackLevel(IntEnum):
     """No plan that can still be followed: zero twist."""
 
 
+class _ReferenceWindow:
+    """Setpoints of a reference at multiples of the sample time, evaluated for many steps at once.
+
+    References of this package do not change; any other is evaluated in every step.
+    """
+
+    __slots__ = ("dt", "points", "reference", "rows", "start")
+
+    def __init__(self, points: int, dt: float) -> None:
+        """Prepare windows of ``points`` setpoints ``dt`` (s) apart."""
+        self.points, self.dt = points, dt
+        self.reference: Reference | None = None
+        self.start, self.rows = 0.0, np.zeros((points, 6))
+
+    def find(self, t: float, reference: Reference) -> int:
+        """Return the row of :attr:`rows` with the setpoint at ``t`` (s); the next ones follow."""
+        first = (t - self.start) / self.dt
+        row = round(first)
+        if (
+            reference is self.reference
+            and 0 <= row <= len(self.rows) - self.points
+            and abs(first - row) <= _SAME_TIME
+        ):
+            return row
+        fixed = isinstance(reference, (WindowReference, Hold))
+        count = self.points + (_AHEAD if fixed else 0)
+        self.rows = np.ascontiguousarray(reference.window(t, count, self.dt), dtype=float)
+        self.reference, self.start = (reference if fixed else None), t
+        return 0
+
+
 @dataclass(slots=True)
 class HolonomicController(GuardedController):
     """A :class:`~omnidrive.control.Controller` that solves a :class:`HolonomicProblem` every step.
@@ -74,13 +139,22 @@ class HolonomicController(GuardedController):
     The target of every state is the reference's pose at that time. The feedforward velocity of a
     stage is the difference of its two targets over ``dt``, so that a robot on the reference stays
     on it. The planned twist of a stage is the constant body twist from its first to its last state,
-    along an arc; the commanded twist also compensates the lag of the robot or the slip of its
-    wheels. Delay compensation: the first state of a plan is predicted from the measured pose with
-    the body twists that earlier commands cause during the delay.
+    along an arc. If the reference stands and the robot cannot be there at once, the targets are
+    those of the fastest motion on a straight line (:func:`~.approach.approach`), which passes the
+    target in no coordinate.
 
-    There is no warm start, so that an invalid measurement does not affect later solves. If the
-    solver finds no usable plan, the latest one is followed for a few steps, and then the robot is
-    stopped. The details of a command contain its :class:`FallbackLevel`.
+    The first state and the twist before the first stage are those of the motion observer
+    (:mod:`~.motion_observer`), which compares the measured poses with the motion that the earlier
+    commands cause in the model of the robot, lag, slip and delay included. It estimates also a
+    disturbance, the twist that the model lacks, and the variance of the noise of the measured
+    poses where the state does not tell it. The commanded twist is the one with which the model
+    makes the planned motion, minus the disturbance: constant disturbances and errors of the model
+    leave no error of the pose (Maeder, Borrelli & Morari, "Linear offset-free model predictive
+    control", Automatica 45, 2009). A twist in the state replaces the observed one.
+
+    There is no warm start. If the solver finds no usable plan, the latest one is followed for a few
+    steps, and then the robot is stopped. The details of a command contain its
+    :class:`FallbackLevel`.
 
     Attributes:
         dt: Sample time and length of a stage, in s.
@@ -90,10 +164,6 @@ class HolonomicController(GuardedController):
         actuation: Response of the robot to commanded twists.
         solver: Solver of the optimal control problem.
         keep_outs: Keep-out zones over the horizon.
-        solution: The latest plan; None if there is none since ``reset``.
-
-    Raises:
-        InvalidInput: ``dt``, ``horizon`` or a parameter is outside its domain.
     """
 
     dt: float
@@ -103,139 +173,243 @@ class HolonomicController(GuardedController):
     actuation: Actuation
     solver: HolonomicOptimizer
     keep_outs: KeepOutForecast
-    solution: HolonomicSolution | None = field(default=None, init=False)
-    _age: int = field(default=0, init=False)
-    """Number of steps since the one that computed the latest plan."""
-    _twists: deque[BodyTwist] = field(init=False, repr=False)
-    """Predicted body twists, oldest first: from the one in effect at the next measurement to the
-    one that the latest command causes."""
-    _final_twist: BodyTwist = field(init=False, repr=False)
-    """Predicted body twist at the time at which the next command takes effect; zero without a slip
-    model, which alone uses it."""
-    _limits: Limits = field(init=False, repr=False)
+    _solution: HolonomicSolution | None = field(default=None, init=False, repr=False)
+    """The latest plan of another solver than the compiled one."""
+    _age: int = field(default=-1, init=False)
+    """Number of steps since the one that computed the latest plan; -1: there is none."""
+    _time: float = field(default=nan, init=False)
+    """Time of the last step, s; NaN: none."""
+    _pose: Pose = field(default=Pose(nan, nan, nan), init=False, repr=False)
+    """Pose in the last step."""
+    _steady: bool = field(default=True, init=False)
+    """Whether the last plan was none that approaches a standing target."""
+    _plant: Plant = field(init=False, repr=False)
+    _memory: MotionMemory = field(init=False, repr=False)
+    _problem: HolonomicProblem = field(init=False, repr=False)
+    _plan: Plan = field(init=False, repr=False)
+    _window: _ReferenceWindow = field(init=False, repr=False)
+    _step: Callable[..., tuple[bool, bool, tuple[float, float, float]]] | None = field(
+        default=None, init=False, repr=False
+    )
+    """Machine code of :func:`~.step.step`."""
 
     def __post_init__(self) -> None:
         check_settings(self.dt, self.horizon, self.parameters)
-        self._limits = self.actuation.limits(self.chassis, self.dt)
-        self._twists = deque(maxlen=int(self.actuation.delay / self.dt) + 1)
-        self._clear()
+        actuation, stages = self.actuation, self.horizon
+        limits, points = actuation.limits(self.chassis, self.dt), stages + 1
+        model = actuation.slip_model
+        faces = actuation.acceleration_faces
+        self._plant = Plant(
+            SlipModel.without_slip(self.chassis, actuation.lag) if model is None else model,
+            np.ascontiguousarray(self.chassis.jacobian, dtype=float),
+            np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
+            float(self.chassis.max_wheel_speed),
+            float(actuation.delay),
+        )
+        self._memory = motion_memory(int(actuation.delay / self.dt))
+        self._problem = HolonomicProblem(
+            float(self.dt),
+            np.zeros(3),
+            np.zeros(3),
+            np.zeros((points, 3)),
+            np.zeros((stages, 3)),
+            self.parameters.state_weights(points, self.dt),
+            self.parameters.control_weights(),
+            limits,
+            stack_keep_outs((), points),
+        )
+        rows = len(limits.bounds)
+        self._plan = Plan(
+            np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), np.zeros(5)
+        )
+        self._window = _ReferenceWindow(points, self.dt)
 
     @property
     def detail_units(self) -> Mapping[str, str]:
         """Names and units of the details of a command.
 
         ``fallback_level`` is a :class:`FallbackLevel`. Without a new plan ``solver_iterations`` is
-        0 and ``kkt_residual`` is NaN.
+        0 and ``kkt_residual`` is NaN. ``disturbance_...`` is the estimated twist, along the axes of
+        B, that is missing in the motion which the commands cause in the model; ``pose_noise`` is
+        the standard deviation of the measured positions, estimated from the innovations.
         """
-        return {"fallback_level": "1", "solver_iterations": "1", "kkt_residual": "1"}
+        return {
+            "fallback_level": "1",
+            "solver_iterations": "1",
+            "kkt_residual": "1",
+            "disturbance_vx": "m/s",
+            "disturbance_vy": "m/s",
+            "disturbance_yaw_rate": "rad/s",
+            "pose_noise": "m",
+        }
+
+    @property
+    def solution(self) -> HolonomicSolution | None:
+        """The latest plan; None if there is none since ``reset``."""
+        if self._age < 0 or self._solution is not None:
+            return self._solution
+        velocities, states, multipliers, figures = (each.copy() for each in self._plan)
+        cost, residual, violation, iterations, code = figures.tolist()
+        return HolonomicSolution(
+            velocities,
+            states,
+            multipliers,
+            cost,
+            residual,
+            violation,
+            int(iterations),
+            EXITS[int(code)],
+        )
+
+    @property
+    def motion(self) -> ObservedMotion:
+        """Estimates of the motion observer at the last step."""
+        memory = self._memory
+        return ObservedMotion(
+            Pose(*memory.pose.tolist()),
+            BodyTwist(*memory.twist.tolist()),
+            BodyTwist(*memory.disturbance.tolist()),
+        )
 
     def reset(self, state: State) -> None:
-        """Clear the latest plan and the predicted twists; the robot is at rest."""
-        self._clear()
+        """Clear the latest plan and the observed motion; the robot is at rest."""
+        self._solution, self._age, self._time, self._steady = None, -1, nan, True
+        self._pose = Pose(nan, nan, nan)
+        for each in self._memory:
+            each[:] = 0.0
 
     def prepare(self) -> None:
         """Compile the kernels of a step, also those that a deadline could skip in the first one."""
         run_once(self)
         if isinstance(self.solver, HolonomicSolver) and self.solver.deadline is not None:
-            origin = Pose(0.0, 0.0, 0.0)
-            self.solver.precompile(self._problem(0.0, origin, Hold(origin, 1.0)))
+            self.solver.precompile(self._problem)
 
     def with_reduced_drive(self, drive: ReducedDrive) -> HolonomicController:
         """Return a controller in the same state that plans with the wheels that still drive."""
         actuation = self.actuation.with_reduced_drive(drive)
         other = replace(self, chassis=drive.chassis, actuation=actuation)
-        other.solution, other._age = self.solution, self._age
-        other._final_twist = self._final_twist
-        other._twists.extend(self._twists)
+        other._copy_state(self)
         return other
 
-    def _clear(self) -> None:
-        self.solution, self._age, self._final_twist = None, 0, STOP
-        self._twists.extend([STOP] * (self._twists.maxlen or 0))
+    def _copy_state(self, other: HolonomicController) -> None:
+        """Take over what another controller of the same sample time and horizon remembers."""
+        self._solution, self._age, self._steady = other._solution, other._age, other._steady
+        self._time, self._pose, self._window = other._time, other._pose, copy(other._window)
+        for ours, theirs in zip(self._memory, other._memory, strict=True):
+            ours[:] = theirs
+        for ours, theirs in zip(self._plan, other._plan, strict=True):
+            if ours.shape == theirs.shape:  # the multipliers of fewer wheels are others
+                ours[:] = theirs
 
     def compute(self, t: float, state: State, reference: Reference) -> Command:
-        """Return the command for the state estimated at ``t`` (s); only its pose is used."""
-        pose = state.pose
-        problem = self._problem(t + self.actuation.delay, self._predict(pose), reference)
-        usable = isfinite(problem.start.sum() + problem.targets.sum())
-        solution = self.solver.solve(problem) if usable else None
-        if solution is None or solution.exit is Exit.UNUSABLE:
-            return self.fall_back("no usable solution")
-        self.solution, self._age = solution, 0
-        converged = solution.exit is Exit.CONVERGED
+        """Return the command for the state estimated at ``t`` (s)."""
+        now, begin = self._measurement(t, state), t + self.actuation.delay
+        zones = self.keep_outs(begin, self.horizon + 1, self.dt)
+        if zones or len(self._problem.keep_outs.radii):
+            self._problem = self._problem._replace(
+                keep_outs=stack_keep_outs(zones, self.horizon + 1)
+            )
+        first = self._window.find(begin, reference)
+        solver = self.solver
+        if isinstance(solver, HolonomicSolver) and solver.deadline is None:
+            arguments = (
+                self._plant,
+                self._memory,
+                now,
+                self._problem,
+                self._plan,
+                self._window.rows,
+                first,
+                self._steady,
+                *solver.settings,
+            )
+            if self._step is None:
+                self._step = entry_point(step, *arguments)
+            usable, approaching, value = self._step(*arguments)
+        else:
+            usable, approaching, value = self._step_with(solver, now, first)
+        self._steady = not approaching
+        if not usable:
+            return self._follow("no usable solution")
+        self._age = 0
+        converged = self._plan.figures[4] == CONVERGED
         level = FallbackLevel.CONVERGED if converged else FallbackLevel.FEASIBLE
         status = Status.OK if converged else Status.FALLBACK
-        twist = self._compensate(self._planned_twist(solution, 0))
-        return Command(twist, status, self._details(level, solution))
+        return Command(BodyTwist(*value), status, self._details(level, new=True))
 
-    def _problem(self, t: float, pose: Pose, reference: Reference) -> HolonomicProblem:
-        return tracking_problem(
-            self.parameters,
-            t,
-            pose,
-            reference,
-            horizon=self.horizon,
-            dt=self.dt,
-            previous=self._twists[-1],
-            limits=self._limits,
-            keep_outs=self.keep_outs(t, self.horizon + 1, self.dt),
+    def _measurement(self, t: float, state: State) -> Measurement:
+        """Return what a step measures, and remember it."""
+        elapsed, self._time = t - self._time, t
+        pose, twist, variances = state.pose, _UNKNOWN_TWIST, _UNKNOWN_VARIANCES
+        fresh = state.fix_age <= 0.0 or pose != self._pose
+        self._pose = pose
+        if state.covariance is not None:
+            (xx, _, _), (_, yy, _), (_, _, yaw) = state.covariance.tolist()
+            if 0.0 <= xx <= _LARGEST and 0.0 <= yy <= _LARGEST and 0.0 <= yaw <= _LARGEST:
+                variances = (xx, yy, yaw)
+        if state.twist is not None and all(abs(each) <= _LARGEST for each in state.twist):
+            vx, vy, yaw_rate = state.twist
+            twist = (float(vx), float(vy), float(yaw_rate))
+        x, y, heading = pose
+        return Measurement(elapsed, (float(x), float(y), float(heading)), twist, variances, fresh)
+
+    def _step_with(
+        self, solver: HolonomicOptimizer, now: Measurement, first: int
+    ) -> tuple[bool, bool, tuple[float, float, float]]:
+        """Do the same as :func:`~.step.step` with any solver."""
+        plant, memory, problem, plan = self._plant, self._memory, self._problem, self._plan
+        observe(plant, memory, now, self.dt, self._steady)
+        approaching = fill_problem(plant, memory, problem, self._window.rows, first)
+        usable = isfinite(problem.start.sum() + problem.targets.sum())
+        solution = solver.solve(problem) if usable else None
+        if solution is None or solution.exit is Exit.UNUSABLE:
+            return False, approaching, _NO_TWIST
+        self._solution = solution
+        plan.velocities[:], plan.states[:] = solution.velocities, solution.states
+        code = CONVERGED if solution.exit is Exit.CONVERGED else CAPPED
+        plan.figures[:] = (
+            solution.cost,
+            solution.residual,
+            solution.violation,
+            solution.iterations,
+            code,
         )
-
-    def _predict(self, pose: Pose) -> Pose:
-        """Return the predicted pose at the time at which the next command takes effect."""
-        if self.actuation.delay > 0.0:
-            first, *others = self._twists
-            pose = move(pose, first, self.actuation.delay - len(others) * self.dt)
-            for twist in others:
-                pose = move(pose, twist, self.dt)
-        return pose
+        return True, approaching, command_stage(plant, memory, plan, 0, 1.0, self.dt)
 
     def fall_back(self, reason: str) -> Command:
-        """Return a command along the latest plan, the slower the older it is, or zero twist."""
-        self._age += 1
-        plan, age, max_age = self.solution, self._age, OLD_PLAN_STEPS + RAMP_STEPS
-        if plan is None or age > max_age or age >= len(plan.velocities):
-            self._twists.append(STOP)
-            self._final_twist = STOP
-            return Command(STOP, Status.FAILED, self._details(FallbackLevel.STOP, None), reason)
-        factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
-        vx, vy, yaw_rate = self._planned_twist(plan, age)
-        twist = self._compensate(BodyTwist(factor * vx, factor * vy, factor * yaw_rate))
-        level = FallbackLevel.OLD_PLAN if factor == 1.0 else FallbackLevel.RAMP
-        return Command(twist, Status.FALLBACK, self._details(level, None))
+        """Return a command along the latest plan, the slower the older it is, or zero twist.
 
-    def _planned_twist(self, plan: HolonomicSolution, stage: int) -> BodyTwist:
-        """Return the constant body twist from the first to the last state of a stage."""
-        start, end = plan.states[stage : stage + 2].tolist()
-        return twist_between(Pose(*start), Pose(*end), self.dt)
-
-    def _compensate(self, twist: BodyTwist) -> BodyTwist:
-        """Return the commanded twist that moves the robot as ``twist`` would without lag and slip.
-
-        ``twist`` is appended to the predicted twists.
+        The motion observer predicts the motion since the last step, without a measurement.
         """
-        before = self._twists[-1]
-        self._twists.append(twist)
-        if self.actuation.slip_model is not None:
-            commanded, self._final_twist = self.actuation.slip_model.command(
-                twist, self._final_twist, self.dt
+        if not isnan(self._time):
+            self._time += self.dt
+            pose = self._memory.pose
+            unknown = Measurement(
+                self.dt, tuple(pose.tolist()), _UNKNOWN_TWIST, _UNKNOWN_VARIANCES, False
             )
-            return self.chassis.saturate(commanded)  # whose limit may be lower than the model's
-        translation_gain, rotation_gain = (lag / self.dt for lag in self.actuation.lag)
-        commanded = BodyTwist(
-            twist.vx + translation_gain * (twist.vx - before.vx),
-            twist.vy + translation_gain * (twist.vy - before.vy),
-            twist.yaw_rate + rotation_gain * (twist.yaw_rate - before.yaw_rate),
-        )
-        return self.chassis.saturate(commanded)  # plans may exceed the limit from a fast start
+            observe(self._plant, self._memory, unknown, self.dt, False)
+        return self._follow(reason)
 
-    def _details(
-        self, level: FallbackLevel, plan: HolonomicSolution | None
-    ) -> tuple[float, float, float]:
-        """Return the details, as in ``detail_units``; ``plan`` is None if there is no new plan."""
-        if plan is None:
-            return float(level), 0.0, np.nan
-        return float(level), float(plan.iterations), plan.residual
+    def _follow(self, reason: str) -> Command:
+        """Return a command along the latest plan, for a step without a new one."""
+        age, max_age = self._age + 1 if self._age >= 0 else -1, OLD_PLAN_STEPS + RAMP_STEPS
+        self._age = age
+        if not 0 <= age <= max_age or age >= self.horizon:
+            remember(self._memory, _NO_TWIST)
+            details = self._details(FallbackLevel.STOP, new=False)
+            return Command(STOP, Status.FAILED, details, reason)
+        factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
+        value = command_stage(self._plant, self._memory, self._plan, age, factor, self.dt)
+        level = FallbackLevel.OLD_PLAN if factor == 1.0 else FallbackLevel.RAMP
+        return Command(BodyTwist(*value), Status.FALLBACK, self._details(level, new=False))
+
+    def _details(self, level: FallbackLevel, *, new: bool) -> tuple[float, ...]:
+        """Return the details, as in ``detail_units``, of a step with a new plan or without."""
+        _, residual, _, iterations, _ = self._plan.figures.tolist()
+        memory = self._memory
+        noise = sqrt(max(float(memory.noise[0]), 0.0))
+        plan = (iterations, residual) if new else (0.0, nan)
+        return (float(level), *plan, *memory.disturbance.tolist(), noise)
 
 
 def holonomic_nmpc(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, sin
+from math import ceil, cos, exp, inf, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
-from omnidrive.robot import Robot
+from omnidrive.robot import Chassis, Robot
 from omnidrive.robot.slip import Vector, slip_velocity
 
 _FRICTION_SHARE = 0.95
@@ -28,6 +28,8 @@ _SHORT_STEP = 2.0
 """Sample time over the longest lag up to which the command only compensates the lag: with a
 shorter sample time the commands that reach the desired twist within one step oscillate."""
 _BISECTIONS = 8
+_MAX_RIM_SPEED = 1e6
+"""In m/s; of a chassis without a limit."""
 
 
 class SlipModel(NamedTuple):
@@ -46,7 +48,7 @@ class SlipModel(NamedTuple):
     of the motors (Pacejka, "Tire and Vehicle Dynamics", 3rd ed. 2012, section 1.2: force in
     proportion to slip, up to friction).
 
-    The model runs in open loop: its accuracy is that of the robot's mass, friction and lags.
+    Infinite ``max_force``: b follows c in every axis of B with its lag alone.
     """
 
     rim_jacobian: Float[Array, "wheels 3"]
@@ -86,6 +88,23 @@ class SlipModel(NamedTuple):
             may_spin,
         )
 
+    @classmethod
+    def without_slip(cls, chassis: Chassis, lag: tuple[float, float]) -> SlipModel:
+        """Return a model whose body twist follows the commanded one with lags only.
+
+        Args:
+            chassis: The wheels and their maximum speed.
+            lag: Time constants of translation and rotation, in s; 0: without delay.
+        """
+        radius = 1.0 / np.abs(chassis.jacobian[:, :2]).max()  # any length: there are no forces
+        jacobian = np.ascontiguousarray(radius * chassis.jacobian)
+        squares = (jacobian**2).sum(axis=0)
+        inertia = np.array([1.0, 1.0, 2.0 * squares[2] / (squares[0] + squares[1])])
+        with np.errstate(divide="ignore"):
+            stiffness = inertia / (np.array([lag[0], *lag]) * squares)
+        max_rim_speed = min(radius * chassis.max_wheel_speed, _MAX_RIM_SPEED)
+        return cls(jacobian, inertia, stiffness, inf, max_rim_speed, True)
+
     def command(
         self, desired: BodyTwist, initial: BodyTwist, dt: float
     ) -> tuple[BodyTwist, BodyTwist]:
@@ -99,7 +118,7 @@ class SlipModel(NamedTuple):
         Returns:
             The commanded twist, as near as the wheels allow; and the twist at the end of the step.
         """
-        commanded, final = _command(self, _vector(desired), _vector(initial), float(dt))
+        commanded, final = compensate(self, _vector(desired), _vector(initial), float(dt))
         return BodyTwist(*commanded), BodyTwist(*final)
 
 
@@ -108,18 +127,17 @@ def _vector(twist: BodyTwist) -> Vector:
 
 
 @compiled
-def _command(
+def compensate(
     model: SlipModel, desired: Vector, initial: Vector, dt: float
 ) -> tuple[Vector, Vector]:
-    """Compute :meth:`SlipModel.command` by corrections with the remaining error of the motion."""
+    """Return :meth:`SlipModel.command`, by corrections with the remaining error of the motion."""
     commanded, final = desired, initial
-    lags = model.inertia / (model.stiffness * (model.rim_jacobian**2).sum(axis=0))
-    if dt < _SHORT_STEP * lags.max():
-        x, y, yaw = lags / dt
+    tau = lags(model)
+    if dt < _SHORT_STEP * max(tau[0], tau[1], tau[2]):
         commanded = (
-            desired[0] + x * (desired[0] - initial[0]),
-            desired[1] + y * (desired[1] - initial[1]),
-            desired[2] + yaw * (desired[2] - initial[2]),
+            desired[0] + tau[0] / dt * (desired[0] - initial[0]),
+            desired[1] + tau[1] / dt * (desired[1] - initial[1]),
+            desired[2] + tau[2] / dt * (desired[2] - initial[2]),
         )
         commanded = _saturate(model, commanded)
     else:
@@ -208,13 +226,43 @@ def _saturate(model: SlipModel, commanded: Vector) -> Vector:
     return factor * commanded[0], factor * commanded[1], factor * commanded[2]
 
 
+class Sensitivity(NamedTuple):
+    """Derivatives of a response, axis by axis; the coupling between the axes is neglected."""
+
+    mean_by_initial: Vector
+    """Of the mean twist by the initial one."""
+    mean_by_input: Vector
+    """Of the mean twist by the commanded one."""
+    final_by_initial: Vector
+    """Of the final twist by the initial one."""
+    final_by_input: Vector
+    """Of the final twist by the commanded one."""
+    saturation: float
+    """Mean share of wheels at the friction limit, 0 to 1."""
+
+
+@inlined
+def lags(model: SlipModel) -> Vector:
+    """Return the time constants of the three axes below the friction limit, in s."""
+    jacobian = model.rim_jacobian
+    x, y, yaw = 0.0, 0.0, 0.0
+    for i in range(len(jacobian)):
+        x += jacobian[i, 0] ** 2
+        y += jacobian[i, 1] ** 2
+        yaw += jacobian[i, 2] ** 2
+    inertia, stiffness = model.inertia, model.stiffness
+    return (
+        inertia[0] / (stiffness[0] * x),
+        inertia[1] / (stiffness[1] * y),
+        inertia[2] / (stiffness[2] * yaw),
+    )
+
+
 @compiled
 def slip_response(
     model: SlipModel, initial: Vector, commanded: Vector, dt: float
 ) -> tuple[Vector, Vector]:
-    """Integrate the model for ``dt`` seconds with a constant commanded twist.
-
-    The explicit Euler method loses the same distance as a lag, for any length of its steps.
+    """Return the motion of the model in ``dt`` seconds with a constant commanded twist.
 
     Args:
         model: The model.
@@ -225,23 +273,96 @@ def slip_response(
     Returns:
         The constant twist that leads to the same pose; and the twist at the end.
     """
+    mean, final, _ = respond(model, initial, commanded, dt)
+    return mean, final
+
+
+@inlined
+def respond(
+    model: SlipModel, initial: Vector, commanded: Vector, dt: float
+) -> tuple[Vector, Vector, Sensitivity]:
+    """As :func:`slip_response`, with the derivatives."""
+    if model.max_force == inf:
+        return _linear_response(model, initial, commanded, dt)
+    return _slipping_response(model, initial, commanded, dt)
+
+
+@inlined
+def _linear_response(
+    model: SlipModel, initial: Vector, commanded: Vector, dt: float
+) -> tuple[Vector, Vector, Sensitivity]:
+    """Evaluate the response of ``lag db/dt = c - b`` for every axis of B; a lag may be 0."""
+    tau = lags(model)
+    p, m, q = _decay(tau[0], dt), _decay(tau[1], dt), _decay(tau[2], dt)
+    by_initial, final_by_initial = (p[0], m[0], q[0]), (p[1], m[1], q[1])
+    mean = (
+        commanded[0] + p[0] * (initial[0] - commanded[0]),
+        commanded[1] + m[0] * (initial[1] - commanded[1]),
+        commanded[2] + q[0] * (initial[2] - commanded[2]),
+    )
+    final = (
+        commanded[0] + p[1] * (initial[0] - commanded[0]),
+        commanded[1] + m[1] * (initial[1] - commanded[1]),
+        commanded[2] + q[1] * (initial[2] - commanded[2]),
+    )
+    by_input = (1.0 - p[0], 1.0 - m[0], 1.0 - q[0])
+    final_by_input = (1.0 - p[1], 1.0 - m[1], 1.0 - q[1])
+    return mean, final, Sensitivity(by_initial, by_input, final_by_initial, final_by_input, 0.0)
+
+
+@inlined
+def _decay(lag: float, dt: float) -> tuple[float, float]:
+    """Return mean and final value of exp(-t / lag) over ``dt`` (s)."""
+    if lag < _MIN_LAG:
+        return 0.0, 0.0
+    final = exp(-dt / lag)
+    return lag / dt * (1.0 - final), final
+
+
+@inlined
+def _slipping_response(
+    model: SlipModel, initial: Vector, commanded: Vector, dt: float
+) -> tuple[Vector, Vector, Sensitivity]:
+    """Integrate the model by the explicit Euler method.
+
+    The method loses the same distance as a lag, for any length of its steps.
+    """
     jacobian, inertia, stiffness = model.rim_jacobian, model.inertia, model.stiffness
-    fastest = 0.0
-    for a in range(3):
-        fastest = max(fastest, stiffness[a] * (jacobian[:, a] ** 2).sum() / inertia[a])
-    steps = ceil(dt * fastest / _STEP_RATIO)
+    tau = lags(model)
+    steps = ceil(dt / (_STEP_RATIO * min(tau[0], tau[1], tau[2])))
     h = dt / steps
     forces, limits = np.empty(len(jacobian)), np.full(len(jacobian), model.max_force)
-    velocity = initial
+    rates = np.empty(3)  # of decay; below the friction limit the inverse lags
+    by_initial, by_input = np.zeros(3), np.zeros(3)
+    final_by_initial, final_by_input = np.ones(3), np.zeros(3)
+    velocity, saturated = initial, 0
     x, y, yaw = 0.0, 0.0, 0.0
     for _ in range(steps):
         wrench = _slip_wrench(stiffness, commanded, velocity)
+        rates[:] = 0.0
         for i in range(len(jacobian)):
             forces[i] = _at_rim(jacobian, i, wrench)
+            if abs(forces[i]) >= model.max_force:
+                saturated += 1
+            else:
+                for a in range(3):
+                    rates[a] += jacobian[i, a] ** 2 * stiffness[a] / inertia[a]
+        for a in range(3):
+            by_initial[a] += final_by_initial[a] / steps
+            by_input[a] += final_by_input[a] / steps
+            final_by_initial[a] -= h * rates[a] * final_by_initial[a]
+            final_by_input[a] += h * rates[a] * (1.0 - final_by_input[a])
         vx, vy, w = velocity
         turn = h * w
         c, s = cos(yaw + 0.5 * turn), sin(yaw + 0.5 * turn)
         x, y, yaw = x + h * (c * vx - s * vy), y + h * (s * vx + c * vy), yaw + turn
         velocity, _ = slip_velocity(velocity, forces, limits, jacobian, inertia, h)
     ahead, left = arc_twist(dt, 0.0, x / dt, y / dt, yaw / dt)
-    return (ahead, left, yaw / dt), velocity
+    sensitivity = Sensitivity(
+        (by_initial[0], by_initial[1], by_initial[2]),
+        (by_input[0], by_input[1], by_input[2]),
+        (final_by_initial[0], final_by_initial[1], final_by_initial[2]),
+        (final_by_input[0], final_by_input[1], final_by_input[2]),
+        saturated / (steps * len(jacobian)),
+    )
+    return (ahead, left, yaw / dt), velocity, sensitivity

@@ -156,14 +156,15 @@ def _solve_holonomic(  # noqa: PLR0917
         Limits(now, before, bounds),
         KeepOutArrays(corners, first, radii, weights, centres),
     )
-    velocities, multipliers, iterations, code = _minimise(p, tolerance, max_iterations)
+    velocities, multipliers, iterations, code = minimise(p, tolerance, max_iterations)
     return velocities, multipliers, assess(p, velocities, multipliers), iterations, code
 
 
 @compiled
-def _minimise(
+def minimise(
     p: HolonomicProblem, tolerance: float, max_iterations: int
 ) -> tuple[Float[Array, "stages 3"], Float[Array, "stages rows"], int, int]:
+    """Return velocities and multipliers of a local optimum, iterations and exit code."""
     velocities = unconstrained_velocities(p)
     if not violates_constraints(p, velocities):
         return velocities, np.zeros((len(velocities), len(p.limits.bounds))), 0, CONVERGED
@@ -200,7 +201,7 @@ def _solve_many(
             p.limits,
             p.keep_outs,
         )
-        found, _, spent, code = _minimise(one, tolerance, max_iterations)
+        found, _, spent, code = minimise(one, tolerance, max_iterations)
         velocities[k] = found
         converged = code == CONVERGED and np.isfinite(found).all()
         iterations[k] = spent if converged else -1 - spent

@@ -1,0 +1,277 @@
+"""Observer of pose, body twist and disturbance, from measured poses and earlier commands."""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import inlined
+from omnidrive.control.nmpc.common.unwrap import wrap_angle
+from omnidrive.control.nmpc.holonomic.motion import arc_velocity
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond
+from omnidrive.robot.slip import Vector
+
+_DISPLACEMENT = 0.02
+"""Standard deviation of the mean velocity of a sample that the model does not explain, m/s."""
+_ACCELERATION = 0.3
+"""Standard deviation of the acceleration that the model does not explain, m/s^2."""
+_SLIP_ACCELERATION = 1.0
+"""Likewise with all wheels at the friction limit, m/s^2."""
+STEADY_SATURATION = 0.05
+"""Share of wheels at the friction limit above which the disturbance is not corrected."""
+_DRIFT = 0.04
+"""Standard deviation of the change of the disturbance in a second, m/s."""
+_MIN_VARIANCE = 1e-12
+"""Least variance of a measured position, m^2."""
+_GATE = 6.0
+"""Standard deviations beyond which a measured pose is one of a robot that was moved."""
+_NOISE_MEMORY = 30.0
+"""Number of samples over which the variance of the noise is averaged."""
+
+
+class MotionMemory(NamedTuple):
+    """What the observer knows; all arrays are changed in place.
+
+    The axes are x, y and yaw of B. The state of an axis is (displacement, twist, disturbance); its
+    covariance neglects the coupling between axes.
+    """
+
+    pose: Float[Array, " 3"]
+    """Estimated pose in W; m, m, rad."""
+    twist: Float[Array, " 3"]
+    """Estimated body twist; m/s, m/s, rad/s."""
+    disturbance: Float[Array, " 3"]
+    """What has to be added to the commanded twist for the model to move as the robot does; m/s,
+    m/s, rad/s."""
+    covariance: Float[Array, "axes 3 3"]
+    """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
+    commands: Float[Array, "commands 3"]
+    """Commanded twists, the latest one first: one more than take effect later."""
+    noise: Float[Array, " 9"]
+    """Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
+    difference of a measured displacement from the predicted one, and the last residual; and the
+    number of measurements. The indices are those of :func:`_estimate_noise`."""
+
+
+def motion_memory(delayed: int) -> MotionMemory:
+    """Return the memory for ``delayed`` whole sample times of delay of the commands."""
+    return MotionMemory(
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros((3, 3, 3)),
+        np.zeros((delayed + 2, 3)),
+        np.zeros(9),
+    )
+
+
+@inlined
+def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
+    """Start at a known pose with a known twist, without disturbance."""
+    for a in range(3):
+        memory.pose[a], memory.twist[a], memory.disturbance[a] = pose[a], twist[a], 0.0
+    memory.covariance[:] = 0.0
+    memory.commands[:] = 0.0
+    memory.noise[:] = 0.0
+
+
+@inlined
+def remember(memory: MotionMemory, command: Vector) -> None:
+    """Insert a command in front of the earlier ones."""
+    for k in range(len(memory.commands) - 1, 0, -1):
+        memory.commands[k] = memory.commands[k - 1]
+    for a in range(3):
+        memory.commands[0, a] = command[a]
+
+
+@inlined
+def predict(
+    model: SlipModel, memory: MotionMemory, dt: float, delay: float, period: float
+) -> float:
+    """Predict the motion over ``dt`` (s), the time since the latest command.
+
+    A command takes effect after ``delay`` (s); the sample time is ``period`` (s).
+
+    Returns:
+        Mean share of wheels at the friction limit, 0 to 1.
+    """
+    latest, saturation = len(memory.commands) - 2, 0.0
+    older = min(delay - latest * period, dt)
+    if older > 0.0:
+        saturation = _predict_one(model, memory, latest + 1, older)
+    if dt > older:
+        saturation = max(saturation, _predict_one(model, memory, latest, dt - older))
+    return saturation
+
+
+@inlined
+def _predict_one(model: SlipModel, memory: MotionMemory, command: int, dt: float) -> float:
+    """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
+    initial, commanded = _vector(memory.twist), _input(memory, command)
+    mean, final, slopes = respond(model, initial, commanded, dt)
+    _move(memory.pose, mean, dt)
+    acceleration = _ACCELERATION + _SLIP_ACCELERATION * slopes.saturation
+    for a in range(3):
+        unit = _unit(model, a)
+        m, n = dt * slopes.mean_by_initial[a], dt * slopes.mean_by_input[a]
+        f, g = slopes.final_by_initial[a], slopes.final_by_input[a]
+        p = memory.covariance[a]
+        # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, 1]], from the columns of F P
+        pp, pb, pd, bb, bd, dd = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]
+        p_d = pd + m * bd + n * dd
+        p_b = pb + m * bb + n * bd
+        b_d = f * bd + g * dd
+        free = unit * acceleration * dt  # the lag removes part of it
+        by_pose, by_twist = 0.5 * dt * (1.0 - slopes.mean_by_input[a]) * free, (1.0 - g) * free
+        p[0, 0] = pp + m * pb + n * pd + m * p_b + n * p_d + by_pose * by_pose
+        p[0, 0] += (unit * _DISPLACEMENT * dt) ** 2
+        p[0, 1] = f * p_b + g * p_d + by_pose * by_twist
+        p[0, 2] = p_d
+        p[1, 1] = f * (f * bb + g * bd) + g * b_d + by_twist * by_twist
+        p[1, 2] = b_d
+        p[2, 2] = dd + (unit * _DRIFT) ** 2 * dt
+        p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
+    for a in range(3):
+        memory.twist[a] = final[a]
+    return slopes.saturation
+
+
+@inlined
+def correct(
+    model: SlipModel,
+    memory: MotionMemory,
+    pose: Vector,
+    variances: Vector,
+    dt: float,
+    *,
+    steady: bool,
+) -> None:
+    """Correct the prediction by a measured pose: a Kalman filter for every axis of B.
+
+    The disturbance of Pannocchia & Rawlings, "Disturbance models for offset-free model-predictive
+    control", AIChE J. 49, 2003, here of the input.
+
+    Args:
+        model: The model.
+        memory: The prediction; corrected in place.
+        pose: Measured pose in W.
+        variances: Of the measured displacements along the axes of B, in m^2, m^2 and rad^2;
+            negative: unknown, so that the variance is estimated from the innovations.
+        dt: Sample time, in s.
+        steady: Whether the disturbance is corrected, too. During hard transients the error of the
+            model is not a disturbance.
+    """
+    yaw = memory.pose[2]
+    c, s = cos(yaw), sin(yaw)
+    dx, dy = pose[0] - memory.pose[0], pose[1] - memory.pose[1]
+    innovation = (c * dx + s * dy, c * dy - s * dx, wrap_angle(pose[2] - yaw))
+    moved, change = False, np.zeros(3)
+    for a in range(3):
+        total = memory.covariance[a, 0, 0] + _variance(model, memory, variances, a)
+        reach = dt * model.max_rim_speed * _unit(model, a)
+        moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + 2.0 * reach
+    if not moved:
+        _estimate_noise(memory, innovation)
+    for a in range(3):
+        p, variance = memory.covariance[a], _variance(model, memory, variances, a)
+        total = p[0, 0] + variance
+        memory.noise[5 + a] = 0.0
+        if moved:
+            change[a] = innovation[a]
+            continue
+        gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if steady else 0.0)
+        change[a] = gains[0] * innovation[a]
+        memory.noise[5 + a] = innovation[a] - change[a]
+        memory.twist[a] += gains[1] * innovation[a]
+        memory.disturbance[a] += gains[2] * innovation[a]
+        _reduce(p, gains, variance)
+    memory.pose[0] += c * change[0] - s * change[1]
+    memory.pose[1] += s * change[0] + c * change[1]
+    memory.pose[2] += change[2]
+
+
+@inlined
+def _reduce(p: Float[Array, "3 3"], gains: Vector, variance: float) -> None:
+    """Correct a covariance: Joseph's form, for gains that need not be optimal."""
+    row = (p[0, 0], p[0, 1], p[0, 2])
+    for i in range(3):
+        for j in range(i, 3):
+            p[i, j] += gains[i] * gains[j] * (row[0] + variance)
+            p[i, j] -= gains[i] * row[j] + gains[j] * row[i]
+            p[j, i] = p[i, j]
+
+
+@inlined
+def _estimate_noise(memory: MotionMemory, innovation: Vector) -> None:
+    """Update the variance of the noise by the covariance of consecutive differences.
+
+    White noise n of the poses adds n_k - n_{k-1} to a measured displacement, so that consecutive
+    differences from the predicted displacement have the covariance -E[n^2]; errors of the model,
+    which last for many samples, give a positive one (Mehra, "On the identification of variances and
+    adaptive Kalman filtering", IEEE Trans. Autom. Control 15, 1970).
+    """
+    noise = memory.noise
+    x, y, yaw = innovation[0] - noise[5], innovation[1] - noise[6], innovation[2] - noise[7]
+    noise[8] += 1.0
+    share = 1.0 / min(noise[8], _NOISE_MEMORY)
+    noise[0] += share * (-0.5 * (x * noise[2] + y * noise[3]) - noise[0])
+    noise[1] += share * (-yaw * noise[4] - noise[1])
+    noise[2], noise[3], noise[4] = x, y, yaw
+
+
+@inlined
+def _variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: int) -> float:
+    """Return the variance of a measured displacement, which is estimated if it is not known."""
+    variance = variances[axis]
+    if variance < 0.0:
+        variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
+    return variance + _MIN_VARIANCE * _unit(model, axis) ** 2
+
+
+@inlined
+def predict_delayed(
+    model: SlipModel, memory: MotionMemory, delay: float, period: float
+) -> tuple[Vector, Vector]:
+    """Return pose and body twist at the time at which the next command takes effect.
+
+    Delay compensation: the motion that the commands already sent cause within ``delay`` (s).
+    """
+    pose, twist = memory.pose.copy(), _vector(memory.twist)
+    count = len(memory.commands) - 2
+    for k in range(count, -1, -1):
+        dt = delay - count * period if k == count else period
+        if dt > 0.0:
+            mean, twist, _ = respond(model, twist, _input(memory, k), dt)
+            _move(pose, mean, dt)
+    return _vector(pose), twist
+
+
+@inlined
+def _input(memory: MotionMemory, command: int) -> Vector:
+    """Return a commanded twist plus the disturbance."""
+    sent, disturbance = memory.commands[command], memory.disturbance
+    return sent[0] + disturbance[0], sent[1] + disturbance[1], sent[2] + disturbance[2]
+
+
+@inlined
+def _move(pose: Float[Array, " 3"], twist: Vector, dt: float) -> None:
+    """Move a pose by a constant body twist over ``dt`` (s), in place."""
+    vx, vy = arc_velocity(dt, pose[2], twist[0], twist[1], twist[2])
+    pose[0] += dt * vx
+    pose[1] += dt * vy
+    pose[2] += dt * twist[2]
+
+
+@inlined
+def _vector(values: Float[Array, " 3"]) -> Vector:
+    return values[0], values[1], values[2]
+
+
+@inlined
+def _unit(model: SlipModel, axis: int) -> float:
+    """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
+    return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0

@@ -1,0 +1,266 @@
+"""One step of the controller as compiled functions: observe, plan, and compute the command."""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import NamedTuple
+
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compiled, inlined
+from omnidrive.control.nmpc.common.unwrap import wrap_angle
+from omnidrive.control.nmpc.holonomic.approach import approach
+from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
+from omnidrive.control.nmpc.holonomic.motion import arc_twist
+from omnidrive.control.nmpc.holonomic.motion_observer import (
+    STEADY_SATURATION,
+    MotionMemory,
+    correct,
+    predict,
+    predict_delayed,
+    remember,
+    restart,
+)
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, lags
+from omnidrive.control.nmpc.holonomic.solution import assess
+from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
+from omnidrive.robot.slip import Vector
+
+_MAX_GAP = 5.0
+"""Sample times since the last step after which the motion observer starts again."""
+_STANDING = 1e-9
+"""Speed of a reference up to which it stands, m/s and rad/s."""
+_NEAR = 1e-6
+"""Distance from a standing target up to which there is nothing to approach, m and rad."""
+_SPIN_NOISE = 2e-3
+"""Standard deviation of the measured position above which no wheel may spin, m."""
+
+
+class Measurement(NamedTuple):
+    """What is measured in a step; the scalars are in an array, which is filled in place."""
+
+    elapsed: float
+    """Time since the last step, s; NaN in the first step of a run."""
+    pose: Vector
+    """Measured pose in W; m, m, rad."""
+    twist: Vector
+    """Estimated body twist, m/s, m/s, rad/s; NaN if it is unknown."""
+    variances: Vector
+    """Variances of the measured pose along the axes of B, m^2, m^2, rad^2; negative: unknown."""
+    fresh: bool
+    """Whether the pose is a new measurement."""
+
+
+class Plant(NamedTuple):
+    """What a step knows of the robot."""
+
+    model: SlipModel
+    """Response to commands."""
+    wheels: Float[Array, "wheels 3"]
+    """Wheel matrix."""
+    faces: Float[Array, "faces 3"]
+    """Limits of acceleration, ``|faces @ acceleration| <= 1`` in B; empty: none."""
+    max_wheel_speed: float
+    """In rad/s."""
+    delay: float
+    """Time until a command takes effect, s."""
+
+
+class Plan(NamedTuple):
+    """Latest plan; all arrays are filled in place."""
+
+    velocities: Float[Array, "stages 3"]
+    states: Float[Array, "points 3"]
+    multipliers: Float[Array, "stages rows"]
+    figures: Float[Array, " 5"]
+    """Cost, KKT residual, violation, iterations and exit code."""
+
+
+@compiled
+def observe(plant: Plant, memory: MotionMemory, now: Measurement, dt: float, steady: bool) -> None:
+    """Update the motion observer; ``dt`` is the sample time in s."""
+    if not 0.0 < now.elapsed <= _MAX_GAP * dt:
+        known = isfinite(now.twist[0] + now.twist[1] + now.twist[2])
+        twist = now.twist if known else (0.0, 0.0, 0.0)
+        restart(memory, now.pose, twist)
+        return
+    saturation = predict(plant.model, memory, now.elapsed, plant.delay, dt)
+    if now.fresh:
+        unbiased = steady and saturation <= STEADY_SATURATION
+        correct(plant.model, memory, now.pose, now.variances, dt, unbiased)
+    if isfinite(now.twist[0] + now.twist[1] + now.twist[2]):
+        for a in range(3):
+            memory.twist[a] = now.twist[a]
+            memory.covariance[a, 0, 1] = memory.covariance[a, 1, 0] = 0.0
+            memory.covariance[a, 1, 1] = memory.covariance[a, 1, 2] = 0.0
+            memory.covariance[a, 2, 1] = 0.0
+
+
+@compiled
+def fill_problem(
+    plant: Plant,
+    memory: MotionMemory,
+    p: HolonomicProblem,
+    window: Float[Array, "rows 6"],
+    first: int,
+) -> bool:
+    """Fill in the arrays of a problem that change from step to step.
+
+    Args:
+        plant: The robot.
+        memory: What the motion observer knows.
+        p: The problem; ``start``, ``previous``, ``targets`` and ``feedforward`` are filled in.
+        window: Setpoints of the reference, ``dt`` apart.
+        first: Row of the first one.
+
+    Returns:
+        Whether the targets are those of an approach to a standing target.
+    """
+    pose, twist = predict_delayed(plant.model, memory, plant.delay, p.dt)
+    points, before = len(p.targets), pose[2]
+    for a in range(3):
+        p.start[a], p.previous[a] = pose[a], twist[a]
+    speed = 0.0
+    for k in range(points):
+        p.targets[k, 0], p.targets[k, 1] = window[first + k, 0], window[first + k, 1]
+        p.targets[k, 2] = before + wrap_angle(window[first + k, 2] - before)
+        before = p.targets[k, 2]
+        for a in range(3 if k > 0 else 0):
+            p.feedforward[k - 1, a] = (p.targets[k, a] - p.targets[k - 1, a]) / p.dt
+            speed = max(speed, abs(p.feedforward[k - 1, a]))
+    distance = 0.0
+    for a in range(3):
+        distance = max(distance, abs(p.targets[0, a] - p.start[a]))
+    if len(plant.faces) == 0 or not (speed <= _STANDING and distance > _NEAR):
+        return False
+    if not violates_constraints(p, unconstrained_velocities(p)):
+        return False
+    target = (p.targets[0, 0], p.targets[0, 1], p.targets[0, 2])
+    approach(
+        p.start,
+        twist,
+        target,
+        p.state_weights[0],
+        plant.faces,
+        plant.wheels,
+        plant.max_wheel_speed,
+        p.dt,
+        _twist_age(plant.model, p.dt),
+        p.targets,
+    )
+    for k in range(points - 1):
+        for a in range(3):
+            p.feedforward[k, a] = (p.targets[k + 1, a] - p.targets[k, a]) / p.dt
+    return True
+
+
+@inlined
+def _twist_age(model: SlipModel, dt: float) -> float:
+    """Return the time, in s, by which the twist of a model without forces is that of the past.
+
+    Such a model changes its twist at the beginning of a sample only, as soon as its lag allows.
+    """
+    if model.max_force < inf:
+        return 0.0
+    x, y, yaw = lags(model)
+    return max(0.5 * dt - max(x, y, yaw), 0.0)
+
+
+@compiled
+def solve_problem(p: HolonomicProblem, plan: Plan, tolerance: float, max_iterations: int) -> bool:
+    """Solve a problem as :class:`~.solver.HolonomicSolver` does; fill in the plan if it is usable.
+
+    Returns:
+        Whether problem and plan consist of finite numbers.
+    """
+    if not isfinite(p.start.sum() + p.targets.sum()):
+        return False
+    velocities, multipliers, iterations, code = minimise(p, tolerance, max_iterations)
+    states, cost, residual, violation = assess(p, velocities, multipliers)
+    if not isfinite(cost + residual + violation):
+        return False
+    plan.velocities[:], plan.states[:], plan.multipliers[:] = velocities, states, multipliers
+    plan.figures[0], plan.figures[1], plan.figures[2] = cost, residual, violation
+    plan.figures[3], plan.figures[4] = iterations, code
+    return True
+
+
+@compiled
+def command_stage(  # noqa: PLR0917
+    plant: Plant, memory: MotionMemory, plan: Plan, stage: int, factor: float, dt: float
+) -> Vector:
+    """Return the commanded twist that moves the robot as a stage of the plan, and remember it.
+
+    Args:
+        plant: The robot.
+        memory: What the motion observer knows.
+        plan: The plan.
+        stage: Index of the stage.
+        factor: Of the planned twist.
+        dt: Sample time, s.
+    """
+    vx, vy, rate = plan.velocities[stage]
+    ahead, left = arc_twist(dt, plan.states[stage, 2], vx, vy, rate)
+    _, initial = predict_delayed(plant.model, memory, plant.delay, dt)
+    model = plant.model
+    if model.may_spin and max(memory.noise[0], 0.0) > _SPIN_NOISE * _SPIN_NOISE:
+        model = SlipModel(
+            model.rim_jacobian,
+            model.inertia,
+            model.stiffness,
+            model.max_force,
+            model.max_rim_speed,
+            False,
+        )
+    desired = (factor * ahead, factor * left, factor * rate)
+    effective, _ = compensate(model, desired, initial, dt)
+    command = _saturate(
+        plant,
+        effective[0] - memory.disturbance[0],
+        effective[1] - memory.disturbance[1],
+        effective[2] - memory.disturbance[2],
+    )
+    remember(memory, command)
+    return command
+
+
+@inlined
+def _saturate(plant: Plant, vx: float, vy: float, rate: float) -> Vector:
+    """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
+    fastest, wheels = 0.0, plant.wheels
+    for i in range(len(wheels)):
+        fastest = max(fastest, abs(wheels[i, 0] * vx + wheels[i, 1] * vy + wheels[i, 2] * rate))
+    if fastest <= plant.max_wheel_speed:
+        return vx, vy, rate
+    factor = plant.max_wheel_speed / fastest
+    return factor * vx, factor * vy, factor * rate
+
+
+@compiled
+def step(  # noqa: PLR0917
+    plant: Plant,
+    memory: MotionMemory,
+    now: Measurement,
+    p: HolonomicProblem,
+    plan: Plan,
+    window: Float[Array, "rows 6"],
+    first: int,
+    steady: bool,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[bool, bool, Vector]:
+    """Observe the motion, plan and compute the command of one step.
+
+    The arguments are those of :func:`observe`, :func:`fill_problem` and :func:`solve_problem`.
+
+    Returns:
+        Whether the plan is usable, and whether it approaches a standing target; and the commanded
+        twist, which is zero without a usable plan.
+    """
+    observe(plant, memory, now, p.dt, steady)
+    approaching = fill_problem(plant, memory, p, window, first)
+    if not solve_problem(p, plan, tolerance, max_iterations):
+        return False, approaching, (0.0, 0.0, 0.0)
+    return True, approaching, command_stage(plant, memory, plan, 0, 1.0, p.dt)

@@ -1,0 +1,130 @@
+"""Motion observer: twist, disturbance and noise from poses and commands."""
+
+from math import nan
+
+import numpy as np
+import pytest
+
+from omnidrive.control.nmpc.holonomic.motion_observer import motion_memory, remember
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
+from omnidrive.control.nmpc.holonomic.step import Measurement, Plant, observe
+from omnidrive.geometry import BodyTwist, Pose, move
+from omnidrive.robot import named_robot
+
+DT = 0.05
+SMALL = named_robot("small")
+UNKNOWN = (nan, nan, nan)
+FIRST = Measurement(nan, (0.0, 0.0, 0.0), UNKNOWN, (-1.0, -1.0, -1.0), True)
+
+
+def plant(model):
+    return Plant(model, SMALL.chassis.jacobian, np.empty((0, 3)), SMALL.max_wheel_speed, 0.0)
+
+
+MODELS = [SlipModel.of(SMALL), SlipModel.without_slip(SMALL.chassis, (0.05, 0.02))]
+
+
+class Robot:
+    """A robot that moves as the model does, with the disturbance ``lacking`` in its twist."""
+
+    def __init__(self, model, lacking=(0.0, 0.0, 0.0), sigma=0.0):
+        self.model, self.lacking, self.sigma = model, np.array(lacking), sigma
+        self.pose, self.twist = Pose(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        self.memory, self.rng = motion_memory(0), np.random.default_rng(3)
+        observe(plant(model), self.memory, FIRST, DT, True)
+
+    def step(self, command, *, steady=True, moved=0.0, twist=UNKNOWN):
+        """Move with a command, then observe the pose."""
+        remember(self.memory, tuple(command))
+        total = tuple((np.array(command) + self.lacking).tolist())
+        mean, self.twist = slip_response(self.model, self.twist, total, DT)
+        self.pose = move(self.pose, BodyTwist(*mean), DT)
+        self.pose = self.pose._replace(x=self.pose.x + moved)
+        noise = self.sigma * self.rng.normal(size=3)
+        measured = tuple((np.array(self.pose) + noise).tolist())
+        variance = (-1.0, -1.0, -1.0) if self.sigma or steady else (0.0, 0.0, 0.0)
+        now = Measurement(DT, measured, twist, variance, True)
+        observe(plant(self.model), self.memory, now, DT, steady)
+
+
+def gentle(k):
+    return (0.3 * np.sin(0.1 * k), 0.2, 0.3 * np.cos(0.07 * k))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_disturbance_is_found_and_the_twist_exact(model):
+    lacking = (0.05, -0.03, 0.1)
+    robot = Robot(model, lacking)
+    for k in range(60):
+        robot.step(gentle(k))
+    assert np.allclose(robot.memory.disturbance, lacking, atol=2e-3)
+    assert np.allclose(robot.memory.twist, robot.twist, atol=2e-3)
+    assert np.allclose(robot.memory.pose, robot.pose, atol=1e-5)
+
+
+def test_disturbance_is_kept_in_transients_and_while_wheels_slip():
+    robot = Robot(MODELS[0], (0.05, 0.0, 0.0))
+    for k in range(20):
+        robot.step(gentle(k), steady=False)
+    assert not robot.memory.disturbance.any()
+    robot.step((2.0, 0.0, 0.0))  # far above the friction limit
+    assert not robot.memory.disturbance.any()
+    robot.step(robot.twist)
+    assert robot.memory.disturbance.any()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_twist_of_a_pushed_robot_is_found(model):
+    robot = Robot(model)
+    for k in range(10):
+        robot.step(gentle(k))
+    robot.twist = (robot.twist[0], robot.twist[1] + 0.5, robot.twist[2])
+    robot.step(gentle(10), steady=False)
+    assert np.allclose(robot.memory.twist, robot.twist, atol=0.2)
+    robot.step(gentle(11), steady=False)
+    assert np.allclose(robot.memory.twist, robot.twist, atol=0.05)
+
+
+def test_robot_that_is_moved_keeps_its_twist():
+    robot = Robot(MODELS[0])
+    for k in range(10):
+        robot.step(gentle(k))
+    robot.step(gentle(10), moved=1.0)
+    assert np.allclose(robot.memory.pose, robot.pose, atol=1e-9)
+    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
+
+
+def test_twist_of_the_state_replaces_the_observed_one():
+    robot = Robot(MODELS[0])
+    robot.step(gentle(0), twist=(0.1, 0.2, 0.3))
+    assert robot.memory.twist.tolist() == [0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize("sigma", [0.003, 0.03])
+def test_noise_of_the_poses_is_estimated(sigma):
+    estimates, errors = [], []
+    robot = Robot(MODELS[0], sigma=sigma)
+    for k in range(400):
+        robot.step(gentle(k))
+        estimates.append(np.sqrt(max(robot.memory.noise[0], 0.0)))
+        errors.append(np.subtract(robot.memory.pose[:2], robot.pose[:2]))
+    assert np.median(estimates[50:]) == pytest.approx(sigma, rel=0.25)
+    assert np.std(errors[50:]) < 0.6 * sigma  # the filter reduces the noise
+    assert abs(robot.memory.disturbance).max() < 0.1
+
+
+def test_errors_of_the_model_are_no_noise():
+    robot = Robot(MODELS[0], (0.05, 0.0, 0.0))
+    for k in range(100):
+        robot.lacking = 0.1 * np.array(gentle(k))  # a wrong gain
+        robot.step(gentle(k))
+        assert robot.memory.noise[0] < 1e-6
+
+
+def test_covariances_stay_positive_semidefinite():
+    robot, rng = Robot(MODELS[0], sigma=0.01), np.random.default_rng(5)
+    for k in range(300):
+        robot.step(rng.normal(size=3).tolist(), steady=bool(k % 3))
+        for covariance in robot.memory.covariance:
+            assert np.array_equal(covariance, covariance.T)
+            assert np.linalg.eigvalsh(covariance).min() > -1e-12
