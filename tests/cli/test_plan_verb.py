@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -11,7 +12,7 @@ from PIL import Image
 
 from omnidrive.cli.main import load_verb
 from omnidrive.cli.scenario_options import ScenarioOptions
-from omnidrive.errors import CannotWrite, InvalidInput, OmnidriveError
+from omnidrive.errors import CannotWrite, InvalidInput, NoPathFound, OmnidriveError
 from omnidrive.maps import OccupancyGrid, load_map, load_queries, save_nav2_map
 from omnidrive.reference import load_waypoints
 from omnidrive.study import (
@@ -181,7 +182,7 @@ def test_unreachable_goal_reports_the_size_of_the_region(tmp_path):
     occupied[:, 30] = True
     save_nav2_map(OccupancyGrid(occupied, 0.1), tmp_path / "two.yaml")
     with pytest.raises(
-        OmnidriveError, match=r"only \d+ of \d+ free cells can be reached .*: choose a"
+        OmnidriveError, match=r"only \d+ of \d+ free cells can be reached .*: lower the margin"
     ):
         load_verb("plan")(
             [str(tmp_path / "two.yaml"), "--start", "1,1", "--goal", "5,5", "--robot", "small"],
@@ -334,6 +335,20 @@ def test_run_uses_the_planning_options(room, tmp_path):
     runs = json.loads((tmp_path / "r" / "results.json").read_text())["runs"]
     assert runs[0]["finished"]
     assert runs[0]["min_clearance"] > 0.05
+
+
+def test_message_about_a_gap_that_is_too_narrow_names_its_parts_and_the_option(tmp_path):
+    occupied = np.zeros((100, 100), bool)
+    occupied[50] = True
+    occupied[50, 35:66] = False  # a gap of 0.62 m
+    np.save(tmp_path / "a.npy", occupied)
+    plan = [str(tmp_path / "a.npy"), "--resolution", "0.02", "--start", "1,0.5", "--goal",
+            "1,1.5", "--robot", "small"]  # fmt: skip
+    with pytest.raises(NoPathFound) as refused:
+        load_verb("plan")(plan, standalone_mode=False)
+    parts = r"0\.33 m \(the body radius of 0\.28 m and the margin of 0\.05 m\) from every obstacle"
+    assert re.search(rf"must keep {parts}: lower the margin \(--margin on", str(refused.value))
+    load_verb("plan")([*plan, "--margin", "0.0"], standalone_mode=False)
 
 
 @pytest.mark.parametrize(("resolution", "named"), [(1.0, True), (0.05, False)])

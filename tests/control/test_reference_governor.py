@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from omnidrive.compiled.compilation import compile_listeners
 from omnidrive.control import FeedforwardController, ReferenceGovernor, Retiming, RetimingController
 from omnidrive.control.reference_governor import TOLERATED_DELAY
+from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits
 from omnidrive.estimation import State
 from omnidrive.geometry import Pose
 from omnidrive.reference import (
@@ -25,6 +27,7 @@ from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import paper_scenario
 
 KIWI = named_robot("kiwi")
+STILL = Pose(0.0, 0.0, 0.0)
 
 
 def governor(robot=KIWI, traction=0.85):
@@ -69,7 +72,7 @@ def test_references_that_it_leaves_as_they_are(reference):
     ours = governor()
     assert ours.govern(reference) is reference
     assert ours.delay(1.0) == 0.0
-    assert ours.retime(reference) == Retiming(reference.duration)
+    assert ours.retime(reference) == Retiming(reference)
 
 
 @pytest.mark.parametrize("duration", [20.0, 30.0])
@@ -97,8 +100,10 @@ def test_reference_beyond_the_limits_is_followed_later():
     assert governed.reference is reference
     assert ours.govern(reference) is governed  # computed once
     assert ours.delay(0.5) == 0.0 < ours.delay(7.0) == governed.delay(7.0)
-    duration, notice = ours.retime(reference)
-    assert duration == governed.duration > 8.5
+    tracked, notice = ours.retime(reference)
+    duration = governed.duration
+    assert tracked is governed
+    assert duration > 8.5
     assert "64.3 rad/s of 40 rad/s" in notice
     assert f"at {duration:.2f} s instead of 8.00 s" in notice
     ours.reset()
@@ -163,24 +168,40 @@ def test_run_lasts_until_the_governed_reference_ends(caplog):
     assert sum(each.getMessage() == event.what for each in caplog.records) == 1  # not once per run
 
 
-@pytest.mark.parametrize("answer", [None, 9.0, Retiming(float("inf")), Retiming(float("nan"))])
+@pytest.mark.parametrize(
+    "answer",
+    [None, 9.0, Retiming(9.0), Retiming(Hold(STILL, 1.0), None), Retiming(Hold(STILL, inf))],
+)
 def test_malformed_retiming_ends_the_run(answer):
     controller = Governed(FeedforwardController(0.1))
     controller.retime = lambda reference: answer
-    run = simulate(
-        KinematicPlant(KIWI), controller, Hold(Pose(0.0, 0.0, 0.0), 1.0),
-        start=Pose(0.0, 0.0, 0.0), dt=0.1,
-    )  # fmt: skip
+    run = simulate(KinematicPlant(KIWI), controller, Hold(STILL, 1.0), start=STILL, dt=0.1)
     assert run.outcome is Outcome.CONTROLLER_FAILED
     assert "Retiming" in run.reason
 
 
-def test_shorter_retiming_does_not_shorten_the_run():
+def test_shorter_motion_does_not_shorten_the_run():
     controller = Governed(FeedforwardController(0.1))
-    controller.retime = lambda reference: Retiming(0.2)
-    start = Pose(0.0, 0.0, 0.0)
-    run = simulate(KinematicPlant(KIWI), controller, Hold(start, 1.0), start=start, dt=0.1)
+    controller.retime = lambda reference: Retiming(Hold(STILL, 0.2))
+    run = simulate(KinematicPlant(KIWI), controller, Hold(STILL, 1.0), start=STILL, dt=0.1)
     assert run.t[-1] == 1.0
+
+
+@pytest.mark.parametrize("governed", [True, False])
+def test_watchdog_compares_with_the_governed_reference(governed):
+    """Its limit of 1 m is less than the distance to the reference, which is 2 s ahead."""
+    robot, reference = named_robot("mecanum"), ShapeReference(Eight(), 8.0)
+    controller = Governed(FeedforwardController(0.05), governor(robot))
+    if not governed:
+        controller.retime = Retiming
+    start = reference.at(0.0).pose
+    supervisor = SafetySupervisor(robot, Watchdog(WatchdogLimits(error=1.0)))
+    run = simulate(
+        KinematicPlant(robot), controller, reference, start=start, dt=0.05, supervisor=supervisor
+    )
+    assert (run.outcome is Outcome.FINISHED) == governed
+    if governed:
+        assert np.hypot(*(run.pose - run.target)[:, :2].T).max() > 1.5
 
 
 def test_state_does_not_change_the_governed_reference():

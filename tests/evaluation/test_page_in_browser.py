@@ -193,10 +193,10 @@ def test_an_open_floor_has_no_obstacles_in_the_legend(study, visit):
     assert not any(page.locator(item).is_visible() for item in items)
 
 
-def test_small_values_are_not_shown_as_zero(part, visit):
+def test_values_from_the_resolution_on_are_not_shown_as_zero(part, visit):
     page = visit(part)
-    shown = page.evaluate("[49.62, 3.934, 0.26, 0.000123, -2e-9, 0, NaN].map(Study.text)")
-    assert shown == ["49.6", "3.93", "0.260", "1.2e-4", "-2.0e-9", "0", "–"]
+    shown = page.evaluate("[49.62, 3.934, 0.26, 0.000123, -2e-6, 9e-7, 0, NaN].map(Study.text)")
+    assert shown == ["49.6", "3.93", "0.260", "1.2e-4", "-2.0e-6", "0", "0", "–"]
 
 
 def test_print_is_light_and_fits_the_paper(study, visit, tmp_path):

@@ -103,7 +103,10 @@ def test_wall_across_the_map_leaves_no_path():
 
 
 def test_map_without_free_cells_is_reported():
-    with pytest.raises(InvalidWaypoint, match="choose a smaller robot or margin"):
+    with pytest.raises(
+        InvalidWaypoint,
+        match=r"lower the margin .--margin on the command line; .* keyword inflation",
+    ):
         plan_path(ROOM, inflation=3.0)
 
 

@@ -190,6 +190,32 @@ def test_bad_files_are_refused_with_one_sentence(changes, message):
     assert len(str(caught.value)) < 400
 
 
+def test_all_faults_of_a_file_are_named_at_once():
+    data = edited(
+        mass=-10.0, max_torque=..., max_torqe=2.0, wheel__mass="350 g", wheel__rows=0,
+        mounts__1__axle_angle=135, lag=[0.01, -0.1],
+    )  # fmt: skip
+    with pytest.raises(InvalidRobot) as caught:
+        parse_robot(data, "my.yaml")
+    assert str(caught.value).removeprefix("my.yaml: ").split("; ") == [
+        "unknown key 'max_torqe'",
+        "did you mean 'max_torque'?",
+        "'max_torque' is missing (N m, of a motor, at the wheel)",
+        "mounts[1].axle_angle is 135, need -6.3 to 6.3 rad (degrees?)",
+        "wheel.mass must be a number without a unit (kg, hub and rim without rollers), got '350 g'",
+        "a wheel has 0 rows of 9 rollers, need 1 to 4 rows of 3 to 100",
+        "the robot's mass must be positive, got -10 kg",
+        "a lag of the robot must not be negative, got -0.1 s",
+    ]
+
+
+def test_a_message_names_ten_faults_at_most():
+    keys = {f"z{i}": 1.0 for i in range(3000)}
+    with pytest.raises(InvalidRobot, match=r"unknown key 'z9'; .*; and more$") as caught:
+        parse_robot(edited(**keys), "my.yaml")
+    assert "'z10'" not in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

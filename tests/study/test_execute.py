@@ -12,13 +12,14 @@ from time import sleep
 import pytest
 
 from omnidrive.compiled import announce_compiling
-from omnidrive.compiled.compilation import Compilation, compile_listeners
+from omnidrive.compiled.compilation import Compilation, compile_listeners, reported
 from omnidrive.simulation import Outcome
 from omnidrive.study import execute as execute_module
 from omnidrive.study.execute import execute, is_sequential
 from omnidrive.study.jobs import Job, job_name, jobs_of, unfinished
 from omnidrive.study.planned_scenario import plan_and_check
-from omnidrive.study.tasks import FaultsTask, NoiseTask
+from omnidrive.study.study import NullProgress, run_study
+from omnidrive.study.tasks import DurationsTask, FaultsTask, NoiseTask, Tasks
 from tests.study.small import small_scenario
 
 
@@ -157,6 +158,22 @@ def test_messages_of_workers_are_logged_here_and_the_compilation_once(planned, c
     assert sum("compiling" in message for message in messages) == 1
     assert "not shown" not in messages
     assert capfd.readouterr() == ("", "")
+
+
+class CompilingProgress(NullProgress):
+    """A listener during whose calls a kernel is compiled."""
+
+    def done(self, what):
+        with reported("kernel"):
+            pass
+
+
+def test_a_study_of_one_run_on_the_kinematic_plant_announces_compilations(caplog):
+    tasks = Tasks(track=DurationsTask(durations=(20.0,)))
+    scenario = small_scenario(controllers=("feedforward",), tasks=tasks)
+    run_study(scenario, progress=CompilingProgress())
+    messages = [record.message for record in caplog.records]
+    assert sum(each.startswith("compiling kernels before") for each in messages) == 1, messages
 
 
 UNGUARDED = """

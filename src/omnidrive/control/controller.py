@@ -187,12 +187,12 @@ class ReducibleController(Controller, Protocol):
 
 
 class Retiming(NamedTuple):
-    """When a controller reaches the end of a reference."""
+    """Motion that a controller tracks instead of a reference."""
 
-    duration: float
-    """Time of the end, in s; not less than the duration of the reference."""
+    reference: Reference
+    """The motion; the reference itself if the robot can follow it in time."""
     notice: str = ""
-    """Why that is later than the reference, in one line; empty: it is not."""
+    """Why it is another one, in one line; empty: it is not."""
 
 
 @runtime_checkable
@@ -200,5 +200,5 @@ class RetimingController(Controller, Protocol):
     """A :class:`Controller` that follows a reference later where the robot cannot be in time."""
 
     def retime(self, reference: Reference) -> Retiming:
-        """Return when the end of ``reference`` is reached; called after ``reset``."""
+        """Return the motion that is tracked instead of ``reference``; called after ``reset``."""
         ...

@@ -15,6 +15,8 @@ from omnidrive.control.controller import (
     Controller,
     DetailedController,
     PreparableController,
+    Retiming,
+    RetimingController,
     Status,
     WheelSpeeds,
     WheelTorques,
@@ -93,6 +95,8 @@ class Pipeline:
     """State for the controller."""
     _computed: tuple[float, Command] | None = field(default=None, init=False, repr=False)
     """Time (s) and value of the last command of the controller."""
+    _retiming: tuple[Reference, Retiming] | None = field(default=None, init=False, repr=False)
+    """The latest reference, and what is tracked instead."""
     _stalled: str = field(default="", init=False, repr=False)
     """Description of the step that took too long; empty: none."""
 
@@ -111,7 +115,7 @@ class Pipeline:
         check_start(pose)
         self._estimate = self._state = State(0.0, pose)
         self._previous, self._computed, self._stalled = Command(STOP), None, ""
-        self.detail_units = {}
+        self.detail_units, self._retiming = {}, None
         part: Part = "estimator"
         seconds = 40.0 * STEP_TIMEOUT  # the parts may compile kernels
         try:
@@ -129,6 +133,21 @@ class Pipeline:
         except PART_ERRORS as error:
             raise PartFailed(part, _report(error)) from error
 
+    def retime(self, reference: Reference) -> Retiming:
+        """Return the motion that the controller tracks instead of ``reference``."""
+        if self._retiming is None or self._retiming[0] is not reference:
+            retiming = Retiming(reference)
+            if isinstance(self.controller, RetimingController):
+                retiming = self.controller.retime(reference)
+                if not (
+                    isinstance(retiming, Retiming)
+                    and isinstance(retiming.reference, Reference)
+                    and isinstance(retiming.notice, str)
+                ):
+                    raise TypeError(f"retime must return a Retiming, not {kind_of(retiming)}")
+            self._retiming = reference, retiming
+        return self._retiming[1]
+
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
         """Estimate and check the state at ``t`` (s) without a command, as at the end of a run.
 
@@ -139,11 +158,15 @@ class Pipeline:
         seconds = 4.0 * STEP_TIMEOUT  # the estimator may compile kernels
         try:
             with TimeLimit(seconds):
-                target = _target(reference, t)
+                target = due = _target(reference, t)
+                part = "controller"
+                tracked = self.retime(reference).reference
+                if tracked is not reference:
+                    due = _target(tracked, t)
                 part = "estimator"
                 state, status = self._update(t, readings)
                 part = "supervisor"
-                self._state = self.supervisor.check(t, readings, state, target)
+                self._state = self.supervisor.check(t, readings, state, due)
         except TimedOut:
             reason = f"its call at {t:g} s took longer than {seconds:g} s"
             return self._failure(part, target, reason)

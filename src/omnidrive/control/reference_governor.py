@@ -77,17 +77,17 @@ class ReferenceGovernor:
         return governed.delay(t) if isinstance(governed, DelayedReference) else 0.0
 
     def retime(self, reference: Reference) -> Retiming:
-        """Return the end of the governed reference, and what the original one needs."""
+        """Return the governed reference, and what the original one needs if it is another."""
         governed = self.govern(reference)
         if not isinstance(governed, DelayedReference):
-            return Retiming(reference.duration)
+            return Retiming(reference)
         used = needed_limits(reference, self._limits(1.0, 1.0))
         top = self.chassis.max_wheel_speed
         needs = f"a wheel speed of {used['wheel speed'] * top:.3g} rad/s of {top:.3g} rad/s"
         if "wheel force" in used:
             needs += f" and {used['wheel force']:.2f} times the forces of the wheels in plans"
         return Retiming(
-            governed.duration,
+            governed,
             f"the reference needs {needs}: its path is followed with a delay of up to "
             f"{governed.max_delay:.2f} s, to its end at {governed.duration:.2f} s instead of "
             f"{reference.duration:.2f} s",

@@ -10,6 +10,7 @@ from omnidrive.evaluation.paired import (
     paired_differences,
     repeated_runs,
 )
+from omnidrive.evaluation.path_error import PathErrors, path_errors
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.results import (
     STEP_AXES,
@@ -30,6 +31,7 @@ __all__ = [
     "FaultResult",
     "Metrics",
     "PairedDifference",
+    "PathErrors",
     "Recovery",
     "RepeatedRuns",
     "StepResponse",
@@ -42,6 +44,7 @@ __all__ = [
     "headline",
     "measure",
     "paired_differences",
+    "path_errors",
     "position_error",
     "recovery",
     "repeated_runs",

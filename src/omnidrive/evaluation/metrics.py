@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control import Status
+from omnidrive.evaluation.path_error import arrival, path_errors
 from omnidrive.geometry import wrap
 from omnidrive.robot import Chassis
 from omnidrive.simulation import Run
@@ -41,6 +42,12 @@ class Metrics(NamedTuple):
     """Median computing time of a controller step, us."""
     step_time_p99: float
     """99th percentile of the computing time of a controller step, us."""
+    path_me: float
+    """Mean distance between the true position and the nearest point of the reference's path, m."""
+    path_mae: float
+    """Mean absolute difference of the headings there, wrapped, rad."""
+    arrival: float
+    """Time from which the robot stays within 0.05 m of the end of the reference, s; NaN: never."""
     fallbacks: int
     """Number of steps without a converged solution of the controller."""
 
@@ -76,6 +83,7 @@ def measure(run: Run, chassis: Chassis) -> Metrics:
     """Compute the metrics of a run; ``chassis`` converts body twists to wheel speeds."""
     distance = position_error(run.pose, run.target)
     turn = np.abs(heading_error(run.pose, run.target))
+    on_path = path_errors(run)
     late = run.t >= START_PHASE
     if not late.any():
         late[-1] = True
@@ -96,5 +104,8 @@ def measure(run: Run, chassis: Chassis) -> Metrics:
         wheel_acceleration=mean_change * (len(run.t) - 1) / max(float(run.t[-1]), 1e-9),
         step_time_median=float(median),
         step_time_p99=float(p99),
+        path_me=float(on_path.position.mean()),
+        path_mae=float(on_path.heading.mean()),
+        arrival=arrival(run),
         fallbacks=int((run.status == Status.FALLBACK).sum()),
     )

@@ -99,15 +99,22 @@ def leading_number(cell: str) -> float:
         return nan
 
 
+RESOLUTION = 1e-6
+"""Smallest magnitude that tables show, in the unit of a column: 1 nm for errors in mm.
+
+Smaller values, such as the errors of exact tracking on the plant `kinematic`, are rounding errors.
+"""
+
+
 def number_text(value: float, digits: int = 3) -> str:
-    """Format a number with at least ``digits`` significant digits; a nonzero value is never zero.
+    """Format a number with at least ``digits`` significant digits, and 0 below :data:`RESOLUTION`.
 
     Numbers below 1e-4 and from 1e7 on are in scientific notation; a number that is not finite is a
     dash.
     """
     if not isfinite(value):
         return NO_VALUE
-    if value == 0.0:
+    if abs(value) < RESOLUTION:
         return "0"
     scientific = f"{value:.{digits - 1}e}"
     exponent = int(scientific.partition("e")[2])

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.special import stdtr, stdtrit
 
 from omnidrive.arrays import Array
+from omnidrive.evaluation.table import RESOLUTION
 
 CONFIDENCE = 0.95
 """Confidence level of the intervals."""
@@ -35,8 +36,11 @@ class MeanEstimate(NamedTuple):
         """Format mean, margin, low and high times ``factor``; all but the margin have a sign.
 
         Values are rounded to two digits of the margin, with 1 to 6 decimals; smaller margins are in
-        scientific notation. The minus sign is U+2212.
+        scientific notation. All are 0 if the interval is within the resolution of tables. The minus
+        sign is U+2212.
         """
+        if max(abs(factor * self.low), abs(factor * self.high)) < RESOLUTION:
+            return "0", "0", "0", "0"
         margin = factor * self.margin
         digits = 1 - floor(log10(margin)) if margin > 0.0 else 4
         places = max(digits, 1)

@@ -15,12 +15,12 @@ from omnidrive.evaluation.paired import (
     paired_differences,
 )
 from omnidrive.evaluation.results import FaultResult, StepResult, StudyResults
-from omnidrive.evaluation.table import NO_VALUE, number_text
+from omnidrive.evaluation.table import NO_VALUE, RESOLUTION, number_text
 from omnidrive.evaluation.uncertainty import CONFIDENCE, estimate_mean, p_text
 from omnidrive.simulation import Outcome, Run
 
+_ROUNDING = 1e-3 * RESOLUTION  # m or s; smaller values are rounding errors
 _SMALL = 0.01  # relative difference of two runs that counts as none
-_ROUNDING = 1e-9  # m or s; smaller values are rounding errors
 
 
 class Contender(NamedTuple):

@@ -77,7 +77,10 @@ def load_nav2_map(path: StrPath, *, unknown: Unknown = "occupied") -> OccupancyG
     x, y, yaw = _origin(name, meta)
     if not isinstance(meta.get("image"), str):
         raise InvalidMap(f"{name} does not set 'image', the file name of the map's image")
-    grey, opaque = read_image(path.parent / meta["image"])
+    try:
+        grey, opaque = read_image(path.parent / meta["image"])
+    except InvalidMap as error:
+        raise InvalidMap(f"{name}: {error}") from None
     kinds = table[grey]
     if opaque is not None and mode != "raw":
         kinds[~opaque] = UNKNOWN

@@ -29,7 +29,10 @@ _CLEARANCE = 0.2
 affects the smoothness."""
 _DRAWN = 300  # points of the path in notebooks
 
-_NARROW = "choose a smaller robot or margin, or a finer map"
+_NARROW = (
+    "lower the margin (--margin on the command line; in Python it is part of the keyword "
+    "inflation), or choose a smaller robot or a finer map"
+)
 """Way out of a map that is too narrow for the robot."""
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidGeometry, InvalidInput
 from omnidrive.geometry import BodyTwist
-from omnidrive.robot.checks import check_positive
+from omnidrive.robot.checks import check_no_faults, not_positive
 from omnidrive.robot.mount import Mount
 
 
@@ -63,7 +63,7 @@ class Chassis:
             InvalidGeometry: The wheels cannot produce every planar twist.
             InvalidInput: The radius or the speed is not positive.
         """
-        check_positive("wheel_radius", wheel_radius, "m")
+        check_no_faults(not_positive("wheel_radius", wheel_radius, "m"))
         rows = _rows(mounts, wheel_radius)
         try:
             return cls(rows, max_wheel_speed)
@@ -93,7 +93,7 @@ class Chassis:
             wheel_radius: r, in m.
             max_wheel_speed: Largest speed of every wheel, in rad/s.
         """
-        check_positive("wheel_radius", wheel_radius, "m")
+        check_no_faults(not_positive("wheel_radius", wheel_radius, "m"))
         rows = [[-sin(a), cos(a), ring_radius] for a in angles]
         return cls(np.array(rows) / wheel_radius, max_wheel_speed)
 

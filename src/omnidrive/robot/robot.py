@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from math import cos, hypot, isfinite
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +15,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.notebook import facts_html
 from omnidrive.robot.acceleration_polytope import acceleration_polytope
 from omnidrive.robot.chassis import Chassis
-from omnidrive.robot.checks import check_not_negative, check_positive
+from omnidrive.robot.checks import check_no_faults, negative, not_positive
 from omnidrive.robot.drawing import robot_svg
 from omnidrive.robot.mount import Mount
 from omnidrive.robot.wheel import OmniWheel
@@ -76,7 +78,9 @@ class Robot:
     motor_lag: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_numbers(self)
+        check_no_faults(
+            robot_faults({each.name: getattr(self, each.name) for each in fields(self)})
+        )
         _check_mounts(self)
         _check_loads(self)
 
@@ -248,24 +252,25 @@ def _least_radii(faces: Float[Array, "faces 3"]) -> tuple[float, float]:
     return float(1.0 / plane.max()), float(1.0 / yaw.max())
 
 
-def _check_numbers(robot: Robot) -> None:
-    """Check the sign and finiteness of the scalar fields."""
-    for name, value, unit in (
-        ("mass", robot.mass, "kg"),
-        ("body_radius", robot.body_radius, "m"),
-        ("max_wheel_speed", robot.max_wheel_speed, "rad/s"),
-        ("max_torque", robot.max_torque, "N m"),
-        ("servo_gain", robot.servo_gain, "N m s/rad"),
-        ("com_height", robot.com_height, "m"),
-    ):
-        check_positive(f"the robot's {name}", value, unit)
-    check_not_negative("the robot's friction", robot.friction, "")
-    for seconds in (robot.motor_lag, *robot.lag):
-        check_not_negative("a lag of the robot", seconds, "s")
-    if robot.body_inertia is not None:
-        check_positive("the robot's body_inertia", robot.body_inertia, "kg m^2")
-    if robot.assumed_effective_radius is not None:
-        check_positive("the robot's assumed_effective_radius", robot.assumed_effective_radius, "m")
+def robot_faults(values: Mapping[str, Any]) -> list[str]:
+    """Return all faults in sign and finiteness of the scalar fields of :class:`Robot`.
+
+    Args:
+        values: Values by name of the field, SI units. Missing ones and None are not checked.
+    """
+    faults = []
+    for name, unit in (
+        ("mass", "kg"), ("body_radius", "m"), ("max_wheel_speed", "rad/s"), ("max_torque", "N m"),
+        ("servo_gain", "N m s/rad"), ("com_height", "m"), ("body_inertia", "kg m^2"),
+        ("assumed_effective_radius", "m"),
+    ):  # fmt: skip
+        if values.get(name) is not None:
+            faults += not_positive(f"the robot's {name}", values[name], unit)
+    if "friction" in values:
+        faults += negative("the robot's friction", values["friction"], "")
+    for seconds in (values.get("motor_lag", 0.0), *values.get("lag", ())):
+        faults += negative("a lag of the robot", seconds, "s")
+    return faults
 
 
 def _check_mounts(robot: Robot) -> None:

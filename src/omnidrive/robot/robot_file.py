@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from math import isfinite, pi, remainder
-from typing import Any, NamedTuple
+from typing import Any
 
 import yaml
 
@@ -15,13 +15,14 @@ from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot.mount import Mount
-from omnidrive.robot.robot import MAX_WHEELS, Robot
-from omnidrive.robot.wheel import OmniWheel
+from omnidrive.robot.robot import MAX_WHEELS, Robot, robot_faults
+from omnidrive.robot.wheel import OmniWheel, wheel_faults
 
 FORMAT = "omnidrive-robot-1"
 """Name and version of the file format."""
 
 _MAX_NAME = 64  # characters
+_MOST_FAULTS = 10  # faults that one message names
 MAX_NUMBER = 1e9
 """Greatest magnitude in a description of a robot, SI units; products of larger numbers overflow."""
 
@@ -69,7 +70,6 @@ _ROBOT_KEYS = {
 _STRUCTURE = {"name", "mounts", "wheel"}  # all other keys hold numbers
 _PAIRS, _INTEGERS = {"com", "lag"}, {"rollers_per_row", "rows"}
 _NULLABLE = {"body_inertia", "assumed_effective_radius"}
-_REQUIRED_OF_MOUNTS = ("x", "y", "axle_angle")
 _HEADER = """\
 # Frame B: origin at the centre of the robot, x forward, y left; angles are counter-clockwise.
 # A wheel that turns in the positive sense rolls along (-sin axle_angle, cos axle_angle).
@@ -87,8 +87,9 @@ def load_robot(path: StrPath) -> Robot:
     """Read a robot file.
 
     Raises:
-        InvalidRobot: The file is missing, too large or malformed, a key is unknown or missing, or
-            the values are not those of an omnidirectional robot; the message names the key.
+        InvalidRobot: The file is missing, too large or malformed, keys are unknown or missing, or
+            the values are not those of an omnidirectional robot; the message names the first ten
+            faults with their keys.
     """
     path = to_path(path)
     return parse_robot(read_yaml(path, "robot file", InvalidRobot), str(path))
@@ -110,18 +111,18 @@ def parse_robot(data: Any, where: str) -> Robot:
     if data.get("format") != FORMAT:
         raise source.error(f"it needs 'format: {FORMAT}', got {short_repr(data.get('format'))}")
     content = {key: value for key, value in data.items() if key != "format"}
-    source.check_keys("", content, _ROBOT_KEYS, _required(Robot))
-    values: dict[str, Any] = {"name": source.name(content.pop("name"))}
-    mounts = content.pop("mounts")
-    if not isinstance(mounts, list) or len(mounts) > MAX_WHEELS:
-        raise source.error(f"mounts must be a list of at most {MAX_WHEELS} wheels")
-    values["mounts"] = tuple(source.mount(f"mounts[{i}]", each) for i, each in enumerate(mounts))
-    wheel = content.pop("wheel")
-    source.check_keys("wheel", wheel, _WHEEL_KEYS, _required(OmniWheel))
-    parameters = source.numbers("wheel", wheel, _WHEEL_KEYS)
-    values |= source.numbers("", content, _ROBOT_KEYS)
+    values = source.numbers("", content, _ROBOT_KEYS, Robot)
+    source.check_name(content.get("name", "robot"))
+    mounts = source.mounts(content.get("mounts", []))
+    absent = "wheel" not in content
+    parameters = {} if absent else source.numbers("wheel", content["wheel"], _WHEEL_KEYS, OmniWheel)
+    for fault in (*wheel_faults(parameters), *robot_faults(values)):
+        source.add(fault)
+    if source.faults:
+        raise source.error("; ".join(source.faults))
     try:
-        return Robot(wheel=OmniWheel(**parameters), **values)
+        wheel = OmniWheel(**parameters)
+        return Robot(name=content["name"], mounts=mounts, wheel=wheel, **values)
     except InvalidInput as error:
         raise source.error(str(error)) from None
 
@@ -179,7 +180,7 @@ def _turned(mount: Mount) -> dict[str, float]:
 
 def robot_schema() -> dict[str, Any]:
     """Return the JSON schema of robot files, for editors; descriptions state units."""
-    mount = _schema_of(_MOUNT_KEYS, _REQUIRED_OF_MOUNTS)
+    mount = _schema_of(_MOUNT_KEYS, _required(Mount))
     wheel = _schema_of(_WHEEL_KEYS, _required(OmniWheel))
     robot = _schema_of(_ROBOT_KEYS, _required(Robot))
     about = _ROBOT_KEYS
@@ -233,14 +234,25 @@ def _text(value: Any) -> str:
 
 
 def _required(kind: type[Any]) -> set[str]:
-    """Return the names of the fields of a dataclass that have no default."""
+    """Return the names of the fields of a dataclass or NamedTuple that have no default."""
+    if not is_dataclass(kind):
+        return {*kind._fields} - {*kind._field_defaults}
     return {each.name for each in fields(kind) if each.default is MISSING}
 
 
-class _Source(NamedTuple):
-    """Checks of a robot file, with its name in every message."""
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """Checks of a robot file, which collect its faults."""
 
     where: str
+    """Name of the file, for messages."""
+    faults: list[str] = field(default_factory=list)
+
+    def add(self, fault: str) -> None:
+        """Add a fault; raise the error with all of them if there are more than ten."""
+        if len(self.faults) == _MOST_FAULTS:
+            raise self.error("; ".join([*self.faults, "and more"]))
+        self.faults.append(fault)
 
     def error(self, fact: str) -> InvalidRobot:
         """Return the error with the name of the file."""
@@ -250,64 +262,81 @@ class _Source(NamedTuple):
         self, label: str, data: Any, keys: Mapping[str, str], required: Collection[str]
     ) -> None:
         """Check that ``data`` has all required keys and no others."""
-        if not isinstance(data, dict):
-            shown = short_repr(data)
-            raise self.error(f"{label} must hold the keys {', '.join(keys)}, got {shown}")
         within = f" in {label}" if label else ""
         for key in data:
             if key not in keys:
-                raise self.error(f"unknown key {short_repr(key)}{within}{_hint(label, key, keys)}")
+                self.add(f"unknown key {short_repr(key)}{within}{_hint(label, key, keys)}")
         for key in keys:
             if key in required and key not in data:
-                raise self.error(f"'{key}' is missing{within} ({keys[key]})")
+                self.add(f"'{key}' is missing{within} ({keys[key]})")
 
-    def name(self, value: Any) -> str:
-        """Return the name of the robot."""
-        if isinstance(value, str) and value.isprintable() and 0 < len(value) <= _MAX_NAME:
-            return value
-        raise self.error(
-            f"name must be text of 1 to {_MAX_NAME} characters, got {short_repr(value)}"
-        )
+    def check_name(self, value: Any) -> None:
+        """Check the name of the robot."""
+        if not (isinstance(value, str) and value.isprintable() and 0 < len(value) <= _MAX_NAME):
+            self.add(f"name must be text of 1 to {_MAX_NAME} characters, got {short_repr(value)}")
 
-    def mount(self, label: str, data: Any) -> Mount:
-        """Return the mount of one wheel."""
-        self.check_keys(label, data, _MOUNT_KEYS, _REQUIRED_OF_MOUNTS)
-        return Mount(**self.numbers(label, data, _MOUNT_KEYS))
+    def mounts(self, data: Any) -> tuple[Mount, ...]:
+        """Return the mounts of the wheels, as far as they have no faults."""
+        if not isinstance(data, list) or len(data) > MAX_WHEELS:
+            self.add(f"mounts must be a list of at most {MAX_WHEELS} wheels")
+            return ()
+        found = [
+            self.numbers(f"mounts[{i}]", each, _MOUNT_KEYS, Mount) for i, each in enumerate(data)
+        ]
+        return () if self.faults else tuple(Mount(**each) for each in found)
 
-    def numbers(self, label: str, data: Mapping[str, Any], keys: Mapping[str, str]) -> Any:
-        """Return the numbers and pairs of numbers by key; null is the default of its key."""
+    def numbers(
+        self, label: str, data: Any, keys: Mapping[str, str], kind: type[Any]
+    ) -> dict[str, Any]:
+        """Check the keys of ``kind`` and return its numbers and pairs of numbers without faults.
+
+        Null is the default of its key.
+        """
+        if not isinstance(data, dict):
+            self.add(f"{label} must hold the keys {', '.join(keys)}, got {short_repr(data)}")
+            return {}
+        self.check_keys(label, data, keys, _required(kind))
         values: dict[str, Any] = {}
-        for key, value in data.items():
-            full = f"{label}.{key}" if label else key
-            if value is None and key in _NULLABLE:
+        for key in keys:
+            if key in _STRUCTURE or key not in data or (data[key] is None and key in _NULLABLE):
                 continue
-            if key in _PAIRS:
-                if not isinstance(value, list) or len(value) != 2:
-                    raise self.error(f"{full} must be two numbers ({keys[key]})")
-                values[key] = tuple(self.number(full, each, keys[key]) for each in value)
-            elif key in _INTEGERS:
-                if not isinstance(value, int) or isinstance(value, bool):
-                    raise self.error(f"{full} must be an integer, got {short_repr(value)}")
+            value = self.value(f"{label}.{key}" if label else key, key, data[key], keys[key])
+            if value is not None:
                 values[key] = value
-            else:
-                values[key] = self.number(full, value, keys[key])
         return values
 
-    def number(self, label: str, value: Any, about: str) -> float:
-        """Return a finite number."""
+    def value(self, label: str, key: str, value: Any, about: str) -> Any:
+        """Return the number or the pair of numbers of a key; None if it has a fault."""
+        if key in _PAIRS:
+            if not isinstance(value, list) or len(value) != 2:
+                self.add(f"{label} must be two numbers ({about})")
+                return None
+            pair = tuple(self.number(label, each, about) for each in value)
+            return None if None in pair else pair
+        if key not in _INTEGERS:
+            return self.number(label, value, about)
+        if isinstance(value, int) and not isinstance(value, bool):
+            return value
+        self.add(f"{label} must be an integer, got {short_repr(value)}")
+        return None
+
+    def number(self, label: str, value: Any, about: str) -> float | None:
+        """Return a finite number; None if it has a fault."""
         number = _number(value)
+        key = label.rpartition("].")[2]
         if number is None:
             shown = short_repr(value)
-            raise self.error(f"{label} must be a number without a unit ({about}), got {shown}")
-        if not (isfinite(number) and abs(number) <= MAX_NUMBER):
-            raise self.error(
+            self.add(f"{label} must be a number without a unit ({about}), got {shown}")
+        elif not (isfinite(number) and abs(number) <= MAX_NUMBER):
+            self.add(
                 f"{label} is {number:g}, need a finite number of at most {MAX_NUMBER:g} in "
                 "magnitude"
             )
-        key = label.rpartition("].")[2]
-        if key in _LARGEST and abs(number) > _LARGEST[key][0]:
-            raise self.error(f"{label} is {number:g}, need {_LARGEST[key][1]}")
-        return number
+        elif key in _LARGEST and abs(number) > _LARGEST[key][0]:
+            self.add(f"{label} is {number:g}, need {_LARGEST[key][1]}")
+        else:
+            return number
+        return None
 
 
 def _number(value: Any) -> float | None:

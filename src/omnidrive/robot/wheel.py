@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from typing import Any
 
-from omnidrive.errors import InvalidInput
-from omnidrive.robot.checks import check_not_negative, check_positive
+from omnidrive.robot.checks import check_no_faults, negative, not_positive
 
 MAX_ROLLERS = 100
 """Largest number of rollers in one row."""
@@ -40,25 +41,9 @@ class OmniWheel:
     rows: int = 2
 
     def __post_init__(self) -> None:
-        for name, value, unit in (
-            ("radius", self.radius, "m"),
-            ("mass", self.mass, "kg"),
-            ("roller_radius", self.roller_radius, "m"),
-            ("roller_mass", self.roller_mass, "kg"),
-        ):
-            check_positive(f"the wheels' {name}", value, unit)
-        check_not_negative("the wheels' rotor_inertia", self.rotor_inertia, "kg m^2")
-        check_not_negative("the wheels' row_gap", self.row_gap, "m")
-        if not self.roller_radius < self.radius:
-            raise InvalidInput(
-                f"rollers of radius {self.roller_radius:g} m do not fit a wheel of radius "
-                f"{self.radius:g} m: make the rollers smaller"
-            )
-        if not (3 <= self.rollers_per_row <= MAX_ROLLERS and 1 <= self.rows <= 4):
-            raise InvalidInput(
-                f"a wheel has {self.rows} rows of {self.rollers_per_row} rollers, "
-                f"need 1 to 4 rows of 3 to {MAX_ROLLERS}"
-            )
+        check_no_faults(
+            wheel_faults({each.name: getattr(self, each.name) for each in fields(self)})
+        )
 
     @property
     def total_mass(self) -> float:
@@ -74,3 +59,35 @@ class OmniWheel:
     def hub_inertia(self) -> float:
         """Inertia of hub and rim about the axle, in kg m^2; a disc of 0.7 times the radius."""
         return 0.5 * self.mass * (0.7 * self.radius) ** 2
+
+
+def wheel_faults(values: Mapping[str, Any]) -> list[str]:
+    """Return all faults of values of the fields of :class:`OmniWheel`.
+
+    Args:
+        values: Values by name of the field, SI units. A missing one is the default; without a
+            default, it is not checked.
+    """
+    defaults = {f.name: f.default for f in fields(OmniWheel) if f.default is not MISSING}
+    values = {**defaults, **values}
+    faults = []
+    for name, unit in (
+        ("radius", "m"), ("mass", "kg"), ("roller_radius", "m"), ("roller_mass", "kg"),
+    ):  # fmt: skip
+        if name in values:
+            faults += not_positive(f"the wheels' {name}", values[name], unit)
+    for name, unit in (("rotor_inertia", "kg m^2"), ("row_gap", "m")):
+        if name in values:
+            faults += negative(f"the wheels' {name}", values[name], unit)
+    rollers, wheel = values["roller_radius"], values.get("radius")
+    if not faults and wheel is not None and not rollers < wheel:
+        faults.append(
+            f"rollers of radius {rollers:g} m do not fit a wheel of radius {wheel:g} m: make the "
+            "rollers smaller"
+        )
+    per_row, rows = values["rollers_per_row"], values["rows"]
+    if not (3 <= per_row <= MAX_ROLLERS and 1 <= rows <= 4):
+        faults.append(
+            f"a wheel has {rows} rows of {per_row} rollers, need 1 to 4 rows of 3 to {MAX_ROLLERS}"
+        )
+    return faults

@@ -19,8 +19,6 @@ from omnidrive.control import (
     Controller,
     Pipeline,
     PipelineStep,
-    Retiming,
-    RetimingController,
     WheelSpeeds,
     WheelTorques,
 )
@@ -105,7 +103,7 @@ def simulate(
                 pipeline.prepare()
             state = environment.reset(start)
             _reset(pipeline, start)
-            duration = _duration(environment, pipeline.controller, log)
+            duration = _duration(environment, pipeline, log)
             samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
             _loop(environment, pipeline, state, samples, log)
     except RunEnded as end:
@@ -154,19 +152,18 @@ def _reset(pipeline: Pipeline, start: Pose) -> None:
         raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
 
 
-def _duration(environment: Environment, controller: Controller, log: _Log) -> float:
-    """Return the duration of the run, s, and log the reason if it is longer than the reference."""
+def _duration(environment: Environment, pipeline: Pipeline, log: _Log) -> float:
+    """Return the duration of the run, s, and log the reason if it is not the reference's."""
     duration = environment.duration
-    if not isinstance(controller, RetimingController):
-        return duration
     with Guard(Outcome.CONTROLLER_FAILED, call="retime", limit=guard.PART_TIMEOUT):
-        retiming = controller.retime(environment.reference)
-        if not (isinstance(retiming, Retiming) and are_finite((retiming.duration,))):
-            raise TypeError(f"retime must return a Retiming with a finite duration, not {retiming}")
-    if retiming.notice:
-        _warn_once(retiming.notice)
-        log.notices.append(Event(0.0, retiming.notice))
-    return max(duration, retiming.duration)
+        tracked, notice = pipeline.retime(environment.reference)
+        later = duration if tracked is environment.reference else tracked.duration
+        if not are_finite((later,)):
+            raise ValueError(f"the duration of a Retiming must be finite, not {later}")
+    if notice:
+        _warn_once(notice)
+        log.notices.append(Event(0.0, notice))
+    return max(duration, later)
 
 
 @lru_cache(maxsize=256)

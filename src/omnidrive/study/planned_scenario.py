@@ -237,14 +237,15 @@ def _inflation(section: MapSection, grid: OccupancyGrid, robot: Robot) -> tuple[
     It holds for cell centres; a point of a cell is half a diagonal from its centre.
     """
     if section.source == "paper":
-        return section.margin, ""
+        return section.margin, "the margin; the paper's map contains that of the robot"
     half_diagonal = grid.resolution * 0.5**0.5
     inflation = robot.body_radius + max(section.margin, half_diagonal)
+    body = f"the body radius of {robot.body_radius:g} m"
     if half_diagonal <= section.margin:
-        return inflation, ""
+        return inflation, f"{body} and the margin of {section.margin:g} m"
     return inflation, (
-        f"the body radius of {robot.body_radius:g} m and half a cell diagonal, "
-        f"{half_diagonal:.3g} m, which is larger than the margin of {section.margin:g} m"
+        f"{body} and half a cell diagonal, {half_diagonal:.3g} m, which is larger than the margin "
+        f"of {section.margin:g} m"
     )
 
 

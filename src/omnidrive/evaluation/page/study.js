@@ -5,10 +5,10 @@ const Study = (() => {
   const numbers = (column) => Float64Array.from(column, (v) => (v === null ? NaN : v));
   const wrap = (angle) => angle - 2 * Math.PI * Math.floor((angle + Math.PI) / (2 * Math.PI));
 
-  /* Three significant digits, two below 0.001; a value other than zero is never shown as zero. */
+  /* Three significant digits, two below 0.001, and 0 below the resolution of tables, 1e-6. */
   function text(value) {
     if (!Number.isFinite(value)) return "–";
-    if (value === 0) return "0";
+    if (Math.abs(value) < 1e-6) return "0";
     const exponent = Math.floor(Math.log10(Math.abs(value)));
     if (exponent < -3) return value.toExponential(1);
     return value.toFixed(Math.max(2 - exponent, 0));

@@ -1,0 +1,277 @@
+"""Online identification of drive gains, lag and delay."""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.errors import InvalidInput
+from omnidrive.estimation.drive_identification import identify
+from omnidrive.estimation.drive_memory import (
+    DriveEstimate,
+    DriveSettings,
+    applied_parameters,
+    drive_estimate,
+    drive_memory,
+    initialize,
+    restart,
+)
+from omnidrive.estimation.drive_response import DriveModel
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.reference import ShapeReference
+from omnidrive.reference.shapes import Eight
+from omnidrive.robot import named_robot
+from omnidrive.simulation import PlanarPlant
+from omnidrive.simulation.disturbances.disturbances import Disturbances
+
+DT = 0.05
+EXACT = (0.0, 0.0, 0.0)
+REST = (0.0, 0.0, 0.0)
+ONE = (1.0, 1.0, 1.0)
+SHORT = {"gains": (0.95, 0.95, 0.9)}
+"""Worn wheels."""
+
+
+@compiled
+def applied(memory):
+    return applied_parameters(memory)
+
+
+def drive_model(robot):
+    return DriveModel(*SlipModel.of(robot)[:4])
+
+
+def eight_commands(dt, duration=20.0):
+    """Body twists along a figure eight, in which the robot also turns against the curve."""
+    window = ShapeReference(Eight(), 20.0).window(0.0, round(duration / dt), dt)
+    yaw = 0.3 * np.sin(window[:, 2])
+    c, s = np.cos(yaw), np.sin(yaw)
+    rates = np.gradient(yaw, dt)
+    return np.column_stack(
+        [
+            c * window[:, 3] + s * window[:, 4],
+            c * window[:, 4] - s * window[:, 3],
+            rates,
+        ]
+    )
+
+
+def jerky_commands(dt, duration=6.0):
+    """Starts, stops and reversals, some at the friction limit, in all axes."""
+    rng = np.random.default_rng(7)
+    goals = np.repeat(rng.uniform(-0.8, 0.8, (round(duration / 0.5), 3)), round(0.5 / dt), axis=0)
+    return goals * [1.0, 1.0, 1.5]
+
+
+def drive(robot, commands, dt=DT, *, gains=ONE, late=0, slope=(0.0, 0.0), **changes):
+    """Poses of the planar plant, whose drive differs from the robot that is known."""
+    plant = PlanarPlant(replace(robot, **changes))
+    poses = [plant.reset(Pose(0.0, 0.0, 0.0)).pose]
+    plant.apply(Disturbances(slope=slope))
+    queue = deque([np.zeros(3)] * late)
+    for command in commands:
+        queue.append(gains * command)
+        poses.append(plant.step(BodyTwist(*queue.popleft().tolist()), dt).pose)
+    plant.close()
+    return np.array(poses)
+
+
+def estimates(robot, commands, poses, dt=DT, *, noise=0.0, seed=0, settings=None):
+    """Memory after every sample, as estimates and as parameters that a controller uses."""
+    settings, model = settings or DriveSettings(), drive_model(robot)
+    measured = poses + noise * np.random.default_rng(seed).normal(size=poses.shape)
+    memory = drive_memory(settings, dt)
+    restart(memory, tuple(measured[0].tolist()), REST)
+    memory.state_covariance[:, 0, 0] = noise**2
+    rows = zip(commands.tolist(), measured[1:].tolist(), strict=True)
+    for command, pose in rows:
+        variances = (noise**2, noise**2, noise**2)
+        identify(model, settings, memory, tuple(command), dt, tuple(pose), variances, True)
+        yield drive_estimate(memory), applied(memory)
+
+
+def final(*args, **kwargs):
+    *_, last = estimates(*args, **kwargs)
+    return last
+
+
+def check_harmless(name, dt):
+    """Without any difference from the model the parameters in use are the initial ones."""
+    robot = named_robot(name)
+    for commands in (eight_commands(dt), jerky_commands(dt)):
+        for _, (gains, lag, delay) in estimates(robot, commands, drive(robot, commands, dt), dt):
+            assert np.abs(np.subtract(gains, 1.0)).max() < 0.01, (name, dt)
+            assert lag + delay < 0.003, (name, dt)
+
+
+def test_a_right_model_is_left_alone():
+    check_harmless("paper", DT)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("dt", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("name", ["paper", "small", "kiwi", "mecanum"])
+def test_every_right_model_is_left_alone(name, dt):
+    check_harmless(name, dt)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "gains", "response"),
+    [
+        ("paper", SHORT, (0.95, 0.95, 0.9), 0.0),
+        ("small", {"gains": (1.05, 1.05, 1.1)}, (1.05, 1.05, 1.1), 0.0),
+        ("paper", {"motor_lag": 0.08}, ONE, 0.08),
+        ("small", {"late": 1}, ONE, 0.05),
+        ("small", SHORT | {"late": 1, "motor_lag": 0.04}, (0.95, 0.95, 0.9), 0.09),
+        ("paper", SHORT | {"slope": (0.05, 0.1)}, (0.95, 0.95, 0.9), 0.0),
+    ],
+)
+def test_gains_and_response_time_are_found(name, change, gains, response):
+    robot, commands = named_robot(name), eight_commands(DT)
+    found = list(estimates(robot, commands, drive(robot, commands, **change)))
+    early, late = found[round(5.0 / DT)][0], found[-1][0]
+    assert early.lag + early.delay == pytest.approx(response, abs=0.01)
+    assert late.lag + late.delay == pytest.approx(response, abs=0.006)
+    for estimate, true, error in zip(late.gains, gains, late.gain_errors, strict=True):
+        assert abs(estimate - true) < max(0.01, 2.0 * error)
+
+
+def test_lag_and_delay_are_told_apart_by_hard_starts():
+    robot, commands = named_robot("paper"), jerky_commands(DT)
+    lag, _ = final(robot, commands, drive(robot, commands, motor_lag=0.08))
+    delay, _ = final(robot, commands, drive(robot, commands, late=1))
+    assert lag.lag == pytest.approx(0.08, abs=0.01)
+    assert lag.delay < 0.01
+    assert delay.delay == pytest.approx(DT, abs=0.01)
+    assert delay.lag < 0.01
+    assert lag.excited[3:] == (True, True)
+
+
+def test_a_lag_is_known_after_a_few_samples_of_a_start():
+    robot = named_robot("paper")
+    commands = np.tile([0.5, 0.3, 0.4], (10, 1)) * np.linspace(0.1, 1.0, 10)[:, None]
+    _, (_, lag, delay) = final(robot, commands, drive(robot, commands, motor_lag=0.08))
+    assert 0.05 < lag + delay < 0.1
+
+
+@pytest.mark.parametrize("seeds", [8, pytest.param(100, marks=pytest.mark.long)])
+def test_standard_errors_are_honest(seeds):
+    """At least 90 % of the errors are within two standard errors, with noise of 1 cm."""
+    robot, commands = named_robot("small"), eight_commands(DT)
+    poses = drive(robot, commands, motor_lag=0.04, **SHORT)
+    inside = []
+    for seed in range(seeds):
+        found, _ = final(robot, commands, poses, noise=0.01, seed=seed)
+        errors = [*np.subtract(found.gains, SHORT["gains"]), found.lag + found.delay - 0.04]
+        inside.append(np.abs(errors) < 2.0 * np.array([*found.gain_errors, found.sum_error]))
+        assert found.sum_error < 0.02
+        assert found.gain_errors[0] < 0.01
+    assert (np.mean(inside, axis=0) >= 0.9).all()
+
+
+def test_an_axis_without_motion_is_not_estimated():
+    robot = named_robot("small")
+    commands = eight_commands(DT) * [1.0, 0.0, 0.0]
+    found, (gains, _, _) = final(robot, commands, drive(robot, commands, **SHORT))
+    assert found.excited[:3] == (True, False, False)
+    assert gains[0] == pytest.approx(0.95, abs=0.01)
+    assert found.gains[1:] == gains[1:] == (1.0, 1.0)
+
+
+def test_a_change_of_the_drive_is_learned_anew():
+    robot, commands = named_robot("paper"), eight_commands(DT, 20.0)
+    twice = np.vstack([commands, commands])
+    factors = np.repeat([[1.0], [0.9]], len(commands), axis=0)
+    poses = drive(robot, twice * factors)
+    found, _ = final(robot, twice, poses, settings=DriveSettings(memory=5.0))
+    assert found.gains[0] == pytest.approx(0.9, abs=0.015)
+
+
+def test_standing_still_changes_nothing_and_the_covariance_stays_bounded():
+    robot, commands = named_robot("small"), np.zeros((2000, 3))
+    found, parameters = final(robot, commands, np.zeros((2001, 3)))
+    assert parameters == (ONE, 0.0, 0.0)
+    assert found[:3] == DriveEstimate()[:3]
+    for ours, initial in zip(found.gain_errors, DriveEstimate().gain_errors, strict=True):
+        assert ours == pytest.approx(initial)
+
+
+def test_estimates_stay_within_the_bounds():
+    robot, commands = named_robot("small"), jerky_commands(DT)
+    settings = DriveSettings(min_gain=0.9, max_lag=0.05, max_delay=0.02)
+    poses = drive(robot, commands, gains=(0.6, 0.6, 0.6), motor_lag=0.2, late=2)
+    for found, _ in estimates(robot, commands, poses, settings=settings):
+        assert min(found.gains) >= 0.9
+        assert 0.0 <= found.lag <= 0.05
+        assert 0.0 <= found.delay <= 0.02
+
+
+@pytest.mark.parametrize(
+    ("settings", "initial", "message"),
+    [
+        (DriveSettings(min_gain=1.2), None, "min_gain is 1.2, need 0.1 to 1"),
+        (DriveSettings(memory=0.0), None, "memory is 0 s"),
+        (DriveSettings(max_delay=0.01), DriveEstimate(delay=0.05), "the delay is 0.05"),
+        (DriveSettings(), DriveEstimate(gains=(0.5, 1.0, 1.0)), "the gain is 0.5"),
+    ],
+)
+def test_bounds_that_exclude_the_start_are_refused(settings, initial, message):
+    with pytest.raises(InvalidInput, match=message):
+        drive_memory(settings, DT, initial)
+
+
+def test_a_moved_robot_and_readings_that_are_not_numbers_do_not_mislead():
+    robot, commands = named_robot("paper"), eight_commands(DT)
+    poses = drive(robot, commands)
+    settings, model = DriveSettings(), drive_model(robot)
+    memory = drive_memory(settings, DT)
+    restart(memory, REST, REST)
+    for k, command in enumerate(commands.tolist()):
+        x, y, yaw = poses[k + 1].tolist()
+        pose = (x + (2.0 if k >= 100 else 0.0), y, np.nan if k % 7 == 3 else yaw)
+        twist = (np.inf, 0.0, 0.0) if k == 150 else tuple(command)
+        identify(model, settings, memory, twist, DT, pose, EXACT, k % 5 > 0)
+        assert np.isfinite(np.concatenate([each.ravel() for each in memory])).all(), k
+    gains, lag, delay = applied(memory)
+    assert gains == pytest.approx(ONE, abs=0.01)
+    assert lag + delay < 0.003
+    found = drive_estimate(memory)
+    assert found.gain_errors[0] < 0.01
+
+
+def test_a_new_run_starts_from_the_initial_parameters():
+    robot, commands = named_robot("small"), jerky_commands(DT, 2.0)
+    poses, model, settings = drive(robot, commands, **SHORT), drive_model(robot), DriveSettings()
+    initial = DriveEstimate(gains=(0.97, 0.97, 0.95), lag=0.01, delay=0.02)
+    memory, results = drive_memory(settings, DT, initial), []
+    for _ in range(2):
+        initialize(memory)
+        restart(memory, REST, REST)
+        before = drive_estimate(memory)
+        assert (before.gains, before.lag, before.delay) == initial[:3]
+        for command, pose in zip(commands.tolist(), poses[1:].tolist(), strict=True):
+            identify(model, settings, memory, tuple(command), DT, tuple(pose), EXACT, True)
+        results.append(drive_estimate(memory))
+    assert results[0] == results[1] != before
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(20))
+def test_random_data_leaves_finite_estimates_within_the_bounds(seed):
+    """Commands and poses that no robot produces, at irregular times."""
+    rng = np.random.default_rng(seed)
+    model, settings = drive_model(named_robot("kiwi")), DriveSettings()
+    memory = drive_memory(settings, 0.02)
+    for _ in range(2000):
+        command = tuple((rng.normal(size=3) * 10.0 ** rng.uniform(-6, 3)).tolist())
+        pose = tuple((rng.normal(size=3) * 10.0 ** rng.uniform(-6, 6)).tolist())
+        variances = tuple((10.0 ** rng.uniform(-14, 2, 3)).tolist())
+        dt, fresh = float(10.0 ** rng.uniform(-3, 0)), bool(rng.random() < 0.8)
+        identify(model, settings, memory, command, dt, pose, variances, fresh)
+        found = drive_estimate(memory)
+        assert np.isfinite(np.concatenate([each.ravel() for each in memory])).all(), seed
+        assert all(0.7 <= gain <= 1.3 for gain in found.gains)
+        assert (np.linalg.eigvalsh(memory.covariance) > -1e-12).all()
