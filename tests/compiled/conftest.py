@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from {package}.callee import FACTOR, Mode, callee, plain
+from {package}.callee import FACTOR, Mode, callee, plain, shared
 from {package} import callee as callees
 from omnidrive.compiled import compiled
 
@@ -40,6 +40,11 @@ def of_pair(pair):
 
 
 @compiled
+def of_shared(x):
+    return shared(x)
+
+
+@compiled
 def later(x):
     return x + LATER
 
@@ -49,7 +54,7 @@ LATER = 3.0
 CALLEE = '''
 from enum import IntEnum
 
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compilable, compiled, inlined
 
 FACTOR = 2.0
 SHIFT = 5.0
@@ -68,6 +73,12 @@ def plain():
 def callee(x, scale=1.0):
     """Docstring."""
     return x * scale
+
+
+@compilable
+def shared(x):
+    """Docstring."""
+    return 3.0 * x
 '''
 
 

@@ -62,6 +62,16 @@ def test_edit_of_what_a_kernel_reaches_changes_its_key(build, old, new):
     assert key(build()) != key(build((old, new)))
 
 
+def test_kernels_and_python_call_the_same_function(build):
+    module = build()
+    assert module.of_shared(2.0) == module.shared(2.0) == 6.0
+    assert module.of_shared.stats.cache_misses
+    assert not build(('"""Docstring."""', '"""Another."""')).of_shared.stats.cache_misses
+    edited = build(("return 3.0 * x", "return 4.0 * x"))
+    assert kernel_key(edited.of_shared) != kernel_key(module.of_shared)
+    assert edited.of_shared(2.0) == edited.shared(2.0) == 8.0
+
+
 def test_global_defined_below_the_kernel_is_part_of_the_key(build):
     before = kernel_key(build().later)
     assert kernel_key(build(("LATER = 3.0", "LATER = 4.0")).later) != before

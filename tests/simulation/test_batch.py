@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from omnidrive.control import FeedforwardController, Pipeline, WheelSpeeds
+from omnidrive.control import FeedforwardController, Pipeline, Retiming, WheelSpeeds
 from omnidrive.control.pid import (
     TrackingChannel,
     TrackingParameters,
@@ -201,16 +201,16 @@ def test_runs_are_made_when_they_are_needed():
     next(batch)
     tracemalloc.start()
     try:
-        for _ in range(20):
+        for _ in range(6):
             next(batch)
         early, _ = tracemalloc.get_traced_memory()
-        for _ in range(60):
+        for _ in range(20):
             next(batch)
         late, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
         batch.close()
-    assert next(made) < 81 * 10 + 10 * (1 + 2 * 2 * 16 // 10) + 10
+    assert next(made) < 27 * 10 + 10 * (1 + 2 * 2 * 16 // 10) + 10
     assert late - early < 50_000
     assert peak < 20_000_000
 
@@ -265,6 +265,24 @@ def test_failed_runs_equal_simulate(reference, outcome, kind):
     assert run.outcome is outcome
     assert not differences(run, batch.logs[0])
     assert run.events == batch.logs[0].events
+
+
+class Late(FeedforwardController):
+    """A controller that reaches the end of a reference 0.45 s later."""
+
+    def retime(self, reference):
+        return Retiming(reference.duration + 0.45, "too fast")
+
+
+def test_retimed_runs_equal_simulate():
+    plant, start = PlanarPlant(robot("paper")), Pose(0.1, -1.1, 0.3)
+    options = {"dt": 0.1, "schedule": schedule_of("push")}
+    references, starts = [REFERENCES["hold"]], [start]
+    (batch,) = simulate_batch(plant, Late(0.1), references, starts=starts, logs=True, **options)
+    run = simulate(plant, Late(0.1), REFERENCES["hold"], start=start, **options)
+    assert not differences(run, batch.logs[0])
+    assert run.events == batch.logs[0].events
+    assert [event.what for event in run.events] == ["too fast", "push begins"]
 
 
 class Slower(FeedforwardController):

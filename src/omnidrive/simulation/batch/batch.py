@@ -100,7 +100,7 @@ def simulate_batch(
     is_noisy = _is_noisy(sensors)
     inputs = _inputs(references, starts, schedule)
     loops = ClosedLoops(plant, controller, keeps_logs=logs)
-    maker = _RunMaker(Sampler(dt, loops.law.window), is_noisy, loops.forces, seed)
+    maker = _RunMaker(Sampler(dt, loops.law.window, controller), is_noisy, loops.forces, seed)
     runs = (maker.run(number, *each) for number, each in enumerate(inputs, first))
     return _stream(loops, runs, first, threads, block)
 

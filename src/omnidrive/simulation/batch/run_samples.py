@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
+from omnidrive.control import Controller, RetimingController
 from omnidrive.control.compiled_law import SetpointWindow
 from omnidrive.control.supervision import Event
 from omnidrive.errors import PART_ERRORS, InvalidInput
@@ -44,10 +45,12 @@ class Sampler:
     Attributes:
         dt: Sample time, s.
         window: Setpoints that the law needs.
+        controller: The controller, which may reach the end of a reference later.
     """
 
     dt: float
     window: SetpointWindow
+    controller: Controller
     _kept: OrderedDict[tuple[int, int], tuple[object, object, RunSamples]] = field(
         default_factory=OrderedDict, init=False
     )
@@ -96,6 +99,11 @@ class Sampler:
             )
         if schedule is not None:
             schedule.check(duration)
+        notices: list[tuple[int, Event]] = []
+        if isinstance(self.controller, RetimingController):
+            later, notice = self.controller.retime(reference)
+            duration = max(duration, later)
+            notices += [(0, Event(0.0, notice))] if notice else []
         if rng is None:
             times = self.dt * np.arange(round(duration / self.dt) + 1)
             steps = np.full(len(times), self.dt)
@@ -107,7 +115,7 @@ class Sampler:
             targets, setpoints = _each(reference, times, self.window)
         flags, changes, events = _faults(schedule, times, reference)
         arrays = SampleArrays(times, steps, targets, setpoints, flags)
-        return RunSamples(arrays, changes, events)
+        return RunSamples(arrays, changes, (*notices, *events))
 
     def _setpoints(
         self, reference: Reference, times: Float[Array, " samples"]
