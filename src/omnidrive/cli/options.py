@@ -67,7 +67,10 @@ def flag(text: str, panel: str | None = None, *names: str) -> Any:
 FolderOption = Annotated[
     Path | None,
     option(
-        "FOLDER", "New folder for the results [default: runs/NAME-TIME].", RESULTS_PANEL, "--out"
+        "FOLDER",
+        "New folder for the results, with figures as SVG and PDF [default: runs/NAME-TIME].",
+        RESULTS_PANEL,
+        "--out",
     ),
 ]
 ForceOption = Annotated[bool, flag("Replace an existing file.", None, "--force")]

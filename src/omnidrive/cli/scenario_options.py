@@ -126,8 +126,8 @@ class ScenarioOptions:
         str | None,
         choice(
             get_args(PresetName),
-            "Parameters of the controllers: from the text of the paper, from its published code "
-            "(including the error in its wheel matrix), or recommended values.",
+            "Parameters of PID, fuzzy PIDs and unicycle NMPC: from the text of the paper, from its "
+            "published code (including the error in its wheel matrix), or recommended values.",
             RUN_PANEL,
         ),
     ] = None
