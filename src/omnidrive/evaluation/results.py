@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+
 from omnidrive.evaluation.metrics import Metrics
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.step_response import StepResponse
@@ -49,6 +51,11 @@ class TrackResult:
     def collisions(self) -> int:
         """Number of collisions of the body with obstacles; 0 if the plant has no obstacles."""
         return int(self.run.collisions[-1])
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the controller followed the reference later than it asks, on its path."""
+        return bool((self.run.details.get("reference_delay", np.zeros(1)) > 0.0).any())
 
     @property
     def name(self) -> str:

@@ -25,7 +25,7 @@ from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.uncertainty import p_text
 from omnidrive.evaluation.verdict import verdicts
 from omnidrive.evaluation.verdict_table import verdict_table
-from omnidrive.simulation import Outcome, Run
+from omnidrive.simulation import Outcome
 
 
 def study_tables(
@@ -104,11 +104,6 @@ def _published_cells(published: bool, key: tuple[str, float, str]) -> tuple[str,
     return (number_text(1e3 * row.me), number_text(1e3 * row.mae)) if row else ("", "")
 
 
-def _is_late(run: Run) -> bool:
-    """Return whether the controller followed the reference later on purpose."""
-    return bool((run.details.get("reference_delay", np.zeros(1)) > 0.0).any())
-
-
 def _path_cells(result: TrackResult, shown: bool) -> tuple[str, ...]:
     """Return the cells of ``_PATH_COLUMNS``; empty unless some run is late on purpose."""
     m = result.metrics
@@ -118,7 +113,7 @@ def _path_cells(result: TrackResult, shown: bool) -> tuple[str, ...]:
 
 def _tracking_table(results: StudyResults, published: bool) -> Table:
     rows = []
-    late = {r.duration for r in results.select("track") if _is_late(r.run)}
+    late = {r.duration for r in results.select("track") if r.is_late}
     for r in results.select("track"):
         m = r.metrics
         me, mae = _published_cells(published, (r.task, r.duration, r.controller))

@@ -75,7 +75,7 @@ class Verdict(NamedTuple):
     name: str
     """Name with the duration, such as ``track 20 s``."""
     measure: str
-    """Compared value: ``me``, ``settling_time`` or ``max_error``."""
+    """Compared value: ``me``, ``path_me``, ``settling_time`` or ``max_error``."""
     ranking: tuple[Contender, ...]
     """Contenders, the best first."""
     unranked: tuple[str, ...]
@@ -140,6 +140,7 @@ class Verdict(NamedTuple):
 
 MEASURE_NAMES = {
     "me": ("ME", "mm", 1e3),
+    "path_me": ("path ME", "mm", 1e3),
     "settling_time": ("settling", "s", 1.0),
     "max_error": ("max. error", "mm", 1e3),
 }
@@ -150,9 +151,11 @@ def verdicts(results: StudyResults) -> list[Verdict]:
     """Rank the contenders of every task and duration with at least two of them.
 
     Compared are: in the tasks ``track``, ``noise`` and ``horizon`` the ME of the true pose, with
-    several seeds its mean; in ``step`` the settling time of the slowest axis; in ``faults`` the
-    number of faults from which the robot recovers, then the largest error. Contenders with a run
-    that stopped early are not ranked, except in ``faults`` and, with several seeds, in ``noise``.
+    several seeds its mean; in ``track`` the mean distance to the path, if a controller follows a
+    reference that is too fast late on purpose; in ``step`` the settling time of the slowest axis;
+    in ``faults`` the number of faults from which the robot recovers, then the largest error.
+    Contenders with a run that stopped early are not ranked, except in ``faults`` and, with several
+    seeds, in ``noise``.
     """
     found = [
         *_tracking(results, "track"), *_tracking(results, "noise"), _steps(results.steps),
@@ -222,7 +225,10 @@ def _tracking(results: StudyResults, task: str) -> list[Verdict]:
     found = []
     for seconds in dict.fromkeys(group.duration for group in groups):
         compared = {g.controller: g for g in groups if g.duration == seconds}
-        verdict = _ranked(task, f"{task} {seconds:g} s", "me", map(_mean, compared.values()))
+        late = any(r.is_late for g in compared.values() for r in g.runs.values())
+        measure = "path_me" if task == "track" and late else "me"
+        contenders = (_mean(group, measure) for group in compared.values())
+        verdict = _ranked(task, f"{task} {seconds:g} s", measure, contenders)
         if verdict.advantage is not None and any(len(g.runs) > 1 for g in compared.values()):
             first, second = (compared[c.name] for c in verdict.ranking[:2])
             verdict = verdict._replace(advantage=_paired(first, second, differences))
@@ -230,16 +236,16 @@ def _tracking(results: StudyResults, task: str) -> list[Verdict]:
     return found
 
 
-def _mean(group: RepeatedRuns) -> Contender:
-    """Return the means over the finished runs of one controller."""
+def _mean(group: RepeatedRuns, measure: str) -> Contender:
+    """Return the means of a metric and the costs over the finished runs of one controller."""
     metrics = [result.metrics for result in group.finished.values()]
     if not metrics:
         return Contender(group.controller, nan, nan, nan)
-    me, work, step_time = (
+    value, work, step_time = (
         float(np.mean([getattr(m, name) for m in metrics]))
-        for name in ("me", "work", "step_time_median")
+        for name in (measure, "work", "step_time_median")
     )
-    return Contender(group.controller, me, work, step_time)
+    return Contender(group.controller, value, work, step_time)
 
 
 def _paired(

@@ -15,6 +15,8 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
         "over the seeds, and p-value of equal means (Holm-corrected). ME: mean distance to the "
         "reference; with noise, of the true pose. Settling: of the slowest axis."
     )
+    if any(verdict.measure == "path_me" for verdict in found):
+        note += " Path ME: mean distance to the path of a reference that is too fast."
     unranked = [f"{', '.join(v.unranked)} ({v.name})" for v in found if v.unranked]
     if unranked:
         note += (
