@@ -271,7 +271,7 @@ class Late(FeedforwardController):
     """A controller that reaches the end of a reference 0.45 s later."""
 
     def retime(self, reference):
-        return Retiming(reference.duration + 0.45, "too fast")
+        return Retiming(Hold(reference.pose, reference.duration + 0.45), "too fast")
 
 
 def test_retimed_runs_equal_simulate():

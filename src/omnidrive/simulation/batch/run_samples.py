@@ -101,8 +101,8 @@ class Sampler:
             schedule.check(duration)
         notices: list[tuple[int, Event]] = []
         if isinstance(self.controller, RetimingController):
-            later, notice = self.controller.retime(reference)
-            duration = max(duration, later)
+            tracked, notice = self.controller.retime(reference)
+            duration = max(duration, tracked.duration)
             notices += [(0, Event(0.0, notice))] if notice else []
         if rng is None:
             times = self.dt * np.arange(round(duration / self.dt) + 1)
