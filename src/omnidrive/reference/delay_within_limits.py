@@ -178,7 +178,8 @@ def _accelerations(
         (np.interp(own + width, times, c) - 2.0 * c[m:-m] + np.interp(own - width, times, c))
         for c in columns
     ]
-    return np.stack(second, axis=1) / (width * width)[:, None]
+    rows: Float[Array, "samples 3"] = np.stack(second, axis=1) / (width * width)[:, None]
+    return rows
 
 
 def _tabulated(

@@ -19,7 +19,7 @@ from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
 from omnidrive.control.nmpc.holonomic.keep_out_zone import KeepOutZone, stack_keep_outs
-from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory, motion_memory
+from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory, motion_memory, remember
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
@@ -32,7 +32,6 @@ from omnidrive.control.nmpc.holonomic.step import (
     command_stage,
     fill_problem,
     observe,
-    remember,
     step,
 )
 from omnidrive.control.preparation import run_once
