@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 
 from omnidrive.compiled.compilation import compile_listeners
-from omnidrive.control import FeedforwardController, ReferenceGovernor, Retiming, RetimingController
+from omnidrive.control import (
+    FeedforwardController,
+    ReferenceGovernor,
+    Retiming,
+    RetimingController,
+    holonomic_nmpc,
+)
+from omnidrive.control.components import ControllerContext, HolonomicNmpcOptions
+from omnidrive.control.components import holonomic_nmpc as make_nmpc
 from omnidrive.control.reference_governor import TOLERATED_DELAY
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits
 from omnidrive.estimation import State
+from omnidrive.evaluation import path_errors
+from omnidrive.evaluation.path_error import arrival
 from omnidrive.geometry import Pose
 from omnidrive.reference import (
     DelayedReference,
@@ -22,7 +32,7 @@ from omnidrive.reference import (
     UniformReference,
 )
 from omnidrive.robot import named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, simulate
+from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, simulate
 from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import paper_scenario
 
@@ -104,7 +114,7 @@ def test_reference_beyond_the_limits_is_followed_later():
     duration = governed.duration
     assert tracked is governed
     assert duration > 8.5
-    assert "64.3 rad/s of 40 rad/s" in notice
+    assert "64.3 rad/s (limit 40 rad/s)" in notice
     assert f"at {duration:.2f} s instead of 8.00 s" in notice
     ours.reset()
     assert ours.govern(reference) is not governed
@@ -211,3 +221,45 @@ def test_state_does_not_change_the_governed_reference():
     one.step(0.0, State(0.0, Pose(0.3, 0.1, 0.2)), reference)
     first, second = (each.governor.govern(reference) for each in (one, other))
     assert np.array_equal(first.setpoints, second.setpoints)
+
+
+def eight_with_nmpc(**options):
+    context = ControllerContext(KIWI, 0.1, np.random.default_rng(0))
+    controller = make_nmpc(context, HolonomicNmpcOptions(**options))
+    reference = ShapeReference(Eight(), 8.0)
+    start = reference.at(0.0).pose
+    run = simulate(PlanarPlant(KIWI), controller, reference, start=start, dt=0.1)
+    return run.raise_if_failed(), path_errors(run)
+
+
+def test_nmpc_stays_on_the_path_and_arrives_later():
+    run, errors = eight_with_nmpc()
+    assert errors.position.mean() < 0.003
+    assert errors.position.max() < 0.015
+    assert errors.heading.mean() < 0.01
+    moving = (run.t > 2.0) & (run.t < 8.0)
+    logged = run.details["reference_delay"]
+    assert run.detail_units["reference_delay"] == "s"
+    assert errors.delay[moving] == pytest.approx(logged[moving], abs=0.05)
+    assert logged.max(initial=0.0, where=np.isfinite(logged)) > 1.0
+    assert 8.5 < arrival(run) < 8.47 * 1.05  # of the exact retiming
+    assert "wheel speeds of 64.3 rad/s" in run.events[0].what
+
+
+def test_nmpc_without_governor_cuts_corners():
+    run, errors = eight_with_nmpc(governor=False)
+    assert run.t[-1] == pytest.approx(8.0)
+    assert errors.position.max() > 0.1
+    assert not run.details["reference_delay"][:-1].any()
+    assert not run.events
+
+
+def test_reset_forgets_the_reference():
+    controller = holonomic_nmpc(KIWI.chassis, 0.1)
+    reference = ShapeReference(Eight(), 5.0)
+    one = controller.retime(reference).reference
+    assert controller.retime(reference).reference is one
+    controller.reset(State(0.0, STILL))
+    assert controller.retime(reference).reference is not one
+    free = holonomic_nmpc(KIWI.chassis, 0.1, governor=False)
+    assert free.retime(reference) == Retiming(reference)

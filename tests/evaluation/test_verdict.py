@@ -153,6 +153,26 @@ def test_stopped_run_is_not_ranked(part):
     assert verdicts(replace(part, tracks=(stopped, stopped))) == []
 
 
+def test_path_decides_if_a_controller_is_late_on_purpose(part):
+    first, second = part.tracks
+    late = replace(first.run, details={"reference_delay": 0.1 * (first.run.t > 3.0)})
+    tracks = tuple(
+        replace(r, run=run, metrics=r.metrics._replace(me=me, path_me=path_me))
+        for r, run, me, path_me in ((first, late, 0.3, 0.001), (second, second.run, 0.1, 0.05))
+    )
+    (verdict,) = verdicts(replace(part, tracks=tracks))
+    assert (verdict.measure, verdict.best.name) == ("path_me", first.controller)
+    table, errors = study_tables(replace(part, tracks=tracks), published=False)[:2]
+    assert "path ME 1.00 mm" in table.rows[0]
+    assert "Path ME" in table.note
+    assert {"path ME, mm", "path MAE, mrad", "arrival, s"} <= set(errors.columns)
+    punctual = (replace(tracks[0], run=first.run), tracks[1])
+    (verdict,) = verdicts(replace(part, tracks=punctual))
+    assert (verdict.measure, verdict.best.name) == ("me", second.controller)
+    errors = study_tables(replace(part, tracks=punctual), published=False)[1]
+    assert "path ME, mm" not in errors.columns
+
+
 def test_one_controller_has_no_verdict(part):
     assert verdicts(replace(part, tracks=part.tracks[:1])) == []
 

@@ -90,6 +90,9 @@ class HolonomicNmpcOptions:
     not noisy. Slip makes the error smaller, but the odometry drifts by decimetres in a hard start.
     Set it to false for a robot that measures its pose by odometry only. None: false with an
     estimator, otherwise true."""
+    governor: bool = True
+    """Whether the robot stays on the path of a reference that its wheels cannot follow in time, and
+    arrives later. Other references are not changed."""
 
 
 def pid(context: ControllerContext, parameters: PidOptions) -> Controller:
@@ -152,4 +155,5 @@ def holonomic_nmpc(context: ControllerContext, parameters: HolonomicNmpcOptions)
         parameters=parameters.weights,
         solver=parameters.solver,
         actuation=actuation,
+        governor=parameters.governor,
     )

@@ -83,7 +83,7 @@ class ReferenceGovernor:
             return Retiming(reference)
         used = needed_limits(reference, self._limits(1.0, 1.0))
         top = self.chassis.max_wheel_speed
-        needs = f"a wheel speed of {used['wheel speed'] * top:.3g} rad/s of {top:.3g} rad/s"
+        needs = f"wheel speeds of {used['wheel speed'] * top:.3g} rad/s (limit {top:.3g} rad/s)"
         if "wheel force" in used:
             needs += f" and {used['wheel force']:.2f} times the forces of the wheels in plans"
         return Retiming(

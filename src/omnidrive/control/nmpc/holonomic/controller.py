@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from omnidrive.compiled import entry_point
-from omnidrive.control.controller import STOP, Command, Status
+from omnidrive.control.controller import STOP, Command, Retiming, Status
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
@@ -36,6 +36,7 @@ from omnidrive.control.nmpc.holonomic.step import (
 )
 from omnidrive.control.preparation import run_once
 from omnidrive.control.reduced_drive import ReducedDrive
+from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import check_choice
@@ -163,6 +164,7 @@ class HolonomicController(GuardedController):
         actuation: Response of the robot to commanded twists.
         solver: Solver of the optimal control problem.
         keep_outs: Keep-out zones over the horizon.
+        governor: Delays references that the robot cannot follow in time. None: no governor.
     """
 
     dt: float
@@ -172,6 +174,9 @@ class HolonomicController(GuardedController):
     actuation: Actuation
     solver: HolonomicOptimizer
     keep_outs: KeepOutForecast
+    governor: ReferenceGovernor | None = None
+    _delay: float = field(default=0.0, init=False, repr=False)
+    """Delay of the governed reference in the last step, s."""
     _solution: HolonomicSolution | None = field(default=None, init=False, repr=False)
     """The latest plan of another solver than the compiled one."""
     _age: int = field(default=-1, init=False)
@@ -230,7 +235,8 @@ class HolonomicController(GuardedController):
         ``fallback_level`` is a :class:`FallbackLevel`. Without a new plan ``solver_iterations`` is
         0 and ``kkt_residual`` is NaN. ``disturbance_...`` is the estimated twist, along the axes of
         B, that is missing in the motion which the commands cause in the model; ``pose_noise`` is
-        the standard deviation of the measured positions, estimated from the innovations.
+        the standard deviation of the measured positions, estimated from the innovations;
+        ``reference_delay`` is the delay of the governed reference.
         """
         return {
             "fallback_level": "1",
@@ -240,6 +246,7 @@ class HolonomicController(GuardedController):
             "disturbance_vy": "m/s",
             "disturbance_yaw_rate": "rad/s",
             "pose_noise": "m",
+            "reference_delay": "s",
         }
 
     @property
@@ -272,6 +279,9 @@ class HolonomicController(GuardedController):
 
     def reset(self, state: State) -> None:
         """Clear the latest plan and the observed motion; the robot is at rest."""
+        self._delay = 0.0
+        if self.governor is not None:
+            self.governor.reset()
         self._solution, self._age, self._time, self._steady = None, -1, nan, True
         self._pose = Pose(nan, nan, nan)
         for each in self._memory:
@@ -279,9 +289,17 @@ class HolonomicController(GuardedController):
 
     def prepare(self) -> None:
         """Compile the kernels of a step, also those that a deadline could skip in the first one."""
+        if self.governor is not None:
+            self.governor.prepare()
         run_once(self)
         if isinstance(self.solver, HolonomicSolver) and self.solver.deadline is not None:
             self.solver.precompile(self._problem)
+
+    def retime(self, reference: Reference) -> Retiming:
+        """Return the governed reference."""
+        if self.governor is None:
+            return Retiming(reference)
+        return self.governor.retime(reference)
 
     def with_reduced_drive(self, drive: ReducedDrive) -> HolonomicController:
         """Return a controller in the same state that plans with the wheels that still drive."""
@@ -302,6 +320,9 @@ class HolonomicController(GuardedController):
 
     def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s)."""
+        if self.governor is not None:
+            reference = self.governor.govern(reference)
+            self._delay = self.governor.delay(t)
         now, begin = self._measurement(t, state), t + self.actuation.delay
         zones = self.keep_outs(begin, self.horizon + 1, self.dt)
         if zones or len(self._problem.keep_outs.radii):
@@ -408,7 +429,7 @@ class HolonomicController(GuardedController):
         memory = self._memory
         noise = sqrt(max(float(memory.noise[0]), 0.0))
         plan = (iterations, residual) if new else (0.0, nan)
-        return (float(level), *plan, *memory.disturbance.tolist(), noise)
+        return (float(level), *plan, *memory.disturbance.tolist(), noise, self._delay)
 
 
 def holonomic_nmpc(
@@ -420,6 +441,7 @@ def holonomic_nmpc(
     solver: SolverName | HolonomicOptimizer = "sqp",
     actuation: Actuation | None = None,
     keep_outs: KeepOutForecast | Sequence[KeepOutZone] = (),
+    governor: bool = True,
 ) -> HolonomicController:
     """Return the NMPC of a holonomic robot with limited wheel speeds, with its kernels compiled.
 
@@ -435,6 +457,8 @@ def holonomic_nmpc(
         actuation: Acceleration limits, lag, slip and delay. None: there are none of them.
         keep_outs: Keep-out zones that are the same in every step, or a function that returns the
             zones over the horizon.
+        governor: Whether the robot stays on the path of a reference that it cannot follow in time,
+            and arrives later, see :class:`~omnidrive.control.ReferenceGovernor`.
 
     Raises:
         InvalidInput: An argument is outside its domain.
@@ -443,14 +467,16 @@ def holonomic_nmpc(
     if isinstance(solver, str):
         check_choice("solver", solver, _SOLVERS)
         solver = _SOLVERS[solver]()
+    actuation = actuation or Actuation()
     controller = HolonomicController(
         dt,
         horizon,
         parameters or HolonomicParameters(),
         chassis,
-        actuation or Actuation(),
+        actuation,
         solver,
         keep_outs if callable(keep_outs) else _fixed(keep_outs),
+        ReferenceGovernor(chassis, actuation.acceleration_faces) if governor else None,
     )
     controller.prepare()
     return controller
