@@ -141,13 +141,12 @@ def _predict_one(model: SlipModel, memory: MotionMemory, command: int, dt: float
 
 
 @inlined
-def correct(
+def correct(  # noqa: PLR0917
     model: SlipModel,
     memory: MotionMemory,
     pose: Vector,
     variances: Vector,
     dt: float,
-    *,
     steady: bool,
 ) -> None:
     """Correct the prediction by a measured pose: a Kalman filter for every axis of B.
