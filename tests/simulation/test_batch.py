@@ -49,8 +49,8 @@ FAULTS = {
     "planar": tuple(fault.kind for fault in default_faults(0.5)),
 }
 REFERENCES = {
-    "own": Circle(),  # an object with the methods of a reference only
-    "sampled": SampledReference.of(Circle(), 0.25),
+    "own": Circle(0.5, 3.0),  # an object with the methods of a reference only
+    "sampled": SampledReference.of(Circle(0.5, 3.0), 0.25),
     "hold": Hold(Pose(0.5, -0.5, 2.0), 2.0),
 }
 ARRAYS = (
@@ -215,6 +215,14 @@ def test_runs_are_made_when_they_are_needed():
     assert peak < 20_000_000
 
 
+def test_long_runs_end_a_block_early(monkeypatch):
+    """References of 201 samples with three setpoints of six numbers each."""
+    monkeypatch.setattr("omnidrive.simulation.batch.batch._BLOCK_FLOATS", 6 * 201 * 18)
+    references = (Hold(Pose(0.0, 0.0, 0.0), 20.0) for _ in range(8))
+    assert [len(block.me) for block in kinematic_batch_of(references)] == [6, 2]
+    assert [len(b.me) for b in kinematic_batch_of([REFERENCES["hold"]] * 50)] == [50]
+
+
 def kinematic_batch_of(references, **options):
     controller = classical_pid("recommended", 0.1)
     plant = KinematicPlant(robot("paper"))
@@ -327,9 +335,9 @@ def test_bad_numbers_are_refused():
     refused("dt|sample time", dt=0.0)
     refused("threads", threads=0)
     refused("block", block=0)
-    refused("seed", seed=-1)
+    refused("seed must be a whole number from 0, got -1", seed=-1)
     refused("end after 1", references=[Circle()] * 2, starts=[Pose(0.0, 0.0, 0.0)])
-    refused("in rad, not degrees", starts=[Pose(0.0, 0.0, 90.0)])
+    refused("run 0: .* in rad, not degrees", starts=[Pose(0.0, 0.0, 90.0)])
     refused("must be finite", starts=[Pose(np.nan, 0.0, 0.0)])
     refused("begins at 50 s, but the run ends", schedule=schedule_of("pose-jump", at=50.0))
     refused("at most 1,000,000 samples", references=[Hold(Pose(0.0, 0.0, 0.0), 1e6)])

@@ -116,6 +116,7 @@ class Controller(Protocol):
     - ``dt``: sample time for which the controller is built, s; a loop of another one is refused;
     - ``detail_units``: see :class:`DetailedController`;
     - ``with_reduced_drive(drive)``: see :class:`ReducibleController`;
+    - ``compiled_law()``: for batches, see :class:`~.compiled_law.CompilableController`;
     - ``retime(reference)``: see :class:`RetimingController`.
     """
 

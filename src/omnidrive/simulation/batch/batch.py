@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import islice, repeat
+from itertools import repeat
+from numbers import Integral
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from omnidrive.control.controller import check_controller
 from omnidrive.errors import InvalidInput, kind_of, short_repr
 from omnidrive.estimation.state import check_start
 from omnidrive.geometry import Pose, check_heading
-from omnidrive.parameter import Bounds, check_number, check_sample_time
+from omnidrive.parameter import check_sample_time
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot
 from omnidrive.simulation.batch.closed_loops import BatchRun, ClosedLoops, RunResults
@@ -25,6 +26,7 @@ from omnidrive.simulation.plant import Plant
 from omnidrive.simulation.sensors import PaperNoise, PerfectSensors
 
 _PART_RUNS, _PART_SAMPLES = 16, 100_000  # most runs and samples that a thread takes at once
+_BLOCK_FLOATS = 8_000_000  # of setpoints and logs, with which a block ends early
 
 
 def run_generators(seed: int, run: int) -> tuple[np.random.Generator, np.random.Generator]:
@@ -85,7 +87,7 @@ def simulate_batch(
         seed: Seed of noise and jitter, see :func:`run_generators`.
         first: Number of the first run, of a batch that is split.
         threads: Number of threads.
-        block: Number of runs whose results are yielded together.
+        block: Number of runs whose results are yielded together; fewer if they are very long.
         logs: Whether the logs of the runs are kept.
 
     Raises:
@@ -93,9 +95,7 @@ def simulate_batch(
             a reference, a start or a fault is one that ``simulate`` refuses.
     """
     check_sample_time(dt)
-    for name, value, least in (("threads", threads, 1), ("block", block, 1), ("first", first, 0)):
-        check_number(name, value, Bounds(least, 2**62, ""))
-    check_number("seed", seed, Bounds(0, 2**64 - 1, ""))
+    _check_counts(threads=(threads, 1), block=(block, 1), first=(first, 0), seed=(seed, 0))
     _check_parts(plant, controller, dt)
     is_noisy = _is_noisy(sensors)
     inputs = _inputs(references, starts, schedule)
@@ -103,6 +103,15 @@ def simulate_batch(
     maker = _RunMaker(Sampler(dt, loops.law.window, controller), is_noisy, loops.forces, seed)
     runs = (maker.run(number, *each) for number, each in enumerate(inputs, first))
     return _stream(loops, runs, first, threads, block)
+
+
+def _check_counts(**counts: tuple[int, int]) -> None:
+    """Raise InvalidInput unless each value is a whole number from its least on."""
+    for name, (value, least) in counts.items():
+        if not (isinstance(value, Integral) and least <= value < 2**64):
+            raise InvalidInput(
+                f"{name} must be a whole number from {least}, got {short_repr(value)}"
+            )
 
 
 def _check_parts(plant: object, controller: object, dt: float) -> None:
@@ -177,6 +186,14 @@ class _RunMaker:
         self, number: int, reference: Reference, start: Pose | None, schedule: Schedule | None
     ) -> BatchRun:
         """Return the run with a number."""
+        try:
+            return self._run(number, reference, start, schedule)
+        except InvalidInput as error:
+            raise InvalidInput(f"run {number}: {error}") from None
+
+    def _run(
+        self, number: int, reference: Reference, start: Pose | None, schedule: Schedule | None
+    ) -> BatchRun:
         if schedule is not None and not self._has_forces:
             refused = set(schedule.plant_faults) - {"pose-jump"}
             if refused:
@@ -208,7 +225,7 @@ def _stream(
     loops: ClosedLoops, runs: Iterator[BatchRun], first: int, threads: int, block: int
 ) -> Iterator[BatchResults]:
     """Yield the results, block by block; with threads, some blocks are computed ahead."""
-    blocks = iter(lambda: list(islice(runs, block)), [])
+    blocks = _blocks(runs, block, loops.log_columns)
     if threads == 1:
         for each in blocks:
             yield _joined(first, [loops.simulate(part) for part in _parts(each)])
@@ -230,6 +247,31 @@ def _stream(
             first += len(results.me)
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _blocks(runs: Iterable[BatchRun], most: int, columns: int) -> Iterator[list[BatchRun]]:
+    """Yield consecutive runs whose results are yielded together.
+
+    Args:
+        runs: The runs.
+        most: Most runs of a block.
+        columns: Columns of a log.
+    """
+    block: list[BatchRun] = []
+    known: set[int] = set()
+    floats = 0
+    for run in runs:
+        block.append(run)
+        arrays = run.samples.arrays
+        floats += columns * len(arrays.times)
+        if id(run.samples) not in known:
+            known.add(id(run.samples))
+            floats += arrays.setpoints.size
+        if len(block) == most or floats >= _BLOCK_FLOATS:
+            yield block
+            block, known, floats = [], set(), 0
+    if block:
+        yield block
 
 
 def _parts(runs: Sequence[BatchRun]) -> Iterator[list[BatchRun]]:

@@ -79,6 +79,11 @@ class ClosedLoops:
             self._loop = entry_point(loop, *self._arguments(self._original, samples, runs), 0, 1)
 
     @property
+    def log_columns(self) -> int:
+        """Number of columns of a log; 0 if logs are not kept."""
+        return LOG_WHEELS + 2 * self._wheels + len(self._units) if self._keeps_logs else 0
+
+    @property
     def forces(self) -> bool:
         """Whether the plant has forces."""
         return self._original.forces
@@ -121,8 +126,7 @@ class ClosedLoops:
         return plant
 
     def _arrays(self, runs: int, count: int, starts: Array, uniforms: Array) -> RunArrays:
-        details = len(self._units)
-        columns = LOG_WHEELS + 2 * self._wheels + details if self._keeps_logs else 0
+        details, columns = len(self._units), self.log_columns
         return RunArrays(
             starts,
             uniforms,

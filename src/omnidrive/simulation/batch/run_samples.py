@@ -54,6 +54,8 @@ class Sampler:
     _kept: OrderedDict[tuple[int, int], tuple[object, object, RunSamples]] = field(
         default_factory=OrderedDict, init=False
     )
+    _size: int = field(default=0, init=False)
+    """Floats of the setpoints that are kept."""
 
     def samples(
         self,
@@ -78,15 +80,13 @@ class Sampler:
         if found is None:
             made = self._sample(reference, schedule, None)
             found = self._kept[key] = (reference, schedule, made)  # keeps the identities valid
+            self._size += made.arrays.setpoints.size
             while len(self._kept) > 1 and self._size > _MAX_KEPT:
-                self._kept.popitem(last=False)
+                _, (_, _, oldest) = self._kept.popitem(last=False)
+                self._size -= oldest.arrays.setpoints.size
         else:
             self._kept.move_to_end(key)
         return found[2]
-
-    @property
-    def _size(self) -> int:
-        return sum(each.arrays.setpoints.size for _, _, each in self._kept.values())
 
     def _sample(
         self, reference: Reference, schedule: Schedule | None, rng: np.random.Generator | None
