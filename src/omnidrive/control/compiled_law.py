@@ -29,7 +29,8 @@ class CompiledLaw(NamedTuple):
     - ``memory``: the floats that the law keeps from one sample to the next, all zero at the start
       of a run; a law that needs more than these takes views of them;
     - ``t``: time of the sample, s; ``pose``: estimated pose of B in W, as ``Pose``;
-    - ``setpoints``: one row per setpoint of :attr:`window`, columns as in ``Reference.window``;
+    - ``setpoints``: one row per setpoint of :attr:`window`, columns as in ``Reference.window``; of
+      the motion that the controller tracks, if it retimes references;
     - ``command``, filled in: body twist, m/s, m/s, rad/s;
     - ``details``, filled in: as ``Command.details``.
 

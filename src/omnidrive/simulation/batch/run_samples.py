@@ -99,7 +99,7 @@ class Sampler:
             )
         if schedule is not None:
             schedule.check(duration)
-        notices: list[tuple[int, Event]] = []
+        tracked, notices = reference, list[tuple[int, Event]]()
         if isinstance(self.controller, RetimingController):
             tracked, notice = self.controller.retime(reference)
             duration = max(duration, tracked.duration)
@@ -107,39 +107,47 @@ class Sampler:
         if rng is None:
             times = self.dt * np.arange(round(duration / self.dt) + 1)
             steps = np.full(len(times), self.dt)
-            targets, setpoints = self._setpoints(reference, times)
+            targets, setpoints = self._setpoints(reference, tracked, times)
         else:
             faults = schedule.faults if schedule is not None else ()
             rows = np.array(list(sample_times(duration, self.dt, faults, rng)))
             times, steps = rows[:, 0].copy(), rows[:, 1].copy()
-            targets, setpoints = _each(reference, times, self.window)
+            targets, setpoints = _each(reference, tracked, times, self.window)
         flags, changes, events = _faults(schedule, times, reference)
         arrays = SampleArrays(times, steps, targets, setpoints, flags)
         return RunSamples(arrays, changes, (*notices, *events))
 
     def _setpoints(
-        self, reference: Reference, times: Float[Array, " samples"]
+        self, reference: Reference, tracked: Reference, times: Float[Array, " samples"]
     ) -> tuple[Array, Array]:
-        """Return targets and setpoints at even times.
+        """Return targets, and setpoints of the motion that the controller tracks, at even times.
 
         References of this package are evaluated at all times at once, with the same results.
         """
-        same = vars(WindowReference)["at"]
-        if not (getattr(type(reference), "at", None) is same or type(reference) is Hold):
-            return _each(reference, times, self.window)
+        if not (_is_ours(reference) and _is_ours(tracked)):
+            return _each(reference, tracked, times, self.window)
         first, length, spacing = self.window
         try:
             targets = reference.window(0.0, len(times), self.dt)[:, :3]
             columns = [
-                reference.window(first + k * spacing, len(times), self.dt) for k in range(length)
+                tracked.window(first + k * spacing, len(times), self.dt) for k in range(length)
             ]
         except PART_ERRORS:
-            return _each(reference, times, self.window)
+            return _each(reference, tracked, times, self.window)
         return np.ascontiguousarray(targets), np.ascontiguousarray(np.stack(columns, axis=1))
 
 
+def _is_ours(reference: Reference) -> bool:
+    """Return whether ``at`` is a window of one setpoint."""
+    at = getattr(type(reference), "at", None)
+    return at is vars(WindowReference)["at"] or type(reference) is Hold
+
+
 def _each(
-    reference: Reference, times: Float[Array, " samples"], window: SetpointWindow
+    reference: Reference,
+    tracked: Reference,
+    times: Float[Array, " samples"],
+    window: SetpointWindow,
 ) -> tuple[Float[Array, "samples 3"], Float[Array, "samples count 6"]]:
     """Return targets and setpoints, evaluated sample by sample as ``simulate`` does it.
 
@@ -152,10 +160,10 @@ def _each(
         try:
             targets[k] = reference.at(t).pose
             if length == 1:
-                pose, twist = reference.at(t + first)
+                pose, twist = tracked.at(t + first)
                 setpoints[k, 0, :3], setpoints[k, 0, 3:] = pose, twist
             else:
-                setpoints[k] = reference.window(t + first, length, spacing)
+                setpoints[k] = tracked.window(t + first, length, spacing)
         except PART_ERRORS:
             continue
     return targets, setpoints
