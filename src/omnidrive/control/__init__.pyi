@@ -1,8 +1,10 @@
 from .controller import (
     Command,
+    CommandLimits,
     CommandValue,
     Controller,
     DetailedController,
+    LimitedController,
     PreparableController,
     ReducibleController,
     Retiming,
@@ -30,6 +32,7 @@ from .reference_governor import ReferenceGovernor
 
 __all__ = [
     "Command",
+    "CommandLimits",
     "CommandValue",
     "Controller",
     "DetailedController",
@@ -38,6 +41,7 @@ __all__ = [
     "FuzzyPidController",
     "HolonomicController",
     "HolonomicParameters",
+    "LimitedController",
     "Pipeline",
     "PipelineStep",
     "PreparableController",

@@ -11,7 +11,7 @@ from omnidrive import control  # imports only the modules of the controller in u
 from omnidrive.choices import PresetName
 from omnidrive.control.controller import Controller
 from omnidrive.control.feedforward import FeedforwardGains
-from omnidrive.control.nmpc import holonomic
+from omnidrive.control.nmpc import holonomic, unicycle
 from omnidrive.control.nmpc.holonomic import HolonomicParameters
 from omnidrive.parameter import Bounds, check_choice
 from omnidrive.robot import Robot
@@ -63,7 +63,7 @@ class UnicycleNmpcOptions:
 
     preset: Literal["paper", "published-code"] | None = None
     """Weights and limits from the text of the paper or from its published code. None: those of the
-    preset of the scenario; `recommended` has those of the text."""
+    preset of the scenario; `recommended` has the weights of the text and limits of the robot."""
     horizon: Horizon = 15
     """Prediction horizon, in steps of the sample time."""
     solver: SolverName = "sqp"
@@ -125,11 +125,9 @@ def _fuzzy_pid(
 
 def unicycle_nmpc(context: ControllerContext, parameters: UnicycleNmpcOptions) -> Controller:
     """NMPC with the unicycle model of the paper."""
-    default: Literal["paper", "published-code"] = (
-        "published-code" if context.preset == "published-code" else "paper"
-    )
+    chosen = parameters.preset or context.preset
     return control.unicycle_nmpc(
-        parameters.preset or default,
+        unicycle.robot_limits(context.robot) if chosen == "recommended" else chosen,
         context.dt,
         horizon=parameters.horizon,
         solver=parameters.solver,

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
-from math import isclose
+from math import inf, isclose, isfinite
 from numbers import Real
 from typing import ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
+
 from omnidrive.control.reduced_drive import ReducedDrive
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
+
+_MOST_SAMPLES = 100_000
+_ROUNDING = 1e-3
 
 
 class Status(IntEnum):
@@ -117,7 +122,8 @@ class Controller(Protocol):
     - ``detail_units``: see :class:`DetailedController`;
     - ``with_reduced_drive(drive)``: see :class:`ReducibleController`;
     - ``compiled_law()``: for batches, see :class:`~.compiled_law.CompilableController`;
-    - ``retime(reference)``: see :class:`RetimingController`.
+    - ``retime(reference)``: see :class:`RetimingController`;
+    - ``command_limits(reference)``: see :class:`LimitedController`.
     """
 
     def reset(self, state: State) -> None:
@@ -203,3 +209,48 @@ class RetimingController(Controller, Protocol):
     def retime(self, reference: Reference) -> Retiming:
         """Return the motion that is tracked instead of ``reference``; called after ``reset``."""
         ...
+
+
+class CommandLimits(NamedTuple):
+    """Largest motion that a controller commands; infinite: it has no limit of its own."""
+
+    speed: float = inf
+    """Largest speed of the origin of B, in m/s."""
+    yaw_rate: float = inf
+    """Largest magnitude of the yaw rate, in rad/s."""
+
+
+@runtime_checkable
+class LimitedController(Controller, Protocol):
+    """A :class:`Controller` that cannot follow a reference which is faster than its limits."""
+
+    def command_limits(self, reference: Reference) -> CommandLimits:
+        """Return the largest motion that is commanded on ``reference``."""
+        ...
+
+
+def limits_notice(controller: LimitedController, reference: Reference, dt: float) -> str:
+    """Return which limits of a controller a reference exceeds, in one line; empty: none.
+
+    Args:
+        controller: The controller.
+        reference: The motion to track; it is evaluated at every sample.
+        dt: Sample time, s.
+    """
+    limits = controller.command_limits(reference)
+    if not isinstance(limits, CommandLimits):
+        raise TypeError(f"command_limits must return CommandLimits, not {kind_of(limits)}")
+    if not isfinite(min(limits)):
+        return ""
+    count = min(round(reference.duration / dt), _MOST_SAMPLES) + 1
+    vx, vy, yaw_rate = np.abs(reference.window(0.0, count, dt)[:, 3:]).T
+    peaks = CommandLimits(float(np.hypot(vx, vy).max()), float(yaw_rate.max()))
+    excesses = [
+        f"{what} up to {peak:.3g} {unit}, and {type(controller).__name__} commands at most "
+        f"{limit:.3g} {unit}"
+        for what, unit, peak, limit in zip(
+            ("moves at", "turns at"), ("m/s", "rad/s"), peaks, limits, strict=True
+        )
+        if peak > (1.0 + _ROUNDING) * limit
+    ]
+    return f"the reference {'; it '.join(excesses)}: the robot falls behind" if excesses else ""

@@ -17,12 +17,13 @@ from omnidrive.arrays import Array
 from omnidrive.control import (
     CommandValue,
     Controller,
+    LimitedController,
     Pipeline,
     PipelineStep,
     WheelSpeeds,
     WheelTorques,
 )
-from omnidrive.control.controller import STOP, check_controller, failed_command
+from omnidrive.control.controller import STOP, check_controller, failed_command, limits_notice
 from omnidrive.control.pipeline import PartFailed
 from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput, kind_of, one_line
@@ -66,9 +67,9 @@ def simulate(
 ) -> Run:
     """Simulate a closed loop until the reference ends.
 
-    With a :class:`~omnidrive.control.RetimingController` it may last longer; a warning and an event
-    at 0 s give the reason. An exception or a malformed result of a part ends the run, not the
-    program: the outcome, the reason and the traceback are in the returned log.
+    A retiming controller may make it longer, a limited one may be slower than the reference: a
+    warning and an event at 0 s say so. An exception or a malformed result of a part ends the run,
+    not the program: the outcome, the reason and the traceback are in the returned log.
 
     Args:
         plant: The simulated robot; the caller closes it.
@@ -97,13 +98,11 @@ def simulate(
         with run_timer():
             environment.check()
             _check_start(pipeline.controller, reference, start, dt)
-            with Guard(
-                Outcome.CONTROLLER_FAILED, call="preparation", limit=10.0 * guard.PART_TIMEOUT
-            ):
-                pipeline.prepare()
+            _prepare(pipeline)
             state = environment.reset(start)
             _reset(pipeline, start)
             duration = _duration(environment, pipeline, log)
+            _note_limits(environment, pipeline.controller, dt, log)
             samples = sample_times(duration, dt, schedule.faults if schedule else (), rng)
             _loop(environment, pipeline, state, samples, log)
     except RunEnded as end:
@@ -144,6 +143,13 @@ def _check_start(controller: Controller, reference: Reference, start: Pose, dt: 
         check_heading("the reference's heading at its start", first.yaw)
 
 
+def _prepare(pipeline: Pipeline) -> None:
+    """Compile and allocate what the controller needs."""
+    limit = 10.0 * guard.PART_TIMEOUT
+    with Guard(Outcome.CONTROLLER_FAILED, call="preparation", limit=limit):
+        pipeline.prepare()
+
+
 def _reset(pipeline: Pipeline, start: Pose) -> None:
     """Start the parts of the pipeline; raise RunEnded if one fails."""
     try:
@@ -160,14 +166,19 @@ def _duration(environment: Environment, pipeline: Pipeline, log: _Log) -> float:
         later = duration if tracked is environment.reference else tracked.duration
         if not are_finite((later,)):
             raise ValueError(f"the duration of a Retiming must be finite, not {later}")
-    if notice:
-        _warn_once(notice)
-        log.notices.append(Event(0.0, notice))
+    log.note(notice)
     return max(duration, later)
 
 
+def _note_limits(environment: Environment, controller: Controller, dt: float, log: _Log) -> None:
+    """Log a warning if the reference exceeds the limits of the controller."""
+    if isinstance(controller, LimitedController):
+        with Guard(Outcome.CONTROLLER_FAILED, call="command_limits", limit=guard.PART_TIMEOUT):
+            log.note(limits_notice(controller, environment.reference, dt))
+
+
 @lru_cache(maxsize=256)
-def _warn_once(text: str) -> None:
+def warn_once(text: str) -> None:
     """Log a warning, unless it has been logged lately in this process."""
     _logger.warning(text)
 
@@ -250,6 +261,12 @@ class _Log:
     notices: list[Event] = field(default_factory=list)
     """Notices of the controller at the start, and of the estimator."""
     end: RunEnded = field(default_factory=lambda: RunEnded(Outcome.FINISHED))
+
+    def note(self, notice: str) -> None:
+        """Log a notice of the controller at the start as a warning, and as an event at 0 s."""
+        if notice:
+            warn_once(notice)
+            self.notices.append(Event(0.0, notice))
 
     def add(self, t: float, state: PlantState, step: PipelineStep) -> None:
         """Append one sample."""

@@ -101,6 +101,7 @@ def _in_workers(
         on_tick=relay.forward,
     )
     calls = [Call(job_name(planned, job), partial(_run, job)) for job in queue]
+    told: set[tuple[str, str]] = set()
     with closing(workers.outcomes(calls)) as outcomes:
         for index, outcome in outcomes:
             if outcome is Lost.TIMED_OUT:
@@ -111,9 +112,17 @@ def _in_workers(
                 yield queue[index], unfinished(planned, queue[index], Outcome.KILLED, reason)
             else:
                 result, records = outcome
-                for record in records:
-                    logging.getLogger(record.name).handle(record)
+                log_new(records, told)
                 yield queue[index], result
+
+
+def log_new(records: Sequence[logging.LogRecord], told: set[tuple[str, str]]) -> None:
+    """Log what worker processes logged, once; ``told``: loggers and messages so far."""
+    for record in records:
+        message = record.name, record.getMessage()
+        if message not in told:
+            told.add(message)
+            logging.getLogger(record.name).handle(record)
 
 
 def _starting_order(scenario: Scenario, jobs: Sequence[Job]) -> list[Job]:

@@ -111,8 +111,8 @@ class Scenario(Section):
     preset: PresetName = "paper"
     """Parameters of the controllers of the paper: from its text, from its published code, or
     recommended values. They apply to `pid` and the fuzzy PIDs. `unicycle-nmpc` has the weights of
-    the text in the preset `recommended`; `holonomic-nmpc`, the recommended controller, and
-    `feedforward` are the same in every preset."""
+    the text and the limits of the robot in the preset `recommended`; `holonomic-nmpc`, the
+    recommended controller, and `feedforward` are the same in every preset."""
     faults: Faults = ()
     """Faults and disturbances in every run, in addition to those of the task `faults`."""
     watchdog: WatchdogSection = WatchdogSection()

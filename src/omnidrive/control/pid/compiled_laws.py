@@ -149,6 +149,7 @@ def _tracking_step(  # noqa: PLR0917
     begin, end = (s[0, 3], s[0, 4], s[0, 5]), (s[2, 3], s[2, 4], s[2, 5])
     motion = mean_velocity(begin, (s[1, 3], s[1, 4], s[1, 5]), end)
     lags = (data.x.lag, data.heading.lag)
+    most = (data.x.acceleration, data.heading.acceleration)
     rate, missing, response = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
     if m[_STARTED] > 0.0:
         previous = Pose(m[_POSE], m[_POSE + 1], m[_POSE + 2])
@@ -157,7 +158,7 @@ def _tracking_step(  # noqa: PLR0917
         response = BodyTwist(m[_RESPONSE], m[_RESPONSE + 1], m[_RESPONSE + 2])
         elapsed = whole_samples(t - m[_TIME], dt)
         rate = rate_of_error(pose, previous, last, elapsed)
-        missing, response = missing_motion(pose, previous, held, response, lags, elapsed)
+        missing, response = missing_motion(pose, previous, held, response, lags, most, elapsed)
     error = pose_error(pose, Pose(s[0, 0], s[0, 1], s[0, 2]))
 
     states, n = m[_CHANNELS:], _STATE
@@ -171,7 +172,6 @@ def _tracking_step(  # noqa: PLR0917
         data.heading, data.tune_heading, states[2 * n :], errors, dt, details[2 * _RECORD :]
     )
     correction = saturated(x, y, turn, (data.x.limit, data.heading.limit))
-    most = (data.x.acceleration, data.heading.acceleration)
     twist = twist_of(pose, lead(motion, begin, end, lags, most, dt), correction, dt)
     m[_STARTED], m[_TIME] = 1.0, t
     m[_POSE], m[_POSE + 1], m[_POSE + 2] = pose.x, pose.y, pose.yaw

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import hypot
+from math import hypot, inf
 from typing import NamedTuple
 
 from omnidrive.control.compiled_law import CompiledLaw
-from omnidrive.control.controller import Command
+from omnidrive.control.controller import Command, CommandLimits
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.pid.channel import Channel, TrackingChannel, tuning_units
 from omnidrive.control.pid.compiled_laws import tracking_pid_law, waypoint_law
@@ -85,6 +85,11 @@ class FuzzyPidController(GuardedController):
         twist = WorldTwist(velocity.real, velocity.imag, yaw_rate.real)
         return Command(to_body(twist, pose.yaw), details=position_details + heading_details)
 
+    def command_limits(self, reference: Reference) -> CommandLimits:
+        """Return the limits of the channels; the law without memory has none."""
+        each = (self.position.parameters, self.heading.parameters)
+        return CommandLimits(*(getattr(parameters, "limit", inf) for parameters in each))
+
     def compiled_law(self) -> CompiledLaw | None:
         """Return the law for compiled loops; None for other channels or tuners than ours."""
         return waypoint_law(self.dt, (self.position, self.heading), wraps=self.wraps_heading)
@@ -158,19 +163,21 @@ class TrackingPidController(GuardedController):
         lags = of_position.lag, of_heading.lag
         target, begin, motion, end = _motion(reference, t, self.dt)
         error = pose_error(pose, target)
+        most = of_position.acceleration, of_heading.acceleration
         rate, missing, response = _ZERO, _ZERO, BodyTwist(*_ZERO)
         if self._previous is not None:
             before, previous, last_motion, command, response = self._previous
             elapsed = whole_samples(t - before, self.dt)
             rate = rate_of_error(pose, previous, last_motion, elapsed)
-            missing, response = missing_motion(pose, previous, command, response, lags, elapsed)
+            missing, response = missing_motion(
+                pose, previous, command, response, lags, most, elapsed
+            )
 
         distance = hypot(error[0], error[1])
         x, details_x = self.x.step(error[0], rate[0], missing[0], distance)
         y, details_y = self.y.step(error[1], rate[1], missing[1], distance)
         turn, details_heading = self.heading.step(error[2], rate[2], missing[2], abs(error[2]))
         correction = saturated(x, y, turn, (of_position.limit, of_heading.limit))
-        most = of_position.acceleration, of_heading.acceleration
         leading = lead(motion, begin, end, lags, most, self.dt)
         twist = twist_of(pose, leading, correction, self.dt)
         self._previous = _Sample(t, pose, motion, twist, response)

@@ -175,25 +175,25 @@ class TrackingParameters(NamedTuple):
     """Integral gain; a disturbance is compensated with the time constant ``kp / ki``."""
     kd: Annotated[float, Bounds(0.0, 1.0, "1")] = 0.03
     """Derivative gain; damps a robot with delay, and costs effort with noise."""
-    kp_deviation: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 1.0
+    kp_deviation: Annotated[float, Bounds(0.0, 50.0, "1/s")] = 0.5
     """Greatest deviation of the tuned kp."""
-    ki_deviation: Annotated[float, Bounds(0.0, 50.0, "1/s^2")] = 2.5
+    ki_deviation: Annotated[float, Bounds(0.0, 50.0, "1/s^2")] = 0.5
     """Greatest deviation of the tuned ki."""
     kd_deviation: Annotated[float, Bounds(0.0, 1.0, "1")] = 0.03
     """Greatest deviation of the tuned kd."""
     error_range: Annotated[float, Bounds(1e-3, 100.0, "m or rad")] = 0.05
-    """Error at which the first input of the fuzzy system reaches the end of its range, 1."""
+    """Error at which the first input of the fuzzy system reaches the end of its range, 1. Beyond it
+    the integral part decays: a step, an outlier, a robot without grip."""
     rate_range: Annotated[float, Bounds(1e-3, 100.0, "m/s or rad/s")] = 1.0
     """Rate of the error at which the second input reaches 1."""
     filter_time: Annotated[float, Bounds(0.0, 10.0, "s")] = 0.1
     """Time constant of the low-pass filter of that rate."""
-    integral_range: Annotated[float, Bounds(1e-3, 100.0, "m or rad")] = 0.15
-    """Error beyond which the integral is held: a step, an outlier, a robot without grip."""
+    braking_share: Annotated[float, Bounds(0.01, 1.0)] = 0.55
+    """Share of the acceleration with which the robot approaches a distant target."""
     limit: Annotated[float, Bounds(1e-6, inf, "m/s or rad/s")] = inf
     """Greatest correction, added to the feedforward."""
     acceleration: Annotated[float, Bounds(1e-6, inf, "m/s^2 or rad/s^2")] = inf
-    """Deceleration with which the robot approaches a distant target, and greatest acceleration of
-    the reference that is led."""
+    """Acceleration that the robot reaches in every direction."""
     lag: Annotated[float, Bounds(0.0, inf, "s")] = 0.0
     """Time constant of the robot's response to commands, by which the feedforward leads."""
 
@@ -277,19 +277,22 @@ def tracking_integral(  # noqa: PLR0917
     causes no overshoot, and it follows the saturated command, so that it does not wind up. Two
     filters in series with half the time constant each pass less noise than one.
 
-    The integral is held while this distance or the previous one exceeds the range: they come from a
-    jump of the reference, an outlier or wheels that slip (conditional integration, ibid.).
+    While this distance or the previous one exceeds the range of the error, no motion counts as
+    missing and the integral part decays: a large error comes from a jump of the reference or an
+    outlier (conditional integration, ibid.), and a held integral would keep what noise left in it.
 
     Args:
-        parameters: Range.
+        parameters: Range of the error.
         gains: Gains at this sample; kp = 0 means no integral part.
         state: Memory of the previous sample.
         distance: Magnitude of the error, in m or rad; that of the vector for x and y.
         missing: Predicted minus measured mean velocity since the previous sample, in m/s or rad/s.
         dt: Sample time in s.
     """
-    if not (gains.kp > 0.0 and max(distance, state.distance) <= parameters.integral_range):
-        return state.integral, state.missing
+    if gains.kp <= 0.0:
+        return 0.0, 0.0
+    if max(distance, state.distance) > parameters.error_range:
+        missing = 0.0
     share = -expm1(-2.0 * gains.ki / gains.kp * dt)
     filtered = state.missing + share * (missing - state.missing)
     return state.integral + share * (filtered - state.integral), filtered
@@ -332,7 +335,7 @@ def tracking_law(  # noqa: PLR0917
     does, and so applies to every sample time. It is reduced at large distances by :func:`braking`.
 
     Args:
-        parameters: Acceleration.
+        parameters: Acceleration and the share for braking.
         gains: Gains at this sample.
         integral: Integral part at this sample, in m/s or rad/s.
         error: Reference minus pose, in m or rad.
@@ -341,5 +344,5 @@ def tracking_law(  # noqa: PLR0917
         dt: Sample time in s.
     """
     slope = -expm1(-gains.kp * dt) / dt
-    factor = braking(slope, distance, parameters.acceleration)
+    factor = braking(slope, distance, parameters.braking_share * parameters.acceleration)
     return factor * slope * error + integral + gains.kd * rate

@@ -26,8 +26,9 @@ PidPreset = Literal["paper", "published-code", "recommended"]
 MAX_YAW_RATE = 3.14
 """Yaw-rate limit of the paper's predictive controller, in rad/s."""
 
-HEADING_KP = 4.0
-"""Proportional gain of the heading in ``recommended``, in 1/s."""
+HEADING_BRAKING_SHARE = 0.1
+"""Share of the yaw acceleration with which `recommended` turns to a distant heading: the position
+needs most of the wheels' forces at the same time."""
 
 _LEAST = 1e-6  # m/s or rad/s, m/s^2 or rad/s^2: for a robot without grip
 
@@ -76,18 +77,13 @@ def classical_pid(
     return _pid(no_tuning, preset, dt, robot, forces=forces)
 
 
-BRAKING_SHARE = 0.55
-"""Share of a robot's least acceleration with which it approaches a target."""
-
-
 def robot_parameters(
     robot: Robot, *, forces: bool = True
 ) -> tuple[TrackingParameters, TrackingParameters]:
     """Return the parameters of ``recommended`` for position and heading of a robot.
 
-    The limits are the speeds, the accelerations :data:`BRAKING_SHARE` times the accelerations that
-    its wheels reach in every direction (:attr:`~omnidrive.robot.Robot.top_speeds`,
-    :attr:`~omnidrive.robot.Robot.top_accelerations`).
+    Limits and accelerations are those that its wheels reach in every direction
+    (:attr:`~omnidrive.robot.Robot.top_speeds`, :attr:`~omnidrive.robot.Robot.top_accelerations`).
 
     Args:
         robot: The robot.
@@ -95,14 +91,12 @@ def robot_parameters(
             limit of the acceleration.
     """
     position, heading = (TrackingParameters(limit=max(top, _LEAST)) for top in robot.top_speeds)
-    heading = heading._replace(kp=HEADING_KP)
+    heading = heading._replace(braking_share=HEADING_BRAKING_SHARE)
     if not forces:
         return position, heading
     both = zip((position, heading), robot.top_accelerations, robot.lag, strict=True)
     position, heading = (
-        parameters._replace(
-            acceleration=max(BRAKING_SHARE * top, _LEAST), lag=lag + robot.motor_lag
-        )
+        parameters._replace(acceleration=max(top, _LEAST), lag=lag + robot.motor_lag)
         for parameters, top, lag in both
     )
     return position, heading
@@ -122,10 +116,8 @@ def _pid(
             SelfTuningChannel(tune, dt, SelfTuningParameters(limit=MAX_YAW_RATE)),
             wraps_heading=True,
         )
-    position, heading = (
-        (TrackingParameters(), TrackingParameters(kp=HEADING_KP))
-        if robot is None
-        else robot_parameters(robot, forces=forces)
-    )
+    position = heading = TrackingParameters()
+    if robot is not None:
+        position, heading = robot_parameters(robot, forces=forces)
     channels = (TrackingChannel(tune, dt, each) for each in (position, position, heading))
     return TrackingPidController(dt, *channels)

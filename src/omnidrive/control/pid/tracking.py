@@ -106,19 +106,23 @@ def missing_motion(  # noqa: PLR0917
     command: BodyTwist,
     response: BodyTwist,
     lags: Pair,
+    most: Pair,
     dt: float,
 ) -> tuple[Vector, BodyTwist]:
     """Return the predicted minus the measured mean twist of a sample, and the predicted twist.
 
     The prediction is a first-order lag of the robot's velocity in W, because most of the lag is due
-    to its mass; both twists are in the frame halfway between the two headings.
+    to its mass; both twists are in the frame halfway between the two headings. A prediction that
+    needs more than the greatest accelerations is reduced to them, and the difference is zero: the
+    wheels slip, and what they miss does not last.
 
     Args:
         pose: Pose of B in W at the end of the sample.
         previous: Pose at its begin.
         command: Command during the sample.
         response: Twist predicted for its begin.
-        lags: Pair of translation and rotation, s.
+        lags: Lags of translation and rotation, s.
+        most: Greatest accelerations, m/s^2 and rad/s^2.
         dt: Duration of the sample, s.
 
     Returns:
@@ -126,13 +130,19 @@ def missing_motion(  # noqa: PLR0917
     """
     turn = wrap(pose.yaw - previous.yaw)
     x, y, _ = _in_body(0.5 * turn, response.vx, response.vy, 0.0)
-    mean_x, x = _lagged(lags[0], command.vx, x, dt)
-    mean_y, y = _lagged(lags[0], command.vy, y, dt)
-    mean_turn, turning = _lagged(lags[1], command.yaw_rate, response.yaw_rate, dt)
+    mean_x, end_x = _lagged(lags[0], command.vx, x, dt)
+    mean_y, end_y = _lagged(lags[0], command.vy, y, dt)
+    mean_turn, end_turn = _lagged(lags[1], command.yaw_rate, response.yaw_rate, dt)
+    change = complex(end_x - x, end_y - y)
+    reached = saturate(change, most[0] * dt)
+    turned = saturate(end_turn - response.yaw_rate, most[1] * dt)
+    x, y, _ = _in_body(0.5 * turn, x + reached.real, y + reached.imag, 0.0)
+    predicted = BodyTwist(x, y, response.yaw_rate + turned)
+    if reached != change or turned != end_turn - response.yaw_rate:
+        return (0.0, 0.0, 0.0), predicted
     measured = twist_between(previous, Pose(pose.x, pose.y, previous.yaw + turn), dt)
-    x, y, _ = _in_body(0.5 * turn, x, y, 0.0)
     missing = (mean_x - measured.vx, mean_y - measured.vy, mean_turn - measured.yaw_rate)
-    return missing, BodyTwist(x, y, turning)
+    return missing, predicted
 
 
 @compilable

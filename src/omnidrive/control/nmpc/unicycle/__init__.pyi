@@ -1,6 +1,6 @@
 from .controller import UnicycleController, unicycle_law, unicycle_nmpc
 from .ipopt import UnicycleIpopt
-from .parameters import PRESETS, UnicycleParameters
+from .parameters import PRESETS, UnicycleParameters, robot_limits
 from .problem import UnicycleProblem
 from .solution import UnicycleOptimizer, UnicycleSolution
 from .solver import UnicycleSolver, UnicycleSolverSettings
@@ -16,6 +16,7 @@ __all__ = [
     "UnicycleSolution",
     "UnicycleSolver",
     "UnicycleSolverSettings",
+    "robot_limits",
     "tracking_problem",
     "unicycle_law",
     "unicycle_nmpc",

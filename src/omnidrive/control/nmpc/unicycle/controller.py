@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.control.controller import Command, Status
+from omnidrive.control.controller import Command, CommandLimits, Status
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import Exit
@@ -20,7 +20,7 @@ from omnidrive.control.nmpc.unicycle.parameters import PRESETS, Preset, Unicycle
 from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
 from omnidrive.control.nmpc.unicycle.solution import UnicycleOptimizer, UnicycleSolution
 from omnidrive.control.nmpc.unicycle.solver import UnicycleSolver, UnicycleSolverSettings
-from omnidrive.control.nmpc.unicycle.tracking import tracking_problem
+from omnidrive.control.nmpc.unicycle.tracking import largest_motion, tracking_problem
 from omnidrive.control.preparation import run_once
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, WorldTwist, to_body
@@ -120,6 +120,10 @@ class UnicycleController(GuardedController):
         twist = unicycle_law(problem, solution, self.parameters.lateral_gain)
         converged = solution.exit is Exit.CONVERGED
         return Command(twist, Status.OK if converged else Status.FALLBACK)
+
+    def command_limits(self, reference: Reference) -> CommandLimits:
+        """Return the largest speed and yaw rate of a plan."""
+        return largest_motion(self.parameters, reference.duration, self.dt)
 
     def _guess(self, problem: UnicycleProblem) -> Float[Array, "stages 2"]:
         """Return the latest plan shifted by one stage; without a plan, the feedforward controls."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import inf, pi
 from typing import Annotated, Literal, NamedTuple
 
 from omnidrive.parameter import Bounds
+from omnidrive.robot import Robot
 
 Preset = Literal["paper", "published-code"]
 
@@ -23,12 +24,17 @@ class UnicycleParameters(NamedTuple):
     """Second diagonal entry of R."""
     terminal_factor: Annotated[float, Bounds(0.0, 1e3, "1")] = 1.0
     """Terminal weight, as a multiple of Q."""
-    max_speed: Annotated[float, Bounds(0.01, 10.0, "m/s")] = 1.5
+    max_speed: Annotated[float, Bounds(1e-3, 1e3, "m/s")] = 1.5
     """Largest |speed| for any reference."""
     max_travel: Annotated[float, Bounds(0.1, 1e4, "m")] = 1e4
     """Largest product of |speed| and the duration of the reference."""
-    max_yaw_rate: Annotated[float, Bounds(0.01, 20.0, "rad/s")] = 3.14
+    max_yaw_rate: Annotated[float, Bounds(1e-3, 1e3, "rad/s")] = 3.14
     """Largest |yaw rate|."""
+    free_speed: Annotated[float, Bounds(1e-3, inf, "m/s")] = inf
+    """Largest |speed| where the reference is slower than this within the horizon; where it is
+    faster, its speed is the limit."""
+    free_yaw_rate: Annotated[float, Bounds(1e-3, inf, "rad/s")] = inf
+    """Likewise of |yaw rate|."""
     lateral_gain: Annotated[float, Bounds(0.0, 5.0, "1/s")] = 1.0
     """Gain on the predicted lateral error in :func:`~.controller.unicycle_law`; 0: as published."""
 
@@ -48,3 +54,20 @@ PRESETS: dict[Preset, UnicycleParameters] = {
     ),
 }
 """Parameters by name. The limits hold in both directions: |v| and |yaw rate|."""
+
+
+def robot_limits(robot: Robot) -> UnicycleParameters:
+    """Return the weights of the paper's text with limits for a robot.
+
+    The limits are the speeds that the robot's wheels reach in every direction
+    (:attr:`~omnidrive.robot.Robot.top_speeds`). They are used where the reference needs
+    them; elsewhere the limits of the paper hold: the model has no limits of acceleration, and a
+    step at the top speed of the wheels would make them slip and turn the robot aside.
+    """
+    text, (speed, yaw_rate) = PRESETS["paper"], robot.top_speeds
+    return text._replace(
+        max_speed=min(max(speed, 1e-3), 1e3),
+        max_yaw_rate=min(max(yaw_rate, 1e-3), 1e3),
+        free_speed=text.max_speed,
+        free_yaw_rate=text.max_yaw_rate,
+    )

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.control.controller import CommandLimits
 from omnidrive.control.nmpc.common.unwrap import unwrap_near
 from omnidrive.control.nmpc.unicycle.parameters import UnicycleParameters
 from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
@@ -41,16 +42,34 @@ def tracking_problem(
     weights = np.empty((horizon + 1, 3))
     weights[:] = p.position_weight, p.position_weight, p.heading_weight
     weights[-1] *= p.terminal_factor
-    max_speed = min(p.max_speed, p.max_travel / max(reference.duration, dt))
+    feedforward = finite_differences(targets, dt)
+    speed, yaw_rate = np.abs(feedforward).max(axis=0).tolist()
+    largest = largest_motion(p, reference.duration, dt)
+    limits = (
+        min(largest.speed, max(p.free_speed, speed)),
+        min(largest.yaw_rate, max(p.free_yaw_rate, yaw_rate)),
+    )
     return UnicycleProblem(
         dt=float(dt),
         start=np.array(pose, dtype=float),
         targets=targets,
-        feedforward=finite_differences(targets, dt),
+        feedforward=feedforward,
         state_weights=weights,
         control_weights=np.array([p.speed_weight, p.yaw_rate_weight]),
-        limits=np.array([max_speed, p.max_yaw_rate]),
+        limits=np.array(limits),
     )
+
+
+def largest_motion(parameters: UnicycleParameters, duration: float, dt: float) -> CommandLimits:
+    """Return the largest motion of a plan on a reference.
+
+    Args:
+        parameters: Limits.
+        duration: Duration of the reference, in s.
+        dt: Length of a stage, in s.
+    """
+    speed = min(parameters.max_speed, parameters.max_travel / max(duration, dt))
+    return CommandLimits(speed, parameters.max_yaw_rate)
 
 
 @compiled
