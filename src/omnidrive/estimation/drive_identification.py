@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from math import cos, isfinite, sin, sqrt
 
-import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -122,11 +121,25 @@ def identify(  # noqa: PLR0917
     _predict(model, memory, dt)
     if fresh and isfinite(pose[0] + pose[1] + pose[2] + variances[0] + variances[1] + variances[2]):
         _correct(model, settings, memory, pose, variances, dt)
-    size = np.abs(memory.states).sum() + np.abs(memory.state_covariance).sum()
-    if not size + np.abs(memory.sensitivity).sum() < _LARGEST:
+    if not _size(memory) < _LARGEST:
         restart(memory, pose if isfinite(pose[0] + pose[1] + pose[2]) else _REST, _REST)
         for a in range(3):
             memory.state_covariance[a, 1, 1] = (unit_of(model, a) * _UNKNOWN_TWIST) ** 2
+
+
+@inlined
+def _size(memory: DriveMemory) -> float:
+    """Return the sum of the absolute states, covariances and sensitivities; NaN if one is NaN."""
+    size = 0.0
+    for a in range(3):
+        for i in range(3):
+            size += abs(memory.states[i, a])
+            for j in range(3):
+                size += abs(memory.state_covariance[a, i, j])
+        for k in range(4):
+            for i in range(PARAMETERS):
+                size += abs(memory.sensitivity[k, a, i])
+    return size
 
 
 @inlined
@@ -414,7 +427,9 @@ def _clip(settings: DriveSettings, parameter: int, value: float) -> float:
 def _forget(settings: DriveSettings, memory: DriveMemory, dt: float) -> None:
     """Forget information: its matrix P^-1 decays towards the inverse of the initial covariance."""
     cov, old, share = memory.covariance, memory.work[3:], min(dt / settings.memory, 0.5)
-    old[:] = cov
+    for i in range(PARAMETERS):
+        for j in range(PARAMETERS):
+            old[i, j] = cov[i, j]
     for i in range(PARAMETERS):
         for j in range(PARAMETERS):
             kept = 0.0

@@ -157,7 +157,7 @@ def initialize(memory: DriveMemory) -> None:
     restart(memory, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-@compiled
+@inlined
 def restart(memory: DriveMemory, pose: Vector, twist: Vector) -> None:
     """Start at a known pose (W) with a known steady twist (B); the parameters remain."""
     memory.commands[:] = 0.0
