@@ -13,7 +13,7 @@ import omnidrive as od
 from omnidrive.components import find_component
 from omnidrive.estimation import LatestFix
 from omnidrive.geometry import to_body
-from omnidrive.simulation import KinematicPlant
+from omnidrive.simulation import Disturbances, KinematicPlant, PoseOffset
 from omnidrive.testing import check_controller, check_estimator, check_plant
 
 
@@ -90,6 +90,7 @@ class Faulty(KinematicPlant):
 
     def reset(self, pose):
         state = super().reset(pose)
+        self.pose = pose
         if self.fault == "offset":
             return state._replace(pose=state.pose._replace(x=pose.x + 0.1))
         return state
@@ -99,7 +100,7 @@ class Faulty(KinematicPlant):
         if self.fault == "scale":
             dt *= 1.1
         if self.fault == "world":
-            twist = to_body(od.WorldTwist(*twist), self._pose.yaw)
+            twist = to_body(od.WorldTwist(*twist), self.pose.yaw)
         state = super().step(twist, dt)
         pose = state.pose
         match self.fault:
@@ -110,10 +111,11 @@ class Faulty(KinematicPlant):
             case "memory":
                 state = state._replace(work=float(self.steps))
             case "drift":
-                self._pose = pose._replace(x=pose.x + dt)
-                state = state._replace(pose=self._pose)
+                self.apply(Disturbances(offset=PoseOffset(x=dt)))
+                state = state._replace(pose=pose._replace(x=pose.x + dt))
             case "tuple":
                 state = tuple(state)
+        self.pose = pose
         return state
 
 

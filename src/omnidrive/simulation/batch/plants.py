@@ -49,8 +49,6 @@ class BatchPlant:
     """
 
     def __init__(self, plant: Plant) -> None:
-        self.plant = copy(plant)
-        self.plant.reset(Pose(0.0, 0.0, 0.0))
         if type(plant) is KinematicPlant:
             self.kernels, self.forces = _KINEMATIC, False
         elif type(plant) is PlanarPlant:
@@ -60,7 +58,9 @@ class BatchPlant:
                 f"a batch simulates the plants kinematic and planar, got {kind_of(plant)}: use "
                 "simulate, or make_plant(robot, 'planar')"
             )
-        own: Any = self.plant
+        own: Any = copy(plant)
+        own.reset(Pose(0.0, 0.0, 0.0))
+        self.plant: Plant = own
         self.wheels = len(own.robot.mounts)
         self.initial = type(own._state)(*(array.copy() for array in own._state))
 
