@@ -40,7 +40,7 @@ KIWI = named_robot("kiwi")
 STILL = Pose(0.0, 0.0, 0.0)
 
 
-def governor(robot=KIWI, traction=0.85):
+def governor(robot=KIWI, traction=0.8):
     return ReferenceGovernor(robot.chassis, robot.acceleration_faces / traction)
 
 
