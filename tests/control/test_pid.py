@@ -656,3 +656,11 @@ def test_invalid_sample_time_is_refused(dt):
         fuzzy_pid("t1", "paper", dt)
     with pytest.raises(InvalidInput, match=r"the sample time is .* s, need 1e-09 to 3600 s"):
         classical_pid("recommended", dt)
+
+
+def test_command_that_no_robot_executes_predicts_rest():
+    pose, impossible = Pose(0.0, 0.0, 0.0), BodyTwist(1e7, 0.0, 0.0)
+    rest = BodyTwist(0.0, 0.0, 0.0)
+    for command, response in ((impossible, rest), (rest, impossible)):
+        found = missing_motion(pose, pose, command, response, (0.0, 0.0), (inf, inf), DT)
+        assert found == ((0.0, 0.0, 0.0), rest)

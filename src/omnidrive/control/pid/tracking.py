@@ -12,6 +12,8 @@ from omnidrive.geometry.kernels import to_world, twist_between, wrap
 Vector = tuple[float, float, float]
 Pair = tuple[float, float]  # for translation and for rotation
 
+_FASTEST = 100.0  # m/s and rad/s; no robot is as fast
+
 
 @compilable
 def mean_velocity(begin: Vector, middle: Vector, end: Vector) -> WorldTwist:
@@ -114,7 +116,8 @@ def missing_motion(  # noqa: PLR0917
     The prediction is a first-order lag of the robot's velocity in W, because most of the lag is due
     to its mass; both twists are in the frame halfway between the two headings. A prediction that
     needs more than the greatest accelerations is reduced to them, and the difference is zero: the
-    wheels slip, and what they miss does not last.
+    wheels slip, and what they miss does not last. A command that no robot executes, as for a
+    position that is wrong by kilometres, predicts rest.
 
     Args:
         pose: Pose of B in W at the end of the sample.
@@ -128,6 +131,9 @@ def missing_motion(  # noqa: PLR0917
     Returns:
         The difference in m/s, m/s and rad/s, and the twist predicted for the end of the sample.
     """
+    fastest = max(abs(command.vx), abs(command.vy), abs(response.vx), abs(response.vy))
+    if max(fastest, abs(command.yaw_rate), abs(response.yaw_rate)) > _FASTEST:
+        return (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
     turn = wrap(pose.yaw - previous.yaw)
     x, y, _ = _in_body(0.5 * turn, response.vx, response.vy, 0.0)
     mean_x, end_x = _lagged(lags[0], command.vx, x, dt)
