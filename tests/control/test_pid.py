@@ -421,6 +421,16 @@ class TestRecommended:
             me.append(np.hypot(*(run.pose - run.target)[:, :2].T).mean())
         assert me[0] < 0.5 * me[1]
 
+    def test_late_sample_is_no_missing_motion(self):
+        """The command was held until the late sample, and the robot executed it all that time."""
+        controller, goal = tracking_pid(TrackingParameters(kd=0.0)), Pose(0.02, 0.0, 0.0)
+        controller.reset(State(0.0, Pose(0.0, 0.0, 0.0)))
+        speed = controller.step(0.0, State(0.0, Pose(0.0, 0.0, 0.0)), Hold(goal, 9.0)).twist.vx
+        late = 1.3 * DT
+        pose = Pose(late * speed, 0.0, 0.0)
+        command = controller.step(late, State(late, pose), Hold(goal, 9.0))
+        assert command.twist.vx == pytest.approx(speed * (goal.x - pose.x) / goal.x)
+
     def test_outlier_does_not_enter_the_integral(self):
         """Neither when it comes nor when it goes."""
         controller, goal = classical_pid("recommended", DT), Hold(Pose(0.0, 0.0, 0.0), 9.0)

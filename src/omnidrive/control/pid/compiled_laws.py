@@ -43,6 +43,7 @@ from omnidrive.control.pid.tracking import (
     pose_error,
     rate_of_error,
     saturated,
+    time_between,
     twist_of,
     whole_samples,
 )
@@ -156,8 +157,8 @@ def _tracking_step(  # noqa: PLR0917
         last = WorldTwist(m[_MOTION], m[_MOTION + 1], m[_MOTION + 2])
         held = BodyTwist(m[_COMMAND], m[_COMMAND + 1], m[_COMMAND + 2])
         response = BodyTwist(m[_RESPONSE], m[_RESPONSE + 1], m[_RESPONSE + 2])
-        elapsed = whole_samples(t - m[_TIME], dt)
-        rate = rate_of_error(pose, previous, last, elapsed)
+        elapsed = time_between(m[_TIME], t, dt)
+        rate = rate_of_error(pose, previous, last, whole_samples(elapsed, dt))
         missing, response = missing_motion(pose, previous, held, response, lags, most, elapsed)
     error = pose_error(pose, Pose(s[0, 0], s[0, 1], s[0, 2]))
 

@@ -20,6 +20,7 @@ from omnidrive.control.pid.tracking import (
     pose_error,
     rate_of_error,
     saturated,
+    time_between,
     twist_of,
     whole_samples,
 )
@@ -167,8 +168,8 @@ class TrackingPidController(GuardedController):
         rate, missing, response = _ZERO, _ZERO, BodyTwist(*_ZERO)
         if self._previous is not None:
             before, previous, last_motion, command, response = self._previous
-            elapsed = whole_samples(t - before, self.dt)
-            rate = rate_of_error(pose, previous, last_motion, elapsed)
+            elapsed = time_between(before, t, self.dt)
+            rate = rate_of_error(pose, previous, last_motion, whole_samples(elapsed, self.dt))
             missing, response = missing_motion(
                 pose, previous, command, response, lags, most, elapsed
             )

@@ -40,6 +40,12 @@ def pose_error(pose: Pose, target: Pose) -> Vector:
 
 
 @compilable
+def time_between(before: float, t: float, dt: float) -> float:
+    """Return the time since the previous sample, s; ``dt``, the sample time, if it is not later."""
+    return t - before if t > before else dt
+
+
+@compilable
 def whole_samples(elapsed: float, dt: float) -> float:
     """Return the time since the previous pose as a whole number of sample times, s.
 
