@@ -18,14 +18,16 @@ from omnidrive.estimation.drive_memory import (
     drive_details,
     drive_estimate,
     drive_memory,
+    identified_robot,
     initialize,
+    known_drive,
     restart,
 )
 from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import ShapeReference
 from omnidrive.reference.shapes import Eight
-from omnidrive.robot import named_robot
+from omnidrive.robot import load_robot, named_robot, save_robot
 from omnidrive.simulation import PlanarPlant
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 
@@ -264,6 +266,25 @@ def test_a_new_run_starts_from_the_initial_parameters():
             identify(model, settings, memory, tuple(command), DT, tuple(pose), EXACT, True)
         results.append(drive_estimate(memory))
     assert results[0] == results[1] != before
+
+
+def test_what_was_learned_is_a_robot_file_that_moves_as_the_robot(tmp_path):
+    robot, commands = named_robot("small"), jerky_commands(DT)
+    true = {"gains": (0.95, 0.95, 0.9), "motor_lag": 0.05}
+    poses = drive(robot, commands, **true)
+    found, _ = final(robot, commands, poses)
+    save_robot(identified_robot(robot, found), tmp_path / "learned.yaml")
+    learned = load_robot(tmp_path / "learned.yaml")
+    assert learned.motor_lag == pytest.approx(0.05, abs=0.01)
+    assert learned.drive_gain == pytest.approx((0.95, 0.95, 0.9), abs=0.02)
+    assert known_drive(learned, 0.1)[:3] == (learned.drive_gain, learned.motor_lag, 0.1)
+    before = np.linalg.norm(drive(robot, commands) - poses, axis=1).max()
+    assert np.linalg.norm(drive(learned, commands) - poses, axis=1).max() < 0.3 * before
+
+
+def test_what_the_motion_did_not_determine_keeps_its_value_in_the_file():
+    robot = replace(named_robot("small"), drive_gain=(0.9, 0.9, 0.8), motor_lag=0.02)
+    assert identified_robot(robot, DriveEstimate()) == robot
 
 
 def test_details_have_the_names_of_their_estimates():

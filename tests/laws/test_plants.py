@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from math import inf, nan
 
 import numpy as np
@@ -206,6 +207,15 @@ def test_wrong_effective_radius_scales_the_yaw_rate(make):
     states = drive(plant, Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 1.0), 30)
     rate = (states[-1].pose.yaw - states[9].pose.yaw) / 2.0
     assert rate == pytest.approx(0.5 / np.hypot(0.5, 0.5), abs=2e-3)
+
+
+@every_plant
+def test_drive_gain_scales_the_twist(make):
+    robot = replace(named_robot("small"), drive_gain=(0.9, 1.1, 0.8))
+    for k, gain in enumerate(robot.drive_gain):
+        twist = BodyTwist(*(0.3 * np.eye(3)[k]).tolist())
+        state = drive(make(robot), Pose(0.0, 0.0, 0.0), twist, 20)[-1]
+        assert state.twist[k] == pytest.approx(gain * 0.3, rel=0.06)
 
 
 @every_plant

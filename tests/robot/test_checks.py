@@ -30,6 +30,7 @@ SWAPPED = tuple(m._replace(roller_angle=-m.roller_angle) for m in mecanum_rectan
         ({"lag": (nan, 0.0)}, "lag of the robot must not be negative, got nan s"),
         ({"max_wheel_speed": 0.0}, "max_wheel_speed must be positive, got 0 rad/s"),
         ({"assumed_effective_radius": 0.0}, "assumed_effective_radius must be positive"),
+        ({"drive_gain": (1.0, 0.0, 1.0)}, "drive_gain of the robot must be positive"),
         ({"mounts": omni_ring([0.1 * k for k in range(20)], 0.2)}, "20 wheels, need at most 16"),
         ({"mounts": (Mount(nan, 0.0, 0.0), *SMALL.mounts)}, "wheel 0 is mounted at .* finite"),
         ({"mounts": (Mount(0.2, 0.2, 0.0, 0.5 * pi), *SMALL.mounts)}, "cannot drive the robot"),

@@ -90,6 +90,7 @@ def test_round_trip_is_exact(robot, tmp_path):
         body_inertia=0.1 + 0.2,
         motor_lag=5e-324,
         assumed_effective_radius=1.0 / 3.0,
+        drive_gain=(0.1 + 0.2, 1.0, 1.0 / 3.0),
         name="my base: 'ä' #1",
     )
     save_robot(changed, tmp_path / "robot.yaml", notes=["first\nsecond", "third"])

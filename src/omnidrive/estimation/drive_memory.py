@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import ceil
 from types import MappingProxyType
 from typing import Annotated, NamedTuple
@@ -14,6 +15,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds, check_bounds, check_sample_time
+from omnidrive.robot import Robot
 from omnidrive.robot.slip import Vector
 
 LAG = 3
@@ -253,6 +255,24 @@ def drive_estimate(memory: DriveMemory) -> DriveEstimate:
         float(delay_error),
         float(sum_error),
     )
+
+
+def known_drive(robot: Robot, delay: float = 0.0) -> DriveEstimate:
+    """Return the parameters of a robot file, to start from; the delay in s is told apart."""
+    return DriveEstimate(robot.drive_gain, robot.motor_lag, delay)
+
+
+def identified_robot(robot: Robot, estimate: DriveEstimate) -> Robot:
+    """Return a robot with the identified gains and motor lag, for its file.
+
+    What the motion did not determine (:attr:`DriveEstimate.excited`) is unchanged. The delay is no
+    parameter of a robot.
+    """
+    *moving, answering = estimate.excited
+    pairs = zip(moving, estimate.gains, robot.drive_gain, strict=True)
+    x, y, yaw = (found if excited else known for excited, found, known in pairs)
+    lag = estimate.lag if answering else robot.motor_lag
+    return replace(robot, drive_gain=(x, y, yaw), motor_lag=lag)
 
 
 DRIVE_UNITS: Mapping[str, str] = MappingProxyType(

@@ -53,7 +53,11 @@ class Robot:
         body_inertia: Yaw inertia of the frame (the robot without its wheels) about the frame's
             centre of mass, in kg m^2. None: that of a disc whose radius is 0.8 times
             :attr:`mean_wheel_distance`.
-        motor_lag: Time constant with which the servos' set points follow the command, in s.
+        motor_lag: Time constant with which the servos' set points follow the command, in s; in
+            addition to :attr:`lag`.
+        drive_gain: Ratio of the steady body twist to the commanded one along x, y and yaw of B, of
+            a wheel controller that assumes wrong radii, in addition to
+            :attr:`assumed_effective_radius`.
 
     Raises:
         InvalidGeometry: The wheels cannot produce every twist.
@@ -76,6 +80,7 @@ class Robot:
     com: tuple[float, float] = (0.0, 0.0)
     body_inertia: float | None = None
     motor_lag: float = 0.0
+    drive_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
         check_no_faults(
@@ -95,10 +100,12 @@ class Robot:
     def drive(self) -> Chassis:
         """Kinematics by which the wheel controller converts twist commands to wheel speeds."""
         true = self.chassis
-        if self.assumed_effective_radius is None:
+        if self.assumed_effective_radius is None and self.drive_gain == (1.0, 1.0, 1.0):
             return true
-        assumed = true.jacobian * [1.0, 1.0, self.assumed_effective_radius / self.effective_radius]
-        return Chassis(assumed, self.max_wheel_speed)
+        x, y, yaw = self.drive_gain
+        if self.assumed_effective_radius is not None:
+            yaw *= self.assumed_effective_radius / self.effective_radius
+        return Chassis(true.jacobian * [x, y, yaw], self.max_wheel_speed)
 
     @property
     def effective_radius(self) -> float:
@@ -268,6 +275,8 @@ def robot_faults(values: Mapping[str, Any]) -> list[str]:
             faults += not_positive(f"the robot's {name}", values[name], unit)
     if "friction" in values:
         faults += negative("the robot's friction", values["friction"], "")
+    for gain in values.get("drive_gain", ()):
+        faults += not_positive("a drive_gain of the robot", gain, "")
     for seconds in (values.get("motor_lag", 0.0), *values.get("lag", ())):
         faults += negative("a lag of the robot", seconds, "s")
     return faults

@@ -66,9 +66,11 @@ _ROBOT_KEYS = {
     "friction": "Coulomb coefficient between roller and floor",
     "lag": "s, s; time constants of translation and rotation in response to commands",
     "assumed_effective_radius": "m, in the wheel controller; omit it unless it is miscalibrated",
+    "drive_gain": "1, 1, 1; ratio of the body twist to the commanded one along x, y and yaw",
 }
 _STRUCTURE = {"name", "mounts", "wheel"}  # all other keys hold numbers
-_PAIRS, _INTEGERS = {"com", "lag"}, {"rollers_per_row", "rows"}
+_LENGTHS = {"com": 2, "lag": 2, "drive_gain": 3}  # of lists
+_INTEGERS = {"rollers_per_row", "rows"}
 _NULLABLE = {"body_inertia", "assumed_effective_radius"}
 _HEADER = """\
 # Frame B: origin at the centre of the robot, x forward, y left; angles are counter-clockwise.
@@ -201,8 +203,9 @@ def _schema_of(keys: Mapping[str, str], required: Collection[str]) -> dict[str, 
 
     def type_of(key: str) -> dict[str, Any]:
         """Return the schema of the value of a key."""
-        if key in _PAIRS:
-            return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        if key in _LENGTHS:
+            n = _LENGTHS[key]
+            return {"type": "array", "items": {"type": "number"}, "minItems": n, "maxItems": n}
         kind = "integer" if key in _INTEGERS else "number"
         return {"type": [kind, "null"] if key in _NULLABLE else kind}
 
@@ -306,13 +309,14 @@ class _Source:
         return values
 
     def value(self, label: str, key: str, value: Any, about: str) -> Any:
-        """Return the number or the pair of numbers of a key; None if it has a fault."""
-        if key in _PAIRS:
-            if not isinstance(value, list) or len(value) != 2:
-                self.add(f"{label} must be two numbers ({about})")
+        """Return the number or the list of numbers of a key; None if it has a fault."""
+        if key in _LENGTHS:
+            if not isinstance(value, list) or len(value) != _LENGTHS[key]:
+                count = "two" if _LENGTHS[key] == 2 else "three"
+                self.add(f"{label} must be {count} numbers ({about})")
                 return None
-            pair = tuple(self.number(label, each, about) for each in value)
-            return None if None in pair else pair
+            numbers = tuple(self.number(label, each, about) for each in value)
+            return None if None in numbers else numbers
         if key not in _INTEGERS:
             return self.number(label, value, about)
         if isinstance(value, int) and not isinstance(value, bool):
