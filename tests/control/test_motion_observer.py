@@ -7,7 +7,7 @@ import pytest
 
 from omnidrive.control.nmpc.holonomic.motion_observer import motion_memory, remember
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
-from omnidrive.control.nmpc.holonomic.step import Measurement, Plant, observe
+from omnidrive.control.nmpc.holonomic.step import Measurement, RobotModel, observe
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
 
@@ -18,7 +18,7 @@ FIRST = Measurement(nan, (0.0, 0.0, 0.0), UNKNOWN, (-1.0, -1.0, -1.0), True)
 
 
 def plant(model):
-    return Plant(model, SMALL.chassis.jacobian, np.empty((0, 3)), SMALL.max_wheel_speed, 0.0)
+    return RobotModel(model, SMALL.chassis.jacobian, np.empty((0, 3)), SMALL.max_wheel_speed, 0.0)
 
 
 MODELS = [SlipModel.of(SMALL), SlipModel.without_slip(SMALL.chassis, (0.05, 0.02))]

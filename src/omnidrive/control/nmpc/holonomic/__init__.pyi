@@ -1,5 +1,5 @@
 from .actuation import Actuation
-from .controller import FallbackLevel, HolonomicController, holonomic_nmpc
+from .controller import FallbackLevel, HolonomicController, ObservedMotion, holonomic_nmpc
 from .ipopt import HolonomicIpopt
 from .keep_out_zone import KeepOutZone, stack_keep_outs
 from .limits import rate_limits, speed_limits, stack_limits
@@ -8,7 +8,6 @@ from .problem import HolonomicProblem, KeepOutArrays, Limits
 from .slip_model import SlipModel
 from .solution import HolonomicOptimizer, HolonomicSolution
 from .solver import HolonomicSolver, HolonomicSolverSettings
-from .tracking import tracking_problem
 
 __all__ = [
     "Actuation",
@@ -24,11 +23,11 @@ __all__ = [
     "KeepOutArrays",
     "KeepOutZone",
     "Limits",
+    "ObservedMotion",
     "SlipModel",
     "holonomic_nmpc",
     "rate_limits",
     "speed_limits",
     "stack_keep_outs",
     "stack_limits",
-    "tracking_problem",
 ]

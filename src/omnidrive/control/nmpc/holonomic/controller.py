@@ -28,7 +28,7 @@ from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSo
 from omnidrive.control.nmpc.holonomic.step import (
     Measurement,
     Plan,
-    Plant,
+    RobotModel,
     command_stage,
     fill_problem,
     observe,
@@ -187,7 +187,7 @@ class HolonomicController(GuardedController):
     """Pose in the last step."""
     _steady: bool = field(default=True, init=False)
     """Whether the last plan was none that approaches a standing target."""
-    _plant: Plant = field(init=False, repr=False)
+    _robot: RobotModel = field(init=False, repr=False)
     _memory: MotionMemory = field(init=False, repr=False)
     _problem: HolonomicProblem = field(init=False, repr=False)
     _plan: Plan = field(init=False, repr=False)
@@ -203,7 +203,7 @@ class HolonomicController(GuardedController):
         limits, points = actuation.limits(self.chassis, self.dt), stages + 1
         model = actuation.slip_model
         faces = actuation.acceleration_faces
-        self._plant = Plant(
+        self._robot = RobotModel(
             SlipModel.without_slip(self.chassis, actuation.lag) if model is None else model,
             np.ascontiguousarray(self.chassis.jacobian, dtype=float),
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
@@ -284,6 +284,7 @@ class HolonomicController(GuardedController):
             self.governor.reset()
         self._solution, self._age, self._time, self._steady = None, -1, nan, True
         self._pose = Pose(nan, nan, nan)
+        self._window = _ReferenceWindow(self.horizon + 1, self.dt)
         for each in self._memory:
             each[:] = 0.0
 
@@ -333,7 +334,7 @@ class HolonomicController(GuardedController):
         solver = self.solver
         if isinstance(solver, HolonomicSolver) and solver.deadline is None:
             arguments = (
-                self._plant,
+                self._robot,
                 self._memory,
                 now,
                 self._problem,
@@ -377,9 +378,9 @@ class HolonomicController(GuardedController):
         self, solver: HolonomicOptimizer, now: Measurement, first: int
     ) -> tuple[bool, bool, tuple[float, float, float]]:
         """Do the same as :func:`~.step.step` with any solver."""
-        plant, memory, problem, plan = self._plant, self._memory, self._problem, self._plan
-        observe(plant, memory, now, self.dt, self._steady)
-        approaching = fill_problem(plant, memory, problem, self._window.rows, first)
+        robot, memory, problem, plan = self._robot, self._memory, self._problem, self._plan
+        observe(robot, memory, now, self.dt, self._steady)
+        approaching = fill_problem(robot, memory, problem, self._window.rows, first)
         usable = isfinite(problem.start.sum() + problem.targets.sum())
         solution = solver.solve(problem) if usable else None
         if solution is None or solution.exit is Exit.UNUSABLE:
@@ -394,7 +395,7 @@ class HolonomicController(GuardedController):
             solution.iterations,
             code,
         )
-        return True, approaching, command_stage(plant, memory, plan, 0, 1.0, self.dt)
+        return True, approaching, command_stage(robot, memory, plan, 0, 1.0, self.dt)
 
     def fall_back(self, reason: str) -> Command:
         """Return a command along the latest plan, the slower the older it is, or zero twist.
@@ -407,7 +408,7 @@ class HolonomicController(GuardedController):
             unknown = Measurement(
                 self.dt, tuple(pose.tolist()), _UNKNOWN_TWIST, _UNKNOWN_VARIANCES, False
             )
-            observe(self._plant, self._memory, unknown, self.dt, False)
+            observe(self._robot, self._memory, unknown, self.dt, False)
         return self._follow(reason)
 
     def _follow(self, reason: str) -> Command:
@@ -419,7 +420,7 @@ class HolonomicController(GuardedController):
             details = self._details(FallbackLevel.STOP, new=False)
             return Command(STOP, Status.FAILED, details, reason)
         factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
-        value = command_stage(self._plant, self._memory, self._plan, age, factor, self.dt)
+        value = command_stage(self._robot, self._memory, self._plan, age, factor, self.dt)
         level = FallbackLevel.OLD_PLAN if factor == 1.0 else FallbackLevel.RAMP
         return Command(BodyTwist(*value), Status.FALLBACK, self._details(level, new=False))
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond
@@ -108,7 +108,7 @@ def predict(
     return saturation
 
 
-@inlined
+@compiled
 def _predict_one(model: SlipModel, memory: MotionMemory, command: int, dt: float) -> float:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
     initial, commanded = _vector(memory.twist), _input(memory, command)
@@ -140,7 +140,7 @@ def _predict_one(model: SlipModel, memory: MotionMemory, command: int, dt: float
     return slopes.saturation
 
 
-@inlined
+@compiled
 def correct(  # noqa: PLR0917
     model: SlipModel,
     memory: MotionMemory,
@@ -231,7 +231,7 @@ def _variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: i
     return variance + _MIN_VARIANCE * _unit(model, axis) ** 2
 
 
-@inlined
+@compiled
 def predict_delayed(
     model: SlipModel, memory: MotionMemory, delay: float, period: float
 ) -> tuple[Vector, Vector]:

@@ -277,7 +277,7 @@ def slip_response(
     return mean, final
 
 
-@inlined
+@compiled
 def respond(
     model: SlipModel, initial: Vector, commanded: Vector, dt: float
 ) -> tuple[Vector, Vector, Sensitivity]:

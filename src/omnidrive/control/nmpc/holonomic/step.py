@@ -53,7 +53,7 @@ class Measurement(NamedTuple):
     """Whether the pose is a new measurement."""
 
 
-class Plant(NamedTuple):
+class RobotModel(NamedTuple):
     """What a step knows of the robot."""
 
     model: SlipModel
@@ -79,17 +79,19 @@ class Plan(NamedTuple):
 
 
 @compiled
-def observe(plant: Plant, memory: MotionMemory, now: Measurement, dt: float, steady: bool) -> None:
+def observe(
+    robot: RobotModel, memory: MotionMemory, now: Measurement, dt: float, steady: bool
+) -> None:
     """Update the motion observer; ``dt`` is the sample time in s."""
     if not 0.0 < now.elapsed <= _MAX_GAP * dt:
         known = isfinite(now.twist[0] + now.twist[1] + now.twist[2])
         twist = now.twist if known else (0.0, 0.0, 0.0)
         restart(memory, now.pose, twist)
         return
-    saturation = predict(plant.model, memory, now.elapsed, plant.delay, dt)
+    saturation = predict(robot.model, memory, now.elapsed, robot.delay, dt)
     if now.fresh:
         unbiased = steady and saturation <= STEADY_SATURATION
-        correct(plant.model, memory, now.pose, now.variances, dt, unbiased)
+        correct(robot.model, memory, now.pose, now.variances, dt, unbiased)
     if isfinite(now.twist[0] + now.twist[1] + now.twist[2]):
         for a in range(3):
             memory.twist[a] = now.twist[a]
@@ -100,7 +102,7 @@ def observe(plant: Plant, memory: MotionMemory, now: Measurement, dt: float, ste
 
 @compiled
 def fill_problem(
-    plant: Plant,
+    robot: RobotModel,
     memory: MotionMemory,
     p: HolonomicProblem,
     window: Float[Array, "rows 6"],
@@ -109,7 +111,7 @@ def fill_problem(
     """Fill in the arrays of a problem that change from step to step.
 
     Args:
-        plant: The robot.
+        robot: The robot.
         memory: What the motion observer knows.
         p: The problem; ``start``, ``previous``, ``targets`` and ``feedforward`` are filled in.
         window: Setpoints of the reference, ``dt`` apart.
@@ -118,7 +120,7 @@ def fill_problem(
     Returns:
         Whether the targets are those of an approach to a standing target.
     """
-    pose, twist = predict_delayed(plant.model, memory, plant.delay, p.dt)
+    pose, twist = predict_delayed(robot.model, memory, robot.delay, p.dt)
     points, before = len(p.targets), pose[2]
     for a in range(3):
         p.start[a], p.previous[a] = pose[a], twist[a]
@@ -133,7 +135,7 @@ def fill_problem(
     distance = 0.0
     for a in range(3):
         distance = max(distance, abs(p.targets[0, a] - p.start[a]))
-    if len(plant.faces) == 0 or not (speed <= _STANDING and distance > _NEAR):
+    if len(robot.faces) == 0 or not (speed <= _STANDING and distance > _NEAR):
         return False
     if not violates_constraints(p, unconstrained_velocities(p)):
         return False
@@ -143,11 +145,11 @@ def fill_problem(
         twist,
         target,
         p.state_weights[0],
-        plant.faces,
-        plant.wheels,
-        plant.max_wheel_speed,
+        robot.faces,
+        robot.wheels,
+        robot.max_wheel_speed,
         p.dt,
-        _twist_age(plant.model, p.dt),
+        _twist_age(robot.model, p.dt),
         p.targets,
     )
     for k in range(points - 1):
@@ -189,12 +191,12 @@ def solve_problem(p: HolonomicProblem, plan: Plan, tolerance: float, max_iterati
 
 @compiled
 def command_stage(  # noqa: PLR0917
-    plant: Plant, memory: MotionMemory, plan: Plan, stage: int, factor: float, dt: float
+    robot: RobotModel, memory: MotionMemory, plan: Plan, stage: int, factor: float, dt: float
 ) -> Vector:
     """Return the commanded twist that moves the robot as a stage of the plan, and remember it.
 
     Args:
-        plant: The robot.
+        robot: The robot.
         memory: What the motion observer knows.
         plan: The plan.
         stage: Index of the stage.
@@ -203,8 +205,8 @@ def command_stage(  # noqa: PLR0917
     """
     vx, vy, rate = plan.velocities[stage]
     ahead, left = arc_twist(dt, plan.states[stage, 2], vx, vy, rate)
-    _, initial = predict_delayed(plant.model, memory, plant.delay, dt)
-    model = plant.model
+    _, initial = predict_delayed(robot.model, memory, robot.delay, dt)
+    model = robot.model
     if model.may_spin and max(memory.noise[0], 0.0) > _SPIN_NOISE * _SPIN_NOISE:
         model = SlipModel(
             model.rim_jacobian,
@@ -217,7 +219,7 @@ def command_stage(  # noqa: PLR0917
     desired = (factor * ahead, factor * left, factor * rate)
     effective, _ = compensate(model, desired, initial, dt)
     command = _saturate(
-        plant,
+        robot,
         effective[0] - memory.disturbance[0],
         effective[1] - memory.disturbance[1],
         effective[2] - memory.disturbance[2],
@@ -227,20 +229,20 @@ def command_stage(  # noqa: PLR0917
 
 
 @inlined
-def _saturate(plant: Plant, vx: float, vy: float, rate: float) -> Vector:
+def _saturate(robot: RobotModel, vx: float, vy: float, rate: float) -> Vector:
     """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
-    fastest, wheels = 0.0, plant.wheels
+    fastest, wheels = 0.0, robot.wheels
     for i in range(len(wheels)):
         fastest = max(fastest, abs(wheels[i, 0] * vx + wheels[i, 1] * vy + wheels[i, 2] * rate))
-    if fastest <= plant.max_wheel_speed:
+    if fastest <= robot.max_wheel_speed:
         return vx, vy, rate
-    factor = plant.max_wheel_speed / fastest
+    factor = robot.max_wheel_speed / fastest
     return factor * vx, factor * vy, factor * rate
 
 
 @compiled
 def step(  # noqa: PLR0917
-    plant: Plant,
+    robot: RobotModel,
     memory: MotionMemory,
     now: Measurement,
     p: HolonomicProblem,
@@ -259,8 +261,8 @@ def step(  # noqa: PLR0917
         Whether the plan is usable, and whether it approaches a standing target; and the commanded
         twist, which is zero without a usable plan.
     """
-    observe(plant, memory, now, p.dt, steady)
-    approaching = fill_problem(plant, memory, p, window, first)
+    observe(robot, memory, now, p.dt, steady)
+    approaching = fill_problem(robot, memory, p, window, first)
     if not solve_problem(p, plan, tolerance, max_iterations):
         return False, approaching, (0.0, 0.0, 0.0)
-    return True, approaching, command_stage(plant, memory, plan, 0, 1.0, p.dt)
+    return True, approaching, command_stage(robot, memory, plan, 0, 1.0, p.dt)
