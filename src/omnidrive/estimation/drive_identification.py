@@ -296,7 +296,8 @@ def _correct_states(h: Hypothesis, axis: int, innovation: float, variance: float
     for i in range(3):
         for j in range(3):
             p[i, j] -= gains[i] * row[j]
-    return gains[0] * innovation
+    correction: float = gains[0] * innovation
+    return correction
 
 
 @inlined
