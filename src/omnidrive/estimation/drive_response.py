@@ -11,7 +11,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.robot.slip import Vector
 
-_STEP = 0.0125
+_STEP = 0.025
 """Largest integration step, s: the input of the slip model is constant within it."""
 _SLIP_STEP = 0.3
 """Likewise while wheels are at the friction limit, as a share of the lag in translation."""
