@@ -5,7 +5,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # byte code of the environment on all cores, faster than pip, which uses one
 BYTECODE := $(BIN)/python -m compileall -q -q -j 0 .venv/lib src || true
 
-.PHONY: help demo env test lint types contract test-long docs notebook peers-if-possible lock clean
+.PHONY: help demo env test quick lint types contract test-long docs notebook peers-if-possible lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z%-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -15,7 +15,10 @@ demo: .venv/ready  ## run the paper's study with physics and write its report
 
 env: .venv/ready  ## create the environment in .venv from the lock file
 
-test: .venv/ready-dev lint types contract  ## lint, types, import contract and every quick test
+test: .venv/ready-dev lint contract  ## lint, types, import contract and every quick test
+	@$(MAKE) --no-print-directory --jobs=2 types quick  # mypy uses one core, at the same time
+
+quick: .venv/ready-dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not long"
 
 test-long: .venv/ready-dev  ## tests that take minutes, and property tests with new examples

@@ -110,13 +110,16 @@ def test_time_series_contain_gains_and_solver_details(folder):
     distance = np.hypot(*(target[:, 1:] - measured[:, :-1]))
     assert s["error_input_position"][:-1] == pytest.approx(0.5 * distance)
     nmpc = pq.read_table(folder / "series" / "track-holonomic-nmpc-20s.parquet")
-    assert nmpc.column_names[-9:] == [
+    assert nmpc.column_names[-14:] == [
         "step_time",
         "saturated",
         *(f"wheel_speed_{i}" for i in range(4)),
         "fallback_level",
         "solver_iterations",
         "kkt_residual",
+        *(f"disturbance_{axis}" for axis in ("vx", "vy", "yaw_rate")),
+        "pose_noise",
+        "reference_delay",
     ]
 
 

@@ -50,7 +50,7 @@ def test_every_kind_runs_with_every_controller(folder):
         assert record["recovered"] is True
         assert record["finished"] is True
         assert record["time_to_recover"] >= 0.0
-        assert record["events"][0] == {"t": 5.0, "what": f"{record['fault']['kind']} begins"}
+        assert {"t": 5.0, "what": f"{record['fault']['kind']} begins"} in record["events"]
         assert (folder / record["series"]).exists()
     jump = next(r for r in data["faults"] if r["fault"]["kind"] == "pose-jump")
     assert jump["worst_error"] == pytest.approx(0.5, abs=0.1)

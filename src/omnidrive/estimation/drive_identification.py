@@ -45,7 +45,7 @@ from omnidrive.estimation.drive_memory import (
 )
 from omnidrive.estimation.drive_prediction import predict
 from omnidrive.estimation.drive_response import DriveModel, unit_of
-from omnidrive.geometry import wrap
+from omnidrive.geometry.kernels import wrap
 from omnidrive.robot.slip import Vector
 
 _MIN_VARIANCE = 1e-12
@@ -68,7 +68,6 @@ _UNKNOWN_TWIST = 1.0
 """Standard deviation of the twist after a restart, m/s."""
 
 _REST = (0.0, 0.0, 0.0)
-_wrap_angle = inlined(wrap)
 
 
 @compiled
@@ -176,7 +175,7 @@ def _correct(  # noqa: PLR0917
     yaw = h.pose[2]
     c, s = cos(yaw), sin(yaw)
     dx, dy = pose[0] - h.pose[0], pose[1] - h.pose[1]
-    innovation = (c * dx + s * dy, c * dy - s * dx, _wrap_angle(pose[2] - yaw))
+    innovation = (c * dx + s * dy, c * dy - s * dx, wrap(pose[2] - yaw))
     _record(h, innovation, variances)
     if _is_moved(h, innovation):
         _move(h, pose, innovation, variances, dt)
