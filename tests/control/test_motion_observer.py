@@ -85,13 +85,23 @@ def test_twist_of_a_pushed_robot_is_found(model):
     assert np.allclose(robot.memory.twist, robot.twist, atol=0.05)
 
 
-def test_robot_that_is_moved_keeps_its_twist():
+@pytest.mark.parametrize("moved", [0.2, 1.0])
+def test_robot_that_is_moved_keeps_its_twist(moved):
     robot = Robot(MODELS[0])
     for k in range(10):
         robot.step(gentle(k))
-    robot.step(gentle(10), moved=1.0)
+    robot.step(gentle(10), moved=moved)
     assert np.allclose(robot.memory.pose, robot.pose, atol=1e-9)
     assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
+    assert np.abs(robot.memory.disturbance).max() < 1e-3
+
+
+def test_disturbance_is_bounded():
+    robot = Robot(MODELS[0], (0.0, 0.0, 3.0))
+    for k in range(50):
+        robot.step(gentle(k))
+    largest = 0.1 * MODELS[0].max_rim_speed * np.sqrt(SMALL.inertia[0] / SMALL.inertia[2])
+    assert robot.memory.disturbance[2] == pytest.approx(largest)
 
 
 def test_twist_of_the_state_replaces_the_observed_one():

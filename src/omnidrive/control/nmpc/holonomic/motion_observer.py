@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +25,8 @@ STEADY_SATURATION = 0.05
 """Share of wheels at the friction limit above which the disturbance is not corrected."""
 _DRIFT = 0.04
 """Standard deviation of the change of the disturbance in a second, m/s."""
+_LARGEST = 0.1
+"""Largest disturbance, as a share of the speed limit."""
 _MIN_VARIANCE = 1e-12
 """Least variance of a measured position, m^2."""
 _GATE = 6.0
@@ -171,8 +173,7 @@ def correct(  # noqa: PLR0917
     moved, change = False, np.zeros(3)
     for a in range(3):
         total = memory.covariance[a, 0, 0] + _variance(model, memory, variances, a)
-        reach = dt * model.max_rim_speed * _unit(model, a)
-        moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + 2.0 * reach
+        moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + _reach(model, dt, a)
     if not moved:
         _estimate_noise(memory, innovation)
     for a in range(3):
@@ -186,7 +187,9 @@ def correct(  # noqa: PLR0917
         change[a] = gains[0] * innovation[a]
         memory.noise[5 + a] = innovation[a] - change[a]
         memory.twist[a] += gains[1] * innovation[a]
-        memory.disturbance[a] += gains[2] * innovation[a]
+        largest = _LARGEST * model.max_rim_speed * _unit(model, a)
+        disturbance = memory.disturbance[a] + gains[2] * innovation[a]
+        memory.disturbance[a] = min(max(disturbance, -largest), largest)
         _reduce(p, gains, variance)
     memory.pose[0] += c * change[0] - s * change[1]
     memory.pose[1] += s * change[0] + c * change[1]
@@ -268,6 +271,19 @@ def _move(pose: Float[Array, " 3"], twist: Vector, dt: float) -> None:
 @inlined
 def _vector(values: Float[Array, " 3"]) -> Vector:
     return values[0], values[1], values[2]
+
+
+@inlined
+def _reach(model: SlipModel, dt: float, axis: int) -> float:
+    """Return the largest displacement, m or rad, in ``dt`` (s) that the model may not explain.
+
+    It is that of twice the acceleration at the friction limit; without forces, that of the speed.
+    """
+    distance = 2.0 * dt * model.max_rim_speed
+    if model.max_force < inf:
+        acceleration = len(model.rim_jacobian) * model.max_force / model.inertia[0]
+        distance = min(distance, acceleration * dt * dt)
+    return distance * _unit(model, axis)
 
 
 @inlined
