@@ -200,6 +200,7 @@ def closed_loop(kernels: PlantKernels, law: Callable[..., int]) -> Callable[...,
 
     @compiled
     def loop(model, initial, state, data, samples, runs, wheels, begin, end):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, PLR0917
+        """Advance all runs of a block over the samples from ``begin`` to ``end``."""
         motion, command = np.empty(8), np.empty(3)
         for r in range(len(runs.starts)):
             carried, memory, details = runs.carried[r], runs.memories[r], runs.details[r]
@@ -244,6 +245,7 @@ def _control(law: Callable[..., int]) -> Callable[..., int]:
 
     @inlined
     def control(data, samples, k, carried, memory, command, details):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, PLR0917
+        """Compute and send the command of sample k; return its status."""
         if k == len(samples.times) - 1:
             command[:], details[:] = 0.0, nan
             return send(command, _OK, False, carried, details)
