@@ -258,7 +258,7 @@ def drive_estimate(memory: DriveMemory) -> DriveEstimate:
 
 
 def known_drive(robot: Robot, delay: float = 0.0) -> DriveEstimate:
-    """Return the parameters of a robot file, to start from; ``delay`` (s) is an argument."""
+    """Return the parameters of a robot file, and a delay, s, to start from."""
     return DriveEstimate(robot.drive_gain, robot.motor_lag, delay)
 
 
