@@ -113,7 +113,8 @@ def _membership_bounds(
     for i in range(len(at)):
         x[0] = at[i]
         fuzzify(s, x, True, degrees)
-        lower[:, i], upper[:, i] = degrees[0], degrees[1]
+        for k in range(len(s.lower)):
+            lower[k, i], upper[k, i] = degrees[0, k], degrees[1, k]
     return lower, upper
 
 

@@ -17,6 +17,7 @@ from omnidrive.control.nmpc.holonomic.riccati import (
 )
 from omnidrive.control.nmpc.holonomic.stage_point import (
     StagePoint,
+    add_scaled,
     allocate_point,
     evaluate,
     gradient_norm,
@@ -77,7 +78,7 @@ def solve_active_set(
         for k in range(stages):
             for i in range(rows):
                 point.multipliers[k, i] = multipliers[k, i] + f.weights[k, i] * step.values[k, i]
-        point.velocities[:] += step.velocities
+        add_scaled(point.velocities, 1.0, step.velocities)
         iterations += 1
 
 

@@ -33,7 +33,8 @@ def relaxed_bounds(p: HolonomicProblem) -> Float[Array, "stages rows"]:
     stages, rows = len(p.feedforward), len(p.limits.bounds)
     bounds = np.empty((stages, rows))
     for k in range(stages):
-        bounds[k] = p.limits.bounds
+        for i in range(rows):
+            bounds[k, i] = p.limits.bounds[i]
     twists, k = np.empty((stages, 3)), 0
     while couples_stages(p) and k < stages and _brake(p, twists, k) > _BRAKING_RATIO:
         for i in range(rows):

@@ -26,6 +26,7 @@ from omnidrive.control.nmpc.holonomic.riccati import (
 )
 from omnidrive.control.nmpc.holonomic.stage_point import (
     StagePoint,
+    add_scaled,
     allocate_point,
     cost,
     evaluate,
@@ -138,8 +139,8 @@ def iterate(p: HolonomicProblem, ip: InteriorPoint, tolerance: float, max_iterat
             if length == 0.0:
                 return STALLED
         dual = min(1.0, _TO_BOUNDARY * _max_dual_step(ip))
-        point.velocities[:] += length * ip.step.velocities
-        ip.side_multipliers[:] += dual * ip.multiplier_step
+        add_scaled(point.velocities, length, ip.step.velocities)
+        add_scaled(ip.side_multipliers, dual, ip.multiplier_step)
         memory[ITERATIONS] += 1
 
 
@@ -210,7 +211,9 @@ def _predictor(p: HolonomicProblem, ip: InteriorPoint, mean: float, min_barrier:
                     sides[k, w, side] + dual * changes[k, w, side]
                 )
     barrier = max(mean * (after / slacks.size / mean) ** 3, min_barrier)
-    products[:] += barrier
+    flat = products.ravel()
+    for i in range(len(flat)):
+        flat[i] += barrier
     return barrier
 
 

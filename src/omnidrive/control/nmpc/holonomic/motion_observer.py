@@ -85,7 +85,8 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
 def remember(memory: MotionMemory, command: Vector) -> None:
     """Insert a command in front of the earlier ones."""
     for k in range(len(memory.commands) - 1, 0, -1):
-        memory.commands[k] = memory.commands[k - 1]
+        for a in range(3):
+            memory.commands[k, a] = memory.commands[k - 1, a]
     for a in range(3):
         memory.commands[0, a] = command[a]
 

@@ -20,6 +20,7 @@ from omnidrive.control.nmpc.holonomic.stage_point import (
     cost,
     evaluate,
     gradient_norm,
+    overwrite,
 )
 
 Assessment = tuple[Float[Array, "points 3"], float, float, float]
@@ -106,7 +107,7 @@ def assess(
     active = multipliers.any()
     point = allocate_point(velocities, relaxed_bounds(p) if active else np.empty((stages, 0)))
     if active:
-        point.multipliers[:] = multipliers
+        overwrite(point.multipliers, multipliers)
     evaluate(p, point)
     residual = gradient_norm(p.dt, point)
     for k in range(stages):

@@ -187,3 +187,23 @@ def gradient_norm(dt: float, point: StagePoint) -> float:
         if abs(entry) > largest or isnan(entry):
             largest = abs(entry)
     return largest
+
+
+@compiled
+def add_scaled(total: Array, factor: float, term: Array) -> None:
+    """Add ``factor * term`` to ``total`` in place; contiguous arrays of the same shape.
+
+    A loop compiles in a tenth of the time of ``total[:] += factor * term``, whose check of the
+    shapes formats a message.
+    """
+    into, values = total.ravel(), term.ravel()
+    for i in range(len(into)):
+        into[i] += factor * values[i]
+
+
+@compiled
+def overwrite(target: Array, values: Array) -> None:
+    """Copy ``values`` to ``target``: contiguous arrays of equal shape. See :func:`add_scaled`."""
+    into, source = target.ravel(), values.ravel()
+    for i in range(len(into)):
+        into[i] = source[i]

@@ -26,6 +26,7 @@ from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, lags
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
+from omnidrive.control.nmpc.holonomic.stage_point import overwrite
 from omnidrive.robot.slip import Vector
 
 _MAX_GAP = 5.0
@@ -183,7 +184,9 @@ def solve_problem(p: HolonomicProblem, plan: Plan, tolerance: float, max_iterati
     states, cost, residual, violation = assess(p, velocities, multipliers)
     if not isfinite(cost + residual + violation):
         return False
-    plan.velocities[:], plan.states[:], plan.multipliers[:] = velocities, states, multipliers
+    overwrite(plan.velocities, velocities)
+    overwrite(plan.states, states)
+    overwrite(plan.multipliers, multipliers)
     plan.figures[0], plan.figures[1], plan.figures[2] = cost, residual, violation
     plan.figures[3], plan.figures[4] = iterations, code
     return True
