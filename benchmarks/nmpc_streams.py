@@ -24,7 +24,7 @@ from omnidrive.control.nmpc.holonomic import (
     speed_limits,
     stack_limits,
 )
-from omnidrive.control.nmpc.holonomic.controller import KeepOutForecast
+from omnidrive.control.nmpc.holonomic.keep_out_zone import KeepOutForecast
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist, move
 from omnidrive.reference import Setpoint

@@ -1,8 +1,9 @@
 from .actuation import Actuation
-from .controller import FallbackLevel, HolonomicController, ObservedMotion, holonomic_nmpc
+from .controller import FallbackLevel, HolonomicController, holonomic_nmpc
 from .ipopt import HolonomicIpopt
 from .keep_out_zone import KeepOutZone, stack_keep_outs
 from .limits import rate_limits, speed_limits, stack_limits
+from .motion_observer import ObservedMotion
 from .parameters import HolonomicParameters
 from .problem import HolonomicProblem, KeepOutArrays, Limits
 from .slip_model import SlipModel

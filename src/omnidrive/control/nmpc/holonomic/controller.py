@@ -7,7 +7,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from math import isfinite, isnan, nan, sqrt
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -18,10 +18,22 @@ from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
-from omnidrive.control.nmpc.holonomic.keep_out_zone import KeepOutZone, stack_keep_outs
-from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory, motion_memory, remember
+from omnidrive.control.nmpc.holonomic.keep_out_zone import (
+    KeepOutForecast,
+    KeepOutZone,
+    forecast_keep_outs,
+    stack_keep_outs,
+)
+from omnidrive.control.nmpc.holonomic.motion_observer import (
+    MotionMemory,
+    ObservedMotion,
+    motion_memory,
+    observed_motion,
+    remember,
+)
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.control.nmpc.holonomic.reference_window import ReferenceWindow
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
@@ -40,16 +52,10 @@ from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import check_choice
-from omnidrive.reference import Hold, Reference
-from omnidrive.reference.reference import WindowReference
+from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
 
 SolverName = Literal["sqp", "rti", "casadi"]
-KeepOutForecast = Callable[[float, int, float], Sequence[KeepOutZone]]
-"""``keep_outs(t, points, dt)``: keep-out zones over a horizon that starts at ``t`` (s).
-
-A moving zone has one centre for each of the ``points`` times t, t + dt, ...; see
-:class:`KeepOutZone`."""
 
 RTI_ITERATIONS = 4
 """With the solver ``rti``: most iterations of the active-set and of the interior-point method."""
@@ -59,10 +65,6 @@ _SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
     "casadi": HolonomicIpopt,
 }
 
-_AHEAD = 256
-"""Number of further sample times for which a reference is evaluated at once."""
-_SAME_TIME = 1e-6
-"""Difference of times, as a share of the sample time, that is taken for rounding."""
 _LARGEST = 1e6
 """Largest speed (m/s, rad/s) and variance (m^2, rad^2) of a state that is not a fault."""
 _NO_TWIST = (0.0, 0.0, 0.0)
@@ -72,17 +74,6 @@ _UNKNOWN_VARIANCES = (-1.0, -1.0, -1.0)
 OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
 """Without a new plan: number of steps that follow the latest plan at its full speed, and number of
 the steps after them in which the speed decreases; then the robot is stopped."""
-
-
-class ObservedMotion(NamedTuple):
-    """Estimates of the motion observer."""
-
-    pose: Pose
-    """Pose of B in W; m, m, rad."""
-    twist: BodyTwist
-    """Body twist; m/s, m/s, rad/s."""
-    disturbance: BodyTwist
-    """Twist that has to be added to the commands for the model to move as the robot does."""
 
 
 class FallbackLevel(IntEnum):
@@ -99,37 +90,6 @@ class FallbackLevel(IntEnum):
     """As ``OLD_PLAN``, with decreasing speed."""
     STOP = 4
     """No plan that can still be followed: zero twist."""
-
-
-class _ReferenceWindow:
-    """Setpoints of a reference at multiples of the sample time, evaluated for many steps at once.
-
-    References of this package do not change; any other is evaluated in every step.
-    """
-
-    __slots__ = ("dt", "points", "reference", "rows", "start")
-
-    def __init__(self, points: int, dt: float) -> None:
-        """Prepare windows of ``points`` setpoints ``dt`` (s) apart."""
-        self.points, self.dt = points, dt
-        self.reference: Reference | None = None
-        self.start, self.rows = 0.0, np.zeros((points, 6))
-
-    def find(self, t: float, reference: Reference) -> int:
-        """Return the row of :attr:`rows` with the setpoint at ``t`` (s); the next ones follow."""
-        first = (t - self.start) / self.dt
-        row = round(first)
-        if (
-            reference is self.reference
-            and 0 <= row <= len(self.rows) - self.points
-            and abs(first - row) <= _SAME_TIME
-        ):
-            return row
-        fixed = isinstance(reference, (WindowReference, Hold))
-        count = self.points + (_AHEAD if fixed else 0)
-        self.rows = np.ascontiguousarray(reference.window(t, count, self.dt), dtype=float)
-        self.reference, self.start = (reference if fixed else None), t
-        return 0
 
 
 @dataclass(slots=True)
@@ -191,7 +151,7 @@ class HolonomicController(GuardedController):
     _memory: MotionMemory = field(init=False, repr=False)
     _problem: HolonomicProblem = field(init=False, repr=False)
     _plan: Plan = field(init=False, repr=False)
-    _window: _ReferenceWindow = field(init=False, repr=False)
+    _window: ReferenceWindow = field(init=False, repr=False)
     _step: Callable[..., tuple[bool, bool, tuple[float, float, float]]] | None = field(
         default=None, init=False, repr=False
     )
@@ -226,7 +186,7 @@ class HolonomicController(GuardedController):
         self._plan = Plan(
             np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), np.zeros(5)
         )
-        self._window = _ReferenceWindow(points, self.dt)
+        self._window = ReferenceWindow(points, self.dt)
 
     @property
     def detail_units(self) -> Mapping[str, str]:
@@ -270,12 +230,7 @@ class HolonomicController(GuardedController):
     @property
     def motion(self) -> ObservedMotion:
         """Estimates of the motion observer at the last step."""
-        memory = self._memory
-        return ObservedMotion(
-            Pose(*memory.pose.tolist()),
-            BodyTwist(*memory.twist.tolist()),
-            BodyTwist(*memory.disturbance.tolist()),
-        )
+        return observed_motion(self._memory)
 
     def reset(self, state: State) -> None:
         """Clear the latest plan and the observed motion; the robot is at rest."""
@@ -284,7 +239,7 @@ class HolonomicController(GuardedController):
             self.governor.reset()
         self._solution, self._age, self._time, self._steady = None, -1, nan, True
         self._pose = Pose(nan, nan, nan)
-        self._window = _ReferenceWindow(self.horizon + 1, self.dt)
+        self._window = ReferenceWindow(self.horizon + 1, self.dt)
         for each in self._memory:
             each[:] = 0.0
 
@@ -476,12 +431,8 @@ def holonomic_nmpc(
         chassis,
         actuation,
         solver,
-        keep_outs if callable(keep_outs) else _fixed(keep_outs),
+        forecast_keep_outs(keep_outs),
         ReferenceGovernor(chassis, actuation.acceleration_faces) if governor else None,
     )
     controller.prepare()
     return controller
-
-
-def _fixed(zones: Sequence[KeepOutZone]) -> KeepOutForecast:
-    return lambda t, points, dt: zones

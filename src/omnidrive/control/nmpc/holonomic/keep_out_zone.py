@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +43,20 @@ class KeepOutZone:
                 raise InvalidInput(f"the {name} of a keep-out zone must be positive, got {value:g}")
         if self.corners is not None:
             _check_convex(np.asarray(self.corners))
+
+
+KeepOutForecast = Callable[[float, int, float], Sequence[KeepOutZone]]
+"""``keep_outs(t, points, dt)``: keep-out zones over a horizon that starts at ``t`` (s).
+
+A moving zone has one centre for each of the ``points`` times t, t + dt, ...; see
+:class:`KeepOutZone`."""
+
+
+def forecast_keep_outs(zones: KeepOutForecast | Sequence[KeepOutZone]) -> KeepOutForecast:
+    """Return the zones as a function of time; a sequence is the same at all times."""
+    if callable(zones):
+        return zones
+    return lambda t, points, dt: zones
 
 
 def stack_keep_outs(zones: Sequence[KeepOutZone], points: int) -> KeepOutArrays:

@@ -13,6 +13,7 @@ from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond
+from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 
 _DISPLACEMENT = 0.02
@@ -33,6 +34,17 @@ _GATE = 6.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
 _NOISE_MEMORY = 30.0
 """Number of samples over which the variance of the noise is averaged."""
+
+
+class ObservedMotion(NamedTuple):
+    """Estimates of the motion observer."""
+
+    pose: Pose
+    """Pose of B in W; m, m, rad."""
+    twist: BodyTwist
+    """Body twist; m/s, m/s, rad/s."""
+    disturbance: BodyTwist
+    """Twist that has to be added to the commands for the model to move as the robot does."""
 
 
 class MotionMemory(NamedTuple):
@@ -57,6 +69,15 @@ class MotionMemory(NamedTuple):
     """Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
     difference of a measured displacement from the predicted one, and the last residual; and the
     number of measurements. The indices are those of :func:`_estimate_noise`."""
+
+
+def observed_motion(memory: MotionMemory) -> ObservedMotion:
+    """Return the estimates at the last step."""
+    return ObservedMotion(
+        Pose(*memory.pose.tolist()),
+        BodyTwist(*memory.twist.tolist()),
+        BodyTwist(*memory.disturbance.tolist()),
+    )
 
 
 def motion_memory(delayed: int) -> MotionMemory:
