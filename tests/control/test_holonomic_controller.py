@@ -174,6 +174,25 @@ def test_standing_target_is_approached_on_a_line_within_the_limits():
     assert np.allclose(pose, goal, atol=1e-3)
 
 
+def test_reference_that_ends_in_motion_is_followed_to_its_end():
+    """At 0.9 m/s the robot needs 0.2 s to stop; once the reference stands, it returns."""
+    robot, circle = named_robot("small"), Circle(duration=7.0)
+    faces = 2.0 * robot.acceleration_faces
+    controller = holonomic_nmpc(CHASSIS, DT, actuation=Actuation(acceleration_faces=faces))
+    pose, errors = circle.at(0.0).pose, []
+    controller.reset(State(0.0, pose))
+    for k in range(100):
+        twist = controller.step(k * DT, State(k * DT, pose), circle).twist
+        pose = move(pose, twist, DT)
+        target = circle.at((k + 1) * DT).pose
+        errors.append(
+            max(np.hypot(*np.subtract(pose[:2], target[:2])), abs(wrap(pose.yaw - target.yaw)))
+        )
+    assert max(errors[20:70]) < 1e-6
+    assert max(errors[70:75]) > 0.05
+    assert max(errors[-5:]) < 1e-3
+
+
 @pytest.mark.parametrize("moving", [False, True])
 def test_keep_out_zone_on_the_path_is_avoided(moving):
     speed = np.array([0.0, 0.2 if moving else 0.0])

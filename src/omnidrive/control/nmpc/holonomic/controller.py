@@ -101,7 +101,8 @@ class HolonomicController(GuardedController):
     on it. The planned twist of a stage is the constant body twist from its first to its last state,
     along an arc. If the reference stands and the robot cannot be there at once, the targets are
     those of the fastest motion on a straight line (:func:`~.approach.approach`), which passes the
-    target in no coordinate.
+    target in no coordinate. A reference that ends in motion is followed up to its end, behind which
+    the robot stops.
 
     The first state and the twist before the first stage are those of the motion observer
     (:mod:`~.motion_observer`), which compares the measured poses with the motion that the earlier
@@ -286,6 +287,7 @@ class HolonomicController(GuardedController):
                 keep_outs=stack_keep_outs(zones, self.horizon + 1)
             )
         first = self._window.find(begin, reference)
+        last = self._window.last(begin, reference)
         solver = self.solver
         if isinstance(solver, HolonomicSolver) and solver.deadline is None:
             arguments = (
@@ -296,6 +298,7 @@ class HolonomicController(GuardedController):
                 self._plan,
                 self._window.rows,
                 first,
+                last,
                 self._steady,
                 *solver.settings,
             )
@@ -303,7 +306,7 @@ class HolonomicController(GuardedController):
                 self._step = entry_point(step, *arguments)
             usable, approaching, value = self._step(*arguments)
         else:
-            usable, approaching, value = self._step_with(solver, now, first)
+            usable, approaching, value = self._step_with(solver, now, first, last)
         self._steady = not approaching
         if not usable:
             return self._follow("no usable solution")
@@ -330,12 +333,12 @@ class HolonomicController(GuardedController):
         return Measurement(elapsed, (float(x), float(y), float(heading)), twist, variances, fresh)
 
     def _step_with(
-        self, solver: HolonomicOptimizer, now: Measurement, first: int
+        self, solver: HolonomicOptimizer, now: Measurement, first: int, last: int
     ) -> tuple[bool, bool, tuple[float, float, float]]:
         """Do the same as :func:`~.step.step` with any solver."""
         robot, memory, problem, plan = self._robot, self._memory, self._problem, self._plan
         observe(robot, memory, now, self.dt, self._steady)
-        approaching = fill_problem(robot, memory, problem, self._window.rows, first)
+        approaching = fill_problem(robot, memory, problem, self._window.rows, first, last)
         usable = isfinite(problem.start.sum() + problem.targets.sum())
         solution = solver.solve(problem) if usable else None
         if solution is None or solution.exit is Exit.UNUSABLE:

@@ -42,3 +42,8 @@ class ReferenceWindow:
         self.rows = np.ascontiguousarray(reference.window(t, count, self.dt), dtype=float)
         self.reference, self.start = (reference if fixed else None), t
         return 0
+
+    def last(self, t: float, reference: Reference) -> int:
+        """Return how many setpoints after that at ``t`` (s) are not later than the reference."""
+        left = (reference.duration - t) / self.dt + _SAME_TIME
+        return int(min(max(0.0, left), self.points))  # 0 for a duration that is not a number

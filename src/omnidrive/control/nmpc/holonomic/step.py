@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import cos, inf, isfinite, sin
 from typing import NamedTuple
 
 from jaxtyping import Float
@@ -102,12 +102,13 @@ def observe(
 
 
 @compiled
-def fill_problem(
+def fill_problem(  # noqa: PLR0917
     robot: RobotModel,
     memory: MotionMemory,
     p: HolonomicProblem,
     window: Float[Array, "rows 6"],
     first: int,
+    last: int,
 ) -> bool:
     """Fill in the arrays of a problem that change from step to step.
 
@@ -117,6 +118,7 @@ def fill_problem(
         p: The problem; ``start``, ``previous``, ``targets`` and ``feedforward`` are filled in.
         window: Setpoints of the reference, ``dt`` apart.
         first: Row of the first one.
+        last: Number of setpoints after the first one that are not later than the reference.
 
     Returns:
         Whether the targets are those of an approach to a standing target.
@@ -133,6 +135,7 @@ def fill_problem(
         for a in range(3 if k > 0 else 0):
             p.feedforward[k - 1, a] = (p.targets[k, a] - p.targets[k - 1, a]) / p.dt
             speed = max(speed, abs(p.feedforward[k - 1, a]))
+    _pass_end(robot, p, last)
     distance = 0.0
     for a in range(3):
         distance = max(distance, abs(p.targets[0, a] - p.start[a]))
@@ -157,6 +160,28 @@ def fill_problem(
         for a in range(3):
             p.feedforward[k, a] = (p.targets[k + 1, a] - p.targets[k, a]) / p.dt
     return True
+
+
+@inlined
+def _pass_end(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
+    """Let targets after target ``last`` go on at its velocity if the robot cannot stop there.
+
+    A reference that ends in motion stops at once, which no robot can do: a plan that shall be at
+    rest then leaves the reference before its end. Its end is not late, the robot stops behind it.
+    """
+    if not 0 < last < len(p.feedforward):
+        return
+    x, y, rate = p.feedforward[last - 1]
+    c, s = cos(p.targets[last, 2]), sin(p.targets[last, 2])
+    ahead, left, load = c * x + s * y, c * y - s * x, 0.0
+    for face in robot.faces:
+        load = max(load, abs(face[0] * ahead + face[1] * left + face[2] * rate))
+    if load <= p.dt:
+        return
+    for k in range(last, len(p.feedforward)):
+        for a in range(3):
+            p.feedforward[k, a] = p.feedforward[last - 1, a]
+            p.targets[k + 1, a] = p.targets[k, a] + p.dt * p.feedforward[k, a]
 
 
 @inlined
@@ -252,6 +277,7 @@ def step(  # noqa: PLR0917
     plan: Plan,
     window: Float[Array, "rows 6"],
     first: int,
+    last: int,
     steady: bool,
     tolerance: float,
     max_iterations: int,
@@ -265,7 +291,7 @@ def step(  # noqa: PLR0917
         twist, which is zero without a usable plan.
     """
     observe(robot, memory, now, p.dt, steady)
-    approaching = fill_problem(robot, memory, p, window, first)
+    approaching = fill_problem(robot, memory, p, window, first, last)
     if not solve_problem(p, plan, tolerance, max_iterations):
         return False, approaching, (0.0, 0.0, 0.0)
     return True, approaching, command_stage(robot, memory, plan, 0, 1.0, p.dt)
