@@ -172,6 +172,15 @@ def test_yaw_is_unwrapped_before_interpolation():
     assert reference.window(0.0, 301, 0.01)[:, 2].min() > 2.9
 
 
+def test_half_turns_are_unwrapped_once():
+    """A second unwrapping would reverse the last half turn because of rounding."""
+    yaw = 100.0 + np.array([0.0, np.pi, 2 * np.pi])
+    reference = SampledReference.through(np.arange(3.0), np.column_stack([0 * yaw, 0 * yaw, yaw]))
+    assert reference.poses[:, 2].tolist() == np.unwrap(yaw).tolist()
+    turns = np.diff(reference.window(0.0, 201, 0.01)[:, 2])
+    assert (turns < 0.0).all() or (turns > 0.0).all()
+
+
 def test_times_are_relative_to_the_first():
     poses, twists = cubic(np.arange(3.0))
     reference = SampledReference(np.arange(3.0) + 1.7e9, poses, twists)
@@ -243,14 +252,14 @@ def test_invalid_twists_are_rejected():
 @pytest.mark.parametrize(
     ("duration", "dt", "message"),
     [
-        (5.0, 0.0, "must be positive, got 0 s"),
+        (5.0, 0.0, "must be positive and finite, got 0 s"),
         (5.0, -1.0, "must be positive"),
-        (5.0, np.nan, "must be positive, got nan s"),
-        (5.0, np.inf, "must be positive"),
+        (5.0, np.nan, "must be positive and finite, got nan s"),
+        (5.0, np.inf, "must be positive and finite, got inf s"),
         (0.0, 0.1, "a reference with a duration of 0 s cannot be sampled"),
         (np.inf, 0.1, "a reference with a duration of inf s cannot be sampled"),
         (5.0, 1e-300, "more than 100,000; choose a step of 5e-05 s or longer"),
-        (1e6, 0.1, "are 1e[+]07 samples, more than 100,000; choose a step of 10 s"),
+        (1e6, 0.1, "are 1e[+]07 steps, more than 100,000; choose a step of 10 s"),
     ],
 )
 def test_invalid_sampling_is_rejected(duration, dt, message):

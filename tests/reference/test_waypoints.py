@@ -202,7 +202,7 @@ def test_unknown_extension_is_rejected(tmp_path, name):
             "has a number that is not finite",
         ),
         ("a.csv", Path(np.zeros((100_001, 3))), {}, "100,001 waypoints are more than 100,000"),
-        ("a.csv", REFERENCE, {"dt": 0.0}, "must be positive, got 0 s"),
+        ("a.csv", REFERENCE, {"dt": 0.0}, "must be positive and finite, got 0 s"),
         ("a.traj", REFERENCE, {"dt": 1e-4}, "needs samples at least 0.0005 s apart"),
         ("a.csv", REFERENCE, {"dt": 1e-9}, "more than 100,000; choose a step of"),
         ("a.yaml", REFERENCE, {"dt": 1.4e-4}, r"more than 10,000,000; .* choose a longer dt"),

@@ -76,6 +76,15 @@ def test_scans_occur_at_the_configured_rate():
     assert scanner.read(0.0) is not None
 
 
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"rays": 0}, "rays is 0"), ({"field_of_view": 7.0}, "field_of_view is 7 rad")],
+)
+def test_settings_out_of_range_are_rejected(settings, message):
+    with pytest.raises(InvalidInput, match=message):
+        lidar(**settings)
+
+
 def test_unknown_body_is_named():
     model = mujoco.MjModel.from_xml_string(ROOM)
     with pytest.raises(InvalidInput, match="no body 'bass'"):

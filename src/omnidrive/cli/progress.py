@@ -22,7 +22,7 @@ from omnidrive_command import check_interrupted
 
 
 class _Steps(MofNCompleteColumn):
-    """The completed steps of a part and their number; nothing while the number is unknown."""
+    """Completed and total number of steps of a part; empty while the total is unknown."""
 
     def render(self, task: Task) -> Text:
         """Return the text of the column."""
@@ -30,9 +30,10 @@ class _Steps(MofNCompleteColumn):
 
 
 class LiveProgress:
-    """A progress listener that draws one bar per part on standard error.
+    """A progress listener that draws one bar per part on standard error; none with ``--quiet``.
 
-    It raises KeyboardInterrupt after a signal that other code did not pass on.
+    Use it in a ``with`` statement. :meth:`part` and :meth:`done` raise KeyboardInterrupt again
+    if other code has caught the one that a signal raised.
     """
 
     def __init__(self) -> None:
@@ -58,13 +59,13 @@ class LiveProgress:
         self._progress.stop()
 
     def part(self, name: str, steps: int) -> None:
-        """Start the bar of a part."""
+        """Start the bar of a part with ``steps`` steps (0: unknown number)."""
         check_interrupted()
         self._finish()
         self._task = self._progress.add_task(name, total=steps or None, what="")
 
     def done(self, what: str) -> None:
-        """Advance the bar by one step."""
+        """Advance the bar by one step and show its name ``what`` beside the bar."""
         check_interrupted()
         self._progress.update(self._task, advance=1, what=what)
 
@@ -81,7 +82,10 @@ class LiveProgress:
 
 
 def save_film(recording: Recording, video: Path, progress: LiveProgress) -> str:
-    """Render a recording to a video; return its path and, if not real time, its speed."""
+    """Write a film with a progress bar; return the path and, unless in real time, the speed.
+
+    It raises the same errors as :func:`~omnidrive.visualization.film`.
+    """
 
     def rendered(done: int, count: int) -> None:
         if done == 1:

@@ -11,20 +11,20 @@ from omnidrive.arrays import Array
 from omnidrive.maps import OccupancyGrid
 from omnidrive.notebook import BLUE, GREY, Drawing
 
-_MOST_CELLS = 60  # drawn along each side of the map
+_MOST_BLOCKS = 60  # along each side of the map
 
 
 def path_svg(grid: OccupancyGrid, positions: Float[Array, "points 2"]) -> str:
-    """Return an SVG drawing, 200 px along its longer side, of a map and a path.
+    """Return an SVG drawing of a map, 200 px along its longer side, and of a path on it.
 
     Args:
-        grid: The map, drawn as at most 60 blocks of cells along each side; a block is occupied if
-            any of its cells is.
-        positions: Points (x, y) of the path in W, m.
+        grid: The map. Square blocks of cells are drawn, at most 60 along each side; a block is
+            occupied if any of its cells is.
+        positions: Points (x, y) of the path in W, m; at most 300 of them are drawn.
     """
     drawing = Drawing(grid.extent, width=200.0)
     rows, cols = grid.occupied.shape
-    k = ceil(max(rows, cols) / _MOST_CELLS)
+    k = ceil(max(rows, cols) / _MOST_BLOCKS)
     for row, first, end in _runs(_blocks(grid.occupied, k)):
         corners = np.array([(row, first), (row, end), (row + 1, end), (row + 1, first)], float)
         corners = np.minimum(corners * k, (rows, cols))

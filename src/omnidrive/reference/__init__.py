@@ -1,4 +1,15 @@
-"""Reference motions: desired pose and twist as functions of time."""
+"""Reference motions: desired pose and twist of B in W as functions of time.
+
+All of them satisfy the protocol :class:`Reference`:
+
+- :class:`Hold`: a constant pose;
+- :class:`SampledReference`: cubic interpolation of timed samples;
+- :class:`ShapeReference`: a shape, such as :class:`Circle`, in a given duration;
+- :class:`UniformReference`: a spline path, its parameter proportional to time;
+- :class:`TimedReference`: a path, timed within limits of speed and acceleration;
+- :class:`RetimedReference`: another reference, uniformly slower or faster;
+- :class:`DelayedReference`: another reference, slower only where limits require it.
+"""
 
 from omnidrive.choices import Heading
 from omnidrive.reference.components import ReferenceContext

@@ -18,8 +18,8 @@ from omnidrive.robot import Chassis, Robot
 class MotionLimits:
     """Limits of the magnitude of speeds and accelerations; ``inf`` means no limit.
 
-    Wheel limits hold for every wheel. The limit of the wheel speed is the lower of
-    :attr:`wheel_speed` and that of the chassis.
+    At least :attr:`wheel_acceleration` or :attr:`acceleration_faces` has to be given. Wheel speeds
+    are limited by the lower of :attr:`wheel_speed` and the limit of the chassis.
 
     Attributes:
         wheel_acceleration: Acceleration of each wheel, in rad/s^2.
@@ -36,8 +36,8 @@ class MotionLimits:
             limit.
 
     Raises:
-        InvalidInput: A limit is not a positive number, or neither the wheels' acceleration nor
-            the acceleration polytope is limited.
+        InvalidInput: A limit is not positive, the faces are not finite or have a rank below 3, or
+            neither :attr:`wheel_acceleration` nor :attr:`acceleration_faces` is given.
     """
 
     wheel_acceleration: float = inf
@@ -78,10 +78,11 @@ class MotionLimits:
             share: Usable share of the accelerations that friction and motors allow; positive.
 
         Raises:
-            InvalidInput: ``share`` is not a positive number.
+            InvalidInput: ``share`` is not a positive number, or the wheels of the robot cannot
+                exert a force.
         """
         if not (isfinite(share) and share > 0.0):
-            raise InvalidInput(f"the share of traction must be positive, got {share:g}")
+            raise InvalidInput(f"share must be a positive number, got {share:g}")
         return cls(
             wheel_speed=robot.max_wheel_speed, acceleration_faces=robot.acceleration_faces / share
         )
@@ -100,15 +101,16 @@ _UNITS = {
 
 
 class LimitRows(NamedTuple):
-    """One limit ``|rows @ vector| <= 1``, for each row or for the Euclidean norm of all rows.
+    """Limit of ``rows @ vector``: each entry, or the Euclidean norm, is at most 1 in magnitude.
 
     Attributes:
-        name: Name of the limit.
+        name: Name of the limit, by which its use is reported.
         kind: Kind of the vector. ``speed``: body twist; ``twist rate``: time derivative of the body
             twist, on which the wheels' accelerations depend; ``acceleration``: second derivatives
             of x, y and yaw in W, rotated into B.
-        rows: Rows, divided by the limit.
-        euclidean: Whether the Euclidean norm is limited, instead of each row.
+        rows: Coefficients of the vector, divided by the limit; their units are the inverse of those
+            of the vector.
+        euclidean: Whether the Euclidean norm is limited, instead of each entry.
     """
 
     name: str
@@ -118,7 +120,11 @@ class LimitRows(NamedTuple):
 
 
 def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
-    """Return every finite limit as rows, wheel limits by the Jacobian of ``chassis``."""
+    """Return every finite limit, and the wheel speed limit of ``chassis``, as rows.
+
+    Wheel speeds are ``chassis.jacobian @ twist``, wheel accelerations ``chassis.jacobian`` times
+    the derivative of the twist.
+    """
     top = min(chassis.max_wheel_speed, limits.wheel_speed)
     x, y, yaw = np.eye(3)[:, None]
     groups: list[tuple[LimitRows, float]] = [
@@ -146,21 +152,28 @@ def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
 
 _ANGLES = np.arange(16) * pi / 16
 _POLYGON = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / cos(pi / 32)
-"""``|_POLYGON @ a| <= 1`` is a polygon of 32 sides in the circle ``|a| <= 1``, 0.5 % smaller."""
+"""``|_POLYGON @ a| <= 1`` is the polygon of 32 sides inscribed in the circle ``|a| <= 1``; the
+distance of its sides from the centre is 0.5 % less than the radius."""
 
 
 def limit_terms(
     body: tuple[Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, "n 3"]],
     limits: tuple[LimitRows, ...],
 ) -> tuple[Float[Array, "n rows"], Float[Array, "n rows"]]:
-    """Return all limits at n points of a path q(s) as rows ``|along u + across x| <= 1``.
+    """Return all limits at n points of a path q(s) as ``|along u + across x| <= 1``.
 
-    u is d2s/dt2 and x is (ds/dt)^2. The last row holds all speed limits.
+    Here u = d2s/dt2 and x = (ds/dt)^2. With b = R^T q', which is q' in B, the twist is b ds/dt, its
+    derivative is b u + (db/ds) x, and the acceleration is b u + R^T q'' x. A Euclidean norm is
+    limited by a polygon of 32 sides within the circle.
 
     Args:
-        body: q' in B, its derivative, and q'' in B, as
-            :meth:`~omnidrive.reference.piecewise_path.PiecewisePath.in_body`.
+        body: b, db/ds and R^T q'', see
+            :func:`~omnidrive.reference.piecewise_path.body_derivatives`.
         limits: The limits.
+
+    Returns:
+        ``along`` and ``across``: one row for each point; one column for each limited entry of a
+        twist rate or an acceleration, and a last one for the tightest speed limit, squared.
     """
     first, change, second = body
     along, across, square = [], [], np.zeros(len(first))

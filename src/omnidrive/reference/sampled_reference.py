@@ -16,16 +16,19 @@ from omnidrive.reference.motion import Motion, limit_shares
 from omnidrive.reference.reference import Reference, WindowReference
 
 MIN_STEP = 1e-6
-"""Shortest time between samples, in s; over a shorter one, rounding would dominate velocities."""
+"""Shortest time between samples, in s; over a shorter one, rounding errors of the poses would
+dominate the velocities."""
 
 MAX_VALUE = 1e10
 """Largest magnitude of a value, in s, m, rad, m/s or rad/s; permits Unix times, 1.8e9 s."""
 
 MAX_SAMPLES = 100_000
-"""Largest number of samples of a reference that is sampled, read or written."""
+"""Largest number of samples of a reference that is read or written, and of steps of one that is
+sampled."""
 
 _CHECKS = np.linspace(0.0, 1.0, 5)
-"""Points of an interval, as a share of its width, at which limits are evaluated."""
+"""Points between two samples, as shares of the time between them, at which limits are
+evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +37,19 @@ class SampledReference(WindowReference):
 
     Between two samples x, y and yaw are the cubic Hermite polynomials of the two poses and twists
     (de Boor, "A Practical Guide to Splines", ch. IV). The twist is the exact derivative of the pose
-    and is continuous.
+    and is continuous from the first sample to the last; before and after them the robot is at rest.
 
     Attributes:
         times: Time of each sample, in s, at least 1 us after the previous one; stored relative to
             the first.
         poses: Poses of B in W; x and y in m, yaw in rad. The yaw is stored unwrapped.
         twists: Velocities of B at the samples, in W, in m/s, m/s and rad/s.
-        unwrapped: Whether the given yaw is unwrapped already. If not, it is unwrapped: the robot
-            turns by at most half a turn from one sample to the next.
+        unwrapped: Whether the given yaw is unwrapped and is used as it is. Otherwise multiples of
+            2 pi are added, so that it changes by at most pi from one sample to the next.
 
     Raises:
-        InvalidReference: There are fewer than two samples, shapes disagree, times increase by less
-            than 1 us, or a number is not finite or above 1e10 in magnitude.
+        InvalidReference: There are fewer than two samples, shapes disagree, a time is less than
+            1 us after the previous one, or a number is not finite or above 1e10 in magnitude.
     """
 
     times: Float[Array, " samples"]
@@ -66,7 +69,7 @@ class SampledReference(WindowReference):
     def through(
         cls, times: Float[Array, " samples"], poses: Float[Array, "samples 3"]
     ) -> SampledReference:
-        """Interpolate poses without velocities, from rest to rest.
+        """Interpolate poses without given velocities, from rest to rest.
 
         The result is the cubic spline with zero velocity at both ends. Of all motions through the
         samples with such ends it has the least mean square acceleration (Holladay 1957). Its
@@ -83,13 +86,13 @@ class SampledReference(WindowReference):
         times, poses = _checked(times, poses)
         poses = _unwrapped(poses)
         spline = CubicSpline(times, poses, bc_type="clamped")
-        return cls(times, poses, spline(times, 1))
+        return cls(times, poses, spline(times, 1), unwrapped=True)
 
     @classmethod
     def of(cls, reference: Reference, dt: float) -> SampledReference:
-        """Sample another reference at even steps of about ``dt`` s from its start to its end.
+        """Sample another reference at equal steps of about ``dt`` s from its start to its end.
 
-        Rotations by more than half a turn between two samples are preserved.
+        The yaw of the reference is kept, also if it changes by more than half a turn in one step.
 
         Raises:
             InvalidReference: ``dt`` is not positive and finite, the duration is below 1 us or above
@@ -97,20 +100,23 @@ class SampledReference(WindowReference):
         """
         duration = reference.duration
         if not 0.0 < dt < np.inf:
-            raise InvalidReference(f"the time between samples must be positive, got {dt:g} s")
+            raise InvalidReference(
+                f"the time between samples must be positive and finite, got {dt:g} s"
+            )
         if not MIN_STEP <= duration <= MAX_VALUE:
             raise InvalidReference(
-                f"a reference with a duration of {duration:g} s cannot be sampled"
+                f"a reference with a duration of {duration:g} s cannot be sampled, only one of "
+                f"{MIN_STEP:g} to {MAX_VALUE:g} s"
             )
         steps = max(1.0, round(duration / max(dt, MIN_STEP)))
         if steps > MAX_SAMPLES:
             raise InvalidReference(
-                f"{duration:g} s in steps of {dt:g} s are {steps:.3g} samples, more than "
+                f"{duration:g} s in steps of {dt:g} s are {steps:.3g} steps, more than "
                 f"{MAX_SAMPLES:,}; choose a step of {duration / MAX_SAMPLES:.2g} s or longer"
             )
         times = np.linspace(0.0, duration, int(steps) + 1)
         window = reference.window(0.0, int(steps) + 1, duration / int(steps))
-        end = reference.at(duration)  # rounding may move the last time beyond the end, to rest
+        end = reference.at(duration)  # rounding may move the last time past it, where twists are 0
         window[-1] = *end.pose, *end.twist
         return cls(times, window[:, :3], window[:, 3:], unwrapped=True)
 
@@ -128,7 +134,7 @@ class SampledReference(WindowReference):
         """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""
         poses, twists = self._curves
         times = t + dt * np.arange(n)
-        # rounding may move a time that is meant to be the end beyond it
+        # rounding may move the time of the end past it
         inside = (times >= 0.0) & (times <= self.duration * (1.0 + 1e-12))
         times = np.clip(times, 0.0, self.duration)
         return np.hstack([poses(times), twists(times) * inside[:, None]])
@@ -136,10 +142,10 @@ class SampledReference(WindowReference):
     def interval_usage(
         self, limits: tuple[LimitRows, ...]
     ) -> dict[str, Float[Array, " intervals"]]:
-        """Return the peak use of each limit between consecutive samples, as a share of the limit.
+        """Return the peak use of each limit between consecutive samples, by name.
 
-        The accelerations are linear between samples; the limits are evaluated at both ends of each
-        interval and at three points between.
+        The use is a share of the limit, the largest at five evenly spaced times from one sample to
+        the next. The accelerations are linear in time between samples.
         """
         cubic, square, linear, constant = self._curves[0].c
         usage = {group.name: np.zeros(len(cubic)) for group in limits}
@@ -155,8 +161,11 @@ class SampledReference(WindowReference):
         return usage
 
 
-def first_nonincreasing(times: Float[Array, " samples"]) -> int | None:
-    """Return the index of the first sample less than 1 us after the previous one; None: no such."""
+def first_short_step(times: Float[Array, " samples"]) -> int | None:
+    """Return the index of the first sample that is not at least 1 us after the previous one.
+
+    None: there is none.
+    """
     late = np.flatnonzero(~(np.diff(times) >= MIN_STEP))
     return int(late[0]) + 1 if len(late) else None
 
@@ -170,7 +179,7 @@ def _checked(
         raise InvalidReference(f"a reference needs at least two samples, got {count}")
     times = _checked_numbers("times", times, (count,))
     poses = _checked_numbers("poses", poses, (count, 3))
-    i = first_nonincreasing(times)
+    i = first_short_step(times)
     if i is not None:
         raise InvalidReference(
             f"times must increase by at least {MIN_STEP:g} s: sample {i} is at {times[i]:.9g} s, "
@@ -185,7 +194,7 @@ def _unwrapped(poses: Float[Array, "samples 3"]) -> Float[Array, "samples 3"]:
 
 
 def _checked_numbers(name: str, values: Array, shape: tuple[int, ...]) -> Array:
-    """Return a copy as floats, or raise InvalidReference for another shape or invalid numbers."""
+    """Return a copy as floats, or raise InvalidReference for another shape or invalid number."""
     array = np.array(values, dtype=float)
     if array.shape != shape:
         raise InvalidReference(f"{name} have the shape {array.shape}, need {shape}")

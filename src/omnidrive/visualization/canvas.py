@@ -1,4 +1,4 @@
-"""Pictures of a MuJoCo model."""
+"""Offscreen pictures of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from omnidrive.arrays import Array
 from omnidrive.visualization.opengl import offscreen
 from omnidrive.visualization.overlays import Overlays
 
-_MAX_GEOMS = 4000
+_MAX_GEOMS = 4000  # of the model and the overlays; further ones are not drawn
 
 
 class Canvas:
-    """Offscreen renderer of a model. Close it after use, or use it in a ``with``."""
+    """Offscreen renderer of a model. Close it after use, or use it in a ``with`` statement."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         """Create an OpenGL context.
 
         Args:
-            model: Model to draw.
+            model: Model to draw; the picture size and the rendering quality are set in it.
             width: Width of the pictures, pixels.
             height: Height of the pictures, pixels.
 
@@ -36,11 +36,11 @@ class Canvas:
     def draw(
         self, data: mujoco.MjData, camera: mujoco.MjvCamera, overlays: Overlays, caption: str = ""
     ) -> UInt8[Array, "height width 3"]:
-        """Return a picture with its first row at the top; red, green, blue.
+        """Return a picture as red, green and blue from 0 to 255, the top row first.
 
         Args:
-            data: State with computed kinematics.
-            camera: Camera.
+            data: State of the model with up-to-date positions, as after ``mj_forward``.
+            camera: Point of view, see :func:`~omnidrive.visualization.make_camera`.
             overlays: Drawings on the floor.
             caption: Text in the upper left corner.
         """

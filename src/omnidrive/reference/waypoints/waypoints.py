@@ -16,7 +16,7 @@ from omnidrive.reference.sampled_reference import (
     MAX_VALUE,
     MIN_STEP,
     SampledReference,
-    first_nonincreasing,
+    first_short_step,
 )
 
 Waypoints: TypeAlias = Path | SampledReference
@@ -42,7 +42,7 @@ def timed_waypoints(
         InvalidReference: There are fewer than two samples, or times do not increase.
     """
     _check_count(file, len(poses))
-    i = first_nonincreasing(times)
+    i = first_short_step(times)
     if i is not None:
         raise InvalidReference(
             f"{file}, {position(i)}: the time {times[i]:.9g} s does not come after "

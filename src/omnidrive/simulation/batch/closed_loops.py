@@ -37,30 +37,36 @@ class BatchRun(NamedTuple):
     """One run of a batch."""
 
     samples: RunSamples
+    """Times, setpoints and faults; consecutive runs can have the same object."""
     start: Pose
-    """Pose at t = 0."""
+    """Pose of B in W at t = 0, at rest; m, m, rad."""
     noise: np.random.Generator | None
-    """Generator of the sensor noise; None: exact poses."""
+    """Generator of ``PaperNoise``; None: exact poses. All runs of a batch have one, or none
+    has."""
 
 
 class RunResults(NamedTuple):
     """Results of consecutive runs."""
 
     figures: Float[Array, "runs figures"]
+    """Columns as in :data:`~omnidrive.simulation.batch.loop.FIGURES`."""
     logs: list[Run]
-    """Empty if logs are not kept."""
+    """One per run; empty if logs are not kept."""
 
 
 class ClosedLoops:
     """Closed loops of one plant and one controller; threads can share the object.
 
     Args:
-        plant: The plant.
-        controller: The controller.
-        keeps_logs: Whether logs are kept.
+        plant: A kinematic or planar plant; it is not changed.
+        controller: A controller with a compiled law; it is not changed.
+        keeps_logs: Whether the results contain the logs of the runs.
 
     Raises:
         InvalidInput: The plant or the controller is not supported.
+
+    Attributes:
+        law: The compiled law of the controller.
     """
 
     def __init__(self, plant: Plant, controller: Controller, *, keeps_logs: bool) -> None:
@@ -85,11 +91,15 @@ class ClosedLoops:
 
     @property
     def forces(self) -> bool:
-        """Whether the plant has forces."""
+        """Whether the plant computes forces, so that logs contain torques and work."""
         return self._original.forces
 
     def simulate(self, runs: Sequence[BatchRun]) -> RunResults:
-        """Simulate runs, those on the same samples in one call of the kernel."""
+        """Simulate one or more runs; return their results in the same order.
+
+        Consecutive runs with the same samples are simulated in one call of the kernel, unless the
+        disturbances of the plant change.
+        """
         done = [
             self._simulate(list(group)) for _, group in groupby(runs, lambda run: id(run.samples))
         ]
@@ -157,10 +167,11 @@ class ClosedLoops:
 
 
 def compiled_law(controller: Controller) -> CompiledLaw:
-    """Return the law of a controller.
+    """Return the compiled law of a controller.
 
     Raises:
-        InvalidInput: It has none, or its class replaces methods of the class that has it.
+        InvalidInput: The controller has none, or a subclass overrides ``reset``, ``step`` or
+            ``compute`` but not ``compiled_law``, so that the law differs from the controller.
     """
     kinds = type(controller).__mro__
     if isinstance(controller, CompilableController):
@@ -172,20 +183,20 @@ def compiled_law(controller: Controller) -> CompiledLaw:
         if law is not None:
             return law
     raise InvalidInput(
-        "a batch runs controllers with a compiled law, which feedforward, pid, fuzzy_t1, fuzzy_t2 "
-        f"and fuzzy_t3 of this package have, got {kind_of(controller)}: use simulate for others, "
-        "and for PID with channels or tuners of your own"
+        "a batch needs a controller with a compiled law (feedforward, pid, fuzzy_t1, fuzzy_t2 and "
+        f"fuzzy_t3 have one), got {kind_of(controller)}: use simulate for others, and for PID "
+        "with channels or tuners of your own"
     )
 
 
 def detail_units(controller: Controller) -> dict[str, str]:
-    """Return name and unit of each detail of a controller's commands."""
+    """Return the unit of each detail of a controller's commands, by name; empty: no details."""
     if isinstance(controller, DetailedController):
         return dict(controller.detail_units)
     return {}
 
 
 def _first_with(name: str, kinds: Iterable[type]) -> int:
-    """Return the index of the first class that defines a name; their number if none does."""
+    """Return the index of the first class that defines a name; the number of classes if none."""
     kinds = tuple(kinds)
     return next((i for i, kind in enumerate(kinds) if name in vars(kind)), len(kinds))

@@ -1,4 +1,4 @@
-"""Distance to keep-out zones, and the cost of violating it."""
+"""Signed distance to the polygons of keep-out zones, and the cost of coming too close to them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,19 @@ from omnidrive.control.nmpc.holonomic.problem import KeepOutArrays
 def signed_distance(
     zones: KeepOutArrays, j: int, k: int, x: float, y: float
 ) -> tuple[float, float, float, float]:
-    """Return the signed distance in m from (x, y) in W to zone j at state k, with derivatives.
+    """Return the signed distance from (x, y) to the polygon of zone j at state k, and derivatives.
+
+    Args:
+        zones: The keep-out zones.
+        j: Index of the zone.
+        k: Index of the state x_k.
+        x: Position in W, in m.
+        y: Position in W, in m.
 
     Returns:
-        The distance, negative inside a polygon; its gradient, a unit vector outward; and its
-        curvature perpendicular to the gradient in 1/m, nonzero only where a corner is nearest. On
-        a single corner all are zero.
+        The distance in m, negative inside the polygon; its gradient (x, y) in W, a unit vector
+        outward; and its second derivative perpendicular to the gradient in 1/m, nonzero only
+        outside where a corner is nearest. All four are zero on a polygon of one or two corners.
     """
     first, count = zones.first[j], zones.first[j + 1] - zones.first[j]
     px, py = x - zones.centres[j, k, 0], y - zones.centres[j, k, 1]
@@ -52,7 +59,12 @@ def signed_distance(
 
 @inlined
 def keep_out_cost(zones: KeepOutArrays, states: Float[Array, "points 3"]) -> float:
-    """Return the cost of all zones along the states; exactly 0 if all distances are kept."""
+    """Return the cost of all zones, see :class:`KeepOutArrays`; 0 if all distances are kept.
+
+    Args:
+        zones: The keep-out zones.
+        states: x_k in W; m, m, rad.
+    """
     total = 0.0
     for j in range(len(zones.radii)):
         for k in range(len(states)):
@@ -72,11 +84,11 @@ def add_keep_out_derivatives(
 
     Args:
         zones: The keep-out zones.
-        states: x_k.
-        gradient: Incremented: derivatives by (x, y, yaw).
-        hessian: Incremented: second derivatives by (x, x), (x, y) and (y, y) in two parts: the
-            first along the gradient of the distance, positive semidefinite; the second
-            perpendicular to it, negative semidefinite.
+        states: x_k in W; m, m, rad.
+        gradient: Incremented by the derivatives by (x, y, yaw); those by yaw are zero.
+        hessian: Incremented by the second derivatives by (x, x), (x, y) and (y, y). They are in two
+            parts: ``hessian[k, 0]`` is along the gradient of the distance, positive semidefinite;
+            ``hessian[k, 1]`` is perpendicular to it, negative semidefinite.
     """
     for j in range(len(zones.radii)):
         for k in range(len(states)):
