@@ -262,12 +262,12 @@ def _exact_maximum(defuzzifier: int, polyline: Float[Array, "4 pieces"]) -> floa
             (at_left and at_right and x0 < 0.0 < x1, 0.0),
             (at_right, x1),
         ):
-            if inside:
+            if inside and (count == 0 or x > points[count - 1]):
                 points[count] = x
                 count += 1
     if defuzzifier == MOM and length > 0.0:
         return float(moment / length)
-    return select_maximum(defuzzifier, np.unique(points[:count]))
+    return select_maximum(defuzzifier, points[:count])
 
 
 @compiled
