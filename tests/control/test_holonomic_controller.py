@@ -16,7 +16,7 @@ from omnidrive.control.nmpc.holonomic import (
     HolonomicSolverSettings,
     KeepOutZone,
 )
-from omnidrive.control.nmpc.holonomic.controller import OLD_PLAN_STEPS, RAMP_STEPS
+from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State

@@ -2,10 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from math import nan
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
+from omnidrive.arrays import Array
 from omnidrive.control.controller import Controller
+
+
+class SampleState(NamedTuple):
+    """State estimate of one sample as numbers; see :class:`~omnidrive.estimation.State`."""
+
+    t: float
+    """Time of the sample, s."""
+    pose: tuple[float, float, float]
+    """Pose of B in W; m, m, rad."""
+    twist: tuple[float, float, float]
+    """Velocity of B in B; m/s, m/s, rad/s. NaN: unknown."""
+    variances: tuple[float, float, float]
+    """Variances of the pose error in B; m^2, m^2, rad^2. Negative: unknown."""
+    fix_age: float
+    """Time since the last pose fix, s."""
+    delay: float
+    """Delay of the motion that the controller tracks behind the reference, s."""
+    last: int
+    """Number of setpoints after the first one that are not later than the end of that motion."""
+
+
+UNKNOWN_TWIST = (nan, nan, nan)
+UNKNOWN_VARIANCES = (-1.0, -1.0, -1.0)
 
 
 class SetpointWindow(NamedTuple):
@@ -54,3 +81,12 @@ class CompilableController(Controller, Protocol):
     def compiled_law(self) -> CompiledLaw | None:
         """Return the law, with the controller's parameters; None: these cannot be compiled."""
         ...
+
+
+def leaves(memory: Any) -> Iterator[Array]:
+    """Yield the arrays of a memory: an array, or a named tuple of memories."""
+    if isinstance(memory, np.ndarray):
+        yield memory
+    else:
+        for each in memory:
+            yield from leaves(each)

@@ -1,7 +1,8 @@
 from .actuation import Actuation
-from .controller import FallbackLevel, HolonomicController, holonomic_nmpc
+from .controller import HolonomicController, holonomic_nmpc
 from .ipopt import HolonomicIpopt
 from .keep_out_zone import KeepOutZone, stack_keep_outs
+from .law import FallbackLevel
 from .limits import rate_limits, speed_limits, stack_limits
 from .motion_observer import ObservedMotion
 from .parameters import HolonomicParameters

@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
-from math import isfinite, isnan, nan, sqrt
+from math import inf, isfinite, nan
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.compiled import entry_point
-from omnidrive.control.controller import STOP, Command, Retiming, Status
+from omnidrive.control.compiled_law import (
+    UNKNOWN_TWIST,
+    UNKNOWN_VARIANCES,
+    SampleState,
+    leaves,
+)
+from omnidrive.control.controller import Command, Retiming, Status
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
@@ -24,33 +31,28 @@ from omnidrive.control.nmpc.holonomic.keep_out_zone import (
     forecast_keep_outs,
     stack_keep_outs,
 )
-from omnidrive.control.nmpc.holonomic.motion_observer import (
-    MotionMemory,
-    ObservedMotion,
-    motion_memory,
-    observed_motion,
-    remember,
+from omnidrive.control.nmpc.holonomic.law import (
+    PLANNED,
+    LawData,
+    LawMemory,
+    begin,
+    finish,
+    law,
+    law_memory,
+    stage_problem,
 )
+from omnidrive.control.nmpc.holonomic.motion_observer import ObservedMotion, observed_motion
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
-from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.reference_window import ReferenceWindow
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
-from omnidrive.control.nmpc.holonomic.step import (
-    Measurement,
-    Plan,
-    RobotModel,
-    command_stage,
-    fill_problem,
-    observe,
-    step,
-)
+from omnidrive.control.nmpc.holonomic.step import RobotModel
 from omnidrive.control.preparation import run_once
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.estimation import State
-from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.geometry import BodyTwist
 from omnidrive.parameter import check_choice
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
@@ -67,29 +69,7 @@ _SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
 
 _LARGEST = 1e6
 """Largest speed (m/s, rad/s) and variance (m^2, rad^2) of a state that is not a fault."""
-_NO_TWIST = (0.0, 0.0, 0.0)
-_UNKNOWN_TWIST = (nan, nan, nan)
-_UNKNOWN_VARIANCES = (-1.0, -1.0, -1.0)
-
-OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
-"""Without a new plan: number of steps that follow the latest plan at its full speed, and number of
-the steps after them in which the speed decreases; then the robot is stopped."""
-
-
-class FallbackLevel(IntEnum):
-    """How a command was computed, in descending order of preference."""
-
-    CONVERGED = 0
-    """A locally optimal plan."""
-    FEASIBLE = 1
-    """A plan that is not known to be optimal; that of a :class:`HolonomicSolver` satisfies the
-    limits."""
-    OLD_PLAN = 2
-    """The latest plan, computed in an earlier step: without feedback."""
-    RAMP = 3
-    """As ``OLD_PLAN``, with decreasing speed."""
-    STOP = 4
-    """No plan that can still be followed: zero twist."""
+_STATUSES = tuple(Status)
 
 
 @dataclass(slots=True)
@@ -140,23 +120,13 @@ class HolonomicController(GuardedController):
     """Delay of the governed reference in the last step, s."""
     _solution: HolonomicSolution | None = field(default=None, init=False, repr=False)
     """The latest plan of another solver than the compiled one."""
-    _age: int = field(default=-1, init=False)
-    """Number of steps since the one that computed the latest plan; -1: there is none."""
-    _time: float = field(default=nan, init=False)
-    """Time of the last step, s; NaN: none."""
-    _pose: Pose = field(default=Pose(nan, nan, nan), init=False, repr=False)
-    """Pose in the last step."""
-    _steady: bool = field(default=True, init=False)
-    """Whether the last plan was none that approaches a standing target."""
-    _robot: RobotModel = field(init=False, repr=False)
-    _memory: MotionMemory = field(init=False, repr=False)
-    _problem: HolonomicProblem = field(init=False, repr=False)
-    _plan: Plan = field(init=False, repr=False)
+    _data: LawData = field(init=False, repr=False)
+    _memory: LawMemory = field(init=False, repr=False)
+    _outputs: tuple[Float[Array, " 3"], Float[Array, " details"]] = field(init=False, repr=False)
+    """Command and details of a step."""
     _window: ReferenceWindow = field(init=False, repr=False)
-    _step: Callable[..., tuple[bool, bool, tuple[float, float, float]]] | None = field(
-        default=None, init=False, repr=False
-    )
-    """Machine code of :func:`~.step.step`."""
+    _law: Callable[..., int] | None = field(default=None, init=False, repr=False)
+    """Machine code of :func:`~.law.law`."""
 
     def __post_init__(self) -> None:
         check_settings(self.dt, self.horizon, self.parameters)
@@ -164,29 +134,25 @@ class HolonomicController(GuardedController):
         limits, points = actuation.limits(self.chassis, self.dt), stages + 1
         model = actuation.slip_model
         faces = actuation.acceleration_faces
-        self._robot = RobotModel(
+        robot = RobotModel(
             SlipModel.without_slip(self.chassis, actuation.lag) if model is None else model,
             np.ascontiguousarray(self.chassis.jacobian, dtype=float),
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
             float(self.chassis.max_wheel_speed),
             float(actuation.delay),
         )
-        self._memory = motion_memory(int(actuation.delay / self.dt))
-        self._problem = HolonomicProblem(
+        delayed = int(actuation.delay / self.dt)
+        self._memory = law_memory(stages, len(limits.bounds), delayed)
+        self._data = LawData(
+            robot,
             float(self.dt),
-            np.zeros(3),
-            np.zeros(3),
-            np.zeros((points, 3)),
-            np.zeros((stages, 3)),
             self.parameters.state_weights(points, self.dt),
             self.parameters.control_weights(),
             limits,
             stack_keep_outs((), points),
+            HolonomicSolverSettings(),
         )
-        rows = len(limits.bounds)
-        self._plan = Plan(
-            np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), np.zeros(5)
-        )
+        self._outputs = np.zeros(3), np.zeros(len(self.detail_units))
         self._window = ReferenceWindow(points, self.dt)
 
     @property
@@ -213,9 +179,9 @@ class HolonomicController(GuardedController):
     @property
     def solution(self) -> HolonomicSolution | None:
         """The latest plan; None if there is none since ``reset``."""
-        if self._age < 0 or self._solution is not None:
+        if self._memory.last[PLANNED] == 0.0 or self._solution is not None:
             return self._solution
-        velocities, states, multipliers, figures = (each.copy() for each in self._plan)
+        velocities, states, multipliers, figures = (each.copy() for each in self._memory.plan)
         cost, residual, violation, iterations, code = figures.tolist()
         return HolonomicSolution(
             velocities,
@@ -231,18 +197,17 @@ class HolonomicController(GuardedController):
     @property
     def motion(self) -> ObservedMotion:
         """Estimates of the motion observer at the last step."""
-        return observed_motion(self._memory)
+        return observed_motion(self._memory.motion)
 
     def reset(self, state: State) -> None:
         """Clear the latest plan and the observed motion; the robot is at rest."""
         self._delay = 0.0
         if self.governor is not None:
             self.governor.reset()
-        self._solution, self._age, self._time, self._steady = None, -1, nan, True
-        self._pose = Pose(nan, nan, nan)
+        self._solution = None
         self._window = ReferenceWindow(self.horizon + 1, self.dt)
-        for each in self._memory:
-            each[:] = 0.0
+        for each in leaves(self._memory):
+            each[...] = 0.0
 
     def prepare(self) -> None:
         """Compile the kernels of a step, also those that a deadline could skip in the first one."""
@@ -250,7 +215,7 @@ class HolonomicController(GuardedController):
             self.governor.prepare()
         run_once(self)
         if isinstance(self.solver, HolonomicSolver) and self.solver.deadline is not None:
-            self.solver.precompile(self._problem)
+            self.solver.precompile(stage_problem(self._data, self._memory))
 
     def retime(self, reference: Reference) -> Retiming:
         """Return the governed reference."""
@@ -267,61 +232,28 @@ class HolonomicController(GuardedController):
 
     def _copy_state(self, other: HolonomicController) -> None:
         """Take over what another controller of the same sample time and horizon remembers."""
-        self._solution, self._age, self._steady = other._solution, other._age, other._steady
-        self._time, self._pose, self._window = other._time, other._pose, copy(other._window)
-        for ours, theirs in zip(self._memory, other._memory, strict=True):
-            ours[:] = theirs
-        for ours, theirs in zip(self._plan, other._plan, strict=True):
+        self._solution, self._window = other._solution, copy(other._window)
+        for ours, theirs in zip(leaves(self._memory), leaves(other._memory), strict=True):
             if ours.shape == theirs.shape:  # the multipliers of fewer wheels are others
-                ours[:] = theirs
+                ours[...] = theirs
 
     def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s)."""
         if self.governor is not None:
             reference = self.governor.govern(reference)
             self._delay = self.governor.delay(t)
-        now, begin = self._measurement(t, state), t + self.actuation.delay
-        zones = self.keep_outs(begin, self.horizon + 1, self.dt)
-        if zones or len(self._problem.keep_outs.radii):
-            self._problem = self._problem._replace(
-                keep_outs=stack_keep_outs(zones, self.horizon + 1)
-            )
+        begin, points = t + self.actuation.delay, self.horizon + 1
+        zones = self.keep_outs(begin, points, self.dt)
+        if zones or len(self._data.keep_outs.radii):
+            self._data = self._data._replace(keep_outs=stack_keep_outs(zones, points))
         first = self._window.find(begin, reference)
-        last = self._window.last(begin, reference)
-        solver = self.solver
-        if isinstance(solver, HolonomicSolver) and solver.deadline is None:
-            arguments = (
-                self._robot,
-                self._memory,
-                now,
-                self._problem,
-                self._plan,
-                self._window.rows,
-                first,
-                last,
-                self._steady,
-                *solver.settings,
-            )
-            if self._step is None:
-                self._step = entry_point(step, *arguments)
-            usable, approaching, value = self._step(*arguments)
-        else:
-            usable, approaching, value = self._step_with(solver, now, first, last)
-        self._steady = not approaching
-        if not usable:
-            return self._follow("no usable solution")
-        self._age = 0
-        converged = self._plan.figures[4] == CONVERGED
-        level = FallbackLevel.CONVERGED if converged else FallbackLevel.FEASIBLE
-        status = Status.OK if converged else Status.FALLBACK
-        return Command(BodyTwist(*value), status, self._details(level, new=True))
+        setpoints = self._window.rows[first : first + points]
+        now = self._sample(t, state, self._window.last(begin, reference))
+        return self._command(now, setpoints, "no usable solution")
 
-    def _measurement(self, t: float, state: State) -> Measurement:
-        """Return what a step measures, and remember it."""
-        elapsed, self._time = t - self._time, t
-        pose, twist, variances = state.pose, _UNKNOWN_TWIST, _UNKNOWN_VARIANCES
-        fresh = state.fix_age <= 0.0 or pose != self._pose
-        self._pose = pose
+    def _sample(self, t: float, state: State, last: int) -> SampleState:
+        """Return what the law uses of a state."""
+        twist, variances = UNKNOWN_TWIST, UNKNOWN_VARIANCES
         if state.covariance is not None:
             (xx, _, _), (_, yy, _), (_, _, yaw) = state.covariance.tolist()
             if 0.0 <= xx <= _LARGEST and 0.0 <= yy <= _LARGEST and 0.0 <= yaw <= _LARGEST:
@@ -329,66 +261,61 @@ class HolonomicController(GuardedController):
         if state.twist is not None and all(abs(each) <= _LARGEST for each in state.twist):
             vx, vy, yaw_rate = state.twist
             twist = (float(vx), float(vy), float(yaw_rate))
-        x, y, heading = pose
-        return Measurement(elapsed, (float(x), float(y), float(heading)), twist, variances, fresh)
-
-    def _step_with(
-        self, solver: HolonomicOptimizer, now: Measurement, first: int, last: int
-    ) -> tuple[bool, bool, tuple[float, float, float]]:
-        """Do the same as :func:`~.step.step` with any solver."""
-        robot, memory, problem, plan = self._robot, self._memory, self._problem, self._plan
-        observe(robot, memory, now, self.dt, self._steady)
-        approaching = fill_problem(robot, memory, problem, self._window.rows, first, last)
-        usable = isfinite(problem.start.sum() + problem.targets.sum())
-        solution = solver.solve(problem) if usable else None
-        if solution is None or solution.exit is Exit.UNUSABLE:
-            return False, approaching, _NO_TWIST
-        self._solution = solution
-        plan.velocities[:], plan.states[:] = solution.velocities, solution.states
-        code = CONVERGED if solution.exit is Exit.CONVERGED else CAPPED
-        plan.figures[:] = (
-            solution.cost,
-            solution.residual,
-            solution.violation,
-            solution.iterations,
-            code,
-        )
-        return True, approaching, command_stage(robot, memory, plan, 0, 1.0, self.dt)
+        x, y, heading = state.pose
+        pose = (float(x), float(y), float(heading))
+        age = float(state.fix_age)
+        return SampleState(float(t), pose, twist, variances, age, self._delay, last)
 
     def fall_back(self, reason: str) -> Command:
         """Return a command along the latest plan, the slower the older it is, or zero twist.
 
         The motion observer predicts the motion since the last step, without a measurement.
         """
-        if not isnan(self._time):
-            self._time += self.dt
-            pose = self._memory.pose
-            unknown = Measurement(
-                self.dt, tuple(pose.tolist()), _UNKNOWN_TWIST, _UNKNOWN_VARIANCES, False
+        nowhere = UNKNOWN_TWIST
+        lost = SampleState(nan, nowhere, UNKNOWN_TWIST, UNKNOWN_VARIANCES, inf, self._delay, 0)
+        return self._command(lost, self._window.rows[: self.horizon + 1], reason)
+
+    def _command(
+        self, now: SampleState, setpoints: Float[Array, "points 6"], reason: str
+    ) -> Command:
+        """Return the command of the law; its message is the reason if there is none."""
+        solver = self.solver
+        if isinstance(solver, HolonomicSolver) and solver.deadline is None:
+            if self._data.settings is not solver.settings:
+                self._data = self._data._replace(settings=solver.settings)
+            arguments = (self._data, self._memory, now, setpoints, *self._outputs)
+            if self._law is None:
+                self._law = entry_point(law, *arguments)
+            code = self._law(*arguments)
+        else:
+            code = self._law_with(solver, now, setpoints)
+        value, details = self._outputs
+        status = _STATUSES[code]
+        message = reason if status is Status.FAILED else ""
+        return Command(BodyTwist(*value.tolist()), status, tuple(details.tolist()), message)
+
+    def _law_with(
+        self, solver: HolonomicOptimizer, now: SampleState, setpoints: Float[Array, "points 6"]
+    ) -> int:
+        """Do the same as :func:`~.law.law` with any solver."""
+        data, memory = self._data, self._memory
+        problem = stage_problem(data, memory)
+        usable = begin(data, memory, now, setpoints)
+        usable = usable and isfinite(problem.start.sum() + problem.targets.sum())
+        solution = solver.solve(problem) if usable else None
+        solved = solution is not None and solution.exit is not Exit.UNUSABLE
+        if solution is not None and solved:
+            self._solution, plan = solution, memory.plan
+            plan.velocities[:], plan.states[:] = solution.velocities, solution.states
+            code = CONVERGED if solution.exit is Exit.CONVERGED else CAPPED
+            plan.figures[:] = (
+                solution.cost,
+                solution.residual,
+                solution.violation,
+                solution.iterations,
+                code,
             )
-            observe(self._robot, self._memory, unknown, self.dt, False)
-        return self._follow(reason)
-
-    def _follow(self, reason: str) -> Command:
-        """Return a command along the latest plan, for a step without a new one."""
-        age, max_age = self._age + 1 if self._age >= 0 else -1, OLD_PLAN_STEPS + RAMP_STEPS
-        self._age = age
-        if not 0 <= age <= max_age or age >= self.horizon:
-            remember(self._memory, _NO_TWIST)
-            details = self._details(FallbackLevel.STOP, new=False)
-            return Command(STOP, Status.FAILED, details, reason)
-        factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
-        value = command_stage(self._robot, self._memory, self._plan, age, factor, self.dt)
-        level = FallbackLevel.OLD_PLAN if factor == 1.0 else FallbackLevel.RAMP
-        return Command(BodyTwist(*value), Status.FALLBACK, self._details(level, new=False))
-
-    def _details(self, level: FallbackLevel, *, new: bool) -> tuple[float, ...]:
-        """Return the details, as in ``detail_units``, of a step with a new plan or without."""
-        _, residual, _, iterations, _ = self._plan.figures.tolist()
-        memory = self._memory
-        noise = sqrt(max(float(memory.noise[0]), 0.0))
-        plan = (iterations, residual) if new else (0.0, nan)
-        return (float(level), *plan, *memory.disturbance.tolist(), noise, self._delay)
+        return finish(data, memory, solved, now.delay, *self._outputs)
 
 
 def holonomic_nmpc(

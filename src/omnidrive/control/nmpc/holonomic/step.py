@@ -266,32 +266,3 @@ def _saturate(robot: RobotModel, vx: float, vy: float, rate: float) -> Vector:
         return vx, vy, rate
     factor = robot.max_wheel_speed / fastest
     return factor * vx, factor * vy, factor * rate
-
-
-@compiled
-def step(  # noqa: PLR0917
-    robot: RobotModel,
-    memory: MotionMemory,
-    now: Measurement,
-    p: HolonomicProblem,
-    plan: Plan,
-    window: Float[Array, "rows 6"],
-    first: int,
-    last: int,
-    steady: bool,
-    tolerance: float,
-    max_iterations: int,
-) -> tuple[bool, bool, Vector]:
-    """Observe the motion, plan and compute the command of one step.
-
-    The arguments are those of :func:`observe`, :func:`fill_problem` and :func:`solve_problem`.
-
-    Returns:
-        Whether the plan is usable, and whether it approaches a standing target; and the commanded
-        twist, which is zero without a usable plan.
-    """
-    observe(robot, memory, now, p.dt, steady)
-    approaching = fill_problem(robot, memory, p, window, first, last)
-    if not solve_problem(p, plan, tolerance, max_iterations):
-        return False, approaching, (0.0, 0.0, 0.0)
-    return True, approaching, command_stage(robot, memory, plan, 0, 1.0, p.dt)

@@ -1,0 +1,209 @@
+"""The law of the controller: command and details of a sample, with and without a usable plan."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from math import isfinite, nan, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compilable, compiled
+from omnidrive.control.compiled_law import SampleState
+from omnidrive.control.nmpc.common.exit import CONVERGED
+from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory, motion_memory, remember
+from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutArrays, Limits
+from omnidrive.control.nmpc.holonomic.solver import HolonomicSolverSettings
+from omnidrive.control.nmpc.holonomic.step import (
+    Measurement,
+    Plan,
+    RobotModel,
+    command_stage,
+    fill_problem,
+    observe,
+    solve_problem,
+)
+
+OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
+"""Without a new plan: number of steps that follow the latest plan at its full speed, and number of
+the steps after them in which the speed decreases; then the robot is stopped."""
+
+_OK, _FALLBACK, _FAILED = 0, 1, 2  # the values of Status
+_STARTED, _TIME, _POSE, _APPROACHES, PLANNED = 0, 1, 2, 5, 6  # indices of LawMemory.last
+
+
+class FallbackLevel(IntEnum):
+    """How a command was computed, in descending order of preference."""
+
+    CONVERGED = 0
+    """A locally optimal plan."""
+    FEASIBLE = 1
+    """A plan that is not known to be optimal; that of a :class:`HolonomicSolver` satisfies the
+    limits."""
+    OLD_PLAN = 2
+    """The latest plan, computed in an earlier step: without feedback."""
+    RAMP = 3
+    """As ``OLD_PLAN``, with decreasing speed."""
+    STOP = 4
+    """No plan that can still be followed: zero twist."""
+
+
+_OPTIMAL, _FEASIBLE, _OLD_PLAN, _RAMP, _STOP = map(int, FallbackLevel)
+
+
+class LawData(NamedTuple):
+    """Parameters of the law."""
+
+    robot: RobotModel
+    dt: float
+    """This and the next four are parts of the problem, see :class:`HolonomicProblem`."""
+    state_weights: Float[Array, "points 3"]
+    control_weights: Float[Array, " 3"]
+    limits: Limits
+    keep_outs: KeepOutArrays
+    settings: HolonomicSolverSettings
+
+
+class LawMemory(NamedTuple):
+    """What the law keeps from one sample to the next, all zero at the start; arrays of floats."""
+
+    motion: MotionMemory
+    plan: Plan
+    start: Float[Array, " 3"]
+    """This and the next three are arrays of the problem, see :class:`HolonomicProblem`."""
+    previous: Float[Array, " 3"]
+    targets: Float[Array, "points 3"]
+    feedforward: Float[Array, "stages 3"]
+    last: Float[Array, " 7"]
+    """Whether there was a step; its time (s) and pose (m, m, rad); whether its plan approached a
+    standing target; and its number of steps since the latest plan plus one, 0 without a plan."""
+
+
+def law_memory(stages: int, rows: int, delayed: int) -> LawMemory:
+    """Return the memory for plans of a number of stages, with ``rows`` limits in each.
+
+    ``delayed`` is the number of whole sample times by which commands are delayed.
+    """
+    points = stages + 1
+    plan = Plan(np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), np.zeros(5))
+    return LawMemory(
+        motion_memory(delayed),
+        plan,
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros((points, 3)),
+        np.zeros((stages, 3)),
+        np.zeros(7),
+    )
+
+
+@compilable
+def stage_problem(data: LawData, memory: LawMemory) -> HolonomicProblem:
+    """Return the problem whose arrays :func:`begin` fills in."""
+    return HolonomicProblem(
+        data.dt,
+        memory.start,
+        memory.previous,
+        memory.targets,
+        memory.feedforward,
+        data.state_weights,
+        data.control_weights,
+        data.limits,
+        data.keep_outs,
+    )
+
+
+@compiled
+def law(  # noqa: PLR0917
+    data: LawData,
+    memory: LawMemory,
+    now: SampleState,
+    setpoints: Float[Array, "points 6"],
+    command: Float[Array, " 3"],
+    details: Float[Array, " details"],
+) -> int:
+    """Compute command and details of a sample; return the status, see :class:`CompiledLaw`.
+
+    A pose or time that is not finite is a lost measurement: the motion is predicted, and the latest
+    plan is followed, as after a solver that finds no usable plan.
+    """
+    problem = stage_problem(data, memory)
+    solved = False
+    if begin(data, memory, now, setpoints):
+        tolerance, max_iterations = data.settings
+        solved = solve_problem(problem, memory.plan, tolerance, max_iterations)
+    return finish(data, memory, solved, now.delay, command, details)
+
+
+@compiled
+def begin(
+    data: LawData, memory: LawMemory, now: SampleState, setpoints: Float[Array, "points 6"]
+) -> bool:
+    """Observe the motion and fill in the problem; return whether there is one to solve."""
+    last, dt, x, y, yaw = memory.last, data.dt, now.pose[0], now.pose[1], now.pose[2]
+    lost = not isfinite(now.t + x + y + yaw)
+    if lost and last[_STARTED] == 0.0:
+        return False
+    elapsed = now.t - last[_TIME] if last[_STARTED] > 0.0 else nan
+    moved = x != last[_POSE] or y != last[_POSE + 1] or yaw != last[_POSE + 2]
+    fresh = now.fix_age <= 0.0 or last[_STARTED] == 0.0 or moved
+    if lost:
+        elapsed, fresh = dt, False
+    measured = Measurement(elapsed, now.pose, now.twist, now.variances, fresh)
+    observe(data.robot, memory.motion, measured, dt, last[_APPROACHES] == 0.0)
+    if lost:
+        last[_TIME] += dt
+        return False
+    last[_STARTED], last[_TIME] = 1.0, now.t
+    last[_POSE], last[_POSE + 1], last[_POSE + 2] = x, y, yaw
+    problem = stage_problem(data, memory)
+    approaches = fill_problem(data.robot, memory.motion, problem, setpoints, 0, now.last)
+    last[_APPROACHES] = 1.0 if approaches else 0.0
+    return True
+
+
+@compiled
+def finish(  # noqa: PLR0917
+    data: LawData,
+    memory: LawMemory,
+    solved: bool,
+    delay: float,
+    command: Float[Array, " 3"],
+    details: Float[Array, " details"],
+) -> int:
+    """Compute the command along the latest plan, the slower the older it is; return the status.
+
+    Args:
+        data: Parameters.
+        memory: Its plan is one of this step if ``solved``.
+        solved: Whether this step has a usable plan.
+        delay: Of the reference, s; for the details.
+        command: Output; body twist.
+        details: Output, as ``HolonomicController.detail_units``.
+    """
+    motion, figures, last = memory.motion, memory.plan.figures, memory.last
+    if solved:
+        last[PLANNED] = 1.0
+    elif last[PLANNED] > 0.0:
+        last[PLANNED] += 1.0
+    age, max_age = int(last[PLANNED]) - 1, OLD_PLAN_STEPS + RAMP_STEPS
+    twist, level, status = (0.0, 0.0, 0.0), _STOP, _FAILED
+    if 0 <= age <= max_age and age < len(memory.plan.velocities):
+        factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
+        twist = command_stage(data.robot, motion, memory.plan, age, factor, data.dt)
+        level, status = (_OLD_PLAN if factor == 1.0 else _RAMP), _FALLBACK
+        if solved and figures[4] == CONVERGED:
+            level, status = _OPTIMAL, _OK
+        elif solved:
+            level = _FEASIBLE
+    else:
+        remember(motion, twist)
+    details[0], details[1], details[2] = level, 0.0, nan
+    if solved:
+        details[1], details[2] = figures[3], figures[1]
+    for a in range(3):
+        command[a], details[3 + a] = twist[a], motion.disturbance[a]
+    details[6], details[7] = sqrt(max(motion.noise[0], 0.0)), delay
+    return status
