@@ -38,7 +38,16 @@ from omnidrive.control.pid.presets import robot_parameters
 from omnidrive.control.pid.tracking import lead, missing_motion
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, to_world, twist_between, wrap
+from omnidrive.geometry import (
+    BodyTwist,
+    Pose,
+    WorldTwist,
+    move,
+    to_body,
+    to_world,
+    twist_between,
+    wrap,
+)
 from omnidrive.reference import Hold, ShapeReference
 from omnidrive.reference.shapes import Eight
 from omnidrive.robot import ROBOTS, named_robot
@@ -674,3 +683,37 @@ def test_command_that_no_robot_executes_predicts_rest():
     for command, response in ((impossible, rest), (rest, impossible)):
         found = missing_motion(pose, pose, command, response, (0.0, 0.0), (inf, inf), DT)
         assert found == ((0.0, 0.0, 0.0), rest)
+
+
+def commands_with_outlier(controller, outlier):
+    """Return the commands on a circle whose position is wrong by ``outlier`` m in one sample."""
+    reference = Circle()
+    pose = reference.at(0.0).pose
+    controller.reset(State(0.0, pose))
+    commands = []
+    for k in range(60):
+        measured = pose._replace(x=pose.x + outlier) if k == 20 else pose
+        twist = controller.step(k * DT, State(k * DT, measured), reference).twist
+        commands.append(twist)
+        pose = move(pose, BodyTwist(0.0, 0.0, 0.0) if k == 20 else twist, DT)
+    return np.array(commands)
+
+
+@pytest.mark.parametrize("kind", [None, "t1"])
+@pytest.mark.parametrize("preset", ["paper", "published-code", "recommended"])
+@pytest.mark.parametrize("robot", [None, "small"])
+def test_outlier_does_not_last(kind, preset, robot):
+    """With a robot or without: neither the integral part nor the filtered rate keeps it."""
+
+    def make():
+        of_robot = None if robot is None else named_robot(robot)
+        return (
+            fuzzy_pid(kind, preset, DT, of_robot) if kind else classical_pid(preset, DT, of_robot)
+        )
+
+    usual = commands_with_outlier(make(), 0.0)
+    for outlier in (1e3, -1e6, 1e9):
+        deviation = np.abs(commands_with_outlier(make(), outlier) - usual).max(axis=1)
+        assert deviation[20] > 0.1
+        assert deviation[21:].max() < 0.15
+        assert deviation[31:].max() < 0.01

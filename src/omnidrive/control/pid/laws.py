@@ -24,6 +24,9 @@ GainChange = tuple[float, float, float]
 MAX_GAIN_CHANGE = 0.1
 """Greatest output of the fuzzy system."""
 
+FASTEST = 100.0
+"""Speed in m/s and rad/s that no robot reaches: a pose that causes a greater one is an outlier."""
+
 
 Quantity = TypeVar("Quantity", float, complex)
 
@@ -121,7 +124,8 @@ def self_tuning_law(
 
     ``u = kp e + integral(ki e dt) + kd de/dt``, saturated to ``parameters.limit`` in its
     direction; the difference to the desired command corrects the integral. The gain ki is inside
-    the integral, so that its tuning causes no step in the command.
+    the integral, so that its tuning causes no step in the command. It stays as it is while
+    the desired command exceeds :data:`FASTEST`: an outlier leaves nothing in it.
 
     Args:
         parameters: Limit and tracking time.
@@ -136,6 +140,8 @@ def self_tuning_law(
     integral = state.integral + gains.ki * dt * error
     desired = gains.kp * error + integral + gains.kd / dt * (error - state.error)
     command = saturate(desired, parameters.limit)
+    if abs(desired) > FASTEST:
+        return command, state.integral
     return command, back_calculate(parameters.tracking_time, integral, command - desired, dt)
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from math import cos, expm1, sin
 
 from omnidrive.compiled import compilable
-from omnidrive.control.pid.laws import saturate
+from omnidrive.control.pid.laws import FASTEST, saturate
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.geometry.kernels import to_world, twist_between, wrap
 
 Vector = tuple[float, float, float]
 Pair = tuple[float, float]  # for translation and for rotation
-
-_FASTEST = 100.0  # m/s and rad/s; no robot is as fast
 
 
 @compilable
@@ -58,18 +56,20 @@ def whole_samples(elapsed: float, dt: float) -> float:
 def rate_of_error(pose: Pose, previous: Pose, motion: WorldTwist, elapsed: float) -> Vector:
     """Return the mean rate of the error in B since the previous pose, without reference jumps.
 
+    It is zero at an outlier: a rate that no robot reaches, which would stay in the low-pass filter.
+
     Args:
         pose: Pose of B in W.
         previous: Pose at the previous sample with a usable one.
         motion: Motion of the reference since then, in W.
         elapsed: Time since then, s; see :func:`whole_samples`.
     """
-    return _in_body(
-        pose.yaw,
-        motion.vx - (pose.x - previous.x) / elapsed,
-        motion.vy - (pose.y - previous.y) / elapsed,
-        motion.yaw_rate - wrap(pose.yaw - previous.yaw) / elapsed,
-    )
+    vx = motion.vx - (pose.x - previous.x) / elapsed
+    vy = motion.vy - (pose.y - previous.y) / elapsed
+    yaw_rate = motion.yaw_rate - wrap(pose.yaw - previous.yaw) / elapsed
+    if max(abs(vx), abs(vy)) > FASTEST:
+        return 0.0, 0.0, 0.0
+    return _in_body(pose.yaw, vx, vy, yaw_rate)
 
 
 @compilable
@@ -138,7 +138,7 @@ def missing_motion(  # noqa: PLR0917
         The difference in m/s, m/s and rad/s, and the twist predicted for the end of the sample.
     """
     fastest = max(abs(command.vx), abs(command.vy), abs(response.vx), abs(response.vy))
-    if max(fastest, abs(command.yaw_rate), abs(response.yaw_rate)) > _FASTEST:
+    if max(fastest, abs(command.yaw_rate), abs(response.yaw_rate)) > FASTEST:
         return (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
     turn = wrap(pose.yaw - previous.yaw)
     x, y, _ = _in_body(0.5 * turn, response.vx, response.vy, 0.0)
