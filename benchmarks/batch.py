@@ -21,7 +21,8 @@ from time import perf_counter, process_time
 import numpy as np
 from figures import at_least, publish, row
 
-from omnidrive.control import Controller, FeedforwardController
+from omnidrive.control import Controller, FeedforwardController, holonomic_nmpc
+from omnidrive.control.nmpc.holonomic import Actuation
 from omnidrive.control.pid import classical_pid, fuzzy_pid
 from omnidrive.reference import Eight, ShapeReference
 from omnidrive.robot import named_robot
@@ -47,8 +48,13 @@ CONTROLLERS: dict[str, Callable[[], Controller]] = {
     "fuzzy_t1": lambda: fuzzy_pid("t1", "recommended", DT, ROBOT),
     "fuzzy_t2": lambda: fuzzy_pid("t2", "recommended", DT, ROBOT),
     "fuzzy_t3": lambda: fuzzy_pid("t3", "recommended", DT, ROBOT),
+    "holonomic-nmpc": lambda: holonomic_nmpc(ROBOT.chassis, DT, actuation=Actuation.of(ROBOT)),
 }
-TARGETS = {("kinematic", "fuzzy_t1"): 800.0, ("planar", "fuzzy_t1"): 150.0}
+TARGETS = {
+    ("kinematic", "fuzzy_t1"): 800.0,
+    ("planar", "fuzzy_t1"): 150.0,
+    ("planar", "holonomic-nmpc"): 60.0,
+}
 RUNS = {"kinematic": 160, "planar": 32}  # per round; a tenth for fuzzy_t3
 THREADS_TARGET = 1.7
 """Least ratio of the rates of two threads and of one."""
@@ -142,7 +148,7 @@ def compilation_rows() -> list[dict[str, object]]:
     """Return the processor time to compile a loop, s."""
     rows = []
     for plant in PLANTS:
-        for controller in ("feedforward", "fuzzy_t1"):
+        for controller in ("feedforward", "fuzzy_t1", "holonomic-nmpc"):
             with TemporaryDirectory() as folder:
                 done = subprocess.run(
                     [sys.executable, "-c", COMPILATION, sys.path[0], plant, controller],

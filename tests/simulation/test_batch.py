@@ -2,12 +2,26 @@
 
 import itertools
 import tracemalloc
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
-from omnidrive.control import FeedforwardController, Pipeline, Retiming, WheelSpeeds
+from omnidrive.control import (
+    FeedforwardController,
+    Pipeline,
+    Retiming,
+    Status,
+    WheelSpeeds,
+    holonomic_nmpc,
+)
+from omnidrive.control.nmpc.holonomic import (
+    Actuation,
+    FallbackLevel,
+    HolonomicSolver,
+    KeepOutZone,
+)
+from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.control.pid import (
     TrackingChannel,
     TrackingParameters,
@@ -18,7 +32,7 @@ from omnidrive.control.pid import (
 from omnidrive.errors import InvalidInput
 from omnidrive.evaluation import measure
 from omnidrive.geometry import Pose
-from omnidrive.reference import Hold, SampledReference
+from omnidrive.reference import Eight, Hold, SampledReference, ShapeReference
 from omnidrive.robot import named_robot
 from omnidrive.simulation import (
     KinematicPlant,
@@ -36,13 +50,26 @@ from omnidrive.simulation import (
 )
 from omnidrive.testing.laws import Circle
 
+
+@cache
+def robot(name):
+    return named_robot(name)
+
+
+def nmpc(dt, **options):
+    """The NMPC of the robot paper, whose commands are delayed by 1.5 samples."""
+    actuation = Actuation.of(robot("paper"), delay=1.5 * dt)
+    return holonomic_nmpc(robot("paper").chassis, dt, actuation=actuation, **options)
+
+
 SEED = 11
 PRESETS = ("recommended", "paper", "published-code")
-LAWS = {"feedforward": FeedforwardController} | {
+LAWS = {"feedforward": FeedforwardController, "nmpc": nmpc} | {
     f"{kind} {preset}": (lambda dt, k=kind, p=preset: make_pid(k, p, dt))
     for kind in ("pid", "t1", "t2", "t3")
     for preset in PRESETS
 }
+START = Pose(0.1, -1.1, 0.3)
 PLANTS = {"kinematic": KinematicPlant, "planar": PlanarPlant}
 FAULTS = {
     "kinematic": ("pose-jump", "sensor-silent", "encoder-dead", "solver-overrun", "period-jitter"),
@@ -64,11 +91,6 @@ def make_pid(kind, preset, dt):
     return classical_pid(preset, dt) if kind == "pid" else fuzzy_pid(kind, preset, dt)
 
 
-@cache
-def robot(name):
-    return named_robot(name)
-
-
 def schedule_of(kind, robot_name="paper", at=0.5):
     if kind is None:
         return None
@@ -87,10 +109,10 @@ def differences(run, other):
 def assert_equals_simulate(plant, law, reference, dt, kind, *, noisy, robot_name="paper"):
     """One cell of the grid: run 3 of a batch of other runs, and the same run alone."""
     plant, schedule = PLANTS[plant](robot(robot_name)), schedule_of(kind, robot_name)
-    start = Pose(0.1, -1.1, 0.3)
+    start, make = START, LAWS.get(law, law)
     (batch,) = simulate_batch(
         plant,
-        LAWS[law](dt),
+        make(dt),
         [reference] * 3,
         dt=dt,
         starts=[Pose(0.0, -1.0, 0.0), start, start],
@@ -103,7 +125,7 @@ def assert_equals_simulate(plant, law, reference, dt, kind, *, noisy, robot_name
     noise, jitter = run_generators(SEED, 3)
     run = simulate(
         plant,
-        LAWS[law](dt),
+        make(dt),
         reference,
         start=start,
         dt=dt,
@@ -124,6 +146,7 @@ def assert_equals_simulate(plant, law, reference, dt, kind, *, noisy, robot_name
     assert batch.max_error[2] == metrics.max_error
     assert batch.work[2] == pytest.approx(metrics.work, nan_ok=True, abs=0.0)
     assert batch.statuses[2].tolist() == [(run.status == i).sum() for i in range(3)]
+    return run
 
 
 @pytest.mark.parametrize("kind", [None, "pose-jump+sensor-silent", "solver-overrun+period-jitter"])
@@ -135,6 +158,87 @@ def test_kinematic_runs_equal_simulate(law, kind):
 @pytest.mark.parametrize("kind", [None, "push+slope+sensor-silent", "wheel-locked+payload"])
 def test_planar_runs_equal_simulate(kind):
     assert_equals_simulate("planar", "feedforward", REFERENCES["own"], 0.1, kind, noisy=True)
+
+
+EIGHT = ShapeReference(Eight(), 4.0)  # faster than the robot
+
+
+@pytest.mark.parametrize(
+    ("plant", "reference", "kind", "noisy"),
+    [
+        ("kinematic", REFERENCES["own"], None, True),
+        ("kinematic", EIGHT, "solver-overrun+period-jitter", False),
+        ("planar", EIGHT, "sensor-silent+slope", True),
+        ("planar", REFERENCES["hold"], "pose-jump+solver-overrun", False),
+    ],
+)
+def test_runs_of_the_nmpc_equal_simulate(plant, reference, kind, noisy):
+    run = assert_equals_simulate(plant, "nmpc", reference, 0.1, kind, noisy=noisy)
+    largest_delay = np.nanmax(run.details["reference_delay"])
+    assert largest_delay > 2.0 if reference is EIGHT else largest_delay == 0.0
+    assert (run.status == Status.OK).sum() > 20
+
+
+def test_setpoints_beyond_the_first_evaluation_equal_simulate():
+    """300 samples; the controller evaluates the reference for 256 at once."""
+    reference = REFERENCES["sampled"]
+    run = assert_equals_simulate("kinematic", "nmpc", reference, 0.01, None, noisy=True)
+    assert len(run.t) == 301
+
+
+class Vanishes(Circle):
+    """Setpoints that are no numbers after a time."""
+
+    def window(self, t, n, dt):
+        rows = super().window(t, n, dt)
+        return rows if t < 0.75 else np.full_like(rows, np.nan)
+
+
+class Raises(Circle):
+    """A window that raises an exception after a time."""
+
+    def window(self, t, n, dt):
+        if t > 0.75:
+            raise RuntimeError("lost")
+        return super().window(t, n, dt)
+
+
+@pytest.mark.parametrize("kind", [None, "solver-overrun"])
+def test_fallback_levels_of_the_nmpc_equal_simulate(kind):
+    """The latest plan is followed, then ramped down, then the controller has failed."""
+    run = assert_equals_simulate("kinematic", "nmpc", Vanishes(), 0.1, kind, noisy=False)
+    assert run.outcome is Outcome.CONTROLLER_FAILED
+    levels = run.details["fallback_level"][np.isfinite(run.details["fallback_level"])]
+    expected = [FallbackLevel.OLD_PLAN] * OLD_PLAN_STEPS + [FallbackLevel.RAMP] * RAMP_STEPS
+    assert levels[-OLD_PLAN_STEPS - RAMP_STEPS :].tolist() == expected
+    assert (levels[: -OLD_PLAN_STEPS - RAMP_STEPS] < FallbackLevel.OLD_PLAN).all()
+
+
+@pytest.mark.parametrize("law", ["nmpc", "pid recommended"])
+def test_setpoints_that_raise_end_the_run_as_simulate_does(law):
+    run = assert_equals_simulate("kinematic", law, Raises(), 0.1, None, noisy=False)
+    assert run.outcome is Outcome.CONTROLLER_FAILED
+
+
+def test_keep_out_zones_of_the_nmpc_equal_simulate():
+    reference, plant = REFERENCES["sampled"], KinematicPlant(robot("paper"))
+    free = simulate(plant, nmpc(0.1), reference, start=START, dt=0.1)
+    zone = KeepOutZone(free.pose[15, :2], 0.25)
+    law = partial(nmpc, keep_outs=[zone])
+    run = assert_equals_simulate("kinematic", law, reference, 0.1, None, noisy=False)
+    assert np.hypot(*(run.pose[:, :2] - zone.centres).T).min() > 0.2
+
+
+@pytest.mark.parametrize("options", [{"threads": 2, "block": 3}, {"threads": 3, "block": 1}])
+def test_runs_of_the_nmpc_do_not_depend_on_threads(options):
+    references = [REFERENCES["sampled"], EIGHT, REFERENCES["hold"]] * 3
+    common = {"dt": 0.1, "sensors": PaperNoise, "seed": SEED}
+
+    def batch(**more):
+        plant = KinematicPlant(robot("paper"))
+        return figures(simulate_batch(plant, nmpc(0.1), references, **common | more))
+
+    assert (batch() == batch(**options)).all()
 
 
 @pytest.mark.long
@@ -321,10 +425,18 @@ def own_tuner(dt):
     return TrackingPidController(dt, *channels)
 
 
+def nmpc_with_deadline(dt):
+    controller = nmpc(dt)
+    controller.solver = HolonomicSolver(deadline=1.0)
+    return controller
+
+
 def test_unsupported_parts_are_refused():
     refused("plants kinematic and planar, got", lambda r: MujocoPlant(r, "ball"))
     refused("plants kinematic and planar, got", Drifting)
-    refused("feedforward, pid, fuzzy_t1, fuzzy_t2 and fuzzy_t3", controller=Slower)
+    refused("fuzzy_t3 and holonomic-nmpc have one.*Slower", controller=Slower)
+    refused("with a deadline", controller=nmpc_with_deadline)
+    refused("moving keep-out zones", controller=lambda dt: nmpc(dt, keep_outs=lambda t, n, dt: ()))
     refused("with channels or tuners of your own", controller=own_tuner)
     refused("not a pipeline: its state estimate", controller=lambda dt: Pipeline(Slower(dt)))
     refused("no push: it accepts pose-jump", schedule=schedule_of("push"))

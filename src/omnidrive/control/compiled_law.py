@@ -7,6 +7,7 @@ from math import nan
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import Controller
@@ -44,18 +45,21 @@ class SetpointWindow(NamedTuple):
     """Number of setpoints."""
     spacing: float
     """Time between them, s."""
+    ahead: bool = False
+    """Whether they are those of a :class:`~.reference_window.ReferenceWindow`, which evaluates a
+    reference for many samples at once; ``spacing`` is then the sample time."""
 
 
 class CompiledLaw(NamedTuple):
     """The law of a controller for a loop over samples in compiled code.
 
-    ``step(data, memory, t, pose, setpoints, command, details)`` is a kernel that computes what the
+    ``step(data, memory, now, setpoints, command, details)`` is a kernel that computes what the
     controller's ``step`` does for the same inputs:
 
     - ``data``: :attr:`data`, not changed;
-    - ``memory``: the floats that the law keeps from one sample to the next, all zero at the start
-      of a run; a law that needs more than these takes views of them;
-    - ``t``: time of the sample, s; ``pose``: estimated pose of B in W, as ``Pose``;
+    - ``memory``: what the law keeps from one sample to the next, arrays with the structure and
+      shapes of :attr:`memory`; all zero at the start of a run;
+    - ``now``: time and state estimate of the sample, as :class:`SampleState`;
     - ``setpoints``: one row per setpoint of :attr:`window`, columns as in ``Reference.window``; of
       the motion that the controller tracks, if it retimes references;
     - ``command``, filled in: body twist, m/s, m/s, rad/s;
@@ -69,8 +73,8 @@ class CompiledLaw(NamedTuple):
     """The kernel; one object per law, so that its loop is compiled once."""
     data: Any
     """Parameters: a named tuple of numbers, arrays and named tuples."""
-    memory: int
-    """Number of floats of the memory."""
+    memory: Any
+    """Example of the memory: an array of floats, or a named tuple of such examples."""
     window: SetpointWindow
 
 
@@ -90,3 +94,14 @@ def leaves(memory: Any) -> Iterator[Array]:
     else:
         for each in memory:
             yield from leaves(each)
+
+
+def views(memory: Any, floats: Float[Array, " floats"]) -> Any:
+    """Return consecutive parts of ``floats`` with the structure and the shapes of a memory."""
+    if isinstance(memory, np.ndarray):
+        return floats[: memory.size].reshape(memory.shape)
+    parts, begin = [], 0
+    for each in memory:
+        parts.append(views(each, floats[begin:]))
+        begin += sum(array.size for array in leaves(each))
+    return type(memory)(*parts)

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from math import exp
 from typing import Annotated, NamedTuple
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compilable, compiled
-from omnidrive.control.compiled_law import CompiledLaw, SetpointWindow
+from omnidrive.control.compiled_law import CompiledLaw, SampleState, SetpointWindow
 from omnidrive.control.controller import Command
 from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.estimation import State
@@ -90,7 +91,7 @@ class FeedforwardController(GuardedController):
     def compiled_law(self) -> CompiledLaw:
         """Return the law for compiled loops."""
         data = _FeedforwardData(self.gains, self.dt)
-        return CompiledLaw(_feedforward_step, data, 0, SetpointWindow(0.0, 2, self.dt))
+        return CompiledLaw(_feedforward_step, data, np.zeros(0), SetpointWindow(0.0, 2, self.dt))
 
 
 class _FeedforwardData(NamedTuple):
@@ -102,14 +103,14 @@ class _FeedforwardData(NamedTuple):
 def _feedforward_step(  # noqa: PLR0917
     data: _FeedforwardData,
     memory: Float[Array, " memory"],
-    t: float,
-    pose: Pose,
+    now: SampleState,
     setpoints: Float[Array, "2 6"],
     command: Float[Array, " 3"],
     details: Float[Array, " 0"],
 ) -> int:
     current = Pose(setpoints[0, 0], setpoints[0, 1], setpoints[0, 2])
     following = Pose(setpoints[1, 0], setpoints[1, 1], setpoints[1, 2])
+    pose = Pose(now.pose[0], now.pose[1], now.pose[2])
     twist = feedforward_law(data.gains, pose, current, following, data.dt)
     command[0], command[1], command[2] = twist.vx, twist.vy, twist.yaw_rate
     return 0

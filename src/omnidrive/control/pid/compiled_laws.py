@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.compiled_law import CompiledLaw, SetpointWindow
+from omnidrive.control.compiled_law import CompiledLaw, SampleState, SetpointWindow
 from omnidrive.control.pid.channel import (
     Channel,
     MemorylessChannel,
@@ -133,20 +133,20 @@ def tracking_pid_law(dt: float, channels: tuple[TrackingChannel, ...]) -> Compil
     x, y, heading = (each.parameters for each in channels)
     data = _TrackingData(dt, x, y, heading, *tuners)
     window = SetpointWindow(0.0, 3, 0.5 * dt)
-    return CompiledLaw(_tracking_step, data, _CHANNELS + _STATE * len(channels), window)
+    return CompiledLaw(_tracking_step, data, np.zeros(_CHANNELS + _STATE * len(channels)), window)
 
 
 @compiled
 def _tracking_step(  # noqa: PLR0917
     data: _TrackingData,
     memory: _Row,
-    t: float,
-    pose: Pose,
+    now: SampleState,
     setpoints: Float[Array, "3 6"],
     command: _Row,
     details: _Row,
 ) -> int:
-    s, m, dt = setpoints, memory, data.dt
+    s, m, dt, t = setpoints, memory, data.dt, now.t
+    pose = Pose(now.pose[0], now.pose[1], now.pose[2])
     begin, end = (s[0, 3], s[0, 4], s[0, 5]), (s[2, 3], s[2, 4], s[2, 5])
     motion = mean_velocity(begin, (s[1, 3], s[1, 4], s[1, 5]), end)
     lags = (data.x.lag, data.heading.lag)
@@ -232,7 +232,7 @@ def waypoint_law(
         if tuners is not None:
             position, heading = (each.parameters for each in channels)
             data = _WaypointData(dt, wraps, position, heading, *tuners)
-            return CompiledLaw(step, data, 8, SetpointWindow(dt, 1, 0.0))
+            return CompiledLaw(step, data, np.zeros(8), SetpointWindow(dt, 1, 0.0))
     return None
 
 
@@ -257,12 +257,12 @@ def _set_command(velocity: complex, yaw_rate: float, pose: Pose, command: _Row) 
 def _memoryless_step(  # noqa: PLR0917
     data: _WaypointData,
     memory: _Row,
-    t: float,
-    pose: Pose,
+    now: SampleState,
     setpoints: Float[Array, "1 6"],
     command: _Row,
     details: _Row,
 ) -> int:
+    pose = Pose(now.pose[0], now.pose[1], now.pose[2])
     error, turn = _errors(data, pose, setpoints)
     p, size = data.position, abs(error)
     inputs = (p.error_gain * size, p.change_gain * size)
@@ -281,12 +281,12 @@ def _memoryless_step(  # noqa: PLR0917
 def _self_tuning_step(  # noqa: PLR0917
     data: _WaypointData,
     memory: _Row,
-    t: float,
-    pose: Pose,
+    now: SampleState,
     setpoints: Float[Array, "1 6"],
     command: _Row,
     details: _Row,
 ) -> int:
+    pose = Pose(now.pose[0], now.pose[1], now.pose[2])
     error, turn = _errors(data, pose, setpoints)
     m, size = memory, abs(error)
     if m[0] == 0.0:  # the first sample

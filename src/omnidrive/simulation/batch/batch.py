@@ -72,7 +72,7 @@ def simulate_batch(
     reference.
 
     Supported are the plants ``kinematic`` and ``planar``; the controllers ``feedforward``, ``pid``,
-    ``fuzzy_t1``, ``fuzzy_t2`` and ``fuzzy_t3``, and others with a
+    ``fuzzy_t1``, ``fuzzy_t2``, ``fuzzy_t3`` and ``holonomic-nmpc``, and others with a
     :class:`~omnidrive.control.compiled_law.CompiledLaw`; exact poses and :class:`PaperNoise`; all
     faults that the plant accepts. The first use of a plant with a controller compiles their loop.
 

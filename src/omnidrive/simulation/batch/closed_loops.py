@@ -13,7 +13,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import announce_compiling, entry_point
 from omnidrive.control import Controller
-from omnidrive.control.compiled_law import CompilableController, CompiledLaw
+from omnidrive.control.compiled_law import CompilableController, CompiledLaw, leaves, views
 from omnidrive.control.controller import DetailedController
 from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import Pose
@@ -77,9 +77,10 @@ class ClosedLoops:
         self._units = detail_units(controller)
         self._local = threading.local()
         loop = closed_loop(self._original.kernels, self.law.step)
-        window = np.zeros((1, self.law.window.length, 6))
-        one, poses = np.zeros(1), np.zeros((1, 3))
-        samples = SampleArrays(one, one, poses, window, np.zeros(1, np.int64))
+        length = self.law.window.length
+        one, none, poses = np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 3))
+        rows = np.zeros((length, 6))
+        samples = SampleArrays(one, one, poses, rows, length, none, none, one, none)
         runs = self._arrays(1, 1, poses, np.zeros((1, 0, 3)))
         with announce_compiling():
             self._loop = entry_point(loop, *self._arguments(self._original, samples, runs), 0, 1)
@@ -137,11 +138,13 @@ class ClosedLoops:
 
     def _arrays(self, runs: int, count: int, starts: Array, uniforms: Array) -> RunArrays:
         details, columns = len(self._units), self.log_columns
+        floats = np.zeros(sum(each.size for each in leaves(self.law.memory)))
         return RunArrays(
             starts,
             uniforms,
             np.zeros((runs, CARRIED)),
-            np.zeros((runs, self.law.memory)),
+            floats,
+            views(self.law.memory, floats),
             np.zeros((runs, 2, details)),
             np.zeros((runs, FIGURES)),
             np.empty((runs, count if columns else 0, columns)),
@@ -183,9 +186,10 @@ def compiled_law(controller: Controller) -> CompiledLaw:
         if law is not None:
             return law
     raise InvalidInput(
-        "a batch needs a controller with a compiled law (feedforward, pid, fuzzy_t1, fuzzy_t2 and "
-        f"fuzzy_t3 have one), got {kind_of(controller)}: use simulate for others, and for PID "
-        "with channels or tuners of your own"
+        "a batch needs a controller with a compiled law (feedforward, pid, fuzzy_t1, fuzzy_t2, "
+        f"fuzzy_t3 and holonomic-nmpc have one), got {kind_of(controller)}: use simulate for "
+        "others, for PID with channels or tuners of your own, and for holonomic-nmpc with a "
+        "deadline, another solver or moving keep-out zones"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from math import hypot, isfinite, nan, pi, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,13 +13,14 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.command_check import MAX_COMMAND
+from omnidrive.control.compiled_law import UNKNOWN_TWIST, UNKNOWN_VARIANCES, SampleState
 from omnidrive.estimation.state import LARGEST
-from omnidrive.geometry import Pose
 from omnidrive.geometry.kernels import wrap
 from omnidrive.simulation.batch.plants import Motion, PlantKernels
 
-SILENT, LATE = 1, 2
-"""Bits of :attr:`SampleArrays.flags`: no pose fix is taken; the new command comes too late."""
+SILENT, LATE, NO_SETPOINTS = 1, 2, 4
+"""Bits of :attr:`SampleArrays.flags`: no pose fix is taken; the new command comes too late; the
+reference gave no setpoints to the controller."""
 
 FINISHED, CONTROLLER_FAILED, REFERENCE_FAILED, PLANT_FAILED = 1, 2, 3, 4
 """Ends of a run; 0: it has not ended."""
@@ -39,8 +40,10 @@ LOG_STATUS, LOG_SATURATED, LOG_WHEELS = 17, 18, 19
 of the controller are at its end."""
 
 # places in the carried state of a run, from one sample to the next
-_SENT, _PREVIOUS, _PREVIOUS_STATUS, _ESTIMATE, _FIXED, _DRAWN = 0, 3, 6, 7, 10, 11
-CARRIED = 12
+_SENT, _PREVIOUS, _PREVIOUS_STATUS, _ESTIMATE, _FIXED, _FIX_TIME, _DRAWN = (
+    0, 3, 6, 7, 10, 11, 12,
+)  # fmt: skip
+CARRIED = 13
 """Number of floats of the carried state."""
 
 _OK, _FAILED = 0, 2
@@ -55,10 +58,18 @@ class SampleArrays(NamedTuple):
     """Time to the next sample, s."""
     targets: Float[Array, "samples 3"]
     """Pose of the reference; m, m, rad. Not finite where the reference fails."""
-    setpoints: Float[Array, "samples count 6"]
+    setpoints: Float[Array, "rows 6"]
     """Setpoints for the law, columns as in ``Reference.window``."""
+    length: int
+    """Number of setpoints that the law needs in a sample."""
+    first: Int[Array, " samples"]
+    """Row of the first of them; the next ones follow."""
+    last: Int[Array, " samples"]
+    """As :attr:`~omnidrive.control.compiled_law.SampleState.last`."""
+    delays: Float[Array, " samples"]
+    """Delay of the motion that the controller tracks, s."""
     flags: Int[Array, " samples"]
-    """Sum of :data:`SILENT` and :data:`LATE`."""
+    """Sum of :data:`SILENT`, :data:`LATE` and :data:`NO_SETPOINTS`."""
 
 
 class RunArrays(NamedTuple):
@@ -69,8 +80,10 @@ class RunArrays(NamedTuple):
     uniforms: Float[Array, "runs draws 3"]
     """Random numbers of the paper's noise, in the order of drawing; without draws: no noise."""
     carried: Float[Array, "runs carried"]
-    memories: Float[Array, "runs memory"]
-    """Memories of the law."""
+    floats: Float[Array, " floats"]
+    """Memory of the law, of one run at a time."""
+    memory: Any
+    """The same with the structure that the law needs."""
     details: Float[Array, "runs 2 details"]
     """Details of the command computed in this sample, and in the one before."""
     figures: Float[Array, "runs figures"]
@@ -97,7 +110,18 @@ def update_estimate(
     turns = round((carried[_ESTIMATE + 2] - yaw) / (2.0 * pi))
     carried[_ESTIMATE], carried[_ESTIMATE + 1] = x, y
     carried[_ESTIMATE + 2] = yaw + 2.0 * pi * turns
-    carried[_FIXED] = 1.0
+    carried[_FIXED], carried[_FIX_TIME] = 1.0, t
+
+
+@inlined
+def sample_state(samples: SampleArrays, k: int, noisy: bool, carried: Array) -> SampleState:
+    """Return the estimate of ``LatestFix`` in sample k: the noise of a fix is unknown."""
+    pose = (carried[_ESTIMATE], carried[_ESTIMATE + 1], carried[_ESTIMATE + 2])
+    t, variances = samples.times[k], (0.0, 0.0, 0.0)
+    if noisy and carried[_FIXED] > 0.0:
+        variances = UNKNOWN_VARIANCES
+    age = t - carried[_FIX_TIME]
+    return SampleState(t, pose, UNKNOWN_TWIST, variances, age, samples.delays[k], samples.last[k])
 
 
 @inlined
@@ -191,9 +215,9 @@ def closed_loop(kernels: PlantKernels, law: Callable[..., int]) -> Callable[...,
     """Return the kernel of the closed loop of a plant and a law.
 
     ``loop(model, initial, state, data, samples, runs, wheels, begin, end)`` computes the samples
-    from ``begin`` up to, but not including, ``end`` of every run, which goes on where an earlier
-    call ended. ``wheels`` is the number of wheels. In a sample the plant first executes the command
-    of the sample before, so that disturbances between two calls act as in ``simulate``.
+    from ``begin`` up to, but not including, ``end`` of every run; a single run can go on where an
+    earlier call ended. ``wheels`` is the number of wheels. In a sample the plant first executes the
+    command of the sample before, so that disturbances between two calls act as in ``simulate``.
     """
     start_plant, step_plant, measure_wheels = kernels
     control = _control(law)
@@ -203,10 +227,10 @@ def closed_loop(kernels: PlantKernels, law: Callable[..., int]) -> Callable[...,
         """Advance all runs of a block over the samples from ``begin`` to ``end``."""
         motion, command = np.empty(8), np.empty(3)
         for r in range(len(runs.starts)):
-            carried, memory, details = runs.carried[r], runs.memories[r], runs.details[r]
+            carried, details = runs.carried[r], runs.details[r]
             figures, uniforms = runs.figures[r], runs.uniforms[r]
             if begin == 0:
-                reset_run(runs.starts[r], carried, memory, details, figures)
+                reset_run(runs.starts[r], carried, runs.floats, details, figures)
                 start_plant(initial, state, runs.starts[r], motion)
             for k in range(begin, end):
                 if figures[END] > 0.0:
@@ -223,7 +247,8 @@ def closed_loop(kernels: PlantKernels, law: Callable[..., int]) -> Callable[...,
                 else:
                     silent = samples.flags[k] & SILENT > 0
                     update_estimate(samples.times[k], silent, motion, uniforms, carried)
-                    status = control(data, samples, k, carried, memory, command, details)
+                    noisy = len(uniforms) > 0
+                    status = control(data, samples, k, runs, noisy, carried, command, details)
                     if k == len(samples.times) - 1:
                         figures[END] = FINISHED
                     elif status == _FAILED:
@@ -244,17 +269,19 @@ def _control(law: Callable[..., int]) -> Callable[..., int]:
     """Return the kernel that computes and sends the command of a sample."""
 
     @inlined
-    def control(data, samples, k, carried, memory, command, details):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, PLR0917
+    def control(data, samples, k, runs, noisy, carried, command, details):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, PLR0917
         """Compute and send the command of sample k; return its status."""
+        late = samples.flags[k] & LATE > 0
         if k == len(samples.times) - 1:
             command[:], details[:] = 0.0, nan
             return send(command, _OK, False, carried, details)
-        x, y, yaw = carried[_ESTIMATE], carried[_ESTIMATE + 1], carried[_ESTIMATE + 2]
-        setpoints = samples.setpoints[k]
-        status = law(
-            data, memory, samples.times[k], Pose(x, y, yaw), setpoints, command, details[0]
-        )
-        status = checked_status(status, command, memory)
-        return send(command, status, samples.flags[k] & LATE > 0, carried, details)
+        if samples.flags[k] & NO_SETPOINTS > 0:
+            return send(command, _FAILED, late, carried, details)
+        now = sample_state(samples, k, noisy, carried)
+        first = samples.first[k]
+        setpoints = samples.setpoints[first : first + samples.length]
+        status = law(data, runs.memory, now, setpoints, command, details[0])
+        status = checked_status(status, command, runs.floats)
+        return send(command, status, late, carried, details)
 
     return control

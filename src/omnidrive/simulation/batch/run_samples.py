@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.control import Controller, RetimingController
 from omnidrive.control.compiled_law import SetpointWindow
+from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.control.supervision import Event
 from omnidrive.errors import PART_ERRORS, InvalidInput
-from omnidrive.reference import Hold, Reference
+from omnidrive.reference import DelayedReference, Hold, Reference
 from omnidrive.reference.reference import WindowReference
-from omnidrive.simulation.batch.loop import LATE, SILENT, SampleArrays
+from omnidrive.simulation.batch.loop import LATE, NO_SETPOINTS, SILENT, SampleArrays
 from omnidrive.simulation.disturbances import Schedule
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 from omnidrive.simulation.disturbances.fault import PeriodJitter, SilentSensor, SolverOverrun
@@ -107,66 +109,113 @@ class Sampler:
         if rng is None:
             times = self.dt * np.arange(round(duration / self.dt) + 1)
             steps = np.full(len(times), self.dt)
-            targets, setpoints = self._setpoints(reference, tracked, times)
         else:
             faults = schedule.faults if schedule is not None else ()
             rows = np.array(list(sample_times(duration, self.dt, faults, rng)))
             times, steps = rows[:, 0].copy(), rows[:, 1].copy()
-            targets, setpoints = _each(reference, tracked, times, self.window)
+        even = rng is None and _is_ours(reference) and _is_ours(tracked)
+        targets = self._targets(reference, times, even)
+        found = self._setpoints(tracked, times, even)
         flags, changes, events = _faults(schedule, times, reference)
-        arrays = SampleArrays(times, steps, targets, setpoints, flags)
+        flags[found.failed] |= NO_SETPOINTS
+        late = tracked if isinstance(tracked, DelayedReference) else None
+        delays = np.array([late.delay(t) if late else 0.0 for t in times.tolist()])
+        arrays = SampleArrays(
+            times, steps, targets, found.rows, self.window.length, found.first, found.last,
+            delays, flags,
+        )  # fmt: skip
         return RunSamples(arrays, changes, (*notices, *events))
 
-    def _setpoints(
-        self, reference: Reference, tracked: Reference, times: Float[Array, " samples"]
-    ) -> tuple[Array, Array]:
-        """Return targets, and setpoints of the motion that the controller tracks, at even times.
+    def _targets(
+        self, reference: Reference, times: Float[Array, " samples"], even: bool
+    ) -> Float[Array, "samples 3"]:
+        """Return the poses of the reference; NaN where it raises an exception."""
+        if even:  # all at once, with the same results
+            with suppress(*PART_ERRORS):
+                rows = reference.window(0.0, len(times), self.dt)
+                return np.ascontiguousarray(rows[:, :3])
+        targets = np.full((len(times), 3), np.nan)
+        for k, t in enumerate(times.tolist()):
+            with suppress(*PART_ERRORS):
+                targets[k] = reference.at(t).pose
+        return targets
 
-        References of this package are evaluated at all times at once, with the same results.
-        """
-        if not (_is_ours(reference) and _is_ours(tracked)):
-            return _each(reference, tracked, times, self.window)
-        first, length, spacing = self.window
+    def _setpoints(
+        self, tracked: Reference, times: Float[Array, " samples"], even: bool
+    ) -> _Setpoints:
+        """Return the setpoints of the motion that the controller tracks."""
+        if self.window.ahead:
+            return _setpoints_ahead(tracked, times, self.window)
+        first, length, spacing = self.window[:3]
+        count = len(times)
+        if even:
+            with suppress(*PART_ERRORS):
+                columns = [
+                    tracked.window(first + k * spacing, count, self.dt) for k in range(length)
+                ]
+                rows = np.ascontiguousarray(np.stack(columns, axis=1).reshape(-1, 6))
+                return _Setpoints.of(rows, length * np.arange(count))
+        setpoints, failed = np.full((count, length, 6), np.nan), np.zeros(count, bool)
+        for k, t in enumerate(times.tolist()):
+            try:
+                if length == 1:
+                    pose, twist = tracked.at(t + first)
+                    setpoints[k, 0, :3], setpoints[k, 0, 3:] = pose, twist
+                else:
+                    setpoints[k] = tracked.window(t + first, length, spacing)
+            except PART_ERRORS:
+                failed[k] = True
+        return _Setpoints.of(setpoints.reshape(-1, 6), length * np.arange(count), failed)
+
+
+class _Setpoints(NamedTuple):
+    rows: Float[Array, "rows 6"]
+    first: Int[Array, " samples"]
+    """Row of the first setpoint of each sample."""
+    last: Int[Array, " samples"]
+    """As :attr:`SampleArrays.last`."""
+    failed: Bool[Array, " samples"]
+    """Where the reference raises an exception."""
+
+    @classmethod
+    def of(
+        cls,
+        rows: Float[Array, "rows 6"],
+        first: Int[Array, " samples"],
+        failed: Bool[Array, " samples"] | None = None,
+    ) -> _Setpoints:
+        """Return setpoints for a law that does not use the end of the reference."""
+        if failed is None:
+            failed = np.zeros(len(first), bool)
+        return cls(rows, first, np.zeros(len(first), np.int64), failed)
+
+
+def _setpoints_ahead(
+    tracked: Reference, times: Float[Array, " samples"], window: SetpointWindow
+) -> _Setpoints:
+    """Return the setpoints that a controller with a :class:`ReferenceWindow` uses."""
+    finder, count = ReferenceWindow(window.length, window.spacing), len(times)
+    first, last = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    blocks, failed, height = [finder.rows], np.zeros(count, bool), 0
+    for k, t in enumerate(times.tolist()):
+        begin = t + window.first
         try:
-            targets = reference.window(0.0, len(times), self.dt)[:, :3]
-            columns = [
-                tracked.window(first + k * spacing, len(times), self.dt) for k in range(length)
-            ]
+            row = finder.find(begin, tracked)
+            last[k] = finder.last(begin, tracked)
         except PART_ERRORS:
-            return _each(reference, tracked, times, self.window)
-        return np.ascontiguousarray(targets), np.ascontiguousarray(np.stack(columns, axis=1))
+            failed[k] = True
+            continue
+        if finder.rows is not blocks[-1]:
+            height += len(blocks[-1])
+            blocks.append(finder.rows)
+        first[k] = height + row
+    return _Setpoints(np.concatenate(blocks), first, last, failed)
 
 
 def _is_ours(reference: Reference) -> bool:
     """Return whether ``at`` is a window of one setpoint."""
     at = getattr(type(reference), "at", None)
     return at is vars(WindowReference)["at"] or type(reference) is Hold
-
-
-def _each(
-    reference: Reference,
-    tracked: Reference,
-    times: Float[Array, " samples"],
-    window: SetpointWindow,
-) -> tuple[Float[Array, "samples 3"], Float[Array, "samples count 6"]]:
-    """Return targets and setpoints, evaluated sample by sample as ``simulate`` does it.
-
-    They are NaN where the reference raises an exception.
-    """
-    first, length, spacing = window
-    targets = np.full((len(times), 3), np.nan)
-    setpoints = np.full((len(times), length, 6), np.nan)
-    for k, t in enumerate(times.tolist()):
-        try:
-            targets[k] = reference.at(t).pose
-            if length == 1:
-                pose, twist = tracked.at(t + first)
-                setpoints[k, 0, :3], setpoints[k, 0, 3:] = pose, twist
-            else:
-                setpoints[k] = tracked.window(t + first, length, spacing)
-        except PART_ERRORS:
-            continue
-    return targets, setpoints
 
 
 def _faults(

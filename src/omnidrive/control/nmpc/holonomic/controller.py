@@ -12,11 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import entry_point
+from omnidrive.compiled import CompiledFunction, entry_point
 from omnidrive.control.compiled_law import (
     UNKNOWN_TWIST,
     UNKNOWN_VARIANCES,
+    CompiledLaw,
     SampleState,
+    SetpointWindow,
     leaves,
 )
 from omnidrive.control.controller import Command, Retiming, Status
@@ -26,6 +28,7 @@ from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
 from omnidrive.control.nmpc.holonomic.keep_out_zone import (
+    FixedKeepOuts,
     KeepOutForecast,
     KeepOutZone,
     forecast_keep_outs,
@@ -33,9 +36,11 @@ from omnidrive.control.nmpc.holonomic.keep_out_zone import (
 )
 from omnidrive.control.nmpc.holonomic.law import (
     PLANNED,
+    CalledLaw,
     LawData,
     LawMemory,
     begin,
+    call_law,
     finish,
     law,
     law_memory,
@@ -43,7 +48,6 @@ from omnidrive.control.nmpc.holonomic.law import (
 )
 from omnidrive.control.nmpc.holonomic.motion_observer import ObservedMotion, observed_motion
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
-from omnidrive.control.nmpc.holonomic.reference_window import ReferenceWindow
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
@@ -51,6 +55,7 @@ from omnidrive.control.nmpc.holonomic.step import RobotModel
 from omnidrive.control.preparation import run_once
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.control.reference_governor import ReferenceGovernor
+from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist
 from omnidrive.parameter import check_choice
@@ -222,6 +227,25 @@ class HolonomicController(GuardedController):
         if self.governor is None:
             return Retiming(reference)
         return self.governor.retime(reference)
+
+    def compiled_law(self) -> CompiledLaw | None:
+        """Return the law for compiled loops.
+
+        None: a solver of another class, one with a deadline, or keep-out zones that may move.
+        """
+        solver, zones = self.solver, self.keep_outs
+        if type(solver) is not HolonomicSolver or solver.deadline is not None:
+            return None
+        if not isinstance(zones, FixedKeepOuts):
+            return None
+        points, memory = self.horizon + 1, self._memory
+        keep_outs = stack_keep_outs(zones.zones, points)
+        data = self._data._replace(keep_outs=keep_outs, settings=solver.settings)
+        now = SampleState(0.0, (0.0, 0.0, 0.0), UNKNOWN_TWIST, UNKNOWN_VARIANCES, 0.0, 0.0, 0)
+        examples = (data, memory, now, np.zeros((points, 6)), *self._outputs)
+        function = CompiledFunction(law, *examples)
+        window = SetpointWindow(self.actuation.delay, points, self.dt, ahead=True)
+        return CompiledLaw(call_law, CalledLaw(function, data), memory, window)
 
     def with_reduced_drive(self, drive: ReducedDrive) -> HolonomicController:
         """Return a controller in the same state that plans with the wheels that still drive."""

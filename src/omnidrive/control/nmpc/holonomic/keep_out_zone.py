@@ -52,11 +52,22 @@ A moving zone has one centre for each of the ``points`` times t, t + dt, ...; se
 :class:`KeepOutZone`."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class FixedKeepOuts:
+    """A :data:`KeepOutForecast` with the same zones at all times."""
+
+    zones: tuple[KeepOutZone, ...]
+
+    def __call__(self, t: float, points: int, dt: float) -> Sequence[KeepOutZone]:
+        """Return the zones."""
+        return self.zones
+
+
 def forecast_keep_outs(zones: KeepOutForecast | Sequence[KeepOutZone]) -> KeepOutForecast:
     """Return the zones as a function of time; a sequence is the same at all times."""
     if callable(zones):
         return zones
-    return lambda t, points, dt: zones
+    return FixedKeepOuts(tuple(zones))
 
 
 def stack_keep_outs(zones: Sequence[KeepOutZone], points: int) -> KeepOutArrays:

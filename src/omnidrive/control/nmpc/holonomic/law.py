@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 from math import isfinite, nan, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -206,4 +206,28 @@ def finish(  # noqa: PLR0917
     for a in range(3):
         command[a], details[3 + a] = twist[a], motion.disturbance[a]
     details[6], details[7] = sqrt(max(motion.noise[0], 0.0)), delay
+    return status
+
+
+class CalledLaw(NamedTuple):
+    """Parameters of the law in a compiled loop."""
+
+    law: Any
+    """:func:`law` as a :class:`~omnidrive.compiled.CompiledFunction`."""
+    data: LawData
+
+
+@compiled
+def call_law(  # noqa: PLR0917
+    called: CalledLaw,
+    memory: LawMemory,
+    now: SampleState,
+    setpoints: Float[Array, "points 6"],
+    command: Float[Array, " 3"],
+    details: Float[Array, " details"],
+) -> int:
+    """Call the machine code of :func:`law`, which need not be compiled again for each loop."""
+    for a in range(3):
+        command[a] = nan  # remains if the call fails
+    status: int = called.law(called.data, memory, now, setpoints, command, details)
     return status

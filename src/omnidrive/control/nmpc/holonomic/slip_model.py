@@ -118,7 +118,8 @@ class SlipModel(NamedTuple):
         Returns:
             The commanded twist, as near as the wheels allow; and the twist at the end of the step.
         """
-        commanded, final = compensate(self, _vector(desired), _vector(initial), float(dt))
+        commanded = compensate(self, _vector(desired), _vector(initial), float(dt))
+        _, final = slip_response(self, _vector(initial), commanded, float(dt))
         return BodyTwist(*commanded), BodyTwist(*final)
 
 
@@ -127,11 +128,12 @@ def _vector(twist: BodyTwist) -> Vector:
 
 
 @compiled
-def compensate(
-    model: SlipModel, desired: Vector, initial: Vector, dt: float
-) -> tuple[Vector, Vector]:
-    """Return :meth:`SlipModel.command`, by corrections with the remaining error of the motion."""
-    commanded, final = desired, initial
+def compensate(model: SlipModel, desired: Vector, initial: Vector, dt: float) -> Vector:
+    """Return the commanded twist of :meth:`SlipModel.command`.
+
+    It is found by corrections with the remaining error of the motion.
+    """
+    commanded = desired
     tau = lags(model)
     if dt < _SHORT_STEP * max(tau[0], tau[1], tau[2]):
         commanded = (
@@ -149,16 +151,16 @@ def compensate(
                 commanded[2] + desired[2] - mean[2],
             )
             commanded = _saturate(model, commanded)
+    if model.may_spin:
+        return commanded
     _, final = slip_response(model, initial, commanded, dt)
-    if model.may_spin or not _spins(model, commanded, final):
-        return commanded, final
+    if not _spins(model, commanded, final):
+        return commanded
     return _without_spin(model, commanded, initial, dt)
 
 
 @compiled
-def _without_spin(
-    model: SlipModel, commanded: Vector, initial: Vector, dt: float
-) -> tuple[Vector, Vector]:
+def _without_spin(model: SlipModel, commanded: Vector, initial: Vector, dt: float) -> Vector:
     """Reduce the commanded change by bisection until no wheel spins at the end of the step."""
     low, high = 0.0, 1.0
     for _ in range(_BISECTIONS):
@@ -169,9 +171,7 @@ def _without_spin(
             high = middle
         else:
             low = middle
-    reduced = _interpolate(initial, commanded, low)
-    _, final = slip_response(model, initial, reduced, dt)
-    return reduced, final
+    return _interpolate(initial, commanded, low)
 
 
 @inlined
@@ -273,18 +273,26 @@ def slip_response(
     Returns:
         The constant twist that leads to the same pose; and the twist at the end.
     """
-    mean, final, _ = respond(model, initial, commanded, dt)
+    mean, final, _ = _response(model, initial, commanded, dt, False)
     return mean, final
 
 
-@compiled
+@inlined
 def respond(
     model: SlipModel, initial: Vector, commanded: Vector, dt: float
 ) -> tuple[Vector, Vector, Sensitivity]:
     """As :func:`slip_response`, with the derivatives."""
+    return _response(model, initial, commanded, dt, True)
+
+
+@compiled
+def _response(
+    model: SlipModel, initial: Vector, commanded: Vector, dt: float, sensitive: bool
+) -> tuple[Vector, Vector, Sensitivity]:
+    """Return the response, and its derivatives if ``sensitive``."""
     if model.max_force == inf:
         return _linear_response(model, initial, commanded, dt)
-    return _slipping_response(model, initial, commanded, dt)
+    return _slipping_response(model, initial, commanded, dt, sensitive)
 
 
 @inlined
@@ -321,9 +329,9 @@ def _decay(lag: float, dt: float) -> tuple[float, float]:
 
 @inlined
 def _slipping_response(
-    model: SlipModel, initial: Vector, commanded: Vector, dt: float
+    model: SlipModel, initial: Vector, commanded: Vector, dt: float, sensitive: bool
 ) -> tuple[Vector, Vector, Sensitivity]:
-    """Integrate the model by the explicit Euler method.
+    """Integrate the model by the explicit Euler method, and its derivatives if ``sensitive``.
 
     The method loses the same distance as a lag, for any length of its steps.
     """
@@ -331,27 +339,30 @@ def _slipping_response(
     tau = lags(model)
     steps = ceil(dt / (_STEP_RATIO * min(tau[0], tau[1], tau[2])))
     h = dt / steps
-    forces, limits = np.empty(len(jacobian)), np.full(len(jacobian), model.max_force)
-    rates = np.empty(3)  # of decay; below the friction limit the inverse lags
-    by_initial, by_input = np.zeros(3), np.zeros(3)
-    final_by_initial, final_by_input = np.ones(3), np.zeros(3)
+    wheels, axes = np.empty((2, len(jacobian))), np.zeros((5, 3))  # few allocations
+    forces, limits = wheels[0], wheels[1]
+    by_initial, by_input, final_by_initial, final_by_input = axes[0], axes[1], axes[2], axes[3]
+    rates = axes[4]  # of decay; below the friction limit the inverse lags
+    limits[:], final_by_initial[:] = model.max_force, 1.0
     velocity, saturated = initial, 0
     x, y, yaw = 0.0, 0.0, 0.0
     for _ in range(steps):
         wrench = _slip_wrench(stiffness, commanded, velocity)
-        rates[:] = 0.0
         for i in range(len(jacobian)):
             forces[i] = _at_rim(jacobian, i, wrench)
-            if abs(forces[i]) >= model.max_force:
-                saturated += 1
-            else:
-                for a in range(3):
-                    rates[a] += jacobian[i, a] ** 2 * stiffness[a] / inertia[a]
-        for a in range(3):
-            by_initial[a] += final_by_initial[a] / steps
-            by_input[a] += final_by_input[a] / steps
-            final_by_initial[a] -= h * rates[a] * final_by_initial[a]
-            final_by_input[a] += h * rates[a] * (1.0 - final_by_input[a])
+        if sensitive:
+            rates[:] = 0.0
+            for i in range(len(jacobian)):
+                if abs(forces[i]) >= model.max_force:
+                    saturated += 1
+                else:
+                    for a in range(3):
+                        rates[a] += jacobian[i, a] ** 2 * stiffness[a] / inertia[a]
+            for a in range(3):
+                by_initial[a] += final_by_initial[a] / steps
+                by_input[a] += final_by_input[a] / steps
+                final_by_initial[a] -= h * rates[a] * final_by_initial[a]
+                final_by_input[a] += h * rates[a] * (1.0 - final_by_input[a])
         vx, vy, w = velocity
         turn = h * w
         c, s = cos(yaw + 0.5 * turn), sin(yaw + 0.5 * turn)

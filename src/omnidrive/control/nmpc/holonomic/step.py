@@ -245,7 +245,7 @@ def command_stage(  # noqa: PLR0917
             False,
         )
     desired = (factor * ahead, factor * left, factor * rate)
-    effective, _ = compensate(model, desired, initial, dt)
+    effective = compensate(model, desired, initial, dt)
     command = _saturate(
         robot,
         effective[0] - memory.disturbance[0],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from omnidrive.errors import InvalidReference
 from omnidrive.reference import Hold, Reference
 from omnidrive.reference.reference import WindowReference
 
@@ -39,7 +40,12 @@ class ReferenceWindow:
             return row
         fixed = isinstance(reference, (WindowReference, Hold))
         count = self.points + (_AHEAD if fixed else 0)
-        self.rows = np.ascontiguousarray(reference.window(t, count, self.dt), dtype=float)
+        rows = np.ascontiguousarray(reference.window(t, count, self.dt), dtype=float)
+        if rows.shape != (count, 6):
+            raise InvalidReference(
+                f"window must return {count} rows of 6 numbers, got an array of shape {rows.shape}"
+            )
+        self.rows = rows
         self.reference, self.start = (reference if fixed else None), t
         return 0
 
