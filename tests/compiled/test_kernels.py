@@ -11,11 +11,13 @@ import pytest
 from numba.core import serialize
 
 import omnidrive
-from omnidrive.compiled import cache, entry_point, kernels
+from omnidrive.compiled import CompiledFunction, cache, compiled, entry_point, kernels
 from omnidrive.compiled import key as key_module
+from omnidrive.compiled.cache import entries
 from omnidrive.compiled.cache_folder import usable_folder
 from omnidrive.compiled.dispatcher import Kernel
 from omnidrive.compiled.key import kernel_key, short_hash
+from omnidrive.compiled.uncounted import uncounted
 from omnidrive.fuzzy.kernels import infer_rows
 
 PACKAGE = Path(omnidrive.__file__).parent
@@ -186,3 +188,31 @@ def test_keys_are_those_of_other_processes(monkeypatch):
     assert len(texts) > 20
     assert not [text for text in texts if " at 0x" in text]
     key_module._described.cache_clear()
+
+
+@compiled
+def total(numbers, scale):
+    return scale * numbers.sum()
+
+
+@compiled
+def call_by_address(function, numbers):
+    arrays, scale = uncounted(((numbers, numbers[1:]), 2.0))
+    return function(arrays[0], scale) + function(arrays[1], 1.0)
+
+
+def test_kernel_calls_another_one_by_its_address():
+    """The arrays that it passes are not counted, and so not released by what it calls."""
+    numbers = np.array([1.0, 2.0, 3.0])
+    references = sys.getrefcount(numbers)
+    function = CompiledFunction(total, numbers, 2.0)
+    assert [call_by_address(function, numbers) for _ in range(3)] == [17.0] * 3
+    assert sys.getrefcount(numbers) == references
+    (name,) = entries(call_by_address)  # one entry for all functions of the same types
+    assert call_by_address(CompiledFunction(largest, numbers, 2.0), numbers) == 9.0
+    assert entries(call_by_address) == [name]
+
+
+@compiled
+def largest(numbers, scale):
+    return scale * numbers.max()

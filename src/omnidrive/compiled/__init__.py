@@ -2,9 +2,9 @@
 
 This package depends on internals of Numba: the cache interface of a dispatcher (``_cache`` with
 ``load_overload`` and ``save_overload``), ``CompileResult._reduce`` and ``_rebuild``,
-``serialize.dumps``, the code library and ``get_executable`` of the CPU target, ``config``, and
-``types.WrapperAddressProtocol`` with the C wrapper of a kernel.
-Outside it, only :mod:`omnidrive.fuzzy.unsafe_views` (``cgutils``, ``populate_array``) and
+``serialize.dumps``, the code library and ``get_executable`` of the CPU target, ``config``,
+``cgutils``, and ``types.WrapperAddressProtocol`` with the C wrapper of a kernel. Outside it, only
+:mod:`omnidrive.fuzzy.unsafe_views` (``populate_array``) and
 :mod:`omnidrive.planning.search.bit_ops` (``numba.cpython.unsafe.numbers``) do. The bounds of Numba
 in ``pyproject.toml`` are the versions that all of them are tested with.
 """

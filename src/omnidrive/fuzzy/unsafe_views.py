@@ -1,13 +1,8 @@
 """Views of arrays in compiled code without reference counting and without bounds checks.
 
-Compiled code increments and decrements the reference count of an array at every call that
-passes it, in two atomic operations, and clips the bounds of a slice to its array. Together these
-took half of the time of an inference.
-
-A view does not prevent the release of its array: an array that a function creates is released
-after the last use of its variable, even if a view of it is still in use. An argument is not
-released before the function returns. Therefore a function may use views only of arrays that it
-receives as arguments.
+Compiled code clips the bounds of a slice to its array, and counts the references to it. A view has
+the conditions of :mod:`omnidrive.compiled.uncounted`: a function may use views only of arrays that
+it receives as arguments.
 
 The nested functions ``build`` emit LLVM code, through internals of Numba.
 """
@@ -17,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-from numba.core import cgutils, types
+from numba.core import types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
@@ -26,21 +21,8 @@ from omnidrive.arrays import Array
 
 A = TypeVar("A", bound=Array)
 
-_cgutils: Any = cgutils  # Numba's modules are not typed
-_populate_array: Any = populate_array
+_populate_array: Any = populate_array  # Numba's modules are not typed
 _Intrinsic = tuple[Any, Callable[..., Any]]
-
-
-@intrinsic
-def _uncounted(_: Any, array: Any) -> _Intrinsic:
-    def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        """Emit a copy of the array's descriptor that refers to no reference count and no parent."""
-        made = context.make_array(array)(context, builder, value=arguments[0])
-        made.meminfo = _cgutils.get_null_value(made.meminfo.type)
-        made.parent = _cgutils.get_null_value(made.parent.type)
-        return made._getvalue()
-
-    return array(array), build
 
 
 @intrinsic
@@ -94,9 +76,6 @@ def _view_in(context: Any, builder: Any, source: Any, begin: Any, target: Any) -
     _populate_array(made, data, shape, strides, array.itemsize, meminfo=None)
     return made._getvalue()
 
-
-uncounted = cast("Callable[[A], A]", _uncounted)
-"""``uncounted(array)``: the same array without reference counting."""
 
 unsafe_slice = cast("Callable[[A, int, int], A]", _unsafe_slice)
 """``unsafe_slice(array, begin, end)``: ``array[begin:end]`` of a contiguous vector.

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compilable, compiled
+from omnidrive.compiled.uncounted import uncounted
 from omnidrive.control.compiled_law import SampleState
 from omnidrive.control.nmpc.common.exit import CONVERGED
 from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory, motion_memory, remember
@@ -129,12 +130,12 @@ def law(  # noqa: PLR0917
     A pose or time that is not finite is a lost measurement: the motion is predicted, and the latest
     plan is followed, as after a solver that finds no usable plan.
     """
-    problem = stage_problem(data, memory)
+    d, m = uncounted(data), uncounted(memory)
     solved = False
-    if begin(data, memory, now, setpoints):
-        tolerance, max_iterations = data.settings
-        solved = solve_problem(problem, memory.plan, tolerance, max_iterations)
-    return finish(data, memory, solved, now.delay, command, details)
+    if begin(d, m, now, setpoints):
+        tolerance, max_iterations = d.settings
+        solved = solve_problem(stage_problem(d, m), m.plan, tolerance, max_iterations)
+    return finish(d, m, solved, now.delay, command, details)
 
 
 @compiled
