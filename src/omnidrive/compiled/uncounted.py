@@ -21,6 +21,7 @@ from numba.extending import intrinsic
 T = TypeVar("T")
 
 _cgutils: Any = cgutils  # Numba's modules are not typed
+_types: Any = types
 
 
 @intrinsic
@@ -33,12 +34,12 @@ def _uncounted(_: Any, value: Any) -> tuple[Any, Callable[..., Any]]:
 
 
 def _without_counts(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    if isinstance(kind, types.Array):
+    if isinstance(kind, _types.Array):
         made = context.make_array(kind)(context, builder, value=value)
         made.meminfo = _cgutils.get_null_value(made.meminfo.type)
         made.parent = _cgutils.get_null_value(made.parent.type)
         return made._getvalue()
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, _types.BaseTuple):
         parts = [
             _without_counts(context, builder, part, builder.extract_value(value, i))
             for i, part in enumerate(kind.types)
