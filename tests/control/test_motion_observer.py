@@ -5,7 +5,12 @@ from math import nan
 import numpy as np
 import pytest
 
-from omnidrive.control.nmpc.holonomic.motion_observer import motion_memory, remember
+from omnidrive.control.nmpc.holonomic.motion_observer import (
+    disturbance_at,
+    motion_memory,
+    remember,
+    without_disturbance,
+)
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.nmpc.holonomic.step import Measurement, RobotModel, observe
 from omnidrive.geometry import BodyTwist, Pose, move
@@ -110,8 +115,8 @@ def test_twist_of_the_state_replaces_the_observed_one():
     assert robot.memory.twist.tolist() == [0.1, 0.2, 0.3]
 
 
-@pytest.mark.parametrize("sigma", [0.003, 0.03])
-def test_noise_of_the_poses_is_estimated(sigma):
+@pytest.mark.parametrize(("sigma", "left"), [(0.003, 0.45), (0.03, 0.25)])
+def test_noise_of_the_poses_is_estimated_and_reduced(sigma, left):
     estimates, errors = [], []
     robot = Robot(MODELS[0], sigma=sigma)
     for k in range(400):
@@ -119,7 +124,7 @@ def test_noise_of_the_poses_is_estimated(sigma):
         estimates.append(np.sqrt(max(robot.memory.noise[0], 0.0)))
         errors.append(np.subtract(robot.memory.pose[:2], robot.pose[:2]))
     assert np.median(estimates[50:]) == pytest.approx(sigma, rel=0.25)
-    assert np.std(errors[50:]) < 0.6 * sigma  # the filter reduces the noise
+    assert np.std(errors[50:]) < left * sigma
     assert abs(robot.memory.disturbance).max() < 0.1
 
 
@@ -129,6 +134,31 @@ def test_errors_of_the_model_are_no_noise():
         robot.lacking = 0.1 * np.array(gentle(k))  # a wrong gain
         robot.step(gentle(k))
         assert robot.memory.noise[0] < 1e-6
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_wrong_gains_are_found_in_noise(model):
+    robot, errors = Robot(model, sigma=0.04), []
+    for k in range(600):
+        robot.lacking = np.array([-0.05, -0.05, -0.1]) * gentle(k)
+        robot.step(gentle(k))
+        errors.append(robot.memory.pose[2] - robot.pose.yaw)
+    command = (0.3, 0.2, 0.3)
+    lacking = disturbance_at(model, robot.memory, command)
+    assert lacking[2] == pytest.approx(-0.1 * command[2], rel=0.5)
+    assert np.abs(errors[300:]).mean() < 0.01
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.02])
+def test_command_without_disturbance_has_the_desired_effect(sigma):
+    model, robot = MODELS[0], Robot(MODELS[0], (0.05, -0.03, 0.1), sigma)
+    for k in range(60):
+        robot.step(gentle(k))
+    desired = (0.4, -0.2, 1.0)
+    command = without_disturbance(model, robot.memory, desired)
+    effect = np.add(command, disturbance_at(model, robot.memory, command))
+    assert np.allclose(effect, desired, atol=1e-12)
+    assert not np.allclose(command, desired, atol=1e-6)
 
 
 def test_covariances_stay_positive_semidefinite():

@@ -14,7 +14,12 @@ from omnidrive.compiled import compilable, compiled
 from omnidrive.compiled.uncounted import uncounted
 from omnidrive.control.compiled_law import SampleState
 from omnidrive.control.nmpc.common.exit import CONVERGED
-from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory, motion_memory, remember
+from omnidrive.control.nmpc.holonomic.motion_observer import (
+    MotionMemory,
+    disturbance_at,
+    motion_memory,
+    remember,
+)
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutArrays, Limits
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolverSettings
 from omnidrive.control.nmpc.holonomic.step import (
@@ -204,8 +209,9 @@ def finish(  # noqa: PLR0917
     details[0], details[1], details[2] = level, 0.0, nan
     if solved:
         details[1], details[2] = figures[3], figures[1]
+    lacking = disturbance_at(data.robot.model, motion, twist)
     for a in range(3):
-        command[a], details[3 + a] = twist[a], motion.disturbance[a]
+        command[a], details[3 + a] = twist[a], lacking[a]
     details[6], details[7] = sqrt(max(motion.noise[0], 0.0)), delay
     return status
 

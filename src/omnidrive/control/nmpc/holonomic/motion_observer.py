@@ -26,6 +26,17 @@ STEADY_SATURATION = 0.05
 """Share of wheels at the friction limit above which the disturbance is not corrected."""
 _DRIFT = 0.04
 """Standard deviation of the change of the disturbance in a second, m/s."""
+_NOISY_TRANSLATION, _NOISY_ROTATION = (0.01, 0.008, 1.0), (0.003, 0.001, 0.0)
+"""Displacement and drift where poses are noisy, and the rate at which the disturbance decays there,
+in 1/s. The model is trusted more than with exact poses, where distrust costs nothing."""
+_NOISY_TIME = 0.8
+"""Longest time constant with which the position follows noisy poses, s."""
+_USUAL_SPEED = 0.5
+"""Speed, m/s, for which disturbances are stated where poses are noisy."""
+_LEAST_GAIN = 0.5
+"""Smallest gain of a commanded twist that is compensated where poses are noisy."""
+NOISY = 2e-3
+"""Standard deviation of a measured position from which on poses are noisy, m."""
 _LARGEST = 0.1
 """Largest disturbance, as a share of the speed limit."""
 _MIN_VARIANCE = 1e-12
@@ -44,7 +55,9 @@ class ObservedMotion(NamedTuple):
     twist: BodyTwist
     """Body twist; m/s, m/s, rad/s."""
     disturbance: BodyTwist
-    """Twist that has to be added to the commands for the model to move as the robot does."""
+    """Twist that has to be added to the commands for the model to move as the robot does. Where the
+    measured poses are noisy it is in proportion to the command; this is then the one of a command
+    of 0.5 m/s, in yaw of 0.5 m/s over the radius of gyration."""
 
 
 class MotionMemory(NamedTuple):
@@ -59,8 +72,8 @@ class MotionMemory(NamedTuple):
     twist: Float[Array, " 3"]
     """Estimated body twist; m/s, m/s, rad/s."""
     disturbance: Float[Array, " 3"]
-    """What has to be added to the commanded twist for the model to move as the robot does; m/s,
-    m/s, rad/s."""
+    """Disturbance, m/s, m/s, rad/s; where poses are noisy, of a command at the usual speed. See
+    :func:`disturbance_at`."""
     covariance: Float[Array, "axes 3 3"]
     """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
     commands: Float[Array, "commands 3"]
@@ -135,30 +148,38 @@ def predict(
 @compiled
 def _predict_one(model: SlipModel, memory: MotionMemory, command: int, dt: float) -> float:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
-    initial, commanded = _vector(memory.twist), _input(memory, command)
+    initial, commanded = _vector(memory.twist), _input(model, memory, command)
     mean, final, slopes = respond(model, initial, commanded, dt)
     _move(memory.pose, mean, dt)
     acceleration = _ACCELERATION + _SLIP_ACCELERATION * slopes.saturation
     for a in range(3):
-        unit = _unit(model, a)
-        m, n = dt * slopes.mean_by_initial[a], dt * slopes.mean_by_input[a]
-        f, g = slopes.final_by_initial[a], slopes.final_by_input[a]
+        unit, noisy = _unit(model, a), _noisy_share(model, memory, a)
+        displacement, drift, decay = _NOISY_ROTATION if a == 2 else _NOISY_TRANSLATION
+        displacement = _DISPLACEMENT + noisy * (displacement - _DISPLACEMENT)
+        drift, kept = _DRIFT + noisy * (drift - _DRIFT), 1.0 / (1.0 + noisy * decay * dt)
+        free = unit * acceleration * dt  # the lag removes part of it
+        by_pose = 0.5 * dt * (1.0 - slopes.mean_by_input[a]) * free
+        by_twist = (1.0 - slopes.final_by_input[a]) * free
+        scale = _scale(model, memory, memory.commands[command, a], a)
+        m, n = dt * slopes.mean_by_initial[a], scale * dt * slopes.mean_by_input[a]
+        f, g = slopes.final_by_initial[a], scale * slopes.final_by_input[a]
         p = memory.covariance[a]
-        # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, 1]], from the columns of F P
+        # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, kept]], from the columns of F P
         pp, pb, pd, bb, bd, dd = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]
         p_d = pd + m * bd + n * dd
         p_b = pb + m * bb + n * bd
         b_d = f * bd + g * dd
-        free = unit * acceleration * dt  # the lag removes part of it
-        by_pose, by_twist = 0.5 * dt * (1.0 - slopes.mean_by_input[a]) * free, (1.0 - g) * free
         p[0, 0] = pp + m * pb + n * pd + m * p_b + n * p_d + by_pose * by_pose
-        p[0, 0] += (unit * _DISPLACEMENT * dt) ** 2
+        p[0, 0] += (unit * displacement * dt) ** 2
+        if a < 2:
+            p[0, 0] += noisy * max(memory.noise[0], 0.0) * (dt / _NOISY_TIME) ** 2
         p[0, 1] = f * p_b + g * p_d + by_pose * by_twist
-        p[0, 2] = p_d
+        p[0, 2] = kept * p_d
         p[1, 1] = f * (f * bb + g * bd) + g * b_d + by_twist * by_twist
-        p[1, 2] = b_d
-        p[2, 2] = dd + (unit * _DRIFT) ** 2 * dt
+        p[1, 2] = kept * b_d
+        p[2, 2] = kept * kept * dd + (unit * drift) ** 2 * dt
         p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
+        memory.disturbance[a] *= kept
     for a in range(3):
         memory.twist[a] = final[a]
     return slopes.saturation
@@ -248,6 +269,14 @@ def _estimate_noise(memory: MotionMemory, innovation: Vector) -> None:
 
 
 @inlined
+def _noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
+    """Return 0 for exact poses to 1 for noise well above :data:`NOISY`, by the estimated noise."""
+    variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
+    ratio = variance / (NOISY * _unit(model, axis)) ** 2
+    return 1.0 - 1.0 / (1.0 + ratio * ratio)
+
+
+@inlined
 def _variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: int) -> float:
     """Return the variance of a measured displacement, which is estimated if it is not known."""
     variance = variances[axis]
@@ -269,16 +298,57 @@ def predict_delayed(
     for k in range(count, -1, -1):
         dt = delay - count * period if k == count else period
         if dt > 0.0:
-            mean, twist, _ = respond(model, twist, _input(memory, k), dt)
+            mean, twist, _ = respond(model, twist, _input(model, memory, k), dt)
             _move(pose, mean, dt)
     return _vector(pose), twist
 
 
 @inlined
-def _input(memory: MotionMemory, command: int) -> Vector:
+def _input(model: SlipModel, memory: MotionMemory, command: int) -> Vector:
     """Return a commanded twist plus the disturbance."""
-    sent, disturbance = memory.commands[command], memory.disturbance
-    return sent[0] + disturbance[0], sent[1] + disturbance[1], sent[2] + disturbance[2]
+    sent = _vector(memory.commands[command])
+    lacking = disturbance_at(model, memory, sent)
+    return sent[0] + lacking[0], sent[1] + lacking[1], sent[2] + lacking[2]
+
+
+@inlined
+def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> Vector:
+    """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
+    lacking = memory.disturbance
+    return (
+        _scale(model, memory, command[0], 0) * lacking[0],
+        _scale(model, memory, command[1], 1) * lacking[1],
+        _scale(model, memory, command[2], 2) * lacking[2],
+    )
+
+
+@inlined
+def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -> Vector:
+    """Return the commanded twist that has the effect of a twist in spite of the disturbance."""
+    return (
+        _without(model, memory, twist[0], 0),
+        _without(model, memory, twist[1], 1),
+        _without(model, memory, twist[2], 2),
+    )
+
+
+@inlined
+def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int) -> float:
+    """Return the component of :func:`without_disturbance` in an axis."""
+    share, lacking = _noisy_share(model, memory, axis), memory.disturbance[axis]
+    gain = 1.0 + share * lacking / (_USUAL_SPEED * _unit(model, axis))
+    return (component - (1.0 - share) * lacking) / max(gain, _LEAST_GAIN)
+
+
+@inlined
+def _scale(model: SlipModel, memory: MotionMemory, command: float, axis: int) -> float:
+    """Return the disturbance of an axis at a commanded component, as a multiple of its state.
+
+    Where poses are noisy the disturbance is an error of gain, in proportion to the command. A
+    constant one would follow slow errors of the measured poses.
+    """
+    share = _noisy_share(model, memory, axis)
+    return 1.0 - share + share * command / (_USUAL_SPEED * _unit(model, axis))
 
 
 @inlined

@@ -14,6 +14,7 @@ from omnidrive.control.nmpc.holonomic.approach import approach
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.control.nmpc.holonomic.motion_observer import (
+    NOISY,
     STEADY_SATURATION,
     MotionMemory,
     correct,
@@ -21,6 +22,7 @@ from omnidrive.control.nmpc.holonomic.motion_observer import (
     predict_delayed,
     remember,
     restart,
+    without_disturbance,
 )
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, lags
@@ -35,8 +37,6 @@ _STANDING = 1e-9
 """Speed of a reference up to which it stands, m/s and rad/s."""
 _NEAR = 1e-6
 """Distance from a standing target up to which there is nothing to approach, m and rad."""
-_SPIN_NOISE = 2e-3
-"""Standard deviation of the measured position above which no wheel may spin, m."""
 
 
 class Measurement(NamedTuple):
@@ -235,7 +235,7 @@ def command_stage(  # noqa: PLR0917
     ahead, left = arc_twist(dt, plan.states[stage, 2], vx, vy, rate)
     _, initial = predict_delayed(robot.model, memory, robot.delay, dt)
     model = robot.model
-    if model.may_spin and max(memory.noise[0], 0.0) > _SPIN_NOISE * _SPIN_NOISE:
+    if model.may_spin and max(memory.noise[0], 0.0) > NOISY * NOISY:
         model = SlipModel(
             model.rim_jacobian,
             model.inertia,
@@ -246,12 +246,7 @@ def command_stage(  # noqa: PLR0917
         )
     desired = (factor * ahead, factor * left, factor * rate)
     effective = compensate(model, desired, initial, dt)
-    command = _saturate(
-        robot,
-        effective[0] - memory.disturbance[0],
-        effective[1] - memory.disturbance[1],
-        effective[2] - memory.disturbance[2],
-    )
+    command = _saturate(robot, *without_disturbance(robot.model, memory, effective))
     remember(memory, command)
     return command
 
