@@ -339,11 +339,14 @@ def _slipping_response(
     tau = lags(model)
     steps = ceil(dt / (_STEP_RATIO * min(tau[0], tau[1], tau[2])))
     h = dt / steps
-    wheels, axes = np.empty((2, len(jacobian))), np.zeros((5, 3))  # few allocations
-    forces, limits = wheels[0], wheels[1]
+    wheels, axes = np.empty((5, len(jacobian))), np.zeros((5, 3))  # few allocations
+    forces, limits, shares = wheels[0], wheels[1], wheels[2:]
     by_initial, by_input, final_by_initial, final_by_input = axes[0], axes[1], axes[2], axes[3]
     rates = axes[4]  # of decay; below the friction limit the inverse lags
     limits[:], final_by_initial[:] = model.max_force, 1.0
+    for a in range(3):
+        for i in range(len(jacobian)):
+            shares[a, i] = jacobian[i, a] ** 2 * stiffness[a] / inertia[a]
     velocity, saturated = initial, 0
     x, y, yaw = 0.0, 0.0, 0.0
     for _ in range(steps):
@@ -357,7 +360,7 @@ def _slipping_response(
                     saturated += 1
                 else:
                     for a in range(3):
-                        rates[a] += jacobian[i, a] ** 2 * stiffness[a] / inertia[a]
+                        rates[a] += shares[a, i]
             for a in range(3):
                 by_initial[a] += final_by_initial[a] / steps
                 by_input[a] += final_by_input[a] / steps
