@@ -38,17 +38,20 @@ class Robot:
         self.memory, self.rng = motion_memory(0), np.random.default_rng(3)
         observe(plant(model), self.memory, FIRST, DT, True)
 
-    def step(self, command, *, steady=True, moved=0.0, twist=UNKNOWN):
-        """Move with a command, then observe the pose."""
+    def step(self, command, *, steady=True, moved=0.0, twist=UNKNOWN, outlier=0.0, elapsed=DT):
+        """Move with a command for DT, then observe the pose, which is wrong by an outlier along x.
+
+        ``elapsed`` is the time by the clock.
+        """
         remember(self.memory, tuple(command))
         total = tuple((np.array(command) + self.lacking).tolist())
         mean, self.twist = slip_response(self.model, self.twist, total, DT)
         self.pose = move(self.pose, BodyTwist(*mean), DT)
         self.pose = self.pose._replace(x=self.pose.x + moved)
         noise = self.sigma * self.rng.normal(size=3)
-        measured = tuple((np.array(self.pose) + noise).tolist())
+        measured = tuple((np.array(self.pose) + noise + (outlier, 0.0, 0.0)).tolist())
         variance = (-1.0, -1.0, -1.0) if self.sigma or steady else (0.0, 0.0, 0.0)
-        now = Measurement(DT, measured, twist, variance, True)
+        now = Measurement(elapsed, measured, twist, variance, True)
         observe(plant(self.model), self.memory, now, DT, steady)
 
 
@@ -97,6 +100,62 @@ def test_robot_that_is_moved_keeps_its_twist(moved):
         robot.step(gentle(k))
     robot.step(gentle(10), moved=moved)
     assert np.allclose(robot.memory.pose, robot.pose, atol=1e-9)
+    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
+    assert np.abs(robot.memory.disturbance).max() < 1e-3
+
+
+@pytest.mark.parametrize("outlier", [0.5, -30.0, 1e9])
+def test_outlier_of_the_pose_changes_neither_twist_nor_disturbance(outlier):
+    robot = Robot(MODELS[0])
+    for k in range(10):
+        robot.step(gentle(k))
+    robot.step(gentle(10), outlier=outlier)
+    robot.step(gentle(11))
+    assert np.allclose(robot.memory.pose, robot.pose, atol=1e-6)
+    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
+    assert np.abs(robot.memory.disturbance).max() < 1e-3
+
+
+@pytest.mark.parametrize("outlier", [(3.0, -2.0, 4.0), (1e5, 0.0, 0.0), (0.0, 0.0, -1e5)])
+def test_outlier_of_the_twist_is_ignored(outlier):
+    robot = Robot(MODELS[0])
+    for k in range(10):
+        robot.step(gentle(k))
+    robot.step(gentle(10), twist=outlier)
+    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_impossible_twist_at_the_start_is_ignored(model):
+    memory = motion_memory(0)
+    observe(plant(model), memory, FIRST._replace(twist=(1e3, 0.0, 0.0)), DT, True)
+    assert not memory.twist.any()
+
+
+def test_wrong_twist_is_corrected_by_the_poses():
+    robot = Robot(MODELS[0])
+    for k in range(10):
+        robot.step(gentle(k))
+    robot.memory.twist[:] = 4.0, -3.0, 5.0
+    for k in range(10, 13):
+        robot.step(gentle(k))
+    assert np.allclose(robot.memory.twist, robot.twist, atol=0.2)
+
+
+def test_wrong_disturbance_with_which_wheels_would_slip_is_corrected():
+    robot = Robot(MODELS[0])
+    robot.memory.disturbance[:2] = 0.25, -0.2
+    for k in range(60):
+        robot.step(gentle(k))
+    assert np.abs(robot.memory.disturbance).max() < 0.01
+
+
+@pytest.mark.parametrize("elapsed", [-1.0, 0.0, 0.2 * DT])
+def test_clock_that_was_set_back_costs_nothing(elapsed):
+    robot = Robot(MODELS[0])
+    for k in range(10):
+        robot.step(gentle(k))
+    robot.step(gentle(10), elapsed=elapsed)
     assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
     assert np.abs(robot.memory.disturbance).max() < 1e-3
 

@@ -2,17 +2,22 @@
 
 import time
 from collections import Counter
+from itertools import product
 from math import hypot, inf, isfinite, nan
 
 import numpy as np
 import pytest
 
 from omnidrive.control import HolonomicController, Pipeline, Status, holonomic_nmpc
-from omnidrive.control.nmpc.holonomic import Actuation
+from omnidrive.control.components import ControllerContext, HolonomicNmpcOptions
+from omnidrive.control.components import holonomic_nmpc as recommended
+from omnidrive.control.nmpc.holonomic import Actuation, FallbackLevel
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits, WheelMonitor
 from omnidrive.estimation import SensorReadings, State
-from omnidrive.geometry import BodyTwist, Pose, move
+from omnidrive.geometry import BodyTwist, Pose, move, wrap
 from omnidrive.reference import Hold
+from omnidrive.robot import named_robot
+from omnidrive.simulation import PlanarPlant
 from omnidrive.testing.laws import Circle
 from tests.laws.test_controllers import CONTROLLERS, SMALL
 
@@ -125,6 +130,95 @@ def test_storm_of_bad_numbers(name, steps):
     assert total["steps"] == steps * len(SAMPLE_TIMES)
     assert total["bad"] > 0.2 * total["steps"]
     assert total["OK"] > 0
+
+
+ROBOT_NAMES = ("paper", "small", "kiwi", "mecanum")
+FAULTS = ("bad", "lost", "outlier", "twist", "covariance", "old", "repeated", "late")
+RECOVERY = 4.0  # s of good states after the last fault
+
+
+def faulty_state(rng, fault, t, pose, older):
+    """Return the time and the state of one sample, None for a controller that is not called."""
+    state = State(t, pose)
+    if fault == "bad":
+        t, state = bad_state(rng, t, pose)
+    elif fault == "lost":
+        state = state._replace(pose=Pose(nan, nan, nan))
+    elif fault == "outlier":
+        offset = 10.0 ** rng.uniform(-1.0, 9.0) * rng.normal(size=3) * (rng.random(3) < 0.5)
+        state = state._replace(pose=Pose(*np.add(pose, offset).tolist()))
+    elif fault == "twist":
+        twist = 10.0 ** rng.uniform(0.0, 9.0) * rng.normal(size=3)
+        state = state._replace(twist=BodyTwist(*twist.tolist()))
+    elif fault == "covariance":
+        state = state._replace(covariance=10.0 ** rng.uniform(-9.0, 9.0) * np.eye(3))
+    elif fault == "old":
+        state = State(t, older, fix_age=float(rng.uniform(0.0, 1.0)))
+    elif fault == "repeated":
+        t -= float(rng.uniform(0.0, 1.0))
+    return None if fault == "late" else (t, state)
+
+
+def run_of_faults(robot, controller, plant, dt, rng, where):
+    """Drive one run with a burst of faults and a recovery; return the counted levels."""
+    reference, levels = Circle(), Counter()
+    begin = float(rng.uniform(0.0, 2.0))
+    poses = [reference.at(begin).pose]
+    controller.reset(State(begin, poses[0]))
+    plant.reset(poses[0])
+    first = int(rng.integers(1, 8))
+    last = first + int(rng.integers(1, 14))
+    kinds = rng.choice(FAULTS, size=rng.integers(1, 4), replace=False)
+    twist, units = BodyTwist(0.0, 0.0, 0.0), len(controller.detail_units)
+    for k in range(last + round(RECOVERY / dt)):
+        t = begin + k * dt
+        given = t, State(t, poses[-1])
+        if first <= k < last:
+            fault = str(rng.choice(kinds))
+            given = faulty_state(rng, fault, t, poses[-1], poses[max(-4, -len(poses))])
+        if given is not None:
+            command = controller.step(*given, reference)
+            twist, level = command.twist, FallbackLevel(int(command.details[0]))
+            speeds = np.abs(controller.chassis.wheel_speeds(twist))
+            assert all(map(isfinite, twist)), (where, k)
+            assert speeds.max() <= controller.chassis.max_wheel_speed * (1.0 + 1e-12), (where, k)
+            assert len(command.details) == units, (where, k)
+            assert STATUS[level] is command.status, (where, k)
+            levels[level] += 1
+            if not first <= k < last:  # planned from what is measured
+                assert level in {FallbackLevel.CONVERGED, FallbackLevel.FEASIBLE}, (where, k)
+        poses.append(plant.step(twist, dt).pose)
+    goal = reference.at(t + dt).pose
+    left = hypot(goal.x - poses[-1].x, goal.y - poses[-1].y), abs(wrap(goal.yaw - poses[-1].yaw))
+    assert left[0] < 0.05, (where, kinds, left)
+    assert left[1] < 0.15, (where, kinds, left)
+    return levels
+
+
+STATUS = {
+    FallbackLevel.CONVERGED: Status.OK,
+    FallbackLevel.FEASIBLE: Status.FALLBACK,
+    FallbackLevel.OLD_PLAN: Status.FALLBACK,
+    FallbackLevel.RAMP: Status.FALLBACK,
+    FallbackLevel.STOP: Status.FAILED,
+}
+
+
+@pytest.mark.parametrize("runs", [24, pytest.param(10_000, marks=pytest.mark.long)])
+def test_runs_with_faults(runs):
+    """NaN, late, lost and outlying states: the recommended controller recovers."""
+    total = Counter()
+    for number, (name, dt) in enumerate(product(ROBOT_NAMES, (0.02, 0.05, 0.1))):
+        robot = named_robot(name)
+        context = ControllerContext(robot, dt, np.random.default_rng(0))
+        controller = recommended(context, HolonomicNmpcOptions())
+        plant = PlanarPlant(robot)
+        for run in range(number, runs, 12):
+            where = f"{name}, dt={dt:g} s, run {run}"
+            rng = np.random.default_rng(run)
+            total += run_of_faults(robot, controller, plant, dt, rng, where)
+    print(dict(total))
+    assert set(total) == set(FallbackLevel)
 
 
 class Careless:

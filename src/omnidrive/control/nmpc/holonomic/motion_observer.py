@@ -22,8 +22,10 @@ _ACCELERATION = 0.3
 """Standard deviation of the acceleration that the model does not explain, m/s^2."""
 _SLIP_ACCELERATION = 1.0
 """Likewise with all wheels at the friction limit, m/s^2."""
-STEADY_SATURATION = 0.05
+_STEADY_SATURATION = 0.05
 """Share of wheels at the friction limit above which the disturbance is not corrected."""
+_MAX_SLIPS = 10
+"""Consecutive samples with wheels that slip with the disturbance only until it counts as wrong."""
 _DRIFT = 0.04
 """Standard deviation of the change of the disturbance in a second, m/s."""
 _NOISY_TRANSLATION, _NOISY_ROTATION = (0.01, 0.008, 1.0), (0.003, 0.001, 0.0)
@@ -78,10 +80,12 @@ class MotionMemory(NamedTuple):
     """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""
-    noise: Float[Array, " 9"]
+    noise: Float[Array, " 13"]
     """Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
-    difference of a measured displacement from the predicted one, and the last residual; and the
-    number of measurements. The indices are those of :func:`_estimate_noise`."""
+    difference of a measured displacement from the predicted one, and the last residual; the number
+    of measurements; of every axis the last displacement of a robot that was moved, otherwise 0; and
+    the number of the latest measurements in which wheels slipped with the disturbance only.
+    See :func:`_estimate_noise`, :func:`_carries_on` and :func:`correct`."""
 
 
 def observed_motion(memory: MotionMemory) -> ObservedMotion:
@@ -101,7 +105,7 @@ def motion_memory(delayed: int) -> MotionMemory:
         np.zeros(3),
         np.zeros((3, 3, 3)),
         np.zeros((delayed + 2, 3)),
-        np.zeros(9),
+        np.zeros(13),
     )
 
 
@@ -128,25 +132,28 @@ def remember(memory: MotionMemory, command: Vector) -> None:
 @inlined
 def predict(
     model: SlipModel, memory: MotionMemory, dt: float, delay: float, period: float
-) -> float:
+) -> tuple[float, float]:
     """Predict the motion over ``dt`` (s), the time since the latest command.
 
     A command takes effect after ``delay`` (s); the sample time is ``period`` (s).
 
     Returns:
-        Mean share of wheels at the friction limit, 0 to 1.
+        Mean share of wheels at the friction limit, 0 to 1, with the disturbance and without.
     """
-    latest, saturation = len(memory.commands) - 2, 0.0
+    latest, share, undisturbed = len(memory.commands) - 2, 0.0, 0.0
     older = min(delay - latest * period, dt)
     if older > 0.0:
-        saturation = _predict_one(model, memory, latest + 1, older)
+        share, undisturbed = _predict_one(model, memory, latest + 1, older)
     if dt > older:
-        saturation = max(saturation, _predict_one(model, memory, latest, dt - older))
-    return saturation
+        newer, other = _predict_one(model, memory, latest, dt - older)
+        share, undisturbed = max(share, newer), max(undisturbed, other)
+    return share, undisturbed
 
 
 @compiled
-def _predict_one(model: SlipModel, memory: MotionMemory, command: int, dt: float) -> float:
+def _predict_one(
+    model: SlipModel, memory: MotionMemory, command: int, dt: float
+) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
     initial, commanded = _vector(memory.twist), _input(model, memory, command)
     mean, final, slopes = respond(model, initial, commanded, dt)
@@ -182,7 +189,10 @@ def _predict_one(model: SlipModel, memory: MotionMemory, command: int, dt: float
         memory.disturbance[a] *= kept
     for a in range(3):
         memory.twist[a] = final[a]
-    return slopes.saturation
+    if slopes.saturation <= _STEADY_SATURATION:
+        return slopes.saturation, slopes.saturation
+    _, _, undisturbed = respond(model, initial, _vector(memory.commands[command]), dt)
+    return slopes.saturation, undisturbed.saturation
 
 
 @compiled
@@ -192,7 +202,7 @@ def correct(  # noqa: PLR0917
     pose: Vector,
     variances: Vector,
     dt: float,
-    steady: bool,
+    shares: tuple[float, float],
 ) -> None:
     """Correct the prediction by a measured pose: a Kalman filter for every axis of B.
 
@@ -206,8 +216,9 @@ def correct(  # noqa: PLR0917
         variances: Of the measured displacements along the axes of B, in m^2, m^2 and rad^2;
             negative: unknown, so that the variance is estimated from the innovations.
         dt: Sample time, in s.
-        steady: Whether the disturbance is corrected, too. During hard transients the error of the
-            model is not a disturbance.
+        shares: Of wheels at the friction limit, as :func:`predict` returns them. While wheels slip,
+            the error of the model is no disturbance. If they go on to slip with the disturbance
+            only, that is wrong, and is corrected towards zero.
     """
     yaw = memory.pose[2]
     c, s = cos(yaw), sin(yaw)
@@ -217,15 +228,24 @@ def correct(  # noqa: PLR0917
     for a in range(3):
         total = memory.covariance[a, 0, 0] + _variance(model, memory, variances, a)
         moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + _reach(model, dt, a)
+    carries_on = moved and _carries_on(model, memory, innovation, dt)
     if not moved:
         _estimate_noise(memory, innovation)
+    slips = shares[1] <= _STEADY_SATURATION < shares[0]
+    memory.noise[12] = memory.noise[12] + 1.0 if slips else 0.0
+    wrong = memory.noise[12] > _MAX_SLIPS
     for a in range(3):
         p, variance = memory.covariance[a], _variance(model, memory, variances, a)
         total = p[0, 0] + variance
-        memory.noise[5 + a] = 0.0
+        memory.noise[5 + a], memory.noise[9 + a] = 0.0, 0.0
         if moved:
-            change[a] = innovation[a]
+            change[a] = memory.noise[9 + a] = innovation[a]
+            if carries_on:
+                memory.twist[a] += innovation[a] / dt
+                doubt_twist(model, memory, a, dt)
             continue
+        to_zero = p[2, 0] * innovation[a] * memory.disturbance[a] < 0.0
+        steady = shares[0] <= _STEADY_SATURATION or (wrong and to_zero)
         gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if steady else 0.0)
         change[a] = gains[0] * innovation[a]
         memory.noise[5 + a] = innovation[a] - change[a]
@@ -237,6 +257,51 @@ def correct(  # noqa: PLR0917
     memory.pose[0] += c * change[0] - s * change[1]
     memory.pose[1] += s * change[0] + c * change[1]
     memory.pose[2] += change[2]
+
+
+@inlined
+def _carries_on(model: SlipModel, memory: MotionMemory, innovation: Vector, dt: float) -> bool:
+    """Return whether the robot is moved about as far as before: its twist is wrong.
+
+    An outlier, in contrast, is followed by the same displacement back, or is too far away.
+    """
+    x, y, yaw = memory.noise[9], memory.noise[10], memory.noise[11]
+    turned = (0.5 * (abs(x) + abs(y)), 0.5 * (abs(x) + abs(y)), 0.5 * abs(yaw))
+    for a in range(3):
+        farthest = 2.0 * dt * model.max_rim_speed * _unit(model, a)
+        change = abs(innovation[a] - memory.noise[9 + a])
+        if abs(innovation[a]) > farthest or change > _reach(model, dt, a) + turned[a]:
+            return False
+    return True
+
+
+@compiled
+def correct_twist(model: SlipModel, memory: MotionMemory, twist: Vector, dt: float) -> None:
+    """Replace the twist by an estimated one, unless the robot cannot have changed to it.
+
+    Such a twist is an outlier, or that after a collision, which the next poses show.
+
+    Args:
+        model: The model.
+        memory: The state, after the correction by the pose; changed in place.
+        twist: Estimated body twist.
+        dt: Sample time, in s.
+    """
+    for a in range(3):
+        most = _GATE * sqrt(memory.covariance[a, 1, 1]) + _reach(model, dt, a) / dt
+        if abs(twist[a] - memory.twist[a]) > most:
+            return
+    for a in range(3):
+        p = memory.covariance[a]
+        memory.twist[a] = twist[a]
+        p[0, 1] = p[1, 0] = p[1, 1] = p[1, 2] = p[2, 1] = 0.0
+
+
+@inlined
+def doubt_twist(model: SlipModel, memory: MotionMemory, axis: int, dt: float) -> None:
+    """Raise the standard deviation of the twist to the change that is possible in ``dt`` (s)."""
+    sigma, p = _reach(model, dt, axis) / dt, memory.covariance[axis]
+    p[1, 1] = max(p[1, 1], sigma * sigma)
 
 
 @inlined

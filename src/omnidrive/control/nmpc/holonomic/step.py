@@ -15,9 +15,10 @@ from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.control.nmpc.holonomic.motion_observer import (
     NOISY,
-    STEADY_SATURATION,
     MotionMemory,
     correct,
+    correct_twist,
+    doubt_twist,
     predict,
     predict_delayed,
     remember,
@@ -31,8 +32,11 @@ from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constrain
 from omnidrive.control.nmpc.holonomic.stage_point import overwrite
 from omnidrive.robot.slip import Vector
 
-_MAX_GAP = 5.0
-"""Sample times since the last step after which the motion observer starts again."""
+_MIN_GAP, _MAX_GAP = 0.5, 5.0
+"""Sample times since the last step: up to the first the clock is wrong, and one sample time has
+passed; after the second the motion observer starts again."""
+_MAX_SPEEDING = 3.0
+"""Wheel speed, as a multiple of the maximum, above which an estimated twist is a fault."""
 _STANDING = 1e-9
 """Speed of a reference up to which it stands, m/s and rad/s."""
 _NEAR = 1e-6
@@ -84,21 +88,37 @@ def observe(
     robot: RobotModel, memory: MotionMemory, now: Measurement, dt: float, steady: bool
 ) -> None:
     """Update the motion observer; ``dt`` is the sample time in s."""
-    if not 0.0 < now.elapsed <= _MAX_GAP * dt:
-        known = isfinite(now.twist[0] + now.twist[1] + now.twist[2])
-        twist = now.twist if known else (0.0, 0.0, 0.0)
-        restart(memory, now.pose, twist)
+    known = _is_plausible(robot, now.twist)
+    elapsed = dt if now.elapsed <= _MIN_GAP * dt else now.elapsed  # a wrong clock
+    if not elapsed <= _MAX_GAP * dt:
+        first = not isfinite(elapsed)  # before the first step, the robot is at rest
+        restart(memory, now.pose, now.twist if known and first else (0.0, 0.0, 0.0))
+        for a in range(0 if first else 3):
+            doubt_twist(robot.model, memory, a, dt)
         return
-    saturation = predict(robot.model, memory, now.elapsed, robot.delay, dt)
+    shares = predict(robot.model, memory, elapsed, robot.delay, dt)
     if now.fresh:
-        unbiased = steady and saturation <= STEADY_SATURATION
-        correct(robot.model, memory, now.pose, now.variances, dt, unbiased)
-    if isfinite(now.twist[0] + now.twist[1] + now.twist[2]):
-        for a in range(3):
-            memory.twist[a] = now.twist[a]
-            memory.covariance[a, 0, 1] = memory.covariance[a, 1, 0] = 0.0
-            memory.covariance[a, 1, 1] = memory.covariance[a, 1, 2] = 0.0
-            memory.covariance[a, 2, 1] = 0.0
+        correct(robot.model, memory, now.pose, now.variances, dt, shares if steady else (1.0, 1.0))
+    if known:
+        correct_twist(robot.model, memory, now.twist, dt)
+
+
+@inlined
+def _is_plausible(robot: RobotModel, twist: Vector) -> bool:
+    """Return whether a twist is known, and not far beyond what the wheels reach: a fault."""
+    if not isfinite(twist[0] + twist[1] + twist[2]):
+        return False
+    return _fastest_wheel(robot, twist) <= _MAX_SPEEDING * robot.max_wheel_speed
+
+
+@inlined
+def _fastest_wheel(robot: RobotModel, twist: Vector) -> float:
+    """Return the largest wheel speed of a twist, rad/s."""
+    fastest, wheels = 0.0, robot.wheels
+    for i in range(len(wheels)):
+        speed = wheels[i, 0] * twist[0] + wheels[i, 1] * twist[1] + wheels[i, 2] * twist[2]
+        fastest = max(fastest, abs(speed))
+    return fastest
 
 
 @compiled
@@ -254,9 +274,7 @@ def command_stage(  # noqa: PLR0917
 @inlined
 def _saturate(robot: RobotModel, vx: float, vy: float, rate: float) -> Vector:
     """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
-    fastest, wheels = 0.0, robot.wheels
-    for i in range(len(wheels)):
-        fastest = max(fastest, abs(wheels[i, 0] * vx + wheels[i, 1] * vy + wheels[i, 2] * rate))
+    fastest = _fastest_wheel(robot, (vx, vy, rate))
     if fastest <= robot.max_wheel_speed:
         return vx, vy, rate
     factor = robot.max_wheel_speed / fastest
