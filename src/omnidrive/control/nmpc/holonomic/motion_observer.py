@@ -338,7 +338,7 @@ def _noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
     """Return 0 for exact poses to 1 for noise well above :data:`NOISY`, by the estimated noise."""
     variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
     ratio = variance / (NOISY * _unit(model, axis)) ** 2
-    return 1.0 - 1.0 / (1.0 + ratio * ratio)
+    return float(1.0 - 1.0 / (1.0 + ratio * ratio))
 
 
 @inlined
@@ -402,7 +402,7 @@ def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int
     """Return the component of :func:`without_disturbance` in an axis."""
     share, lacking = _noisy_share(model, memory, axis), memory.disturbance[axis]
     gain = 1.0 + share * lacking / (_USUAL_SPEED * _unit(model, axis))
-    return (component - (1.0 - share) * lacking) / max(gain, _LEAST_GAIN)
+    return float((component - (1.0 - share) * lacking) / max(gain, _LEAST_GAIN))
 
 
 @inlined
