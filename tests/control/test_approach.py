@@ -10,7 +10,7 @@ DT = 0.01
 WEIGHTS = np.array([90.0, 90.0, 40.0])
 
 
-def targets(robot, start, twist, goal, count=400):
+def targets(robot, start, twist, goal, count=400, reserve=1.0, reached=1.0):
     found = np.empty((count, 3))
     approach(
         np.array(start),
@@ -22,6 +22,8 @@ def targets(robot, start, twist, goal, count=400):
         robot.max_wheel_speed,
         DT,
         0.0,
+        reserve,
+        reached,
         found,
     )
     return found
@@ -67,3 +69,24 @@ def test_robot_that_is_too_fast_decelerates_to_the_target(speed):
     assert found[1, 0] - found[0, 0] == pytest.approx(speed * DT, rel=0.2)
     assert found[:, 0].max() <= 1.0 + 1e-12
     assert found[-1, 0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_robot_above_the_speed_for_braking_uses_the_reserve_until_it_is_not():
+    robot = named_robot("small")
+    limit = 1.0 / np.abs(robot.acceleration_faces[:, 0]).max()
+    speed = 1.05 * np.sqrt(2.0 * limit * 0.5)
+    found = targets(robot, (0.0, 0.0, 0.0), (speed, 0.0, 0.0), (0.5, 0.0, 0.0), reserve=1.3)[:, 0]
+    braking = -np.diff(found, n=2) / DT**2
+    assert braking[:3] == pytest.approx(1.3 * limit, rel=0.05)
+    assert braking[12:20].max() < 1.2 * limit
+    assert found.max() <= 0.5 + 1e-12
+    assert found[-1] == pytest.approx(0.5)
+
+
+def test_robot_that_reaches_half_the_acceleration_brakes_half_as_hard():
+    robot = named_robot("small")
+    limit = 1.0 / np.abs(robot.acceleration_faces[:, 0]).max()
+    found = targets(robot, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (2.0, 0.0, 0.0), reached=0.5)[:, 0]
+    accelerations = np.diff(found, n=2) / DT**2
+    assert accelerations.max() == pytest.approx(limit, rel=0.03)
+    assert accelerations.min() > -0.5 * limit

@@ -17,6 +17,8 @@ from omnidrive.control.nmpc.holonomic import (
     KeepOutZone,
 )
 from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
+from omnidrive.control.nmpc.holonomic.reached_acceleration import reached_share
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
@@ -69,8 +71,7 @@ def test_controller_with_reduced_drive_continues_its_state():
     first, second = (Pose(*row) for row in fewer.solution.states[:2].tolist())
     planned = np.array(twist_between(first, second, DT))
     used = np.abs(left.acceleration_faces @ (planned - twist)).max()
-    limit = usual.traction * DT  # share of the friction limits of three wheels
-    assert 0.9 * limit <= used <= limit * (1.0 + 1e-6)
+    assert 0.9 * usual.traction * DT <= used <= DT * (1.0 + 1e-6)  # friction of three wheels
     assert np.isfinite(hurried).all()
 
 
@@ -191,6 +192,26 @@ def test_reference_that_ends_in_motion_is_followed_to_its_end():
     assert max(errors[20:70]) < 1e-6
     assert max(errors[70:75]) > 0.05
     assert max(errors[-5:]) < 1e-3
+
+
+@pytest.mark.parametrize("friction", [1.0, 0.4])
+def test_step_does_not_overshoot_on_a_slippery_floor(friction):
+    """The plant is the slip model with another friction limit, which the controller observes."""
+    robot = named_robot("small")
+    controller = holonomic_nmpc(robot.chassis, 0.05, actuation=Actuation.of(robot))
+    model = SlipModel.of(robot)
+    model = model._replace(max_force=friction * model.max_force)
+    pose, twist, path = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0), []
+    controller.reset(State(0.0, pose))
+    for k in range(60):
+        command = controller.step(0.05 * k, State(0.05 * k, pose), Hold(Pose(1.0, 0.0, 0.0), 9.0))
+        mean, final = slip_response(model, tuple(twist), tuple(command.twist), 0.05)
+        pose, twist = move(pose, BodyTwist(*mean), 0.05), BodyTwist(*final)
+        path.append(pose.x)
+    assert max(path) < (1.005 if friction == 1.0 else 1.05)
+    assert abs(path[-1] - 1.0) < 1e-3
+    reached = reached_share(controller._memory.motion)
+    assert reached > 0.9 if friction == 1.0 else 0.3 <= reached < 0.6
 
 
 @pytest.mark.parametrize("moving", [False, True])

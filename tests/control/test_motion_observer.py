@@ -23,7 +23,9 @@ FIRST = Measurement(nan, (0.0, 0.0, 0.0), UNKNOWN, (-1.0, -1.0, -1.0), True)
 
 
 def plant(model):
-    return RobotModel(model, SMALL.chassis.jacobian, np.empty((0, 3)), SMALL.max_wheel_speed, 0.0)
+    return RobotModel(
+        model, SMALL.chassis.jacobian, np.empty((0, 3)), SMALL.max_wheel_speed, 0.0, 1.0
+    )
 
 
 MODELS = [SlipModel.of(SMALL), SlipModel.without_slip(SMALL.chassis, (0.05, 0.02))]

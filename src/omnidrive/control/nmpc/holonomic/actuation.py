@@ -84,14 +84,20 @@ class Actuation:
             )
         return replace(self, acceleration_faces=faces, slip_model=slip_model)
 
-    def limits(self, chassis: Chassis, dt: float) -> Limits:
+    @property
+    def reserve(self) -> float:
+        """Full friction of the wheels over the share that plans use, at least 1."""
+        return max(1.0, 1.0 / self.traction)
+
+    def limits(self, chassis: Chassis, dt: float, acceleration: float = 1.0) -> Limits:
         """Return the limits of wheel speeds and, if there are any, of accelerations.
 
         Args:
             chassis: The wheels and their maximum speed.
             dt: Length of a stage, in s.
+            acceleration: Factor of the limits of accelerations.
         """
         speeds = speed_limits(chassis.jacobian, chassis.max_wheel_speed, dt, self.lag)
         if self.acceleration_faces is None:
             return speeds
-        return stack_limits(speeds, rate_limits(self.acceleration_faces, 1.0, dt))
+        return stack_limits(speeds, rate_limits(self.acceleration_faces, acceleration, dt))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import sqrt
 
 import numpy as np
 from jaxtyping import Float
@@ -13,9 +13,11 @@ from omnidrive.robot.slip import Vector
 
 _CELLS = 32
 """Intervals of the path, on each of which the acceleration is constant."""
-_SPEED_SHARE = 0.95
+_SPEED_SHARE = 0.99
 """Share of the speed limit that the motion uses."""
-_RATE = 6.0
+_BRAKING = 0.88
+"""Share of the largest acceleration with which the motion brakes."""
+_RATE = 8.5
 """Greatest ratio of speed to remaining distance, in 1/s: time-optimal braking alone has no limit of
 this ratio, so that lags that the model does not have would cause oscillations."""
 
@@ -30,7 +32,9 @@ def approach(  # noqa: PLR0917
     wheels: Float[Array, "wheels 3"],
     max_wheel_speed: float,
     dt: float,
-    age: float,
+    lead: float,
+    reserve: float,
+    reached: float,
     targets: Float[Array, "points 3"],
 ) -> None:
     """Fill in targets ``dt`` (s) apart along the straight line from ``start`` to ``target``.
@@ -39,8 +43,8 @@ def approach(  # noqa: PLR0917
     error afterwards than to a fast approach. On a straight line in (x, y, yaw) all coordinates
     arrive together, none passes its target, and the fastest motion follows from the limits by one
     backward and one forward pass (Bobrow, Dubowsky & Gibson, Int. J. Robotics Research 4, 1985; the
-    limits turn with the heading). A robot that is too fast to stop at the target with these limits
-    decelerates at the constant rate that it needs.
+    limits turn with the heading). A robot that is faster than that decelerates with the
+    reserve until it is not, or at the constant rate at which it stops at the target.
 
     Args:
         start: Present pose in W; m, m, rad.
@@ -51,20 +55,27 @@ def approach(  # noqa: PLR0917
         wheels: Wheel matrix.
         max_wheel_speed: In rad/s.
         dt: In s.
-        age: Time since the robot had this twist, in s: half a sample time if the twist is constant
-            within a sample, 0 if it changes continuously.
+        lead: Time in s by which targets are ahead, because a change of the twist begins with the
+            next command; see :func:`~.slip_model.predict_change`.
+        reserve: Largest acceleration over those limits, at least 1.
+        reached: Share of the acceleration that the robot reaches, 0 to 1; braking, and the ratio of
+            speed to distance, are reduced by it.
         targets: Output; poses in W, the first of which is near ``start``.
     """
     error = (start[0] - target[0], start[1] - target[1], start[2] - target[2])
     accelerations, squared = _limits(start[2], error, faces, wheels, max_wheel_speed)
-    for i in range(_CELLS - 1, -1, -1):  # braking
-        reachable = squared[i + 1] + 2.0 * accelerations[i] / _CELLS
+    braking = _BRAKING * reserve * reached
+    for i in range(_CELLS + 1):
+        rate = _RATE * reached * (1.0 - i / _CELLS)
+        squared[i] = min(squared[i], rate * rate)
+    for i in range(_CELLS - 1, -1, -1):
+        reachable = squared[i + 1] + 2.0 * braking * accelerations[i] / _CELLS
         squared[i] = min(squared[i], reachable)
     speed = _speed(start[2], twist, error, weights)
-    if speed * speed > squared[0] and speed > 0.0:
-        _brake(speed, accelerations.min(), error, target, dt, targets)
+    if speed > 0.0 and 0.5 * speed * speed > reserve * accelerations.min():
+        _brake(speed, error, target, dt, lead, targets)
         return
-    _fill(speed, accelerations, squared, error, target, dt, age, targets)
+    _fill(speed, accelerations, squared, error, target, dt, lead, reserve, targets)
 
 
 @compiled
@@ -95,7 +106,7 @@ def _limits(
         if i > 0:
             accelerations[i - 1] = min(before, here)
         before = here
-        squared[i] = min(_SPEED_SHARE * max_wheel_speed / speed, _RATE * left) ** 2
+        squared[i] = (_SPEED_SHARE * max_wheel_speed / speed) ** 2
     return accelerations, squared
 
 
@@ -107,22 +118,23 @@ def _fill(  # noqa: PLR0917
     error: Vector,
     target: Vector,
     dt: float,
-    age: float,
+    lead: float,
+    reserve: float,
     targets: Float[Array, "points 3"],
 ) -> None:
-    """Fill in targets of the fastest motion from ``speed`` (1/s), below the speeds at the nodes."""
+    """Fill in targets of the fastest motion from ``speed`` (1/s) to the speeds at the nodes."""
     times, squares = np.zeros(_CELLS + 1), np.empty(_CELLS + 1)
     squares[0] = max(speed, 0.0) ** 2
     away = max(-speed, 0.0)  # it stops first, at a distance beyond the start
     stop_time, stop = away / accelerations[0], 0.5 * away * away / accelerations[0]
     for i in range(_CELLS):
-        fastest = squares[i] + 2.0 * accelerations[i] / _CELLS
-        squares[i + 1] = min(fastest, squared[i + 1])
+        change = 2.0 * accelerations[i] / _CELLS
+        slowest = squares[i] - reserve * change
+        squares[i + 1] = max(min(squares[i] + change, squared[i + 1]), slowest)
         times[i + 1] = times[i] + 2.0 / _CELLS / (sqrt(squares[i]) + sqrt(squares[i + 1]))
-    i = 0
-    ago = 1.0 + max(speed, 0.0) * age
+    i, ahead = 0, 0.0
     for k in range(len(targets)):
-        t = k * dt + age
+        t = k * dt + lead
         if t < stop_time:
             left = 1.0 + away * t - 0.5 * accelerations[0] * t * t
         else:
@@ -135,9 +147,11 @@ def _fill(  # noqa: PLR0917
                 late, cell = t - times[i], 1.0 / _CELLS
                 acceleration = 0.5 * (squares[i + 1] - squares[i]) / cell
                 left = 1.0 - i * cell - late * (sqrt(squares[i]) + 0.5 * acceleration * late)
-                left *= (1.0 + stop) * ago
+                left *= 1.0 + stop
+        if k == 0:
+            ahead = 1.0 - left
         for a in range(3):
-            targets[k, a] = target[a] + left * error[a]
+            targets[k, a] = target[a] + (left + ahead) * error[a]
 
 
 @compiled
@@ -155,23 +169,18 @@ def _speed(yaw: float, twist: Vector, error: Vector, weights: Float[Array, " 3"]
 @compiled
 def _brake(  # noqa: PLR0917
     speed: float,
-    acceleration: float,
     error: Vector,
     target: Vector,
     dt: float,
+    lead: float,
     targets: Float[Array, "points 3"],
 ) -> None:
-    """Fill in targets of a robot that is faster than its limits allow at this distance.
-
-    Near the target, where only the ratio of speed to distance is too large, the error decreases
-    exponentially; otherwise the deceleration is the constant one that stops at the target.
-    """
+    """Fill in targets that stop at the target at a constant deceleration beyond the limits."""
     needed = 0.5 * speed * speed
+    lead = min(lead, speed / needed)
+    ahead = lead * speed - 0.5 * needed * lead * lead
     for k in range(len(targets)):
-        if needed <= acceleration:
-            left = exp(-speed * k * dt)
-        else:
-            t = min(k * dt, speed / needed)
-            left = 1.0 - speed * t + 0.5 * needed * t * t
+        t = min(k * dt + lead, speed / needed)
+        left = 1.0 - speed * t + 0.5 * needed * t * t
         for a in range(3):
-            targets[k, a] = target[a] + left * error[a]
+            targets[k, a] = target[a] + (left + ahead) * error[a]

@@ -145,6 +145,7 @@ class HolonomicController(GuardedController):
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
             float(self.chassis.max_wheel_speed),
             float(actuation.delay),
+            actuation.reserve,
         )
         delayed = int(actuation.delay / self.dt)
         self._memory = law_memory(stages, len(limits.bounds), delayed)
@@ -155,6 +156,7 @@ class HolonomicController(GuardedController):
             self.parameters.control_weights(),
             limits,
             stack_keep_outs((), points),
+            actuation.limits(self.chassis, self.dt, actuation.reserve),
             HolonomicSolverSettings(),
         )
         self._outputs = np.zeros(3), np.zeros(len(self.detail_units))
@@ -323,8 +325,8 @@ class HolonomicController(GuardedController):
     ) -> int:
         """Do the same as :func:`~.law.law` with any solver."""
         data, memory = self._data, self._memory
-        problem = stage_problem(data, memory)
         usable = begin(data, memory, now, setpoints)
+        problem = stage_problem(data, memory)
         usable = usable and isfinite(problem.start.sum() + problem.targets.sum())
         solution = solver.solve(problem) if usable else None
         solved = solution is not None and solution.exit is not Exit.UNUSABLE

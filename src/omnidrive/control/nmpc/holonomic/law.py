@@ -69,6 +69,8 @@ class LawData(NamedTuple):
     control_weights: Float[Array, " 3"]
     limits: Limits
     keep_outs: KeepOutArrays
+    approach_limits: Limits
+    """As ``limits``, with the reserve of acceleration: for approaches to a standing target."""
     settings: HolonomicSolverSettings
 
 
@@ -107,7 +109,13 @@ def law_memory(stages: int, rows: int, delayed: int) -> LawMemory:
 
 @compilable
 def stage_problem(data: LawData, memory: LawMemory) -> HolonomicProblem:
-    """Return the problem whose arrays :func:`begin` fills in."""
+    """Return the problem that :func:`begin` has filled in."""
+    approaches = memory.last[_APPROACHES] > 0.0
+    return _problem(data, memory, data.approach_limits if approaches else data.limits)
+
+
+@compilable
+def _problem(data: LawData, memory: LawMemory, limits: Limits) -> HolonomicProblem:
     return HolonomicProblem(
         data.dt,
         memory.start,
@@ -116,7 +124,7 @@ def stage_problem(data: LawData, memory: LawMemory) -> HolonomicProblem:
         memory.feedforward,
         data.state_weights,
         data.control_weights,
-        data.limits,
+        limits,
         data.keep_outs,
     )
 
@@ -164,7 +172,7 @@ def begin(
         return False
     last[_STARTED], last[_TIME] = 1.0, now.t
     last[_POSE], last[_POSE + 1], last[_POSE + 2] = x, y, yaw
-    problem = stage_problem(data, memory)
+    problem = _problem(data, memory, data.limits)
     approaches = fill_problem(data.robot, memory.motion, problem, setpoints, 0, now.last)
     last[_APPROACHES] = 1.0 if approaches else 0.0
     return True

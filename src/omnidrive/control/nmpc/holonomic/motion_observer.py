@@ -86,6 +86,9 @@ class MotionMemory(NamedTuple):
     of measurements; of every axis the last displacement of a robot that was moved, otherwise 0; and
     the number of the latest measurements in which wheels slipped with the disturbance only.
     See :func:`_estimate_noise`, :func:`_carries_on` and :func:`correct`."""
+    reached: Float[Array, " 1"]
+    """Share of the planned acceleration that the robot reaches, minus the assumed one, see
+    :func:`~.reached_acceleration.reached_share`."""
 
 
 def observed_motion(memory: MotionMemory) -> ObservedMotion:
@@ -106,6 +109,7 @@ def motion_memory(delayed: int) -> MotionMemory:
         np.zeros((3, 3, 3)),
         np.zeros((delayed + 2, 3)),
         np.zeros(13),
+        np.zeros(1),
     )
 
 
@@ -117,6 +121,7 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     memory.covariance[:] = 0.0
     memory.commands[:] = 0.0
     memory.noise[:] = 0.0
+    memory.reached[0] = 0.0
 
 
 @inlined

@@ -160,6 +160,27 @@ def compensate(model: SlipModel, desired: Vector, initial: Vector, dt: float) ->
 
 
 @compiled
+def predict_change(
+    model: SlipModel, change: Vector, initial: Vector, dt: float
+) -> tuple[Vector, Vector]:
+    """Return what a command that differs from the initial twist by ``change`` causes in ``dt`` (s).
+
+    Returns:
+        The desired twist for which :func:`compensate` returns this command, and the final twist.
+    """
+    commanded = (initial[0] + change[0], initial[1] + change[1], initial[2] + change[2])
+    mean, final = slip_response(model, initial, commanded, dt)
+    tau = lags(model)
+    if dt < _SHORT_STEP * max(tau[0], tau[1], tau[2]):
+        mean = (
+            initial[0] + change[0] / (1.0 + tau[0] / dt),
+            initial[1] + change[1] / (1.0 + tau[1] / dt),
+            initial[2] + change[2] / (1.0 + tau[2] / dt),
+        )
+    return mean, final
+
+
+@compiled
 def _without_spin(model: SlipModel, commanded: Vector, initial: Vector, dt: float) -> Vector:
     """Reduce the commanded change by bisection until no wheel spins at the end of the step."""
     low, high = 0.0, 1.0

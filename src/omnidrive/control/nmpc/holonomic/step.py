@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, inf, isfinite, sin
+from math import cos, isfinite, sin
 from typing import NamedTuple
 
 from jaxtyping import Float
@@ -26,7 +26,8 @@ from omnidrive.control.nmpc.holonomic.motion_observer import (
     without_disturbance,
 )
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, lags
+from omnidrive.control.nmpc.holonomic.reached_acceleration import reached_share, update_reached
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, predict_change
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
 from omnidrive.control.nmpc.holonomic.stage_point import overwrite
@@ -41,6 +42,8 @@ _STANDING = 1e-9
 """Speed of a reference up to which it stands, m/s and rad/s."""
 _NEAR = 1e-6
 """Distance from a standing target up to which there is nothing to approach, m and rad."""
+_GENTLE = 0.3
+"""Share of the limits of acceleration up to which the plan of least squares leads to the target."""
 
 
 class Measurement(NamedTuple):
@@ -71,6 +74,8 @@ class RobotModel(NamedTuple):
     """In rad/s."""
     delay: float
     """Time until a command takes effect, s."""
+    reserve: float
+    """Largest acceleration over those limits, at least 1."""
 
 
 class Plan(NamedTuple):
@@ -96,8 +101,11 @@ def observe(
         for a in range(0 if first else 3):
             doubt_twist(robot.model, memory, a, dt)
         return
+    pose = (memory.pose[0], memory.pose[1], memory.pose[2])
+    twist = (memory.twist[0], memory.twist[1], memory.twist[2])
     shares = predict(robot.model, memory, elapsed, robot.delay, dt)
     if now.fresh:
+        update_reached(robot.model, robot.faces, memory, pose, twist, now.pose, elapsed)
         correct(robot.model, memory, now.pose, now.variances, dt, shares if steady else (1.0, 1.0))
     if known:
         correct_twist(robot.model, memory, now.twist, dt)
@@ -161,9 +169,23 @@ def fill_problem(  # noqa: PLR0917
         distance = max(distance, abs(p.targets[0, a] - p.start[a]))
     if len(robot.faces) == 0 or not (speed <= _STANDING and distance > _NEAR):
         return False
-    if not violates_constraints(p, unconstrained_velocities(p)):
-        return False
+    return _approach_target(robot, memory, p, twist)
+
+
+@compiled
+def _approach_target(
+    robot: RobotModel, memory: MotionMemory, p: HolonomicProblem, twist: Vector
+) -> bool:
+    """Replace a standing target by an approach, unless the free plan is one well within limits."""
     target = (p.targets[0, 0], p.targets[0, 1], p.targets[0, 2])
+    lead = _lead(robot, p, twist)
+    free = unconstrained_velocities(p)
+    if not violates_constraints(p, free):
+        vx, vy, rate = free[0]
+        ahead, left = arc_twist(p.dt, p.start[2], vx, vy, rate)
+        change = (ahead - twist[0], left - twist[1], rate - twist[2])
+        if _load(robot.faces, change) <= _GENTLE * (0.5 * p.dt + lead):
+            return False
     approach(
         p.start,
         twist,
@@ -173,10 +195,12 @@ def fill_problem(  # noqa: PLR0917
         robot.wheels,
         robot.max_wheel_speed,
         p.dt,
-        _twist_age(robot.model, p.dt),
+        lead,
+        robot.reserve,
+        reached_share(memory),
         p.targets,
     )
-    for k in range(points - 1):
+    for k in range(len(p.feedforward)):
         for a in range(3):
             p.feedforward[k, a] = (p.targets[k + 1, a] - p.targets[k, a]) / p.dt
     return True
@@ -193,10 +217,7 @@ def _pass_end(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
         return
     x, y, rate = p.feedforward[last - 1]
     c, s = cos(p.targets[last, 2]), sin(p.targets[last, 2])
-    ahead, left, load = c * x + s * y, c * y - s * x, 0.0
-    for face in robot.faces:
-        load = max(load, abs(face[0] * ahead + face[1] * left + face[2] * rate))
-    if load <= p.dt:
+    if _load(robot.faces, (c * x + s * y, c * y - s * x, rate)) <= p.dt:
         return
     for k in range(last, len(p.feedforward)):
         for a in range(3):
@@ -205,15 +226,35 @@ def _pass_end(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
 
 
 @inlined
-def _twist_age(model: SlipModel, dt: float) -> float:
-    """Return the time, in s, by which the twist of a model without forces is that of the past.
+def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
+    """Return the time, in s, by which targets lead a motion that is at the limit of acceleration.
 
-    Such a model changes its twist at the beginning of a sample only, as soon as its lag allows.
+    The mean twist of a sample that ends with the twist of the motion is ahead of the motion's,
+    where the robot follows commands within the sample: by half a sample if it does so at once.
     """
-    if model.max_force < inf:
-        return 0.0
-    x, y, yaw = lags(model)
-    return max(0.5 * dt - max(x, y, yaw), 0.0)
+    x, y = p.targets[0, 0] - p.start[0], p.targets[0, 1] - p.start[1]
+    turn = p.targets[0, 2] - p.start[2]
+    c, s = cos(p.start[2]), sin(p.start[2])
+    error = (c * x + s * y, c * y - s * x, turn)
+    share = p.dt / _load(robot.faces, error)
+    change = (share * error[0], share * error[1], share * turn)
+    mean, final = predict_change(robot.model, change, twist, p.dt)
+    by_mean, by_end = 0.0, 0.0
+    for a in range(3):
+        weight = robot.model.inertia[a] * change[a]
+        by_mean += weight * (mean[a] - twist[a])
+        by_end += weight * (final[a] - twist[a])
+    return p.dt * max(by_mean / by_end - 0.5, 0.0) if by_end > 0.0 else 0.0
+
+
+@inlined
+def _load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
+    """Return the largest component of a vector along the normals of the limits."""
+    load = 0.0
+    for j in range(len(faces)):
+        component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
+        load = max(load, abs(component))
+    return load
 
 
 @compiled

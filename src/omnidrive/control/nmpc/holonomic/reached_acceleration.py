@@ -1,0 +1,81 @@
+"""Share of the planned acceleration that the robot reaches."""
+
+from __future__ import annotations
+
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compiled, inlined
+from omnidrive.control.nmpc.common.unwrap import wrap_angle
+from omnidrive.control.nmpc.holonomic.motion import arc_velocity
+from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.robot.slip import Vector
+
+_ASSUMED, _LEAST = 0.7, 0.3
+"""Share that is assumed without evidence, and the least one."""
+_DEFICIT = 0.8
+"""Acceleration over the predicted one, below which the robot does not reach it."""
+_HARD = 0.3
+"""Least share of the limits of acceleration at which a deficit is evidence."""
+_RISE, _REACTION, _OBLIVION = 0.04, 0.1, 20.0
+"""Time constants in s, of reductions, and of the return to the assumed share."""
+_NOISE_RATIO = 25.0
+"""Least square of the displacement by acceleration over the variance of the measured position."""
+
+
+@inlined
+def reached_share(memory: MotionMemory) -> float:
+    """Return the share of the limits of acceleration that the robot reaches, 0 to 1."""
+    return _ASSUMED + memory.reached[0]
+
+
+@compiled
+def update_reached(  # noqa: PLR0917
+    model: SlipModel,
+    faces: Float[Array, "faces 3"],
+    memory: MotionMemory,
+    pose: Vector,
+    twist: Vector,
+    measured: Vector,
+    dt: float,
+) -> None:
+    """Update the share of the limits of acceleration that the robot has reached.
+
+    On a slippery floor the robot accelerates less than the model predicts as long as more is
+    demanded. The share follows such deficits within a tenth of a second, and rises at once where
+    the robot is seen to accelerate more: a motor lag is a deficit for a moment only.
+
+    Args:
+        model: The model.
+        faces: Limits of acceleration, ``|faces @ acceleration| <= 1`` in B.
+        memory: The prediction for the time of the measurement.
+        pose: Estimated pose a sample before.
+        twist: Estimated body twist a sample before.
+        measured: Measured pose.
+        dt: Time since then, in s.
+    """
+    vx, vy = arc_velocity(dt, pose[2], twist[0], twist[1], twist[2])
+    free = (pose[0] + dt * vx, pose[1] + dt * vy, pose[2] + dt * twist[2])  # not accelerated
+    missing, expected = 0.0, 0.0
+    for a in range(3):
+        change, error = memory.pose[a] - free[a], memory.pose[a] - measured[a]
+        if a == 2:
+            error = wrap_angle(error)
+        missing += model.inertia[a] * change * error
+        expected += model.inertia[a] * change * change
+    if expected <= _NOISE_RATIO * model.inertia[0] * max(memory.noise[0], 0.0):
+        return
+    load = 0.0
+    for j in range(len(faces)):
+        change = 0.0
+        for a in range(3):
+            change += faces[j, a] * (memory.twist[a] - twist[a])
+        load = max(load, abs(change) / dt)
+    share = 1.0 - missing / expected
+    reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
+    change = max(reached, _LEAST) - reached_share(memory)
+    if load > _HARD and (change > 0.0 or share < _DEFICIT):
+        memory.reached[0] += dt / (dt + (_RISE if change > 0.0 else _REACTION)) * change
+    else:
+        memory.reached[0] *= 1.0 - dt / _OBLIVION
