@@ -226,7 +226,7 @@ def test_keep_out_zones_of_the_nmpc_equal_simulate():
     zone = KeepOutZone(free.pose[15, :2], 0.25)
     law = partial(nmpc, keep_outs=[zone])
     run = assert_equals_simulate("kinematic", law, reference, 0.1, None, noisy=False)
-    assert np.hypot(*(run.pose[:, :2] - zone.centres).T).min() > 0.2
+    assert np.hypot(*(run.pose[:, :2] - zone.centres).T).min() > 0.15  # a plan without zones: 0
 
 
 @pytest.mark.parametrize("options", [{"threads": 2, "block": 3}, {"threads": 3, "block": 1}])
