@@ -3,7 +3,8 @@
 This package depends on internals of Numba: the cache interface of a dispatcher (``_cache`` with
 ``load_overload`` and ``save_overload``), ``CompileResult._reduce`` and ``_rebuild``,
 ``serialize.dumps``, the code library and ``get_executable`` of the CPU target, ``config``,
-``cgutils``, and ``types.WrapperAddressProtocol`` with the C wrapper of a kernel. Outside it, only
+``cgutils``, ``types.WrapperAddressProtocol`` with the C wrapper of a kernel, and the passes and the
+intermediate representation of its compiler. Outside it, only
 :mod:`omnidrive.fuzzy.unsafe_views` (``populate_array``) and
 :mod:`omnidrive.planning.search.bit_ops` (``numba.cpython.unsafe.numbers``) do. The bounds of Numba
 in ``pyproject.toml`` are the versions that all of them are tested with.
@@ -67,8 +68,7 @@ def compiled_sums(kernel: Callable[P, R]) -> Callable[P, R]:
 def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
     """As :func:`compiled`, for a small kernel that is inlined into its callers.
 
-    A call that is not inlined costs two atomic operations per array argument (reference counts),
-    also for arrays in a tuple; for a dozen arrays that exceeds the cost of a short loop.
+    Passing a dozen arrays to a kernel that is not inlined takes longer than a short loop.
     """
     return _compiled(kernel, forceinline=True)
 

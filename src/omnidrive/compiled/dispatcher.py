@@ -21,6 +21,7 @@ from numba.core import codegen, environment, registry, sigutils
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime import nrt
 
+from omnidrive.compiled.borrowed_arrays import KernelCompiler
 from omnidrive.compiled.cache import KernelCache
 from omnidrive.compiled.compilation import reported
 
@@ -46,7 +47,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         self, py_func: Any, locals: Any = None, targetoptions: Any = None, **more: Any
     ) -> None:
         options = {"nopython": True, "boundscheck": None} | (targetoptions or {})
-        super().__init__(py_func, locals, options, **more)
+        super().__init__(py_func, locals, options, pipeline_class=KernelCompiler, **more)
         self._cache = KernelCache(self)
         self._without_code: set[Types] = set()
 

@@ -35,6 +35,9 @@ from numba.core.extending import _Intrinsic
 
 _config: Any = config  # its attributes are set at run time
 
+_PASSES = "borrowed arrays"
+"""Compiler passes of this package, which determine the machine code as well."""
+
 _LOAD_GLOBAL, _EXTENDED_ARG = opmap["LOAD_GLOBAL"], opmap["EXTENDED_ARG"]
 _CALL_FLAGS = CO_VARARGS | CO_VARKEYWORDS | CO_GENERATOR
 _CHECKS = {"jaxtyping", "beartype"}  # they wrap functions in tests; no machine code depends on them
@@ -54,7 +57,7 @@ def kernel_key(kernel: Any) -> str:
 
 
 def _compiler_text() -> list[str]:
-    versions = (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
+    versions = (_PASSES, sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
     settings = (_config.OPT, _config.DEBUGINFO_DEFAULT, _config.BOUNDSCHECK)
     loops = (_config.LOOP_VECTORIZE, _config.SLP_VECTORIZE)
     return [str(item) for item in (*versions, np.__version__, *settings, *loops)]
