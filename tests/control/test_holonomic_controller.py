@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from inspect import unwrap
 from math import exp
 
@@ -22,9 +23,12 @@ from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
+from omnidrive.estimation.drive_memory import DriveSettings
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
-from omnidrive.reference import Hold
+from omnidrive.reference import Hold, ShapeReference
+from omnidrive.reference.shapes import Eight
 from omnidrive.robot import Chassis, named_robot
+from omnidrive.simulation import PlanarPlant, simulate
 from omnidrive.testing.laws import Circle
 
 DT = 0.1
@@ -357,3 +361,51 @@ def test_commands_keep_the_wheel_speed_limit_at_long_sample_times():
         twist = controller.step(float(k), State(float(k), pose), Circle()).twist
         most = np.abs(robot.chassis.wheel_speeds(twist)).max()
         assert most <= robot.max_wheel_speed * (1.0 + 1e-12)
+
+
+def drive_controller(robot, dt, adaptation, **known):
+    actuation = Actuation.of(replace(robot, **known))
+    return holonomic_nmpc(robot.chassis, dt, actuation=actuation, adaptation=adaptation)
+
+
+def mean_error(robot, controller, **changes):
+    """Mean error on a figure eight after 3 s, m; the plant differs from the robot."""
+    reference = ShapeReference(Eight(), 12.0)
+    start = reference.at(0.0).pose
+    plant = PlanarPlant(replace(robot, **changes))
+    run = simulate(plant, controller, reference, start=start, dt=0.05)
+    difference = (run.pose - run.target)[run.t > 3.0]
+    return np.hypot(difference[:, 0], difference[:, 1]).mean()
+
+
+@pytest.mark.parametrize(
+    ("changes", "most"),
+    [({"motor_lag": 0.08}, 0.3), ({"drive_gain": (0.95, 0.95, 0.9)}, 0.4), ({}, 1.0)],
+)
+def test_what_is_identified_is_compensated(changes, most):
+    robot = named_robot("small")
+    fixed = mean_error(robot, drive_controller(robot, 0.05, None), **changes)
+    adaptive = drive_controller(robot, 0.05, DriveSettings())
+    assert mean_error(robot, adaptive, **changes) <= most * fixed
+    assert adaptive.drive.lag == pytest.approx(changes.get("motor_lag", 0.0), abs=0.01)
+    assert adaptive.drive.gains[0] == pytest.approx(changes.get("drive_gain", [1.0])[0], abs=0.01)
+
+
+def test_a_known_drive_is_compensated_without_adaptation():
+    robot, changes = named_robot("small"), {"motor_lag": 0.08, "drive_gain": (0.95, 0.95, 0.9)}
+    known = drive_controller(robot, 0.05, None, **changes)
+    unknown = drive_controller(robot, 0.05, None)
+    assert mean_error(robot, known, **changes) < 0.2 * mean_error(robot, unknown, **changes)
+
+
+def test_a_reset_forgets_what_was_identified():
+    robot = named_robot("small")
+    controller = drive_controller(robot, 0.05, DriveSettings())
+    first = mean_error(robot, controller, motor_lag=0.08)
+    assert controller.drive.lag > 0.05
+    assert mean_error(robot, controller, motor_lag=0.08) == first
+
+
+def test_adaptation_with_bounds_that_exclude_the_robot_is_refused():
+    with pytest.raises(InvalidInput, match="the lag before adaptation"):
+        drive_controller(named_robot("small"), 0.05, DriveSettings(max_lag=0.1), motor_lag=0.2)

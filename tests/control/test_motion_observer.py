@@ -13,6 +13,7 @@ from omnidrive.control.nmpc.holonomic.motion_observer import (
 )
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.nmpc.holonomic.step import Measurement, RobotModel, observe
+from omnidrive.estimation.drive_memory import DriveSettings
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
 
@@ -24,7 +25,14 @@ FIRST = Measurement(nan, (0.0, 0.0, 0.0), UNKNOWN, (-1.0, -1.0, -1.0), True)
 
 def plant(model):
     return RobotModel(
-        model, SMALL.chassis.jacobian, np.empty((0, 3)), SMALL.max_wheel_speed, 0.0, 1.0
+        model,
+        SMALL.chassis.jacobian,
+        np.empty((0, 3)),
+        SMALL.max_wheel_speed,
+        1.0,
+        np.array([1.0, 1.0, 1.0, 0.0, 0.0]),
+        None,
+        DriveSettings(),
     )
 
 
@@ -37,7 +45,7 @@ class Robot:
     def __init__(self, model, lacking=(0.0, 0.0, 0.0), sigma=0.0):
         self.model, self.lacking, self.sigma = model, np.array(lacking), sigma
         self.pose, self.twist = Pose(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        self.memory, self.rng = motion_memory(0), np.random.default_rng(3)
+        self.memory, self.rng = motion_memory(3), np.random.default_rng(3)
         observe(plant(model), self.memory, FIRST, DT, True)
 
     def step(self, command, *, steady=True, moved=0.0, twist=UNKNOWN, outlier=0.0, elapsed=DT):

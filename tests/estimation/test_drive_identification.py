@@ -15,7 +15,8 @@ from omnidrive.estimation.drive_memory import (
     DriveEstimate,
     DriveSettings,
     applied_parameters,
-    drive_details,
+    check_start,
+    command_count,
     drive_estimate,
     drive_memory,
     identified_robot,
@@ -42,6 +43,21 @@ SHORT = {"gains": (0.95, 0.95, 0.9)}
 @compiled
 def applied(memory):
     return applied_parameters(memory)
+
+
+NOTHING = DriveEstimate()
+"""Before the first sample."""
+
+
+def drive_array(known):
+    return np.array([*known.gains, known.lag, known.delay])
+
+
+def memory_of(dt, known=NOTHING):
+    """Memory at the start of a run."""
+    memory = drive_memory(command_count(known.delay, dt))
+    initialize(memory, drive_array(known), dt)
+    return memory
 
 
 def drive_model(robot):
@@ -87,10 +103,9 @@ def estimates(robot, commands, poses, dt=DT, *, noise=0.0, seed=0, settings=None
     """Memory after every sample, as estimates and as parameters that a controller uses."""
     settings, model = settings or DriveSettings(), drive_model(robot)
     measured = poses + noise * np.random.default_rng(seed).normal(size=poses.shape)
-    memory = drive_memory(settings, dt)
+    memory = memory_of(dt)
     restart(memory, tuple(measured[0].tolist()), REST)
-    for each in memory.hypotheses:
-        each.state_covariance[:, 0, 0] = noise**2
+    memory.state_covariance[:, :, 0, 0] = noise**2
     rows = zip(commands.tolist(), measured[1:].tolist(), strict=True)
     for command, pose in rows:
         variances = (noise**2, noise**2, noise**2)
@@ -104,8 +119,7 @@ def final(*args, **kwargs):
 
 
 def is_finite(memory):
-    arrays = [memory.commands, *(array for each in memory.hypotheses for array in each[1:])]
-    return all(np.isfinite(array).all() for array in arrays)
+    return all(np.isfinite(array).all() for array in memory)
 
 
 def check_harmless(name, dt):
@@ -222,22 +236,30 @@ def test_estimates_stay_within_the_bounds():
 @pytest.mark.parametrize(
     ("settings", "initial", "message"),
     [
-        (DriveSettings(min_gain=1.2), None, "min_gain is 1.2, need 0.1 to 1"),
-        (DriveSettings(memory=0.0), None, "memory is 0 s"),
-        (DriveSettings(max_delay=0.01), DriveEstimate(delay=0.05), "the delay is 0.05"),
-        (DriveSettings(), DriveEstimate(gains=(0.5, 1.0, 1.0)), "the gain is 0.5"),
+        (DriveSettings(min_gain=1.2), NOTHING, "min_gain is 1.2, need 0.1 to 1"),
+        (DriveSettings(memory=0.0), NOTHING, "memory is 0 s"),
+        (
+            DriveSettings(max_delay=0.01),
+            DriveEstimate(delay=0.05),
+            "the delay before adaptation is 0.05",
+        ),
+        (
+            DriveSettings(),
+            DriveEstimate(gains=(0.5, 1.0, 1.0)),
+            "the gain before adaptation is 0.5",
+        ),
     ],
 )
 def test_bounds_that_exclude_the_start_are_refused(settings, initial, message):
     with pytest.raises(InvalidInput, match=message):
-        drive_memory(settings, DT, initial)
+        check_start(settings, initial)
 
 
 def test_a_moved_robot_and_readings_that_are_not_numbers_do_not_mislead():
     robot, commands = named_robot("paper"), eight_commands(DT)
     poses = drive(robot, commands)
     settings, model = DriveSettings(), drive_model(robot)
-    memory = drive_memory(settings, DT)
+    memory = memory_of(DT)
     restart(memory, REST, REST)
     for k, command in enumerate(commands.tolist()):
         x, y, yaw = poses[k + 1].tolist()
@@ -256,9 +278,9 @@ def test_a_new_run_starts_from_the_initial_parameters():
     robot, commands = named_robot("small"), jerky_commands(DT, 2.0)
     poses, model, settings = drive(robot, commands, **SHORT), drive_model(robot), DriveSettings()
     initial = DriveEstimate(gains=(0.97, 0.97, 0.95), lag=0.01, delay=0.02)
-    memory, results = drive_memory(settings, DT, initial), []
+    memory, results = memory_of(DT, initial), []
     for _ in range(2):
-        initialize(memory)
+        initialize(memory, drive_array(initial), DT)
         restart(memory, REST, REST)
         before = drive_estimate(memory)
         assert (before.gains, before.lag, before.delay) == initial[:3]
@@ -288,11 +310,14 @@ def test_what_the_motion_did_not_determine_keeps_its_value_in_the_file():
 
 
 def test_details_have_the_names_of_their_estimates():
-    estimate = DriveEstimate((0.9, 0.8, 0.7), 0.03, 0.05, (0.01, 0.02, 0.04), 0.005, 0.006)
-    details = dict(zip(DRIVE_UNITS, drive_details(estimate), strict=True))
-    assert (details["drive_gain_yaw"], details["drive_delay"]) == (0.7, 0.05)
-    assert details["drive_gain_y_error"] == 0.02
-    assert details["drive_delay_error"] == 0.006
+    memory = memory_of(DT)
+    memory.estimate[:] = np.arange(11.0)
+    estimate = drive_estimate(memory)
+    columns = dict(zip(DRIVE_UNITS, memory.estimate.tolist()[:-1], strict=True))
+    assert (columns["drive_gain_yaw"], columns["drive_delay"]) == (2.0, 4.0)
+    assert columns["drive_gain_y_error"] == estimate.gain_errors[1] == 6.0
+    assert (columns["drive_lag_error"], columns["drive_delay_error"]) == (8.0, 9.0)
+    assert (estimate.lag_error, estimate.delay_error, estimate.sum_error) == (8.0, 9.0, 10.0)
 
 
 @pytest.mark.long
@@ -301,7 +326,7 @@ def test_random_data_leaves_finite_estimates_within_the_bounds(seed):
     """Commands and poses that no robot produces, at irregular times."""
     rng = np.random.default_rng(seed)
     model, settings = drive_model(named_robot("kiwi")), DriveSettings()
-    memory = drive_memory(settings, 0.02)
+    memory = memory_of(0.02)
     for _ in range(2000):
         command = tuple((rng.normal(size=3) * 10.0 ** rng.uniform(-6, 3)).tolist())
         pose = tuple((rng.normal(size=3) * 10.0 ** rng.uniform(-6, 6)).tolist())
@@ -311,5 +336,4 @@ def test_random_data_leaves_finite_estimates_within_the_bounds(seed):
         found = drive_estimate(memory)
         assert is_finite(memory), seed
         assert all(0.7 <= gain <= 1.3 for gain in found.gains)
-        for each in memory.hypotheses:
-            assert (np.linalg.eigvalsh(each.covariance) > -1e-12).all()
+        assert (np.linalg.eigvalsh(memory.covariance) > -1e-12).all()

@@ -13,6 +13,7 @@ from omnidrive.control.controller import Controller
 from omnidrive.control.feedforward import FeedforwardGains
 from omnidrive.control.nmpc import holonomic, unicycle
 from omnidrive.control.nmpc.holonomic import HolonomicParameters
+from omnidrive.estimation.drive_memory import DriveSettings
 from omnidrive.parameter import Bounds, check_choice
 from omnidrive.robot import Robot
 
@@ -93,6 +94,8 @@ class HolonomicNmpcOptions:
     governor: bool = True
     """Whether the robot stays on the path of a reference that its wheels cannot follow in time, and
     arrives later. Other references are not changed."""
+    adapt: bool = False
+    """Whether gains, lag and delay of the drive are identified during the run and compensated."""
 
 
 def pid(context: ControllerContext, parameters: PidOptions) -> Controller:
@@ -154,4 +157,5 @@ def holonomic_nmpc(context: ControllerContext, parameters: HolonomicNmpcOptions)
         solver=parameters.solver,
         actuation=actuation,
         governor=parameters.governor,
+        adaptation=DriveSettings() if parameters.adapt else None,
     )

@@ -40,11 +40,13 @@ from omnidrive.estimation.drive_memory import (
     DriveMemory,
     DriveSettings,
     Hypothesis,
+    hypothesis,
     initial_error,
     restart_hypothesis,
+    update_estimate,
 )
 from omnidrive.estimation.drive_prediction import predict
-from omnidrive.estimation.drive_response import DriveModel, unit_of
+from omnidrive.estimation.drive_response import DriveModel, inverse_lags, unit_of
 from omnidrive.geometry.kernels import wrap
 from omnidrive.robot.slip import Vector
 
@@ -103,8 +105,10 @@ def identify(  # noqa: PLR0917
     commands[0, 0], commands[0, 1], commands[0, 2] = command
     commands[0, 3] = dt
     measured = isfinite(pose[0] + pose[1] + pose[2] + variances[0] + variances[1] + variances[2])
-    for h in memory.hypotheses:
-        predict(model, h, commands, dt)
+    rates = inverse_lags(model)
+    for k in range(HYPOTHESES):
+        h = hypothesis(memory, k)
+        predict(model, rates, h, commands, dt)
         if fresh and measured:
             _correct(model, settings, h, pose, variances, dt)
         if not _size(h) < _LARGEST:
@@ -114,6 +118,7 @@ def identify(  # noqa: PLR0917
     if fresh and measured:
         _compare(memory, dt)
         _choose(settings, memory)
+    update_estimate(memory)
 
 
 @inlined
@@ -123,27 +128,27 @@ def _compare(memory: DriveMemory, dt: float) -> None:
     The variance that wheel slip adds is that of the hypothesis with most slip: it is an upper
     bound, so that its logarithm must not decide.
     """
-    for h in memory.hypotheses:
-        h.figures[4] *= max(1.0 - dt / _LIKELIHOOD_MEMORY, 0.0)
+    innovations, figures = memory.innovations, memory.figures
+    for k in range(HYPOTHESES):
+        figures[k, 4] *= max(1.0 - dt / _LIKELIHOOD_MEMORY, 0.0)
     for a in range(3):
         largest = 0.0
-        for h in memory.hypotheses:
-            largest = max(largest, h.innovations[a, 1])
-        for h in memory.hypotheses:
-            total = largest + h.innovations[a, 2]
-            square = min(h.innovations[a, 0] ** 2 / total, _GATE * _GATE)
-            h.figures[4] -= 0.5 * (square + log(total / largest))
+        for k in range(HYPOTHESES):
+            largest = max(largest, innovations[k, a, 1])
+        for k in range(HYPOTHESES):
+            total = largest + innovations[k, a, 2]
+            square = min(innovations[k, a, 0] ** 2 / total, _GATE * _GATE)
+            figures[k, 4] -= 0.5 * (square + log(total / largest))
 
 
 @inlined
 def _choose(settings: DriveSettings, memory: DriveMemory) -> None:
     """Choose the delay that explains the motion far better than the present one, if any does."""
-    chosen = memory.chosen[0]
-    best = memory.hypotheses[chosen].figures[4] + _CHANGE
+    scores, chosen = memory.figures[:, 4], int(memory.chosen[0])
+    best = scores[chosen] + _CHANGE
     for k in range(HYPOTHESES):
-        h = memory.hypotheses[k]
-        if h.figures[4] > best and h.delay <= settings.max_delay:
-            chosen, best = k, h.figures[4]
+        if scores[k] > best and memory.delays[k] <= settings.max_delay:
+            chosen, best = k, scores[k]
     memory.chosen[0] = chosen
 
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import ceil
+from math import ceil, exp, sqrt
 from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.errors import InvalidInput
-from omnidrive.parameter import Bounds, check_bounds, check_sample_time
+from omnidrive.parameter import Bounds, check_bounds
 from omnidrive.robot import Robot
 from omnidrive.robot.slip import Vector
 
@@ -73,8 +73,37 @@ class DriveEstimate(NamedTuple):
         return x, y, yaw, self.sum_error < _EXCITED * _LAG_ERROR
 
 
+class DriveMemory(NamedTuple):
+    """What the identification knows; all arrays are changed in place, and zero at the start.
+
+    The first index of most arrays is that of the hypothesis: one for every delay, in ascending
+    order.
+    """
+
+    delays: Float[Array, " delays"]
+    parameters: Float[Array, "delays 4"]
+    covariance: Float[Array, "delays 4 4"]
+    pose: Float[Array, "delays 3"]
+    states: Float[Array, "delays 3 axes"]
+    state_covariance: Float[Array, "delays axes 3 3"]
+    sensitivity: Float[Array, "delays 4 axes parameters"]
+    innovations: Float[Array, "delays axes 3"]
+    figures: Float[Array, "delays 5"]
+    """These nine are the fields of :class:`Hypothesis`."""
+    work: Float[Array, "8 parameters"]
+    """Workspace of a correction."""
+    commands: Float[Array, "commands 4"]
+    """Earlier commands, the latest one first: body twist, and the time for which it was held."""
+    initial: Float[Array, " 4"]
+    """Parameters before the first sample."""
+    chosen: Float[Array, " 1"]
+    """Index of the hypothesis in use."""
+    estimate: Float[Array, " 11"]
+    """The fields of :class:`DriveEstimate`, one after another."""
+
+
 class Hypothesis(NamedTuple):
-    """What is estimated for one delay; all arrays are changed in place."""
+    """What is estimated for one delay; views of the arrays of a :class:`DriveMemory`."""
 
     delay: float
     """Delay of the commands, s."""
@@ -90,77 +119,74 @@ class Hypothesis(NamedTuple):
     """Of displacement, twist and disturbance of every axis for known parameters, in SI units."""
     sensitivity: Float[Array, "4 axes parameters"]
     """Derivatives of displacement (in B), twist of the motors, body twist and disturbance."""
-    work: Float[Array, "8 parameters"]
-    """Workspace of a correction."""
     innovations: Float[Array, "axes 3"]
     """Of the last measurement, in B: innovation, and its variances for known parameters and by
     their errors."""
     figures: Float[Array, " 5"]
     """Innovation of every axis over its standard deviation; share of slipping wheels; logarithm of
     the likelihood, with forgetting."""
+    work: Float[Array, "8 parameters"]
 
 
-class DriveMemory(NamedTuple):
-    """What the identification knows; all arrays are changed in place."""
+@inlined
+def hypothesis(memory: DriveMemory, k: int) -> Hypothesis:
+    """Return what is estimated for delay ``k``."""
+    return Hypothesis(
+        memory.delays[k],
+        memory.parameters[k],
+        memory.covariance[k],
+        memory.pose[k],
+        memory.states[k],
+        memory.state_covariance[k],
+        memory.sensitivity[k],
+        memory.innovations[k],
+        memory.figures[k],
+        memory.work,
+    )
 
-    hypotheses: tuple[Hypothesis, Hypothesis, Hypothesis]
-    """One for every delay, in ascending order."""
-    commands: Float[Array, "commands 4"]
-    """Earlier commands, the latest one first: body twist, and the time for which it was held."""
-    initial: Float[Array, " 4"]
-    """Parameters before the first sample."""
-    chosen: Int[Array, " 1"]
-    """Index of the hypothesis in use."""
+
+def command_count(delay: float, period: float) -> int:
+    """Return the number of commands to remember, for a known delay and a sample time, s."""
+    return ceil(delay / period) + HYPOTHESES + 1
 
 
-def drive_memory(
-    settings: DriveSettings, period: float, initial: DriveEstimate | None = None
-) -> DriveMemory:
-    """Return the memory of the identification at the start.
+def drive_memory(commands: int) -> DriveMemory:
+    """Return the memory for a number of commands, before :func:`initialize`."""
+    n = HYPOTHESES
+    return DriveMemory(
+        np.zeros(n),
+        np.zeros((n, PARAMETERS)),
+        np.zeros((n, PARAMETERS, PARAMETERS)),
+        np.zeros((n, 3)),
+        np.zeros((n, 3, 3)),
+        np.zeros((n, 3, 3, 3)),
+        np.zeros((n, 4, 3, PARAMETERS)),
+        np.zeros((n, 3, 3)),
+        np.zeros((n, 5)),
+        np.zeros((8, PARAMETERS)),
+        np.zeros((commands, 4)),
+        np.zeros(PARAMETERS),
+        np.zeros(1),
+        np.zeros(11),
+    )
 
-    Args:
-        settings: Bounds and forgetting.
-        period: Sample time, s.
-        initial: Parameters to start from; its standard errors are not used. None: gains 1, no lag
-            and no delay.
+
+def check_start(settings: DriveSettings, initial: DriveEstimate) -> None:
+    """Check settings, and that they allow the initial parameters.
 
     Raises:
         InvalidInput: A setting is outside its domain, or an initial value outside the bounds.
     """
-    check_sample_time(period)
     check_bounds(settings)
-    initial = initial or DriveEstimate()
     for name, value, low, high in (
         *(("gain", gain, settings.min_gain, settings.max_gain) for gain in initial.gains),
         ("lag", initial.lag, 0.0, settings.max_lag),
         ("delay", initial.delay, 0.0, settings.max_delay),
     ):
         if not low <= value <= high:
-            raise InvalidInput(f"the {name} is {value:g}, outside the bounds {low:g} to {high:g}")
-    first, second, third = (initial.delay + k * period for k in range(HYPOTHESES))
-    memory = DriveMemory(
-        (_hypothesis(first), _hypothesis(second), _hypothesis(third)),
-        np.zeros((ceil(third / period) + 2, 4)),
-        np.array([*initial.gains, initial.lag], dtype=float),
-        np.zeros(1, dtype=np.int64),
-    )
-    initialize(memory)
-    return memory
-
-
-def _hypothesis(delay: float) -> Hypothesis:
-    return Hypothesis(
-        float(delay),
-        np.zeros(PARAMETERS),
-        np.zeros((PARAMETERS, PARAMETERS)),
-        np.zeros(3),
-        np.zeros((3, 3)),
-        np.zeros((3, 3, 3)),
-        np.zeros((4, 3, PARAMETERS)),
-        np.zeros((8, PARAMETERS)),
-        np.zeros((3, 3)),
-        np.zeros(5),
-    )
+            raise InvalidInput(
+                f"the {name} before adaptation is {value:g}, outside its bounds {low:g} to {high:g}"
+            )
 
 
 @inlined
@@ -170,16 +196,27 @@ def initial_error(parameter: int) -> float:
 
 
 @compiled
-def initialize(memory: DriveMemory) -> None:
-    """Forget everything but the initial parameters, for a new run."""
-    memory.chosen[0] = 0
-    for h in memory.hypotheses:
+def initialize(memory: DriveMemory, drive: Float[Array, " 5"], period: float) -> None:
+    """Forget everything but the initial parameters, for a new run.
+
+    Args:
+        memory: Changed in place.
+        drive: Gains of x, y and yaw, lag (s) and delay (s) before the first sample.
+        period: Sample time, s.
+    """
+    memory.chosen[0] = 0.0
+    for i in range(PARAMETERS):
+        memory.initial[i] = drive[i]
+    for k in range(HYPOTHESES):
+        memory.delays[k] = drive[PARAMETERS] + k * period
+        h = hypothesis(memory, k)
         h.covariance[:] = 0.0
         h.figures[:] = 0.0
         for i in range(PARAMETERS):
             h.parameters[i] = memory.initial[i]
             h.covariance[i, i] = initial_error(i) ** 2
     restart(memory, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    update_estimate(memory)
 
 
 @inlined
@@ -189,8 +226,8 @@ def restart(memory: DriveMemory, pose: Vector, twist: Vector) -> None:
         for a in range(3):
             memory.commands[k, a] = twist[a] / memory.initial[a]
         memory.commands[k, 3] = 0.0
-    for h in memory.hypotheses:
-        restart_hypothesis(h, pose, twist)
+    for k in range(HYPOTHESES):
+        restart_hypothesis(hypothesis(memory, k), pose, twist)
 
 
 @inlined
@@ -214,7 +251,7 @@ def applied_parameters(memory: DriveMemory) -> tuple[Vector, float, float]:
     difference)^2)`` with its standard error, as in the positive-part estimator of James & Stein
     ("Estimation with quadratic loss", Proc. 4th Berkeley Symposium, 1961).
     """
-    h, initial = memory.hypotheses[memory.chosen[0]], memory.initial
+    h, initial = hypothesis(memory, int(memory.chosen[0])), memory.initial
     return (
         (_significant(h, initial, 0), _significant(h, initial, 1), _significant(h, initial, 2)),
         _significant(h, initial, LAG),
@@ -231,30 +268,34 @@ def _significant(h: Hypothesis, initial: Float[Array, " 4"], parameter: int) -> 
     return float(initial[parameter] + share * difference)
 
 
+@inlined
+def update_estimate(memory: DriveMemory) -> None:
+    """Fill in :attr:`DriveMemory.estimate`: that of the chosen delay, and its standard errors."""
+    out, chosen = memory.estimate, int(memory.chosen[0])
+    delays, parameters, scores = memory.delays, memory.parameters, memory.figures[:, 4]
+    lag, delay, best = parameters[chosen, LAG], delays[chosen], scores[chosen]
+    for k in range(HYPOTHESES):
+        best = max(best, scores[k])
+    total, by_delay, by_sum = 0.0, 0.0, 0.0
+    for k in range(HYPOTHESES):
+        weight = exp(scores[k] - best)
+        total += weight
+        by_delay += weight * (delays[k] - delay) ** 2
+        difference = parameters[k, LAG] + delays[k] - lag - delay
+        by_sum += weight * (memory.covariance[k, LAG, LAG] + difference * difference)
+    for i in range(PARAMETERS):
+        out[i], out[5 + i] = parameters[chosen, i], sqrt(memory.covariance[chosen, i, i])
+    out[4] = delay
+    period = delays[1] - delays[0]
+    out[9] = sqrt(by_delay / total + period * period / 12.0)  # of a uniform distribution
+    out[10] = sqrt(by_sum / total)
+
+
 def drive_estimate(memory: DriveMemory) -> DriveEstimate:
     """Return the estimates for the chosen delay, and their standard errors."""
-    h = memory.hypotheses[int(memory.chosen[0])]
-    x, y, yaw, lag = h.parameters.tolist()
-    *gain_errors, lag_error = np.sqrt(np.diag(h.covariance)).tolist()
-    delays = np.array([each.delay for each in memory.hypotheses])
-    lags = np.array([each.parameters[LAG] for each in memory.hypotheses])
-    variances = np.array([each.covariance[LAG, LAG] for each in memory.hypotheses])
-    scores = np.array([each.figures[4] for each in memory.hypotheses])
-    weights = np.exp(scores - scores.max())
-    weights /= weights.sum()
-    distance = (delays[1] - delays[0]) ** 2 / 12.0  # variance of a uniform distribution
-    delay_error = np.sqrt(weights @ (delays - h.delay) ** 2 + distance)
-    sum_error = np.sqrt(weights @ (variances + (lags + delays - lag - h.delay) ** 2))
-    x_error, y_error, yaw_error = gain_errors
-    return DriveEstimate(
-        (x, y, yaw),
-        lag,
-        h.delay,
-        (x_error, y_error, yaw_error),
-        lag_error,
-        float(delay_error),
-        float(sum_error),
-    )
+    x, y, yaw, lag, delay, *errors = memory.estimate.tolist()
+    x_error, y_error, yaw_error, *others = errors
+    return DriveEstimate((x, y, yaw), lag, delay, (x_error, y_error, yaw_error), *others)
 
 
 def known_drive(robot: Robot, delay: float = 0.0) -> DriveEstimate:
@@ -289,16 +330,5 @@ DRIVE_UNITS: Mapping[str, str] = MappingProxyType(
         "drive_delay_error": "s",
     }
 )
-"""Names and units of :func:`drive_details`: estimates, and ``..._error``, their standard errors."""
-
-
-def drive_details(estimate: DriveEstimate) -> tuple[float, ...]:
-    """Return the columns of an estimate for the log of a run; names in :data:`DRIVE_UNITS`."""
-    return (
-        *estimate.gains,
-        estimate.lag,
-        estimate.delay,
-        *estimate.gain_errors,
-        estimate.lag_error,
-        estimate.delay_error,
-    )
+"""Columns of the log of a run and their units: :attr:`DriveMemory.estimate` without its last value;
+``..._error`` are standard errors."""

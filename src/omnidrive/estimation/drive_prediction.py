@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, inf, sin, sqrt
 
 from jaxtyping import Float
 
@@ -16,7 +16,6 @@ from omnidrive.estimation.drive_response import (
     DriveModel,
     Motion,
     axis_slopes,
-    inverse_lags,
     respond,
     unit_of,
 )
@@ -48,15 +47,26 @@ def _step(h: Hypothesis, parameter: int) -> float:
 
 @inlined
 def predict(
-    model: DriveModel, h: Hypothesis, commands: Float[Array, "commands 4"], dt: float
+    model: DriveModel,
+    rates: Vector,
+    h: Hypothesis,
+    commands: Float[Array, "commands 4"],
+    dt: float,
 ) -> None:
-    """Predict pose, states, their covariances and their sensitivities over ``dt`` (s)."""
-    p, pose, mode = h.parameters, h.pose, LINEAR
-    start, gains, rates = _motion(h, 0, 0.0), (p[0], p[1], p[2]), inverse_lags(model)
-    end = respond(model, rates, gains, p[LAG], h.delay, start, commands, dt, WATCHED)
-    if end.saturation > 0.0:
+    """Predict pose, states, their covariances and their sensitivities over ``dt`` (s).
+
+    The rates are the :func:`inverse_lags` of the model.
+    """
+    p, pose = h.parameters, h.pose
+    start, gains = _motion(h, 0, 0.0), (p[0], p[1], p[2])
+    mode = WATCHED if model.max_force < inf else LINEAR
+    while True:
+        end = respond(model, rates, gains, p[LAG], h.delay, start, commands, dt, mode)
+        if mode != WATCHED or end.saturation == 0.0:
+            break
         mode = SLIPPING
-        end = respond(model, rates, gains, p[LAG], h.delay, start, commands, dt, SLIPPING)
+    if mode == WATCHED:
+        mode = LINEAR
     _predict_covariances(model, rates, h, end, dt)
     for i in range(PARAMETERS):
         _predict_sensitivities(model, rates, h, commands, i, end, dt, mode)

@@ -32,6 +32,9 @@ class Actuation:
         slip_model: Model of wheel slip, with which the commanded twist is computed; the plan uses
             ``lag``. None: ``lag`` is used for both.
         delay: Time in s from a measurement until the resulting command takes effect.
+        drive_gain: Ratio of the steady body twist to the commanded one along x, y and yaw of B.
+        motor_lag: Time constant in s with which the motors follow the command, in addition to that
+            of ``slip_model``.
         traction: Share of the wheels' friction that ``acceleration_faces`` uses.
 
     Raises:
@@ -43,9 +46,12 @@ class Actuation:
     slip_model: SlipModel | None = None
     delay: float = 0.0
     traction: float = 1.0
+    drive_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    motor_lag: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in (*(("lag", each) for each in self.lag), ("delay", self.delay)):
+        lags = (("lag", self.lag[0]), ("lag", self.lag[1]), ("motor lag", self.motor_lag))
+        for name, value in (*lags, ("delay", self.delay)):
             if not (isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"the {name} must not be negative, got {value:g} s")
 
@@ -70,7 +76,15 @@ class Actuation:
         if not 0.0 < traction < inf:
             raise InvalidInput(f"the traction must be positive, got {traction:g}")
         slip_model = SlipModel.of(robot, may_spin=may_spin)
-        return cls(robot.acceleration_faces / traction, robot.lag, slip_model, delay, traction)
+        return cls(
+            robot.acceleration_faces / traction,
+            robot.lag,
+            slip_model,
+            delay,
+            traction,
+            robot.drive_gain,
+            robot.motor_lag,
+        )
 
     def with_reduced_drive(self, drive: ReducedDrive) -> Actuation:
         """Return the response of the same robot with the wheels that still drive."""

@@ -51,12 +51,22 @@ from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
-from omnidrive.control.nmpc.holonomic.step import RobotModel
+from omnidrive.control.nmpc.holonomic.step import RobotModel, drive_model
 from omnidrive.control.preparation import run_once
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.estimation import State
+from omnidrive.estimation.drive_identification import identify
+from omnidrive.estimation.drive_memory import (
+    DRIVE_UNITS,
+    HYPOTHESES,
+    DriveEstimate,
+    DriveSettings,
+    check_start,
+    command_count,
+    drive_estimate,
+)
 from omnidrive.geometry import BodyTwist
 from omnidrive.parameter import check_choice
 from omnidrive.reference import Reference
@@ -111,6 +121,8 @@ class HolonomicController(GuardedController):
         solver: Solver of the optimal control problem.
         keep_outs: Keep-out zones over the horizon.
         governor: Delays references that the robot cannot follow in time. None: no governor.
+        adaptation: Bounds and forgetting of the identification of the drive. None: gains, lag and
+            delay are those of ``actuation``.
     """
 
     dt: float
@@ -121,6 +133,7 @@ class HolonomicController(GuardedController):
     solver: HolonomicOptimizer
     keep_outs: KeepOutForecast
     governor: ReferenceGovernor | None = None
+    adaptation: DriveSettings | None = None
     _delay: float = field(default=0.0, init=False, repr=False)
     """Delay of the governed reference in the last step, s."""
     _solution: HolonomicSolution | None = field(default=None, init=False, repr=False)
@@ -139,16 +152,20 @@ class HolonomicController(GuardedController):
         limits, points = actuation.limits(self.chassis, self.dt), stages + 1
         model = actuation.slip_model
         faces = actuation.acceleration_faces
+        if model is None:
+            model = SlipModel.without_slip(self.chassis, actuation.lag)
+        commands = command_count(actuation.delay, self.dt)
+        self._memory = law_memory(stages, len(limits.bounds), commands)
         robot = RobotModel(
-            SlipModel.without_slip(self.chassis, actuation.lag) if model is None else model,
+            model,
             np.ascontiguousarray(self.chassis.jacobian, dtype=float),
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
             float(self.chassis.max_wheel_speed),
-            float(actuation.delay),
             actuation.reserve,
+            np.array([*actuation.drive_gain, actuation.motor_lag, actuation.delay]),
+            self._identify(model),
+            self.adaptation or DriveSettings(),
         )
-        delayed = int(actuation.delay / self.dt)
-        self._memory = law_memory(stages, len(limits.bounds), delayed)
         self._data = LawData(
             robot,
             float(self.dt),
@@ -160,7 +177,22 @@ class HolonomicController(GuardedController):
             HolonomicSolverSettings(),
         )
         self._outputs = np.zeros(3), np.zeros(len(self.detail_units))
-        self._window = ReferenceWindow(points, self.dt)
+        self._window = self._new_window()
+
+    def _identify(self, model: SlipModel) -> CompiledFunction | None:
+        """Return the identification of the drive as machine code; None: there is none."""
+        settings, actuation, zero = self.adaptation, self.actuation, (0.0, 0.0, 0.0)
+        if settings is None:
+            return None
+        known = DriveEstimate(actuation.drive_gain, actuation.motor_lag, actuation.delay)
+        check_start(settings, known)
+        memory = self._memory.motion.identified
+        examples = drive_model(model), settings, memory, zero, 0.0, zero, zero, False
+        return CompiledFunction(identify, *examples)
+
+    def _new_window(self) -> ReferenceWindow:
+        """Return a window that also covers the longest delay that can be identified."""
+        return ReferenceWindow(self.horizon + HYPOTHESES, self.dt)
 
     @property
     def detail_units(self) -> Mapping[str, str]:
@@ -170,9 +202,11 @@ class HolonomicController(GuardedController):
         0 and ``kkt_residual`` is NaN. ``disturbance_...`` is the estimated twist, along the axes of
         B, that is missing in the motion which the commands cause in the model; ``pose_noise`` is
         the standard deviation of the measured positions, estimated from the innovations;
-        ``reference_delay`` is the delay of the governed reference.
+        ``reference_delay`` is the delay of the governed reference. With ``adaptation`` the
+        identified parameters follow, with their standard errors:
+        :data:`~omnidrive.estimation.drive_memory.DRIVE_UNITS`.
         """
-        return {
+        units = {
             "fallback_level": "1",
             "solver_iterations": "1",
             "kkt_residual": "1",
@@ -182,6 +216,7 @@ class HolonomicController(GuardedController):
             "pose_noise": "m",
             "reference_delay": "s",
         }
+        return units if self.adaptation is None else {**units, **DRIVE_UNITS}
 
     @property
     def solution(self) -> HolonomicSolution | None:
@@ -202,6 +237,11 @@ class HolonomicController(GuardedController):
         )
 
     @property
+    def drive(self) -> DriveEstimate:
+        """Identified gains, lag and delay of the drive at the last step."""
+        return drive_estimate(self._memory.motion.identified)
+
+    @property
     def motion(self) -> ObservedMotion:
         """Estimates of the motion observer at the last step."""
         return observed_motion(self._memory.motion)
@@ -212,7 +252,7 @@ class HolonomicController(GuardedController):
         if self.governor is not None:
             self.governor.reset()
         self._solution = None
-        self._window = ReferenceWindow(self.horizon + 1, self.dt)
+        self._window = self._new_window()
         for each in leaves(self._memory):
             each[...] = 0.0
 
@@ -240,8 +280,8 @@ class HolonomicController(GuardedController):
             return None
         if not isinstance(zones, FixedKeepOuts):
             return None
-        points, memory = self.horizon + 1, self._memory
-        keep_outs = stack_keep_outs(zones.zones, points)
+        points, memory = self._window.points, self._memory
+        keep_outs = stack_keep_outs(zones.zones, self.horizon + 1)
         data = self._data._replace(keep_outs=keep_outs, settings=solver.settings)
         now = SampleState(0.0, (0.0, 0.0, 0.0), UNKNOWN_TWIST, UNKNOWN_VARIANCES, 0.0, 0.0, 0)
         examples = (data, memory, now, np.zeros((points, 6)), *self._outputs)
@@ -269,13 +309,17 @@ class HolonomicController(GuardedController):
             reference = self.governor.govern(reference)
             self._delay = self.governor.delay(t)
         begin, points = t + self.actuation.delay, self.horizon + 1
-        zones = self.keep_outs(begin, points, self.dt)
+        zones = self.keep_outs(begin + self._later(), points, self.dt)
         if zones or len(self._data.keep_outs.radii):
             self._data = self._data._replace(keep_outs=stack_keep_outs(zones, points))
         first = self._window.find(begin, reference)
-        setpoints = self._window.rows[first : first + points]
+        setpoints = self._window.rows[first : first + self._window.points]
         now = self._sample(t, state, self._window.last(begin, reference))
         return self._command(now, setpoints, "no usable solution")
+
+    def _later(self) -> float:
+        """Return by how much the identified delay of the commands exceeds the known one, s."""
+        return float(self._memory.motion.identified.chosen[0]) * self.dt
 
     def _sample(self, t: float, state: State, last: int) -> SampleState:
         """Return what the law uses of a state."""
@@ -299,7 +343,7 @@ class HolonomicController(GuardedController):
         """
         nowhere = UNKNOWN_TWIST
         lost = SampleState(nan, nowhere, UNKNOWN_TWIST, UNKNOWN_VARIANCES, inf, self._delay, 0)
-        return self._command(lost, self._window.rows[: self.horizon + 1], reason)
+        return self._command(lost, self._window.rows[: self._window.points], reason)
 
     def _command(
         self, now: SampleState, setpoints: Float[Array, "points 6"], reason: str
@@ -354,6 +398,7 @@ def holonomic_nmpc(
     actuation: Actuation | None = None,
     keep_outs: KeepOutForecast | Sequence[KeepOutZone] = (),
     governor: bool = True,
+    adaptation: DriveSettings | None = None,
 ) -> HolonomicController:
     """Return the NMPC of a holonomic robot with limited wheel speeds, with its kernels compiled.
 
@@ -371,6 +416,8 @@ def holonomic_nmpc(
             zones over the horizon.
         governor: Whether the robot stays on the path of a reference that it cannot follow in time,
             and arrives later, see :class:`~omnidrive.control.ReferenceGovernor`.
+        adaptation: Bounds and forgetting of the identification of drive gains, lag and delay. None:
+            they are those of ``actuation``.
 
     Raises:
         InvalidInput: An argument is outside its domain.
@@ -389,6 +436,7 @@ def holonomic_nmpc(
         solver,
         forecast_keep_outs(keep_outs),
         ReferenceGovernor(chassis, actuation.acceleration_faces) if governor else None,
+        adaptation,
     )
     controller.prepare()
     return controller

@@ -89,15 +89,15 @@ class LawMemory(NamedTuple):
     standing target; and its number of steps since the latest plan plus one, 0 without a plan."""
 
 
-def law_memory(stages: int, rows: int, delayed: int) -> LawMemory:
+def law_memory(stages: int, rows: int, commands: int) -> LawMemory:
     """Return the memory for plans of a number of stages, with ``rows`` limits in each.
 
-    ``delayed`` is the number of whole sample times by which commands are delayed.
+    ``commands`` is the number of commands to remember.
     """
     points = stages + 1
     plan = Plan(np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), np.zeros(5))
     return LawMemory(
-        motion_memory(delayed),
+        motion_memory(commands),
         plan,
         np.zeros(3),
         np.zeros(3),
@@ -221,6 +221,8 @@ def finish(  # noqa: PLR0917
     for a in range(3):
         command[a], details[3 + a] = twist[a], lacking[a]
     details[6], details[7] = sqrt(max(motion.noise[0], 0.0)), delay
+    for k in range(8, len(details)):
+        details[k] = motion.identified.estimate[k - 8]
     return status
 
 

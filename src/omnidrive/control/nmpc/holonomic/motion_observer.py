@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, inf, sin, sqrt
+from math import ceil, cos, exp, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,8 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond, slip_response
+from omnidrive.estimation.drive_memory import DriveMemory, drive_memory
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 
@@ -22,7 +23,7 @@ _ACCELERATION = 0.3
 """Standard deviation of the acceleration that the model does not explain, m/s^2."""
 _SLIP_ACCELERATION = 1.0
 """Likewise with all wheels at the friction limit, m/s^2."""
-_STEADY_SATURATION = 0.05
+STEADY_SATURATION = 0.05
 """Share of wheels at the friction limit above which the disturbance is not corrected."""
 _MAX_SLIPS = 10
 """Consecutive samples with wheels that slip with the disturbance only until it counts as wrong."""
@@ -47,6 +48,14 @@ _GATE = 6.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
 _NOISE_MEMORY = 30.0
 """Number of samples over which the variance of the noise is averaged."""
+_MOTOR_STEP = 0.025
+"""Largest time in which the input of the model is the mean of the motors' twist, s."""
+_MIN_LAG = 1e-4
+"""In s; a shorter lag of the motors is none."""
+_ROUNDING = 1e-9
+"""Share of a sample time that is taken for rounding."""
+LAG, DELAY, LEAD = 3, 4, 5
+"""Indices of :attr:`MotionMemory.drive`; before them are the gains of x, y and yaw."""
 
 
 class ObservedMotion(NamedTuple):
@@ -78,6 +87,13 @@ class MotionMemory(NamedTuple):
     :func:`disturbance_at`."""
     covariance: Float[Array, "axes 3 3"]
     """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
+    motors: Float[Array, " 3"]
+    """Twist that the motors follow: the commanded one with gains, delay and lag."""
+    drive: Float[Array, " 6"]
+    """Gains along x, y and yaw, lag of the motors (s), delay (s) of the commands, and the part of
+    the lag that commands compensate (s)."""
+    identified: DriveMemory
+    """What the identification of these parameters knows."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""
     noise: Float[Array, " 13"]
@@ -100,14 +116,17 @@ def observed_motion(memory: MotionMemory) -> ObservedMotion:
     )
 
 
-def motion_memory(delayed: int) -> MotionMemory:
-    """Return the memory for ``delayed`` whole sample times of delay of the commands."""
+def motion_memory(commands: int) -> MotionMemory:
+    """Return the memory for a number of commands; see :func:`command_count`."""
     return MotionMemory(
         np.zeros(3),
         np.zeros(3),
         np.zeros(3),
         np.zeros((3, 3, 3)),
-        np.zeros((delayed + 2, 3)),
+        np.zeros(3),
+        np.zeros(6),
+        drive_memory(commands),
+        np.zeros((commands, 3)),
         np.zeros(13),
         np.zeros(1),
     )
@@ -118,6 +137,7 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     """Start at a known pose with a known twist, without disturbance."""
     for a in range(3):
         memory.pose[a], memory.twist[a], memory.disturbance[a] = pose[a], twist[a], 0.0
+        memory.motors[a] = twist[a]
     memory.covariance[:] = 0.0
     memory.commands[:] = 0.0
     memory.noise[:] = 0.0
@@ -135,19 +155,26 @@ def remember(memory: MotionMemory, command: Vector) -> None:
 
 
 @inlined
+def whole_periods(delay: float, period: float) -> int:
+    """Return the number of whole sample times in a delay."""
+    return int(delay / period + _ROUNDING)
+
+
+@inlined
 def predict(
-    model: SlipModel, memory: MotionMemory, dt: float, delay: float, period: float
+    model: SlipModel, memory: MotionMemory, dt: float, period: float
 ) -> tuple[float, float]:
     """Predict the motion over ``dt`` (s), the time since the latest command.
 
-    A command takes effect after ``delay`` (s); the sample time is ``period`` (s).
+    The sample time is ``period`` (s).
 
     Returns:
         Mean share of wheels at the friction limit, 0 to 1, with the disturbance and without.
     """
-    latest, share, undisturbed = len(memory.commands) - 2, 0.0, 0.0
+    delay, share, undisturbed = memory.drive[DELAY], 0.0, 0.0
+    latest = whole_periods(delay, period)
     older = min(delay - latest * period, dt)
-    if older > 0.0:
+    if older > _ROUNDING * period:
         share, undisturbed = _predict_one(model, memory, latest + 1, older)
     if dt > older:
         newer, other = _predict_one(model, memory, latest, dt - older)
@@ -155,12 +182,57 @@ def predict(
     return share, undisturbed
 
 
-@compiled
+@inlined
 def _predict_one(
     model: SlipModel, memory: MotionMemory, command: int, dt: float
 ) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
-    initial, commanded = _vector(memory.twist), _input(model, memory, command)
+    steps, h = _motor_steps(memory.drive[LAG], dt)
+    share, undisturbed = 0.0, 0.0
+    for _ in range(steps):
+        mean, motors = _motor_response(memory, command, _vector(memory.motors), h)
+        for a in range(3):
+            memory.motors[a] = motors[a]
+        held, other = _predict_held(model, memory, mean, h)
+        share, undisturbed = share + held / steps, undisturbed + other / steps
+    return share, undisturbed
+
+
+@inlined
+def _motor_steps(lag: float, dt: float) -> tuple[int, float]:
+    """Return the number and the length (s) of the steps in ``dt`` (s) with a constant input."""
+    steps = 1 if lag < _MIN_LAG else ceil(dt / _MOTOR_STEP - _ROUNDING)
+    return steps, dt / steps
+
+
+@inlined
+def _motor_response(
+    memory: MotionMemory, command: int, motors: Vector, dt: float
+) -> tuple[Vector, Vector]:
+    """Return mean and final value of the motors' twist over ``dt`` (s) with one command."""
+    sent, drive = memory.commands[command], memory.drive
+    share, decay = _decay(drive[LAG], dt)
+    x, y, yaw = drive[0] * sent[0], drive[1] * sent[1], drive[2] * sent[2]
+    dx, dy, dw = motors[0] - x, motors[1] - y, motors[2] - yaw
+    mean = (x + share * dx, y + share * dy, yaw + share * dw)
+    return mean, (x + decay * dx, y + decay * dy, yaw + decay * dw)
+
+
+@inlined
+def _decay(lag: float, dt: float) -> tuple[float, float]:
+    """Return mean and final value of exp(-t / lag) over ``dt`` (s)."""
+    if lag < _MIN_LAG:
+        return 0.0, 0.0
+    final = exp(-dt / lag)
+    return lag / dt * (1.0 - final), final
+
+
+@compiled
+def _predict_held(
+    model: SlipModel, memory: MotionMemory, motors: Vector, dt: float
+) -> tuple[float, float]:
+    """Predict state and covariance over ``dt`` (s) with a constant twist of the motors."""
+    initial, commanded = _vector(memory.twist), _disturbed(model, memory, motors)
     mean, final, slopes = respond(model, initial, commanded, dt)
     _move(memory.pose, mean, dt)
     acceleration = _ACCELERATION + _SLIP_ACCELERATION * slopes.saturation
@@ -172,7 +244,7 @@ def _predict_one(
         free = unit * acceleration * dt  # the lag removes part of it
         by_pose = 0.5 * dt * (1.0 - slopes.mean_by_input[a]) * free
         by_twist = (1.0 - slopes.final_by_input[a]) * free
-        scale = _scale(model, memory, memory.commands[command, a], a)
+        scale = _scale(model, memory, motors[a], a)
         m, n = dt * slopes.mean_by_initial[a], scale * dt * slopes.mean_by_input[a]
         f, g = slopes.final_by_initial[a], scale * slopes.final_by_input[a]
         p = memory.covariance[a]
@@ -194,9 +266,9 @@ def _predict_one(
         memory.disturbance[a] *= kept
     for a in range(3):
         memory.twist[a] = final[a]
-    if slopes.saturation <= _STEADY_SATURATION:
+    if slopes.saturation <= STEADY_SATURATION:
         return slopes.saturation, slopes.saturation
-    _, _, undisturbed = respond(model, initial, _vector(memory.commands[command]), dt)
+    _, _, undisturbed = respond(model, initial, motors, dt)
     return slopes.saturation, undisturbed.saturation
 
 
@@ -236,7 +308,7 @@ def correct(  # noqa: PLR0917
     carries_on = moved and _carries_on(model, memory, innovation, dt)
     if not moved:
         _estimate_noise(memory, innovation)
-    slips = shares[1] <= _STEADY_SATURATION < shares[0]
+    slips = shares[1] <= STEADY_SATURATION < shares[0]
     memory.noise[12] = memory.noise[12] + 1.0 if slips else 0.0
     wrong = memory.noise[12] > _MAX_SLIPS
     for a in range(3):
@@ -250,7 +322,7 @@ def correct(  # noqa: PLR0917
                 doubt_twist(model, memory, a, dt)
             continue
         to_zero = p[2, 0] * innovation[a] * memory.disturbance[a] < 0.0
-        steady = shares[0] <= _STEADY_SATURATION or (wrong and to_zero)
+        steady = shares[0] <= STEADY_SATURATION or (wrong and to_zero)
         gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if steady else 0.0)
         change[a] = gains[0] * innovation[a]
         memory.noise[5 + a] = innovation[a] - change[a]
@@ -357,28 +429,31 @@ def _variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: i
 
 @compiled
 def predict_delayed(
-    model: SlipModel, memory: MotionMemory, delay: float, period: float
-) -> tuple[Vector, Vector]:
-    """Return pose and body twist at the time at which the next command takes effect.
+    model: SlipModel, memory: MotionMemory, period: float
+) -> tuple[Vector, Vector, Vector]:
+    """Return pose, body twist and twist of the motors when the next command takes effect.
 
-    Delay compensation: the motion that the commands already sent cause within ``delay`` (s).
+    Delay compensation: the motion that the commands already sent cause within the delay.
     """
-    pose, twist = memory.pose.copy(), _vector(memory.twist)
-    count = len(memory.commands) - 2
+    pose, twist, motors = memory.pose.copy(), _vector(memory.twist), _vector(memory.motors)
+    delay = memory.drive[DELAY]
+    count = whole_periods(delay, period)
     for k in range(count, -1, -1):
         dt = delay - count * period if k == count else period
-        if dt > 0.0:
-            mean, twist, _ = respond(model, twist, _input(model, memory, k), dt)
-            _move(pose, mean, dt)
-    return _vector(pose), twist
+        if dt > _ROUNDING * period:
+            steps, h = _motor_steps(memory.drive[LAG], dt)
+            for _ in range(steps):
+                held, motors = _motor_response(memory, k, motors, h)
+                mean, twist = slip_response(model, twist, _disturbed(model, memory, held), h)
+                _move(pose, mean, h)
+    return _vector(pose), twist, motors
 
 
 @inlined
-def _input(model: SlipModel, memory: MotionMemory, command: int) -> Vector:
-    """Return a commanded twist plus the disturbance."""
-    sent = _vector(memory.commands[command])
-    lacking = disturbance_at(model, memory, sent)
-    return sent[0] + lacking[0], sent[1] + lacking[1], sent[2] + lacking[2]
+def _disturbed(model: SlipModel, memory: MotionMemory, motors: Vector) -> Vector:
+    """Return a twist of the motors plus the disturbance."""
+    lacking = disturbance_at(model, memory, motors)
+    return motors[0] + lacking[0], motors[1] + lacking[1], motors[2] + lacking[2]
 
 
 @inlined

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from math import cos, isfinite, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compilable, compiled, inlined
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.approach import approach
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.control.nmpc.holonomic.motion_observer import (
+    DELAY,
+    LAG,
+    LEAD,
     NOISY,
+    STEADY_SATURATION,
     MotionMemory,
     correct,
     correct_twist,
@@ -31,6 +35,9 @@ from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, p
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
 from omnidrive.control.nmpc.holonomic.stage_point import overwrite
+from omnidrive.estimation.drive_memory import DriveSettings, applied_parameters, initialize
+from omnidrive.estimation.drive_memory import restart as restart_identification
+from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.robot.slip import Vector
 
 _MIN_GAP, _MAX_GAP = 0.5, 5.0
@@ -72,10 +79,15 @@ class RobotModel(NamedTuple):
     """Limits of acceleration, ``|faces @ acceleration| <= 1`` in B; empty: none."""
     max_wheel_speed: float
     """In rad/s."""
-    delay: float
-    """Time until a command takes effect, s."""
     reserve: float
     """Largest acceleration over those limits, at least 1."""
+    drive: Float[Array, " 5"]
+    """Known gains of the drive along x, y and yaw, lag of the motors (s) and delay (s)."""
+    identify: Any
+    """:func:`~omnidrive.estimation.drive_identification.identify` as a
+    :class:`~omnidrive.compiled.CompiledFunction`; None: the drive is not identified."""
+    bounds: DriveSettings
+    """Bounds of the identification."""
 
 
 class Plan(NamedTuple):
@@ -100,15 +112,25 @@ def observe(
         restart(memory, now.pose, now.twist if known and first else (0.0, 0.0, 0.0))
         for a in range(0 if first else 3):
             doubt_twist(robot.model, memory, a, dt)
+        if first:
+            initialize(memory.identified, robot.drive, dt)
+        restart_identification(
+            memory.identified, now.pose, (memory.twist[0], memory.twist[1], memory.twist[2])
+        )
+        _adopt(memory)
         return
     pose = (memory.pose[0], memory.pose[1], memory.pose[2])
     twist = (memory.twist[0], memory.twist[1], memory.twist[2])
-    shares = predict(robot.model, memory, elapsed, robot.delay, dt)
+    _identify(robot.identify, robot, memory, now, elapsed, dt)
+    shares = predict(robot.model, memory, elapsed, dt)
     if now.fresh:
         update_reached(robot.model, robot.faces, memory, pose, twist, now.pose, elapsed)
         correct(robot.model, memory, now.pose, now.variances, dt, shares if steady else (1.0, 1.0))
     if known:
         correct_twist(robot.model, memory, now.twist, dt)
+    _adopt(memory)
+    steady = steady and shares[0] <= STEADY_SATURATION
+    memory.drive[LEAD] = memory.drive[LAG] if steady else 0.0
 
 
 @inlined
@@ -130,6 +152,54 @@ def _fastest_wheel(robot: RobotModel, twist: Vector) -> float:
 
 
 @compiled
+def _identify(  # noqa: PLR0917
+    identify: Any,
+    robot: RobotModel,
+    memory: MotionMemory,
+    now: Measurement,
+    elapsed: float,
+    dt: float,
+) -> None:
+    """Update the identification of the drive by a measured pose; noise resets it."""
+    if identify is None:
+        return
+    model, sent, noise = robot.model, memory.commands[0], memory.noise
+    variances = now.variances
+    if variances[0] < 0.0:
+        position = max(noise[0], 0.0)
+        variances = (position, position, max(noise[1], 0.0))
+    if max(variances[0], variances[1]) > NOISY * NOISY:
+        initialize(memory.identified, robot.drive, dt)
+        restart_identification(memory.identified, now.pose, (0.0, 0.0, 0.0))
+        return
+    identify(
+        drive_model(model),
+        robot.bounds,
+        memory.identified,
+        (sent[0], sent[1], sent[2]),
+        elapsed,
+        now.pose,
+        variances,
+        now.fresh,
+    )
+
+
+@compilable
+def drive_model(model: SlipModel) -> DriveModel:
+    """Return the model of the response for the identification."""
+    return DriveModel(model.rim_jacobian, model.inertia, model.stiffness, model.max_force)
+
+
+@inlined
+def _adopt(memory: MotionMemory) -> None:
+    """Use the identified parameters of the drive."""
+    gains, lag, delay = applied_parameters(memory.identified)
+    for a in range(3):
+        memory.drive[a] = gains[a]
+    memory.drive[LAG], memory.drive[DELAY] = lag, delay
+
+
+@compiled
 def fill_problem(  # noqa: PLR0917
     robot: RobotModel,
     memory: MotionMemory,
@@ -145,13 +215,15 @@ def fill_problem(  # noqa: PLR0917
         memory: What the motion observer knows.
         p: The problem; ``start``, ``previous``, ``targets`` and ``feedforward`` are filled in.
         window: Setpoints of the reference, ``dt`` apart.
-        first: Row of the first one.
-        last: Number of setpoints after the first one that are not later than the reference.
+        first: Row of the one at which a command takes effect after the least delay.
+        last: Number of setpoints after that one that are not later than the reference.
 
     Returns:
         Whether the targets are those of an approach to a standing target.
     """
-    pose, twist = predict_delayed(robot.model, memory, robot.delay, p.dt)
+    ahead = int(memory.identified.chosen[0])
+    first, last = first + ahead, max(last - ahead, 0)
+    pose, twist, _ = predict_delayed(robot.model, memory, p.dt)
     points, before = len(p.targets), pose[2]
     for a in range(3):
         p.start[a], p.previous[a] = pose[a], twist[a]
@@ -292,9 +364,9 @@ def command_stage(  # noqa: PLR0917
         factor: Of the planned twist.
         dt: Sample time, s.
     """
-    vx, vy, rate = plan.velocities[stage]
-    ahead, left = arc_twist(dt, plan.states[stage, 2], vx, vy, rate)
-    _, initial = predict_delayed(robot.model, memory, robot.delay, dt)
+    desired = _stage_twist(plan, stage, factor, dt)
+    following = _stage_twist(plan, min(stage + 1, len(plan.velocities) - 1), factor, dt)
+    _, initial, motors = predict_delayed(robot.model, memory, dt)
     model = robot.model
     if model.may_spin and max(memory.noise[0], 0.0) > NOISY * NOISY:
         model = SlipModel(
@@ -305,17 +377,54 @@ def command_stage(  # noqa: PLR0917
             model.max_rim_speed,
             False,
         )
-    desired = (factor * ahead, factor * left, factor * rate)
     effective = compensate(model, desired, initial, dt)
-    command = _saturate(robot, *without_disturbance(robot.model, memory, effective))
+    mean = without_disturbance(robot.model, memory, effective)
+    change = (
+        0.5 * (following[0] - desired[0]),
+        0.5 * (following[1] - desired[1]),
+        0.5 * (following[2] - desired[2]),
+    )
+    command = _saturate(robot, _command_motors(memory, mean, motors, change, dt))
     remember(memory, command)
     return command
 
 
 @inlined
-def _saturate(robot: RobotModel, vx: float, vy: float, rate: float) -> Vector:
+def _stage_twist(plan: Plan, stage: int, factor: float, dt: float) -> Vector:
+    """Return the body twist of a stage, times a factor."""
+    vx, vy, rate = plan.velocities[stage]
+    ahead, left = arc_twist(dt, plan.states[stage, 2], vx, vy, rate)
+    return factor * ahead, factor * left, factor * rate
+
+
+@inlined
+def _command_motors(
+    memory: MotionMemory, mean: Vector, motors: Vector, change: Vector, dt: float
+) -> Vector:
+    """Return the command with which the motors have a mean twist over a sample.
+
+    The mean of ``lag dm/dt = gain u - m``, without a jump of m.
+
+    Args:
+        memory: With the drive.
+        mean: The mean twist.
+        motors: Twist of the motors at the start of the sample.
+        change: From the mean twist to that at the end of the sample.
+        dt: Sample time, s.
+    """
+    lead, gains = memory.drive[LEAD] / dt, memory.drive
+    return (
+        (mean[0] + lead * (mean[0] + change[0] - motors[0])) / gains[0],
+        (mean[1] + lead * (mean[1] + change[1] - motors[1])) / gains[1],
+        (mean[2] + lead * (mean[2] + change[2] - motors[2])) / gains[2],
+    )
+
+
+@inlined
+def _saturate(robot: RobotModel, twist: Vector) -> Vector:
     """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
-    fastest = _fastest_wheel(robot, (vx, vy, rate))
+    vx, vy, rate = twist
+    fastest = _fastest_wheel(robot, twist)
     if fastest <= robot.max_wheel_speed:
         return vx, vy, rate
     factor = robot.max_wheel_speed / fastest
