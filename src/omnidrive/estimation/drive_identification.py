@@ -32,7 +32,7 @@ from math import cos, isfinite, log, sin, sqrt
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_memory import (
     HYPOTHESES,
     LAG,
@@ -121,7 +121,7 @@ def identify(  # noqa: PLR0917
     update_estimate(memory)
 
 
-@inlined
+@compiled
 def _compare(memory: DriveMemory, dt: float) -> None:
     """Update the likelihoods of the delays by the latest innovations.
 
@@ -141,7 +141,7 @@ def _compare(memory: DriveMemory, dt: float) -> None:
             figures[k, 4] -= 0.5 * (square + log(total / largest))
 
 
-@inlined
+@compiled
 def _choose(settings: DriveSettings, memory: DriveMemory) -> None:
     """Choose the delay that explains the motion far better than the present one, if any does."""
     scores, chosen = memory.figures[:, 4], int(memory.chosen[0])
@@ -152,7 +152,7 @@ def _choose(settings: DriveSettings, memory: DriveMemory) -> None:
     memory.chosen[0] = chosen
 
 
-@inlined
+@compiled
 def _size(h: Hypothesis) -> float:
     """Return the sum of the absolute states, covariances and sensitivities; NaN if one is NaN."""
     size = 0.0
@@ -167,7 +167,7 @@ def _size(h: Hypothesis) -> float:
     return size
 
 
-@inlined
+@compiled
 def _correct(  # noqa: PLR0917
     model: DriveModel,
     settings: DriveSettings,
@@ -204,7 +204,7 @@ def _correct(  # noqa: PLR0917
     _forget(settings, h, dt)
 
 
-@inlined
+@compiled
 def _record(h: Hypothesis, innovation: Vector, variances: Vector) -> None:
     """Record innovations and their variances, from the states and from the parameters."""
     for a in range(3):
@@ -218,7 +218,7 @@ def _record(h: Hypothesis, innovation: Vector, variances: Vector) -> None:
         h.innovations[a, 2] = by_parameters
 
 
-@inlined
+@compiled
 def _is_moved(h: Hypothesis, innovation: Vector) -> bool:
     """Return whether an innovation is one of a robot that was moved by hand or by a collision."""
     moved = False
@@ -228,7 +228,7 @@ def _is_moved(h: Hypothesis, innovation: Vector) -> bool:
     return moved
 
 
-@inlined
+@compiled
 def _move(h: Hypothesis, pose: Vector, innovation: Vector, variances: Vector, dt: float) -> None:
     """Continue at a measured pose with an unknown twist."""
     for a in range(3):
@@ -241,7 +241,7 @@ def _move(h: Hypothesis, pose: Vector, innovation: Vector, variances: Vector, dt
         h.sensitivity[0, a, :] = 0.0
 
 
-@inlined
+@compiled
 def _correct_parameters(  # noqa: PLR0917
     model: DriveModel,
     h: Hypothesis,
@@ -279,7 +279,7 @@ def _correct_parameters(  # noqa: PLR0917
             cov[i, j] += gains[i] * gains[j] * total - gains[i] * ph[j] - ph[i] * gains[j]
 
 
-@inlined
+@compiled
 def _correct_states(h: Hypothesis, axis: int, innovation: float, variance: float) -> float:
     """Correct twist and disturbance of an axis, as if the parameters were known.
 
@@ -304,7 +304,7 @@ def _correct_states(h: Hypothesis, axis: int, innovation: float, variance: float
     return correction
 
 
-@inlined
+@compiled
 def _limit(settings: DriveSettings, h: Hypothesis, change: Float[Array, " 5"]) -> None:
     """Add the change to the parameters, within the bounds; the change is corrected accordingly.
 
@@ -323,7 +323,7 @@ def _limit(settings: DriveSettings, h: Hypothesis, change: Float[Array, " 5"]) -
         p[i] = new
 
 
-@inlined
+@compiled
 def _clip(settings: DriveSettings, parameter: int, value: float) -> float:
     """Return a parameter within its bounds."""
     if parameter < LAG:
@@ -331,7 +331,7 @@ def _clip(settings: DriveSettings, parameter: int, value: float) -> float:
     return min(max(value, 0.0), settings.max_lag)
 
 
-@inlined
+@compiled
 def _forget(settings: DriveSettings, h: Hypothesis, dt: float) -> None:
     """Forget information: its matrix P^-1 decays towards the inverse of the initial covariance."""
     cov, old, share = h.covariance, h.work[3:], min(dt / settings.memory, 0.5)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds, check_bounds
 from omnidrive.robot import Robot
@@ -128,7 +128,7 @@ class Hypothesis(NamedTuple):
     work: Float[Array, "8 parameters"]
 
 
-@inlined
+@compiled
 def hypothesis(memory: DriveMemory, k: int) -> Hypothesis:
     """Return what is estimated for delay ``k``."""
     return Hypothesis(
@@ -189,7 +189,7 @@ def check_start(settings: DriveSettings, initial: DriveEstimate) -> None:
             )
 
 
-@inlined
+@compiled
 def initial_error(parameter: int) -> float:
     """Return the standard deviation of a parameter before the first sample."""
     return _GAIN_ERROR if parameter < LAG else _LAG_ERROR
@@ -219,7 +219,7 @@ def initialize(memory: DriveMemory, drive: Float[Array, " 5"], period: float) ->
     update_estimate(memory)
 
 
-@inlined
+@compiled
 def restart(memory: DriveMemory, pose: Vector, twist: Vector) -> None:
     """Start at a known pose (W) with a known steady twist (B); the parameters remain."""
     for k in range(len(memory.commands)):
@@ -230,7 +230,7 @@ def restart(memory: DriveMemory, pose: Vector, twist: Vector) -> None:
         restart_hypothesis(hypothesis(memory, k), pose, twist)
 
 
-@inlined
+@compiled
 def restart_hypothesis(h: Hypothesis, pose: Vector, twist: Vector) -> None:
     """Start as :func:`restart` does."""
     h.states[:] = 0.0
@@ -242,7 +242,7 @@ def restart_hypothesis(h: Hypothesis, pose: Vector, twist: Vector) -> None:
         h.state_covariance[a, 2, 2] = _DISTURBANCE**2
 
 
-@inlined
+@compiled
 def applied_parameters(memory: DriveMemory) -> tuple[Vector, float, float]:
     """Return the gains, the lag (s) and the delay (s) that a controller should use.
 
@@ -259,7 +259,7 @@ def applied_parameters(memory: DriveMemory) -> tuple[Vector, float, float]:
     )
 
 
-@inlined
+@compiled
 def _significant(h: Hypothesis, initial: Float[Array, " 4"], parameter: int) -> float:
     difference = h.parameters[parameter] - initial[parameter]
     bound = _SIGNIFICANCE * _SIGNIFICANCE * h.covariance[parameter, parameter]
@@ -268,7 +268,7 @@ def _significant(h: Hypothesis, initial: Float[Array, " 4"], parameter: int) -> 
     return float(initial[parameter] + share * difference)
 
 
-@inlined
+@compiled
 def update_estimate(memory: DriveMemory) -> None:
     """Fill in :attr:`DriveMemory.estimate`: that of the chosen delay, and its standard errors."""
     out, chosen = memory.estimate, int(memory.chosen[0])

@@ -7,7 +7,7 @@ from math import cos, inf, sin, sqrt
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_memory import LAG, PARAMETERS, Hypothesis
 from omnidrive.estimation.drive_response import (
     LINEAR,
@@ -38,14 +38,14 @@ _DRIFT = 0.005
 """Standard deviation of the change of the disturbance in a second, m/s."""
 
 
-@inlined
+@compiled
 def _step(h: Hypothesis, parameter: int) -> float:
     """Return the step of the difference quotients by a parameter: its standard error."""
     least = _LEAST_LAG_STEP if parameter == LAG else _LEAST_GAIN_STEP
     return max(sqrt(h.covariance[parameter, parameter]), least)
 
 
-@inlined
+@compiled
 def predict(
     model: DriveModel,
     rates: Vector,
@@ -80,7 +80,7 @@ def predict(
     h.figures[3] = end.saturation
 
 
-@inlined
+@compiled
 def _motion(h: Hypothesis, parameter: int, delta: float) -> Motion:
     """Return the estimated motion for a parameter that is larger by ``delta``."""
     states, sens, i = h.states, h.sensitivity, parameter
@@ -105,7 +105,7 @@ def _motion(h: Hypothesis, parameter: int, delta: float) -> Motion:
     )
 
 
-@inlined
+@compiled
 def _predict_sensitivities(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
@@ -140,7 +140,7 @@ def _predict_sensitivities(  # noqa: PLR0917
         sens[3, a, i] = (other.disturbance[a] - end.disturbance[a]) / delta
 
 
-@inlined
+@compiled
 def _predict_covariances(
     model: DriveModel, rates: Vector, h: Hypothesis, end: Motion, dt: float
 ) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 from omnidrive.robot.slip import Vector
 
 _STEP = 0.025
@@ -63,13 +63,13 @@ class Motion(NamedTuple):
     """Mean share of wheels at the friction limit since the start; see :data:`WATCHED`."""
 
 
-@inlined
+@compiled
 def unit_of(model: DriveModel, axis: int) -> float:
     """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
     return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0
 
 
-@inlined
+@compiled
 def inverse_lags(model: DriveModel) -> Vector:
     """Return the inverse time constants below the friction limit, 1/s."""
     x, y, yaw = _squares(model.rim_jacobian)
@@ -82,7 +82,7 @@ def inverse_lags(model: DriveModel) -> Vector:
     )
 
 
-@inlined
+@compiled
 def _squares(jacobian: Float[Array, "wheels 3"]) -> Vector:
     x, y, yaw = 0.0, 0.0, 0.0
     for i in range(len(jacobian)):
@@ -92,7 +92,7 @@ def _squares(jacobian: Float[Array, "wheels 3"]) -> Vector:
     return x, y, yaw
 
 
-@inlined
+@compiled
 def respond(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
@@ -148,7 +148,7 @@ def respond(  # noqa: PLR0917
     )
 
 
-@inlined
+@compiled
 def _hold(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
@@ -204,7 +204,7 @@ def _hold(  # noqa: PLR0917
     return Motion((x, y, yaw), (mx, my, mw), (bx, by, bw), disturbance, saturation)
 
 
-@inlined
+@compiled
 def _peak(model: DriveModel, slip: Vector) -> float:
     """Return the largest force of a wheel, N, that a slip velocity calls for."""
     jacobian, peak = model.rim_jacobian, 0.0
@@ -215,7 +215,7 @@ def _peak(model: DriveModel, slip: Vector) -> float:
     return peak
 
 
-@inlined
+@compiled
 def _limited_wrench(model: DriveModel, slip: Vector) -> tuple[float, float, float, float]:
     """Return the share of slipping wheels, and the wrench of all wheels; N, N, N m."""
     jacobian, limit = model.rim_jacobian, model.max_force
@@ -232,7 +232,7 @@ def _limited_wrench(model: DriveModel, slip: Vector) -> tuple[float, float, floa
     return slipping, gx, gy, gw
 
 
-@inlined
+@compiled
 def axis_slopes(rate: float, saturation: float, dt: float) -> tuple[float, float, float, float]:
     """Return derivatives of the motion along an axis without coupling to the others.
 

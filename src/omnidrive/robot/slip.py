@@ -5,12 +5,12 @@ from __future__ import annotations
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 
 Vector = tuple[float, float, float]
 
 
-@inlined
+@compiled
 def slip_velocity(  # noqa: PLR0917
     velocity: Vector,
     forces: Float[Array, " wheels"],

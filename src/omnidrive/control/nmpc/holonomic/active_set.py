@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.feasible_start import relaxed_bounds
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.riccati import (
@@ -82,7 +82,7 @@ def solve_active_set(
         iterations += 1
 
 
-@inlined
+@compiled
 def _update_active_set(point: StagePoint, active: Float[Array, "stages rows"]) -> float:
     """Update ``active`` (1: upper bound, -1: lower bound, 0: none); return the largest error.
 
@@ -105,7 +105,7 @@ def _update_active_set(point: StagePoint, active: Float[Array, "stages rows"]) -
     return largest
 
 
-@inlined
+@compiled
 def _fill_multipliers(  # noqa: PLR0917
     point: StagePoint,
     active: Float[Array, "stages rows"],
@@ -124,14 +124,14 @@ def _fill_multipliers(  # noqa: PLR0917
                 multipliers[k, i] = point.multipliers[k, i] + penalty * active[k, i] * excess
 
 
-@inlined
+@compiled
 def _slack(point: StagePoint, active: Float[Array, "stages rows"], k: int, i: int) -> float:
     """Return the slack of the active side of a limit."""
     slack: float = point.slacks[k, i, 0] if active[k, i] > 0.0 else point.slacks[k, i, 1]
     return slack
 
 
-@inlined
+@compiled
 def _slack_margin(point: StagePoint, k: int, i: int, tolerance: float) -> float:
     """Return the slack to keep at an active limit, so that rounding does not violate it."""
     multiplier: float = abs(point.multipliers[k, i])

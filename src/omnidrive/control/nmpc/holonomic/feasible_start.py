@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.lqr import lqr_policy
 from omnidrive.control.nmpc.holonomic.motion import arc_twist, arc_velocity, limit_value
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
@@ -17,7 +17,7 @@ _BRAKING_RATIO = 0.99
 """Largest ratio of a limit's value to its bound under braking, before the bound is relaxed."""
 
 
-@inlined
+@compiled
 def couples_stages(p: HolonomicProblem) -> bool:
     """Return whether any limit depends on the twists of two stages."""
     return bool(p.limits.before.any())
@@ -76,7 +76,7 @@ def feasible_velocities(
     return velocities
 
 
-@inlined
+@compiled
 def _feasible_fraction(
     p: HolonomicProblem,
     bounds: Float[Array, "stages rows"],
@@ -121,7 +121,7 @@ def _brake(p: HolonomicProblem, twists: Float[Array, "stages 3"], k: int) -> flo
     return _max_ratio(p, before, factor)
 
 
-@inlined
+@compiled
 def _max_ratio(p: HolonomicProblem, before: Float[Array, " 3"], factor: float) -> float:
     """Return the largest ratio of a limit's value to its bound for ``factor`` times ``before``.
 

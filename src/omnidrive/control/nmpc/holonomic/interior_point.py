@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, STALLED
 from omnidrive.control.nmpc.holonomic.feasible_start import feasible_velocities, relaxed_bounds
 from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost
@@ -144,7 +144,7 @@ def iterate(p: HolonomicProblem, ip: InteriorPoint, tolerance: float, max_iterat
         memory[ITERATIONS] += 1
 
 
-@inlined
+@compiled
 def _combine_multipliers(ip: InteriorPoint) -> None:
     """Fill in the multipliers of the point: those of the upper minus those of the lower sides."""
     multipliers, sides = ip.point.multipliers, ip.side_multipliers
@@ -153,7 +153,7 @@ def _combine_multipliers(ip: InteriorPoint) -> None:
             multipliers[k, w] = sides[k, w, 0] - sides[k, w, 1]
 
 
-@inlined
+@compiled
 def _fill_weights(ip: InteriorPoint) -> None:
     """Fill in the second derivatives of the barrier by the values of the limits."""
     weights, slacks, sides = ip.factors.weights, ip.point.slacks, ip.side_multipliers
@@ -163,7 +163,7 @@ def _fill_weights(ip: InteriorPoint) -> None:
             weights[k, w] += sides[k, w, 1] / slacks[k, w, 1]
 
 
-@inlined
+@compiled
 def _residuals(p: HolonomicProblem, ip: InteriorPoint) -> tuple[float, float, float]:
     """Return the norm of the Lagrangian's gradient, and largest and mean slack x multiplier."""
     slacks, sides = ip.point.slacks, ip.side_multipliers
@@ -232,7 +232,7 @@ def _corrector(p: HolonomicProblem, ip: InteriorPoint, barrier: float, min_ratio
     return _line_search(p, ip, barrier, longest, min_ratio * longest)
 
 
-@inlined
+@compiled
 def _max_primal_step(point: StagePoint, step: Step, fraction: float) -> float:
     """Return the step length, at most 1, that uses ``fraction`` of the first slack to vanish."""
     length = 1.0
@@ -244,7 +244,7 @@ def _max_primal_step(point: StagePoint, step: Step, fraction: float) -> float:
     return length
 
 
-@inlined
+@compiled
 def _max_dual_step(ip: InteriorPoint) -> float:
     """Return the step length, at most 1, up to which no multiplier becomes negative."""
     length = 1.0
@@ -275,7 +275,7 @@ def _merit(
     return total
 
 
-@inlined
+@compiled
 def _line_search(
     p: HolonomicProblem, ip: InteriorPoint, barrier: float, longest: float, shortest: float
 ) -> float:

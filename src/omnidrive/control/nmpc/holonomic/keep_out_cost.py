@@ -7,11 +7,11 @@ from math import inf, sqrt
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.problem import KeepOutArrays
 
 
-@inlined
+@compiled
 def signed_distance(
     zones: KeepOutArrays, j: int, k: int, x: float, y: float
 ) -> tuple[float, float, float, float]:
@@ -57,7 +57,7 @@ def signed_distance(
     return distance, dx / distance, dy / distance, 1.0 / distance if at_corner else 0.0
 
 
-@inlined
+@compiled
 def keep_out_cost(zones: KeepOutArrays, states: Float[Array, "points 3"]) -> float:
     """Return the cost of all zones, see :class:`KeepOutArrays`; 0 if all distances are kept.
 
@@ -73,7 +73,7 @@ def keep_out_cost(zones: KeepOutArrays, states: Float[Array, "points 3"]) -> flo
     return total
 
 
-@inlined
+@compiled
 def add_keep_out_derivatives(
     zones: KeepOutArrays,
     states: Float[Array, "points 3"],

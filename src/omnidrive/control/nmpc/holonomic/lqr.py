@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 
 
-@inlined
+@compiled
 def lqr_policy(p: HolonomicProblem) -> tuple[Float[Array, "stages 3"], Float[Array, "stages 3"]]:
     """Return gains K_k and offsets c_k of the optimal ``v_k = c_k - K_k x_k`` of every axis.
 
@@ -38,7 +38,7 @@ def lqr_policy(p: HolonomicProblem) -> tuple[Float[Array, "stages 3"], Float[Arr
     return gains, offsets
 
 
-@inlined
+@compiled
 def unconstrained_velocities(p: HolonomicProblem) -> Float[Array, "stages 3"]:
     """Return the velocities v_k in W that minimise J without limits and keep-out zones.
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 
 _SERIES_LIMIT = 0.02
@@ -17,7 +17,7 @@ _MAX_HALF_TURN = 1.5
 """Half turn of one stage, in rad, above which the arc factor is extrapolated by a parabola."""
 
 
-@inlined
+@compiled
 def roll_out(p: HolonomicProblem, velocities: Float[Array, "stages 3"]) -> Float[Array, "points 3"]:
     """Return the states that follow from ``velocities``."""
     states = np.empty((len(velocities) + 1, 3))
@@ -28,7 +28,7 @@ def roll_out(p: HolonomicProblem, velocities: Float[Array, "stages 3"]) -> Float
     return states
 
 
-@inlined
+@compiled
 def arc_factor(half: float) -> tuple[float, float, float]:
     """Return arc over chord, ``h / sin(h)`` for half the turn h in rad, and two derivatives."""
     square = half * half
@@ -45,7 +45,7 @@ def arc_factor(half: float) -> tuple[float, float, float]:
     return value + excess * (first + 0.5 * excess * second), first + excess * second, second
 
 
-@inlined
+@compiled
 def arc_twist(dt: float, yaw: float, vx: float, vy: float, rate: float) -> tuple[float, float]:
     """Return the translation of a stage's body twist, in m/s, from its mean velocity in W.
 
@@ -58,7 +58,7 @@ def arc_twist(dt: float, yaw: float, vx: float, vy: float, rate: float) -> tuple
     return factor * (c * vx + s * vy), factor * (c * vy - s * vx)
 
 
-@inlined
+@compiled
 def arc_velocity(
     dt: float, yaw: float, ahead: float, left: float, rate: float
 ) -> tuple[float, float]:
@@ -69,7 +69,7 @@ def arc_velocity(
     return (c * ahead - s * left) / factor, (s * ahead + c * left) / factor
 
 
-@inlined
+@compiled
 def twist_derivatives(  # noqa: PLR0917
     dt: float,
     stage: tuple[float, float, float, float],
@@ -114,7 +114,7 @@ def twist_derivatives(  # noqa: PLR0917
     return f * ahead, f * left
 
 
-@inlined
+@compiled
 def stage_twists(
     p: HolonomicProblem, velocities: Float[Array, "stages 3"]
 ) -> Float[Array, "stages 3"]:
@@ -128,7 +128,7 @@ def stage_twists(
     return twists
 
 
-@inlined
+@compiled
 def limit_value(p: HolonomicProblem, i: int, twists: Float[Array, "stages 3"], k: int) -> float:
     """Return ``now_i @ b_k - before_i @ b_{k-1}`` of :class:`~.problem.Limits`."""
     total = 0.0
@@ -138,7 +138,7 @@ def limit_value(p: HolonomicProblem, i: int, twists: Float[Array, "stages 3"], k
     return total
 
 
-@inlined
+@compiled
 def max_limit_ratio(p: HolonomicProblem, twists: Float[Array, "stages 3"]) -> float:
     """Return the largest ratio of a limit's absolute value to its bound; NaN if any is NaN."""
     largest = 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond, slip_response
@@ -132,7 +132,7 @@ def motion_memory(commands: int) -> MotionMemory:
     )
 
 
-@inlined
+@compiled
 def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     """Start at a known pose with a known twist, without disturbance."""
     for a in range(3):
@@ -144,7 +144,7 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     memory.reached[0] = 0.0
 
 
-@inlined
+@compiled
 def remember(memory: MotionMemory, command: Vector) -> None:
     """Insert a command in front of the earlier ones."""
     for k in range(len(memory.commands) - 1, 0, -1):
@@ -154,13 +154,13 @@ def remember(memory: MotionMemory, command: Vector) -> None:
         memory.commands[0, a] = command[a]
 
 
-@inlined
+@compiled
 def whole_periods(delay: float, period: float) -> int:
     """Return the number of whole sample times in a delay."""
     return int(delay / period + _ROUNDING)
 
 
-@inlined
+@compiled
 def predict(
     model: SlipModel, memory: MotionMemory, dt: float, period: float
 ) -> tuple[float, float]:
@@ -182,7 +182,7 @@ def predict(
     return share, undisturbed
 
 
-@inlined
+@compiled
 def _predict_one(
     model: SlipModel, memory: MotionMemory, command: int, dt: float
 ) -> tuple[float, float]:
@@ -198,14 +198,14 @@ def _predict_one(
     return share, undisturbed
 
 
-@inlined
+@compiled
 def _motor_steps(lag: float, dt: float) -> tuple[int, float]:
     """Return the number and the length (s) of the steps in ``dt`` (s) with a constant input."""
     steps = 1 if lag < _MIN_LAG else ceil(dt / _MOTOR_STEP - _ROUNDING)
     return steps, dt / steps
 
 
-@inlined
+@compiled
 def _motor_response(
     memory: MotionMemory, command: int, motors: Vector, dt: float
 ) -> tuple[Vector, Vector]:
@@ -218,7 +218,7 @@ def _motor_response(
     return mean, (x + decay * dx, y + decay * dy, yaw + decay * dw)
 
 
-@inlined
+@compiled
 def _decay(lag: float, dt: float) -> tuple[float, float]:
     """Return mean and final value of exp(-t / lag) over ``dt`` (s)."""
     if lag < _MIN_LAG:
@@ -336,7 +336,7 @@ def correct(  # noqa: PLR0917
     memory.pose[2] += change[2]
 
 
-@inlined
+@compiled
 def _carries_on(model: SlipModel, memory: MotionMemory, innovation: Vector, dt: float) -> bool:
     """Return whether the robot is moved about as far as before: its twist is wrong.
 
@@ -374,14 +374,14 @@ def correct_twist(model: SlipModel, memory: MotionMemory, twist: Vector, dt: flo
         p[0, 1] = p[1, 0] = p[1, 1] = p[1, 2] = p[2, 1] = 0.0
 
 
-@inlined
+@compiled
 def doubt_twist(model: SlipModel, memory: MotionMemory, axis: int, dt: float) -> None:
     """Raise the standard deviation of the twist to the change that is possible in ``dt`` (s)."""
     sigma, p = _reach(model, dt, axis) / dt, memory.covariance[axis]
     p[1, 1] = max(p[1, 1], sigma * sigma)
 
 
-@inlined
+@compiled
 def _reduce(p: Float[Array, "3 3"], gains: Vector, variance: float) -> None:
     """Correct a covariance: Joseph's form, for gains that need not be optimal."""
     row = (p[0, 0], p[0, 1], p[0, 2])
@@ -392,7 +392,7 @@ def _reduce(p: Float[Array, "3 3"], gains: Vector, variance: float) -> None:
             p[j, i] = p[i, j]
 
 
-@inlined
+@compiled
 def _estimate_noise(memory: MotionMemory, innovation: Vector) -> None:
     """Update the variance of the noise by the covariance of consecutive differences.
 
@@ -410,7 +410,7 @@ def _estimate_noise(memory: MotionMemory, innovation: Vector) -> None:
     noise[2], noise[3], noise[4] = x, y, yaw
 
 
-@inlined
+@compiled
 def _noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
     """Return 0 for exact poses to 1 for noise well above :data:`NOISY`, by the estimated noise."""
     variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
@@ -418,7 +418,7 @@ def _noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
     return float(1.0 - 1.0 / (1.0 + ratio * ratio))
 
 
-@inlined
+@compiled
 def _variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: int) -> float:
     """Return the variance of a measured displacement, which is estimated if it is not known."""
     variance = variances[axis]
@@ -449,14 +449,14 @@ def predict_delayed(
     return _vector(pose), twist, motors
 
 
-@inlined
+@compiled
 def _disturbed(model: SlipModel, memory: MotionMemory, motors: Vector) -> Vector:
     """Return a twist of the motors plus the disturbance."""
     lacking = disturbance_at(model, memory, motors)
     return motors[0] + lacking[0], motors[1] + lacking[1], motors[2] + lacking[2]
 
 
-@inlined
+@compiled
 def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> Vector:
     """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
     lacking = memory.disturbance
@@ -467,7 +467,7 @@ def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> V
     )
 
 
-@inlined
+@compiled
 def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -> Vector:
     """Return the commanded twist that has the effect of a twist in spite of the disturbance."""
     return (
@@ -477,7 +477,7 @@ def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -
     )
 
 
-@inlined
+@compiled
 def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int) -> float:
     """Return the component of :func:`without_disturbance` in an axis."""
     share, lacking = _noisy_share(model, memory, axis), memory.disturbance[axis]
@@ -485,7 +485,7 @@ def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int
     return float((component - (1.0 - share) * lacking) / max(gain, _LEAST_GAIN))
 
 
-@inlined
+@compiled
 def _scale(model: SlipModel, memory: MotionMemory, command: float, axis: int) -> float:
     """Return the disturbance of an axis at a commanded component, as a multiple of its state.
 
@@ -496,7 +496,7 @@ def _scale(model: SlipModel, memory: MotionMemory, command: float, axis: int) ->
     return 1.0 - share + share * command / (_USUAL_SPEED * _unit(model, axis))
 
 
-@inlined
+@compiled
 def _move(pose: Float[Array, " 3"], twist: Vector, dt: float) -> None:
     """Move a pose by a constant body twist over ``dt`` (s), in place."""
     vx, vy = arc_velocity(dt, pose[2], twist[0], twist[1], twist[2])
@@ -505,12 +505,12 @@ def _move(pose: Float[Array, " 3"], twist: Vector, dt: float) -> None:
     pose[2] += dt * twist[2]
 
 
-@inlined
+@compiled
 def _vector(values: Float[Array, " 3"]) -> Vector:
     return values[0], values[1], values[2]
 
 
-@inlined
+@compiled
 def _reach(model: SlipModel, dt: float, axis: int) -> float:
     """Return the largest displacement, m or rad, in ``dt`` (s) that the model may not explain.
 
@@ -523,7 +523,7 @@ def _reach(model: SlipModel, dt: float, axis: int) -> float:
     return distance * _unit(model, axis)
 
 
-@inlined
+@compiled
 def _unit(model: SlipModel, axis: int) -> float:
     """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
     return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
 from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory
@@ -24,10 +24,10 @@ _NOISE_RATIO = 25.0
 """Least square of the displacement by acceleration over the variance of the measured position."""
 
 
-@inlined
+@compiled
 def reached_share(memory: MotionMemory) -> float:
     """Return the share of the limits of acceleration that the robot reaches, 0 to 1."""
-    return _ASSUMED + memory.reached[0]
+    return _ASSUMED + float(memory.reached[0])
 
 
 @compiled

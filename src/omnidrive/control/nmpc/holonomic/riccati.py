@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.stage_point import StagePoint
 
@@ -46,7 +46,7 @@ class Step(NamedTuple):
     """First-order changes of the values of limits with a weight."""
 
 
-@inlined
+@compiled
 def allocate_factors(stages: int, rows: int) -> Factors:
     """Return uninitialised factors; the caller fills in ``weights``, :func:`factorise` the rest."""
     return Factors(
@@ -57,13 +57,13 @@ def allocate_factors(stages: int, rows: int) -> Factors:
     )
 
 
-@inlined
+@compiled
 def allocate_step(stages: int, rows: int) -> Step:
     """Return an uninitialised step; :func:`newton_step` fills it in."""
     return Step(np.empty((stages, 3)), np.empty((stages + 1, 3)), np.empty((stages, rows)))
 
 
-@inlined
+@compiled
 def factorise_shifted(p: HolonomicProblem, point: StagePoint, f: Factors, last: float) -> float:
     """Factorise the Hessian, modified until it is positive definite; return its shift.
 
@@ -85,7 +85,7 @@ def factorise_shifted(p: HolonomicProblem, point: StagePoint, f: Factors, last: 
     return shift
 
 
-@inlined
+@compiled
 def factorise_convex(p: HolonomicProblem, point: StagePoint, f: Factors) -> bool:
     """Factorise the Hessian, exact or without the curvature of keep-out zones.
 
@@ -144,7 +144,7 @@ def factorise(
     return True
 
 
-@inlined
+@compiled
 def _fill_blocks(  # noqa: PLR0917
     dt: float,
     value: Float[Array, "6 6"],
@@ -181,7 +181,7 @@ def _fill_blocks(  # noqa: PLR0917
                 uu[a, b] += dt * (value[3 + a, b] + value[a, 3 + b]) + value[3 + a, 3 + b]
 
 
-@inlined
+@compiled
 def _add_keep_out_hessian(
     point: StagePoint, k: int, curvature: float, value: Float[Array, "6 6"]
 ) -> None:
@@ -193,7 +193,7 @@ def _add_keep_out_hessian(
     value[1, 1] += point.hessian_position[k, 0, 2] + curvature * point.hessian_position[k, 1, 2]
 
 
-@inlined
+@compiled
 def _hessian_of_limits(
     point: StagePoint, weights: Float[Array, "stages rows"], k: int, h: Float[Array, "7 7"]
 ) -> int:
@@ -218,7 +218,7 @@ def _hessian_of_limits(
     return width
 
 
-@inlined
+@compiled
 def _widen(h: Float[Array, "7 7"], value: Float[Array, "6 6"]) -> None:
     """Fill in the part of the stage's limits in the Hessian by v_{k-1} and (x_k, v_{k-1})."""
     for a in range(3, 6):
@@ -229,7 +229,7 @@ def _widen(h: Float[Array, "7 7"], value: Float[Array, "6 6"]) -> None:
             value[a, b] = value[b, a] = h[1 + a, 1 + b]
 
 
-@inlined
+@compiled
 def _cholesky(matrix: Float[Array, "3 3"], lower: Float[Array, "stages 6"], k: int) -> bool:
     """Factorise a symmetric matrix into row k; False if it is not positive definite."""
     if not matrix[0, 0] > _MIN_CURVATURE:
@@ -249,7 +249,7 @@ def _cholesky(matrix: Float[Array, "3 3"], lower: Float[Array, "stages 6"], k: i
     return True
 
 
-@inlined
+@compiled
 def _solve(
     lower: Float[Array, "stages 6"], k: int, right: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -307,7 +307,7 @@ def newton_step(
                     step.values[k, w] += point.jacobian[k, w, 1 + i] * step.velocities[k, i]
 
 
-@inlined
+@compiled
 def _fill_offsets(
     p: HolonomicProblem,
     point: StagePoint,

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
@@ -195,7 +195,7 @@ def _without_spin(model: SlipModel, commanded: Vector, initial: Vector, dt: floa
     return _interpolate(initial, commanded, low)
 
 
-@inlined
+@compiled
 def _interpolate(start: Vector, end: Vector, fraction: float) -> Vector:
     x, y, yaw = start
     return (
@@ -205,7 +205,7 @@ def _interpolate(start: Vector, end: Vector, fraction: float) -> Vector:
     )
 
 
-@inlined
+@compiled
 def _slip_wrench(stiffness: Float[Array, " 3"], commanded: Vector, twist: Vector) -> Vector:
     """Return ``stiffness (c - b)``."""
     return (
@@ -215,7 +215,7 @@ def _slip_wrench(stiffness: Float[Array, " 3"], commanded: Vector, twist: Vector
     )
 
 
-@inlined
+@compiled
 def _at_rim(rim_jacobian: Float[Array, "wheels 3"], wheel: int, vector: Vector) -> float:
     """Return the component of a twist or a wrench along the rim of a wheel."""
     x, y, yaw = vector
@@ -224,7 +224,7 @@ def _at_rim(rim_jacobian: Float[Array, "wheels 3"], wheel: int, vector: Vector) 
     )
 
 
-@inlined
+@compiled
 def _peak(rim_jacobian: Float[Array, "wheels 3"], vector: Vector) -> float:
     """Return the largest absolute component of a twist or a wrench along any rim."""
     peak = 0.0
@@ -233,14 +233,14 @@ def _peak(rim_jacobian: Float[Array, "wheels 3"], vector: Vector) -> float:
     return peak
 
 
-@inlined
+@compiled
 def _spins(model: SlipModel, commanded: Vector, final: Vector) -> bool:
     """Return whether any wheel is at its friction limit."""
     wrench = _slip_wrench(model.stiffness, commanded, final)
     return _peak(model.rim_jacobian, wrench) >= model.max_force
 
 
-@inlined
+@compiled
 def _saturate(model: SlipModel, commanded: Vector) -> Vector:
     """Return the largest multiple of a twist, at most 1, within the maximum rim speed."""
     factor = model.max_rim_speed / max(model.max_rim_speed, _peak(model.rim_jacobian, commanded))
@@ -262,7 +262,7 @@ class Sensitivity(NamedTuple):
     """Mean share of wheels at the friction limit, 0 to 1."""
 
 
-@inlined
+@compiled
 def lags(model: SlipModel) -> Vector:
     """Return the time constants of the three axes below the friction limit, in s."""
     jacobian = model.rim_jacobian
@@ -298,7 +298,7 @@ def slip_response(
     return mean, final
 
 
-@inlined
+@compiled
 def respond(
     model: SlipModel, initial: Vector, commanded: Vector, dt: float
 ) -> tuple[Vector, Vector, Sensitivity]:
@@ -316,7 +316,7 @@ def _response(
     return _slipping_response(model, initial, commanded, dt, sensitive)
 
 
-@inlined
+@compiled
 def _linear_response(
     model: SlipModel, initial: Vector, commanded: Vector, dt: float
 ) -> tuple[Vector, Vector, Sensitivity]:
@@ -339,7 +339,7 @@ def _linear_response(
     return mean, final, Sensitivity(by_initial, by_input, final_by_initial, final_by_input, 0.0)
 
 
-@inlined
+@compiled
 def _decay(lag: float, dt: float) -> tuple[float, float]:
     """Return mean and final value of exp(-t / lag) over ``dt`` (s)."""
     if lag < _MIN_LAG:
@@ -348,7 +348,7 @@ def _decay(lag: float, dt: float) -> tuple[float, float]:
     return lag / dt * (1.0 - final), final
 
 
-@inlined
+@compiled
 def _slipping_response(
     model: SlipModel, initial: Vector, commanded: Vector, dt: float, sensitive: bool
 ) -> tuple[Vector, Vector, Sensitivity]:

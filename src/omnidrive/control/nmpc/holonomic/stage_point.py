@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.cost import tracking_cost
 from omnidrive.control.nmpc.holonomic.keep_out_cost import add_keep_out_derivatives, keep_out_cost
 from omnidrive.control.nmpc.holonomic.motion import roll_out, twist_derivatives
@@ -48,7 +48,7 @@ class StagePoint(NamedTuple):
     :func:`~.keep_out_cost.add_keep_out_derivatives`."""
 
 
-@inlined
+@compiled
 def allocate_point(
     velocities: Float[Array, "stages 3"], bounds: Float[Array, "stages rows"]
 ) -> StagePoint:
@@ -69,7 +69,7 @@ def allocate_point(
     )
 
 
-@inlined
+@compiled
 def cost(
     p: HolonomicProblem, states: Float[Array, "points 3"], velocities: Float[Array, "stages 3"]
 ) -> float:
@@ -88,7 +88,7 @@ def evaluate(p: HolonomicProblem, point: StagePoint) -> None:
         _fill_limits(p, point)
 
 
-@inlined
+@compiled
 def _fill_objective(p: HolonomicProblem, point: StagePoint) -> None:
     """Fill in the derivatives of J."""
     gradient, hessian, states = (
@@ -107,7 +107,7 @@ def _fill_objective(p: HolonomicProblem, point: StagePoint) -> None:
     add_keep_out_derivatives(p.keep_outs, states, gradient, hessian)
 
 
-@inlined
+@compiled
 def _fill_twists(p: HolonomicProblem, point: StagePoint) -> None:
     """Fill in twists, their Jacobian, and the Hessian weighted by the multipliers."""
     limits, yaw, stages = p.limits, p.start[2], len(point.velocities)
@@ -130,7 +130,7 @@ def _fill_twists(p: HolonomicProblem, point: StagePoint) -> None:
         yaw += p.dt * rate
 
 
-@inlined
+@compiled
 def _fill_limits(p: HolonomicProblem, point: StagePoint) -> None:
     """Fill in slacks and Jacobian of the limits."""
     now, before, twists, slacks = p.limits.now, p.limits.before, point.twists, point.slacks
@@ -179,7 +179,7 @@ def reduced_gradient(dt: float, point: StagePoint) -> Float[Array, "stages 3"]:
     return gradient
 
 
-@inlined
+@compiled
 def gradient_norm(dt: float, point: StagePoint) -> float:
     """Return the maximum norm of :func:`reduced_gradient`; NaN if any entry is NaN."""
     gradient, largest = reduced_gradient(dt, point), 0.0

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compilable, compiled, inlined
+from omnidrive.compiled import compilable, compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.approach import approach
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
@@ -133,7 +133,7 @@ def observe(
     memory.drive[LEAD] = memory.drive[LAG] if steady else 0.0
 
 
-@inlined
+@compiled
 def _is_plausible(robot: RobotModel, twist: Vector) -> bool:
     """Return whether a twist is known, and not far beyond what the wheels reach: a fault."""
     if not isfinite(twist[0] + twist[1] + twist[2]):
@@ -141,7 +141,7 @@ def _is_plausible(robot: RobotModel, twist: Vector) -> bool:
     return _fastest_wheel(robot, twist) <= _MAX_SPEEDING * robot.max_wheel_speed
 
 
-@inlined
+@compiled
 def _fastest_wheel(robot: RobotModel, twist: Vector) -> float:
     """Return the largest wheel speed of a twist, rad/s."""
     fastest, wheels = 0.0, robot.wheels
@@ -190,7 +190,7 @@ def drive_model(model: SlipModel) -> DriveModel:
     return DriveModel(model.rim_jacobian, model.inertia, model.stiffness, model.max_force)
 
 
-@inlined
+@compiled
 def _adopt(memory: MotionMemory) -> None:
     """Use the identified parameters of the drive."""
     gains, lag, delay = applied_parameters(memory.identified)
@@ -278,7 +278,7 @@ def _approach_target(
     return True
 
 
-@inlined
+@compiled
 def _pass_end(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
     """Let targets after target ``last`` go on at its velocity if the robot cannot stop there.
 
@@ -297,7 +297,7 @@ def _pass_end(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
             p.targets[k + 1, a] = p.targets[k, a] + p.dt * p.feedforward[k, a]
 
 
-@inlined
+@compiled
 def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
     """Return the time, in s, by which targets lead a motion that is at the limit of acceleration.
 
@@ -319,7 +319,7 @@ def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
     return p.dt * max(by_mean / by_end - 0.5, 0.0) if by_end > 0.0 else 0.0
 
 
-@inlined
+@compiled
 def _load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
     """Return the largest component of a vector along the normals of the limits."""
     load = 0.0
@@ -389,7 +389,7 @@ def command_stage(  # noqa: PLR0917
     return command
 
 
-@inlined
+@compiled
 def _stage_twist(plan: Plan, stage: int, factor: float, dt: float) -> Vector:
     """Return the body twist of a stage, times a factor."""
     vx, vy, rate = plan.velocities[stage]
@@ -397,7 +397,7 @@ def _stage_twist(plan: Plan, stage: int, factor: float, dt: float) -> Vector:
     return factor * ahead, factor * left, factor * rate
 
 
-@inlined
+@compiled
 def _command_motors(
     memory: MotionMemory, mean: Vector, motors: Vector, change: Vector, dt: float
 ) -> Vector:
@@ -420,7 +420,7 @@ def _command_motors(
     )
 
 
-@inlined
+@compiled
 def _saturate(robot: RobotModel, twist: Vector) -> Vector:
     """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
     vx, vy, rate = twist

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
 
 
@@ -22,7 +22,7 @@ def roll_out(
     return states
 
 
-@inlined
+@compiled
 def fill_states(
     problem: UnicycleProblem,
     controls: Float[Array, "stages 2"],
@@ -41,7 +41,7 @@ def fill_states(
     states[stages, 0], states[stages, 1], states[stages, 2] = x, y, yaw
 
 
-@inlined
+@compiled
 def clip(control: float, limit: float) -> float:
     """Return the control nearest to ``control`` with an absolute value of at most ``limit``."""
     return min(max(control, -limit), limit)

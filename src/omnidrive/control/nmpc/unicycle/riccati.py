@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
 from omnidrive.control.nmpc.unicycle.stage_point import StagePoint
 
@@ -59,7 +59,7 @@ class _ControlModel(NamedTuple):
     rt: float
 
 
-@inlined
+@compiled
 def newton_step(
     problem: UnicycleProblem, point: StagePoint, curvature: float
 ) -> tuple[bool, Float[Array, "stages 2"]]:
@@ -86,7 +86,7 @@ def newton_step(
     return definite, _forward_sweep(problem, point, feedback)
 
 
-@inlined
+@compiled
 def _backward_sweep(
     problem: UnicycleProblem,
     point: StagePoint,
@@ -120,7 +120,7 @@ def _backward_sweep(
     return definite
 
 
-@inlined
+@compiled
 def _stage_model(
     problem: UnicycleProblem, point: StagePoint, k: int, curvature: float, h: _CostToGo
 ) -> tuple[_CostToGo, _ControlModel]:
@@ -169,7 +169,7 @@ def _stage_model(
     return cost_to_go, model
 
 
-@inlined
+@compiled
 def _invert_free(
     u: _ControlModel, free_speed: bool, free_rate: bool
 ) -> tuple[bool, tuple[float, float, float]]:
@@ -189,7 +189,7 @@ def _invert_free(
     return True, (scale * rr, -scale * sr, scale * ss)
 
 
-@inlined
+@compiled
 def _minimise_stage(
     h: _CostToGo,
     u: _ControlModel,
@@ -226,7 +226,7 @@ def _minimise_stage(
     )
 
 
-@inlined
+@compiled
 def _min_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tuple[float, float]:
     """Return the unit eigenvector of the smallest eigenvalue of the free controls' Hessian."""
     if not free_rate:
@@ -242,7 +242,7 @@ def _min_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tup
     return speed / length, rate / length
 
 
-@inlined
+@compiled
 def _mask_feedback(
     feedback: Float[Array, "stages 2 4"], stage: int, direction: tuple[float, float]
 ) -> None:
@@ -254,7 +254,7 @@ def _mask_feedback(
                 feedback[k, i, j] = feedback[k, i, j] if k > stage else 0.0
 
 
-@inlined
+@compiled
 def _forward_sweep(
     problem: UnicycleProblem, point: StagePoint, feedback: Float[Array, "stages 2 4"]
 ) -> Float[Array, "stages 2"]:

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, STALLED
 from omnidrive.control.nmpc.unicycle.motion import clip, clip_controls
 from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
@@ -90,7 +90,7 @@ def _solve_unicycle(  # noqa: PLR0917
     return controls, assess(problem, controls), iterations, code
 
 
-@inlined
+@compiled
 def _minimise(
     problem: UnicycleProblem,
     guess: Float[Array, "stages 2"],
@@ -122,7 +122,7 @@ def _minimise(
     return point.controls, iteration, code
 
 
-@inlined
+@compiled
 def _line_search(
     problem: UnicycleProblem,
     point: StagePoint,
@@ -152,7 +152,7 @@ def _line_search(
     return moved, reached
 
 
-@inlined
+@compiled
 def _try_step(
     problem: UnicycleProblem,
     point: StagePoint,
@@ -211,7 +211,7 @@ def _fallback_step(  # noqa: PLR0917
     return moved, reached
 
 
-@inlined
+@compiled
 def _escape_saddle(
     problem: UnicycleProblem,
     point: StagePoint,

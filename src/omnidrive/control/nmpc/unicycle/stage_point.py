@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.cost import tracking_cost
 from omnidrive.control.nmpc.unicycle.motion import clip, fill_states
 from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
@@ -44,7 +44,7 @@ def allocate_point(stages: int) -> StagePoint:
     )
 
 
-@inlined
+@compiled
 def cost(
     problem: UnicycleProblem,
     states: Float[Array, "points 3"],
@@ -57,14 +57,14 @@ def cost(
     )
 
 
-@inlined
+@compiled
 def propagate(problem: UnicycleProblem, point: StagePoint) -> float:
     """Fill in the states and the speed Jacobian of the controls of ``point``; return J."""
     fill_states(problem, point.controls, point.states, point.speed_jacobian)
     return cost(problem, point.states, point.controls)
 
 
-@inlined
+@compiled
 def differentiate(problem: UnicycleProblem, point: StagePoint) -> None:
     """Fill in costates, gradient and free controls of a point whose states are filled in.
 
@@ -91,7 +91,7 @@ def differentiate(problem: UnicycleProblem, point: StagePoint) -> None:
     _find_free(problem, point)
 
 
-@inlined
+@compiled
 def _find_free(problem: UnicycleProblem, point: StagePoint) -> None:
     controls, gradient, free, limits = point.controls, point.gradient, point.free, problem.limits
     for k in range(len(controls)):
@@ -100,7 +100,7 @@ def _find_free(problem: UnicycleProblem, point: StagePoint) -> None:
             free[k, i] = abs(controls[k, i]) < limits[i] or not outward
 
 
-@inlined
+@compiled
 def evaluate(
     problem: UnicycleProblem, controls: Float[Array, "stages 2"]
 ) -> tuple[StagePoint, float]:
@@ -113,7 +113,7 @@ def evaluate(
     return point, value
 
 
-@inlined
+@compiled
 def kkt_residual(problem: UnicycleProblem, point: StagePoint) -> float:
     """Return the largest entry of |u - clip(u - dJ/du)|, which is zero exactly at a KKT point.
 
