@@ -14,7 +14,8 @@ from omnidrive.cli.main import load_verb
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.errors import CannotWrite, InvalidInput, NoPathFound, OmnidriveError
 from omnidrive.maps import OccupancyGrid, load_map, load_queries, save_nav2_map
-from omnidrive.reference import load_waypoints
+from omnidrive.reference import MotionLimits, limit_rows, limit_usage, load_waypoints
+from omnidrive.robot import named_robot
 from omnidrive.study import (
     check_plan_targets,
     load_scenario,
@@ -87,6 +88,21 @@ def test_saved_folder_reproduces_the_reference(capsys, room, tmp_path):
     assert ours.duration == pytest.approx(reference.duration)
     window = ours.window(0.0, 20, 0.1), reference.window(0.0, 20, 0.1)
     assert window[0] == pytest.approx(window[1], abs=1e-6)
+
+
+def test_written_motion_keeps_its_limits(capsys, room, tmp_path):
+    """Where the acceleration jumps, even samples would exceed them when they are read again."""
+    plan(capsys, *room, "--out", tmp_path / "p.csv")
+    robot = named_robot("small")
+    limits = limit_rows(robot.chassis, MotionLimits.of_robot(robot))
+    used = limit_usage(load_waypoints(tmp_path / "p.csv"), limits)
+    assert 0.9 < max(used.values()) <= 1.01
+
+
+def test_written_motion_at_top_speed_is_read_again(capsys, room, tmp_path):
+    plan(capsys, *room, "--out", tmp_path / "p.csv")
+    facts = json.loads(plan(capsys, tmp_path / "p.csv", "--robot", "small", "--json"))
+    assert 100.1 < facts["wheel_speed_used_percent"] <= 101.0
 
 
 def test_figure_shows_the_path(capsys, room, tmp_path):

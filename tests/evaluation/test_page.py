@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnidrive.evaluation import study_tables
+from omnidrive.evaluation import headline, study_tables, verdicts
 from omnidrive.evaluation.page import page_text, write_page
 from omnidrive.robot import ROBOTS
 
@@ -34,6 +34,9 @@ def test_data_has_every_group_and_run(study):
     groups = {group["id"]: group for group in data_of(page_text(study, ()))["groups"]}
     assert list(groups) == ["track-20", "track-30", "noise-30", "horizon-20", "step"]
     assert [len(group["runs"]) for group in groups.values()] == [4, 4, 4, 6, 4]
+    assert [run["label"] for run in groups["track-20"]["runs"]] == [
+        result.controller for result in study.select("track", duration=20.0)
+    ]
     run, data = study.tracks[0].run, groups["track-20"]["runs"][0]
     np.testing.assert_allclose(data["pose"][0], run.pose[:, 0], atol=5.1e-9)
     assert data["measured"] is None
@@ -90,6 +93,11 @@ def test_playback_shows_first_of_repeated_runs(study):
     assert group["label"] == "Noise 30 s, first of 2 seeds"
     assert len(group["runs"]) == len(noisy)
     assert group["runs"][0]["measured"] is not None
+
+
+def test_verdict_is_above_the_scene(study):
+    body = page_text(study, ()).split("<body>")[1]
+    assert 0 < body.index(headline(verdicts(study))[0]) < body.index('id="map"')
 
 
 def test_best_cells_are_marked(study):

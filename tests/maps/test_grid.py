@@ -1,5 +1,8 @@
 """Occupancy grids: cells, inflation and exact distances."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -268,6 +271,18 @@ def test_nearest_free_cell_of_a_long_map(shape, end):
         assert found is None
     else:
         assert found[0] == tuple(n + end if end else 0 for n in shape)
+
+
+def test_nearest_free_cell_of_a_long_map_is_found_soon():
+    """In a process that can be ended: quadratic time would be hours."""
+    code = (
+        "import numpy as np; from omnidrive.maps import OccupancyGrid; "
+        "print(OccupancyGrid(np.ones((2_000_000, 2), bool), 1.0).nearest_free(1.5, 1.5))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    assert done.stdout == "None\n"
 
 
 @pytest.mark.parametrize(("cut_corners", "sizes"), [(False, [3, 8, 2]), (True, [13, 13, 13])])

@@ -39,11 +39,8 @@ from omnidrive.study.scenario_sections import MapSection, robot_of
 _FLOOR_CELLS = 200
 """Largest number of cells of an open floor along x and y; the plants do not use them."""
 
-_ROUNDING = 1e-3
-"""Tolerated relative excess of the wheel speed limit by rounding and sampling."""
-
-_FORCE_ROUNDING = 0.011
-"""Likewise of the limit of the wheel force, which written motions keep within 1 %."""
+_EXCESS = 0.011
+"""Tolerated relative excess of a limit: written motions keep their limits within 1 %."""
 
 _log = logging.getLogger("omnidrive")
 
@@ -140,7 +137,7 @@ class PlannedScenario:
         limits = self.limits[:1]
         (share,) = limit_usage(motion, limits).values()
         share *= motion.duration / duration
-        if share > 1.0 + _ROUNDING:
+        if share > 1.0 + _EXCESS:
             top = self.robot.max_wheel_speed
             raise InvalidReference(
                 f"{duration:g} s is too short for this reference: a wheel would need "
@@ -327,7 +324,7 @@ def _note_excess(planned: PlannedScenario) -> None:
     if durations:
         usage = limit_usage(planned.reference(durations[0]), planned.limits)
         name, share = max(usage.items(), key=lambda item: item[1])
-        if share > 1.0 + _FORCE_ROUNDING:
+        if share > 1.0 + _EXCESS:
             _log.warning(
                 "the reference in %g s exceeds the limit of the %s by a factor of %.2f, so that "
                 "the robot cannot follow it exactly; the shortest duration within the limits is "
