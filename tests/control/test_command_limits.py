@@ -121,7 +121,7 @@ def test_limits_that_fail_end_the_run():
 
 def test_warnings_of_worker_processes_are_logged_once(caplog):
     record = logging.LogRecord("omnidrive", logging.WARNING, "", 0, "too %s", ("fast",), None)
-    told = set()
-    log_new([record, record], told)
-    log_new([record], told)
+    logged = set()
+    log_new([record, record], logged)
+    log_new([record], logged)
     assert [each.getMessage() for each in caplog.records] == ["too fast"]

@@ -101,7 +101,7 @@ def _in_workers(
         on_tick=relay.forward,
     )
     calls = [Call(job_name(planned, job), partial(_run, job)) for job in queue]
-    told: set[tuple[str, str]] = set()
+    logged: set[tuple[str, str]] = set()
     with closing(workers.outcomes(calls)) as outcomes:
         for index, outcome in outcomes:
             if outcome is Lost.TIMED_OUT:
@@ -112,16 +112,16 @@ def _in_workers(
                 yield queue[index], unfinished(planned, queue[index], Outcome.KILLED, reason)
             else:
                 result, records = outcome
-                log_new(records, told)
+                log_new(records, logged)
                 yield queue[index], result
 
 
-def log_new(records: Sequence[logging.LogRecord], told: set[tuple[str, str]]) -> None:
-    """Log what worker processes logged, once; ``told``: loggers and messages so far."""
+def log_new(records: Sequence[logging.LogRecord], logged: set[tuple[str, str]]) -> None:
+    """Log what worker processes logged, once; ``logged``: loggers and messages so far."""
     for record in records:
         message = record.name, record.getMessage()
-        if message not in told:
-            told.add(message)
+        if message not in logged:
+            logged.add(message)
             logging.getLogger(record.name).handle(record)
 
 

@@ -158,16 +158,16 @@ def _limit(  # noqa: PLR0917
     x, y, yaw = 0.0, 0.0, 0.0
     slips = False
     for i in range(len(rim_jacobian)):
-        wanted = 0.0
+        desired = 0.0
         for k in range(3):
-            wanted += rim_jacobian[i, k] * inertia[k] * change[k] / (h * squares[k])
+            desired += rim_jacobian[i, k] * inertia[k] * change[k] / (h * squares[k])
         limit = limits[i] + transfer[i, 0] * force[0] + transfer[i, 1] * force[1]
         limit = min(max(limit, 0.0), motor)
-        slips = slips or abs(wanted) > limit
-        wanted = min(max(wanted, -limit), limit)
-        x += rim_jacobian[i, 0] * wanted
-        y += rim_jacobian[i, 1] * wanted
-        yaw += rim_jacobian[i, 2] * wanted
+        slips = slips or abs(desired) > limit
+        desired = min(max(desired, -limit), limit)
+        x += rim_jacobian[i, 0] * desired
+        y += rim_jacobian[i, 1] * desired
+        yaw += rim_jacobian[i, 2] * desired
     if slips:
         change[0], change[1], change[2] = (
             h * x / inertia[0],

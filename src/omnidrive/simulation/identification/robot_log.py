@@ -110,13 +110,13 @@ def read_log(path: StrPath) -> RobotLog:
 
 def _csv(content: bytes) -> dict[str, Array]:
     titles = content.partition(b"\n")[0].decode("utf-8-sig")[:100_000].strip().split(",")
-    wanted = _wanted([title.strip().strip('"') for title in titles])
+    used = _used_columns([title.strip().strip('"') for title in titles])
     if content.count(b"\n") > _MAX_ROWS + 1:
         raise InvalidInput(f"there are more than {_MAX_ROWS:,} samples")
     table = pa.csv.read_csv(
         BytesIO(content),
         convert_options=pa.csv.ConvertOptions(
-            include_columns=wanted, column_types=dict.fromkeys(wanted, pa.float64())
+            include_columns=used, column_types=dict.fromkeys(used, pa.float64())
         ),
     )
     return _arrays(table)
@@ -126,15 +126,15 @@ def _parquet(content: bytes) -> dict[str, Array]:
     file = pa.parquet.ParquetFile(BytesIO(content))
     if file.metadata.num_rows > _MAX_ROWS:
         raise InvalidInput(f"there are more than {_MAX_ROWS:,} samples")
-    wanted = _wanted(file.schema_arrow.names)
-    for name in wanted:
+    used = _used_columns(file.schema_arrow.names)
+    for name in used:
         kind = file.schema_arrow.field(name).type
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
             raise InvalidInput(f"the column {name} holds {kind}, not numbers")
-    return _arrays(file.read(columns=wanted))
+    return _arrays(file.read(columns=used))
 
 
-def _wanted(titles: list[str]) -> list[str]:
+def _used_columns(titles: list[str]) -> list[str]:
     """Return the names of the columns to read; raise unless all required ones are there."""
     if len(titles) > _MAX_COLUMNS:
         raise InvalidInput(f"there are more than {_MAX_COLUMNS} columns")

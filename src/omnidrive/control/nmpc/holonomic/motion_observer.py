@@ -233,20 +233,20 @@ def _predict_held(
 ) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with a constant twist of the motors."""
     initial, commanded = _vector(memory.twist), _disturbed(model, memory, motors)
-    mean, final, slopes = respond(model, initial, commanded, dt)
+    mean, final, derivatives = respond(model, initial, commanded, dt)
     _move(memory.pose, mean, dt)
-    acceleration = _ACCELERATION + _SLIP_ACCELERATION * slopes.saturation
+    acceleration = _ACCELERATION + _SLIP_ACCELERATION * derivatives.saturation
     for a in range(3):
         unit, noisy = _unit(model, a), _noisy_share(model, memory, a)
         displacement, drift, decay = _NOISY_ROTATION if a == 2 else _NOISY_TRANSLATION
         displacement = _DISPLACEMENT + noisy * (displacement - _DISPLACEMENT)
         drift, kept = _DRIFT + noisy * (drift - _DRIFT), 1.0 / (1.0 + noisy * decay * dt)
         free = unit * acceleration * dt  # the lag removes part of it
-        by_pose = 0.5 * dt * (1.0 - slopes.mean_by_input[a]) * free
-        by_twist = (1.0 - slopes.final_by_input[a]) * free
+        by_pose = 0.5 * dt * (1.0 - derivatives.mean_by_input[a]) * free
+        by_twist = (1.0 - derivatives.final_by_input[a]) * free
         scale = _scale(model, memory, motors[a], a)
-        m, n = dt * slopes.mean_by_initial[a], scale * dt * slopes.mean_by_input[a]
-        f, g = slopes.final_by_initial[a], scale * slopes.final_by_input[a]
+        m, n = dt * derivatives.mean_by_initial[a], scale * dt * derivatives.mean_by_input[a]
+        f, g = derivatives.final_by_initial[a], scale * derivatives.final_by_input[a]
         p = memory.covariance[a]
         # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, kept]], from the columns of F P
         pp, pb, pd, bb, bd, dd = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]
@@ -266,10 +266,10 @@ def _predict_held(
         memory.disturbance[a] *= kept
     for a in range(3):
         memory.twist[a] = final[a]
-    if slopes.saturation <= STEADY_SATURATION:
-        return slopes.saturation, slopes.saturation
+    if derivatives.saturation <= STEADY_SATURATION:
+        return derivatives.saturation, derivatives.saturation
     _, _, undisturbed = respond(model, initial, motors, dt)
-    return slopes.saturation, undisturbed.saturation
+    return derivatives.saturation, undisturbed.saturation
 
 
 @compiled
