@@ -180,7 +180,7 @@ def test_speeds_in_the_message_differ_if_a_duration_is_only_just_too_short():
     (share,) = limit_usage(planned.motion, planned.limits[:1]).values()
     fastest = share * planned.motion.duration
     with pytest.raises(InvalidReference) as error:
-        planned.reference(fastest / 1.003)
+        planned.reference(fastest / 1.013)
     needed, top = re.findall(r"([\d.]+) rad/s", str(error.value))
     assert float(needed) > float(top) == planned.robot.max_wheel_speed
     assert len(needed) < 10

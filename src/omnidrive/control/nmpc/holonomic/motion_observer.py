@@ -310,7 +310,6 @@ def correct(  # noqa: PLR0917
         _estimate_noise(memory, innovation)
     slips = shares[1] <= STEADY_SATURATION < shares[0]
     memory.noise[12] = memory.noise[12] + 1.0 if slips else 0.0
-    wrong = memory.noise[12] > _MAX_SLIPS
     for a in range(3):
         p, variance = memory.covariance[a], _variance(model, memory, variances, a)
         total = p[0, 0] + variance
@@ -322,14 +321,14 @@ def correct(  # noqa: PLR0917
                 doubt_twist(model, memory, a, dt)
             continue
         to_zero = p[2, 0] * innovation[a] * memory.disturbance[a] < 0.0
-        steady = shares[0] <= STEADY_SATURATION or (wrong and to_zero)
+        wrong = memory.noise[12] > _MAX_SLIPS and to_zero
+        steady = shares[0] <= STEADY_SATURATION or wrong
         gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if steady else 0.0)
         change[a] = gains[0] * innovation[a]
         memory.noise[5 + a] = innovation[a] - change[a]
         memory.twist[a] += gains[1] * innovation[a]
-        largest = _LARGEST * model.max_rim_speed * _unit(model, a)
-        disturbance = memory.disturbance[a] + gains[2] * innovation[a]
-        memory.disturbance[a] = min(max(disturbance, -largest), largest)
+        most, found = _LARGEST * model.max_rim_speed * _unit(model, a), gains[2] * innovation[a]
+        memory.disturbance[a] = min(max(memory.disturbance[a] + found, -most), most)
         _reduce(p, gains, variance)
     memory.pose[0] += c * change[0] - s * change[1]
     memory.pose[1] += s * change[0] + c * change[1]
