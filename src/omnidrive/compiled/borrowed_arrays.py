@@ -60,6 +60,7 @@ def _creates_arrays(state: Any) -> bool:
     models, types_of = state.targetctx.data_model_manager, state.typemap
 
     def counted(kind: Any) -> bool:
+        """Return whether values of a type hold references."""
         found: bool = models[kind].contains_nrt_meminfo()
         return found
 

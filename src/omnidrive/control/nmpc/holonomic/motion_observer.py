@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, exp, inf, sin, sqrt
+from math import ceil, cos, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,13 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond, slip_response
+from omnidrive.control.nmpc.holonomic.slip_model import (
+    MIN_LAG,
+    SlipModel,
+    mean_decay,
+    respond,
+    slip_response,
+)
 from omnidrive.estimation.drive_memory import DriveMemory, drive_memory
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
@@ -50,8 +56,6 @@ _NOISE_MEMORY = 30.0
 """Number of samples over which the variance of the noise is averaged."""
 _MOTOR_STEP = 0.025
 """Largest time in which the input of the model is the mean of the motors' twist, s."""
-_MIN_LAG = 1e-4
-"""In s; a shorter lag of the motors is none."""
 _ROUNDING = 1e-9
 """Share of a sample time that is taken for rounding."""
 LAG, DELAY, LEAD = 3, 4, 5
@@ -201,7 +205,7 @@ def _predict_one(
 @compiled
 def _motor_steps(lag: float, dt: float) -> tuple[int, float]:
     """Return the number and the length (s) of the steps in ``dt`` (s) with a constant input."""
-    steps = 1 if lag < _MIN_LAG else ceil(dt / _MOTOR_STEP - _ROUNDING)
+    steps = 1 if lag < MIN_LAG else ceil(dt / _MOTOR_STEP - _ROUNDING)
     return steps, dt / steps
 
 
@@ -211,20 +215,11 @@ def _motor_response(
 ) -> tuple[Vector, Vector]:
     """Return mean and final value of the motors' twist over ``dt`` (s) with one command."""
     sent, drive = memory.commands[command], memory.drive
-    share, decay = _decay(drive[LAG], dt)
+    share, decay = mean_decay(drive[LAG], dt)
     x, y, yaw = drive[0] * sent[0], drive[1] * sent[1], drive[2] * sent[2]
     dx, dy, dw = motors[0] - x, motors[1] - y, motors[2] - yaw
     mean = (x + share * dx, y + share * dy, yaw + share * dw)
     return mean, (x + decay * dx, y + decay * dy, yaw + decay * dw)
-
-
-@compiled
-def _decay(lag: float, dt: float) -> tuple[float, float]:
-    """Return mean and final value of exp(-t / lag) over ``dt`` (s)."""
-    if lag < _MIN_LAG:
-        return 0.0, 0.0
-    final = exp(-dt / lag)
-    return lag / dt * (1.0 - final), final
 
 
 @compiled

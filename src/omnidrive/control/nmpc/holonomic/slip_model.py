@@ -20,7 +20,7 @@ _FRICTION_SHARE = 0.95
 """Usable part of the friction limit: the load shifts between the wheels."""
 _STEP_RATIO = 0.75
 """Length of an integration step over the shortest time constant."""
-_MIN_LAG = 1e-4
+MIN_LAG = 1e-4
 """In s; a shorter lag is negligible, and would need many integration steps."""
 _CORRECTIONS = 6
 """Corrections of the commanded twist: each leaves about lag / dt of the error without slip."""
@@ -77,7 +77,7 @@ class SlipModel(NamedTuple):
         for name, values in (("mass", inertia), ("maximum wheel force", robot.max_force)):
             if not (np.isfinite(values).all() and np.min(values) > 0.0):
                 raise InvalidInput(f"a slip model needs a positive {name}, got {np.min(values):g}")
-        if not (np.isfinite(lags).all() and lags.min() >= _MIN_LAG):
+        if not (np.isfinite(lags).all() and lags.min() >= MIN_LAG):
             raise InvalidInput(f"a slip model needs lags of at least 0.1 ms, got {lags.min():g} s")
         return cls(
             rim_jacobian,
@@ -322,7 +322,7 @@ def _linear_response(
 ) -> tuple[Vector, Vector, Sensitivity]:
     """Evaluate the response of ``lag db/dt = c - b`` for every axis of B; a lag may be 0."""
     tau = lags(model)
-    p, m, q = _decay(tau[0], dt), _decay(tau[1], dt), _decay(tau[2], dt)
+    p, m, q = mean_decay(tau[0], dt), mean_decay(tau[1], dt), mean_decay(tau[2], dt)
     by_initial, final_by_initial = (p[0], m[0], q[0]), (p[1], m[1], q[1])
     mean = (
         commanded[0] + p[0] * (initial[0] - commanded[0]),
@@ -340,9 +340,9 @@ def _linear_response(
 
 
 @compiled
-def _decay(lag: float, dt: float) -> tuple[float, float]:
+def mean_decay(lag: float, dt: float) -> tuple[float, float]:
     """Return mean and final value of exp(-t / lag) over ``dt`` (s)."""
-    if lag < _MIN_LAG:
+    if lag < MIN_LAG:
         return 0.0, 0.0
     final = exp(-dt / lag)
     return lag / dt * (1.0 - final), final
