@@ -1,0 +1,27 @@
+"""One planned run of a study."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from omnidrive.study.jobs import Job
+from omnidrive.study.scenario import Scenario
+
+
+class PlannedRun(NamedTuple):
+    """One run of a study, before it is simulated."""
+
+    number: int
+    """Index in the plan, from 0."""
+    key: str
+    """SHA-256, in hexadecimal digits, of all that the run depends on; equal keys: equal runs."""
+    pairing: int
+    """Index of all factors but the controller: runs with the same one are compared in pairs."""
+    factors: dict[str, Any]
+    """Value of each axis and each random factor, by its dotted path in the scenario."""
+    scenario: Scenario
+    """The scenario with these values."""
+    job: Job
+    """The run of that scenario."""
+    repetition: int = 0
+    """Index of the repetition, from 0."""

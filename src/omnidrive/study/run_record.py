@@ -1,0 +1,126 @@
+"""The stored result of one run of a study."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from omnidrive.evaluation import Recovery, StepResult, TrackResult
+from omnidrive.evaluation.results import STEP_AXES
+from omnidrive.simulation import Outcome
+from omnidrive.study.jobs import Result
+from omnidrive.study.planned_run import PlannedRun
+
+Factor = float | int | bool | str | None
+"""Value of a factor in a table; a whole section or component is a text."""
+
+TIMING = ("step_time_median", "step_time_p99")
+"""Metrics that differ from run to run on one machine."""
+
+MAX_DETAIL = 4000
+"""Largest number of characters of :attr:`RunRecord.detail`."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """Result of one run of a study without its time series.
+
+    Attributes:
+        number: Index in the plan, from 0.
+        key: SHA-256 of all that the run depends on, as :attr:`PlannedRun.key`.
+        pairing: Index of all factors but the controller.
+        controller: Label of the controller.
+        task: Task of the study.
+        repetition: Index of the repetition, from 0.
+        factors: Value of each axis and each random factor, by its dotted path in the scenario.
+        outcome: Name of the :class:`~omnidrive.simulation.Outcome` in lower case.
+        finished: Whether the run reached the end of its reference.
+        metrics: Reproducible metrics by name: fields of :class:`~omnidrive.evaluation.Metrics`,
+            min_clearance and collisions; of a step response overshoot, rise_time and settling_time
+            of x, y and heading; with a fault recovered, time_to_recover and worst_error.
+        timing: Computing times by name, us.
+        detail: Reason and traceback of a run that ended early; otherwise empty.
+    """
+
+    number: int
+    key: str
+    pairing: int
+    controller: str
+    task: str
+    repetition: int
+    factors: dict[str, Factor]
+    outcome: str
+    finished: bool
+    metrics: dict[str, float]
+    timing: dict[str, float] = field(default_factory=dict)
+    detail: str = ""
+
+    def relabelled(self, run: PlannedRun) -> RunRecord:
+        """Return this result for another planned run with the same key."""
+        return replace(
+            self,
+            number=run.number,
+            pairing=run.pairing,
+            controller=run.job.controller,
+            task=run.job.task,
+            repetition=run.repetition,
+            factors=_factors(run),
+        )
+
+
+def record_of(run: PlannedRun, result: Result, recovery: Recovery | None = None) -> RunRecord:
+    """Return the record of a simulated run.
+
+    Args:
+        run: The planned run.
+        result: Its result.
+        recovery: Recovery from the fault; None: a run without a fault.
+    """
+    log = result.run
+    metrics, timing = _metrics(result)
+    if recovery is not None:
+        metrics |= {
+            "recovered": float(recovery.recovered),
+            "time_to_recover": recovery.time_to_recover,
+            "worst_error": recovery.max_error,
+        }
+    finished = log.outcome is Outcome.FINISHED
+    reason = "" if finished else f"at {log.t[-1]:g} s: {log.ending}"
+    detail = "\n".join(each for each in (reason, log.traceback) if each)
+    return RunRecord(
+        number=run.number,
+        key=run.key,
+        pairing=run.pairing,
+        controller=run.job.controller,
+        task=run.job.task,
+        repetition=run.repetition,
+        factors=_factors(run),
+        outcome=log.outcome.name.lower(),
+        finished=finished,
+        metrics=metrics,
+        timing=timing,
+        detail=detail[:MAX_DETAIL],
+    )
+
+
+def _metrics(result: Result) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the reproducible metrics of a result, and its computing times."""
+    if isinstance(result, StepResult):
+        return {
+            f"{name}_{axis}": value
+            for axis, response in zip(STEP_AXES, result.responses, strict=True)
+            for name, value in response._asdict().items()
+        }, {}
+    values = {name: float(value) for name, value in result.metrics._asdict().items()}
+    timing = {name: values.pop(name) for name in TIMING}
+    if isinstance(result, TrackResult):
+        values["min_clearance"] = result.min_clearance
+    values["collisions"] = float(result.run.collisions[-1])
+    return values, timing
+
+
+def _factors(run: PlannedRun) -> dict[str, Factor]:
+    """Return the values of the factors for tables."""
+    return {
+        path: value if value is None or isinstance(value, float | int | str) else str(value)
+        for path, value in run.factors.items()
+    }
