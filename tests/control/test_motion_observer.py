@@ -5,12 +5,8 @@ from math import nan
 import numpy as np
 import pytest
 
-from omnidrive.control.nmpc.holonomic.motion_observer import (
-    disturbance_at,
-    motion_memory,
-    remember,
-    without_disturbance,
-)
+from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, without_disturbance
+from omnidrive.control.nmpc.holonomic.motion_memory import motion_memory, remember
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.nmpc.holonomic.step import Measurement, RobotModel, observe
 from omnidrive.estimation.drive_memory import DriveSettings

@@ -46,7 +46,7 @@ from omnidrive.control.nmpc.holonomic.law import (
     law_memory,
     stage_problem,
 )
-from omnidrive.control.nmpc.holonomic.motion_observer import ObservedMotion, observed_motion
+from omnidrive.control.nmpc.holonomic.motion_memory import ObservedMotion, observed_motion
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution

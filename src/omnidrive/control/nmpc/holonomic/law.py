@@ -14,12 +14,8 @@ from omnidrive.compiled import compilable, compiled
 from omnidrive.compiled.uncounted import uncounted
 from omnidrive.control.compiled_law import SampleState
 from omnidrive.control.nmpc.common.exit import CONVERGED
-from omnidrive.control.nmpc.holonomic.motion_observer import (
-    MotionMemory,
-    disturbance_at,
-    motion_memory,
-    remember,
-)
+from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at
+from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, motion_memory, remember
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutArrays, Limits
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolverSettings
 from omnidrive.control.nmpc.holonomic.step import (

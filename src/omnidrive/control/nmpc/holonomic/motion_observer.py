@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import ceil, cos, inf, sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +10,14 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
+from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, disturbance_scale
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
+from omnidrive.control.nmpc.holonomic.motion_memory import DELAY, LAG, MotionMemory, axis_unit
+from omnidrive.control.nmpc.holonomic.pose_noise import (
+    estimate_noise,
+    noisy_share,
+    pose_variance,
+)
 from omnidrive.control.nmpc.holonomic.slip_model import (
     MIN_LAG,
     SlipModel,
@@ -19,8 +25,6 @@ from omnidrive.control.nmpc.holonomic.slip_model import (
     respond,
     slip_response,
 )
-from omnidrive.estimation.drive_memory import DriveMemory, drive_memory
-from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 
 _DISPLACEMENT = 0.02
@@ -40,122 +44,14 @@ _NOISY_TRANSLATION, _NOISY_ROTATION = (0.01, 0.008, 1.0), (0.003, 0.001, 0.0)
 in 1/s. The model is trusted more than with exact poses, where distrust costs nothing."""
 _NOISY_TIME = 0.8
 """Longest time constant with which the position follows noisy poses, s."""
-_USUAL_SPEED = 0.5
-"""Speed, m/s, for which disturbances are stated where poses are noisy."""
-_LEAST_GAIN = 0.5
-"""Smallest gain of a commanded twist that is compensated where poses are noisy."""
-NOISY = 2e-3
-"""Standard deviation of a measured position from which on poses are noisy, m."""
 _LARGEST = 0.1
 """Largest disturbance, as a share of the speed limit."""
-_MIN_VARIANCE = 1e-12
-"""Least variance of a measured position, m^2."""
 _GATE = 6.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
-_NOISE_MEMORY = 30.0
-"""Number of samples over which the variance of the noise is averaged."""
 _MOTOR_STEP = 0.025
 """Largest time in which the input of the model is the mean of the motors' twist, s."""
 _ROUNDING = 1e-9
 """Share of a sample time that is taken for rounding."""
-LAG, DELAY, LEAD = 3, 4, 5
-"""Indices of :attr:`MotionMemory.drive`; before them are the gains of x, y and yaw."""
-
-
-class ObservedMotion(NamedTuple):
-    """Estimates of the motion observer."""
-
-    pose: Pose
-    """Pose of B in W; m, m, rad."""
-    twist: BodyTwist
-    """Body twist; m/s, m/s, rad/s."""
-    disturbance: BodyTwist
-    """Twist that has to be added to the commands for the model to move as the robot does. Where the
-    measured poses are noisy it is in proportion to the command; this is then the one of a command
-    of 0.5 m/s, in yaw of 0.5 m/s over the radius of gyration."""
-
-
-class MotionMemory(NamedTuple):
-    """What the observer knows; all arrays are changed in place.
-
-    The axes are x, y and yaw of B. The state of an axis is (displacement, twist, disturbance); its
-    covariance neglects the coupling between axes.
-    """
-
-    pose: Float[Array, " 3"]
-    """Estimated pose in W; m, m, rad."""
-    twist: Float[Array, " 3"]
-    """Estimated body twist; m/s, m/s, rad/s."""
-    disturbance: Float[Array, " 3"]
-    """Disturbance, m/s, m/s, rad/s; where poses are noisy, of a command at the usual speed. See
-    :func:`disturbance_at`."""
-    covariance: Float[Array, "axes 3 3"]
-    """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
-    motors: Float[Array, " 3"]
-    """Twist that the motors follow: the commanded one with gains, delay and lag."""
-    drive: Float[Array, " 6"]
-    """Gains along x, y and yaw, lag of the motors (s), delay (s) of the commands, and the part of
-    the lag that commands compensate (s)."""
-    identified: DriveMemory
-    """What the identification of these parameters knows."""
-    commands: Float[Array, "commands 3"]
-    """Commanded twists, the latest one first: one more than take effect later."""
-    noise: Float[Array, " 13"]
-    """Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
-    difference of a measured displacement from the predicted one, and the last residual; the number
-    of measurements; of every axis the last displacement of a robot that was moved, otherwise 0; and
-    the number of the latest measurements in which wheels slipped with the disturbance only.
-    See :func:`_estimate_noise`, :func:`_carries_on` and :func:`correct`."""
-    reached: Float[Array, " 1"]
-    """Share of the planned acceleration that the robot reaches, minus the assumed one, see
-    :func:`~.reached_acceleration.reached_share`."""
-
-
-def observed_motion(memory: MotionMemory) -> ObservedMotion:
-    """Return the estimates at the last step."""
-    return ObservedMotion(
-        Pose(*memory.pose.tolist()),
-        BodyTwist(*memory.twist.tolist()),
-        BodyTwist(*memory.disturbance.tolist()),
-    )
-
-
-def motion_memory(commands: int) -> MotionMemory:
-    """Return the memory for a number of commands; see :func:`command_count`."""
-    return MotionMemory(
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros((3, 3, 3)),
-        np.zeros(3),
-        np.zeros(6),
-        drive_memory(commands),
-        np.zeros((commands, 3)),
-        np.zeros(13),
-        np.zeros(1),
-    )
-
-
-@compiled
-def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
-    """Start at a known pose with a known twist, without disturbance."""
-    for a in range(3):
-        memory.pose[a], memory.twist[a], memory.disturbance[a] = pose[a], twist[a], 0.0
-        memory.motors[a] = twist[a]
-    memory.covariance[:] = 0.0
-    memory.commands[:] = 0.0
-    memory.noise[:] = 0.0
-    memory.reached[0] = 0.0
-
-
-@compiled
-def remember(memory: MotionMemory, command: Vector) -> None:
-    """Insert a command in front of the earlier ones."""
-    for k in range(len(memory.commands) - 1, 0, -1):
-        for a in range(3):
-            memory.commands[k, a] = memory.commands[k - 1, a]
-    for a in range(3):
-        memory.commands[0, a] = command[a]
 
 
 @compiled
@@ -232,14 +128,14 @@ def _predict_held(
     _move(memory.pose, mean, dt)
     acceleration = _ACCELERATION + _SLIP_ACCELERATION * derivatives.saturation
     for a in range(3):
-        unit, noisy = _unit(model, a), _noisy_share(model, memory, a)
+        unit, noisy = axis_unit(model, a), noisy_share(model, memory, a)
         displacement, drift, decay = _NOISY_ROTATION if a == 2 else _NOISY_TRANSLATION
         displacement = _DISPLACEMENT + noisy * (displacement - _DISPLACEMENT)
         drift, kept = _DRIFT + noisy * (drift - _DRIFT), 1.0 / (1.0 + noisy * decay * dt)
         free = unit * acceleration * dt  # the lag removes part of it
         by_pose = 0.5 * dt * (1.0 - derivatives.mean_by_input[a]) * free
         by_twist = (1.0 - derivatives.final_by_input[a]) * free
-        scale = _scale(model, memory, motors[a], a)
+        scale = disturbance_scale(model, memory, motors[a], a)
         m, n = dt * derivatives.mean_by_initial[a], scale * dt * derivatives.mean_by_input[a]
         f, g = derivatives.final_by_initial[a], scale * derivatives.final_by_input[a]
         p = memory.covariance[a]
@@ -298,15 +194,15 @@ def correct(  # noqa: PLR0917
     innovation = (c * dx + s * dy, c * dy - s * dx, wrap_angle(pose[2] - yaw))
     moved, change = False, np.zeros(3)
     for a in range(3):
-        total = memory.covariance[a, 0, 0] + _variance(model, memory, variances, a)
+        total = memory.covariance[a, 0, 0] + pose_variance(model, memory, variances, a)
         moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + _reach(model, dt, a)
     carries_on = moved and _carries_on(model, memory, innovation, dt)
     if not moved:
-        _estimate_noise(memory, innovation)
+        estimate_noise(memory, innovation)
     slips = shares[1] <= STEADY_SATURATION < shares[0]
     memory.noise[12] = memory.noise[12] + 1.0 if slips else 0.0
     for a in range(3):
-        p, variance = memory.covariance[a], _variance(model, memory, variances, a)
+        p, variance = memory.covariance[a], pose_variance(model, memory, variances, a)
         total = p[0, 0] + variance
         memory.noise[5 + a], memory.noise[9 + a] = 0.0, 0.0
         if moved:
@@ -322,7 +218,7 @@ def correct(  # noqa: PLR0917
         change[a] = gains[0] * innovation[a]
         memory.noise[5 + a] = innovation[a] - change[a]
         memory.twist[a] += gains[1] * innovation[a]
-        most, found = _LARGEST * model.max_rim_speed * _unit(model, a), gains[2] * innovation[a]
+        most, found = _LARGEST * model.max_rim_speed * axis_unit(model, a), gains[2] * innovation[a]
         memory.disturbance[a] = min(max(memory.disturbance[a] + found, -most), most)
         _reduce(p, gains, variance)
     memory.pose[0] += c * change[0] - s * change[1]
@@ -339,7 +235,7 @@ def _carries_on(model: SlipModel, memory: MotionMemory, innovation: Vector, dt: 
     x, y, yaw = memory.noise[9], memory.noise[10], memory.noise[11]
     turned = (0.5 * (abs(x) + abs(y)), 0.5 * (abs(x) + abs(y)), 0.5 * abs(yaw))
     for a in range(3):
-        farthest = 2.0 * dt * model.max_rim_speed * _unit(model, a)
+        farthest = 2.0 * dt * model.max_rim_speed * axis_unit(model, a)
         change = abs(innovation[a] - memory.noise[9 + a])
         if abs(innovation[a]) > farthest or change > _reach(model, dt, a) + turned[a]:
             return False
@@ -387,41 +283,6 @@ def _reduce(p: Float[Array, "3 3"], gains: Vector, variance: float) -> None:
 
 
 @compiled
-def _estimate_noise(memory: MotionMemory, innovation: Vector) -> None:
-    """Update the variance of the noise by the covariance of consecutive differences.
-
-    White noise n of the poses adds n_k - n_{k-1} to a measured displacement, so that consecutive
-    differences from the predicted displacement have the covariance -E[n^2]; errors of the model,
-    which last for many samples, give a positive one (Mehra, "On the identification of variances and
-    adaptive Kalman filtering", IEEE Trans. Autom. Control 15, 1970).
-    """
-    noise = memory.noise
-    x, y, yaw = innovation[0] - noise[5], innovation[1] - noise[6], innovation[2] - noise[7]
-    noise[8] += 1.0
-    share = 1.0 / min(noise[8], _NOISE_MEMORY)
-    noise[0] += share * (-0.5 * (x * noise[2] + y * noise[3]) - noise[0])
-    noise[1] += share * (-yaw * noise[4] - noise[1])
-    noise[2], noise[3], noise[4] = x, y, yaw
-
-
-@compiled
-def _noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
-    """Return 0 for exact poses to 1 for noise well above :data:`NOISY`, by the estimated noise."""
-    variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
-    ratio = variance / (NOISY * _unit(model, axis)) ** 2
-    return float(1.0 - 1.0 / (1.0 + ratio * ratio))
-
-
-@compiled
-def _variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: int) -> float:
-    """Return the variance of a measured displacement, which is estimated if it is not known."""
-    variance = variances[axis]
-    if variance < 0.0:
-        variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
-    return variance + _MIN_VARIANCE * _unit(model, axis) ** 2
-
-
-@compiled
 def predict_delayed(
     model: SlipModel, memory: MotionMemory, period: float
 ) -> tuple[Vector, Vector, Vector]:
@@ -451,46 +312,6 @@ def _disturbed(model: SlipModel, memory: MotionMemory, motors: Vector) -> Vector
 
 
 @compiled
-def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> Vector:
-    """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
-    lacking = memory.disturbance
-    return (
-        _scale(model, memory, command[0], 0) * lacking[0],
-        _scale(model, memory, command[1], 1) * lacking[1],
-        _scale(model, memory, command[2], 2) * lacking[2],
-    )
-
-
-@compiled
-def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -> Vector:
-    """Return the commanded twist that has the effect of a twist in spite of the disturbance."""
-    return (
-        _without(model, memory, twist[0], 0),
-        _without(model, memory, twist[1], 1),
-        _without(model, memory, twist[2], 2),
-    )
-
-
-@compiled
-def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int) -> float:
-    """Return the component of :func:`without_disturbance` in an axis."""
-    share, lacking = _noisy_share(model, memory, axis), memory.disturbance[axis]
-    gain = 1.0 + share * lacking / (_USUAL_SPEED * _unit(model, axis))
-    return float((component - (1.0 - share) * lacking) / max(gain, _LEAST_GAIN))
-
-
-@compiled
-def _scale(model: SlipModel, memory: MotionMemory, command: float, axis: int) -> float:
-    """Return the disturbance of an axis at a commanded component, as a multiple of its state.
-
-    Where poses are noisy the disturbance is an error of gain, in proportion to the command. A
-    constant one would follow slow errors of the measured poses.
-    """
-    share = _noisy_share(model, memory, axis)
-    return 1.0 - share + share * command / (_USUAL_SPEED * _unit(model, axis))
-
-
-@compiled
 def _move(pose: Float[Array, " 3"], twist: Vector, dt: float) -> None:
     """Move a pose by a constant body twist over ``dt`` (s), in place."""
     vx, vy = arc_velocity(dt, pose[2], twist[0], twist[1], twist[2])
@@ -514,10 +335,4 @@ def _reach(model: SlipModel, dt: float, axis: int) -> float:
     if model.max_force < inf:
         acceleration = len(model.rim_jacobian) * model.max_force / model.inertia[0]
         distance = min(distance, acceleration * dt * dt)
-    return distance * _unit(model, axis)
-
-
-@compiled
-def _unit(model: SlipModel, axis: int) -> float:
-    """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
-    return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0
+    return distance * axis_unit(model, axis)

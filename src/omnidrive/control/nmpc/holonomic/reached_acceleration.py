@@ -8,7 +8,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.motion_observer import MotionMemory
+from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.robot.slip import Vector
 

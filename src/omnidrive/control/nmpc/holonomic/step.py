@@ -11,24 +11,26 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compilable, compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.approach import approach
+from omnidrive.control.nmpc.holonomic.disturbance import without_disturbance
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
-from omnidrive.control.nmpc.holonomic.motion_observer import (
+from omnidrive.control.nmpc.holonomic.motion_memory import (
     DELAY,
     LAG,
     LEAD,
-    NOISY,
-    STEADY_SATURATION,
     MotionMemory,
+    remember,
+    restart,
+)
+from omnidrive.control.nmpc.holonomic.motion_observer import (
+    STEADY_SATURATION,
     correct,
     correct_twist,
     doubt_twist,
     predict,
     predict_delayed,
-    remember,
-    restart,
-    without_disturbance,
 )
+from omnidrive.control.nmpc.holonomic.pose_noise import NOISY
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.reached_acceleration import reached_share, update_reached
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, predict_change

@@ -1,0 +1,54 @@
+"""Disturbance of the motion observer: the twist that the model of the robot lacks."""
+
+from __future__ import annotations
+
+from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
+from omnidrive.control.nmpc.holonomic.pose_noise import noisy_share
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.robot.slip import Vector
+
+_USUAL_SPEED = 0.5
+"""Speed, m/s, for which disturbances are stated where poses are noisy."""
+_LEAST_GAIN = 0.5
+"""Smallest gain of a commanded twist that is compensated where poses are noisy."""
+
+
+@compiled
+def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> Vector:
+    """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
+    lacking = memory.disturbance
+    return (
+        disturbance_scale(model, memory, command[0], 0) * lacking[0],
+        disturbance_scale(model, memory, command[1], 1) * lacking[1],
+        disturbance_scale(model, memory, command[2], 2) * lacking[2],
+    )
+
+
+@compiled
+def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -> Vector:
+    """Return the commanded twist that has the effect of a twist in spite of the disturbance."""
+    return (
+        _without(model, memory, twist[0], 0),
+        _without(model, memory, twist[1], 1),
+        _without(model, memory, twist[2], 2),
+    )
+
+
+@compiled
+def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int) -> float:
+    """Return the component of :func:`without_disturbance` in an axis."""
+    share, lacking = noisy_share(model, memory, axis), memory.disturbance[axis]
+    gain = 1.0 + share * lacking / (_USUAL_SPEED * axis_unit(model, axis))
+    return float((component - (1.0 - share) * lacking) / max(gain, _LEAST_GAIN))
+
+
+@compiled
+def disturbance_scale(model: SlipModel, memory: MotionMemory, command: float, axis: int) -> float:
+    """Return the disturbance of an axis at a commanded component, as a multiple of its state.
+
+    Where poses are noisy the disturbance is an error of gain, in proportion to the command. A
+    constant one would follow slow errors of the measured poses.
+    """
+    share = noisy_share(model, memory, axis)
+    return 1.0 - share + share * command / (_USUAL_SPEED * axis_unit(model, axis))

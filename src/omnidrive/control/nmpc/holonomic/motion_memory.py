@@ -1,0 +1,121 @@
+"""What the motion observer knows: its estimates, parameters of the drive, and sent commands."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.estimation.drive_memory import DriveMemory, drive_memory
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.robot.slip import Vector
+
+LAG, DELAY, LEAD = 3, 4, 5
+"""Indices of :attr:`MotionMemory.drive`; before them are the gains of x, y and yaw."""
+
+
+class ObservedMotion(NamedTuple):
+    """Estimates of the motion observer."""
+
+    pose: Pose
+    """Pose of B in W; m, m, rad."""
+    twist: BodyTwist
+    """Body twist; m/s, m/s, rad/s."""
+    disturbance: BodyTwist
+    """Twist that has to be added to the commands for the model to move as the robot does. Where the
+    measured poses are noisy it is in proportion to the command; this is then the one of a command
+    of 0.5 m/s, in yaw of 0.5 m/s over the radius of gyration."""
+
+
+class MotionMemory(NamedTuple):
+    """What the observer knows; all arrays are changed in place.
+
+    The axes are x, y and yaw of B. The state of an axis is (displacement, twist, disturbance); its
+    covariance neglects the coupling between axes.
+    """
+
+    pose: Float[Array, " 3"]
+    """Estimated pose in W; m, m, rad."""
+    twist: Float[Array, " 3"]
+    """Estimated body twist; m/s, m/s, rad/s."""
+    disturbance: Float[Array, " 3"]
+    """Disturbance, m/s, m/s, rad/s; where poses are noisy, of a command at the usual speed. See
+    :func:`~.disturbance.disturbance_at`."""
+    covariance: Float[Array, "axes 3 3"]
+    """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
+    motors: Float[Array, " 3"]
+    """Twist that the motors follow: the commanded one with gains, delay and lag."""
+    drive: Float[Array, " 6"]
+    """Gains along x, y and yaw, lag of the motors (s), delay (s) of the commands, and the part of
+    the lag that commands compensate (s)."""
+    identified: DriveMemory
+    """What the identification of these parameters knows."""
+    commands: Float[Array, "commands 3"]
+    """Commanded twists, the latest one first: one more than take effect later."""
+    noise: Float[Array, " 13"]
+    """Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
+    difference of a measured displacement from the predicted one, and the last residual; the number
+    of measurements; of every axis the last displacement of a robot that was moved, otherwise 0; and
+    the number of the latest measurements in which wheels slipped with the disturbance only.
+    See :func:`~.pose_noise.estimate_noise` and :func:`~.motion_observer.correct`."""
+    reached: Float[Array, " 1"]
+    """Share of the planned acceleration that the robot reaches, minus the assumed one, see
+    :func:`~.reached_acceleration.reached_share`."""
+
+
+def observed_motion(memory: MotionMemory) -> ObservedMotion:
+    """Return the estimates at the last step."""
+    return ObservedMotion(
+        Pose(*memory.pose.tolist()),
+        BodyTwist(*memory.twist.tolist()),
+        BodyTwist(*memory.disturbance.tolist()),
+    )
+
+
+def motion_memory(commands: int) -> MotionMemory:
+    """Return the memory for a number of commands; see :func:`command_count`."""
+    return MotionMemory(
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros((3, 3, 3)),
+        np.zeros(3),
+        np.zeros(6),
+        drive_memory(commands),
+        np.zeros((commands, 3)),
+        np.zeros(13),
+        np.zeros(1),
+    )
+
+
+@compiled
+def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
+    """Start at a known pose with a known twist, without disturbance."""
+    for a in range(3):
+        memory.pose[a], memory.twist[a], memory.disturbance[a] = pose[a], twist[a], 0.0
+        memory.motors[a] = twist[a]
+    memory.covariance[:] = 0.0
+    memory.commands[:] = 0.0
+    memory.noise[:] = 0.0
+    memory.reached[0] = 0.0
+
+
+@compiled
+def remember(memory: MotionMemory, command: Vector) -> None:
+    """Insert a command in front of the earlier ones."""
+    for k in range(len(memory.commands) - 1, 0, -1):
+        for a in range(3):
+            memory.commands[k, a] = memory.commands[k - 1, a]
+    for a in range(3):
+        memory.commands[0, a] = command[a]
+
+
+@compiled
+def axis_unit(model: SlipModel, axis: int) -> float:
+    """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
+    return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0
