@@ -1,0 +1,69 @@
+"""Columns of a table of runs."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from omnidrive.errors import InvalidInput
+from omnidrive.evaluation.quantities import parse_value, quantity
+from omnidrive.evaluation.run_table import RunTable, Task
+from tests.evaluation.synthetic_runs import synthetic_table
+
+AXES = {"plant_robot.mass": [50.0, 75.0], "plant": ["planar", "kinematic"]}
+
+
+def test_axes_and_random_factors_are_told_apart():
+    table = synthetic_table(
+        {"pid": 1.0, "fuzzy_t1": 2.0}, repetitions=4, axes=AXES,
+        random={"sample_time": [0.1, 0.05, 0.1, 0.02]},
+    )  # fmt: skip
+    runs = RunTable(table)
+    assert runs.controllers == ("pid", "fuzzy_t1")
+    assert runs.axes == ("plant_robot.mass", "plant")
+    assert runs.random_factors == ("sample_time",)
+    assert runs.levels("plant_robot.mass")[0] == [50.0, 75.0]
+    assert runs.levels("plant")[0] == ["planar", "kinematic"]
+    assert runs.tasks == (Task("noise", 30.0, ""),)
+    assert runs.metrics == ("me",)
+    one = RunTable(table.filter(pa.array(runs.repetition == 0)))
+    assert one.random_factors == ()
+
+
+def test_value_of_unfinished_run_is_not_valid():
+    runs = RunTable(synthetic_table({"pid": 1.0}, repetitions=3, failures={("pid", 1)}))
+    assert np.isfinite(runs.values("me")).tolist() == [True, False, True]
+
+
+def test_computing_times_are_joined_by_number():
+    table = synthetic_table({"pid": 1.0}, repetitions=4)
+    timing = pa.table({"number": [2, 0, 9], "step_time_median": [20.0, 5.0, 90.0]})
+    runs = RunTable(table, timing)
+    assert runs.values("step_time_median") == pytest.approx(
+        [5.0, np.nan, 20.0, np.nan], nan_ok=True
+    )
+    assert runs.metrics == ("me", "step_time_median")
+
+
+def test_unknown_names_have_the_nearest_one():
+    runs = RunTable(synthetic_table({"pid": 1.0}, axes=AXES))
+    with pytest.raises(InvalidInput, match="no metric 'mee'; did you mean 'me'"):
+        runs.values("mee")
+    with pytest.raises(InvalidInput, match=r"did you mean 'plant_robot\.mass'"):
+        runs.levels("plant_robot.mas")
+    with pytest.raises(InvalidInput, match="no column key"):
+        RunTable(runs.table.drop_columns(["key"]))
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "value"),
+    [("0.1mm", "me", 1e-4), ("0.1", "me", 0.1), ("2 mrad", "mae", 2e-3), ("1e-3m", "me", 1e-3),
+     ("5ms", "settling_time_x", 5e-3), ("3us", "step_time_median", 3.0), ("1", "collisions", 1.0)],
+)  # fmt: skip
+def test_values_with_units(text, name, value):
+    assert parse_value(text, quantity(name)) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["mm", "", "0.1 kg", "nan", "1_0mm", "0.1 mrad"])
+def test_values_of_the_wrong_unit_are_refused(text):
+    with pytest.raises(InvalidInput, match=r"not a value of me|not a unit of me"):
+        parse_value(text, quantity("me"))
