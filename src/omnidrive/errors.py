@@ -5,6 +5,7 @@ OmnidriveError
 │   ├── ComponentFailed           a factory of a component raised an exception
 │   ├── InvalidFuzzyFile          a missing, malformed or too large file of a fuzzy system
 │   ├── InvalidGeometry           wheels that cannot produce every planar twist
+│   ├── InvalidMessage            bytes or values that are no message of its type
 │   ├── InvalidMap                a missing, malformed or too large map file
 │   ├── InvalidWaypoint           a start or goal outside the map or in collision
 │   ├── InvalidRobot              a missing, malformed or too large robot file
@@ -68,6 +69,10 @@ class InvalidGeometry(InvalidInput):
 
 class InvalidMap(InvalidInput):
     """A map cannot be read."""
+
+
+class InvalidMessage(InvalidInput):
+    """Bytes from a network or a log, or values, are no message of the stated type."""
 
 
 class InvalidWaypoint(InvalidInput):

@@ -1,0 +1,1 @@
+"""Drive a robot with the pipeline that was simulated."""

@@ -1,0 +1,394 @@
+"""Messages as bytes: the encoding CDR (XCDR version 1) that ROS 2 nodes exchange and log.
+
+A message of four bytes header, which names the encoding, and its fields in their order, each
+aligned to its size from the end of the header; texts end with a zero byte, and their length and
+that of sequences precede them as 32 bits (OMG DDS-XTypes 1.3, 7.4.3).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from functools import cache
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from omnidrive.deploy.ros2.interface import (
+    LATEST,
+    PRIMITIVES,
+    Distribution,
+    Field,
+    interface,
+)
+from omnidrive.deploy.ros2.message import Message, dtype_of, message_type
+from omnidrive.deploy.ros2.type_hash import NO_FIELDS
+from omnidrive.errors import InvalidMessage, one_line, short_repr
+
+MAX_BYTES = 1 << 28
+"""Longest message that is decoded, in bytes: 256 MiB, a map of 16 000 times 16 000 cells."""
+_LITTLE_ENDIAN, _BIG_ENDIAN = b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"
+_CODES = {
+    "bool": "?", "byte": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
+    "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+}  # fmt: skip
+_FAULTS = (struct.error, TypeError, ValueError, OverflowError, AttributeError)
+
+
+def encode(message: Message, *, prefix: bytes = b"") -> bytes:
+    """Return a message as bytes, little-endian, with the header of the encoding.
+
+    Args:
+        message: The message.
+        prefix: Bytes between header and message, a multiple of eight, as requests have.
+
+    Raises:
+        InvalidMessage: A field holds something else than its type.
+    """
+    out = bytearray(prefix)
+    try:
+        _codec(message.interface.name, message.distribution).write(out, message)
+    except _FAULTS as error:
+        name = message.interface.name
+        raise InvalidMessage(f"{name} cannot be encoded: {one_line(str(error), 160)}") from None
+    return _LITTLE_ENDIAN + bytes(out)
+
+
+def decode(
+    data: bytes | memoryview, name: str, distribution: Distribution = LATEST, *, skip: int = 0
+) -> Message:
+    """Return the message that bytes hold.
+
+    Lengths in the bytes are checked before anything is allocated: memory is at most a constant
+    multiple of their number.
+
+    Args:
+        data: The bytes, with the header of the encoding.
+        name: Full name of the type, such as ``nav_msgs/msg/Odometry``.
+        distribution: Distribution whose definition holds.
+        skip: Number of bytes between header and message, a multiple of eight.
+
+    Raises:
+        InvalidMessage: The bytes are not a message of this type.
+        InvalidInput: There is no such type.
+    """
+    codec = _codec(name, distribution)
+    head = bytes(data[:4])
+    if head[:2] not in {_LITTLE_ENDIAN[:2], _BIG_ENDIAN[:2]} or len(head) < 4:
+        raise InvalidMessage(f"not CDR: a message starts with {short_repr(head)}")
+    if len(data) > MAX_BYTES:
+        raise InvalidMessage(f"{name} of {len(data)} bytes, more than {MAX_BYTES}")
+    source = _Source(memoryview(data)[4:], skip, "<" if head[1] else ">")
+    try:
+        message = codec.read(source)
+    except _FAULTS as error:
+        raise InvalidMessage(f"not a {name}: {one_line(str(error), 160)}") from None
+    if len(source.data) - source.at > 3:
+        raise InvalidMessage(f"not a {name}: {len(source.data) - source.at} bytes too many")
+    return message
+
+
+class _Source:
+    """Bytes that are read, the position, and their byte order."""
+
+    __slots__ = ("at", "data", "order")
+
+    def __init__(self, data: memoryview, at: int, order: str) -> None:
+        self.data, self.at, self.order = data, at, order
+
+    def count(self, least: int) -> int:
+        """Read the length of a sequence whose elements have at least ``least`` bytes each."""
+        at = (self.at + 3) & -4
+        (length,) = struct.unpack_from(self.order + "I", self.data, at)
+        self.at = at + 4
+        if length * least > len(self.data) - self.at:
+            raise ValueError(f"a length of {length} with {len(self.data) - self.at} bytes left")
+        return int(length)
+
+    def text(self) -> str:
+        """Read a text."""
+        length = self.count(1)
+        end = self.at + length
+        raw = bytes(self.data[self.at : end])
+        self.at = end
+        if length and raw[-1]:
+            raise ValueError("a text without its final zero")
+        return raw[:-1].decode()
+
+
+class _Run:
+    """Consecutive fields of fixed size, also those of messages within: one ``struct``."""
+
+    def __init__(self, fields: list[Field], distribution: Distribution) -> None:
+        self.leaves = [_Leaf(field, distribution) for field in fields]
+        self.codes = [code for leaf in self.leaves for code in leaf.codes]
+        self.least = sum(n * struct.calcsize(code) for code, n in self.codes)
+        self._layouts: dict[tuple[str, int], struct.Struct] = {}
+
+    def layout(self, order: str, at: int) -> struct.Struct:
+        """Return the layout at a position, with the bytes that align each field."""
+        key = order, at & 7
+        found = self._layouts.get(key)
+        if found is None:
+            text, end = order, at & 7
+            for code, n in self.codes:
+                size = struct.calcsize(code)
+                gap = -end % size
+                text += "x" * gap + f"{n}{code}"
+                end += gap + n * size
+            found = self._layouts[key] = struct.Struct(text)
+        return found
+
+    def write(self, out: bytearray, message: Message) -> None:
+        values: list[Any] = []
+        for leaf in self.leaves:
+            leaf.flatten(getattr(message, leaf.field.name), values)
+        out += self.layout("<", len(out)).pack(*values)
+
+    def read(self, source: _Source, values: list[Any]) -> None:
+        layout = self.layout(source.order, source.at)
+        numbers = iter(layout.unpack_from(source.data, source.at))
+        source.at += layout.size
+        values += [leaf.build(numbers) for leaf in self.leaves]
+
+
+class _Leaf:
+    """A field of fixed size: a number, an array of numbers, or a message of such fields."""
+
+    def __init__(self, field: Field, distribution: Distribution) -> None:
+        self.field = field
+        self.parts: list[_Leaf] = []
+        if "/" in field.type:
+            self.cls = message_type(field.type, distribution)
+            inner = self.cls.interface.fields or (NO_FIELDS,)
+            self.parts = [_Leaf(each, distribution) for each in inner]
+            self.empty = not self.cls.interface.fields
+            self.codes = [code for part in self.parts for code in part.codes]
+        else:
+            self.dtype = dtype_of(field.type)
+            self.codes = [(_CODES[field.type], field.length or 1)]
+
+    def flatten(self, value: Any, values: list[Any]) -> None:
+        """Append the numbers of a value."""
+        if self.parts:
+            _check_class(value, self.cls)
+            if self.empty:
+                values.append(0)
+                return
+            for part in self.parts:
+                part.flatten(getattr(value, part.field.name), values)
+        elif self.field.kind == "array":
+            numbers = _checked_array(value, self.dtype)
+            if len(numbers) != self.field.length:
+                raise ValueError(f"{self.field.name} needs {self.field.length} values")
+            values += numbers.tolist()
+        else:
+            values.append(value)
+
+    def build(self, numbers: Iterator[Any]) -> Any:
+        """Return the value of the next numbers."""
+        if self.parts:
+            inner = [part.build(numbers) for part in self.parts]
+            return self.cls() if self.empty else self.cls(*inner)
+        if self.field.kind == "array":
+            return np.array(list(islice(numbers, self.field.length)), self.dtype)
+        return next(numbers)
+
+
+class _Text:
+    """A text."""
+
+    least = 4
+
+    def __init__(self, field: Field) -> None:
+        self.name, self.bound = field.name, field.bound
+
+    def write(self, out: bytearray, message: Message) -> None:
+        _write_text(out, getattr(message, self.name), self.bound)
+
+    def read(self, source: _Source, values: list[Any]) -> None:
+        values.append(source.text())
+
+
+class _Texts:
+    """A sequence of texts."""
+
+    least = 4
+
+    def __init__(self, field: Field) -> None:
+        self.name, self.bound = field.name, field.bound
+
+    def write(self, out: bytearray, message: Message) -> None:
+        texts = getattr(message, self.name)
+        _write_count(out, len(texts))
+        for text in texts:
+            _write_text(out, text, self.bound)
+
+    def read(self, source: _Source, values: list[Any]) -> None:
+        values.append([source.text() for _ in range(source.count(4))])
+
+
+class _Numbers:
+    """A sequence of numbers."""
+
+    least = 4
+
+    def __init__(self, field: Field) -> None:
+        self.name, self.dtype = field.name, dtype_of(field.type)
+
+    def write(self, out: bytearray, message: Message) -> None:
+        numbers = _checked_array(getattr(message, self.name), self.dtype)
+        _write_count(out, len(numbers))
+        if len(numbers):
+            out += bytes(-len(out) % self.dtype.itemsize)
+            out += numbers.astype(self.dtype.newbyteorder("<"), copy=False).tobytes()
+
+    def read(self, source: _Source, values: list[Any]) -> None:
+        size = self.dtype.itemsize
+        length = source.count(size)
+        if length:
+            source.at += -source.at % size
+        end = source.at + length * size
+        raw = bytes(source.data[source.at : end])
+        if len(raw) < length * size:
+            raise ValueError("the bytes end within a sequence")
+        source.at = end
+        if self.dtype == np.bool_:
+            values.append(np.frombuffer(raw, np.uint8) != 0)
+        else:
+            found = np.frombuffer(raw, self.dtype.newbyteorder(source.order))
+            values.append(found.astype(self.dtype))
+
+
+class _Messages:
+    """A sequence of messages, or a message that contains texts or sequences."""
+
+    def __init__(self, field: Field, distribution: Distribution) -> None:
+        self.name, self.single = field.name, field.kind == "single"
+        self.codec = _codec(field.type, distribution)
+        self.least = self.codec.least if self.single else 4
+
+    def write(self, out: bytearray, message: Message) -> None:
+        value = getattr(message, self.name)
+        if self.single:
+            self.codec.write(out, value)
+            return
+        _write_count(out, len(value))
+        for each in value:
+            self.codec.write(out, each)
+
+    def read(self, source: _Source, values: list[Any]) -> None:
+        read = self.codec.read
+        if self.single:
+            values.append(read(source))
+        else:
+            values.append([read(source) for _ in range(source.count(self.codec.least))])
+
+
+_VariablePart = _Text | _Texts | _Numbers | _Messages
+"""Encoder and decoder of one field of variable size."""
+
+
+class _Codec:
+    """Encoder and decoder of one type.
+
+    Attributes:
+        least: Smallest number of bytes of a message.
+    """
+
+    def __init__(self, name: str, distribution: Distribution) -> None:
+        self.cls = message_type(name, distribution)
+        self.empty = not self.cls.interface.fields
+        self.parts: list[_Run | _VariablePart] = []
+        run: list[Field] = []
+        for field in () if self.empty else self.cls.interface.fields:
+            if _is_fixed(field, distribution):
+                run.append(field)
+                continue
+            if run:
+                self.parts.append(_Run(run, distribution))
+                run = []
+            self.parts.append(_part(field, distribution))
+        if run:
+            self.parts.append(_Run(run, distribution))
+        self.least = 1 if self.empty else sum(part.least for part in self.parts)
+
+    def write(self, out: bytearray, message: Message) -> None:
+        """Append a message."""
+        _check_class(message, self.cls)
+        if self.empty:
+            out.append(0)
+        for part in self.parts:
+            part.write(out, message)
+
+    def read(self, source: _Source) -> Message:
+        """Read a message."""
+        if self.empty:
+            struct.unpack_from("x", source.data, source.at)
+            source.at += 1
+            return self.cls()
+        values: list[Any] = []
+        for part in self.parts:
+            part.read(source, values)
+        return self.cls(*values)
+
+
+@cache
+def _codec(name: str, distribution: Distribution) -> _Codec:
+    return _Codec(name, distribution)
+
+
+def _part(field: Field, distribution: Distribution) -> _VariablePart:
+    """Return the encoder and decoder of a field of variable size."""
+    if field.kind == "array":
+        raise NotImplementedError(f"{field.name}: an array of {field.type}")
+    if "/" in field.type:
+        return _Messages(field, distribution)
+    if field.type == "string":
+        return _Text(field) if field.kind == "single" else _Texts(field)
+    return _Numbers(field)
+
+
+def _is_fixed(field: Field, distribution: Distribution) -> bool:
+    """Return whether a field always has the same number of bytes."""
+    if field.kind == "sequence" or field.type == "string":
+        return False
+    if field.type in PRIMITIVES:
+        return True
+    inner = interface(field.type, distribution).fields
+    return field.kind == "single" and all(_is_fixed(each, distribution) for each in inner)
+
+
+def _check_class(value: Any, cls: type[Message]) -> None:
+    if not isinstance(value, Message) or value.interface != cls.interface:
+        raise TypeError(f"a {cls.interface.name} is needed, got {short_repr(value, 80)}")
+
+
+def _checked_array(value: Any, dtype: np.dtype[Any]) -> np.ndarray:
+    """Return a value as an array of numbers; raise ValueError if it changes them."""
+    array = np.asarray(value)
+    if array.ndim != 1:
+        raise ValueError(f"an array of one dimension is needed, got {array.ndim}")
+    with np.errstate(invalid="ignore", over="ignore"):
+        converted = array.astype(dtype, copy=False)
+    rounded = array.dtype.kind in "iuf" and dtype.kind == "f"
+    if not (rounded or converted is array or np.array_equal(converted, array)):
+        raise ValueError(f"numbers of the type {dtype} are needed")
+    return converted
+
+
+def _write_count(out: bytearray, count: int) -> None:
+    out += bytes(-len(out) % 4)
+    out += struct.pack("<I", count)
+
+
+def _write_text(out: bytearray, text: str, bound: int) -> None:
+    raw = text.encode()
+    if b"\0" in raw:
+        raise ValueError("a text with a zero byte")
+    if bound and len(raw) > bound:
+        raise ValueError(f"a text of {len(raw)} bytes, at most {bound}")
+    _write_count(out, len(raw) + 1)
+    out += raw
+    out.append(0)
