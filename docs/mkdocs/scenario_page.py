@@ -56,6 +56,10 @@ TITLES = {
     "Tasks": "Tasks", "DurationsTask": "Task track", "NoiseTask": "Task noise",
     "StepTask": "Task step", "HorizonTask": "Task horizon", "FaultsTask": "Task faults",
     "HolonomicParameters": "Weights of holonomic-nmpc",
+    "ChannelOptions": "Gains of a PID channel",
+    "FuzzyChannelOptions": "Gains of a fuzzy PID channel",
+    "FuzzyOptions": "Type-1 fuzzy system", "IntervalFuzzyOptions": "Interval fuzzy system",
+    "SetOptions": "Fuzzy sets", "RuleOptions": "Fuzzy rules", "FootprintOptions": "Footprint",
 }  # fmt: skip
 """Headings by the class of a section, else by the key; other keys have no section."""
 

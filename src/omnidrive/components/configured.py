@@ -71,6 +71,22 @@ class Configured:
         """
         return Configured(self.component, self.component.parse(self.values | values))
 
+    def resolved(self, preset: str) -> Configured:
+        """Return the component with the values that it uses with a preset of a scenario.
+
+        A class of parameters whose defaults depend on the preset has a method ``resolved(preset)``,
+        which returns the parameters with all values.
+
+        Raises:
+            InvalidInput: A parameter does not belong to the preset.
+            ComponentFailed: The method raises another exception.
+        """
+        resolve = getattr(self.parameters, "resolved", None)
+        if not callable(resolve):
+            return self
+        with self.component.guarded():
+            return Configured(self.component, resolve(preset))
+
     def has_parameter(self, name: str) -> bool:
         """Return whether the component has a parameter ``name``."""
         return name in self.component.parameter_names

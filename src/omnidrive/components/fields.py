@@ -40,3 +40,16 @@ def plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     return [plain(item) for item in value] if isinstance(value, tuple | list) else value
+
+
+class Given:
+    """Base class of dataclasses of which a field that is None stands for the value of a preset.
+
+    Such a field is not written to files.
+    """
+
+    def plain(self) -> dict[str, Any]:
+        """Return the fields that have a value, as in a scenario file."""
+        every: Any = self
+        found = {each.name: plain(getattr(self, each.name)) for each in fields(every)}
+        return {name: value for name, value in found.items() if value is not None and value != {}}

@@ -13,6 +13,7 @@ from omnidrive.control.controller import Controller
 from omnidrive.control.feedforward import FeedforwardGains
 from omnidrive.control.nmpc import holonomic, unicycle
 from omnidrive.control.nmpc.holonomic import HolonomicParameters
+from omnidrive.control.pid.options import FuzzyPidOptions, IntervalFuzzyPidOptions, PidOptions
 from omnidrive.estimation.drive_memory import DriveSettings
 from omnidrive.parameter import Bounds, check_choice
 from omnidrive.robot import Robot
@@ -47,15 +48,6 @@ class ControllerContext:
 
     def __post_init__(self) -> None:
         check_choice("preset", self.preset, get_args(PresetName))
-
-
-@dataclass(frozen=True)
-class PidOptions:
-    """Parameters of the PID controllers."""
-
-    preset: PresetName | None = None
-    """Parameters from the text of the paper, from its published code, or recommended values. None:
-    the preset of the scenario."""
 
 
 @dataclass(frozen=True)
@@ -101,29 +93,33 @@ class HolonomicNmpcOptions:
 def pid(context: ControllerContext, parameters: PidOptions) -> Controller:
     """PID with constant gains."""
     preset = parameters.preset or context.preset
-    return control.classical_pid(preset, context.dt, context.robot, forces=context.forces)
+    return control.classical_pid(
+        preset, context.dt, context.robot, forces=context.forces, options=parameters
+    )
 
 
-def fuzzy_t1(context: ControllerContext, parameters: PidOptions) -> Controller:
+def fuzzy_t1(context: ControllerContext, parameters: FuzzyPidOptions) -> Controller:
     """PID tuned by a type-1 fuzzy system, as in the paper."""
     return _fuzzy_pid("t1", context, parameters)
 
 
-def fuzzy_t2(context: ControllerContext, parameters: PidOptions) -> Controller:
+def fuzzy_t2(context: ControllerContext, parameters: IntervalFuzzyPidOptions) -> Controller:
     """PID tuned by an interval type-2 fuzzy system, as in the paper."""
     return _fuzzy_pid("t2", context, parameters)
 
 
-def fuzzy_t3(context: ControllerContext, parameters: PidOptions) -> Controller:
+def fuzzy_t3(context: ControllerContext, parameters: IntervalFuzzyPidOptions) -> Controller:
     """PID tuned by an interval type-3 fuzzy system."""
     return _fuzzy_pid("t3", context, parameters)
 
 
 def _fuzzy_pid(
-    kind: Literal["t1", "t2", "t3"], context: ControllerContext, parameters: PidOptions
+    kind: Literal["t1", "t2", "t3"], context: ControllerContext, parameters: FuzzyPidOptions
 ) -> Controller:
     preset = parameters.preset or context.preset
-    return control.fuzzy_pid(kind, preset, context.dt, context.robot, forces=context.forces)
+    return control.fuzzy_pid(
+        kind, preset, context.dt, context.robot, forces=context.forces, options=parameters
+    )
 
 
 def unicycle_nmpc(context: ControllerContext, parameters: UnicycleNmpcOptions) -> Controller:

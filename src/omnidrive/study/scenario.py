@@ -15,7 +15,7 @@ from omnidrive.components import (
     configure,
     find_component,
 )
-from omnidrive.errors import OmnidriveError
+from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.simulation.components import static_capabilities
@@ -165,6 +165,15 @@ class Scenario(Section):
                 f"{', '.join(absent)} missing: a planned path needs a map, a start and a goal; "
                 f"other motions are set by reference, such as circle or {WAYPOINTS}"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _check_controllers(self) -> Scenario:
+        for label, each in self.controllers.items():
+            try:
+                each.resolved(self.preset)
+            except InvalidInput as error:
+                raise ValueError(f"controllers.{label}.{error}") from None
         return self
 
     @model_validator(mode="after")

@@ -17,6 +17,14 @@ from omnidrive.control.pid.laws import (
     SelfTuningParameters,
     TrackingParameters,
 )
+from omnidrive.control.pid.options import (
+    HEADING_BRAKING_SHARE,
+    Channels,
+    FuzzyPidOptions,
+    Law,
+    PidOptions,
+    system_preset,
+)
 from omnidrive.control.pid.tuners import Kind, fuzzy_tuner
 from omnidrive.parameter import check_choice, check_sample_time
 from omnidrive.robot import Robot
@@ -26,17 +34,21 @@ PidPreset = Literal["paper", "published-code", "recommended"]
 MAX_YAW_RATE = 3.14
 """Yaw-rate limit of the paper's predictive controller, in rad/s."""
 
-HEADING_BRAKING_SHARE = 0.1
-"""Share of the yaw acceleration with which `recommended` turns to a distant heading: the position
-needs most of the wheels' forces at the same time."""
-
 _LEAST = 1e-6  # m/s or rad/s, m/s^2 or rad/s^2: for a robot without grip
+
+_FUZZY, _CONSTANT = FuzzyPidOptions(), PidOptions()
 
 PidController = FuzzyPidController | TrackingPidController
 
 
 def fuzzy_pid(
-    kind: Kind, preset: PidPreset, dt: float, robot: Robot | None = None, *, forces: bool = True
+    kind: Kind,
+    preset: PidPreset,
+    dt: float,
+    robot: Robot | None = None,
+    *,
+    forces: bool = True,
+    options: FuzzyPidOptions | None = None,
 ) -> PidController:
     """Return a self-tuning PID controller.
 
@@ -50,17 +62,25 @@ def fuzzy_pid(
         robot: Robot whose speeds, accelerations and lag ``recommended`` is made for, see
             :func:`robot_parameters`. None: one that executes every command.
         forces: Whether motors, masses and friction act; otherwise only the speeds apply.
+        options: Gains, membership functions and rules that differ from those of the preset.
 
     Raises:
-        InvalidInput: ``dt`` is not positive, or the kind or preset is unknown.
+        InvalidInput: ``dt`` is not positive, the kind or preset is unknown, or a parameter does not
+            belong to the preset.
     """
     check_choice("preset", preset, get_args(PidPreset))
-    tuner = fuzzy_tuner(kind, "paper" if preset == "recommended" else preset)
-    return _pid(tuner, preset, dt, robot, forces=forces)
+    given = options or _FUZZY
+    tuner = fuzzy_tuner(kind, system_preset(preset), given.fuzzy)
+    return _pid(tuner, preset, dt, robot, given.channels, forces=forces)
 
 
 def classical_pid(
-    preset: PidPreset, dt: float, robot: Robot | None = None, *, forces: bool = True
+    preset: PidPreset,
+    dt: float,
+    robot: Robot | None = None,
+    *,
+    forces: bool = True,
+    options: PidOptions | None = None,
 ) -> PidController:
     """Return the same controller with constant gains, as a baseline for the fuzzy system.
 
@@ -69,12 +89,14 @@ def classical_pid(
         dt: Sample time in s.
         robot: As for :func:`fuzzy_pid`.
         forces: Likewise.
+        options: Gains that differ from those of the preset.
 
     Raises:
-        InvalidInput: ``dt`` is not positive, or the preset is unknown.
+        InvalidInput: ``dt`` is not positive, the preset is unknown, or a parameter does not belong
+            to it.
     """
     check_choice("preset", preset, get_args(PidPreset))
-    return _pid(no_tuning, preset, dt, robot, forces=forces)
+    return _pid(no_tuning, preset, dt, robot, (options or _CONSTANT).channels, forces=forces)
 
 
 def robot_parameters(
@@ -103,21 +125,34 @@ def robot_parameters(
 
 
 def _pid(
-    tune: Tuner, preset: PidPreset, dt: float, robot: Robot | None, *, forces: bool
+    tune: Tuner,
+    preset: PidPreset,
+    dt: float,
+    robot: Robot | None,
+    channels: Channels,
+    *,
+    forces: bool,
 ) -> PidController:
     check_sample_time(dt)
-    if preset == "published-code":
-        channel = MemorylessChannel(tune, MemorylessParameters())
-        return FuzzyPidController(dt, channel, channel, wraps_heading=False)
-    if preset == "paper":
-        return FuzzyPidController(
-            dt,
-            SelfTuningChannel(tune, dt, SelfTuningParameters()),
-            SelfTuningChannel(tune, dt, SelfTuningParameters(limit=MAX_YAW_RATE)),
-            wraps_heading=True,
+
+    def given(position: Law, heading: Law) -> tuple[Law, Law]:
+        """Return the parameters of both channels with the given options."""
+        return (
+            channels[0].applied(position, "position", preset),
+            channels[1].applied(heading, "heading", preset),
         )
+
+    if preset == "published-code":
+        both = given(MemorylessParameters(), MemorylessParameters())
+        memoryless = (MemorylessChannel(tune, each) for each in both)
+        return FuzzyPidController(dt, *memoryless, wraps_heading=False)
+    if preset == "paper":
+        waypoint = given(SelfTuningParameters(), SelfTuningParameters(limit=MAX_YAW_RATE))
+        self_tuning = (SelfTuningChannel(tune, dt, each) for each in waypoint)
+        return FuzzyPidController(dt, *self_tuning, wraps_heading=True)
     position = heading = TrackingParameters()
     if robot is not None:
         position, heading = robot_parameters(robot, forces=forces)
-    channels = (TrackingChannel(tune, dt, each) for each in (position, position, heading))
-    return TrackingPidController(dt, *channels)
+    position, heading = given(position, heading)
+    tracking = (TrackingChannel(tune, dt, each) for each in (position, position, heading))
+    return TrackingPidController(dt, *tracking)

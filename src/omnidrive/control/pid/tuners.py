@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from math import isfinite, nan
 from typing import Literal, get_args
 
-from omnidrive.control.pid.gain_tuning import gain_tuning_system
+from jaxtyping import Int
+
+from omnidrive.arrays import Array
+from omnidrive.control.pid.fuzzy_options import FuzzyOptions
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
-from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, Secondary
+from omnidrive.fuzzy import Footprint, Inference, Secondary
 from omnidrive.parameter import check_choice
 
 Kind = Literal["t1", "t2", "t3"]
@@ -23,26 +27,54 @@ PUBLISHED_INPUTS = Footprint(scale=0.7, left=0.2)
 PUBLISHED_OUTPUTS = Footprint(scale=1.0, left=0.2)
 """Footprint of the output sets in the published code: Matlab's default."""
 
+_PRESETS: dict[Preset, tuple[Callable[[], Int[Array, "7 7 3"]], Footprint, Footprint]] = {
+    "paper": (paper_rules, PAPER_FOOTPRINT, PAPER_FOOTPRINT),
+    "published-code": (published_rules, PUBLISHED_INPUTS, PUBLISHED_OUTPUTS),
+}
+"""Rule table and footprints of inputs and outputs, by preset."""
+
+_PUBLISHED = FuzzyOptions()
+
 SLICES = 5
 """Number of levels of the z-slices of type-3 sets.
 
 Twice as many change no output by 1e-4, 1/2000 of its range."""
 
 
-@cache
-def gain_inference(kind: Kind, preset: Preset) -> Inference:
+@lru_cache(maxsize=64)
+def gain_inference(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHED) -> Inference:
     """Return the compiled fuzzy system of a preset.
 
     ``paper`` has the paper's table, exact centroids and, for types 2 and 3, centre-of-sets type
     reduction; ``published-code`` has the code's table and Matlab's centroid. The paper has no
     type 3: its sets are those of type 2 with the default secondary membership.
 
+    Args:
+        kind: ``t1``, ``t2`` or ``t3``.
+        preset: The preset.
+        options: Membership functions, footprints and rules that differ from the preset.
+
     Raises:
         InvalidInput: The kind or preset is unknown.
     """
     check_choice("preset", preset, get_args(Preset))
     check_choice("kind of fuzzy system", kind, get_args(Kind))
-    return _paper(kind) if preset == "paper" else _published(kind)
+    rules, inputs, outputs = _PRESETS[preset]
+    system = options.system(rules())
+    if kind != "t1":
+        secondary = Secondary() if kind == "t3" else None
+        system = system.with_footprint(*options.footprints(inputs, outputs), secondary)
+    if preset == "published-code":
+        return Inference(system, centroid="matlab", out_of_range="matlab", slices=SLICES)
+    if kind == "t1":
+        return Inference(system, out_of_range="matlab")
+    return Inference(system, reduction="cos", out_of_range="matlab", slices=SLICES)
+
+
+def resolved_options(options: FuzzyOptions, preset: Preset) -> FuzzyOptions:
+    """Return the options of a fuzzy system with all values, from those of a preset."""
+    rules, inputs, outputs = _PRESETS[preset]
+    return options.resolved(rules(), inputs, outputs)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,34 +95,13 @@ class FuzzyTuner:
         return kp, ki, kd
 
 
-def fuzzy_tuner(kind: Kind, preset: Preset) -> FuzzyTuner:
+def fuzzy_tuner(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHED) -> FuzzyTuner:
     """Return the tuner of a preset: from scaled error and change to the changes of kp, ki and kd.
 
     Inputs outside [-1, 1] fire no rule, as in Matlab: the changes are then zero. Inputs that are
-    not finite give nan.
+    not finite give nan. Arguments are those of :func:`gain_inference`.
 
     Raises:
         InvalidInput: The kind or preset is unknown.
     """
-    return FuzzyTuner(gain_inference(kind, preset))
-
-
-def _paper(kind: Kind) -> Inference:
-    system = gain_tuning_system(paper_rules())
-    if kind == "t1":
-        return Inference(system, out_of_range="matlab")
-    uncertain = _uncertain(kind, system, PAPER_FOOTPRINT, PAPER_FOOTPRINT)
-    return Inference(uncertain, reduction="cos", out_of_range="matlab", slices=SLICES)
-
-
-def _published(kind: Kind) -> Inference:
-    system = gain_tuning_system(published_rules())
-    if kind != "t1":
-        system = _uncertain(kind, system, PUBLISHED_INPUTS, PUBLISHED_OUTPUTS)
-    return Inference(system, centroid="matlab", out_of_range="matlab", slices=SLICES)
-
-
-def _uncertain(
-    kind: Kind, system: FuzzySystem, inputs: Footprint, outputs: Footprint
-) -> FuzzySystem:
-    return system.with_footprint(inputs, outputs, Secondary() if kind == "t3" else None)
+    return FuzzyTuner(gain_inference(kind, preset, options))

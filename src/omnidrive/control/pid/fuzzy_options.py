@@ -1,0 +1,175 @@
+"""Membership functions, rules and footprints of the gain-tuning system, as parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Int
+from pydantic import Field
+
+from omnidrive.arrays import Array
+from omnidrive.components.fields import Given
+from omnidrive.control.pid.gain_tuning import (
+    INPUTS,
+    MEDIUM,
+    OUTPUTS,
+    SMALL,
+    Breakpoints,
+    gain_tuning_system,
+)
+from omnidrive.control.pid.rules import LABELS
+from omnidrive.fuzzy import Footprint, FuzzySystem
+from omnidrive.parameter import Bounds
+
+_ZERO = LABELS.index("ZO")
+
+_Cell = Annotated[int, Bounds(-3, 3, "")]
+_Row = Annotated[tuple[_Cell, ...], Field(min_length=7, max_length=7)]
+RuleTable = Annotated[tuple[_Row, ...], Field(min_length=7, max_length=7)]
+"""Consequents of one gain: rows are the sets of the error, columns those of its change, NB to PB;
+-3: NB, -2: NM, -1: NS, 0: ZO, 1: PS, 2: PM, 3: PB."""
+
+
+@dataclass(frozen=True)
+class SetOptions(Given):
+    """Peaks of the sets of one variable, as shares of its range, symmetric about zero.
+
+    The sets are triangles between the points 0, small, medium and 1. None: those of the paper,
+    equally spaced.
+    """
+
+    small: Annotated[float, Bounds(0.02, 0.5, "1")] | None = None
+    """Peak of the sets NS and PS."""
+    medium: Annotated[float, Bounds(0.5, 0.98, "1")] | None = None
+    """Peak of the sets NM and PM."""
+
+    @property
+    def breakpoints(self) -> Breakpoints:
+        """Peaks of the small and medium sets."""
+        return Breakpoints(
+            SMALL if self.small is None else self.small,
+            MEDIUM if self.medium is None else self.medium,
+        )
+
+
+@dataclass(frozen=True)
+class RuleOptions(Given):
+    """Consequents of the rules of each gain: 7 rows, the sets of the error, of 7 columns.
+
+    The columns are the sets of the change of the error; -3: NB to 3: PB. None: the table of the
+    preset.
+    """
+
+    kp: RuleTable | None = None
+    """Change of kp."""
+    ki: RuleTable | None = None
+    """Change of ki."""
+    kd: RuleTable | None = None
+    """Change of kd."""
+
+    def applied(self, rules: Int[Array, "7 7 3"]) -> Int[Array, "7 7 3"]:
+        """Return a rule table of :mod:`omnidrive.control.pid.rules` with the given consequents."""
+        rules = rules.copy()
+        for gain, name in enumerate(OUTPUTS):
+            table = getattr(self, name)
+            if table is not None:
+                rules[:, :, gain] = np.array(table, dtype=int) + _ZERO
+        return rules
+
+    def resolved(self, rules: Int[Array, "7 7 3"]) -> RuleOptions:
+        """Return the consequents of all gains."""
+        used = self.applied(rules) - _ZERO
+        tables = {name: _table(used[:, :, gain]) for gain, name in enumerate(OUTPUTS)}
+        return replace(self, **tables)
+
+
+@dataclass(frozen=True)
+class FootprintOptions(Given):
+    """Footprint of uncertainty of sets. None: the value of the preset."""
+
+    scale: Annotated[float, Bounds(0.05, 1.0, "1")] | None = None
+    """Peak of the lower membership function over that of the upper one."""
+    lag: Annotated[float, Bounds(0.0, 0.95, "1")] | None = None
+    """Degree of the upper membership function up to which the lower one is zero."""
+
+    def applied(self, footprint: Footprint) -> Footprint:
+        """Return a footprint with the given values."""
+        return Footprint(
+            footprint.scale if self.scale is None else self.scale,
+            footprint.left if self.lag is None else self.lag,
+        )
+
+    def resolved(self, footprint: Footprint) -> FootprintOptions:
+        """Return the options with both values."""
+        used = self.applied(footprint)
+        return replace(self, scale=used.scale, lag=used.left)
+
+
+@dataclass(frozen=True)
+class FuzzyOptions(Given):
+    """Membership functions and rules of the fuzzy system that tunes the gains."""
+
+    error: SetOptions = field(default_factory=SetOptions)
+    """Sets of the scaled error."""
+    derror: SetOptions = field(default_factory=SetOptions)
+    """Sets of its scaled change."""
+    kp: SetOptions = field(default_factory=SetOptions)
+    """Sets of the change of kp."""
+    ki: SetOptions = field(default_factory=SetOptions)
+    """Sets of the change of ki."""
+    kd: SetOptions = field(default_factory=SetOptions)
+    """Sets of the change of kd."""
+    rules: RuleOptions = field(default_factory=RuleOptions)
+    """Consequents of the rules."""
+
+    def system(self, rules: Int[Array, "7 7 3"]) -> FuzzySystem:
+        """Return the type-1 system; ``rules``: table of the preset."""
+        names = (*INPUTS, *OUTPUTS)
+        return gain_tuning_system(
+            self.rules.applied(rules), {name: getattr(self, name).breakpoints for name in names}
+        )
+
+    def footprints(self, inputs: Footprint, outputs: Footprint) -> tuple[Footprint, Footprint]:
+        """Return the footprints of inputs and outputs, from those of the preset."""
+        return inputs, outputs
+
+    def resolved(
+        self, rules: Int[Array, "7 7 3"], inputs: Footprint, outputs: Footprint
+    ) -> FuzzyOptions:
+        """Return the options with all values, from those of the preset."""
+        sets = {name: _resolved_sets(getattr(self, name)) for name in (*INPUTS, *OUTPUTS)}
+        return replace(self, rules=self.rules.resolved(rules), **sets)
+
+
+@dataclass(frozen=True)
+class IntervalFuzzyOptions(FuzzyOptions):
+    """Membership functions with footprints of uncertainty, and rules, of the fuzzy system."""
+
+    inputs: FootprintOptions = field(default_factory=FootprintOptions)
+    """Footprint of the sets of the inputs."""
+    outputs: FootprintOptions = field(default_factory=FootprintOptions)
+    """Footprint of the sets of the outputs."""
+
+    def footprints(self, inputs: Footprint, outputs: Footprint) -> tuple[Footprint, Footprint]:
+        """Return the footprints of inputs and outputs, from those of the preset."""
+        return self.inputs.applied(inputs), self.outputs.applied(outputs)
+
+    def resolved(
+        self, rules: Int[Array, "7 7 3"], inputs: Footprint, outputs: Footprint
+    ) -> IntervalFuzzyOptions:
+        """Return the options with all values, from those of the preset."""
+        return replace(
+            super().resolved(rules, inputs, outputs),
+            inputs=self.inputs.resolved(inputs),
+            outputs=self.outputs.resolved(outputs),
+        )
+
+
+def _resolved_sets(options: SetOptions) -> SetOptions:
+    return replace(options, **options.breakpoints._asdict())
+
+
+def _table(values: Int[Array, "7 7"]) -> RuleTable:
+    return tuple(map(tuple, values.tolist()))
