@@ -5,6 +5,7 @@ import pyarrow as pa
 import pytest
 
 from omnidrive.errors import InvalidInput
+from omnidrive.evaluation.evidence import axis_evidence
 from omnidrive.evaluation.quantities import parse_value, quantity
 from omnidrive.evaluation.run_table import RunTable, Task
 from tests.evaluation.synthetic_runs import synthetic_table
@@ -23,7 +24,7 @@ def test_axes_and_random_factors_are_told_apart():
     assert runs.random_factors == ("sample_time",)
     assert runs.levels("plant_robot.mass")[0] == [50.0, 75.0]
     assert runs.levels("plant")[0] == ["planar", "kinematic"]
-    assert runs.tasks == (Task("noise", 30.0, ""),)
+    assert runs.tasks == (Task("noise", 30.0),)
     assert runs.metrics == ("me",)
     one = RunTable(table.filter(pa.array(runs.repetition == 0)))
     assert one.random_factors == ()
@@ -67,3 +68,26 @@ def test_values_with_units(text, name, value):
 def test_values_of_the_wrong_unit_are_refused(text):
     with pytest.raises(InvalidInput, match=r"not a value of me|not a unit of me"):
         parse_value(text, quantity("me"))
+
+
+def test_faults_and_horizons_are_axes():
+    tasks = [("track", 20.0, ""), ("faults", 20.0, "00-none"), ("faults", 20.0, "01-push"),
+             ("horizon", 20.0, "N = 5"), ("horizon", 20.0, "N = 10")]  # fmt: skip
+    runs = RunTable(synthetic_table({"pid": 1.0, "b": 2.0}, repetitions=2, tasks=tasks))
+    assert [task.label for task in runs.tasks] == ["track 20 s", "faults 20 s", "horizon 20 s"]
+    assert runs.axes == ("fault", "horizon")
+    assert runs.levels("horizon")[0] == ["", "N = 5", "N = 10"]
+    (levels,) = axis_evidence(runs, "me", "fault").values()
+    assert [each.level for each in levels] == ["00-none", "01-push"]
+
+
+def test_settling_time_is_that_of_the_slowest_axis_with_a_step():
+    table = synthetic_table({"pid": 1.0}, repetitions=3, tasks=(("step", 10.0, ""),))
+    rows = {"x": [1.0, 1.0, 2.0], "y": [3.0, None, 1.0], "heading": [2.0, 2.0, None]}
+    for axis, times in rows.items():
+        table = table.append_column(f"settling_time_{axis}", pa.array(times))
+        steps = [5.0, 5.0, None if axis == "heading" else 5.0]
+        table = table.append_column(f"overshoot_{axis}", pa.array(steps))
+    found = RunTable(table)
+    assert found.values("settling_time") == pytest.approx([3.0, np.nan, 2.0], nan_ok=True)
+    assert found.metrics[-1] == "settling_time"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil, inf, nan
+from math import ceil, inf
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +12,10 @@ from jaxtyping import Bool, Float
 from omnidrive.arrays import Array
 from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, estimate_mean, p_value
 
-MIN_VALUES = 10
-"""Number of values from which intervals are bootstrapped; fewer have Student's t."""
+MIN_VALUES, MAX_VALUES = 10, 2_000
+"""Numbers of values for which intervals are bootstrapped; fewer and more have Student's t."""
 
-_RESAMPLES = 9_999  # with p >= 1e-4, also after Holm's correction for some hundred pairs
-_MIN_RESAMPLES = 1_999
-_MAX_DRAWS = 20_000_000  # of values; a limit of time, for samples of thousands of values
+_RESAMPLES = 9_999  # p >= 1e-4: small enough for Holm's correction of some hundred pairs
 _BLOCK = 2_000_000  # draws at once, a limit of memory
 _SEED = 20_080_229  # of the resamples; equal data give equal intervals
 _ROUNDING = 1e-12  # relative variance below which all values count as equal
@@ -40,7 +38,8 @@ def bootstrap_means(columns: Float[Array, "values columns"]) -> list[TestedMean]
     is of order n^-2, that of Student's t and of BCa of order n^-1. The p-value is that of the same
     distribution, so that p < 0.05 just where the interval excludes 0. All columns have the same
     resamples, which depend on the number of values only. NaNs of a column are left out. Fewer than
-    :data:`MIN_VALUES` values, too few for resamples, have Student's t.
+    :data:`MIN_VALUES` values, too few for resamples, and more than :data:`MAX_VALUES`, whose mean
+    is normally distributed, have Student's t.
     """
     known = np.isfinite(columns)
     found: list[TestedMean | None] = [None] * columns.shape[1]
@@ -64,14 +63,13 @@ def _test_columns(values: Float[Array, "values columns"]) -> list[TestedMean]:
     """Return the tested mean of every column; all values are finite."""
     count = len(values)
     simple = [TestedMean(estimate_mean(column), p_value(column)) for column in values.T]
-    if count < MIN_VALUES:
+    if not MIN_VALUES <= count <= MAX_VALUES:
         return [_with_constant(each, column) for each, column in zip(simple, values.T, strict=True)]
     means, spread = values.mean(axis=0), values.std(axis=0, ddof=1)
     constant = spread**2 <= _ROUNDING * np.mean(values**2, axis=0)
     scaled = (values - means) / np.where(constant, 1.0, spread)
     ratios = np.sort(_resampled_ratios(np.where(constant, 0.0, scaled)), axis=0)
-    resamples = len(ratios)
-    quantile = ratios[ceil((resamples + 1) * CONFIDENCE) - 1]
+    quantile = ratios[ceil((_RESAMPLES + 1) * CONFIDENCE) - 1]
     found = []
     for k, each in enumerate(simple):
         if constant[k]:
@@ -79,8 +77,8 @@ def _test_columns(values: Float[Array, "values columns"]) -> list[TestedMean]:
             continue
         error = spread[k] / np.sqrt(count)
         mean, margin = float(means[k]), float(quantile[k] * error)
-        beyond = resamples - int(np.searchsorted(ratios[:, k], abs(mean) / error))
-        p = (beyond + 1) / (resamples + 1)
+        beyond = _RESAMPLES - int(np.searchsorted(ratios[:, k], abs(mean) / error))
+        p = (beyond + 1) / (_RESAMPLES + 1)
         found.append(TestedMean(MeanEstimate(mean, mean - margin, mean + margin, count), p))
     return found
 
@@ -104,12 +102,11 @@ def _resampled_ratios(values: Float[Array, "values columns"]) -> Float[Array, "r
     interval, or 0 if its mean is 0.
     """
     count = len(values)
-    resamples = int(np.clip(_MAX_DRAWS // count, _MIN_RESAMPLES, _RESAMPLES))
     block = max(_BLOCK // count, 1)
     rng = np.random.default_rng([_SEED, count])
     squares, parts = values**2, []
-    for start in range(0, resamples, block):
-        rows = min(block, resamples - start)
+    for start in range(0, _RESAMPLES, block):
+        rows = min(block, _RESAMPLES - start)
         draws = rng.integers(0, count, (rows, count)) + count * np.arange(rows)[:, None]
         weights = np.bincount(draws.ravel(), minlength=rows * count).reshape(rows, count)
         weights = weights.astype(np.float64) / count
@@ -120,10 +117,3 @@ def _resampled_ratios(values: Float[Array, "values columns"]) -> Float[Array, "r
             ratios = np.abs(means) / np.sqrt(variances / count)
         parts.append(np.where(flat, np.where(np.abs(means) < 1e-9, 0.0, inf), ratios))
     return np.concatenate(parts)
-
-
-def finite_or_nan(estimate: MeanEstimate) -> MeanEstimate:
-    """Return the estimate with NaN instead of infinite bounds."""
-    if np.isfinite(estimate.margin):
-        return estimate
-    return estimate._replace(low=nan, high=nan)

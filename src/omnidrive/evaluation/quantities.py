@@ -64,6 +64,8 @@ def _step_quantities(axis: str) -> tuple[Quantity, ...]:
 
 
 _ALL = (
+    Quantity("finished", "success rate", "", "%", 100.0, lower_is_better=False, needs_finish=False,
+             meaning="share of the runs that reach the end of their reference"),
     _length("me", "ME", "mean distance between true and reference position"),
     _angle("mae", "MAE", "mean absolute heading error"),
     _length("max_error", "max. error", "maximum distance between true and reference position"),
@@ -81,6 +83,7 @@ _ALL = (
     _length("min_clearance", "min. clearance", "minimum distance between body and obstacles",
             lower_is_better=False, needs_finish=False),
     Quantity("collisions", "collisions", needs_finish=False, meaning="collisions with obstacles"),
+    _seconds("settling_time", "settling time", "settling time of the slowest axis with a step"),
     *(each for axis in STEP_AXES for each in _step_quantities(axis)),
     Quantity("recovered", "recovered", lower_is_better=False, needs_finish=False,
              meaning="whether the robot recovers from the fault (1) or not (0)"),

@@ -12,15 +12,22 @@ from jaxtyping import Bool, Float, Int
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.quantities import quantity
+from omnidrive.evaluation.results import STEP_AXES
 
 FACTOR_PREFIX = "factor:"
 """Prefix of the columns with the values of axes and random factors, before their path."""
+
+_SETTLING = tuple(f"settling_time_{axis}" for axis in STEP_AXES)
 
 IDENTITY = (
     "number", "key", "pairing", "controller", "task", "duration", "variant", "repetition",
     "outcome", "finished",
 )  # fmt: skip
 """Columns of every table of runs; factors and metrics follow."""
+
+
+_VARIED = {"faults": "fault", "horizon": "horizon"}
+"""Axis that the variants of a task are values of."""
 
 
 class Task(NamedTuple):
@@ -30,15 +37,11 @@ class Task(NamedTuple):
     """Task of the scenario, such as ``track``."""
     duration: float
     """Duration of the reference, s."""
-    variant: str
-    """Prediction horizon or fault, such as ``N = 15``; empty for other tasks."""
 
     @property
     def label(self) -> str:
-        """Name with the duration, and the variant if there is one."""
-        if self.name == "step":
-            return "step response"
-        return " ".join(part for part in (f"{self.name} {self.duration:g} s", self.variant) if part)
+        """Name with the duration; it is fixed for a step response."""
+        return "step response" if self.name == "step" else f"{self.name} {self.duration:g} s"
 
 
 class RunTable:
@@ -68,12 +71,10 @@ class RunTable:
         self.table, self._timing = table, timing
         self.controllers, self.controller = _coded(table["controller"])
         names, name_codes = _coded(table["task"])
-        variants, variant_codes = _coded(table["variant"])
         duration = _floats(table["duration"])
-        rows = list(zip(name_codes.tolist(), duration.tolist(), variant_codes.tolist(),
-                        strict=True))  # fmt: skip
+        rows = list(zip(name_codes.tolist(), duration.tolist(), strict=True))
         order = {key: k for k, key in enumerate(dict.fromkeys(rows))}
-        self.tasks = tuple(Task(names[n], d, variants[v]) for n, d, v in order)
+        self.tasks = tuple(Task(names[n], d) for n, d in order)
         self.task = np.array([order[key] for key in rows], dtype=np.int64)
 
     def __len__(self) -> int:
@@ -103,7 +104,7 @@ class RunTable:
 
     @cached_property
     def metrics(self) -> tuple[str, ...]:
-        """Metrics that have a value in some row, computing times last."""
+        """Metrics that have a value in some row; then computing times, then derived metrics."""
         names = [
             name
             for name in self.table.column_names
@@ -111,11 +112,17 @@ class RunTable:
         ]
         if self._timing is not None:
             names += [name for name in self._timing.column_names if name != "number"]
+        if set(_SETTLING) <= set(names):
+            names.append("settling_time")
         return tuple(name for name in names if np.isfinite(self.values(name)).any())
 
     @cached_property
     def factors(self) -> dict[str, Array]:
-        """Values of every factor that varies, by its path: numbers, or texts as objects."""
+        """Values of every factor that varies, by its path: numbers, or texts as objects.
+
+        The faults of the task `faults` and the horizons of the task `horizon` are values of the
+        axes ``fault`` and ``horizon``, which are empty texts in other tasks.
+        """
         found: dict[str, Array] = {}
         for name in self.table.column_names:
             if name.startswith(FACTOR_PREFIX):
@@ -124,9 +131,13 @@ class RunTable:
                     _floats(column) if _is_number(column.type)
                     else np.array([str(v) for v in column.to_pylist()], dtype=object)
                 )  # fmt: skip
-                if len(values) and (values != values[0]).any():
-                    found[name.removeprefix(FACTOR_PREFIX)] = values
-        return found
+                found[name.removeprefix(FACTOR_PREFIX)] = values
+        variant = np.array(self.table["variant"].to_pylist(), dtype=object)
+        for k, task in enumerate(self.tasks):
+            if task.name in _VARIED:
+                path = _VARIED[task.name]
+                found[path] = np.where(self.task == k, variant, found.get(path, ""))
+        return {path: each for path, each in found.items() if (each != each[:1]).any()}
 
     @cached_property
     def random_factors(self) -> tuple[str, ...]:
@@ -160,15 +171,26 @@ class RunTable:
     def values(self, metric: str) -> Float[Array, " runs"]:
         """Return a metric of each row in its stored unit; NaN where the run has no valid value.
 
-        A run that ended early has no valid value, unless the metric needs no finished run.
+        A run that ended early has no valid value, unless the metric needs no finished run. The
+        metric ``finished`` is 1 or 0; ``settling_time`` is that of the slowest axis with a step.
 
         Raises:
             InvalidInput: The table has no such metric.
         """
-        if metric in IDENTITY or metric not in self.table.column_names:
+        if metric == "settling_time" and metric not in self.table.column_names:
+            return self._slowest_settling()
+        if metric != "finished" and (metric in IDENTITY or metric not in self.table.column_names):
             return self._times(metric)
         values = _floats(self.table[metric])
         return np.where(self.finished, values, np.nan) if quantity(metric).needs_finish else values
+
+    def _slowest_settling(self) -> Float[Array, " runs"]:
+        """Return the settling time of the slowest axis with a step; NaN if one does not settle."""
+        times = np.column_stack([self.values(name) for name in _SETTLING])
+        steps = np.column_stack([self.values(f"overshoot_{axis}") for axis in STEP_AXES])
+        times = np.where(np.isfinite(steps), times, -np.inf)
+        slowest: Float[Array, " runs"] = times.max(axis=1)
+        return np.where(np.isfinite(slowest), slowest, np.nan)
 
     def _times(self, metric: str) -> Float[Array, " runs"]:
         """Return a computing time of each row; NaN where it is unknown."""

@@ -1,0 +1,329 @@
+"""Evidence of a study: distributions of every controller, and tested differences of all pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+from math import isfinite, nan
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from omnidrive.arrays import Array
+from omnidrive.evaluation.bootstrap import TestedMean, bootstrap_means
+from omnidrive.evaluation.confidence_sequence import always_valid_mean, always_valid_p
+from omnidrive.evaluation.quantities import Quantity, quantity
+from omnidrive.evaluation.repetition_means import RepetitionMeans, repetition_means
+from omnidrive.evaluation.run_table import RunTable, Task
+from omnidrive.evaluation.table import RESOLUTION, number_text
+from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, holm, p_text
+
+BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference shown"
+"""Verdicts of a comparison."""
+
+Tester = Callable[[Float[Array, "values columns"]], list[TestedMean]]
+"""Returns the tested mean of every column."""
+
+
+class Summary(NamedTuple):
+    """Distribution of a quantity over the runs of one controller in one task."""
+
+    task: Task
+    controller: str
+    measure: Quantity
+    runs: int
+    """Number of runs."""
+    finished: int
+    """Number of runs that reached the end of their reference."""
+    mean: MeanEstimate
+    """Mean over the repetitions, with its interval, in the stored unit."""
+    median: float
+    p95: float
+    """Value that 95 % of the valid runs do not exceed in the direction of worse values."""
+    worst: float
+    """Worst value of a valid run."""
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the runs that reached the end of their reference."""
+        return self.finished / self.runs if self.runs else nan
+
+
+class PairEvidence(NamedTuple):
+    """Tested difference of a quantity between two controllers under the same random numbers."""
+
+    task: Task
+    first: str
+    second: str
+    measure: Quantity
+    difference: MeanEstimate
+    """Mean over the repetitions of ``first`` minus ``second``, in the stored unit."""
+    p: float
+    """p-value of zero difference, Holm-adjusted over its family; NaN for one repetition."""
+    effect: float
+    """Standardised difference: mean over standard deviation of the differences (Cohen's d_z)."""
+    share_better: float
+    """Share of the pairs of runs in which ``first`` is better; equal values count half."""
+    relative: float
+    """Difference over the mean of ``second`` in the same runs; NaN if that is 0."""
+    left_out: int
+    """Number of pairs of runs in which only one is valid, or none."""
+
+    @property
+    def verdict(self) -> str:
+        """Result for ``first``: better, worse or no difference shown."""
+        low, high = (self.measure.factor * v for v in (self.difference.low, self.difference.high))
+        negligible = max(abs(low), abs(high)) < RESOLUTION
+        if not self.p < 1.0 - CONFIDENCE or negligible:
+            return NO_DIFFERENCE
+        return BETTER if (self.difference.mean < 0.0) == self.measure.lower_is_better else WORSE
+
+    @property
+    def reversed(self) -> PairEvidence:
+        """The same comparison with the controllers exchanged."""
+        d, ratio = self.difference, 1.0 + self.relative
+        return self._replace(
+            first=self.second, second=self.first,
+            difference=MeanEstimate(-d.mean, -d.high, -d.low, d.sample_size),
+            effect=-self.effect, share_better=1.0 - self.share_better,
+            relative=1.0 / ratio - 1.0 if ratio else nan,
+        )  # fmt: skip
+
+    @property
+    def sentence(self) -> str:
+        """Result as a sentence without a full stop, such as ``a is better than b by 0.15 mm``."""
+        if self.verdict == WORSE:
+            return self.reversed.sentence
+        measure, d = self.measure, self.difference
+        unit = f" {measure.shown_unit}" if measure.shown_unit else ""
+        if d.sample_size < 2:
+            return self._single_sentence(unit)
+        better = self.verdict == BETTER
+        sign = -1.0 if better and measure.lower_is_better else 1.0
+        oriented = self.reversed.difference if sign < 0.0 else d
+        mean, _, low, high = oriented.text(measure.factor)
+        if better:
+            mean, low, high = (text.removeprefix("+") for text in (mean, low, high))
+            if low == high:
+                return f"{self.first} is better than {self.second} by {mean}{unit} in every case"
+            return f"{self.first} is better than {self.second} by {mean}{unit} [{low}, {high}]"
+        if low == high == "0":
+            return f"{self.first} and {self.second} have equal results"
+        return (
+            f"no difference shown between {self.first} and {self.second}: "
+            f"{mean}{unit} [{low}, {high}]"
+        )
+
+    def _single_sentence(self, unit: str) -> str:
+        """Return the sentence of one repetition, which shows no difference."""
+        mean = self.measure.factor * self.difference.mean
+        if not isfinite(mean):
+            return f"{self.first} and {self.second} have no valid runs in common"
+        relation = "less" if mean < 0.0 else "more"
+        return (
+            f"{self.first} has {number_text(abs(mean))}{unit} {relation} than {self.second} in one "
+            "repetition, without an interval"
+        )
+
+    @property
+    def detail(self) -> str:
+        """p-value and effect sizes as one phrase; empty for one repetition."""
+        if not isfinite(self.p):
+            return ""
+        parts = [f"p {p_text(self.p)}"]
+        if isfinite(self.relative):
+            parts.append(f"{100.0 * self.relative:+.2g} %".replace("-", "\u2212"))
+        if isfinite(self.effect):
+            parts.append(f"d = {self.effect:+.2f}".replace("-", "\u2212"))
+        return ", ".join(parts)
+
+
+class TaskEvidence(NamedTuple):
+    """Evidence of one quantity in one task."""
+
+    task: Task
+    measure: Quantity
+    summaries: tuple[Summary, ...]
+    """One per controller, in the order of the study."""
+    pairs: tuple[PairEvidence, ...]
+    """All pairs: the later controller of the study minus the earlier one."""
+
+    @property
+    def ranking(self) -> tuple[Summary, ...]:
+        """Controllers with a valid mean, the best first."""
+        sign = 1.0 if self.measure.lower_is_better else -1.0
+        valid = [each for each in self.summaries if isfinite(each.mean.mean)]
+        return tuple(sorted(valid, key=lambda each: sign * each.mean.mean))
+
+    def pair(self, first: str, second: str) -> PairEvidence | None:
+        """Return the comparison of two controllers in this order; None: there is none."""
+        for each in self.pairs:
+            if (each.first, each.second) == (first, second):
+                return each
+            if (each.second, each.first) == (first, second):
+                return each.reversed
+        return None
+
+    @property
+    def best(self) -> tuple[str, ...]:
+        """The controller with the best mean, and those from which no difference is shown."""
+        ranking = self.ranking
+        if not ranking:
+            return ()
+        first = ranking[0].controller
+        tied = [
+            each.controller
+            for each in ranking[1:]
+            if (pair := self.pair(first, each.controller)) and pair.verdict == NO_DIFFERENCE
+        ]
+        return (first, *tied)
+
+
+def task_evidence(
+    runs: RunTable,
+    metric: str,
+    *,
+    rows: Bool[Array, " runs"] | None = None,
+    always_valid: bool = False,
+) -> list[TaskEvidence]:
+    """Return the evidence of a metric in every task that has valid values.
+
+    The independent values are the repetitions: a mean over axis values is taken within each of
+    them. The p-values of all pairs of controllers in one task are Holm-corrected together.
+
+    Args:
+        runs: The runs.
+        metric: Name of the metric.
+        rows: The rows that count. None: all.
+        always_valid: Whether intervals and p-values hold at every number of repetitions, as for
+            a study that ends when its intervals are narrow enough.
+
+    Raises:
+        InvalidInput: The runs have no such metric.
+    """
+    return [_adjusted([each])[0] for each in _unadjusted(runs, metric, rows, always_valid)]
+
+
+class LevelEvidence(NamedTuple):
+    """Evidence of one quantity in one task at one value of an axis."""
+
+    level: Any
+    """Value of the axis."""
+    evidence: TaskEvidence
+
+
+def axis_evidence(
+    runs: RunTable, metric: str, path: str, *, always_valid: bool = False
+) -> dict[Task, list[LevelEvidence]]:
+    """Return the evidence of a metric at every value of a factor, by task.
+
+    The p-values of all pairs of controllers at all values of the factor are Holm-corrected
+    together. Other axes are averaged. Tasks in which the factor does not vary are omitted.
+
+    Args:
+        runs: The runs.
+        metric: Name of the metric.
+        path: Path of the factor.
+        always_valid: See :func:`task_evidence`.
+
+    Raises:
+        InvalidInput: The runs have no such metric or factor.
+    """
+    levels, codes = runs.levels(path)
+    found: dict[Task, list[LevelEvidence]] = {}
+    for k, level in enumerate(levels):
+        for each in _unadjusted(runs, metric, codes == k, always_valid):
+            found.setdefault(each.task, []).append(LevelEvidence(level, each))
+    return {
+        task: [
+            LevelEvidence(each.level, evidence)
+            for each, evidence in zip(
+                every, _adjusted([each.evidence for each in every]), strict=True
+            )
+        ]
+        for task, every in found.items()
+        if len(every) > 1
+    }
+
+
+def _unadjusted(
+    runs: RunTable, metric: str, rows: Bool[Array, " runs"] | None, always_valid: bool
+) -> list[TaskEvidence]:
+    """Return the evidence of every task with p-values that are not adjusted."""
+    test = _always_valid_means if always_valid else bootstrap_means
+    measure = quantity(metric)
+    return [_of_task(each, measure, test) for each in repetition_means(runs, metric, rows)]
+
+
+def _adjusted(family: list[TaskEvidence]) -> list[TaskEvidence]:
+    """Return the evidence with the p-values of all its pairs Holm-adjusted together."""
+    known = [pair.p for each in family for pair in each.pairs if isfinite(pair.p)]
+    adjusted = iter(holm(known))
+    return [
+        each._replace(
+            pairs=tuple(
+                pair._replace(p=next(adjusted)) if isfinite(pair.p) else pair for pair in each.pairs
+            )
+        )
+        for each in family
+    ]
+
+
+def _of_task(grid: RepetitionMeans, measure: Quantity, test: Tester) -> TaskEvidence:
+    means = grid.means
+    columns = list(combinations(range(len(grid.controllers)), 2))
+    differences = [grid.difference(late, early) for early, late in columns]
+    tested = test(np.column_stack([means, *differences]))
+    count = len(grid.controllers)
+    pairs = tuple(
+        _pair(grid, measure, (late, early), each, values)
+        for (early, late), each, values in zip(columns, tested[count:], differences, strict=True)
+    )
+    summaries = tuple(_summary(grid, measure, k, tested[k].estimate) for k in range(count))
+    return TaskEvidence(grid.task, measure, summaries, pairs)
+
+
+def _summary(grid: RepetitionMeans, measure: Quantity, k: int, mean: MeanEstimate) -> Summary:
+    values = grid.values[:, k]
+    valid = values[np.isfinite(values)]
+    median = p95 = worst = nan
+    if len(valid):
+        high = measure.lower_is_better
+        median, p95 = np.percentile(valid, [50.0, 95.0 if high else 5.0]).tolist()
+        worst = float(valid.max() if high else valid.min())
+    return Summary(
+        grid.task, grid.controllers[k], measure, int(grid.planned[:, k].sum()),
+        int(grid.finished[:, k].sum()), mean, median, p95, worst,
+    )  # fmt: skip
+
+
+def _pair(
+    grid: RepetitionMeans,
+    measure: Quantity,
+    columns: tuple[int, int],
+    tested: TestedMean,
+    values: Float[Array, " repetitions"],
+) -> PairEvidence:
+    first, second = columns
+    ours, theirs = grid.values[:, first], grid.values[:, second]
+    both = np.isfinite(ours) & np.isfinite(theirs)
+    planned = grid.planned[:, first] & grid.planned[:, second]
+    spread = float(np.nanstd(values, ddof=1)) if np.isfinite(values).sum() > 1 else nan
+    lower = np.sign(theirs[both] - ours[both]) * (1.0 if measure.lower_is_better else -1.0)
+    mean = float(np.mean(theirs[both])) if both.any() else nan
+    difference = float(np.mean(ours[both] - theirs[both])) if both.any() else nan
+    return PairEvidence(
+        grid.task, grid.controllers[first], grid.controllers[second], measure,
+        tested.estimate, tested.p,
+        effect=tested.estimate.mean / spread if spread else nan,
+        share_better=float(np.mean(0.5 + 0.5 * lower)) if both.any() else nan,
+        relative=difference / mean if mean else nan,
+        left_out=int((planned & ~both).sum()),
+    )  # fmt: skip
+
+
+def _always_valid_means(columns: Float[Array, "values columns"]) -> list[TestedMean]:
+    """Return always valid intervals and p-values of all columns."""
+    known = [values[np.isfinite(values)] for values in columns.T]
+    return [TestedMean(always_valid_mean(values), always_valid_p(values)) for values in known]
