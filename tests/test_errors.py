@@ -1,6 +1,6 @@
 """Texts for messages."""
 
-from omnidrive.errors import kind_of, one_line, short_repr, suggestion
+from omnidrive.errors import failure_reason, kind_of, one_line, short_repr, suggestion
 
 
 def test_suggestion_is_the_closest_name_or_a_list():
@@ -32,3 +32,21 @@ def test_value_is_shown_in_one_short_line():
 def test_kind_of_a_value_has_its_article():
     kinds = [kind_of(each) for each in (None, 1, "", dict)]
     assert kinds == ["None", "an int", "a str", "the class dict"]
+
+
+def test_reason_names_the_users_line():
+    """The innermost line of the user's file is named, not that of a library it calls."""
+    code = "import json\n\ndef step():\n    return json.loads(missing)\n\n"
+    code += "def load():\n    json.loads('{')\n"
+    own: dict = {}
+    exec(compile(code, "/somewhere/mine.py", "exec"), own)
+    reasons = []
+    for name in ("step", "load"):
+        try:
+            own[name]()
+        except Exception as error:
+            reasons.append(failure_reason(error))
+    assert reasons[0] == "NameError: name 'missing' is not defined (mine.py, line 4)"
+    assert reasons[1].startswith("JSONDecodeError: ")
+    assert reasons[1].endswith("(mine.py, line 7)")
+    assert failure_reason(ValueError("x" * 1000)).endswith("...")

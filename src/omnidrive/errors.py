@@ -27,9 +27,11 @@ Messages state the fact and how to correct it.
 
 from __future__ import annotations
 
+import sysconfig
 import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 
 
 class OmnidriveError(Exception):
@@ -139,13 +141,34 @@ PART_ERRORS = (Exception, SystemExit, GeneratorExit)
 
 
 def failure_reason(error: BaseException) -> str:
-    """Return type and message of a component's exception in one line of at most 300 characters."""
+    """Return type, message, file and line of a component's exception, in one line.
+
+    It has at most 300 characters, and names the innermost line outside this package and the
+    libraries; none if there is no such line.
+    """
     try:
         message = str(error)
     except Exception as second:
         message = f"its message raises {kind_of(second)}"
     name, lines = type(error).__name__, message.splitlines()
-    return one_line(f"{name}: {lines[0]}" if lines else name)
+    reason = f"{name}: {lines[0]}" if lines else name
+    own = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith(_LIBRARIES)
+    ]
+    if not own:
+        return one_line(reason)
+    place = f" ({one_line(Path(own[-1].filename).name, 60)}, line {own[-1].lineno})"
+    return one_line(reason, 300 - len(place)) + place
+
+
+_LIBRARIES = (
+    str(Path(__file__).parent),
+    *(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib")),
+    "<frozen ",
+)
+"""First parts of the names of files that are no users' code."""
 
 
 def traceback_text(error: BaseException) -> str:
