@@ -1,11 +1,24 @@
 from .cdr import decode, encode
+from .dds import LATCHED_QOS, SENSOR_QOS, Qos
+from .graph import Endpoint, Graph, Participant
 from .interface import Distribution, definition_text, interface, interfaces
 from .message import Message, message_type
+from .node import Node, Publisher, Received, Subscription
 from .type_hash import type_hash
 
 __all__ = [
+    "LATCHED_QOS",
+    "SENSOR_QOS",
     "Distribution",
+    "Endpoint",
+    "Graph",
     "Message",
+    "Node",
+    "Participant",
+    "Publisher",
+    "Qos",
+    "Received",
+    "Subscription",
     "decode",
     "definition_text",
     "encode",

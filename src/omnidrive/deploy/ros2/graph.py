@@ -1,0 +1,99 @@
+"""The graph of ROS 2: nodes, and publishers and subscriptions with their types."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from omnidrive.deploy.ros2.dds import Qos
+
+
+class Endpoint(NamedTuple):
+    """A publisher or subscription of any process in the domain."""
+
+    topic: str
+    """Absolute name of the topic or service."""
+    type: str
+    """Full name of its type, such as ``nav_msgs/msg/Odometry``."""
+    node: str
+    """Full name of its node; empty: not announced."""
+    publishes: bool
+    """Whether it is a publisher."""
+    qos: Qos
+    """Quality of service that it offers or requests."""
+    type_hash: str
+    """Hash of the type; empty: not announced, as by Humble."""
+    gid: bytes
+    """Identity of the endpoint, 16 bytes."""
+    participant: bytes
+    """Identity of its participant, 16 bytes."""
+    prefix: str = "rt"
+    """``rt``: topic; ``rq``, ``rr``: requests and replies of a service."""
+
+
+class Participant(NamedTuple):
+    """A process in the domain."""
+
+    gid: bytes
+    """Identity, 16 bytes."""
+    enclave: str | None
+    """Security enclave; None: it is no process of ROS 2."""
+    nodes: tuple[str, ...]
+    """Full names of its nodes; empty: not announced."""
+    local: bool
+    """Whether it is the participant that looks."""
+
+
+class Graph(NamedTuple):
+    """What is seen of a domain at one instant."""
+
+    domain: int
+    """Number of the domain."""
+    participants: tuple[Participant, ...]
+    """All participants, also that which looks."""
+    endpoints: tuple[Endpoint, ...]
+    """All endpoints of ROS 2, also of services."""
+
+    def publishers(self, topic: str, *, of_others: bool = False) -> tuple[Endpoint, ...]:
+        """Return the publishers of a topic; ``of_others``: without those of this process."""
+        local = {each.gid for each in self.participants if each.local} if of_others else set()
+        return tuple(
+            each
+            for each in self.endpoints
+            if each.publishes
+            and each.topic == topic
+            and each.prefix == "rt"
+            and each.participant not in local
+        )
+
+    def subscriptions(self, topic: str) -> tuple[Endpoint, ...]:
+        """Return the subscriptions of a topic."""
+        return tuple(
+            each
+            for each in self.endpoints
+            if not each.publishes and each.topic == topic and each.prefix == "rt"
+        )
+
+    def topics(self) -> dict[str, set[str]]:
+        """Return the types of each topic."""
+        found: dict[str, set[str]] = {}
+        for each in self.endpoints:
+            if each.prefix == "rt":
+                found.setdefault(each.topic, set()).add(each.type)
+        return dict(sorted(found.items()))
+
+    def pairs(self) -> Iterator[tuple[Endpoint, Endpoint]]:
+        """Yield every publisher with every subscription of the same topic."""
+        for publisher in self.endpoints:
+            for other in self.endpoints:
+                if (
+                    publisher.publishes
+                    and not other.publishes
+                    and (publisher.topic, publisher.prefix) == (other.topic, other.prefix)
+                ):
+                    yield publisher, other
+
+
+def describe(endpoint: Endpoint) -> str:
+    """Return the node of an endpoint for messages; without one the start of its identity."""
+    return endpoint.node or f"participant {endpoint.participant[:12].hex()}"
