@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from omnidrive.evaluation import Recovery, StepResult, TrackResult
 from omnidrive.evaluation.results import STEP_AXES
 from omnidrive.simulation import Outcome
-from omnidrive.study.jobs import Result
+from omnidrive.study.jobs import Result, faults_of
 from omnidrive.study.planned_run import PlannedRun
 
 Factor = float | int | bool | str | None
@@ -39,6 +39,9 @@ class RunRecord:
             of x, y and heading; with a fault recovered, time_to_recover and worst_error.
         timing: Computing times by name, us.
         detail: Reason and traceback of a run that ended early; otherwise empty.
+        duration: Duration of the reference, s.
+        variant: Horizon of the task ``horizon``, such as ``N = 15``, or fault of the task
+            ``faults``, such as ``01-push``; otherwise empty.
     """
 
     number: int
@@ -53,6 +56,8 @@ class RunRecord:
     metrics: dict[str, float]
     timing: dict[str, float] = field(default_factory=dict)
     detail: str = ""
+    duration: float = 0.0
+    variant: str = ""
 
     def relabelled(self, run: PlannedRun) -> RunRecord:
         """Return this result for another planned run with the same key."""
@@ -64,6 +69,8 @@ class RunRecord:
             task=run.job.task,
             repetition=run.repetition,
             factors=_factors(run),
+            duration=run.job.duration,
+            variant=_variant(run),
         )
 
 
@@ -99,6 +106,8 @@ def record_of(run: PlannedRun, result: Result, recovery: Recovery | None = None)
         metrics=metrics,
         timing=timing,
         detail=detail[:MAX_DETAIL],
+        duration=run.job.duration,
+        variant=_variant(run),
     )
 
 
@@ -116,6 +125,17 @@ def _metrics(result: Result) -> tuple[dict[str, float], dict[str, float]]:
         values["min_clearance"] = result.min_clearance
     values["collisions"] = float(result.run.collisions[-1])
     return values, timing
+
+
+def _variant(run: PlannedRun) -> str:
+    """Return the horizon or the fault of a run, in tasks that vary them."""
+    job = run.job
+    if job.task == "horizon":
+        return f"N = {job.horizon}"
+    if job.task != "faults":
+        return ""
+    fault = (None, *faults_of(run.scenario))[job.fault]
+    return f"{job.fault:02d}-{fault.kind if fault else 'none'}"
 
 
 def _factors(run: PlannedRun) -> dict[str, Factor]:
