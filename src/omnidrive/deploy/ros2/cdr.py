@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator
 from functools import cache
 from itertools import islice
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -94,7 +94,7 @@ class _Source:
 
     __slots__ = ("at", "data", "order")
 
-    def __init__(self, data: memoryview, at: int, order: str) -> None:
+    def __init__(self, data: memoryview, at: int, order: Literal["<", ">"]) -> None:
         self.data, self.at, self.order = data, at, order
 
     def count(self, least: int) -> int:
@@ -159,6 +159,7 @@ class _Leaf:
     def __init__(self, field: Field, distribution: Distribution) -> None:
         self.field = field
         self.parts: list[_Leaf] = []
+        self.codes: list[tuple[str, int]]
         if "/" in field.type:
             self.cls = message_type(field.type, distribution)
             inner = self.cls.interface.fields or (NO_FIELDS,)
@@ -267,7 +268,7 @@ class _Messages:
     def __init__(self, field: Field, distribution: Distribution) -> None:
         self.name, self.single = field.name, field.kind == "single"
         self.codec = _codec(field.type, distribution)
-        self.least = self.codec.least if self.single else 4
+        self.least: int = self.codec.least if self.single else 4
 
     def write(self, out: bytearray, message: Message) -> None:
         value = getattr(message, self.name)
@@ -312,7 +313,7 @@ class _Codec:
             self.parts.append(_part(field, distribution))
         if run:
             self.parts.append(_Run(run, distribution))
-        self.least = 1 if self.empty else sum(part.least for part in self.parts)
+        self.least: int = 1 if self.empty else sum(part.least for part in self.parts)
 
     def write(self, out: bytearray, message: Message) -> None:
         """Append a message."""
