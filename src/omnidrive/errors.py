@@ -12,6 +12,7 @@ OmnidriveError
 │   ├── InvalidReference          times that do not increase, inconsistent shapes, a motion too
 │   │                             fast for the robot, a bad waypoint file
 │   ├── InvalidScenario           an unknown key, or a value of wrong type, unit or range
+│   ├── InvalidStudy              an unknown axis, or a value that its scenario refuses
 │   └── InvalidScene              a simulator scene without an object that the settings name
 ├── NoPathFound                   no path from start to goal exists
 ├── MissingExtra                  an optional dependency is not installed
@@ -91,6 +92,10 @@ class InvalidReference(InvalidInput):
 
 class InvalidScenario(InvalidInput):
     """A scenario has an unknown key or an invalid value."""
+
+
+class InvalidStudy(InvalidInput):
+    """A study file has an unknown key or axis, or an invalid value."""
 
 
 class InvalidScene(InvalidInput):

@@ -1,3 +1,12 @@
+from .block_runner import run_block
+from .definition import StudyDefinition
+from .definition_file import (
+    definition_data,
+    load_definition,
+    parse_definition,
+    save_definition,
+    study_names,
+)
 from .folder import RunFolder
 from .jobs import (
     Job,
@@ -11,9 +20,12 @@ from .jobs import (
 )
 from .output_paths import check_figure, check_new_file, check_new_folder, check_plan_targets
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
+from .planned_run import PlannedRun
 from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
 from .queries import solve_queries
+from .run_plan import RunPlan, check_size
+from .run_record import RunRecord
 from .scenario import Scenario, map_scenario, paper_scenario
 from .scenario_file import load_scenario, save_scenario
 from .scenario_sections import MapSection, RobotSection, SensorsSection, robot_section
@@ -26,20 +38,27 @@ __all__ = [
     "Fact",
     "Job",
     "MapSection",
+    "PlannedRun",
     "PlannedScenario",
     "ProgressListener",
     "RobotSection",
     "RunFolder",
+    "RunPlan",
+    "RunRecord",
     "Scenario",
     "SensorsSection",
     "Study",
+    "StudyDefinition",
     "Tasks",
     "check_figure",
     "check_new_file",
     "check_new_folder",
     "check_plan_targets",
+    "check_size",
+    "definition_data",
     "faults_of",
     "jobs_of",
+    "load_definition",
     "load_scenario",
     "make_controller",
     "make_estimator",
@@ -49,6 +68,7 @@ __all__ = [
     "map_scenario",
     "one_task",
     "paper_scenario",
+    "parse_definition",
     "plan_and_check",
     "plan_at",
     "plan_facts",
@@ -56,12 +76,15 @@ __all__ = [
     "planned_duration",
     "retime",
     "robot_section",
+    "run_block",
     "run_job",
     "run_study",
+    "save_definition",
     "save_figure",
     "save_plan",
     "save_scenario",
     "solve_queries",
+    "study_names",
     "study_tasks",
     "warm_up",
     "with_task",

@@ -25,3 +25,5 @@ class PlannedRun(NamedTuple):
     """The run of that scenario."""
     repetition: int = 0
     """Index of the repetition, from 0."""
+    refused: str = ""
+    """Why its values are not possible together; empty: they are. The scenario is then the base."""

@@ -16,6 +16,9 @@ Factor = float | int | bool | str | None
 TIMING = ("step_time_median", "step_time_p99")
 """Metrics that differ from run to run on one machine."""
 
+REFUSED = "refused"
+"""Outcome of a run that its scenario does not allow."""
+
 MAX_DETAIL = 4000
 """Largest number of characters of :attr:`RunRecord.detail`."""
 
@@ -32,7 +35,7 @@ class RunRecord:
         task: Task of the study.
         repetition: Index of the repetition, from 0.
         factors: Value of each axis and each random factor, by its dotted path in the scenario.
-        outcome: Name of the :class:`~omnidrive.simulation.Outcome` in lower case.
+        outcome: Name of the :class:`~omnidrive.simulation.Outcome` in lower case, or ``refused``.
         finished: Whether the run reached the end of its reference.
         metrics: Reproducible metrics by name: fields of :class:`~omnidrive.evaluation.Metrics`,
             min_clearance and collisions; of a step response overshoot, rise_time and settling_time
@@ -108,6 +111,23 @@ def record_of(run: PlannedRun, result: Result, recovery: Recovery | None = None)
         detail=detail[:MAX_DETAIL],
         duration=run.job.duration,
         variant=_variant(run),
+    )
+
+
+def refused_record(run: PlannedRun, reason: str) -> RunRecord:
+    """Return the record of a run that cannot be simulated, with the outcome ``refused``."""
+    return RunRecord(
+        number=run.number,
+        key=run.key,
+        pairing=run.pairing,
+        controller=run.job.controller,
+        task=run.job.task,
+        repetition=run.repetition,
+        factors=_factors(run),
+        outcome=REFUSED,
+        finished=False,
+        metrics={},
+        detail=reason[:MAX_DETAIL],
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -107,10 +107,24 @@ def parse_scenario(data: dict[Any, Any], where: str, *, allow_code: bool = True)
     try:
         return Scenario.model_validate(data, context={ALLOW_CODE: allow_code})
     except ValidationError as error:
-        problems = [p for p in error.errors() if p["type"] != "too_short"] or error.errors()
-        facts = list(dict.fromkeys(map(_explain, problems)))
-        rest = f"; and {len(facts) - _LISTED} more" if len(facts) > _LISTED else ""
-        raise InvalidScenario(f"{where}: " + "; ".join(facts[:_LISTED]) + rest) from None
+        raise InvalidScenario(f"{where}: {listed(problems_of(error))}") from None
+
+
+def problems_of(error: ValidationError, model: type = Scenario) -> list[str]:
+    """Return a message for each invalid key and value: the key, the cause and the valid values.
+
+    Args:
+        error: Error of pydantic.
+        model: The class that was validated.
+    """
+    problems = [p for p in error.errors() if p["type"] != "too_short"] or error.errors()
+    return list(dict.fromkeys(_explain(each, model) for each in problems))
+
+
+def listed(facts: Sequence[str]) -> str:
+    """Return messages in one line, the first ten and the number of the others."""
+    rest = f"; and {len(facts) - _LISTED} more" if len(facts) > _LISTED else ""
+    return "; ".join(facts[:_LISTED]) + rest
 
 
 _LISTED = 10
@@ -120,16 +134,16 @@ _SENTENCES = ("there is ", "there are ", "the ", "cannot read ")
 """First words of messages that are sentences; others go on from the key, such as `is -1 m`."""
 
 
-def _explain(problem: Any) -> str:
+def _explain(problem: Any, model: type) -> str:
     """Return the message for one error: the key, the cause and the valid values."""
     kind, value = problem["type"], problem.get("input")
     if kind in {"extra_forbidden", "unexpected_keyword_argument", "invalid_key"}:
         *outer, name = problem["loc"]  # the name is that in the file, not always an identifier
         keys = _fields(outer)
         if kind == "invalid_key":  # not a string; pydantic reports true as 1
-            return f"unknown key {short_repr(value)}" + _within(keys) + _suggestion("", keys)
+            return f"unknown key {short_repr(value)}" + _within(keys) + _suggestion("", keys, model)
         key = ".".join([*map(str, keys), one_line(str(name), 60)])
-        return f"unknown key '{key}'" + _suggestion(str(name), keys)
+        return f"unknown key '{key}'" + _suggestion(str(name), keys, model)
     key = ".".join(map(str, _fields(problem["loc"])))
     if kind in _MESSAGES:
         return _MESSAGES[kind].format(key=key, value=short_repr(value))
@@ -149,9 +163,8 @@ def _within(keys: list[Any]) -> str:
     return f" in '{'.'.join(map(str, keys))}'" if keys else ""
 
 
-def _suggestion(name: str, loc: list[Any]) -> str:
-    """Return a suggestion of the closest valid key at ``loc``, or of all."""
-    model: Any = Scenario
+def _suggestion(name: str, loc: list[Any], model: Any) -> str:
+    """Return a suggestion of the closest valid key at ``loc`` of a model, or of all."""
     for part in loc:
         if part in FAULTS:
             model = FAULTS[part]

@@ -1,0 +1,137 @@
+"""Execution of planned runs, block by block, in any process."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
+from json import dumps
+from typing import Any, TypeVar, get_args
+
+from omnidrive.components.fields import plain
+from omnidrive.errors import OmnidriveError
+from omnidrive.evaluation.recovery import Recovery, recovery
+from omnidrive.evaluation.results import FaultResult
+from omnidrive.parameter import check_choice
+from omnidrive.robot import Robot
+from omnidrive.simulation import Run
+from omnidrive.study.definition import SeriesKept
+from omnidrive.study.jobs import Result, run_job
+from omnidrive.study.planned_run import PlannedRun
+from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
+from omnidrive.study.run_record import RunRecord, record_of, refused_record
+from omnidrive.study.scenario import Scenario
+from omnidrive.study.variant import robot_in
+
+_PLANNED_BY = ("reference", "map", "start", "goal", "path", "timing", "robot")
+"""Sections of a scenario on which its motion depends."""
+_KEPT_PLANS, _KEPT_RUNS = 32, 32
+
+Save = Callable[[PlannedRun, Run], None]
+"""Receiver of the log of a run."""
+_Value = TypeVar("_Value")
+
+
+def run_block(
+    runs: Sequence[PlannedRun], save: Save | None = None, *, series: SeriesKept = "all"
+) -> list[RunRecord]:
+    """Simulate and evaluate runs; return their records in the same order.
+
+    Results depend neither on the process nor on the other runs of the block. A run that its
+    scenario does not allow, or whose parts cannot be made, has a record that says so.
+
+    Args:
+        runs: The runs.
+        save: Receiver of the logs of runs. None: no logs are kept.
+        series: Runs whose logs it receives; `failed`: those that ended early.
+
+    Raises:
+        InvalidInput: ``series`` is not one of its names.
+    """
+    check_choice("choice of series", series, get_args(SeriesKept))
+    kept = series if save is not None else "none"
+    records = []
+    for run in runs:
+        record, log = _record(run)
+        records.append(record)
+        is_kept = kept == "all" or (kept == "failed" and not record.finished)
+        if save is not None and log is not None and is_kept:
+            save(run, log)
+    return records
+
+
+def _record(run: PlannedRun) -> tuple[RunRecord, Run | None]:
+    """Return the record and the log of a run; no log of one that cannot be simulated."""
+    if run.refused:
+        return refused_record(run, run.refused), None
+    try:
+        planned = _plans.planned(run.scenario)
+        result = run_job(planned, run.job)
+        return record_of(run, result, _recovery(planned, result, run)), result.run
+    except OmnidriveError as error:
+        return refused_record(run, str(error)), None
+
+
+def _recovery(planned: PlannedScenario, result: Result, run: PlannedRun) -> Recovery | None:
+    """Return the recovery from a fault, compared with the run without it."""
+    if not isinstance(result, FaultResult):
+        return None
+    job = run.job._replace(fault=0)
+    place = dumps([plain(run.scenario), job])
+    if result.fault is None:
+        _undisturbed.put(place, result.run)
+        return None
+    nominal = _undisturbed.get(place, lambda: run_job(planned, job).run)
+    return recovery(result.run, nominal, result.fault.at)
+
+
+class _Kept:
+    """The latest values by their keys, in this process."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._values: OrderedDict[Hashable, Any] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
+        """Return the value of a key; make it if there is none."""
+        if key not in self._values:
+            self.put(key, make())
+        self._values.move_to_end(key)
+        value: _Value = self._values[key]
+        return value
+
+    def put(self, key: Hashable, value: object) -> None:
+        """Keep a value, and forget the oldest one if there are too many."""
+        self._values[key] = value
+        if len(self._values) > self._most:
+            self._values.popitem(last=False)
+
+
+class _Plans:
+    """Planned scenarios; those with equal maps, robots and motions are planned once."""
+
+    def __init__(self) -> None:
+        self._by_content, self._by_identity = _Kept(_KEPT_PLANS), _Kept(_KEPT_PLANS)
+
+    def planned(self, scenario: Scenario) -> PlannedScenario:
+        """Return the planned scenario.
+
+        Raises:
+            OmnidriveError: See :func:`plan_scenario`.
+        """
+        sections = [getattr(scenario, name) for name in _PLANNED_BY]
+        identity = tuple(map(id, sections))  # of objects that the kept value holds
+
+        def found() -> tuple[list[Any], PlannedScenario]:
+            content = dumps(plain(sections))
+            return sections, self._by_content.get(content, lambda: plan_scenario(scenario))
+
+        _, planned = self._by_identity.get(identity, found)
+        return replace(planned, scenario=scenario, plant_robot=_plant_robot(scenario))
+
+
+def _plant_robot(scenario: Scenario) -> Robot:
+    return robot_in(plain(scenario.true_robot))
+
+
+_plans, _undisturbed = _Plans(), _Kept(_KEPT_RUNS)

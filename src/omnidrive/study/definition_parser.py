@@ -1,0 +1,180 @@
+"""Parser of what varies in a study: axes, random factors and conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, get_args
+
+from pydantic import ValidationError
+
+from omnidrive.choices import TaskName
+from omnidrive.components.fields import plain
+from omnidrive.errors import InvalidInput, InvalidStudy, one_line, short_repr, suggestion
+from omnidrive.study.axes import Axis, Label, moved_files, parse_axis
+from omnidrive.study.definition import Condition
+from omnidrive.study.random_factors import MAX_DIMENSIONS, RandomFactor, parse_factor
+from omnidrive.study.scenario import Scenario
+from omnidrive.study.scenario_file import problems_of, scenario_data
+from omnidrive.study.scenario_path import Keys, Setting, find_keys, relocated, value_at
+from omnidrive.study.variant import changed_sections, robot_in, variant_data, variant_of
+
+_RUN_KEYS = ("controller", "task", "duration", "horizon", "fault")
+
+
+class DefinitionParser:
+    """Parser of axes, random factors and conditions, which collects all problems.
+
+    Args:
+        scenario: The base scenario.
+        move: Returns the name of a file relative to the working folder.
+        allow_code: Whether components may be code that is not installed.
+
+    Attributes:
+        problems: Messages about all invalid keys and values.
+    """
+
+    def __init__(self, scenario: Scenario, move: Callable[[str], str], allow_code: bool) -> None:
+        self.problems: list[str] = []
+        self._scenario, self._data = scenario, scenario_data(scenario)
+        self._move, self._allow_code = move, allow_code
+
+    def axes(self, sources: Mapping[str, Any]) -> tuple[Axis, ...]:
+        """Return the axes, with checked and completed values."""
+        found = []
+        for path, source in sources.items():
+            try:
+                axis = parse_axis(path, source, self._find)
+                moved = moved_files(axis, self._move)
+                labels = axis.labels
+                axis = replace(parse_axis(path, moved, self._find), labels=labels)
+            except InvalidStudy as error:
+                self._note(path, error)
+                continue
+            settings = tuple(
+                self._checked(path, str(label), each)
+                for label, each in zip(axis.labels, axis.settings, strict=True)
+            )
+            labels = tuple(map(_label, axis.labels, settings))
+            found.append(replace(axis, settings=settings, labels=labels))
+        return tuple(found)
+
+    def factors(self, sources: Mapping[str, Any]) -> tuple[RandomFactor, ...]:
+        """Return the random factors, the ends of which are checked."""
+        found = []
+        for path, source in sources.items():
+            try:
+                keys = self._find(path)
+                factor = parse_factor(path, keys, source)
+                if factor.choices:
+                    moved = [relocated(each, keys, self._move) for each in factor.choices]
+                    factor = parse_factor(path, keys, {"choices": moved})
+            except InvalidStudy as error:
+                self._note(path, error)
+                continue
+            for end in factor.ends:
+                self._checked(path, "", (Setting(keys, end, factor.relative, drawn=True),))
+            found.append(factor)
+        if sum(each.dimensions for each in found) > MAX_DIMENSIONS:
+            self.problems.append(f"random has more than {MAX_DIMENSIONS} numbers")
+        return tuple(found)
+
+    def check_overlap(self, axes: Sequence[Axis], factors: Sequence[RandomFactor]) -> None:
+        """Note paths that occur twice, or one within another."""
+        owned: list[tuple[str, Keys]] = [(each.path, keys) for each in axes for keys in each.keys]
+        owned += [(each.path, each.keys) for each in factors]
+        for i, (path, keys) in enumerate(owned):
+            for other, before in owned[:i]:
+                shorter = min(len(keys), len(before))
+                if keys[:shorter] == before[:shorter]:
+                    names = f"'{path}'" if path == other else f"'{other}' and '{path}'"
+                    self.problems.append(f"{names}: one setting varies twice")
+
+    def condition(self, name: str, source: dict[str, Any], axes: Sequence[Axis]) -> Condition:
+        """Return a condition, whose keys are axes or fields of a run."""
+        values: dict[int, frozenset[int]] = {}
+        run: dict[str, tuple[Any, ...]] = {}
+        known = [each.path for each in axes]
+        for key, wanted in source.items():
+            if key in known:
+                values[known.index(key)] = self._indices(name, axes[known.index(key)], wanted)
+            elif key in _RUN_KEYS:
+                run[key] = tuple(wanted) if isinstance(wanted, list) else (wanted,)
+                self._check_run(name, key, run[key], axes)
+            else:
+                hint = suggestion(str(key), [*known, *_RUN_KEYS], most=30)
+                self.problems.append(f"{name}: unknown axis '{one_line(str(key), 60)}'{hint}")
+        return Condition(source, values, run)
+
+    def _indices(self, name: str, axis: Axis, wanted: Any) -> frozenset[int]:
+        """Return the indices of the values of an axis that a condition names."""
+        found = set()
+        for each in wanted if isinstance(wanted, list) else [wanted]:
+            fitting = {i for i, label in enumerate(axis.labels) if _same(label, each)}
+            if not fitting:
+                shown = ", ".join(str(label) for label in axis.labels[:12])
+                self.problems.append(
+                    f"{name}: {axis.path} has no value {short_repr(each)}; there are {shown}"
+                )
+            found |= fitting
+        return frozenset(found)
+
+    def _check_run(
+        self, name: str, key: str, values: tuple[Any, ...], axes: Sequence[Axis]
+    ) -> None:
+        known: tuple[str, ...] = get_args(TaskName)
+        if key == "controller":
+            known = tuple(self._scenario.controllers)
+        has_others = any(keys == ("controllers",) for axis in axes for keys in axis.keys)
+        if key not in {"task", "controller"} or (key == "controller" and has_others):
+            return
+        for each in values:
+            if each not in known:
+                hint = suggestion(str(each), known)
+                self.problems.append(f"{name}: there is no {key} {short_repr(each)}{hint}")
+
+    def _find(self, path: str) -> Keys:
+        return find_keys(self._data, path)
+
+    def _checked(self, path: str, label: str, settings: tuple[Setting, ...]) -> tuple[Setting, ...]:
+        """Return settings with the values as the scenario holds them; note what it refuses."""
+        try:
+            data = variant_data(self._data, settings)
+            variant = variant_of(
+                self._scenario, data, changed_sections(settings), allow_code=self._allow_code
+            )
+            sections = {name: plain(getattr(variant, name)) for name in changed_sections(settings)}
+            for robot in {"robot", "plant_robot"} & sections.keys():
+                if sections[robot] is not None:
+                    robot_in(sections[robot])
+        except ValidationError as error:
+            self.problems += [
+                fact if path.partition(".")[0] in fact else f"{path} {label}: {fact}"
+                for fact in problems_of(error)
+            ]
+            return settings
+        except InvalidInput as error:
+            self._note(path, error)
+            return settings
+        return tuple(
+            each if each.relative else each._replace(value=value_at(sections, each.keys))
+            for each in settings
+        )
+
+    def _note(self, path: str, error: Exception) -> None:
+        text = str(error)
+        self.problems.append(text if f"'{path}'" in text else f"{one_line(path, 80)}: {text}")
+
+
+def _label(label: Label, settings: tuple[Setting, ...]) -> Label:
+    """Return the label of a checked value: a number as the scenario holds it."""
+    value = settings[0].value if len(settings) == 1 else None
+    return value if isinstance(value, int | float) and value == label else label
+
+
+def _same(label: Any, wanted: Any) -> bool:
+    with suppress(TypeError):
+        if isinstance(label, bool) == isinstance(wanted, bool) and label == wanted:
+            return True
+    return isinstance(label, str) and label == str(wanted)

@@ -1,0 +1,148 @@
+"""Keys of runs: hashes of all that their results depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cache, lru_cache
+from hashlib import sha256
+from importlib.metadata import version
+from json import dumps, loads
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omnidrive.choices import WAYPOINTS
+from omnidrive.components import find_component
+from omnidrive.components.entry_points import Group
+from omnidrive.components.fields import plain
+from omnidrive.errors import InvalidReference, OmnidriveError
+from omnidrive.files.bounded_file import read_bounded
+from omnidrive.maps import load_map
+from omnidrive.study.jobs import Job
+from omnidrive.study.variant import robot_in
+
+VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
+"""Distributions whose versions can change results."""
+
+_LEFT_OUT = ("format", "name", "tasks", "controllers", "seed", "plant_robot")
+_MAX_BYTES = 10_000_000  # of a waypoint file
+
+
+class KeyMaker:
+    """Maker of the keys of the runs of one study.
+
+    A key is the SHA-256 of a canonical text of the scenario without its name, its tasks and its
+    other controllers, the configuration of the controller, the run, the versions of this package
+    and of numerical libraries, and the origins of components. Robots, maps and waypoint files count
+    by their content, not by their names.
+    """
+
+    def __init__(self) -> None:
+        self._texts: dict[str, tuple[Any, str]] = {}
+        self._versions = dumps({name: version(name) for name in VERSIONS})
+
+    def scenario_text(self, data: Mapping[str, Any]) -> str:
+        """Return the text of what all runs of a scenario have in common."""
+        parts = [self._versions]
+        for name in sorted(data):
+            if name not in _LEFT_OUT:
+                parts.append(self._text(name, data[name]))
+        true = data["plant_robot"] or data["robot"]
+        return "\n".join([*parts, self._text("plant_robot", true), str(data["seed"])])
+
+    def key(
+        self, scenario_text: str, controller: Mapping[str, Any], job: Job, parts: Mapping[str, Any]
+    ) -> str:
+        """Return the key of a run.
+
+        Args:
+            scenario_text: Text of its scenario.
+            controller: Data of its controller.
+            job: The run.
+            parts: Further data of the task, such as the fault.
+        """
+        own = self._text(f"controllers.{job.controller}", controller)
+        text = "\n".join([scenario_text, own, _canonical([*job[:-1], plain(dict(parts))])])
+        return sha256(text.encode()).hexdigest()
+
+    def _text(self, name: str, value: Any) -> str:
+        """Return the text of a section; that of the same object is kept."""
+        found = self._texts.get(name)
+        if found is None or found[0] is not value:
+            found = self._texts[name] = value, f"{name}: {_section_text(name, value)}"
+        return found[1]
+
+
+def _section_text(name: str, value: Any) -> str:
+    head = name.partition(".")[0]
+    if head in {"robot", "plant_robot"}:
+        return _robot_text(dumps(value))
+    if head == "map":
+        return _map_text(dumps(value))
+    text = _canonical(value)
+    group = {"controllers": "controllers", "plant": "plants", "reference": "references"}.get(head)
+    if group is not None and isinstance(value, dict):
+        text += _origin(group, value["type"])
+    if head == "sensors" and value and value["estimator"]:
+        text += _origin("estimators", value["estimator"]["type"])
+    if head == "reference" and isinstance(value, dict) and value["type"] == WAYPOINTS:
+        text += _file_digest(value["file"])
+    return text
+
+
+def _canonical(value: Any) -> str:
+    return dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+@lru_cache(maxsize=256)
+def _robot_text(text: str) -> str:
+    """Return the text of a robot, whatever its name or file."""
+    section = loads(text)
+    content = plain(robot_in(section))
+    content.pop("name")
+    return _canonical([content, section["roller_phase"]])
+
+
+@lru_cache(maxsize=64)
+def _map_text(text: str) -> str:
+    """Return the text of a map with the digest of its cells."""
+    section = loads(text)
+    source = section.pop("source")
+    if source == "none":
+        return _canonical([source, section])
+    options = {"resolution": section["resolution"], "unknown": section["unknown"]}
+    try:
+        grid = load_map(source, **options)
+    except OmnidriveError as error:  # the run reports it
+        return _canonical([source, section, str(error)])
+    cells = sha256(np.packbits(grid.occupied).tobytes()).hexdigest()
+    shape = list(grid.occupied.shape)
+    place = [cells, shape, grid.resolution, list(grid.origin), grid.walled, grid.yaw]
+    # the paper's map is planned on and measured with two different grids
+    return _canonical([place, source if source == "paper" else "", section])
+
+
+@lru_cache(maxsize=64)
+def _file_digest(file: str) -> str:
+    content = read_bounded(
+        Path(file), _MAX_BYTES, "waypoint", InvalidReference, excess="is too large"
+    )
+    return sha256(content).hexdigest()
+
+
+@cache
+def _origin(group: Group, name: str) -> str:
+    """Return distribution and version of a component, or the hash of its code, as a text."""
+    try:
+        return f" {find_component(group, name, allow_code=True).origin}"
+    except OmnidriveError:  # a Python object of a session, which no name finds
+        return f" {name}"
+
+
+def plan_digest(keys: Iterable[str]) -> str:
+    """Return the SHA-256 of the keys of many runs, in their order."""
+    digest = sha256()
+    for key in keys:
+        digest.update(bytes.fromhex(key))
+    return digest.hexdigest()

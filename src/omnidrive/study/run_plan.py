@@ -1,0 +1,321 @@
+"""Plan of a study: its runs, numbered, computed when they are asked for."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from itertools import accumulate, product
+from math import prod
+from typing import Any, NamedTuple, overload
+
+from pydantic import ValidationError
+
+from omnidrive.components.fields import plain
+from omnidrive.errors import InvalidStudy
+from omnidrive.study.axes import Axis, Label, label_of
+from omnidrive.study.definition import Condition, StudyDefinition
+from omnidrive.study.jobs import Job, faults_of, jobs_of
+from omnidrive.study.planned_run import PlannedRun
+from omnidrive.study.random_factors import repetition_seed
+from omnidrive.study.run_key import KeyMaker
+from omnidrive.study.scenario import Scenario
+from omnidrive.study.scenario_file import listed, problems_of
+from omnidrive.study.scenario_path import Keys, Setting
+from omnidrive.study.variant import changed_sections, variant_data, variant_of
+
+LARGE = 10_000_000
+"""Number of runs from which a study asks for a confirmation."""
+
+_MOST_GROUPS = 100_000  # combinations of the axes that decide which runs there are
+_MOST_JOB_LISTS = 10_000  # of these, combinations of the axes that change tasks or controllers
+_KEPT = 64  # variants that are kept
+
+
+class _JobList(NamedTuple):
+    """Runs of each variant of a group of variants."""
+
+    jobs: tuple[Job, ...]
+    pairs: tuple[int, ...]
+    """Index of each run among those that differ not only by the controller."""
+    pair_count: int
+    parts: tuple[dict[str, Any], ...]
+    """What keys of the runs contain besides scenario, controller and run."""
+
+
+class _Variant(NamedTuple):
+    data: dict[str, Any]
+    changed: list[str]
+    """Sections that differ from those of the base scenario."""
+    factors: dict[str, Label]
+    text: str
+    """Text of the scenario in the keys of its runs."""
+
+
+class RunPlan(Sequence[PlannedRun]):
+    """Runs of a study, of which only those that are asked for exist in memory.
+
+    The repetition changes slowest, so that further repetitions leave the numbers of the present
+    runs as they are; then the values of the axes, then the tasks, and the controllers change
+    fastest.
+
+    Args:
+        definition: The study.
+
+    Raises:
+        InvalidStudy: Values of axes are not possible together, or too many combinations decide
+            which runs there are.
+
+    Attributes:
+        definition: The study.
+        per_repetition: Number of runs of one repetition.
+    """
+
+    def __init__(self, definition: StudyDefinition) -> None:
+        self.definition = definition
+        self._keys = KeyMaker()
+        self._variants: OrderedDict[tuple[int, ...], _Variant] = OrderedDict()
+        self._scenarios: OrderedDict[tuple[int, ...], tuple[Scenario, str]] = OrderedDict()
+        axes = definition.axes
+        used = {i for each in (*definition.where, *definition.leave_out) for i in each.values}
+        self._job_axes = [i for i, axis in enumerate(axes) if _changes_jobs(axis)]
+        self._grouped = sorted({*used, *self._job_axes})
+        self._others = [i for i in range(len(axes)) if i not in self._grouped]
+        self._sizes = [len(axes[i].settings) for i in self._others]
+        self._multiple = prod(self._sizes)
+        self._groups = self._job_lists()
+        runs = [self._multiple * len(each.jobs) for each in self._groups]
+        pairs = [self._multiple * each.pair_count for each in self._groups]
+        self._starts = [0, *accumulate(runs)]
+        self._pair_starts = [0, *accumulate(pairs)]
+        self.per_repetition = self._starts[-1]
+        if not self.per_repetition:
+            raise InvalidStudy("the study has no runs: its conditions leave all of them out")
+
+    def __len__(self) -> int:
+        return self.per_repetition * self.definition.repetitions
+
+    @overload
+    def __getitem__(self, number: int) -> PlannedRun: ...
+    @overload
+    def __getitem__(self, number: slice) -> list[PlannedRun]: ...
+    def __getitem__(self, number: int | slice) -> PlannedRun | list[PlannedRun]:
+        """Return the run with a number, or the runs of a slice.
+
+        Raises:
+            IndexError: There is no such run.
+        """
+        if isinstance(number, slice):
+            return [self._run(each) for each in range(*number.indices(len(self)))]
+        if not -len(self) <= number < len(self):
+            raise IndexError(f"the study has {len(self)} runs, there is none with number {number}")
+        return self._run(number % len(self))
+
+    def __iter__(self) -> Iterator[PlannedRun]:
+        return map(self._run, range(len(self)))
+
+    def keys(self, start: int, stop: int) -> list[str]:
+        """Return the keys of the runs from ``start`` up to, but not including, ``stop``."""
+        return [self._key(*self._place(number)) for number in range(start, min(stop, len(self)))]
+
+    def _run(self, number: int) -> PlannedRun:
+        repetition, group, values, index = place = self._place(number)
+        jobs = self._groups[group]
+        variant = self._variant(repetition, group, values)
+        pairing = repetition * self._pair_starts[-1] + self._pair_starts[group]
+        pairing += values * jobs.pair_count + jobs.pairs[index]
+        scenario, refused = self._scenario(repetition, group, values)
+        return PlannedRun(
+            number, self._key(*place), pairing, dict(variant.factors), scenario, jobs.jobs[index],
+            repetition, refused,
+        )  # fmt: skip
+
+    def _place(self, number: int) -> tuple[int, int, int, int]:
+        """Return repetition, group, index of the other axes' values and index of the run there."""
+        repetition, rest = divmod(number, self.per_repetition)
+        group = bisect_right(self._starts, rest) - 1
+        values, index = divmod(rest - self._starts[group], len(self._groups[group].jobs))
+        return repetition, group, values, index
+
+    def _key(self, repetition: int, group: int, values: int, index: int) -> str:
+        variant = self._variant(repetition, group, values)
+        jobs = self._groups[group]
+        job = jobs.jobs[index]
+        controller = variant.data["controllers"][job.controller]
+        return self._keys.key(variant.text, controller, job, jobs.parts[index])
+
+    def _indices(self, group: int, values: int) -> list[int]:
+        """Return the index of the value of each axis."""
+        axes = self.definition.axes
+        indices = [0] * len(axes)
+        for places, code in ((self._grouped, group), (self._others, values)):
+            rest = code
+            for i in reversed(places):
+                rest, indices[i] = divmod(rest, len(axes[i].settings))
+        return indices
+
+    def _variant(self, repetition: int, group: int, values: int) -> _Variant:
+        place = repetition, group, values
+        found = self._variants.get(place)
+        if found is None:
+            found = self._variants[place] = self._make(*place)
+            if len(self._variants) > _KEPT:
+                self._variants.popitem(last=False)
+        return found
+
+    def _make(self, repetition: int, group: int, values: int) -> _Variant:
+        definition = self.definition
+        factors: dict[str, Label] = {}
+        settings: list[Setting] = []
+        for axis, index in zip(definition.axes, self._indices(group, values), strict=True):
+            factors[axis.name] = axis.labels[index]
+            settings += axis.settings[index]
+        seed, count = definition.scenario.seed, definition.repetitions
+        sample = definition.random.sample(repetition, count, seed)
+        for factor, value in zip(definition.random.factors, sample, strict=True):
+            factors[factor.name] = label_of(value)
+            settings.append(Setting(factor.keys, value, factor.relative, drawn=True))
+        data = variant_data(definition.data, settings)
+        changed = changed_sections(settings)
+        if repetition:
+            data = {**data, "seed": repetition_seed(data["seed"], repetition)}
+            changed = list(dict.fromkeys([*changed, "seed"]))
+        return _Variant(data, changed, factors, self._keys.scenario_text(data))
+
+    def _scenario(self, repetition: int, group: int, values: int) -> tuple[Scenario, str]:
+        """Return the scenario of a variant, or the base and why it is refused."""
+        place = repetition, group, values
+        found = self._scenarios.get(place)
+        if found is None:
+            variant = self._variant(*place)
+            try:
+                found = self._checked(variant.data, variant.changed), ""
+            except InvalidStudy as error:
+                found = self.definition.scenario, str(error)
+            self._scenarios[place] = found
+            if len(self._scenarios) > _KEPT:
+                self._scenarios.popitem(last=False)
+        return found
+
+    def _checked(self, data: dict[str, Any], changed: Sequence[str]) -> Scenario:
+        """Return the scenario with the sections ``changed`` of ``data``.
+
+        Raises:
+            InvalidStudy: The values are not possible together.
+        """
+        base = self.definition.scenario
+        if not changed:
+            return base
+        if changed == ["seed"]:
+            return base.model_copy(update={"seed": data["seed"]})
+        try:
+            return variant_of(base, data, changed)
+        except ValidationError as error:
+            raise InvalidStudy(f"these values together: {listed(problems_of(error))}") from None
+
+    def _job_lists(self) -> list[_JobList]:
+        """Return the runs of each combination of the axes that decide which runs there are."""
+        axes = self.definition.axes
+        count = prod(len(axes[i].settings) for i in self._grouped)
+        lists = prod(len(axes[i].settings) for i in self._job_axes)
+        if count > _MOST_GROUPS or lists > _MOST_JOB_LISTS:
+            raise InvalidStudy(
+                f"axes of tasks and controllers and those in conditions have {count} combinations, "
+                f"need at most {_MOST_GROUPS}, and {_MOST_JOB_LISTS} of the former; use fewer "
+                "values there"
+            )
+        made: dict[tuple[Any, ...], _JobList] = {}
+        found = []
+        for indices in product(*(range(len(axes[i].settings)) for i in self._grouped)):
+            chosen = dict(zip(self._grouped, indices, strict=True))
+            of_jobs = tuple(chosen[i] for i in self._job_axes)
+            where, leave_out = (
+                _matched(each, chosen)
+                for each in (self.definition.where, self.definition.leave_out)
+            )
+            place = of_jobs, where, leave_out
+            if place not in made:
+                made[place] = self._job_list(of_jobs, where, leave_out)
+            found.append(made[place])
+        return found
+
+    def _job_list(
+        self, values: Sequence[int], where: tuple[int, ...], leave_out: tuple[int, ...]
+    ) -> _JobList:
+        """Return the runs that conditions leave, for values of the axes that change the runs.
+
+        Args:
+            values: Index of the value of each of these axes.
+            where: Indices of the conditions ``where`` that the axes satisfy.
+            leave_out: Indices of the conditions ``leave_out`` that the axes satisfy.
+        """
+        definition = self.definition
+        axes = definition.axes
+        settings = [
+            setting
+            for i, value in zip(self._job_axes, values, strict=True)
+            for setting in axes[i].settings[value]
+        ]
+        data = variant_data(definition.data, settings)
+        scenario = self._checked(data, changed_sections(settings))
+
+        def is_planned(job: Job) -> bool:
+            wanted = not definition.where or any(_fits(definition.where[i], job) for i in where)
+            return wanted and not any(_fits(definition.leave_out[i], job) for i in leave_out)
+
+        jobs = tuple(job for job in jobs_of(scenario) if is_planned(job))
+        pairs: dict[tuple[Any, ...], int] = {}
+        indices = tuple(pairs.setdefault(_pair_of(job), len(pairs)) for job in jobs)
+        faults = (None, *faults_of(scenario))
+        step = scenario.tasks.step
+        parts = tuple(
+            {"fault": plain(faults[job.fault])} if job.task == "faults"
+            else {"displacement": plain(step.displacement)} if job.task == "step" and step
+            else {}
+            for job in jobs
+        )  # fmt: skip
+        return _JobList(jobs, indices, len(pairs), parts)
+
+
+def _changes_jobs(axis: Axis) -> bool:
+    """Return whether values of an axis can change which runs a scenario has."""
+    return any(map(_key_changes_jobs, axis.keys))
+
+
+def _key_changes_jobs(keys: Keys) -> bool:
+    head = keys[0]
+    if head == "controllers":
+        return len(keys) < 3 or keys[2] in {"type", "horizon"}
+    return head in {"tasks", "preset", "plant"}
+
+
+def _matched(conditions: Sequence[Condition], chosen: dict[int, int]) -> tuple[int, ...]:
+    """Return the indices of the conditions that the values of axes satisfy."""
+    return tuple(
+        k
+        for k, condition in enumerate(conditions)
+        if all(chosen[i] in values for i, values in condition.values.items())
+    )
+
+
+def _fits(condition: Condition, job: Job) -> bool:
+    return all(getattr(job, name) in values for name, values in condition.run.items())
+
+
+def _pair_of(job: Job) -> tuple[Any, ...]:
+    """Return the fields of a run that runs of other controllers share."""
+    horizon = job.horizon if job.task == "horizon" else None
+    return job.task, job.duration, horizon, job.repeat, job.fault
+
+
+def check_size(plan: RunPlan, *, confirmed: bool = False) -> None:
+    """Raise InvalidStudy if a plan has more runs than :data:`LARGE` and is not confirmed."""
+    definition = plan.definition
+    if len(plan) < LARGE or confirmed:
+        return
+    factors = [f"{each.path} {len(each.settings)}" for each in definition.axes]
+    factors.append(f"repetitions {definition.repetitions}")
+    raise InvalidStudy(
+        f"the study has {len(plan):,} runs ({', '.join(factors)}): use fewer values, or confirm "
+        "the number with --yes"
+    )

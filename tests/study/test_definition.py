@@ -1,0 +1,219 @@
+"""Study files: forms of axes and random factors, and messages about all problems at once."""
+
+import re
+
+import numpy as np
+import pytest
+
+from omnidrive.errors import InvalidInput, InvalidStudy
+from omnidrive.study import (
+    RunPlan,
+    definition_data,
+    load_definition,
+    parse_definition,
+    save_definition,
+    study_names,
+)
+
+HEAD = {"format": "omnidrive-study-1", "name": "test", "scenario": "paper"}
+
+
+def study(**keys):
+    return parse_definition({**HEAD, **keys}, "study.yaml")
+
+
+def problems(**keys):
+    with pytest.raises(InvalidStudy) as error:
+        study(**keys)
+    return str(error.value)
+
+
+def first_axis(source, path="sample_time"):
+    (axis,) = study(axes={path: source}).axes
+    return axis
+
+
+def test_values_of_an_axis_are_a_list_or_a_grid():
+    assert first_axis([0.05, 0.1]).labels == (0.05, 0.1)
+    assert first_axis({"from": 0.1, "to": 0.2, "count": 3}).labels == (
+        0.1,
+        0.15000000000000002,
+        0.2,
+    )
+    logarithmic = first_axis({"from": 0.01, "to": 1.0, "count": 3, "scale": "log"}).labels
+    np.testing.assert_allclose(logarithmic, [0.01, 0.1, 1.0])
+
+
+def test_values_of_sections_and_components_have_labels():
+    assert first_axis(["planar", {"type": "kinematic"}], "plant").labels == ("planar", "kinematic")
+    faults = {"named": {"none": [], "push": [{"kind": "push", "at": 5}]}}
+    assert first_axis(faults, "faults").labels == ("none", "push")
+
+
+def test_multiples_are_of_the_robot_in_the_scenario_also_if_it_is_an_axis():
+    definition = study(
+        axes={
+            "robot.name": ["kiwi", "mecanum"],
+            "plant_robot.mass": {"times": [1.0, 1.5]},
+            "plant_robot.lag": {"times": [2.0]},
+        },
+        set={"tasks": {"track": {"durations": [60]}}, "controllers": ["feedforward"]},
+    )
+    from omnidrive.robot import named_robot
+
+    plan = RunPlan(definition)
+    found = [run.scenario.plant_robot for run in plan]
+    expected = [
+        (name, factor * named_robot(name).mass)
+        for name in ("kiwi", "mecanum")
+        for factor in (1, 1.5)
+    ]
+    assert [(each.name, each.mass) for each in found] == expected
+    assert found[0].lag == pytest.approx([2.0 * each for each in named_robot("kiwi").lag])
+    assert [run.factors["plant_robot.mass times"] for run in plan] == [1.0, 1.5, 1.0, 1.5]
+
+
+def test_cases_set_several_settings_together():
+    cases = {"near": {"goal": [5, 6], "sample_time": 0.05}, "far": {"goal": [8, 6]}}
+    plan = RunPlan(study(axes={"route": {"cases": cases}}, set={"controllers": ["pid"]}))
+    found = {
+        run.factors["route"]: (*run.scenario.goal[:2], run.scenario.sample_time) for run in plan
+    }
+    assert found == {"near": (5.0, 6.0, 0.05), "far": (8.0, 6.0, 0.1)}
+
+
+def test_all_problems_are_named_at_once():
+    text = problems(
+        axes={
+            "plant_robot.mas": [1],
+            "sample_time": [5.0],
+            "plant_robot.friction": {"times": ["2"]},
+            "controllers.fuzzy_t3.preset": ["paper"],
+        },
+        random={
+            "factors": {"goal.z": {"low": 0, "high": 1}, "timing.traction": {"low": 2, "high": 1}}
+        },
+        leave_out=[{"sample_tim": 5.0}],
+    )
+    for fact in (
+        "no 'plant_robot.mas'; did you mean 'plant_robot.mass'?",
+        "sample_time is 5 s, need 0.005 to 1 s",
+        "plant_robot.friction: times: needs a list of numbers",
+        "no 'controllers.fuzzy_t3.preset'; did you mean 'controllers.fuzzy_t",
+        "no 'goal.z'; did you mean 'goal",
+        "timing.traction: low is 2, larger than high, 1",
+        "unknown axis 'sample_tim'; did you mean 'sample_time'?",
+    ):
+        assert fact in text
+
+
+@pytest.mark.parametrize(
+    ("keys", "fact"),
+    [
+        ({"format": "omnidrive-study-2"}, "another version of omnidrive; this one reads"),
+        ({"format": "omnidrive-scenario-1"}, "is not a study file: it needs format"),
+        ({"axis": {}}, "unknown key 'axis'; did you mean 'axes'?"),
+        ({"repetitions": 0}, "repetitions is 0, need 1 to"),
+        ({"scenario": "recomended"}, "did you mean 'recommended'?"),
+        ({"scenario": 3}, "must be a preset, a file or the keys of one"),
+        ({"scenario": {"robot": {"name": "paper"}}}, "'tasks' is missing"),
+        ({"set": {"plnt": "planar"}}, "did you mean 'plant'?"),
+        ({"set": {"plant": "planer"}}, "did you mean 'planar'?"),
+        ({"axes": {"sample_time": []}}, "sample_time: has no values"),
+        ({"axes": {"sample_time": [0.1, 0.1]}}, "contains a value twice"),
+        ({"axes": {"sample_time": {"from": 0.1, "to": 0.2, "count": 10**9}}}, "need 2 to 10000"),
+        ({"axes": {"sample_time": {"from": 0, "to": 1, "count": 3, "scale": "log"}}}, "positive"),
+        ({"axes": {"sample_time": 3}}, "need a list of values"),
+        ({"axes": {"sample_time": {"cases": {"a": 3}}}}, "needs a mapping of settings"),
+        ({"axes": {"watchdog.error": {"times": [2.0]}}}, "no number in the scenario to multiply"),
+        ({"axes": {"plant": ["planar"], "plant.type": ["planar"]}}, "one setting varies twice"),
+        ({"axes": {"format": ["x"]}}, "the scenario has no 'format'"),
+        ({"axes": {"start.yaw": [9.0]}}, "is 9 rad, need -6.3 to 6.3 rad"),
+        ({"axes": {"plant_robot.com": [[9.0, 0.0]]}}, "plant_robot.com"),
+        ({"random": {"method": "sobolev"}}, "random.method"),
+        ({"random": {"factors": {"sample_time": {"choices": []}}}}, "needs a list of values"),
+        ({"random": {"factors": {"sample_time": {"low": 1}}}}, "with two numbers"),
+        ({"leave_out": [{"task": "trak"}]}, "there is no task 'trak'; did you mean 'track'?"),
+        ({"leave_out": [{"controller": "fuzzy_t4"}]}, "did you mean 'fuzzy_t"),
+        ({"axes": {"sample_time": [0.1]}, "where": [{"sample_time": 0.2}]}, "there are 0.1"),
+        ({"series": "some"}, "series"),
+        ({"name": "a/b"}, "name"),
+    ],
+)
+def test_each_problem_says_what_is_wrong(keys, fact):
+    assert fact in problems(**keys)
+
+
+def test_code_in_a_study_is_refused_unless_allowed(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(
+        "format: omnidrive-study-1\nname: code\nscenario: paper\n"
+        "axes: {plant: [planar, 'evil.py:Plant']}\n"
+    )
+    with pytest.raises(InvalidStudy, match="--allow-code"):
+        load_definition(path)
+
+
+def test_saved_study_is_the_same_study(tmp_path):
+    """Also with a map and a robot file, whose names are relative to each file."""
+    from omnidrive.maps import paper_map, save_nav2_map
+    from omnidrive.robot import named_robot, save_robot
+
+    here = tmp_path / "here"
+    here.mkdir()
+    save_nav2_map(paper_map(), here / "map.yaml")
+    save_robot(named_robot("small"), here / "base.yaml")
+    (here / "study.yaml").write_text(
+        "format: omnidrive-study-1\nname: files\nscenario: paper\nrepetitions: 3\n"
+        "axes:\n  map.source: [paper, map.yaml]\n"
+        "  robot: {named: {small: {name: base.yaml}, paper: {name: paper}}}\n"
+        "random: {factors: {plant_robot.mass: {times: {low: 0.8, high: 1.2}}}}\n"
+        "leave_out: [{robot: small, task: step}]\n"
+    )
+    there = tmp_path / "there" / "copy.yaml"
+    there.parent.mkdir()
+    first = load_definition(here / "study.yaml")
+    save_definition(first, there)
+    second = load_definition(there)
+    assert first.axes[0].labels == ("paper", "map.yaml")
+    one, other = RunPlan(first), RunPlan(second)
+    assert len(one) == len(other)
+    assert one.keys(0, 100) == other.keys(0, 100)
+    assert "../here/map.yaml" in there.read_text()
+
+
+def test_studies_of_the_package_are_valid():
+    for name in study_names():
+        definition = load_definition(name)
+        assert definition.name == name
+        assert definition.question.endswith("?")
+        assert RunPlan(definition)[0].job
+    with pytest.raises(InvalidStudy, match="did you mean 'paper'"):
+        load_definition("papr")
+
+
+def test_changes_replace_settings_and_fix_axes():
+    source = {**HEAD, "axes": {"sample_time": [0.05, 0.1]}}
+    fixed = parse_definition(source, "x", changes={"sample_time": 0.2, "plant": "kinematic"})
+    assert fixed.axes == ()
+    assert fixed.scenario.sample_time == 0.2
+    assert fixed.scenario.plant.type == "kinematic"
+
+
+def test_further_repetitions_need_a_method_that_can_be_extended():
+    factors = {"sample_time": {"low": 0.05, "high": 0.1}}
+    fixed = study(random={"method": "latin-hypercube", "factors": factors}, repetitions=4)
+    with pytest.raises(InvalidStudy, match="use sobol or independent"):
+        fixed.with_repetitions(5)
+    with pytest.raises(InvalidInput, match="need 1 to"):
+        study().with_repetitions(0)
+
+
+def test_text_of_a_file_is_shown_as_one_line():
+    text = problems(axes={"plant\x1b[31m": [1], "a\nb": [2]})
+    assert re.search(r"[\x00-\x1f]", text) is None
+
+
+def test_data_of_a_study_has_no_empty_keys():
+    data = definition_data(study(axes={"sample_time": [0.05, 0.1]}))
+    assert set(data) == {"format", "name", "scenario", "axes", "random", "repetitions", "series"}
