@@ -6,23 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.errors import InvalidInput
-from omnidrive.estimation.drive_identification import identify
+from omnidrive.estimation.drive_identification import CONTINUE, START, DriveSample, identify
 from omnidrive.estimation.drive_memory import (
+    _BEGINS,
+    _SHAPES,
     DRIVE_UNITS,
     DriveEstimate,
+    DriveMemory,
     DriveSettings,
-    applied_parameters,
     check_start,
     command_count,
     drive_estimate,
-    drive_memory,
     identified_robot,
-    initialize,
     known_drive,
-    restart,
+    memory_size,
 )
 from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.geometry import BodyTwist, Pose
@@ -40,24 +39,44 @@ SHORT = {"gains": (0.95, 0.95, 0.9)}
 """Worn wheels."""
 
 
-@compiled
-def applied(memory):
-    return applied_parameters(memory)
-
-
 NOTHING = DriveEstimate()
 """Before the first sample."""
 
 
-def drive_array(known):
-    return np.array([*known.gains, known.lag, known.delay])
+class Identification:
+    """The identification of a run, as a controller calls it."""
 
+    def __init__(self, robot, dt, known=NOTHING, settings=None):
+        self.model, self.dt, self.settings = drive_model(robot), dt, settings or DriveSettings()
+        self.known = np.array([*known.gains, known.lag, known.delay])
+        self.values = np.zeros(memory_size(command_count(known.delay, dt)))
+        self.drive = np.zeros(6)
 
-def memory_of(dt, known=NOTHING):
-    """Memory at the start of a run."""
-    memory = drive_memory(command_count(known.delay, dt))
-    initialize(memory, drive_array(known), dt)
-    return memory
+    def start(self, pose=REST):
+        self._send(START, DriveSample(REST, self.dt, tuple(pose), REST, EXACT, True))
+        return self
+
+    def update(self, command, pose, variances=EXACT, *, fresh=True, dt=None):
+        sample = DriveSample(tuple(command), dt or self.dt, tuple(pose), REST, variances, fresh)
+        self._send(CONTINUE, sample)
+
+    def _send(self, event, sample):
+        identify(event, self.model, self.settings, self.known, self.values, sample, self.drive)
+
+    @property
+    def memory(self):
+        parts = zip(_BEGINS, _BEGINS[1:], _SHAPES, strict=False)
+        arrays = [self.values[begin:end].reshape(shape) for begin, end, shape in parts]
+        return DriveMemory(*arrays, self.values[_BEGINS[-1] :].reshape(-1, 4))
+
+    @property
+    def found(self):
+        return drive_estimate(self.values)
+
+    @property
+    def applied(self):
+        gains, lag, delay = self.drive[:3], self.drive[3], self.drive[4]
+        return tuple(gains.tolist()), float(lag), float(delay)
 
 
 def drive_model(robot):
@@ -101,25 +120,18 @@ def drive(robot, commands, dt=DT, *, gains=ONE, late=0, slope=(0.0, 0.0), **chan
 
 def estimates(robot, commands, poses, dt=DT, *, noise=0.0, seed=0, settings=None):
     """Memory after every sample, as estimates and as parameters that a controller uses."""
-    settings, model = settings or DriveSettings(), drive_model(robot)
     measured = poses + noise * np.random.default_rng(seed).normal(size=poses.shape)
-    memory = memory_of(dt)
-    restart(memory, tuple(measured[0].tolist()), REST)
-    memory.state_covariance[:, :, 0, 0] = noise**2
+    run = Identification(robot, dt, settings=settings).start(measured[0].tolist())
+    run.memory.state_covariance[:, :, 0, 0] = noise**2
     rows = zip(commands.tolist(), measured[1:].tolist(), strict=True)
     for command, pose in rows:
-        variances = (noise**2, noise**2, noise**2)
-        identify(model, settings, memory, tuple(command), dt, tuple(pose), variances, True)
-        yield drive_estimate(memory), applied(memory)
+        run.update(command, pose, (noise**2, noise**2, noise**2))
+        yield run.found, run.applied
 
 
 def final(*args, **kwargs):
     *_, last = estimates(*args, **kwargs)
     return last
-
-
-def is_finite(memory):
-    return all(np.isfinite(array).all() for array in memory)
 
 
 def check_harmless(name, dt):
@@ -258,35 +270,30 @@ def test_bounds_that_exclude_the_start_are_refused(settings, initial, message):
 def test_a_moved_robot_and_readings_that_are_not_numbers_do_not_mislead():
     robot, commands = named_robot("paper"), eight_commands(DT)
     poses = drive(robot, commands)
-    settings, model = DriveSettings(), drive_model(robot)
-    memory = memory_of(DT)
-    restart(memory, REST, REST)
+    run = Identification(robot, DT).start()
     for k, command in enumerate(commands.tolist()):
         x, y, yaw = poses[k + 1].tolist()
         pose = (x + (2.0 if k >= 100 else 0.0), y, np.nan if k % 7 == 3 else yaw)
         twist = (np.inf, 0.0, 0.0) if k == 150 else tuple(command)
-        identify(model, settings, memory, twist, DT, pose, EXACT, k % 5 > 0)
-        assert is_finite(memory), k
-    gains, lag, delay = applied(memory)
+        run.update(twist, pose, fresh=k % 5 > 0)
+        assert np.isfinite(run.values).all(), k
+    gains, lag, delay = run.applied
     assert gains == pytest.approx(ONE, abs=0.01)
     assert lag + delay < 0.003
-    found = drive_estimate(memory)
-    assert found.gain_errors[0] < 0.01
+    assert run.found.gain_errors[0] < 0.01
 
 
 def test_a_new_run_starts_from_the_initial_parameters():
     robot, commands = named_robot("small"), jerky_commands(DT, 2.0)
-    poses, model, settings = drive(robot, commands, **SHORT), drive_model(robot), DriveSettings()
+    poses = drive(robot, commands, **SHORT)
     initial = DriveEstimate(gains=(0.97, 0.97, 0.95), lag=0.01, delay=0.02)
-    memory, results = memory_of(DT, initial), []
+    run, results = Identification(robot, DT, initial), []
     for _ in range(2):
-        initialize(memory, drive_array(initial), DT)
-        restart(memory, REST, REST)
-        before = drive_estimate(memory)
+        before = run.start().found
         assert (before.gains, before.lag, before.delay) == initial[:3]
         for command, pose in zip(commands.tolist(), poses[1:].tolist(), strict=True):
-            identify(model, settings, memory, tuple(command), DT, tuple(pose), EXACT, True)
-        results.append(drive_estimate(memory))
+            run.update(command, pose)
+        results.append(run.found)
     assert results[0] == results[1] != before
 
 
@@ -309,11 +316,20 @@ def test_what_the_motion_did_not_determine_keeps_its_value_in_the_file():
     assert identified_robot(robot, DriveEstimate()) == robot
 
 
+def test_the_memory_in_a_vector_has_the_layout_of_its_fields():
+    run = Identification(named_robot("small"), DT, DriveEstimate((0.9, 1.1, 0.8), 0.02, 0.04))
+    memory = run.start().memory
+    assert memory.delays == pytest.approx([0.04, 0.09, 0.14])
+    assert (memory.parameters == [0.9, 1.1, 0.8, 0.02]).all()
+    assert (memory.initial == [0.9, 1.1, 0.8, 0.02]).all()
+    run.update([0.1, 0.2, 0.3], REST)
+    assert memory.commands[0].tolist() == [0.1, 0.2, 0.3, DT]
+
+
 def test_details_have_the_names_of_their_estimates():
-    memory = memory_of(DT)
-    memory.estimate[:] = np.arange(11.0)
-    estimate = drive_estimate(memory)
-    columns = dict(zip(DRIVE_UNITS, memory.estimate.tolist()[:-1], strict=True))
+    values = np.arange(11.0)
+    estimate = drive_estimate(values)
+    columns = dict(zip(DRIVE_UNITS, values.tolist()[:-1], strict=True))
     assert (columns["drive_gain_yaw"], columns["drive_delay"]) == (2.0, 4.0)
     assert columns["drive_gain_y_error"] == estimate.gain_errors[1] == 6.0
     assert (columns["drive_lag_error"], columns["drive_delay_error"]) == (8.0, 9.0)
@@ -325,15 +341,13 @@ def test_details_have_the_names_of_their_estimates():
 def test_random_data_leaves_finite_estimates_within_the_bounds(seed):
     """Commands and poses that no robot produces, at irregular times."""
     rng = np.random.default_rng(seed)
-    model, settings = drive_model(named_robot("kiwi")), DriveSettings()
-    memory = memory_of(0.02)
+    run = Identification(named_robot("kiwi"), 0.02).start()
     for _ in range(2000):
-        command = tuple((rng.normal(size=3) * 10.0 ** rng.uniform(-6, 3)).tolist())
-        pose = tuple((rng.normal(size=3) * 10.0 ** rng.uniform(-6, 6)).tolist())
+        command = (rng.normal(size=3) * 10.0 ** rng.uniform(-6, 3)).tolist()
+        pose = (rng.normal(size=3) * 10.0 ** rng.uniform(-6, 6)).tolist()
         variances = tuple((10.0 ** rng.uniform(-14, 2, 3)).tolist())
         dt, fresh = float(10.0 ** rng.uniform(-3, 0)), bool(rng.random() < 0.8)
-        identify(model, settings, memory, command, dt, pose, variances, fresh)
-        found = drive_estimate(memory)
-        assert is_finite(memory), seed
-        assert all(0.7 <= gain <= 1.3 for gain in found.gains)
-        assert (np.linalg.eigvalsh(memory.covariance) > -1e-12).all()
+        run.update(command, pose, variances, fresh=fresh, dt=dt)
+        assert np.isfinite(run.values).all(), seed
+        assert all(0.7 <= gain <= 1.3 for gain in run.found.gains)
+        assert (np.linalg.eigvalsh(run.memory.covariance) > -1e-12).all()

@@ -4,10 +4,9 @@ This package depends on internals of Numba: the cache interface of a dispatcher 
 ``load_overload`` and ``save_overload``), ``CompileResult._reduce`` and ``_rebuild``,
 ``serialize.dumps``, the code library and ``get_executable`` of the CPU target, ``config``,
 ``cgutils``, ``types.WrapperAddressProtocol`` with the C wrapper of a kernel, and the passes and the
-intermediate representation of its compiler. Outside it, only
-:mod:`omnidrive.fuzzy.unsafe_views` (``populate_array``) and
-:mod:`omnidrive.planning.search.bit_ops` (``numba.cpython.unsafe.numbers``) do. The bounds of Numba
-in ``pyproject.toml`` are the versions that all of them are tested with.
+intermediate representation of its compiler, and ``populate_array``. Outside it, only
+:mod:`omnidrive.planning.search.bit_ops` (``numba.cpython.unsafe.numbers``) does. The bounds of
+Numba in ``pyproject.toml`` are the versions that both are tested with.
 """
 
 from __future__ import annotations

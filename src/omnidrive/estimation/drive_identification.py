@@ -28,6 +28,7 @@ along which the robot hardly moves is not corrected.
 from __future__ import annotations
 
 from math import cos, isfinite, log, sin, sqrt
+from typing import NamedTuple
 
 from jaxtyping import Float
 
@@ -40,8 +41,12 @@ from omnidrive.estimation.drive_memory import (
     DriveMemory,
     DriveSettings,
     Hypothesis,
+    apply_parameters,
     hypothesis,
     initial_error,
+    initialize,
+    memory_in,
+    restart,
     restart_hypothesis,
     update_estimate,
 )
@@ -71,54 +76,87 @@ _UNKNOWN_TWIST = 1.0
 
 _REST = (0.0, 0.0, 0.0)
 
+CONTINUE, RESTART, START = 0, 1, 2
+"""Events of :func:`identify`."""
+
+
+class DriveSample(NamedTuple):
+    """What is known of a sample."""
+
+    command: Vector
+    """Body twist that was commanded for the last ``dt`` seconds; the delay is not subtracted."""
+    dt: float
+    """Time since the last sample, s; positive."""
+    pose: Vector
+    """Measured pose in W, now; m, m, rad."""
+    twist: Vector
+    """Body twist at a restart; m/s, m/s, rad/s."""
+    variances: Vector
+    """Of the pose along x, y and yaw of B; m^2, m^2, rad^2; not negative."""
+    fresh: bool
+    """Whether the pose is a new measurement; otherwise the motion is only predicted."""
+
 
 @compiled
 def identify(  # noqa: PLR0917
+    event: int,
     model: DriveModel,
     settings: DriveSettings,
-    memory: DriveMemory,
-    command: Vector,
-    dt: float,
-    pose: Vector,
-    variances: Vector,
-    fresh: bool,
+    known: Float[Array, " 5"],
+    values: Float[Array, " values"],
+    now: DriveSample,
+    drive: Float[Array, " drive"],
 ) -> None:
     """Update the estimates by one sample.
 
     Args:
+        event: :data:`CONTINUE`; :data:`RESTART` at a known pose and steady twist, with the
+            estimates of the parameters; or :data:`START` with the known parameters, and ``dt`` is
+            the sample time.
         model: Response of the robot to the twist of its motors.
         settings: Bounds and forgetting.
-        memory: Changed in place.
-        command: Body twist that was commanded for the last ``dt`` seconds; the delay is not
-            subtracted.
-        dt: Time since the last sample, s; positive.
-        pose: Measured pose in W, now; m, m, rad.
-        variances: Of the pose along x, y and yaw of B; m^2, m^2, rad^2; not negative.
-        fresh: Whether the pose is a new measurement; otherwise the motion is only predicted.
+        known: Gains of x, y and yaw, lag (s) and delay (s) before the first sample.
+        values: The memory, see :func:`~.drive_memory.memory_in`; changed in place.
+        now: The sample.
+        drive: Output; gains, lag and delay that a controller should use.
     """
-    if not isfinite(command[0] + command[1] + command[2] + dt):
-        return
-    commands = memory.commands
+    memory = memory_in(values)
+    if event == START:
+        initialize(memory, known, now.dt)
+    if event != CONTINUE:
+        restart(memory, now.pose, now.twist)
+    elif isfinite(now.command[0] + now.command[1] + now.command[2] + now.dt):
+        _update(model, settings, memory, now)
+    update_estimate(memory)
+    apply_parameters(memory, drive)
+
+
+@compiled
+def _update(
+    model: DriveModel, settings: DriveSettings, memory: DriveMemory, now: DriveSample
+) -> None:
+    """Predict and correct every hypothesis, and choose one."""
+    commands, dt, pose, variances = memory.commands, now.dt, now.pose, now.variances
     for k in range(len(commands) - 1, 0, -1):
         for j in range(4):
             commands[k, j] = commands[k - 1, j]
-    commands[0, 0], commands[0, 1], commands[0, 2] = command
+    commands[0, 0], commands[0, 1], commands[0, 2] = now.command
     commands[0, 3] = dt
     measured = isfinite(pose[0] + pose[1] + pose[2] + variances[0] + variances[1] + variances[2])
+    fresh = now.fresh and measured
     rates = inverse_lags(model)
     for k in range(HYPOTHESES):
         h = hypothesis(memory, k)
         predict(model, rates, h, commands, dt)
-        if fresh and measured:
+        if fresh:
             _correct(model, settings, h, pose, variances, dt)
         if not _size(h) < _LARGEST:
             restart_hypothesis(h, pose if measured else _REST, _REST)
             for a in range(3):
                 h.state_covariance[a, 1, 1] = (unit_of(model, a) * _UNKNOWN_TWIST) ** 2
-    if fresh and measured:
+    if fresh:
         _compare(memory, dt)
         _choose(settings, memory)
-    update_estimate(memory)
 
 
 @compiled

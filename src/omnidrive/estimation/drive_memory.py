@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import ceil, exp, sqrt
+from math import ceil, exp, prod, sqrt
 from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
-import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.compiled.unsafe_views import unsafe_array
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds, check_bounds
 from omnidrive.robot import Robot
@@ -76,10 +76,14 @@ class DriveEstimate(NamedTuple):
 class DriveMemory(NamedTuple):
     """What the identification knows; all arrays are changed in place, and zero at the start.
 
+    They are consecutive parts of one vector, see :func:`memory_in`.
+
     The first index of most arrays is that of the hypothesis: one for every delay, in ascending
     order.
     """
 
+    estimate: Float[Array, " 11"]
+    """The fields of :class:`DriveEstimate`, one after another."""
     delays: Float[Array, " delays"]
     parameters: Float[Array, "delays 4"]
     covariance: Float[Array, "delays 4 4"]
@@ -92,14 +96,12 @@ class DriveMemory(NamedTuple):
     """These nine are the fields of :class:`Hypothesis`."""
     work: Float[Array, "8 parameters"]
     """Workspace of a correction."""
-    commands: Float[Array, "commands 4"]
-    """Earlier commands, the latest one first: body twist, and the time for which it was held."""
     initial: Float[Array, " 4"]
     """Parameters before the first sample."""
     chosen: Float[Array, " 1"]
     """Index of the hypothesis in use."""
-    estimate: Float[Array, " 11"]
-    """The fields of :class:`DriveEstimate`, one after another."""
+    commands: Float[Array, "commands 4"]
+    """Earlier commands, the latest one first: body twist, and the time for which it was held."""
 
 
 class Hypothesis(NamedTuple):
@@ -150,24 +152,51 @@ def command_count(delay: float, period: float) -> int:
     return ceil(delay / period) + HYPOTHESES + 1
 
 
-def drive_memory(commands: int) -> DriveMemory:
-    """Return the memory for a number of commands, before :func:`initialize`."""
-    n = HYPOTHESES
+_SHAPES = (
+    (11,),
+    (HYPOTHESES,),
+    (HYPOTHESES, PARAMETERS),
+    (HYPOTHESES, PARAMETERS, PARAMETERS),
+    (HYPOTHESES, 3),
+    (HYPOTHESES, 3, 3),
+    (HYPOTHESES, 3, 3, 3),
+    (HYPOTHESES, 4, 3, PARAMETERS),
+    (HYPOTHESES, 3, 3),
+    (HYPOTHESES, 5),
+    (8, PARAMETERS),
+    (PARAMETERS,),
+    (1,),
+)
+"""Shapes of the arrays of a memory but the last one."""
+_BEGINS = tuple(sum(map(prod, _SHAPES[:k])) for k in range(len(_SHAPES) + 1))
+
+
+def memory_size(commands: int) -> int:
+    """Return the number of values in the memory for a number of commands."""
+    return _BEGINS[-1] + 4 * commands
+
+
+@compiled
+def memory_in(values: Float[Array, " values"]) -> DriveMemory:
+    """Return the memory in a vector of :func:`memory_size` values, which must outlive it.
+
+    As one vector, it passes through the kernels of a controller as one array instead of fourteen.
+    """
     return DriveMemory(
-        np.zeros(n),
-        np.zeros((n, PARAMETERS)),
-        np.zeros((n, PARAMETERS, PARAMETERS)),
-        np.zeros((n, 3)),
-        np.zeros((n, 3, 3)),
-        np.zeros((n, 3, 3, 3)),
-        np.zeros((n, 4, 3, PARAMETERS)),
-        np.zeros((n, 3, 3)),
-        np.zeros((n, 5)),
-        np.zeros((8, PARAMETERS)),
-        np.zeros((commands, 4)),
-        np.zeros(PARAMETERS),
-        np.zeros(1),
-        np.zeros(11),
+        unsafe_array(values, _BEGINS[0], _SHAPES[0]),
+        unsafe_array(values, _BEGINS[1], _SHAPES[1]),
+        unsafe_array(values, _BEGINS[2], _SHAPES[2]),
+        unsafe_array(values, _BEGINS[3], _SHAPES[3]),
+        unsafe_array(values, _BEGINS[4], _SHAPES[4]),
+        unsafe_array(values, _BEGINS[5], _SHAPES[5]),
+        unsafe_array(values, _BEGINS[6], _SHAPES[6]),
+        unsafe_array(values, _BEGINS[7], _SHAPES[7]),
+        unsafe_array(values, _BEGINS[8], _SHAPES[8]),
+        unsafe_array(values, _BEGINS[9], _SHAPES[9]),
+        unsafe_array(values, _BEGINS[10], _SHAPES[10]),
+        unsafe_array(values, _BEGINS[11], _SHAPES[11]),
+        unsafe_array(values, _BEGINS[12], _SHAPES[12]),
+        unsafe_array(values, _BEGINS[13], ((len(values) - _BEGINS[13]) // 4, 4)),
     )
 
 
@@ -215,8 +244,6 @@ def initialize(memory: DriveMemory, drive: Float[Array, " 5"], period: float) ->
         for i in range(PARAMETERS):
             h.parameters[i] = memory.initial[i]
             h.covariance[i, i] = initial_error(i) ** 2
-    restart(memory, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    update_estimate(memory)
 
 
 @compiled
@@ -243,29 +270,22 @@ def restart_hypothesis(h: Hypothesis, pose: Vector, twist: Vector) -> None:
 
 
 @compiled
-def applied_parameters(memory: DriveMemory) -> tuple[Vector, float, float]:
-    """Return the gains, the lag (s) and the delay (s) that a controller should use.
+def apply_parameters(memory: DriveMemory, drive: Float[Array, " drive"]) -> None:
+    """Set the gains, the lag (s) and the delay (s) that a controller should use.
 
     The delay is that of the chosen hypothesis. Gains and lag differ from the initial ones only as
     far as the difference is significant: it is multiplied by ``max(0, 1 - (c error /
     difference)^2)`` with its standard error, as in the positive-part estimator of James & Stein
     ("Estimation with quadratic loss", Proc. 4th Berkeley Symposium, 1961).
     """
-    h, initial = hypothesis(memory, int(memory.chosen[0])), memory.initial
-    return (
-        (_significant(h, initial, 0), _significant(h, initial, 1), _significant(h, initial, 2)),
-        _significant(h, initial, LAG),
-        h.delay,
-    )
-
-
-@compiled
-def _significant(h: Hypothesis, initial: Float[Array, " 4"], parameter: int) -> float:
-    difference = h.parameters[parameter] - initial[parameter]
-    bound = _SIGNIFICANCE * _SIGNIFICANCE * h.covariance[parameter, parameter]
-    square = difference * difference
-    share = 1.0 - bound / square if square > bound else 0.0
-    return float(initial[parameter] + share * difference)
+    chosen, initial = int(memory.chosen[0]), memory.initial
+    for i in range(PARAMETERS):
+        difference = memory.parameters[chosen, i] - initial[i]
+        bound = _SIGNIFICANCE * _SIGNIFICANCE * memory.covariance[chosen, i, i]
+        square = difference * difference
+        share = 1.0 - bound / square if square > bound else 0.0
+        drive[i] = initial[i] + share * difference
+    drive[PARAMETERS] = memory.delays[chosen]
 
 
 @compiled
@@ -291,9 +311,9 @@ def update_estimate(memory: DriveMemory) -> None:
     out[10] = sqrt(by_sum / total)
 
 
-def drive_estimate(memory: DriveMemory) -> DriveEstimate:
-    """Return the estimates for the chosen delay, and their standard errors."""
-    x, y, yaw, lag, delay, *errors = memory.estimate.tolist()
+def drive_estimate(values: Float[Array, " values"]) -> DriveEstimate:
+    """Return the estimates for the chosen delay, and their standard errors, from the memory."""
+    x, y, yaw, lag, delay, *errors = values[: _BEGINS[1]].tolist()
     x_error, y_error, yaw_error, *others = errors
     return DriveEstimate((x, y, yaw), lag, delay, (x_error, y_error, yaw_error), *others)
 

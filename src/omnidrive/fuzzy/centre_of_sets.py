@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.compiled.unsafe_views import unsafe_slice
 from omnidrive.fuzzy.consequents import Consequent
 from omnidrive.fuzzy.reduction import KM, left_end, nie_tan, right_end, type_reduce
 from omnidrive.fuzzy.sampled import samples_of
@@ -16,7 +17,6 @@ from omnidrive.fuzzy.segment_centroid import aggregate_segments, centroid_interv
 from omnidrive.fuzzy.segments import segments_of
 from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 
 class Centroids(NamedTuple):

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.compiled.uncounted import uncounted
+from omnidrive.compiled.unsafe_views import unsafe_slice
 from omnidrive.fuzzy.antecedents import fire
 from omnidrive.fuzzy.centre_of_sets import centre_of_sets
 from omnidrive.fuzzy.checks import MAX_NUMBER
@@ -51,7 +52,6 @@ from omnidrive.fuzzy.system_arrays import (
     workspace_size,
 )
 from omnidrive.fuzzy.trapezoid_centroid import trapezoid_centroid
-from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 SAMPLED, EXACT, CENTRE_OF_SETS, SUGENO = range(4)
 CLAMP, AS_IS, RAISE = range(3)

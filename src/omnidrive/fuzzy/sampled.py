@@ -9,12 +9,12 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.compiled.unsafe_views import unsafe_slice
 from omnidrive.fuzzy.consequents import Consequent, Consequents
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, t_conorm
 from omnidrive.fuzzy.reduction import moments
 from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.unsafe_views import unsafe_slice
 
 MIN, MAX = IMPLICATIONS["min"], AGGREGATIONS["max"]
 CENTROID, BISECTOR, MOM, SOM, LOM, LM, RM, _, WTSUM = range(9)  # order of DEFUZZIFIERS

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.compiled.unsafe_views import unsafe_matrix, unsafe_slice
 from omnidrive.fuzzy.antecedents import Antecedents
 from omnidrive.fuzzy.centre_of_sets import Centroids
 from omnidrive.fuzzy.consequents import Consequents
@@ -15,7 +16,6 @@ from omnidrive.fuzzy.packed_arrays import PackedArrays, floats_of, integers_of
 from omnidrive.fuzzy.sampled import Samples
 from omnidrive.fuzzy.segments import Segments
 from omnidrive.fuzzy.sets import FlatSets
-from omnidrive.fuzzy.unsafe_views import unsafe_matrix, unsafe_slice
 
 
 class Header(NamedTuple):

@@ -36,6 +36,7 @@ from omnidrive.control.nmpc.holonomic.keep_out_zone import (
 )
 from omnidrive.control.nmpc.holonomic.law import (
     PLANNED,
+    STARTED,
     CalledLaw,
     LawData,
     LawMemory,
@@ -46,7 +47,11 @@ from omnidrive.control.nmpc.holonomic.law import (
     law_memory,
     stage_problem,
 )
-from omnidrive.control.nmpc.holonomic.motion_memory import ObservedMotion, observed_motion
+from omnidrive.control.nmpc.holonomic.motion_memory import (
+    DELAY,
+    ObservedMotion,
+    observed_motion,
+)
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
@@ -57,7 +62,7 @@ from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.estimation import State
-from omnidrive.estimation.drive_identification import identify
+from omnidrive.estimation.drive_identification import START, DriveSample, identify
 from omnidrive.estimation.drive_memory import (
     DRIVE_UNITS,
     HYPOTHESES,
@@ -66,6 +71,7 @@ from omnidrive.estimation.drive_memory import (
     check_start,
     command_count,
     drive_estimate,
+    memory_size,
 )
 from omnidrive.geometry import BodyTwist
 from omnidrive.parameter import check_choice
@@ -155,7 +161,8 @@ class HolonomicController(GuardedController):
         if model is None:
             model = SlipModel.without_slip(self.chassis, actuation.lag)
         commands = command_count(actuation.delay, self.dt)
-        self._memory = law_memory(stages, len(limits.bounds), commands)
+        values = 0 if self.adaptation is None else memory_size(commands)
+        self._memory = law_memory(stages, len(limits.bounds), commands, values)
         robot = RobotModel(
             model,
             np.ascontiguousarray(self.chassis.jacobian, dtype=float),
@@ -181,14 +188,20 @@ class HolonomicController(GuardedController):
 
     def _identify(self, model: SlipModel) -> CompiledFunction | None:
         """Return the identification of the drive as machine code; None: there is none."""
-        settings, actuation, zero = self.adaptation, self.actuation, (0.0, 0.0, 0.0)
+        settings, robot = self.adaptation, drive_model(model)
         if settings is None:
             return None
-        known = DriveEstimate(actuation.drive_gain, actuation.motor_lag, actuation.delay)
+        known, motion = self._known_drive(), self._memory.motion
         check_start(settings, known)
-        memory = self._memory.motion.identified
-        examples = drive_model(model), settings, memory, zero, 0.0, zero, zero, False
-        return CompiledFunction(identify, *examples)
+        zero = (0.0, 0.0, 0.0)
+        sample = DriveSample(zero, 0.0, zero, zero, zero, False)
+        drive, values = motion.drive, motion.identified
+        return CompiledFunction(identify, START, robot, settings, drive, values, sample, drive)
+
+    def _known_drive(self) -> DriveEstimate:
+        """Return the parameters of the drive before adaptation."""
+        actuation = self.actuation
+        return DriveEstimate(actuation.drive_gain, actuation.motor_lag, actuation.delay)
 
     def _new_window(self) -> ReferenceWindow:
         """Return a window that also covers the longest delay that can be identified."""
@@ -239,6 +252,8 @@ class HolonomicController(GuardedController):
     @property
     def drive(self) -> DriveEstimate:
         """Identified gains, lag and delay of the drive at the last step."""
+        if self.adaptation is None or self._memory.last[STARTED] == 0.0:
+            return self._known_drive()
         return drive_estimate(self._memory.motion.identified)
 
     @property
@@ -319,7 +334,7 @@ class HolonomicController(GuardedController):
 
     def _later(self) -> float:
         """Return by how much the identified delay of the commands exceeds the known one, s."""
-        return float(self._memory.motion.identified.chosen[0]) * self.dt
+        return max(float(self._memory.motion.drive[DELAY]) - self.actuation.delay, 0.0)
 
     def _sample(self, t: float, state: State, last: int) -> SampleState:
         """Return what the law uses of a state."""

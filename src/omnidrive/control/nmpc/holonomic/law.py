@@ -33,7 +33,7 @@ OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
 the steps after them in which the speed decreases; then the robot is stopped."""
 
 _OK, _FALLBACK, _FAILED = 0, 1, 2  # the values of Status
-_STARTED, _TIME, _POSE, _APPROACHES, PLANNED = 0, 1, 2, 5, 6  # indices of LawMemory.last
+STARTED, _TIME, _POSE, _APPROACHES, PLANNED = 0, 1, 2, 5, 6  # indices of LawMemory.last
 
 
 class FallbackLevel(IntEnum):
@@ -85,15 +85,16 @@ class LawMemory(NamedTuple):
     standing target; and its number of steps since the latest plan plus one, 0 without a plan."""
 
 
-def law_memory(stages: int, rows: int, commands: int) -> LawMemory:
+def law_memory(stages: int, rows: int, commands: int, identified: int = 0) -> LawMemory:
     """Return the memory for plans of a number of stages, with ``rows`` limits in each.
 
-    ``commands`` is the number of commands to remember.
+    ``commands`` is the number of commands to remember, ``identified`` that of the values of the
+    identification of the drive.
     """
     points = stages + 1
     plan = Plan(np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), np.zeros(5))
     return LawMemory(
-        motion_memory(commands),
+        motion_memory(commands, identified),
         plan,
         np.zeros(3),
         np.zeros(3),
@@ -154,11 +155,11 @@ def begin(
     """Observe the motion and fill in the problem; return whether there is one to solve."""
     last, dt, x, y, yaw = memory.last, data.dt, now.pose[0], now.pose[1], now.pose[2]
     lost = not isfinite(now.t + x + y + yaw)
-    if lost and last[_STARTED] == 0.0:
+    if lost and last[STARTED] == 0.0:
         return False
-    elapsed = now.t - last[_TIME] if last[_STARTED] > 0.0 else nan
+    elapsed = now.t - last[_TIME] if last[STARTED] > 0.0 else nan
     moved = x != last[_POSE] or y != last[_POSE + 1] or yaw != last[_POSE + 2]
-    fresh = now.fix_age <= 0.0 or last[_STARTED] == 0.0 or moved
+    fresh = now.fix_age <= 0.0 or last[STARTED] == 0.0 or moved
     if lost:
         elapsed, fresh = dt, False
     measured = Measurement(elapsed, now.pose, now.twist, now.variances, fresh)
@@ -166,7 +167,7 @@ def begin(
     if lost:
         last[_TIME] += dt
         return False
-    last[_STARTED], last[_TIME] = 1.0, now.t
+    last[STARTED], last[_TIME] = 1.0, now.t
     last[_POSE], last[_POSE + 1], last[_POSE + 2] = x, y, yaw
     problem = _problem(data, memory, data.limits)
     approaches = fill_problem(data.robot, memory.motion, problem, setpoints, 0, now.last)
@@ -218,7 +219,7 @@ def finish(  # noqa: PLR0917
         command[a], details[3 + a] = twist[a], lacking[a]
     details[6], details[7] = sqrt(max(motion.noise[0], 0.0)), delay
     for k in range(8, len(details)):
-        details[k] = motion.identified.estimate[k - 8]
+        details[k] = motion.identified[k - 8]
     return status
 
 

@@ -11,7 +11,6 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
-from omnidrive.estimation.drive_memory import DriveMemory, drive_memory
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 
@@ -53,8 +52,9 @@ class MotionMemory(NamedTuple):
     drive: Float[Array, " 6"]
     """Gains along x, y and yaw, lag of the motors (s), delay (s) of the commands, and the part of
     the lag that commands compensate (s)."""
-    identified: DriveMemory
-    """What the identification of these parameters knows."""
+    identified: Float[Array, " values"]
+    """What the identification of these parameters knows, see
+    :func:`~omnidrive.estimation.drive_memory.memory_in`; empty without identification."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""
     noise: Float[Array, " 13"]
@@ -77,8 +77,8 @@ def observed_motion(memory: MotionMemory) -> ObservedMotion:
     )
 
 
-def motion_memory(commands: int) -> MotionMemory:
-    """Return the memory for a number of commands; see :func:`command_count`."""
+def motion_memory(commands: int, identified: int = 0) -> MotionMemory:
+    """Return the memory for a number of commands, and of values of the identification."""
     return MotionMemory(
         np.zeros(3),
         np.zeros(3),
@@ -86,7 +86,7 @@ def motion_memory(commands: int) -> MotionMemory:
         np.zeros((3, 3, 3)),
         np.zeros(3),
         np.zeros(6),
-        drive_memory(commands),
+        np.zeros(identified),
         np.zeros((commands, 3)),
         np.zeros(13),
         np.zeros(1),

@@ -37,8 +37,8 @@ from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, p
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
 from omnidrive.control.nmpc.holonomic.stage_point import overwrite
-from omnidrive.estimation.drive_memory import DriveSettings, applied_parameters, initialize
-from omnidrive.estimation.drive_memory import restart as restart_identification
+from omnidrive.estimation.drive_identification import CONTINUE, RESTART, START, DriveSample
+from omnidrive.estimation.drive_memory import DriveSettings
 from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.robot.slip import Vector
 
@@ -115,22 +115,19 @@ def observe(
         for a in range(0 if first else 3):
             doubt_twist(robot.model, memory, a, dt)
         if first:
-            initialize(memory.identified, robot.drive, dt)
-        restart_identification(
-            memory.identified, now.pose, (memory.twist[0], memory.twist[1], memory.twist[2])
-        )
-        _adopt(memory)
+            for i in range(len(robot.drive)):
+                memory.drive[i] = robot.drive[i]
+        _identify(robot.identify, START if first else RESTART, robot, memory, now, dt, dt)
         return
     pose = (memory.pose[0], memory.pose[1], memory.pose[2])
     twist = (memory.twist[0], memory.twist[1], memory.twist[2])
-    _identify(robot.identify, robot, memory, now, elapsed, dt)
     shares = predict(robot.model, memory, elapsed, dt)
     if now.fresh:
         update_reached(robot.model, robot.faces, memory, pose, twist, now.pose, elapsed)
         correct(robot.model, memory, now.pose, now.variances, dt, shares if steady else (1.0, 1.0))
     if known:
         correct_twist(robot.model, memory, now.twist, dt)
-    _adopt(memory)
+    _identify(robot.identify, CONTINUE, robot, memory, now, elapsed, dt)
     steady = steady and shares[0] <= STEADY_SATURATION
     memory.drive[LEAD] = memory.drive[LAG] if steady else 0.0
 
@@ -156,49 +153,38 @@ def _fastest_wheel(robot: RobotModel, twist: Vector) -> float:
 @compiled
 def _identify(  # noqa: PLR0917
     identify: Any,
+    event: int,
     robot: RobotModel,
     memory: MotionMemory,
     now: Measurement,
     elapsed: float,
-    dt: float,
+    period: float,
 ) -> None:
-    """Update the identification of the drive by a measured pose; noise resets it."""
+    """Update the identified parameters of the drive after a sample, unless poses are noisy."""
     if identify is None:
         return
-    model, sent, noise = robot.model, memory.commands[0], memory.noise
-    variances = now.variances
+    sent, twist, noise, variances = memory.commands[0], memory.twist, memory.noise, now.variances
     if variances[0] < 0.0:
         position = max(noise[0], 0.0)
         variances = (position, position, max(noise[1], 0.0))
-    if max(variances[0], variances[1]) > NOISY * NOISY:
-        initialize(memory.identified, robot.drive, dt)
-        restart_identification(memory.identified, now.pose, (0.0, 0.0, 0.0))
-        return
-    identify(
-        drive_model(model),
-        robot.bounds,
-        memory.identified,
+    if event == CONTINUE and max(variances[0], variances[1]) > NOISY * NOISY:
+        event, elapsed = START, period
+    sample = DriveSample(
         (sent[0], sent[1], sent[2]),
         elapsed,
         now.pose,
+        (twist[0], twist[1], twist[2]),
         variances,
         now.fresh,
     )
+    model, known = drive_model(robot.model), robot.drive
+    identify(event, model, robot.bounds, known, memory.identified, sample, memory.drive)
 
 
 @compilable
 def drive_model(model: SlipModel) -> DriveModel:
     """Return the model of the response for the identification."""
     return DriveModel(model.rim_jacobian, model.inertia, model.stiffness, model.max_force)
-
-
-@compiled
-def _adopt(memory: MotionMemory) -> None:
-    """Use the identified parameters of the drive."""
-    gains, lag, delay = applied_parameters(memory.identified)
-    for a in range(3):
-        memory.drive[a] = gains[a]
-    memory.drive[LAG], memory.drive[DELAY] = lag, delay
 
 
 @compiled
@@ -223,7 +209,7 @@ def fill_problem(  # noqa: PLR0917
     Returns:
         Whether the targets are those of an approach to a standing target.
     """
-    ahead = int(memory.identified.chosen[0])
+    ahead = int((memory.drive[DELAY] - robot.drive[DELAY]) / p.dt + 0.5)
     first, last = first + ahead, max(last - ahead, 0)
     pose, twist, _ = predict_delayed(robot.model, memory, p.dt)
     points, before = len(p.targets), pose[2]

@@ -51,6 +51,20 @@ def _unsafe_matrix(_: Any, array: Any, begin: Any, rows: Any, columns: Any) -> _
     return kind(array, types.intp, types.intp, types.intp), build
 
 
+@intrinsic
+def _unsafe_array(_: Any, array: Any, begin: Any, shape: Any) -> _Intrinsic:
+    _check_contiguous(array)
+    kind = types.Array(array.dtype, len(shape), "C")
+
+    def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        """Emit a view as an array whose first element is element ``begin``."""
+        source, begin, shape = arguments
+        lengths = [builder.extract_value(shape, k) for k in range(kind.ndim)]
+        return _view_in(context, builder, (array, source), begin, (kind, lengths))
+
+    return kind(array, types.intp, types.UniTuple(types.intp, len(shape))), build
+
+
 def _check_contiguous(array: Any) -> None:
     if array.ndim != 1 or array.layout != "C":
         raise TypingError(f"a view needs a contiguous array of one dimension, got {array}")
@@ -86,3 +100,6 @@ unsafe_matrix = cast("Callable[[Array, int, int, int], Array]", _unsafe_matrix)
 """``unsafe_matrix(array, begin, rows, columns)``: part of a contiguous vector as a matrix.
 
 ``array[begin : begin + rows * columns]`` row by row. The bounds are not checked."""
+
+unsafe_array = cast("Callable[[Array, int, tuple[int, ...]], Array]", _unsafe_array)
+"""``unsafe_array(array, begin, shape)``: part of a contiguous vector as an array in C order."""
