@@ -13,6 +13,7 @@ OmnidriveError
 │   │                             fast for the robot, a bad waypoint file
 │   ├── InvalidScenario           an unknown key, or a value of wrong type, unit or range
 │   ├── InvalidStudy              an unknown axis, or a value that its scenario refuses
+│   ├── InvalidStore              a database of a study that is missing, damaged or foreign
 │   └── InvalidScene              a simulator scene without an object that the settings name
 ├── NoPathFound                   no path from start to goal exists
 ├── MissingExtra                  an optional dependency is not installed
@@ -100,6 +101,10 @@ class InvalidStudy(InvalidInput):
 
 class InvalidScene(InvalidInput):
     """A simulator scene lacks an object that the settings name."""
+
+
+class InvalidStore(InvalidInput):
+    """The database of a study is missing, damaged, of another program or of a newer version."""
 
 
 class NoPathFound(OmnidriveError):

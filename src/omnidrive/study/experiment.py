@@ -1,0 +1,232 @@
+"""Execution of a plan of runs, whose records are stored as soon as they are computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from math import inf, isnan, nan
+from time import monotonic
+from typing import NamedTuple
+
+from omnidrive.files.output_file import create_folder
+from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.simulation import Outcome
+from omnidrive.study.claims import Claims
+from omnidrive.study.engine import Work, execute_blocks, must_be_in_process
+from omnidrive.study.planned_run import PlannedRun
+from omnidrive.study.run_record import RunRecord
+from omnidrive.study.store import KeyedPlan, Store
+from omnidrive.study.worker_pool import Lost
+
+_BEST_BY = "me"  # metric of the best controller so far
+_MOST_CLAIMED = 10_000  # runs of a request
+
+
+class Progress(NamedTuple):
+    """Progress of the execution of a plan."""
+
+    done: int
+    """Stored runs."""
+    total: int
+    """Planned runs."""
+    unfinished: int
+    """Runs of this call that ended early."""
+    remaining: float
+    """Estimated remaining time, s; infinite: unknown."""
+    best: tuple[str, float] | None
+    """Controller with the least mean ``me`` of the runs of this call, and that mean, m."""
+
+
+@dataclass(slots=True)
+class Experiment:
+    """A plan that is executed into a store.
+
+    Attributes:
+        plan: The runs.
+        compute: Picklable function that returns the records of the runs with these numbers.
+        folder: Folder of the store; it is created.
+        definition: Hash of the definition without its number of repetitions.
+        first: Number of runs from the first one on that are computed at first. None: all.
+    """
+
+    plan: KeyedPlan
+    compute: Callable[[Sequence[int]], list[RunRecord]]
+    folder: StrPath
+    definition: str
+    first: int | None = None
+    _began: float = field(default=0.0, init=False)
+    _computed: int = field(default=0, init=False)
+    _unfinished: int = field(default=0, init=False)
+    _means: dict[str, tuple[int, float]] = field(default_factory=dict, init=False)
+
+    def execute(
+        self,
+        processes: int = 1,
+        *,
+        report: Callable[[Progress], None] = lambda _: None,
+        time_limit: float | None = None,
+        in_process: bool = False,
+        extend: Callable[[Store], int | None] = lambda _: None,
+    ) -> None:
+        """Compute and store the runs that are not stored.
+
+        It can be interrupted at any time, and executed again: stored runs are not computed again.
+        Other processes may execute the same plan at the same time; they share the runs. Equal runs,
+        with one key, are computed once.
+
+        Args:
+            processes: Number of worker processes.
+            report: Called with the progress after each block.
+            time_limit: Largest wall time of a run in a worker process, s; blocks are then single
+                runs. None: no limit.
+            in_process: Whether to compute in this process.
+            extend: Called when all runs are stored; returns how many runs from the first one on
+                are to be computed, at most those of the plan, or None: no more.
+
+        Raises:
+            InvalidStore: The folder has no usable store.
+            CannotWrite: The store cannot be written.
+            WorkerLost: Worker processes end while they start.
+        """
+        folder = to_path(self.folder)
+        create_folder(folder)
+        work = Work(
+            compute=self.compute,
+            lost=self._lost,
+            name=lambda number: f"run {number}",
+            largest=1 if time_limit is not None else _MOST_CLAIMED,
+        )
+        here = in_process or must_be_in_process() or (processes == 1 and time_limit is None)
+        with Store(folder) as store:
+            store.begin(self.definition)
+            plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)
+            with Claims(store, plan) as claims:
+                source = _UnstoredRuns(store, claims, plan, processes, extend)
+                self._began, before = monotonic(), store.status().runs
+                blocks = execute_blocks(
+                    source, work, processes, time_limit=time_limit, in_process=here
+                )
+                with closing(blocks):  # which ends the workers
+                    for records in blocks:
+                        source.add(records)
+                        self._note(records)
+                        report(self._progress(before + source.added, len(plan)))
+
+    def _note(self, records: Sequence[RunRecord]) -> None:
+        """Update the progress."""
+        self._computed += len(records)
+        for record in records:
+            self._unfinished += not record.finished
+            value = record.metrics.get(_BEST_BY, nan)
+            if record.finished and not isnan(value):
+                count, mean = self._means.get(record.controller, (0, 0.0))
+                mean += (value - mean) / (count + 1)
+                self._means[record.controller] = count + 1, mean
+
+    def _progress(self, done: int, total: int) -> Progress:
+        """Return the progress."""
+        seconds = monotonic() - self._began
+        each = seconds / self._computed if self._computed else inf
+        means = {name: mean for name, (_, mean) in self._means.items()}
+        best = min(means.items(), key=lambda item: item[1]) if len(means) > 1 else None
+        return Progress(done, total, self._unfinished, max(total - done, 0) * each, best)
+
+    def _lost(self, number: int, lost: Lost) -> RunRecord:
+        """Return the record of a run whose process was lost."""
+        return lost_record(self.plan[number], lost)
+
+
+def lost_record(run: PlannedRun, lost: Lost) -> RunRecord:
+    """Return the record of a planned run whose process was lost."""
+    outcome = Outcome.KILLED if lost is Lost.KILLED else Outcome.TIMED_OUT
+    empty = RunRecord(
+        run.number, run.key, 0, "", "", 0, {}, outcome.name.lower(), False, {}, {}, lost.value
+    )
+    return empty.relabelled(run)
+
+
+@dataclass(slots=True)
+class PlanPrefix:
+    """The first runs of a plan.
+
+    Attributes:
+        plan: The plan.
+        length: Number of the runs.
+    """
+
+    plan: KeyedPlan
+    length: int
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __getitem__(self, number: int) -> PlannedRun:
+        return self.plan[number]
+
+    def keys(self, start: int, stop: int) -> Sequence[str]:
+        """Return the keys of the runs from ``start`` to before ``stop``."""
+        return self.plan.keys(start, stop)
+
+
+class _UnstoredRuns:
+    """Numbers of the runs to compute: claimed, not stored, and each key once.
+
+    Attributes:
+        added: Number of runs that were stored.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        claims: Claims,
+        plan: PlanPrefix,
+        processes: int,
+        extend: Callable[[Store], int | None],
+    ) -> None:
+        self._store, self._claims, self._plan = store, claims, plan
+        self._processes, self._extend = processes, extend
+        self._equal: dict[str, list[int]] = {}  # other numbers of the keys that are computed
+        self.added = 0
+
+    def take(self, count: int) -> list[int] | None:
+        """Claim runs; store those at once whose results are known."""
+        while True:
+            fair = -(-self._claims.left // (2 * self._processes))  # small blocks at the end
+            numbers = self._claims.take(min(count, max(fair, 1)))
+            if numbers is None:
+                length = self._extend(self._store)
+                if length is None:
+                    return None
+                self._plan.length = length
+            elif wanted := self._unknown(numbers):
+                return wanted
+            elif not numbers:
+                return []
+
+    def _unknown(self, numbers: Sequence[int]) -> list[int]:
+        """Return those of claimed runs that must be computed; store the others, or later."""
+        keys = {number: self._plan.keys(number, number + 1)[0] for number in numbers}
+        known = self._store.results(dict.fromkeys(keys.values()))
+        copies = [known[key].relabelled(self._plan[n]) for n, key in keys.items() if key in known]
+        if copies:
+            self._store.add(copies)
+            self.added += len(copies)
+        wanted = []
+        for number, key in keys.items():
+            if key in self._equal:
+                self._equal[key].append(number)
+            elif key not in known:
+                self._equal[key] = []
+                wanted.append(number)
+        return wanted
+
+    def add(self, records: Sequence[RunRecord]) -> None:
+        """Store records, and those of the runs with the same keys."""
+        copies = [
+            record.relabelled(self._plan[number])
+            for record in records
+            for number in self._equal.pop(record.key, ())
+        ]
+        self._store.add([*records, *copies])
+        self.added += len(records) + len(copies)

@@ -1,0 +1,367 @@
+"""Stored results of a study: an SQLite database that survives the loss of any process.
+
+Every change is one transaction, which is on the disk before the method returns (write-ahead log,
+``synchronous=FULL``). A run has one row of results by its key, and one row per number of the plan.
+Several processes may work on one study: each claims numbers, see :mod:`omnidrive.study.claims`.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+
+from omnidrive.errors import CannotWrite, InvalidStore, one_line
+from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.study.claims import SCHEMA as CLAIMS_SCHEMA
+from omnidrive.study.run_record import RunRecord
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from omnidrive.study.planned_run import PlannedRun
+
+FILE = "runs.sqlite"
+"""Name of the database in the folder of a study."""
+
+_APPLICATION = 0x6F6D6E69  # "omni", the application id of the file
+_VERSION = 1  # of the schema
+_PATIENCE = 30.0  # s to wait for another process that writes
+_RANGE = 2048  # numbers that are looked up at once
+
+_SCHEMA = f"""
+CREATE TABLE results (
+    key TEXT PRIMARY KEY, outcome TEXT NOT NULL, finished INTEGER NOT NULL, metrics TEXT NOT NULL,
+    timing TEXT NOT NULL, detail TEXT NOT NULL, log TEXT
+) STRICT, WITHOUT ROWID;
+CREATE TABLE runs (
+    number INTEGER PRIMARY KEY, key TEXT NOT NULL REFERENCES results (key),
+    pairing INTEGER NOT NULL, controller TEXT NOT NULL, task TEXT NOT NULL, duration REAL NOT NULL,
+    variant TEXT NOT NULL, repetition INTEGER NOT NULL, factors TEXT NOT NULL
+) STRICT;
+CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;
+{CLAIMS_SCHEMA}
+PRAGMA application_id = {_APPLICATION};
+PRAGMA user_version = {_VERSION};
+"""
+
+
+@runtime_checkable
+class KeyedPlan(Protocol):
+    """The runs of a study in order, with their keys."""
+
+    def __len__(self) -> int:
+        """Return the number of runs."""
+        ...
+
+    def __getitem__(self, number: int) -> PlannedRun:
+        """Return a run."""
+        ...
+
+    def keys(self, start: int, stop: int) -> Sequence[str]:
+        """Return the keys of the runs from ``start`` to before ``stop``."""
+        ...
+
+
+class StoreStatus(NamedTuple):
+    """Number of stored runs."""
+
+    runs: int
+    """Stored runs of the plan."""
+    outcomes: dict[str, int]
+    """Stored runs by outcome."""
+    failures: list[tuple[int, str]]
+    """Number and reason of the first runs that ended early."""
+
+
+class Store:
+    """The database of a study in a folder; use it in a ``with`` statement."""
+
+    def __init__(self, folder: StrPath, *, read_only: bool = False) -> None:
+        """Open the database, or create it.
+
+        Args:
+            folder: Folder of the study.
+            read_only: Whether the database must exist and is not changed.
+
+        Raises:
+            InvalidStore: The file is no database of a study, is damaged, or is of a newer version
+                of this package; it is not changed.
+            CannotWrite: The database cannot be opened, created or read.
+        """
+        self.path = to_path(folder) / FILE
+        if read_only and not self.path.is_file():
+            raise InvalidStore(f"there is no study in {one_line(str(folder))}: no file {FILE}")
+        with self.errors():
+            self._connection = _opened(self.path, read_only=read_only)
+        try:
+            with self.errors():
+                self._check(read_only=read_only)
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the database."""
+        self._connection.close()
+
+    def fact(self, name: str) -> str | None:
+        """Return a fact about the study, such as the hash of its definition; None: unknown."""
+        with self.errors():
+            row = self._connection.execute("SELECT value FROM facts WHERE name = ?", (name,))
+            found = row.fetchone()
+        return None if found is None else str(found[0])
+
+    def begin(self, definition: str) -> None:
+        """Prepare the database for a plan.
+
+        If it held the runs of another one, results are kept and found by their keys; the numbers
+        of the other plan are forgotten.
+
+        Args:
+            definition: Hash of the definition of the study, without the number of repetitions.
+
+        Raises:
+            CannotWrite: The database cannot be written.
+        """
+        if self.fact("definition") == definition:
+            return
+        with self.transaction() as connection:
+            connection.execute("DELETE FROM runs")
+            connection.execute("DELETE FROM claims")
+            connection.execute(
+                "INSERT OR REPLACE INTO facts VALUES ('definition', ?)", (definition,)
+            )
+
+    def add(self, records: Sequence[RunRecord], logs: Sequence[str | None] = ()) -> None:
+        """Store records in one transaction, and release the claims of their runs.
+
+        A result that is stored already is kept.
+
+        Args:
+            records: The records.
+            logs: What :mod:`omnidrive.study.stored_log` needs to restore each run, as text.
+
+        Raises:
+            CannotWrite: They cannot be written; none of them is stored.
+        """
+        texts = logs or [None] * len(records)
+        results = [
+            (
+                r.key, r.outcome, int(r.finished), json.dumps(r.metrics), json.dumps(r.timing),
+                r.detail, text,
+            )
+            for r, text in zip(records, texts, strict=True)
+        ]  # fmt: skip
+        runs = [
+            (
+                r.number, r.key, r.pairing, r.controller, r.task, r.duration, r.variant,
+                r.repetition, json.dumps(r.factors),
+            )
+            for r in records
+        ]  # fmt: skip
+        with self.transaction() as connection:
+            connection.executemany("INSERT OR IGNORE INTO results VALUES (?,?,?,?,?,?,?)", results)
+            connection.executemany("INSERT OR REPLACE INTO runs VALUES (?,?,?,?,?,?,?,?,?)", runs)
+            numbers = [(r.number,) for r in records]
+            connection.executemany("DELETE FROM claims WHERE number = ?", numbers)
+
+    def missing(self, plan: KeyedPlan, start: int = 0) -> Iterator[int]:
+        """Yield the numbers of the runs from ``start`` on that are not stored."""
+        for low in range(start, len(plan), _RANGE):
+            high = min(low + _RANGE, len(plan))
+            stored = self.numbers(low, high)
+            if len(stored) < high - low:
+                yield from (number for number in range(low, high) if number not in stored)
+
+    def numbers(self, start: int, stop: int) -> set[int]:
+        """Return the stored numbers from ``start`` to before ``stop``."""
+        with self.errors():
+            return {
+                number
+                for (number,) in self._connection.execute(
+                    "SELECT number FROM runs WHERE number >= ? AND number < ?", (start, stop)
+                )
+            }
+
+    def results(self, keys: Iterable[str]) -> dict[str, RunRecord]:
+        """Return the stored results with these keys, to be :meth:`RunRecord.relabelled`."""
+        found: dict[str, RunRecord] = {}
+        with self.errors():
+            for key in keys:
+                row = self._connection.execute(
+                    "SELECT outcome, finished, metrics, timing, detail FROM results WHERE key = ?",
+                    (key,),
+                ).fetchone()
+                if row is not None:
+                    outcome, finished, metrics, timing, detail = row
+                    found[key] = RunRecord(
+                        number=-1, key=key, pairing=-1, controller="", task="", repetition=0,
+                        factors={}, outcome=outcome, finished=bool(finished),
+                        metrics=json.loads(metrics), timing=json.loads(timing), detail=detail,
+                    )  # fmt: skip
+        return found
+
+    def logs(self) -> dict[str, str]:
+        """Return what is needed to restore the runs, as text, by their keys."""
+        with self.errors():
+            return dict(
+                self._connection.execute("SELECT key, log FROM results WHERE log IS NOT NULL")
+            )
+
+    def records(self) -> pa.Table:
+        """Return the stored runs in the order of the plan, without computing times.
+
+        The columns are number, key, pairing, controller, task, duration, variant, repetition,
+        outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by name. The table does not depend on
+        the order in which the runs were stored.
+        """
+        from omnidrive.study.record_table import record_table  # noqa: PLC0415 - takes a second
+
+        with self.errors():
+            return record_table(self._connection)
+
+    def timing(self) -> pa.Table:
+        """Return the computing times of the stored runs, us, by ``number``."""
+        from omnidrive.study.record_table import timing_table  # noqa: PLC0415 - takes a second
+
+        with self.errors():
+            return timing_table(self._connection)
+
+    def status(self) -> StoreStatus:
+        """Return the number of stored runs, in total and by outcome."""
+        joined = "FROM runs JOIN results USING (key)"
+        with self.errors():
+            counts = Counter(
+                dict(
+                    self._connection.execute(f"SELECT outcome, COUNT(*) {joined} GROUP BY outcome")
+                )
+            )
+            failures = self._connection.execute(
+                f"SELECT number, detail {joined} WHERE NOT finished ORDER BY number LIMIT 5"
+            ).fetchall()
+        first = [(number, (detail.splitlines() or [""])[0]) for number, detail in failures]
+        return StoreStatus(counts.total(), dict(sorted(counts.items())), first)
+
+    @contextmanager
+    def transaction(self) -> Iterator[sqlite3.Connection]:
+        """Yield the connection; the changes of the block are stored together, or not at all.
+
+        Raises:
+            CannotWrite: They cannot be stored.
+        """
+        with self.errors():
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._connection
+                self._connection.execute("COMMIT")
+            except BaseException:
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Convert errors of the database in a block.
+
+        Raises:
+            InvalidStore: The file is no database of a study, or is damaged.
+            CannotWrite: The database cannot be written, or read because another process locks it.
+        """
+        try:
+            yield
+        except (sqlite3.Error, json.JSONDecodeError) as error:
+            raise _user_error(self.path, error) from None
+
+    def _check(self, *, read_only: bool) -> None:
+        """Check that the database is one of a study; create its tables if it is new."""
+        execute = self._connection.execute
+        if not read_only and not execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
+            self._create()
+        ((application,),) = execute("PRAGMA application_id")
+        ((version,),) = execute("PRAGMA user_version")
+        if application != _APPLICATION:
+            raise InvalidStore(
+                f"{one_line(str(self.path))} is a database of another program; it was not changed. "
+                "Choose another folder"
+            )
+        if version > _VERSION:
+            raise InvalidStore(
+                f"{one_line(str(self.path))} was written by a newer version of omnidrive (version "
+                f"{version} of the store, this one reads {_VERSION}); update omnidrive"
+            )
+        if not read_only:  # damage that a reader meets is an error where it meets it
+            ((found, *_),) = execute("PRAGMA quick_check(1)").fetchall()
+            if found != "ok":
+                raise sqlite3.DatabaseError(found)
+
+    def _create(self) -> None:
+        """Create the tables, all or none, unless another process did."""
+        execute = self._connection.execute
+        until = monotonic() + _PATIENCE
+        while True:
+            try:
+                execute("PRAGMA journal_mode = WAL")
+                break
+            except sqlite3.OperationalError:  # another process does it, for which it does not wait
+                if monotonic() > until:
+                    raise
+                sleep(0.01)
+        with self.transaction():
+            if not execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
+                for statement in filter(str.strip, _SCHEMA.split(";")):
+                    execute(statement)
+
+
+def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
+    """Return a connection to a database."""
+    if not read_only:
+        connection = sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)
+        connection.execute("PRAGMA synchronous = FULL")
+        return connection
+    uri = f"{path.absolute().as_uri()}?mode=ro"
+    connection = sqlite3.connect(uri, uri=True, timeout=_PATIENCE, isolation_level=None)
+    try:
+        connection.execute("SELECT COUNT(*) FROM sqlite_master")
+    except sqlite3.OperationalError:  # in a folder that cannot be written, nobody writes
+        connection.close()
+        connection = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
+    return connection
+
+
+_CAUSES = {
+    sqlite3.SQLITE_FULL: "no space left; free disk space and run the command again",
+    sqlite3.SQLITE_READONLY: "it is read-only; choose a folder that can be written",
+    sqlite3.SQLITE_CANTOPEN: "the folder does not exist or cannot be written; choose another",
+    sqlite3.SQLITE_PERM: "no permission; choose a folder that can be written",
+    sqlite3.SQLITE_BUSY: f"another program has locked it for {_PATIENCE:g} s; close that program "
+    "and run the command again",
+    sqlite3.SQLITE_LOCKED: "it is locked; run the command again",
+    sqlite3.SQLITE_IOERR: "the disk reports an error, or is full; check it and run the command "
+    "again",
+}
+"""Causes of failed writes, by the primary error code of SQLite."""
+
+
+def _user_error(path: Path, error: Exception) -> CannotWrite | InvalidStore:
+    """Return the error for users of an error of the database."""
+    name, code = one_line(str(path)), getattr(error, "sqlite_errorcode", 0) & 0xFF
+    if code in _CAUSES:
+        return CannotWrite(f"cannot write to {name}: {_CAUSES[code]}. Finished runs are kept")
+    if code == sqlite3.SQLITE_NOTADB:
+        return InvalidStore(f"{name} is not a database of a study; it was not changed")
+    return InvalidStore(
+        f"{name} is damaged ({one_line(str(error), 120)}); it was not changed. Restore it from a "
+        f"copy, save what is left with: sqlite3 {FILE} .recover, or choose another folder"
+    )
