@@ -224,8 +224,8 @@ class Store:
         """Return the stored runs in the order of the plan, without computing times.
 
         The columns are number, key, pairing, controller, task, duration, variant, repetition,
-        outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by name. The table does not depend on
-        the order in which the runs were stored.
+        outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by name. The
+        table does not depend on the order in which the runs were stored.
         """
         from omnidrive.study.record_table import record_table  # noqa: PLC0415 - takes a second
 

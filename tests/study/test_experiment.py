@@ -1,0 +1,257 @@
+"""Experiments that are killed, interrupted and shared: every run is stored once, and the same."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from time import monotonic, sleep
+
+import psutil
+import pytest
+
+from omnidrive.study.experiment import Experiment
+from omnidrive.study.store import FILE, Store
+from tests.study.synthetic import Compute, SyntheticPlan, record, table_bytes
+
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
+
+
+def experiment(folder, plan, **options):
+    return Experiment(plan, Compute(plan, **options), folder, "definition")
+
+
+def stored(folder):
+    """Return the table of a store as bytes."""
+    with Store(folder, read_only=True) as store:
+        return table_bytes(store.records())
+
+
+def expected(plan, folder):
+    """Return the table of an uninterrupted execution as bytes."""
+    folder.mkdir()
+    with Store(folder) as store:
+        store.begin("definition")
+        store.add([record(plan[number]) for number in range(len(plan))])
+    return stored(folder)
+
+
+def test_runs_are_stored_in_this_process_and_in_workers(tmp_path):
+    plan = SyntheticPlan(200)
+    wanted = expected(plan, tmp_path / "wanted")
+    for processes in (1, 2):
+        folder, seen = tmp_path / str(processes), []
+        experiment(folder, plan).execute(processes, report=seen.append)
+        assert stored(folder) == wanted
+        last = seen[-1]
+        assert (last.done, last.total, last.remaining) == (200, 200, 0.0)
+        assert [each.done for each in seen] == sorted(each.done for each in seen)
+        assert last.unfinished == sum(not record(plan[n]).finished for n in range(200))
+        assert last.best[0] in {"pid", "fuzzy_t1", "fuzzy_t2"}
+
+
+def test_best_controller_has_the_least_mean_error(tmp_path):
+    plan, seen = SyntheticPlan(60), []
+    experiment(tmp_path, plan).execute(report=seen.append)
+    records = [record(plan[n]) for n in range(60)]
+    means = {}
+    for name in ("pid", "fuzzy_t1", "fuzzy_t2"):
+        errors = [r.metrics["me"] for r in records if r.controller == name and r.finished]
+        means[name] = sum(errors) / len(errors)
+    best = min(means, key=means.get)
+    assert seen[-1].best == (best, pytest.approx(means[best]))
+
+
+def test_equal_runs_are_computed_once(tmp_path):
+    plan = SyntheticPlan(100, period=30)
+    experiment(tmp_path / "a", plan, noted=tmp_path / "noted").execute()
+    computed = (tmp_path / "noted").read_text().split()
+    assert len(computed) == 30
+    assert stored(tmp_path / "a") == expected(plan, tmp_path / "wanted")
+    other = SyntheticPlan(110, period=30)
+    Experiment(other, Compute(other, tmp_path / "noted"), tmp_path / "a", "other").execute()
+    assert len((tmp_path / "noted").read_text().split()) == 30
+    assert stored(tmp_path / "a") == expected(other, tmp_path / "wanted2")
+
+
+def test_stored_runs_are_not_computed_again(tmp_path):
+    plan = SyntheticPlan(50)
+    noted = tmp_path / "noted"
+    with pytest.raises(KeyboardInterrupt):
+        experiment(tmp_path / "a", plan, noted=noted).execute(report=interrupt_after(20))
+    with Store(tmp_path / "a") as store:
+        assert 20 <= store.status().runs < 50
+        assert not store._connection.execute("SELECT * FROM claims").fetchall()
+    experiment(tmp_path / "a", plan, noted=noted).execute()
+    counts = Counter(noted.read_text().split())
+    assert set(counts.values()) == {1}
+    assert stored(tmp_path / "a") == expected(plan, tmp_path / "wanted")
+
+
+def interrupt_after(count):
+    """Return a receiver of progress that raises KeyboardInterrupt at ``count`` runs."""
+
+    def report(progress):
+        if progress.done >= count:
+            raise KeyboardInterrupt
+
+    return report
+
+
+@pytest.mark.long
+def test_a_run_that_kills_its_process_three_times_has_a_record(tmp_path):
+    plan = SyntheticPlan(20)
+    noted = tmp_path / "noted"
+    experiment(tmp_path / "a", plan, noted=noted, killing=(7,)).execute(2)
+    with Store(tmp_path / "a", read_only=True) as store:
+        rows = store.records().to_pylist()
+        assert store.status().failures[0][1].startswith("its process was killed three times")
+    assert [row["number"] for row in rows] == list(range(20))
+    assert [row["number"] for row in rows if row["outcome"] == "killed"] == [7]
+    row = rows[7]
+    assert (row["finished"], row["me"], row["controller"]) == (False, None, "fuzzy_t1")
+    assert Counter(noted.read_text().split())["7"] in range(3, 7)
+
+
+def test_plan_is_extended_until_it_is_enough(tmp_path):
+    plan = SyntheticPlan(90)
+    asked = []
+
+    def extend(store):
+        asked.append(store.status().runs)
+        return asked[-1] + 30 if asked[-1] < 60 else None
+
+    first = Experiment(plan, Compute(plan), tmp_path, "definition", first=30)
+    first.execute(extend=extend)
+    assert asked == [30, 60]
+    with Store(tmp_path, read_only=True) as store:
+        assert store.records()["number"].to_pylist() == list(range(60))
+
+
+COMMAND = """
+import sys
+from pathlib import Path
+from tests.study.synthetic import Compute, SyntheticPlan
+from omnidrive.study.experiment import Experiment
+
+folder, count, period, seconds, processes = sys.argv[1:]
+plan = SyntheticPlan(int(count), int(period))
+compute = Compute(plan, Path(folder + "-noted"), float(seconds))
+Experiment(plan, compute, folder, "definition").execute(int(processes))
+"""
+
+
+def start(folder, plan, seconds=0.005, processes=2):
+    """Start a process that executes an experiment."""
+    return subprocess.Popen(
+        [sys.executable, "-c", COMMAND, str(folder), str(plan.count), str(plan.period),
+         str(seconds), str(processes)],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def runs_in(folder):
+    """Return the number of stored runs."""
+    try:
+        with Store(folder, read_only=True) as store:
+            return store.status().runs
+    except Exception:
+        return 0
+
+
+def kill_and_resume(tmp_path, plan, kills, seed, *, longest):
+    """Kill parents and workers of experiments at random moments; check the results of each.
+
+    Returns:
+        The number of experiments that were completed.
+    """
+    source = random.Random(seed)
+    wanted = expected(plan, tmp_path / "wanted")
+    completed = 0
+    folder = tmp_path / "study-0"
+    while kills > 0:
+        before = runs_in(folder)
+        with start(folder, plan) as parent:
+            while kills > 0 and parent.poll() is None:
+                sleep(source.uniform(0.0, longest))
+                with suppress(psutil.NoSuchProcess):
+                    family = psutil.Process(parent.pid)
+                    workers = [
+                        each
+                        for each in family.children(recursive=True)
+                        if "popen_loky" in " ".join(each.cmdline())
+                    ]
+                    source.choice([family, *workers]).kill()
+                    kills -= 1
+        assert runs_in(folder) >= before, f"seed {seed}: runs were lost"
+        if runs_in(folder) == len(plan):
+            assert stored(folder) == wanted, f"seed {seed}: other results"
+            completed += 1
+            folder = tmp_path / f"study-{completed}"
+    with start(folder, plan) as parent:
+        parent.wait(120)
+    assert stored(folder) == wanted, f"seed {seed}: other results"
+    return completed + 1
+
+
+def test_killed_experiment_resumes(tmp_path):
+    """Parent or worker."""
+    assert kill_and_resume(tmp_path, SyntheticPlan(100), 2, 1, longest=2.0) >= 1
+
+
+@pytest.mark.long
+def test_experiments_survive_a_thousand_kills(tmp_path):
+    completed = kill_and_resume(tmp_path, SyntheticPlan(400), 1000, 2, longest=4.0)
+    print(f"completed {completed}")
+    assert completed > 50
+
+
+def check_shared(tmp_path, execute_two):
+    """Check the results of two executions at the same time."""
+    plan = SyntheticPlan(300, period=250)
+    folder, noted = tmp_path / "study", tmp_path / "study-noted"
+    execute_two(folder, plan, noted)
+    assert stored(folder) == expected(plan, tmp_path / "wanted")
+    counts = Counter(noted.read_text().split())
+    assert len(counts) == 250
+    assert set(counts.values()) == {1}
+
+
+def test_two_executions_share_the_runs(tmp_path):
+    def execute_two(folder, plan, noted):
+        both = [experiment(folder, plan, noted=noted, seconds=0.002) for _ in range(2)]
+        with ThreadPoolExecutor(2) as threads:
+            list(threads.map(Experiment.execute, both))
+
+    check_shared(tmp_path, execute_two)
+
+
+@pytest.mark.long
+def test_two_processes_share_the_runs(tmp_path):
+    def execute_two(folder, plan, _):
+        with start(folder, plan, 0.01, 1) as first, start(folder, plan, 0.01, 1) as second:
+            assert first.wait(120) == second.wait(120) == 0
+
+    check_shared(tmp_path, execute_two)
+
+
+@pytest.mark.long
+def test_interrupted_experiment_ends_its_workers_and_resumes(tmp_path):
+    plan = SyntheticPlan(2000)
+    folder = tmp_path / "study"
+    with start(folder, plan, 0.01) as parent:
+        until = monotonic() + 60.0
+        while runs_in(folder) < 20 and monotonic() < until:
+            sleep(0.05)
+        workers = psutil.Process(parent.pid).children(recursive=True)
+        parent.send_signal(signal.SIGINT)
+        assert parent.wait(20) != 0
+    _, alive = psutil.wait_procs(workers, timeout=5)
+    assert not [each for each in alive if "popen_loky" in " ".join(each.cmdline())]
+    with Store(folder) as store:
+        assert not store._connection.execute("SELECT * FROM claims").fetchall()
+        assert 20 <= store.status().runs < 2000
+    assert (folder / FILE).exists()
