@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
-from math import isfinite, nan
+from math import floor, isfinite, log10, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from omnidrive.evaluation.confidence_sequence import always_valid_mean, always_v
 from omnidrive.evaluation.quantities import Quantity, quantity
 from omnidrive.evaluation.repetition_means import RepetitionMeans, repetition_means
 from omnidrive.evaluation.run_table import RunTable, Task
-from omnidrive.evaluation.table import RESOLUTION, number_text
+from omnidrive.evaluation.table import NO_VALUE, RESOLUTION, number_text
 from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, holm, p_text
 
 BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference shown"
@@ -133,10 +133,19 @@ class PairEvidence(NamedTuple):
             return ""
         parts = [f"p {p_text(self.p)}"]
         if isfinite(self.relative):
-            parts.append(f"{100.0 * self.relative:+.2g} %".replace("-", "\u2212"))
+            parts.append(signed_percent(self.relative))
         if isfinite(self.effect):
             parts.append(f"d = {self.effect:+.2f}".replace("-", "\u2212"))
         return ", ".join(parts)
+
+
+def signed_percent(share: float) -> str:
+    """Return a relative difference in per cent with two digits and its sign; a dash for NaN."""
+    if not isfinite(share):
+        return NO_VALUE
+    percent = 100.0 * share
+    digits = 1 - floor(log10(abs(percent))) if percent else 0
+    return f"{percent:+.{min(max(digits, 0), 6)}f} %".replace("-", "\u2212")
 
 
 class TaskEvidence(NamedTuple):
@@ -245,6 +254,34 @@ def axis_evidence(
         for task, every in found.items()
         if len(every) > 1
     }
+
+
+class StudyEvidence:
+    """Evidence of a study, computed once per quantity.
+
+    Attributes:
+        runs: The runs.
+        always_valid: Whether intervals and p-values hold at every number of repetitions, as for
+            a study that ends when its intervals are narrow enough.
+    """
+
+    def __init__(self, runs: RunTable, *, always_valid: bool = False) -> None:
+        self.runs, self.always_valid = runs, always_valid
+        self._found: dict[str, list[TaskEvidence]] = {}
+        self._along: dict[tuple[str, str], dict[Task, list[LevelEvidence]]] = {}
+
+    def of(self, metric: str) -> list[TaskEvidence]:
+        """Return the evidence of a metric in every task; see :func:`task_evidence`."""
+        if metric not in self._found:
+            self._found[metric] = task_evidence(self.runs, metric, always_valid=self.always_valid)
+        return self._found[metric]
+
+    def along(self, metric: str, path: str) -> dict[Task, list[LevelEvidence]]:
+        """Return the evidence of a metric along an axis; see :func:`axis_evidence`."""
+        if (metric, path) not in self._along:
+            found = axis_evidence(self.runs, metric, path, always_valid=self.always_valid)
+            self._along[metric, path] = found
+        return self._along[metric, path]
 
 
 def _unadjusted(

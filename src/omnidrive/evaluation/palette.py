@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from omnidrive.evaluation.results import StudyResults
@@ -62,13 +63,20 @@ _RAMPS = ThemeColour("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae
 
 
 def controller_styles(results: StudyResults) -> dict[str, ControllerStyle]:
-    """Return the style of every controller of a study, by its label.
+    """Return the style of every controller of a study, by its label; see :func:`styles_of`."""
+    return styles_of({label: results.type_of(label) for label in results.controllers})
+
+
+def styles_of(types: Mapping[str, str]) -> dict[str, ControllerStyle]:
+    """Return the style of every controller, by its label.
 
     The first controller of a built-in type has the colour of the type. All others have the colours
     of one sequence, in the order of the study; those of types that the study does not contain
     follow. When the colours are used up they repeat with other dashes and markers.
+
+    Args:
+        types: Name of the type of each controller by its label, in the order of the study.
     """
-    types = {label: results.type_of(label) for label in results.controllers}
     first = {kind: label for label, kind in reversed(types.items())}
     own = {first[kind]: colour for kind, colour in _TYPES.items() if kind in first}
     free = [*_FURTHER, *(colour for kind, colour in _TYPES.items() if kind not in first)]

@@ -1,0 +1,272 @@
+"""Tables of the evidence of a study, for the terminal, the report and files."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from math import isfinite
+
+from omnidrive.evaluation.evidence import (
+    PairEvidence,
+    StudyEvidence,
+    Summary,
+    TaskEvidence,
+    signed_percent,
+)
+from omnidrive.evaluation.quantities import quantity
+from omnidrive.evaluation.run_table import RunTable, Task
+from omnidrive.evaluation.study_answer import (
+    TaskAnswer,
+    percent,
+    study_answers,
+    value_text,
+)
+from omnidrive.evaluation.table import NO_VALUE, Table, number_text
+from omnidrive.evaluation.uncertainty import p_text
+from omnidrive.evaluation.variance_shares import variance_shares
+
+SECONDARY = (
+    "mae", "max_error", "min_clearance", "collisions", "work", "wheel_acceleration", "recovered",
+    "time_to_recover", "step_time_median",
+)  # fmt: skip
+"""Quantities that are shown beside the compared one."""
+
+_MAX_LEVELS = 50  # of an axis in a table
+_MAX_REASONS = 20
+
+
+def evidence_tables(study: StudyEvidence, metric: str | None = None) -> list[Table]:
+    """Return the tables of a study, the answer first; tables without rows are omitted.
+
+    Args:
+        study: The evidence.
+        metric: Compared quantity; None: that of :func:`main_metric` in each task.
+
+    Raises:
+        InvalidInput: The runs have no such metric.
+    """
+    answers = study_answers(study, metric)
+    tables = [
+        answer_table(answers),
+        *_summary_tables(answers),
+        _secondary_table(study, answers),
+        _pair_table(study, answers),
+        *(_axis_table(study, answers, path) for path in study.runs.axes),
+        _share_table(study.runs, answers),
+        _failure_table(study.runs),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def answer_table(answers: Sequence[TaskAnswer]) -> Table:
+    """Return the best controller of every task with its comparison to the next one."""
+    rows = []
+    for each in answers:
+        best = each.evidence.best
+        first = each.sentences[0] if each.sentences else "no other controller"
+        value = value_text(each.evidence.ranking[0]) if best else NO_VALUE
+        rows.append((each.evidence.task.label, ", ".join(best) or NO_VALUE,
+                     each.evidence.measure.label, value, first))  # fmt: skip
+    return Table(
+        "Answer",
+        ("task", "best", "quantity", "mean", "against the next"),
+        tuple(rows),
+        "Best: the controller with the best mean, and those from which no difference is shown. "
+        + INTERVAL_NOTE,
+        keys=2,
+        prose=True,
+        lead=" ".join(each.lead for each in answers),
+    )
+
+
+INTERVAL_NOTE = (
+    "Brackets: 95 % confidence interval over the repetitions. p: Holm-corrected over the pairs of "
+    "controllers."
+)
+
+
+def _summary_tables(answers: Sequence[TaskAnswer]) -> list[Table]:
+    """Return one table per compared quantity: distributions of all controllers by task."""
+    measures = dict.fromkeys(each.evidence.measure for each in answers)
+    tables = []
+    for measure in measures:
+        found = [each.evidence for each in answers if each.evidence.measure == measure]
+        unit = f", {measure.shown_unit}" if measure.shown_unit else ""
+        rows = tuple(_summary_row(s) for evidence in found for s in evidence.summaries)
+        values = tuple(f"{name}{unit}" for name in ("mean", "median", "p95", "worst"))
+        table = Table(
+            f"Distribution of {measure.label}",
+            ("task", "controller", *values, "success rate", "runs"),
+            rows,
+            f"{measure.meaning.capitalize() or measure.label}, over the finished runs. Mean ± half "
+            "its 95 % interval over the repetitions; p95: 95 % of the runs are at least as good.",
+            keys=2,
+        )
+        lower = measure.lower_is_better
+        tables.append(table.mark_best(values if lower else (), () if lower else values, group=0))
+    return tables
+
+
+def _summary_row(summary: Summary) -> tuple[str, ...]:
+    factor = summary.measure.factor
+    return (
+        summary.task.label,
+        summary.controller,
+        _mean_cell(summary),
+        *(number_text(factor * v) for v in (summary.median, summary.p95, summary.worst)),
+        percent(summary.success_rate),
+        str(summary.runs),
+    )
+
+
+def _mean_cell(summary: Summary) -> str:
+    """Return the mean ± half its interval."""
+    mean, factor = summary.mean, summary.measure.factor
+    if not isfinite(mean.margin):
+        return number_text(factor * mean.mean)
+    text, margin, _, _ = mean.text(factor)
+    return f"{text.removeprefix('+')} ± {margin}"
+
+
+def _secondary_table(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Table:
+    """Return the means of the other quantities by task and controller."""
+    compared = {each.evidence.measure.name for each in answers}
+    names = [n for n in ("me", *SECONDARY) if n in study.runs.metrics and n not in compared]
+    cells = {
+        (evidence.task, s.controller, name): _mean_cell(s)
+        for name in names
+        for evidence in study.of(name)
+        for s in evidence.summaries
+    }
+    rows = []
+    for each in answers:
+        for s in each.evidence.summaries:
+            row = [cells.get((s.task, s.controller, name), NO_VALUE) for name in names]
+            rows.append((s.task.label, s.controller, *row))
+    headings = [quantity(name).heading for name in names]
+    better = [h for h, n in zip(headings, names, strict=True) if quantity(n).lower_is_better]
+    worse = [h for h in headings if h not in better]
+    return Table(
+        "Other quantities",
+        ("task", "controller", *headings),
+        tuple(rows) if names else (),
+        "Mean over the finished runs ± half its 95 % interval over the repetitions.",
+        keys=2,
+    ).mark_best(better, worse, group=0)
+
+
+def _pair_table(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Table:
+    """Return all pairs of controllers, by task and quantity."""
+    rows = []
+    for answer in answers:
+        measured = [answer.evidence, *([answer.success] if answer.success else [])]
+        others = [n for n in SECONDARY[:2] if n in study.runs.metrics]
+        task, shown = answer.evidence.task, answer.evidence.measure.name
+        measured += [e for n in others if n != shown for e in study.of(n) if e.task == task]
+        pairs = [pair for each in measured for pair in each.pairs]
+        equal = [p.measure.name == "finished" and p.difference.mean == 0.0 for p in pairs]
+        rows += [_pair_row(pair) for pair, skip in zip(pairs, equal, strict=True) if not skip]
+    return Table(
+        "Paired differences",
+        ("task", "controllers", "quantity", "difference", "95 % interval", "p", "effect d",
+         "first better", "relative", "pairs", "first is"),
+        tuple(rows),
+        "First minus second controller under the same random numbers. Interval: studentised "
+        "bootstrap over the repetitions, separately for each pair. p and result: Holm-corrected "
+        "over the pairs of one task and quantity. Effect d: mean over standard deviation of the "
+        "differences. First better: share of the pairs of runs. Pairs: repetitions.",
+        keys=3,
+        is_detail=True,
+    )  # fmt: skip
+
+
+def _pair_row(pair: PairEvidence) -> tuple[str, ...]:
+    mean, _, low, high = pair.difference.text(pair.measure.factor)
+    known = isfinite(pair.difference.margin)
+    return (
+        pair.task.label,
+        f"{pair.first} − {pair.second}",
+        pair.measure.heading,
+        mean if known else number_text(pair.measure.factor * pair.difference.mean),
+        f"{low} to {high}" if known else NO_VALUE,
+        p_text(pair.p).removeprefix("= ") if isfinite(pair.p) else NO_VALUE,
+        number_text(pair.effect),
+        percent(pair.share_better),
+        signed_percent(pair.relative),
+        str(pair.difference.sample_size),
+        pair.verdict,
+    )
+
+
+def level_text(level: object) -> str:
+    """Return the value of an axis as text."""
+    return f"{level:g}" if isinstance(level, float) else str(level)
+
+
+def _axis_table(study: StudyEvidence, answers: Sequence[TaskAnswer], path: str) -> Table:
+    """Return the means and success rates at every value of an axis, and the best controllers."""
+    rows = []
+    for answer in answers:
+        task, measure = answer.evidence.task, answer.evidence.measure
+        for each in study.along(measure.name, path).get(task, [])[:_MAX_LEVELS]:
+            rows += _level_rows(task, level_text(each.level), each.evidence)
+    controllers = list(dict.fromkeys(s.controller for a in answers for s in a.evidence.summaries))
+    lost = not study.runs.finished.all()
+    return Table(
+        f"By {path}",
+        ("task", path, "quantity", *controllers, "best"),
+        tuple(
+            (task, level, label, *(cells.get(name, NO_VALUE) for name in controllers), best)
+            for task, level, label, cells, best in rows
+        ),
+        "Mean ± half its 95 % interval over the repetitions; other axes are averaged. Best: no "
+        "difference is shown between several (Holm-corrected over all pairs and values)."
+        + (" In parentheses: success rate, if a run failed." if lost else ""),
+        keys=3,
+    )
+
+
+def _level_rows(
+    task: Task, level: str, evidence: TaskEvidence
+) -> list[tuple[str, str, str, dict[str, str], str]]:
+    cells = {}
+    for s in evidence.summaries:
+        rate = f" ({percent(s.success_rate)})" if s.finished < s.runs else ""
+        cells[s.controller] = _mean_cell(s) + rate
+    best = ", ".join(evidence.best) if len(evidence.best) < len(cells) else NO_VALUE
+    return [(task.label, level, evidence.measure.heading, cells, best)]
+
+
+def _share_table(runs: RunTable, answers: Sequence[TaskAnswer]) -> Table:
+    """Return the variance shares of all factors."""
+    rows = []
+    for answer in answers:
+        task, measure = answer.evidence.task, answer.evidence.measure
+        for each in variance_shares(runs, measure.name, task):
+            known = isfinite(each.low)
+            interval = f"{percent(each.low)} to {percent(each.high)}" if known else NO_VALUE
+            rows.append((task.label, measure.label, each.factor, percent(each.share), interval))
+    return Table(
+        "What matters",
+        ("task", "quantity", "factor", "share of variance", "95 % interval"),
+        tuple(rows),
+        "Share of the variance over the runs that a factor explains alone (first-order Sobol' "
+        "index). What is missing to 100 % are interactions and random numbers.",
+        keys=3,
+    )
+
+
+def _failure_table(runs: RunTable) -> Table:
+    """Return the number of runs that ended early, by controller, task and outcome."""
+    outcomes = runs.table["outcome"].to_pylist()
+    lost = [
+        (runs.controllers[runs.controller[k]], runs.tasks[runs.task[k]].label, str(outcomes[k]))
+        for k in (~runs.finished).nonzero()[0]
+    ]
+    counts = Counter(lost).most_common(_MAX_REASONS)
+    return Table(
+        "Runs that ended early",
+        ("controller", "task", "outcome", "runs"),
+        tuple((*key, str(count)) for key, count in counts),
+        keys=3,
+    )

@@ -1,0 +1,219 @@
+"""Effects of the axes of a study: curves, heat maps over two axes, and variance shares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from omnidrive.arrays import Array
+from omnidrive.evaluation.evidence import LevelEvidence, StudyEvidence
+from omnidrive.evaluation.evidence_tables import level_text
+from omnidrive.evaluation.figures.style import DARK, PAGE, legend_above, new_figure
+from omnidrive.evaluation.palette import ControllerStyle
+from omnidrive.evaluation.study_answer import TaskAnswer
+from omnidrive.evaluation.table import number_text
+from omnidrive.evaluation.variance_shares import variance_shares
+
+_MAX_COLUMNS = 3  # tasks in one figure of curves
+_MAX_MAPS = 8  # controllers in one figure of heat maps
+_MAX_CELLS = 64  # of a heat map with numbers
+_LOG_RATIO = 30.0
+
+
+def axis_curves(
+    study: StudyEvidence,
+    answers: Sequence[TaskAnswer],
+    styles: Mapping[str, ControllerStyle],
+    path: str,
+) -> Figure | None:
+    """Draw mean with interval, and success rate if a run failed, along one axis."""
+    shown = []
+    for answer in answers:
+        levels = study.along(answer.evidence.measure.name, path).get(answer.evidence.task)
+        if levels:
+            shown.append((answer, levels))
+    shown = shown[:_MAX_COLUMNS]
+    if not shown:
+        return None
+    lost = any(s.finished < s.runs for _, levels in shown for e in levels
+               for s in e.evidence.summaries)  # fmt: skip
+    figure = new_figure(PAGE, 3.7 if lost else 2.5)
+    panels = figure.subplots(1 + lost, len(shown), squeeze=False, sharex="col",
+                             height_ratios=(2.2, 1.0) if lost else (1.0,))  # fmt: skip
+    for column, (answer, levels) in enumerate(shown):
+        _curves(panels[0, column], levels, styles)
+        panels[0, column].set_title(answer.evidence.task.label)
+        panels[0, column].set_ylabel(answer.evidence.measure.axis_label)
+        if lost:
+            _success(panels[1, column], levels, styles)
+        panels[-1, column].set_xlabel(path)
+    legend_above(figure, panels[0, 0])
+    return figure
+
+
+def _positions(levels: Sequence[LevelEvidence], axes: Axes) -> list[float]:
+    """Return the positions of the values on the x axis: numbers, or 0, 1, 2... for texts."""
+    values = [each.level for each in levels]
+    if all(isinstance(v, float) for v in values):
+        if min(values) > 0.0 and max(values) > _LOG_RATIO * min(values):
+            axes.set_xscale("log")
+        return values
+    axes.set_xticks(range(len(values)), list(map(level_text, values)), rotation=30, ha="right")
+    return [float(k) for k in range(len(values))]
+
+
+def _curves(
+    axes: Axes, levels: Sequence[LevelEvidence], styles: Mapping[str, ControllerStyle]
+) -> None:
+    x = _positions(levels, axes)
+    factor = levels[0].evidence.measure.factor
+    every: list[float] = []
+    for name in dict.fromkeys(s.controller for each in levels for s in each.evidence.summaries):
+        mean, low, high = _means(levels, name)
+        style = styles[name]
+        axes.plot(x, factor * mean, label=name, color=style.colour.light, marker=style.marker,
+                  ms=3.2, ls=(0, style.dash) if style.dash else "-")  # fmt: skip
+        axes.fill_between(x, factor * low, factor * high, color=style.colour.light, alpha=0.18,
+                          lw=0.0)  # fmt: skip
+        every += mean[np.isfinite(mean)].tolist()
+    if every and min(every) > 0.0 and max(every) > _LOG_RATIO * min(every):
+        axes.set_yscale("log")
+
+
+def _means(
+    levels: Sequence[LevelEvidence], name: str
+) -> tuple[Float[Array, " levels"], Float[Array, " levels"], Float[Array, " levels"]]:
+    """Return mean and bounds of one controller at every value; NaN where it has no runs."""
+    rows = []
+    for each in levels:
+        found = (s.mean[:3] for s in each.evidence.summaries if s.controller == name)
+        rows.append(next(found, (np.nan, np.nan, np.nan)))
+    mean, low, high = np.array(rows, dtype=float).T
+    return mean, low, high
+
+
+def _success(
+    axes: Axes, levels: Sequence[LevelEvidence], styles: Mapping[str, ControllerStyle]
+) -> None:
+    x = _positions(levels, axes)
+    for name in dict.fromkeys(s.controller for each in levels for s in each.evidence.summaries):
+        rates = [
+            next((s.success_rate for s in e.evidence.summaries if s.controller == name), np.nan)
+            for e in levels
+        ]
+        style = styles[name]
+        axes.plot(x, 100.0 * np.array(rates), color=style.colour.light, marker=style.marker, ms=3.0)
+    axes.set_ylim(-4.0, 104.0)
+    axes.set_ylabel("finished in %")
+
+
+def heat_maps(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | None:
+    """Draw the mean over the two axes with the largest variance shares, a map per controller."""
+    for answer in answers:
+        evidence, runs = answer.evidence, study.runs
+        shares = variance_shares(runs, evidence.measure.name, evidence.task)
+        paths = [each.factor for each in shares if each.factor in runs.axes][:2]
+        if len(paths) == 2:
+            return _heat_maps(study, answer, paths[0], paths[1])
+    return None
+
+
+def _heat_maps(study: StudyEvidence, answer: TaskAnswer, across: str, up: str) -> Figure:
+    evidence, runs = answer.evidence, study.runs
+    values = runs.values(evidence.measure.name) * evidence.measure.factor
+    rows = (runs.task == runs.tasks.index(evidence.task)) & np.isfinite(values)
+    (x_levels, x), (y_levels, y) = (_used_levels(runs, path, rows) for path in (across, up))
+    names = [each.controller for each in evidence.ranking][:_MAX_MAPS]
+    maps = []
+    for name in names:
+        own = rows & (runs.controller == runs.controllers.index(name))
+        cell = y[own] * len(x_levels) + x[own]
+        size = len(x_levels) * len(y_levels)
+        counts = np.bincount(cell, minlength=size)
+        with np.errstate(invalid="ignore"):
+            means = np.bincount(cell, values[own], minlength=size) / counts
+        maps.append(means.reshape(len(y_levels), len(x_levels)))
+    columns = min(len(names), 4)
+    lines = -(-len(names) // columns)
+    figure = new_figure(PAGE, 0.7 + lines * 1.9)
+    panels = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+    norm, image = _norm(np.stack(maps)), None
+    for axes, name, means in zip(panels.flat, names, maps, strict=False):
+        image = axes.imshow(means, origin="lower", aspect="auto", cmap="viridis", norm=norm)
+        _label_cells(axes, means, norm)
+        axes.set_title(name)
+        _ticks(axes, x_levels, y_levels)
+    for axes in panels.flat[len(names) :]:
+        axes.axis("off")
+    figure.supxlabel(across, fontsize=8.0)
+    figure.supylabel(up, fontsize=8.0)
+    if image is not None:
+        label = f"{evidence.measure.axis_label}, {evidence.task.label}"
+        figure.colorbar(image, ax=panels, label=label, pad=0.02, aspect=30)
+    return figure
+
+
+def _used_levels(runs: Any, path: str, rows: Any) -> tuple[list[Any], Any]:
+    """Return the values of a factor that occur in some rows, and the index of every row."""
+    levels, codes = runs.levels(path)
+    used = np.unique(codes[rows])
+    return [levels[k] for k in used], np.searchsorted(used, codes)
+
+
+def _norm(values: Float[Array, "maps y x"]) -> Normalize:
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return LogNorm(low, high) if low > 0.0 and high > 3.0 * low else Normalize(low, high)
+
+
+def _label_cells(axes: Axes, means: Float[Array, "y x"], norm: Normalize) -> None:
+    """Write the value into every cell, if there are few."""
+    axes.grid(visible=False)
+    if means.size > _MAX_CELLS:
+        return
+    for (row, column), value in np.ndenumerate(means):
+        text = number_text(value) if isfinite(value) else "no run"
+        dark = isfinite(value) and float(norm(value)) > 0.6
+        axes.text(column, row, text, ha="center", va="center", fontsize=6.0,
+                  color=DARK if dark or not isfinite(value) else "white")  # fmt: skip
+
+
+def _ticks(axes: Axes, x_levels: Sequence[Any], y_levels: Sequence[Any]) -> None:
+    for levels, set_ticks in ((x_levels, axes.set_xticks), (y_levels, axes.set_yticks)):
+        step = -(-len(levels) // 8)
+        ticks = range(0, len(levels), step)
+        set_ticks(list(ticks), [level_text(levels[k])[:14] for k in ticks])
+    axes.tick_params(axis="x", rotation=30)
+
+
+def share_bars(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | None:
+    """Draw the variance shares of all factors with their intervals, a panel per task."""
+    found = [
+        (each, variance_shares(study.runs, each.evidence.measure.name, each.evidence.task))
+        for each in answers
+    ]
+    found = [(each, shares) for each, shares in found if len(shares) > 1][:_MAX_COLUMNS]
+    if not found:
+        return None
+    most = max(len(shares) for _, shares in found)
+    figure = new_figure(PAGE, 0.9 + 0.22 * most)
+    panels = figure.subplots(1, len(found), squeeze=False)[0]
+    for axes, (answer, shares) in zip(panels, found, strict=True):
+        rows = range(len(shares))
+        axes.barh(rows, [100.0 * s.share for s in shares], color="#56b4e9", height=0.62)
+        for row, each in enumerate(shares):
+            if isfinite(each.low):
+                axes.plot([100.0 * each.low, 100.0 * each.high], [row, row], color=DARK, lw=1.0)
+        axes.set_yticks(rows, [s.factor for s in shares])
+        axes.invert_yaxis()
+        axes.set_xlim(0.0, 100.0)
+        axes.grid(visible=False, axis="y")
+        axes.set_xlabel(f"share of the variance of {answer.evidence.measure.label} in %")
+        axes.set_title(answer.evidence.task.label)
+    return figure

@@ -1,0 +1,143 @@
+"""Answer of a study in sentences: the best controller of each task, with its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+from omnidrive.evaluation.evidence import (
+    WORSE,
+    PairEvidence,
+    StudyEvidence,
+    Summary,
+    TaskEvidence,
+)
+from omnidrive.evaluation.run_table import RunTable, Task
+from omnidrive.evaluation.table import number_text
+
+_MEASURES = {"step": "settling_time", "faults": "worst_error"}
+"""Compared quantity of a task, if it is not the mean error."""
+
+
+class TaskAnswer(NamedTuple):
+    """Answer of one task."""
+
+    evidence: TaskEvidence
+    """Evidence of the compared quantity."""
+    success: TaskEvidence | None
+    """Evidence of the success rate; None if all runs are finished."""
+
+    @property
+    def lead(self) -> str:
+        """Best controller, or those that share the first place, as one sentence."""
+        evidence, best = self.evidence, self.evidence.best
+        measure = evidence.measure.label
+        task = evidence.task.label.capitalize()
+        if not best:
+            return f"{task}: no run has a valid {measure}."
+        first = evidence.ranking[0]
+        value = value_text(first)
+        if len(evidence.summaries) == 1:
+            return f"{task}: {first.controller} has {measure} {value}."
+        if first.mean.sample_size < 2:
+            return (
+                f"{task}: {first.controller} has the best {measure}, {value}, in one repetition; "
+                "more repetitions show whether the difference is real."
+            )
+        if len(best) == 1:
+            return f"{task}: {first.controller} is best, {measure} {value}.{self._failing(best)}"
+        rest = len(evidence.ranking) > len(best)
+        return (
+            f"{task}: no difference in {measure} is shown between {first.controller}, {value}, and "
+            f"{_listed(best[1:])}{'; the others are worse' if rest else ''}.{self._failing(best)}"
+        )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Comparison of the best controller with each other one, in the order of the ranking."""
+        ranking = [each.controller for each in self.evidence.ranking]
+        pairs = (self.evidence.pair(ranking[0], other) for other in ranking[1:])
+        return tuple(_with_detail(pair) for pair in pairs if pair)
+
+    def _failing(self, best: Sequence[str]) -> str:
+        """Return a warning of the best controllers that finish fewer runs than another."""
+        if self.success is None:
+            return ""
+        warnings = []
+        for name in best:
+            others = (s.controller for s in self.success.summaries if s.controller != name)
+            pairs = (self.success.pair(name, other) for other in others)
+            worse = next((pair for pair in pairs if pair and pair.verdict == WORSE), None)
+            if worse:
+                rates = {s.controller: s.success_rate for s in self.success.summaries}
+                warnings.append(
+                    f" But {name} finishes {percent(rates[name])} of its runs, "
+                    f"{worse.second} {percent(rates[worse.second])}."
+                )
+        return "".join(warnings)
+
+
+def study_answers(study: StudyEvidence, metric: str | None = None) -> list[TaskAnswer]:
+    """Return the answer of every task.
+
+    Args:
+        study: The evidence.
+        metric: Compared quantity. None: the mean error (ME); in step responses the settling time,
+            with faults the worst error.
+
+    Raises:
+        InvalidInput: The runs have no such metric.
+    """
+    runs, success = study.runs, {}
+    if not runs.finished.all():
+        every = study.of("finished")
+        success = {e.task: e for e in every if any(s.finished < s.runs for s in e.summaries)}
+    return [
+        TaskAnswer(evidence, success.get(task))
+        for task in runs.tasks
+        for evidence in study.of(metric or main_metric(runs, task))
+        if evidence.task == task
+    ]
+
+
+def main_metric(runs: RunTable, task: Task) -> str:
+    """Return the quantity by which the controllers are compared in a task."""
+    usual = _MEASURES.get(task.name, "me")
+    rows = runs.task == runs.tasks.index(task)
+    candidates = (usual, "me", *runs.metrics, "finished")
+    return next(
+        name
+        for name in candidates
+        if name == "finished"
+        or (name in runs.metrics and bool(np.isfinite(runs.values(name)[rows]).any()))
+    )
+
+
+def value_text(summary: Summary) -> str:
+    """Return the mean with unit and interval, such as ``50.0 mm [49.2, 50.8]``."""
+    measure, mean = summary.measure, summary.mean
+    unit = f" {measure.shown_unit}" if measure.shown_unit else ""
+    if not isfinite(mean.margin):
+        return f"{number_text(measure.factor * mean.mean)}{unit}"
+    text, _, low, high = (part.removeprefix("+") for part in mean.text(measure.factor))
+    return f"{text}{unit} [{low}, {high}]" if low != high else f"{text}{unit}"
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent; 100 % and 0 % only if it is exact."""
+    value = 100.0 * share
+    digits = 0 if value in {0.0, 100.0} or 1.0 <= value <= 99.0 else 2
+    return f"{value:.{digits}f} %" if isfinite(value) else "–"
+
+
+def _with_detail(pair: PairEvidence) -> str:
+    detail = f" ({pair.detail})" if pair.detail else ""
+    left = f"; {pair.left_out} pairs without two valid runs are left out" if pair.left_out else ""
+    return f"{pair.sentence}{detail}{left}"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]
