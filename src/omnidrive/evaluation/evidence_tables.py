@@ -264,9 +264,15 @@ def _failure_table(runs: RunTable) -> Table:
         for k in (~runs.finished).nonzero()[0]
     ]
     counts = Counter(lost).most_common(_MAX_REASONS)
+    note = (
+        f"{runs.refused} more runs were not simulated: their values are not possible together."
+        if runs.refused
+        else ""
+    )
     return Table(
         "Runs that ended early",
         ("controller", "task", "outcome", "runs"),
         tuple((*key, str(count)) for key, count in counts),
+        note,
         keys=3,
     )

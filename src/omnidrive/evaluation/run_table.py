@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from jaxtyping import Bool, Float, Int
 
 from omnidrive.arrays import Array
@@ -30,6 +31,10 @@ _VARIED = {"faults": "fault", "horizon": "horizon"}
 """Axis that the variants of a task are values of."""
 
 
+REFUSED = "refused"
+"""Outcome of a planned run whose values are not possible together, such as a mass below 0."""
+
+
 class Task(NamedTuple):
     """What a run does, apart from controller, factors and repetition."""
 
@@ -49,6 +54,7 @@ class RunTable:
 
     Attributes:
         table: The rows; columns :data:`IDENTITY`, ``factor:PATH`` and metrics.
+        refused: Number of planned runs whose values are not possible together; they are no rows.
         controllers: Labels of the controllers in their order.
         tasks: Tasks in their order.
         controller: Index of the controller of each row.
@@ -68,7 +74,10 @@ class RunTable:
         missing = [name for name in IDENTITY if name not in table.column_names]
         if missing:
             raise InvalidInput(f"not a table of runs: it has no column {', '.join(missing)}")
-        self.table, self._timing = table, timing
+        possible = pc.not_equal(table["outcome"], REFUSED)
+        self.table, self._timing = table.filter(possible), timing
+        self.refused = int(table.num_rows - self.table.num_rows)
+        table = self.table
         self.controllers, self.controller = _coded(table["controller"])
         names, name_codes = _coded(table["task"])
         duration = _floats(table["duration"])

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.evidence import LevelEvidence, StudyEvidence
@@ -52,7 +53,7 @@ def axis_curves(
         panels[0, column].set_title(answer.evidence.task.label)
         panels[0, column].set_ylabel(answer.evidence.measure.axis_label)
         if lost:
-            _success(panels[1, column], levels, styles)
+            _success(panels[1, column], levels, styles, labelled=column == 0)
         panels[-1, column].set_xlabel(path)
     legend_above(figure, panels[0, 0])
     return figure
@@ -100,7 +101,11 @@ def _means(
 
 
 def _success(
-    axes: Axes, levels: Sequence[LevelEvidence], styles: Mapping[str, ControllerStyle]
+    axes: Axes,
+    levels: Sequence[LevelEvidence],
+    styles: Mapping[str, ControllerStyle],
+    *,
+    labelled: bool,
 ) -> None:
     x = _positions(levels, axes)
     for name in dict.fromkeys(s.controller for each in levels for s in each.evidence.summaries):
@@ -111,7 +116,8 @@ def _success(
         style = styles[name]
         axes.plot(x, 100.0 * np.array(rates), color=style.colour.light, marker=style.marker, ms=3.0)
     axes.set_ylim(-4.0, 104.0)
-    axes.set_ylabel("finished in %")
+    if labelled:
+        axes.set_ylabel("finished in %")
 
 
 def heat_maps(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | None:
@@ -156,7 +162,9 @@ def _heat_maps(study: StudyEvidence, answer: TaskAnswer, across: str, up: str) -
     figure.supylabel(up, fontsize=8.0)
     if image is not None:
         label = f"{evidence.measure.axis_label}, {evidence.task.label}"
-        figure.colorbar(image, ax=panels, label=label, pad=0.02, aspect=30)
+        bar = figure.colorbar(image, ax=panels, label=label, pad=0.02, aspect=30)
+        for part in (bar.ax.yaxis.set_major_formatter, bar.ax.yaxis.set_minor_formatter):
+            part(StrMethodFormatter("{x:g}"))
     return figure
 
 
@@ -189,7 +197,8 @@ def _ticks(axes: Axes, x_levels: Sequence[Any], y_levels: Sequence[Any]) -> None
         step = -(-len(levels) // 8)
         ticks = range(0, len(levels), step)
         set_ticks(list(ticks), [level_text(levels[k])[:14] for k in ticks])
-    axes.tick_params(axis="x", rotation=30)
+    if max(len(level_text(level)) for level in x_levels) > 5:
+        axes.tick_params(axis="x", rotation=30)
 
 
 def share_bars(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | None:
@@ -214,6 +223,6 @@ def share_bars(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | 
         axes.invert_yaxis()
         axes.set_xlim(0.0, 100.0)
         axes.grid(visible=False, axis="y")
-        axes.set_xlabel(f"share of the variance of {answer.evidence.measure.label} in %")
-        axes.set_title(answer.evidence.task.label)
+        axes.set_xlabel("share of the variance in %")
+        axes.set_title(f"{answer.evidence.measure.label}, {answer.evidence.task.label}")
     return figure

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.figures.style import MUTED, PAGE, new_figure
+from omnidrive.evaluation.figures.style import MUTED, PAGE, legend_above, new_figure
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_answer import TaskAnswer
 from omnidrive.evaluation.uncertainty import MeanEstimate
@@ -18,7 +18,7 @@ from omnidrive.evaluation.uncertainty import MeanEstimate
 TIME = "step_time_median"
 """Metric of the computing time."""
 
-_MAX_PANELS = 3
+_MAX_PANELS = 2
 
 
 class CostPoint(NamedTuple):
@@ -63,10 +63,11 @@ def error_and_time(
     shown = [(each, points) for each, points in shown if len(points) > 1][:_MAX_PANELS]
     if not shown:
         return None
-    figure = new_figure(PAGE, 2.9)
+    figure = new_figure(PAGE, 2.8)
     panels = figure.subplots(1, len(shown), squeeze=False)[0]
     for axes, (answer, points) in zip(panels, shown, strict=True):
         _panel(axes, answer, points, styles)
+    legend_above(figure, panels[0])
     return figure
 
 
@@ -88,13 +89,13 @@ def _panel(
             axes.plot([x, x], [measure.factor * p.error.low, measure.factor * p.error.high],
                       color=style.colour.light, lw=1.6)  # fmt: skip
         filled = style.colour.light if p in front else "white"
-        axes.plot(x, y, style.marker, color=style.colour.light, mfc=filled, ms=5.5)
-        axes.annotate(p.controller, (x, y), (5, 4), textcoords="offset points", fontsize=6.5)
+        axes.plot(x, y, marker=style.marker, color=style.colour.light, mfc=filled, ms=5.5, ls="",
+                  label=p.controller)  # fmt: skip
     values = [p.error.mean for p in points]
     if min(values) > 0.0 and max(values) > 10.0 * min(values):
         axes.set_yscale("log")
     axes.set_xscale("log")
-    axes.margins(x=0.18, y=0.12)
+    axes.margins(x=0.1, y=0.1)
     axes.set_xlabel("computing time of a step in µs")
     axes.set_ylabel(measure.axis_label)
     axes.set_title(answer.evidence.task.label)

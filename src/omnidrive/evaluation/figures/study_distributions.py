@@ -11,7 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.evidence import BETTER, NO_DIFFERENCE, PairEvidence, StudyEvidence
+from omnidrive.evaluation.evidence import (
+    BETTER,
+    NO_DIFFERENCE,
+    WORSE,
+    PairEvidence,
+    StudyEvidence,
+)
 from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, new_figure
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_answer import TaskAnswer
@@ -21,7 +27,7 @@ MAX_PANELS = 6
 
 _BINS = 60
 _LOG_RATIO = 30.0  # ratio of the largest to the smallest value from which an axis is logarithmic
-_COLOURS = {BETTER: "#0072b2", NO_DIFFERENCE: MUTED}
+_COLOURS = {BETTER: "#0072b2", WORSE: "#d55e00", NO_DIFFERENCE: MUTED}
 _ALL_PAIRS = 4  # controllers up to which all pairs are drawn, not only those with the best one
 
 
@@ -101,7 +107,7 @@ def paired_intervals(answers: Sequence[TaskAnswer]) -> Figure | None:
 
 
 def _drawn_pairs(answer: TaskAnswer) -> list[PairEvidence]:
-    """Return the pairs with an interval: the better controller first, the ranking's order."""
+    """Return the pairs with an interval: the better controller first, in the ranking's order."""
     names = [each.controller for each in answer.evidence.ranking]
     firsts = names if len(names) <= _ALL_PAIRS else names[:1]
     pairs = [
@@ -113,23 +119,25 @@ def _drawn_pairs(answer: TaskAnswer) -> list[PairEvidence]:
 
 
 def _forest(axes: Axes, answer: TaskAnswer, pairs: list[PairEvidence]) -> None:
+    """Draw one line per pair, with its numbers at the right."""
     measure = answer.evidence.measure
-    margins, centres = [], []
+    numbers = axes.secondary_yaxis("right")
+    texts = []
     for row, pair in enumerate(pairs):
         low, mean, high = (measure.factor * v for v in (pair.difference.low, pair.difference.mean,
                                                         pair.difference.high))  # fmt: skip
-        colour = _COLOURS.get(pair.verdict, "#d55e00")
+        colour = _COLOURS[pair.verdict]
         axes.plot([low, high], [row, row], color=colour, lw=2.2, solid_capstyle="butt")
         axes.plot(mean, row, "o", color=colour, ms=4.2)
-        margins.append(0.5 * (high - low))
-        centres.append(max(abs(low), abs(high)))
+        mean_text, _, low_text, high_text = pair.difference.text(measure.factor)
+        texts.append(f"{mean_text} [{low_text}, {high_text}]")
     axes.axvline(0.0, color=DARK, lw=0.8)
-    smallest = min((m for m in margins if m > 0.0), default=0.0)
-    if smallest and max(centres) > 50.0 * smallest:
-        axes.set_xscale("symlog", linthresh=2.0 * smallest)
     axes.set_yticks(range(len(pairs)), [f"{p.first} − {p.second}" for p in pairs])
+    numbers.set_yticks(range(len(pairs)), texts, fontsize=6.5)
+    numbers.spines["right"].set_visible(False)
     axes.set_ylim(len(pairs) - 0.4, -0.6)
-    axes.tick_params(axis="y", length=0.0)
+    for each in (axes, numbers):
+        each.tick_params(axis="y", length=0.0)
     axes.grid(visible=False, axis="y")
     axes.set_xlabel(f"difference of {measure.axis_label}")
     axes.set_title(answer.evidence.task.label)
