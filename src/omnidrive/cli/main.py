@@ -26,6 +26,7 @@ VERBS = {
     "plan": "Search, smooth and time a path, and report its use of the robot's limits.",
     "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
     "robot": "Show, import and identify robots.",
+    "ros2": "Drive or simulate a robot in a ROS 2 graph, and examine the graph.",
     "list": "List controllers, plants, robots, maps, estimators, references and their parameters.",
     "new": "Write a commented, runnable file with a controller, plant or robot of your own.",
     "warmup": "Compile all numerical kernels in advance.",

@@ -1,9 +1,11 @@
 from .cdr import decode, encode
 from .dds import LATCHED_QOS, SENSOR_QOS, Qos
+from .doctor import Examination, Finding, diagnose, examine
 from .graph import Endpoint, Graph, Participant
 from .interface import Distribution, definition_text, interface, interfaces
 from .message import Message, message_type
 from .node import Node, Publisher, Received, Subscription
+from .simulated_robot import SimulatedRobot, SimulatedRobotSettings
 from .type_hash import type_hash
 
 __all__ = [
@@ -11,6 +13,8 @@ __all__ = [
     "SENSOR_QOS",
     "Distribution",
     "Endpoint",
+    "Examination",
+    "Finding",
     "Graph",
     "Message",
     "Node",
@@ -18,10 +22,14 @@ __all__ = [
     "Publisher",
     "Qos",
     "Received",
+    "SimulatedRobot",
+    "SimulatedRobotSettings",
     "Subscription",
     "decode",
     "definition_text",
+    "diagnose",
     "encode",
+    "examine",
     "interface",
     "interfaces",
     "message_type",

@@ -84,14 +84,14 @@ class Graph(NamedTuple):
 
     def pairs(self) -> Iterator[tuple[Endpoint, Endpoint]]:
         """Yield every publisher with every subscription of the same topic."""
+        subscriptions: dict[tuple[str, str], list[Endpoint]] = {}
+        for each in self.endpoints:
+            if not each.publishes:
+                subscriptions.setdefault((each.topic, each.prefix), []).append(each)
         for publisher in self.endpoints:
-            for other in self.endpoints:
-                if (
-                    publisher.publishes
-                    and not other.publishes
-                    and (publisher.topic, publisher.prefix) == (other.topic, other.prefix)
-                ):
-                    yield publisher, other
+            if publisher.publishes:
+                for each in subscriptions.get((publisher.topic, publisher.prefix), ()):
+                    yield publisher, each
 
 
 def describe(endpoint: Endpoint) -> str:
