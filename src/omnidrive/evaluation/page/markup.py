@@ -12,9 +12,9 @@ from omnidrive.evaluation.verdict import Verdict, headline, verdicts
 from omnidrive.robot import Robot
 
 
-def tables_markup(tables: Sequence[Table]) -> str:
-    """Return the HTML of all tables, one section each."""
-    return "\n".join(_table(k, table) for k, table in enumerate(tables))
+def tables_markup(tables: Sequence[Table], *, first: int = 0) -> str:
+    """Return the HTML of all tables, one section each; ``first`` is the number in the first id."""
+    return "\n".join(_table(k, table) for k, table in enumerate(tables, first))
 
 
 def verdict_markup(results: StudyResults) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from html import escape
 from importlib.resources import files
@@ -46,9 +46,9 @@ def write_page(results: StudyResults, tables: Sequence[Table], path: StrPath) ->
 
 def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
     """Return the HTML of the report; its content security policy permits only its own scripts."""
-    styles, early, late = (_read(names) for names in (_STYLES, _EARLY, _SCRIPTS))
+    styles, early, late = (read_parts(names) for names in (_STYLES, _EARLY, _SCRIPTS))
     parts = {
-        "policy": _policy(early + late, styles),
+        "policy": content_policy(early + late, styles),
         "title": escape(results.title),
         "facts": facts_markup(results),
         "verdict": verdict_markup(results),
@@ -57,18 +57,26 @@ def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
         "styles": "".join(f"<style>{text}</style>\n" for text in styles),
         "early": "".join(f"<script>{text}</script>\n" for text in early),
         "scripts": "".join(f"<script>{text}</script>\n" for text in late),
-        "licence": escape(_read(("vendor/uPlot.LICENSE",))[0]),
+        "licence": escape(read_parts(("vendor/uPlot.LICENSE",))[0]),
     }
-    # one pass, so that placeholders inside the parts are not replaced
-    return re.sub(r"\{\{(\w+)\}\}", lambda hit: parts[hit[1]], _read(("page.html",))[0])
+    return fill_template("page.html", parts)
 
 
-def _read(names: Sequence[str]) -> list[str]:
+def fill_template(name: str, parts: Mapping[str, str]) -> str:
+    """Return a template of this package with its placeholders ``{{NAME}}`` replaced.
+
+    It is one pass, so that placeholders inside the parts are not replaced.
+    """
+    return re.sub(r"\{\{(\w+)\}\}", lambda hit: parts[hit[1]], read_parts((name,))[0])
+
+
+def read_parts(names: Sequence[str]) -> list[str]:
+    """Return the texts of files of this package."""
     folder = files("omnidrive.evaluation.page")
     return [folder.joinpath(name).read_text(encoding="utf-8") for name in names]
 
 
-def _policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
+def content_policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
     """Return the content security policy: scripts and styles by hash, no connections."""
     return (
         f"default-src 'none'; script-src {_hashes(scripts)}; style-src {_hashes(styles)}; "

@@ -1,0 +1,173 @@
+"""HTML report of the evidence of a study: one self-contained file."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import NamedTuple
+
+from omnidrive.evaluation.evidence import StudyEvidence
+from omnidrive.evaluation.page.markup import tables_markup
+from omnidrive.evaluation.page.writer import content_policy, fill_template, read_parts
+from omnidrive.evaluation.palette import ControllerStyle
+from omnidrive.evaluation.study_answer import TaskAnswer, value_text
+from omnidrive.evaluation.study_facts import StudyFacts
+from omnidrive.evaluation.table import NO_VALUE, Table
+
+_STYLES = ("page.css", "evidence.css")
+_EARLY = ("theme.js",)
+_SCRIPTS = ("evidence.js",)
+_SHOWN_SENTENCES = 3  # of a card; the others are in a fold
+
+_BOOTSTRAP = (
+    "<p><strong>Brackets</strong> are 95 % confidence intervals of a mean over the repetitions: "
+    "studentised bootstrap from 10 to 2,000 repetitions, otherwise Student's t. Runs of one "
+    "repetition at different values of the axes are averaged first, because they share their "
+    "random numbers.</p>"
+)
+_ALWAYS_VALID = (
+    "<p><strong>Brackets</strong> are always valid 95 % confidence intervals of a mean over the "
+    "repetitions: the study added repetitions until they were narrow enough ({}), and they hold at "
+    "every number of repetitions (Gaussian mixture of the t-statistic). They are wider than "
+    "intervals of a fixed number.</p>"
+)
+
+
+class PageFigure(NamedTuple):
+    """A figure of the report."""
+
+    title: str
+    caption: str
+    svg: bytes
+    """Content of an SVG file."""
+
+
+class EvidencePage(NamedTuple):
+    """Content of the report of a study."""
+
+    facts: StudyFacts
+    study: StudyEvidence
+    answers: Sequence[TaskAnswer]
+    tables: Sequence[Table]
+    claims: Sequence[Table]
+    """Tables with the claims of the paper; may be empty."""
+    figures: Sequence[PageFigure]
+    styles: Mapping[str, ControllerStyle]
+
+    def text(self) -> str:
+        """Return the HTML; its content security policy permits only its own scripts."""
+        styles, early, late = (read_parts(names) for names in (_STYLES, _EARLY, _SCRIPTS))
+        styles = [*styles, _swatch_style(self.styles)]
+        facts = self.facts
+        title = facts.name
+        parts = {
+            "policy": content_policy(early + late, styles),
+            "title": escape(title),
+            "question": f'<p class="question">{escape(facts.question)}</p>'
+            if facts.question else "",
+            "facts": _items(self._figures_of_the_study()),
+            "partial": self._partial(),
+            "answer": self._answer(),
+            "claims": self._claims(),
+            "setup": _items(facts.setup),
+            "figures": "\n".join(map(_figure, self.figures)),
+            "tables": tables_markup(self.tables),
+            "intervals": _ALWAYS_VALID.format(escape(facts.until)) if facts.until else _BOOTSTRAP,
+            "command": escape(facts.command),
+            "hashes": _items({**facts.hashes, **facts.versions}),
+            "definition": escape(facts.definition),
+            "styles": "".join(f"<style>{text}</style>\n" for text in styles),
+            "early": "".join(f"<script>{text}</script>\n" for text in early),
+            "scripts": "".join(f"<script>{text}</script>\n" for text in late),
+        }  # fmt: skip
+        return fill_template("evidence.html", parts)
+
+    def _figures_of_the_study(self) -> dict[str, str]:
+        """Return the numbers of runs, repetitions, controllers and axes."""
+        runs = self.study.runs
+        lost = int((~runs.finished).sum())
+        return {
+            "Runs": f"{len(runs):,}" + (f", {lost:,} ended early" if lost else ""),
+            "Repetitions": f"{runs.repetitions:,}",
+            "Controllers": str(len(runs.controllers)),
+            "Axes": ", ".join(runs.axes) or "none",
+            **({"Random": ", ".join(runs.random_factors)} if runs.random_factors else {}),
+        }
+
+    def _partial(self) -> str:
+        """Return a warning if runs are missing; they may change the answer."""
+        missing = self.facts.planned - len(self.study.runs) - self.study.runs.refused
+        if missing <= 0:
+            return ""
+        return (
+            f'<p class="card warning">{missing:,} of {self.facts.planned:,} planned runs are not '
+            "finished: this is a part of the study. Go on with <code>omnidrive study resume</code>."
+            "</p>"
+        )
+
+    def _answer(self) -> str:
+        lead = " ".join(answer.lead for answer in self.answers)
+        cards = "\n".join(map(_card, self.answers))
+        return f'<p class="lead">{escape(lead)}</p>\n<ul class="cards wide">\n{cards}\n</ul>'
+
+    def _claims(self) -> str:
+        if not self.claims:
+            return ""
+        lead = " ".join(table.lead for table in self.claims if table.lead)
+        return (
+            '<section aria-labelledby="claims-title"><h2 id="claims-title">Claims of the paper</h2>'
+            f'<p class="lead">{escape(lead)}</p><div class="tables">'
+            f"{tables_markup(self.claims, first=1000)}</div></section>"
+        )
+
+
+def _card(answer: TaskAnswer) -> str:
+    """Return the list item of one task: the best controllers and their comparisons."""
+    evidence = answer.evidence
+    best = "".join(
+        f'<strong><i class="swatch" data-controller="{escape(name)}"></i>{escape(name)}</strong>'
+        for name in evidence.best
+    )
+    value = value_text(evidence.ranking[0]) if evidence.ranking else NO_VALUE
+    sentences = [f"<li>{escape(sentence)}</li>" for sentence in answer.sentences]
+    shown, rest = sentences[:_SHOWN_SENTENCES], sentences[_SHOWN_SENTENCES:]
+    more = (
+        f'<details><summary>{len(rest)} more</summary><ul class="sentences">{"".join(rest)}</ul>'
+        "</details>"
+        if rest
+        else ""
+    )
+    return (
+        f'<li class="card"><b class="task">{escape(evidence.task.label)}</b>{best}'
+        f"<span>{escape(evidence.measure.label)} {escape(value)}</span>"
+        f'<ul class="sentences">{"".join(shown)}</ul>{more}</li>'
+    )
+
+
+def _figure(figure: PageFigure) -> str:
+    data = b64encode(figure.svg).decode()
+    return (
+        f'<figure class="card"><h3>{escape(figure.title)}</h3>'
+        f'<img alt="{escape(figure.title)}. {escape(figure.caption)}" '
+        f'src="data:image/svg+xml;base64,{data}">'
+        f"<figcaption>{escape(figure.caption)}</figcaption></figure>"
+    )
+
+
+def _items(facts: Mapping[str, str]) -> str:
+    """Return facts as the items of a description list."""
+    return "\n".join(
+        f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()
+    )
+
+
+def _swatch_style(styles: Mapping[str, ControllerStyle]) -> str:
+    """Return the style sheet of the colours of the controllers, one rule per theme."""
+    rules = []
+    for name, style in styles.items():
+        quoted = "".join(c if c.isalnum() else f"\\{ord(c):x} " for c in name)
+        rule = f'.swatch[data-controller="{quoted}"]'
+        rules.append(f"{rule} {{ background: {style.colour.light}; }}")
+        rules.append(f':root[data-theme="dark"] {rule} {{ background: {style.colour.dark}; }}')
+    return "\n".join(rules)

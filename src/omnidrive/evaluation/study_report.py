@@ -1,0 +1,68 @@
+"""Report of a study: HTML page, tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from omnidrive.evaluation.evidence import StudyEvidence
+from omnidrive.evaluation.evidence_tables import evidence_tables
+from omnidrive.evaluation.figures.study_catalogue import study_figures
+from omnidrive.evaluation.figures.style import save
+from omnidrive.evaluation.page.evidence import EvidencePage, PageFigure
+from omnidrive.evaluation.published_claims import check_claims, claims_table, published_table
+from omnidrive.evaluation.study_answer import study_answers
+from omnidrive.evaluation.study_facts import StudyFacts
+from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.table_files import write_tables
+from omnidrive.files.output_file import create_folder, output_file
+from omnidrive.files.str_path import StrPath, to_path
+
+
+def write_study_report(
+    study: StudyEvidence, facts: StudyFacts, folder: StrPath, metric: str | None = None
+) -> Iterator[Path]:
+    """Write ``figures/*.svg``, ``tables/*`` and ``report.html``, which contains all of them.
+
+    Equal runs and computing times give identical files.
+
+    Args:
+        study: The evidence.
+        facts: What the study is, and how to repeat it.
+        folder: Output folder; created if it does not exist. Files of these names are replaced.
+        metric: Compared quantity; None: that of :func:`main_metric` in each task.
+
+    Yields:
+        Path of each file after it is written.
+
+    Raises:
+        InvalidInput: The runs have no such metric.
+        CannotWrite: A file cannot be written.
+    """
+    folder = to_path(folder)
+    answers = study_answers(study, metric)
+    styles = facts.styles(study.runs.controllers)
+    tables, claims = study_tables_of(study, facts, metric)
+    create_folder(folder / "figures")
+    figures = []
+    for each in study_figures(study, answers, styles):
+        path = folder / "figures" / f"{each.name}.svg"
+        save(each.figure, path)
+        figures.append(PageFigure(each.title, each.caption, path.read_bytes()))
+        yield path
+    yield from write_tables([*claims, *tables], folder / "tables")
+    page = EvidencePage(facts, study, answers, tables, claims, figures, styles)
+    path = folder / "report.html"
+    with output_file(path) as part:
+        part.write_text(page.text(), encoding="utf-8", errors="backslashreplace")
+    yield path
+
+
+def study_tables_of(
+    study: StudyEvidence, facts: StudyFacts, metric: str | None = None
+) -> tuple[list[Table], list[Table]]:
+    """Return the tables of a study, and those of the paper's claims; the latter may be empty."""
+    claims = []
+    if facts.published:
+        claims = [claims_table(check_claims(study)), published_table(study)]
+    return evidence_tables(study, metric), [table for table in claims if table.rows]
