@@ -16,7 +16,7 @@ from omnidrive.study.output_paths import WAYPOINT_FORMATS
 _FORM = "[LABEL=]NAME[,KEY=VALUE...]"
 _HELP = (
     "with values of its parameters: its label in the scenario, its name (`omnidrive list "
-    "controllers`), or your own as FILE.py:NAME."
+    "controllers`), a file of `omnidrive tune` (.yaml), or your own as FILE.py:NAME."
 )
 _NAMES = component("controllers")
 ControllerOption = Annotated[str, option(_FORM, f"Controller, {_HELP}", RUN_PANEL, complete=_NAMES)]
@@ -32,11 +32,17 @@ def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Sc
     Args:
         scenario: The scenario.
         texts: Each ``[LABEL=]TYPE[,KEY=VALUE...]``. The type is a label of the scenario, whose
-            parameters apply unless another value is given, or the name of a component.
+            parameters apply unless another value is given, the name of a component, or a controller
+            file.
 
     Raises:
         InvalidInput: A controller does not exist, a value is invalid, or two labels are alike.
     """
+    from omnidrive.study.controller_file import (
+        is_controller_file,
+        label_of_file,
+        load_controller,
+    )
     from omnidrive.study.former import OLD_CONTROLLERS
     from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
@@ -44,12 +50,18 @@ def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Sc
     own = scenario_data(scenario)["controllers"]
     for text in texts:
         given = _current(components.parse_specification(text), OLD_CONTROLLERS)
+        if is_controller_file(given.type):
+            found = load_controller(given.type)
+            label = label_of_file(given.type) if given.label == given.type else given.label
+            given = components.Specification(label, given.type, given.values)
+        else:
+            found = {"type": given.type}
         if given.label.lower() in map(str.lower, controllers):
             raise InvalidInput(
                 f"two controllers are labelled '{given.label}'; name one of them, such as "
                 f"other={given.type}"
             )
-        base = own.get(given.type, {"type": given.type})
+        base = own.get(given.type, found)
         controllers[given.label] = _merged(base, given.values)
     data = scenario_data(scenario) | {"controllers": controllers}
     return parse_scenario(data, "with these options")

@@ -132,7 +132,7 @@ def execute_blocks(
     if in_process:
         yield from _in_this_process(source, work)
         return
-    with WorkerPool(processes, partial(_start, work.compute), time_limit=time_limit) as pool:
+    with WorkerPool(processes, partial(start_worker, work.compute), time_limit=time_limit) as pool:
         yield from execute_on(pool, source, work)
 
 
@@ -266,7 +266,7 @@ _compute: list[Callable[[Any], list[Any]]] = []  # one item in a worker process
 _records: SimpleQueue[logging.LogRecord] = SimpleQueue()  # of the present block
 
 
-def _start(compute: Callable[[Any], list[Any]]) -> None:
+def start_worker(compute: Callable[[Any], list[Any]]) -> None:
     """Initialise a worker process.
 
     Workers write nothing to the terminal, which would break the progress display: what they log is

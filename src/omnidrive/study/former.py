@@ -7,6 +7,11 @@ import warnings
 from typing import Any
 
 from omnidrive.errors import short_repr
+from omnidrive.study.controller_file import (
+    is_controller_file,
+    label_of_file,
+    load_controller,
+)
 from omnidrive.study.section import Renamed, current_name
 
 OLD_CONTROLLERS = {"nmpc": "unicycle-nmpc", "recommended": "holonomic-nmpc"}
@@ -27,16 +32,17 @@ _SCENE = "coppeliasim"  # former section of the plant of this name
 
 
 def by_label(value: Any) -> Any:
-    """Return controllers by label; a list of names becomes a mapping.
+    """Return controllers by label; a list of names becomes a mapping, and files are read.
 
     Raises:
-        ValueError: Two labels are alike, also if they differ in case only.
+        ValueError: Two labels are alike, also if they differ in case only, or a file is invalid.
     """
     if isinstance(value, list | tuple):
         if not all(isinstance(item, str) for item in value):
             raise ValueError("must be names, or a mapping of labels to controllers")
         names = [current_name(item, OLD_CONTROLLERS) for item in value]
-        named = list(zip(names, names, strict=True))
+        labels = [label_of_file(each) if is_controller_file(each) else each for each in names]
+        named = list(zip(labels, map(_current, names), strict=True))
     elif isinstance(value, dict):
         named = [(label, _current(each)) for label, each in value.items()]
     else:
@@ -55,7 +61,9 @@ def by_label(value: Any) -> Any:
 
 
 def _current(controller: Any) -> Any:
-    """Return a controller with the present name of its type."""
+    """Return a controller with the present name of its type; that of a file is read."""
+    if is_controller_file(controller):
+        controller = load_controller(controller)
     if isinstance(controller, dict) and "type" in controller:
         return controller | {"type": current_name(controller["type"], OLD_CONTROLLERS)}
     return current_name(controller, OLD_CONTROLLERS)

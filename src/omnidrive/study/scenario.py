@@ -106,8 +106,9 @@ class Scenario(Section):
         Field(min_length=1, max_length=MAX_CONTROLLERS),
         BeforeValidator(by_label),
     ]
-    """Controllers to compare, by label: a name, or `type` and parameters. A list of names stands
-    for controllers that are labelled by their names."""
+    """Controllers to compare, by label: a name, `type` and parameters, or a file (.yaml) with them,
+    such as `omnidrive tune` writes. A list of names or files stands for controllers that are
+    labelled by their names. In a scenario file, the path of a file is relative to that file."""
     preset: PresetName = "paper"
     """Parameters of the controllers of the paper: from its text, from its published code, or
     recommended values. They apply to `pid` and the fuzzy PIDs. `unicycle-nmpc` has the weights of

@@ -20,6 +20,7 @@ from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot import is_robot_file
 from omnidrive.robot.robot_file import FORMAT as ROBOT_FORMAT
 from omnidrive.simulation.disturbances import FAULTS
+from omnidrive.study.controller_file import files_moved
 from omnidrive.study.scenario import Scenario
 
 _KEY = re.compile(r"(?!function-)[\w.+-]+")
@@ -52,6 +53,9 @@ def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
         raise InvalidScenario(f"{name} is not a scenario: it contains no keys")
     if data.get("format") == ROBOT_FORMAT:
         raise InvalidScenario(f"{name} is a robot file; use --robot {name}")
+    if "controllers" in data:
+        moved = files_moved(data["controllers"], lambda each: str(path.parent / each))
+        data = {**data, "controllers": moved}
     scenario = parse_scenario(data, name, allow_code=allow_code)
     changes: dict[str, object] = {}
     for key, robot in (("robot", scenario.robot), ("plant_robot", scenario.plant_robot)):

@@ -11,6 +11,7 @@ from omnidrive.errors import InvalidStudy, one_line, suggestion
 from omnidrive.maps import is_named_map
 from omnidrive.planning import Waypoint
 from omnidrive.robot import is_robot_file
+from omnidrive.study.controller_file import files_moved, is_controller_file
 
 Keys = tuple[str | int, ...]
 """Keys of nested dictionaries and indices of lists, from the outermost on."""
@@ -129,6 +130,8 @@ def relocated(value: Any, keys: Keys, move: Callable[[str], str]) -> Any:
         if name not in value or is_other:
             return value
         return {**value, name: relocated(value[name], (*keys, name), move)}
+    if keys == ("controllers",):
+        return files_moved(value, move)
     if isinstance(value, str) and value and _names_file(keys, value):
         return move(value)
     return value
@@ -139,6 +142,8 @@ def _names_file(keys: Keys, value: str) -> bool:
         return value != "none" and not is_named_map(value)
     if keys in {("robot", "name"), ("plant_robot", "name")}:
         return is_robot_file(value)
+    if len(keys) == 2 and keys[0] == "controllers":
+        return is_controller_file(value)
     return keys == ("reference", "file")
 
 

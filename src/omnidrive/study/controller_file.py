@@ -1,0 +1,87 @@
+"""Files with the parameters of one controller, such as those that tuning writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from omnidrive.components import Configured
+from omnidrive.errors import InvalidScenario, one_line, short_repr
+from omnidrive.files.output_file import output_file
+from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.files.yaml_file import read_yaml
+
+FORMAT = "omnidrive-controller-1"
+"""Name and version of the file format."""
+
+
+def is_controller_file(value: Any) -> bool:
+    """Return whether the value of a controller in a scenario names a file."""
+    return isinstance(value, str) and value.lower().endswith((".yaml", ".yml"))
+
+
+def load_controller(path: StrPath) -> dict[str, Any]:
+    """Read the file of a controller: its ``type`` and parameters, which the scenario checks.
+
+    Raises:
+        InvalidScenario: The file is missing or malformed, or of another format.
+    """
+    path = to_path(path)
+    data, name = read_yaml(path, "controller", InvalidScenario), one_line(str(path))
+    found = data.get("format") if isinstance(data, dict) else None
+    if found != FORMAT:
+        got = "no format" if found is None else f"format: {short_repr(found)}"
+        raise InvalidScenario(f"{name} is no controller file: it has {got}, need format: {FORMAT}")
+    values = {key: value for key, value in data.items() if key != "format"}
+    if not isinstance(values.get("type"), str):
+        raise InvalidScenario(f"{name} needs 'type', the name of a controller")
+    return values
+
+
+def save_controller(controller: Configured, path: StrPath, comments: Sequence[str] = ()) -> None:
+    """Write the file of a controller.
+
+    Args:
+        controller: The controller.
+        path: The file.
+        comments: Lines of comments at its beginning.
+
+    Raises:
+        CannotWrite: The file cannot be written.
+    """
+    head = "".join(f"# {one_line(line, 200)}\n" for line in comments)
+    data = {"format": FORMAT, **controller.plain()}
+    text = head + yaml.dump(data, Dumper=_Dumper, sort_keys=False, width=100)
+    with output_file(to_path(path)) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def files_moved(controllers: Any, move: Callable[[str], str]) -> Any:
+    """Return the value of the scenario key ``controllers`` with other names of its files."""
+
+    def moved(value: Any) -> Any:
+        return move(value) if is_controller_file(value) else value
+
+    if isinstance(controllers, dict):
+        return {label: moved(each) for label, each in controllers.items()}
+    return list(map(moved, controllers)) if isinstance(controllers, list) else controllers
+
+
+def label_of_file(name: str) -> str:
+    """Return the label of a controller that is given by its file only: the name of the file."""
+    return Path(name).stem
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes lists of numbers on one line."""
+
+
+def _list(dumper: yaml.SafeDumper, data: list[Any]) -> yaml.Node:
+    flat = not any(isinstance(each, list | dict) for each in data)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=flat)
+
+
+_Dumper.add_representer(list, _list)
