@@ -127,6 +127,21 @@ def test_damaged_messages_do_not_arrive():
         assert len(received.take()) == 1
 
 
+def test_a_publisher_that_leaves_leaves_no_message():
+    options = {"domain": new_domain(), "peers": ["localhost"], "distribution": "jazzy"}
+    name = "nav_msgs/msg/Path"
+    with Node("tracker", **options) as node:
+        paths = node.subscription("/plan", name)
+        with Node("planner", **options) as planner:
+            publisher = planner.publisher("/plan", name)
+            assert node.wait_for(lambda: paths.matched, 5.0)
+            publisher.publish(publisher.message())
+            assert node.wait(5.0)
+            assert len(paths.take()) == 1
+        assert node.wait_for(lambda: not paths.matched, 5.0)
+        assert paths.take() == []
+
+
 def test_qos_tells_which_pairs_do_not_match():
     assert Qos().fault(Qos()) is None
     assert SENSOR_QOS.fault(Qos()) is None

@@ -136,6 +136,7 @@ def dds_type(name: str, distribution: Distribution = LATEST, *, request: bool = 
     made.__init__ = begin
     made.serialize = lambda self, **_: self.data
     made.deserialize = classmethod(lambda cls, data, **_: cls(data))
+    made.deserialize_key = made.deserialize  # of a publisher that leaves
     return made
 
 

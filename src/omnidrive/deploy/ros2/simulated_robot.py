@@ -206,7 +206,7 @@ class SimulatedRobot:
             chart = made["map"].message()
             chart.header.frame_id, chart.header.stamp = "map", self._stamp()
             made["map"].publish(map_message(self._grid, chart))
-            laser = self._transform("base_link", "laser", Pose(0.0, 0.0, 0.0))
+            laser = self._transform(self._stamp(), "base_link", "laser", Pose(0.0, 0.0, 0.0))
             laser.transform.translation.z = self.settings.scan.height
             made["/tf_static"].publish(made["/tf_static"].message(transforms=[laser]))
 
@@ -224,8 +224,8 @@ class SimulatedRobot:
         made["odom"].publish(odometry)
         offset = compose(self._state.pose, inverse(self._odometry))
         transforms = [
-            self._transform("odom", "base_link", self._odometry),
-            self._transform("map", "odom", offset),
+            self._transform(now, "odom", "base_link", self._odometry),
+            self._transform(now, "map", "odom", offset),
         ]
         made["/tf"].publish(made["/tf"].message(transforms=transforms))
         joints = made["joint_states"].message()
@@ -260,9 +260,9 @@ class SimulatedRobot:
     def _stamp(self) -> Message:
         return stamp(self.now, self.node.distribution)
 
-    def _transform(self, parent: str, child: str, pose: Pose) -> Message:
+    def _transform(self, now: Message, parent: str, child: str, pose: Pose) -> Message:
         made = message_type("geometry_msgs/msg/TransformStamped", self.node.distribution)()
-        made.header.stamp, made.header.frame_id = self._stamp(), parent
+        made.header.stamp, made.header.frame_id = now, parent
         made.child_frame_id = child
         set_transform(made.transform, pose._replace(yaw=wrap(pose.yaw)))
         return made

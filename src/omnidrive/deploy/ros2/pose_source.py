@@ -1,0 +1,289 @@
+"""The robot's pose in the graph of ROS 2: transforms, odometry and localisation, by frame names."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from math import hypot, inf, isfinite, nan, sqrt
+from typing import Any, NamedTuple
+
+from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
+from omnidrive.deploy.ros2.node import Node, Subscription
+from omnidrive.deploy.ros2.planar_messages import compose, inverse, pose_of, transform_of
+from omnidrive.deploy.ros2.ros_time import seconds
+from omnidrive.errors import one_line
+from omnidrive.estimation import PoseFix
+from omnidrive.geometry import Pose, wrap
+from omnidrive.robot import Robot
+
+_log = logging.getLogger("omnidrive")
+MAX_AGE = 0.5
+"""Age of a pose from which it is refused, s, as ``cmd_vel_timeout`` of ros2_controllers."""
+MAX_AHEAD = 0.1
+"""Time by which a stamp may be in the future, s."""
+JUMP_PAUSE = 1.0
+"""Time without poses after odometry jumped, s: longer than the age at which a drive is held."""
+_JUMP_SHARE, _JUMP_DISTANCE, _JUMP_ANGLE = 1.5, 0.1, 0.2  # of the top speeds; m; rad
+_MOST_FRAMES = 1000
+_LARGEST = 1e6  # m
+_HISTORY = 1000  # odometry poses, to compare with a localisation that comes later
+_TF_PRECEDENCE = 2.0  # s
+
+
+class Frames(NamedTuple):
+    """Names of the frames of a robot (REP 105)."""
+
+    world: str = "map"
+    """Frame W, in which references and plans are given."""
+    odom: str = "odom"
+    """Frame of odometry, in which the pose is continuous."""
+    base: str = "base_link"
+    """Frame B of the robot."""
+
+
+class Transform(NamedTuple):
+    """Pose of a frame in its parent."""
+
+    parent: str
+    pose: Pose
+    stamp: float
+    """Time in ROS, s; infinite: constant."""
+
+
+class TransformTree:
+    """Transforms by the name of the child, bounded in number."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, Transform] = {}
+
+    def set(self, child: str, transform: Transform) -> None:
+        """Set the parent of a frame, unless there are too many frames."""
+        if child in self._parents or len(self._parents) < _MOST_FRAMES:
+            self._parents[child] = transform
+
+    def get(self, child: str) -> Transform | None:
+        """Return the transform of a frame to its parent; None: it is not known."""
+        return self._parents.get(child)
+
+    def pose(self, frame: str, within: str) -> Pose | None:
+        """Return the pose of a frame in one of its ancestors; None: it is not below it."""
+        pose = Pose(0.0, 0.0, 0.0)
+        for _ in range(_MOST_FRAMES):
+            if frame == within:
+                return pose
+            found = self._parents.get(frame)
+            if found is None:
+                return None
+            pose, frame = compose(found.pose, pose), found.parent
+        return None
+
+    def names(self) -> list[str]:
+        """Return the names of all frames, in one line each, sorted."""
+        parents = {each.parent for each in self._parents.values()}
+        return sorted(one_line(each, 60) for each in parents | self._parents.keys())
+
+    def chain(self, frame: str) -> list[str]:
+        """Return the names from a frame up to its last known ancestor."""
+        names = [frame]
+        while (found := self._parents.get(names[-1])) is not None and found.parent not in names:
+            names.append(found.parent)
+        return names
+
+
+@dataclass
+class PoseSource:
+    """Poses of the robot in the world frame, from ``/tf``, odometry and localisation.
+
+    The pose is the chain of transforms from the world frame to that of the robot. ``/odom`` is
+    the transform of its frame to its child; ``/amcl_pose`` gives that from the world to the
+    odometry frame if ``/tf`` does not.
+
+    Poses are refused, with a warning, if they are not finite, too old, from the future, earlier
+    than the last one, or in frames that are not connected, and for :data:`JUMP_PAUSE` after
+    odometry jumped farther than the robot can drive.
+
+    Attributes:
+        node: The node.
+        robot: The robot, whose top speeds tell a motion from a jump.
+        frames: Names of the frames.
+        now: Function that returns the time of ROS, s; None: not known yet.
+        odometry_topic: Topic of odometry.
+        localisation_topic: Topic of a localisation.
+        refused: Number of refused poses by reason.
+    """
+
+    node: Node
+    robot: Robot
+    frames: Frames
+    now: Callable[[], float | None]
+    odometry_topic: str = "/odom"
+    localisation_topic: str = "/amcl_pose"
+    refused: dict[str, int] = field(default_factory=dict)
+    tree: TransformTree = field(default_factory=TransformTree)
+    _last: float = -inf
+    """Stamp of the last pose, s."""
+    _odometry: deque[tuple[float, Pose]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
+    _paused_until: float = -inf
+    """Monotonic time until which poses are refused after a jump, s."""
+    _world_by_tf: float = -inf
+    """Monotonic time at which ``/tf`` last gave the world frame, s."""
+    _sigmas: tuple[float, float] = (nan, nan)
+    _warned: str = ""
+    _heard: bool = False
+    _subscriptions: list[tuple[Subscription, Callable[[Any], None]]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        tf = "tf2_msgs/msg/TFMessage"
+        odometry = "nav_msgs/msg/Odometry"
+        localisation = "geometry_msgs/msg/PoseWithCovarianceStamped"
+        static_qos = LATCHED_QOS._replace(depth=100)
+        subscribe = self.node.subscription
+        self._subscriptions = [
+            (subscribe("/tf_static", tf, static_qos), self._take_static),
+            (subscribe("/tf", tf, SENSOR_QOS._replace(depth=100)), self._take_transforms),
+            (subscribe(self.odometry_topic, odometry, SENSOR_QOS), self._take_odometry),
+            (
+                subscribe(self.localisation_topic, localisation, LATCHED_QOS),
+                self._take_localisation,
+            ),
+        ]
+
+    def read(self) -> PoseFix | None:
+        """Return the newest pose in the world frame, stamped in the time of ROS; None: none new."""
+        for subscription, take in self._subscriptions:
+            for received in subscription.take(1000):
+                self._heard = True
+                take(received.message)
+        moving = self._newest_stamp()
+        if moving is None and self._heard:
+            known = ", ".join(self.tree.names()[:10])
+            self._refuse(f"frame {self.frames.base} is not known; there are {known}")
+        if moving is None or moving <= self._last:
+            return None
+        pose = self.tree.pose(self.frames.base, self.frames.world)
+        if pose is None:
+            chain = " in ".join(self.tree.chain(self.frames.base))
+            self._refuse(f"frame {self.frames.world} is not connected: known is {chain}")
+            return None
+        if not self._is_recent(moving):
+            return None
+        self._last = moving
+        if time.monotonic() < self._paused_until:
+            return None
+        if self._warned:
+            _log.warning("poses of the robot are usable again")
+            self._warned = ""
+        return PoseFix(moving, pose, *self._sigmas)
+
+    def _newest_stamp(self) -> float | None:
+        """Return the stamp of the robot's transform in the odometry or world frame, s."""
+        for name in self.tree.chain(self.frames.base)[:-1]:
+            found = self.tree.get(name)
+            if found is not None and found.stamp != inf:
+                return found.stamp
+        return None
+
+    def _is_recent(self, stamp: float) -> bool:
+        now = self.now()
+        if now is None:
+            return False
+        age = now - stamp
+        if age > MAX_AGE:
+            self._refuse(f"poses are {age:.3g} s old; are the computers' clocks synchronised?")
+        elif age < -MAX_AHEAD:
+            self._refuse(f"poses are {-age:.3g} s in the future; use_sim_time must be alike")
+        else:
+            return True
+        return False
+
+    def _take_static(self, message: Any) -> None:
+        for each in message.transforms[:_MOST_FRAMES]:
+            self._set(each.child_frame_id, each.header.frame_id, transform_of(each.transform), inf)
+
+    def _take_transforms(self, message: Any) -> None:
+        for each in message.transforms[:_MOST_FRAMES]:
+            child, parent = _name(each.child_frame_id), _name(each.header.frame_id)
+            stamp, pose = seconds(each.header.stamp), transform_of(each.transform)
+            if child == self.frames.odom and parent == self.frames.world:
+                self._world_by_tf, self._sigmas = time.monotonic(), (nan, nan)
+            if child == self.frames.base:
+                self._move(parent, pose, stamp)
+            else:
+                self._set(child, parent, pose, stamp)
+
+    def _take_odometry(self, message: Any) -> None:
+        child, parent = _name(message.child_frame_id), _name(message.header.frame_id)
+        stamp, pose = seconds(message.header.stamp), pose_of(message.pose.pose)
+        if child == self.frames.base:
+            self._move(parent, pose, stamp)
+        else:
+            self._set(child, parent, pose, stamp)
+
+    def _take_localisation(self, message: Any) -> None:
+        """Correct the odometry frame by a pose in the world frame and the odometry of its time."""
+        parent, pose = _name(message.header.frame_id), pose_of(message.pose.pose)
+        covariance = message.pose.covariance
+        position, yaw = max(covariance[0], covariance[7]), covariance[35]
+        if parent != self.frames.world:
+            self._refuse(f"{self.localisation_topic} is in {one_line(parent, 60)}")
+        elif not _is_usable(pose):
+            self._refuse(f"{self.localisation_topic} is not finite")
+        elif self._odometry and time.monotonic() - self._world_by_tf > _TF_PRECEDENCE:
+            stamp = seconds(message.header.stamp)
+            then = min(self._odometry, key=lambda each: abs(each[0] - stamp))
+            self._set(self.frames.odom, parent, compose(pose, inverse(then[1])), inf)
+            self._sigmas = (
+                (sqrt(position), sqrt(yaw))
+                if 0.0 < position < 1e6 and 0.0 < yaw < 1e6
+                else (nan, nan)
+            )
+
+    def _move(self, parent: str, pose: Pose, stamp: float) -> None:
+        """Take a pose of the robot in its parent frame; it must move no faster than it can."""
+        if not (_is_usable(pose) and isfinite(stamp)):
+            self._refuse("a pose of the robot is not finite")
+            return
+        if self._odometry and parent == self.frames.odom:
+            before, last = self._odometry[-1]
+            if stamp <= before:  # the same pose comes on two topics
+                if stamp < before - MAX_AGE:
+                    self._refuse(f"stamps go back by {before - stamp:.3g} s")
+                return
+            speed, turn = (_JUMP_SHARE * each for each in self.robot.top_speeds)
+            distance = hypot(pose.x - last.x, pose.y - last.y)
+            angle = abs(wrap(pose.yaw - last.yaw))
+            dt = stamp - before
+            if distance > speed * dt + _JUMP_DISTANCE or angle > turn * dt + _JUMP_ANGLE:
+                self._paused_until = time.monotonic() + JUMP_PAUSE
+                self._refuse(f"odometry jumps by {distance:.3g} m and {angle:.3g} rad")
+        if parent == self.frames.odom:
+            self._odometry.append((stamp, pose))
+        self._set(self.frames.base, parent, pose, stamp)
+
+    def _set(self, child: str, parent: str, pose: Pose, stamp: float) -> None:
+        child, parent = _name(child), _name(parent)
+        if _is_usable(pose) and child and parent and child != parent:
+            self.tree.set(child, Transform(parent, pose, stamp))
+        else:
+            self._refuse(f"the transform of {one_line(child, 60)} is not usable")
+
+    def _refuse(self, reason: str) -> None:
+        """Count and report a refused pose; a reason is reported once, until poses are usable."""
+        kind = "".join(each for each in reason if not each.isdigit())
+        if len(self.refused) < _MOST_FRAMES:
+            self.refused[reason] = self.refused.get(reason, 0) + 1
+        if kind != self._warned:
+            _log.warning("poses of the robot are refused: %s", reason)
+            self._warned = kind
+
+
+def _name(frame: str) -> str:
+    """Return the name of a frame without the leading slash of ROS 1."""
+    return frame.removeprefix("/")
+
+
+def _is_usable(pose: Iterable[float]) -> bool:
+    return all(isfinite(each) and abs(each) < _LARGEST for each in pose)
