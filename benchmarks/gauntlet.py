@@ -16,7 +16,6 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -43,7 +42,7 @@ from rich.table import Table
 
 from omnidrive.cli.options import available_cores
 from omnidrive.robot import ROBOTS
-from omnidrive.study.workers import Call, Lost, Workers
+from omnidrive.study.worker_pool import Call, Lost, WorkerPool
 
 OUT = Path(__file__).parent / "out"
 STUDY = Path(__file__).parent / "gauntlet_study.csv"
@@ -100,8 +99,8 @@ def finished(cells: Sequence[Cell], processes: int) -> Iterator[tuple[Cell, Figu
         yield from ((cell, run_cell(cell)) for cell in cells)
         return
     calls = [Call(cell.name, partial(run_cell, cell)) for cell in cells]
-    with closing(Workers(processes, nothing).outcomes(calls)) as outcomes:
-        for index, figures in outcomes:
+    with WorkerPool(processes, nothing) as pool:
+        for index, figures in pool.outcomes(calls):
             if isinstance(figures, Lost):
                 console.print(f"lost: {cells[index].name}: {figures.value}")
             else:

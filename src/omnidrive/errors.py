@@ -20,7 +20,7 @@ OmnidriveError
 ├── PlantLost                     the connection to the simulator of a plant failed
 ├── CannotWrite                   results cannot be written
 ├── CannotDraw                    OpenGL or a display is missing
-├── WorkerLost                    worker processes end while they start
+├── WorkerLost                    worker processes end while they start, or a scheduler is lost
 └── RunFailed                     a run or a compilation failed; raised by ``raise_if_failed()``
                                   and ``warm_up()`` only
 
@@ -131,15 +131,7 @@ class CannotDraw(OmnidriveError):
 
 
 class WorkerLost(OmnidriveError):
-    """Worker processes end while they start."""
-
-    def __init__(self) -> None:
-        super().__init__(
-            "worker processes end while they start, possibly because memory ran out; finished "
-            "runs are kept. One run at a time needs the least memory: --jobs 1 (in Python: "
-            "processes=1). A script with several processes must guard them by: if __name__ == "
-            "'__main__'"
-        )
+    """Worker processes end while they start, or the scheduler of a cluster is lost."""
 
 
 class RunFailed(OmnidriveError):

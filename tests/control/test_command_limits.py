@@ -17,7 +17,7 @@ from omnidrive.reference.shapes import Circle
 from omnidrive.robot import ROBOTS, named_robot
 from omnidrive.simulation import KinematicPlant, Outcome, simulate
 from omnidrive.simulation.loop import warn_once
-from omnidrive.study.execute import log_new
+from omnidrive.study.engine import log_new
 
 DT = 0.1
 PAPER = named_robot("paper")

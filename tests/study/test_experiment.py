@@ -15,6 +15,7 @@ import pytest
 
 from omnidrive.study.experiment import Experiment
 from omnidrive.study.store import FILE, Store
+from tests.study.processes import workers
 from tests.study.synthetic import Compute, SyntheticPlan, record, table_bytes
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
@@ -134,6 +135,7 @@ def test_plan_is_extended_until_it_is_enough(tmp_path):
 COMMAND = """
 import sys
 from pathlib import Path
+from tests.study.processes import workers
 from tests.study.synthetic import Compute, SyntheticPlan
 from omnidrive.study.experiment import Experiment
 
@@ -178,13 +180,8 @@ def kill_and_resume(tmp_path, plan, kills, seed, *, longest):
             while kills > 0 and parent.poll() is None:
                 sleep(source.uniform(0.0, longest))
                 with suppress(psutil.NoSuchProcess):
-                    family = psutil.Process(parent.pid)
-                    workers = [
-                        each
-                        for each in family.children(recursive=True)
-                        if "popen_loky" in " ".join(each.cmdline())
-                    ]
-                    source.choice([family, *workers]).kill()
+                    family = [psutil.Process(parent.pid), *workers(parent.pid)]
+                    source.choice(family).kill()
                     kills -= 1
         assert runs_in(folder) >= before, f"seed {seed}: runs were lost"
         if runs_in(folder) == len(plan):
@@ -246,11 +243,11 @@ def test_interrupted_experiment_ends_its_workers_and_resumes(tmp_path):
         until = monotonic() + 60.0
         while runs_in(folder) < 20 and monotonic() < until:
             sleep(0.05)
-        workers = psutil.Process(parent.pid).children(recursive=True)
+        present = workers(parent.pid)
         parent.send_signal(signal.SIGINT)
         assert parent.wait(20) != 0
-    _, alive = psutil.wait_procs(workers, timeout=5)
-    assert not [each for each in alive if "popen_loky" in " ".join(each.cmdline())]
+    assert present
+    assert not psutil.wait_procs(present, timeout=5)[1]
     with Store(folder) as store:
         assert not store._connection.execute("SELECT * FROM claims").fetchall()
         assert 20 <= store.status().runs < 2000

@@ -103,12 +103,12 @@ def test_temporary_files_of_other_names_are_kept_beside_an_output_file(parts, tm
 
 
 def test_lost_run_is_named_in_results_and_report(tmp_path, monkeypatch):
-    def execute(planned, jobs, *_, **__):
+    def execute_jobs(planned, jobs, *_, **__):
         for job in jobs:
             lost = unfinished(planned, job, Outcome.TIMED_OUT, "60 s")
             yield job, lost if job.task == "step" else run_job(planned, job)
 
-    monkeypatch.setattr("omnidrive.study.study.execute", execute)
+    monkeypatch.setattr("omnidrive.study.study.execute_jobs", execute_jobs)
     track = DurationsTask(durations=(20.0,))
     study = run_study(STEP.with_values(tasks=Tasks(step=STEP.tasks.step, track=track)), tmp_path)
     outcome = "the run exceeded its time limit: 60 s"

@@ -8,7 +8,7 @@ from omnidrive.compiled import cache_folder
 from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.study import warm_up
 from omnidrive.study.study import NullProgress
-from omnidrive.study.workers import Lost, Workers
+from omnidrive.study.worker_pool import Lost, WorkerPool
 
 
 class Log(NullProgress):
@@ -69,6 +69,6 @@ def test_part_whose_process_is_killed_is_named(compiled_parts, monkeypatch):
         yield 0, []
         yield 1, Lost.KILLED
 
-    monkeypatch.setattr(Workers, "outcomes", outcomes)
+    monkeypatch.setattr(WorkerPool, "outcomes", outcomes)
     with pytest.raises(RunFailed, match=r"compilation of unicycle-nmpc .paper.: its proc"):
         warm_up(processes=2)

@@ -18,6 +18,7 @@ from loky.backend import popen_loky_posix
 from omnidrive.errors import WorkerLost
 from omnidrive.study.heartbeat import Heartbeat
 from omnidrive.study.worker_pool import Call, Lost, WorkerPool
+from tests.study.processes import workers
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
 
@@ -53,15 +54,6 @@ def outcomes(calls, size=2, setup=nothing, **options):
     named = [Call(f"call {k}", call) for k, call in enumerate(calls)]
     with WorkerPool(size, setup, **options) as pool:
         return dict(pool.outcomes(named))
-
-
-def workers():
-    """Return the worker processes of this process that run."""
-    return [
-        each
-        for each in psutil.Process().children(recursive=True)
-        if "popen_loky" in " ".join(each.cmdline())
-    ]
 
 
 def test_loss_of_processes_costs_their_calls_only(tmp_path, caplog):

@@ -13,6 +13,8 @@ from queue import SimpleQueue
 from time import perf_counter, sleep
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
+from omnidrive.errors import InvalidInput
+from omnidrive.study.cluster import ClusterPool
 from omnidrive.study.heartbeat import Heartbeat
 from omnidrive.study.worker_pool import Call, Ended, Lost, WorkerPool
 
@@ -111,6 +113,7 @@ def execute_blocks(
     *,
     time_limit: float | None = None,
     in_process: bool = False,
+    scheduler: str | None = None,
 ) -> Generator[list[Output], None, None]:
     """Yield the outputs of each block when it is computed.
 
@@ -124,11 +127,24 @@ def execute_blocks(
         processes: Number of worker processes.
         time_limit: Largest wall time of a block in a worker process, s. None: no limit.
         in_process: Whether to compute in this process.
+        scheduler: Address of a Dask scheduler, whose workers compute. None: processes of this
+            computer.
 
     Raises:
-        WorkerLost: Worker processes end while they start.
+        WorkerLost: Worker processes end while they start, or the scheduler is lost.
+        InvalidInput: The scheduler does not answer, or needs processes and limits of this computer.
+        MissingExtra: The scheduler needs an extra that is not installed.
         Exception: That of ``work.compute``.
     """
+    if scheduler is not None:
+        if in_process or time_limit is not None:
+            raise InvalidInput(
+                "a scheduler cannot be used with a time limit, or with a plant or controller that "
+                "only this process has; omit --run-timeout or --scheduler"
+            )
+        with ClusterPool(scheduler, partial(_start, work.compute)) as cluster:
+            yield from execute_on(cluster, source, work)
+        return
     if in_process:
         yield from _in_this_process(source, work)
         return

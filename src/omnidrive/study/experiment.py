@@ -68,6 +68,7 @@ class Experiment:
         time_limit: float | None = None,
         in_process: bool = False,
         extend: Callable[[Store], int | None] = lambda _: None,
+        scheduler: str | None = None,
     ) -> None:
         """Compute and store the runs that are not stored.
 
@@ -83,6 +84,8 @@ class Experiment:
             in_process: Whether to compute in this process.
             extend: Called when all runs are stored; returns how many runs from the first one on
                 are to be computed, at most those of the plan, or None: no more.
+            scheduler: Address of a Dask scheduler, whose workers compute. None: processes of this
+                computer.
 
         Raises:
             InvalidStore: The folder has no usable store.
@@ -105,7 +108,12 @@ class Experiment:
                 source = _UnstoredRuns(store, claims, plan, processes, extend)
                 self._began, before = monotonic(), store.status().runs
                 blocks = execute_blocks(
-                    source, work, processes, time_limit=time_limit, in_process=here
+                    source,
+                    work,
+                    processes,
+                    time_limit=time_limit,
+                    in_process=here,
+                    scheduler=scheduler,
                 )
                 with closing(blocks):  # which ends the workers
                     for records in blocks:

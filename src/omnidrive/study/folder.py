@@ -19,7 +19,7 @@ from omnidrive.maps import save_nav2_map
 from omnidrive.robot import is_robot_file, save_robot
 from omnidrive.simulation import Run
 from omnidrive.simulation.log_file import log_table
-from omnidrive.study.output_paths import check_new_folder
+from omnidrive.study.output_paths import check_study_folder
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.results_data import results_data
 from omnidrive.study.scenario import Scenario
@@ -45,11 +45,11 @@ class RunFolder:
                 taken by creating the folder, so that commands may start at the same time.
 
         Raises:
-            CannotWrite: It cannot be created, or is not empty.
+            CannotWrite: It cannot be created, or holds other files than an unfinished study.
         """
         self.path = to_path(path)
         if not numbered:
-            check_new_folder(self.path)
+            check_study_folder(self.path)
         with write_errors(self.path, _ADVICE):
             if numbered:
                 self.path = _numbered_folder(self.path)
@@ -70,7 +70,7 @@ class RunFolder:
                 copyfile(waypoints, part)
         for key in _robot_files(planned.scenario):
             save_robot(getattr(planned, key), self.path / f"{key}.yaml")
-        save_scenario(_portable(planned.scenario), self.path / "scenario.yaml")
+        save_scenario(portable(planned.scenario), self.path / "scenario.yaml")
 
     def save_series(self, name: str, run: Run) -> None:
         """Write the time series of a run to ``series/NAME.parquet``.
@@ -97,7 +97,7 @@ class RunFolder:
             CannotWrite: The file cannot be written.
         """
         scenario = planned.scenario
-        data = results_data(scenario, _portable(scenario), results, timing)
+        data = results_data(scenario, portable(scenario), results, timing)
         with self._file("results.json") as part:
             part.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
@@ -123,7 +123,7 @@ def _numbered_folder(path: Path) -> Path:
     raise AssertionError
 
 
-def _portable(scenario: Scenario) -> Scenario:
+def portable(scenario: Scenario) -> Scenario:
     """Return the scenario with the copies of its files in the run folder."""
     changes: dict[str, object] = {}
     waypoints = _waypoint_file(scenario)

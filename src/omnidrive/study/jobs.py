@@ -139,7 +139,7 @@ def run_job(planned: PlannedScenario, job: Job, observers: Sequence[Observer] = 
     reference = _reference(own, job)
     with plant_of(own, reference, job.repeat, on_map=not step, observers=observers) as plant:
         run = _simulate(own, job, plant, reference)
-    return _evaluate(planned, job, run)
+    return evaluate(planned, job, run)
 
 
 def unfinished(planned: PlannedScenario, job: Job, outcome: Outcome, reason: str) -> Result:
@@ -159,7 +159,7 @@ def unfinished(planned: PlannedScenario, job: Job, outcome: Outcome, reason: str
         start=_start(planned, job, reference),
         dt=planned.scenario.sample_time,
     )
-    return _evaluate(planned, job, replace(run, outcome=outcome, reason=reason, traceback=""))
+    return evaluate(planned, job, replace(run, outcome=outcome, reason=reason, traceback=""))
 
 
 def _reference(planned: PlannedScenario, job: Job) -> Reference:
@@ -284,7 +284,7 @@ def _simulate(planned: PlannedScenario, job: Job, plant: Plant, reference: Refer
     )
 
 
-def _evaluate(planned: PlannedScenario, job: Job, run: Run) -> Result:
+def evaluate(planned: PlannedScenario, job: Job, run: Run) -> Result:
     """Return the result of a simulated run."""
     if job.task == "step":
         start, goal = planned.start, _reference(planned, job).at(0.0).pose

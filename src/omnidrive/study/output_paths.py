@@ -23,6 +23,12 @@ WAYPOINT_FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 POSE_FORMATS = (".path", ".yaml", ".yml")
 """Suffixes of those without velocities."""
 
+STORE_FILE = "runs.sqlite"
+"""Database of finished runs in the folder of a study."""
+
+REPORT_FILE = "report.html"
+"""Report in the folder of a study, which is written last."""
+
 _FIGURE_SUFFIXES = (".png", ".svg")
 
 
@@ -129,6 +135,25 @@ def check_new_folder(path: StrPath) -> None:
         if not present.exists():
             raise FileExistsError(f"{one_line(str(present))} is a link to nothing")
         _check_writable(present)
+
+
+def check_study_folder(path: StrPath) -> None:
+    """Check that a study can be written to a folder; nothing is created.
+
+    The folder is new or empty, or holds a study that was interrupted, which is then continued.
+
+    Raises:
+        CannotWrite: See :func:`check_new_folder`.
+    """
+    path = to_path(path)
+    with _write_errors(path):
+        is_interrupted = (path / STORE_FILE).is_file() and not (path / REPORT_FILE).exists()
+    if is_interrupted:
+        remove_abandoned(path)
+        with _write_errors(path):
+            _check_writable(path)
+    else:
+        check_new_folder(path)
 
 
 def _check_file(path: Path) -> None:

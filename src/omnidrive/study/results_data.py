@@ -52,7 +52,7 @@ def results_data(
             "python": python_version(),
             **{name: version(name) for name in _VERSIONS},
         },
-        "components": _component_origins(scenario),
+        "components": component_origins(scenario),
         "scenario": scenario_data(saved),
         "path": {
             "length": results.spline.length,
@@ -70,7 +70,7 @@ def results_data(
     return record
 
 
-def _component_origins(scenario: Scenario) -> dict[str, Any]:
+def component_origins(scenario: Scenario) -> dict[str, Any]:
     """Return distribution and version, or file and hash, of the scenario's components."""
     estimator = scenario.sensors.estimator if scenario.sensors else None
     reference = scenario.reference

@@ -140,6 +140,11 @@ class Scenario(Section):
         return self.sensors is not None and self.sensors.estimator is not None
 
     @property
+    def is_importable(self) -> bool:
+        """Whether another process can import controllers and plant: none is of a session."""
+        return all(each.is_importable for each in (*self.controllers.values(), self.plant))
+
+    @property
     def predictive(self) -> tuple[str, ...]:
         """Labels of the controllers with a parameter ``horizon``."""
         return tuple(k for k, each in self.controllers.items() if each.has_parameter("horizon"))

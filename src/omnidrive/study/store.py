@@ -19,15 +19,13 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 from omnidrive.errors import CannotWrite, InvalidStore, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.claims import SCHEMA as CLAIMS_SCHEMA
+from omnidrive.study.output_paths import STORE_FILE as FILE
 from omnidrive.study.run_record import RunRecord
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from omnidrive.study.planned_run import PlannedRun
-
-FILE = "runs.sqlite"
-"""Name of the database in the folder of a study."""
 
 _APPLICATION = 0x6F6D6E69  # "omni", the application id of the file
 _VERSION = 1  # of the schema
@@ -123,6 +121,16 @@ class Store:
             found = row.fetchone()
         return None if found is None else str(found[0])
 
+    def note(self, name: str, value: str) -> None:
+        """Store a fact about the study.
+
+        Raises:
+            CannotWrite: It cannot be stored.
+        """
+        if self.fact(name) != value:
+            with self.transaction() as connection:
+                connection.execute("INSERT OR REPLACE INTO facts VALUES (?, ?)", (name, value))
+
     def begin(self, definition: str) -> None:
         """Prepare the database for a plan.
 
@@ -151,7 +159,7 @@ class Store:
 
         Args:
             records: The records.
-            logs: What :mod:`omnidrive.study.stored_log` needs to restore each run, as text.
+            logs: What :mod:`omnidrive.study.stored_runs` needs to restore each run, as text.
 
         Raises:
             CannotWrite: They cannot be written; none of them is stored.
@@ -213,11 +221,13 @@ class Store:
                     )  # fmt: skip
         return found
 
-    def logs(self) -> dict[str, str]:
-        """Return what is needed to restore the runs, as text, by their keys."""
+    def logs(self) -> dict[int, str]:
+        """Return what is needed to restore runs with their logs, as text, by number."""
         with self.errors():
             return dict(
-                self._connection.execute("SELECT key, log FROM results WHERE log IS NOT NULL")
+                self._connection.execute(
+                    "SELECT number, log FROM runs JOIN results USING (key) WHERE log IS NOT NULL"
+                )
             )
 
     def records(self) -> pa.Table:

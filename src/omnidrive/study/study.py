@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import Configured, configure
@@ -29,12 +29,13 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
-from omnidrive.study.execute import execute, is_sequential
 from omnidrive.study.folder import RunFolder
+from omnidrive.study.job_execution import execute_jobs, is_sequential
 from omnidrive.study.jobs import Job, Result, jobs_of
-from omnidrive.study.output_paths import check_new_folder
+from omnidrive.study.output_paths import REPORT_FILE, check_new_folder, check_study_folder
 from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.study.scenario import Scenario, paper_scenario
+from omnidrive.study.stored_runs import StoredRuns
 from omnidrive.visualization import Observer
 
 if TYPE_CHECKING:
@@ -145,11 +146,13 @@ def run_study(
 ) -> Study:
     """Plan a scenario, simulate and evaluate all its runs, and write the report.
 
-    The files of a run are written as soon as it is finished.
+    The files of a run are written as soon as it is finished. If the study is interrupted, or its
+    process is killed, the same call continues it: finished runs are restored from the folder.
 
     Args:
         scenario: The scenario.
-        folder: New or empty folder for the results. None: nothing is written.
+        folder: New or empty folder for the results, or that of this study if it was interrupted.
+            None: nothing is written.
         processes: Number of worker processes; the results do not depend on it.
         progress: Receiver of progress notifications. None: no notifications.
         observers: Observers of every run; with observers, the runs are sequential.
@@ -164,20 +167,26 @@ def run_study(
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
     path = None if folder is None else to_path(folder)
+    resumable = len(jobs_of(scenario)) > 1 and scenario.is_importable and not observers
     if path and not numbered:
-        check_new_folder(path)
+        (check_study_folder if resumable else check_new_folder)(path)
     if run_timeout is not None:
         _check_run_timeout(scenario, observers, run_timeout)
     clock = _Clock(progress or NullProgress())
     with clock.part("plan", 0):
         planned = plan_and_check(scenario)
     store = RunFolder(path, numbered=numbered) if path else None
-    if store:
-        store.save_inputs(planned)
     jobs = jobs_of(scenario)
-    executed = execute(planned, jobs, processes, observers, run_timeout=run_timeout)
-    with clock.part("simulate", len(jobs)), closing(executed):  # closing it ends the workers
-        results = _collect_and_save(planned, jobs, executed, store, clock)
+    opened = StoredRuns(store, planned, jobs) if store and resumable else nullcontext()
+    with opened as stored, clock.part("simulate", len(jobs)):
+        if store:
+            store.save_inputs(planned)
+        finished = stored.finished() if stored else {}
+        left = [job for job in jobs if job not in finished]
+        executed = execute_jobs(planned, left, processes, observers, run_timeout=run_timeout)
+        with closing(executed):  # which ends the workers
+            _collect_and_save(planned, finished, executed, _Outputs(store, stored, clock))
+    results = _collect(planned, jobs, finished)
     tables = study_tables(
         results,
         published=_is_published_study(scenario),
@@ -218,22 +227,35 @@ class _Clock:
         self.seconds[name] = round(perf_counter() - began, 3)
 
 
+class _Outputs(NamedTuple):
+    """Where results are written and progress is shown."""
+
+    folder: RunFolder | None
+    stored: StoredRuns | None
+    """Store of finished runs; None: they are not restored."""
+    clock: _Clock
+
+
 def _collect_and_save(
     planned: PlannedScenario,
-    jobs: Sequence[Job],
+    finished: dict[Job, Result],
     executed: Iterable[tuple[Job, Result]],
-    store: RunFolder | None,
-    clock: _Clock,
-) -> StudyResults:
-    """Return the results of all runs; write those of each run when it is finished."""
-    finished: dict[Job, Result] = {}
+    outputs: _Outputs,
+) -> None:
+    """Add the results of runs to ``finished``; write those of each run when it is finished."""
+    folder, stored, clock = outputs
+    jobs = jobs_of(planned.scenario)
+    for result in finished.values():
+        clock.progress.done(result.name)
     for job, result in executed:
         finished[job] = result
-        if store:
-            store.save_series(result.name, result.run)
-            store.save_results(planned, _collect(planned, jobs, finished), clock.seconds)
+        if stored:
+            stored.add(job, result)
+        elif folder:
+            folder.save_series(result.name, result.run)
+        if folder:
+            folder.save_results(planned, _collect(planned, jobs, finished), clock.seconds)
         clock.progress.done(result.name)
-    return _collect(planned, jobs, finished)
 
 
 def _report(
@@ -247,8 +269,8 @@ def _report(
         for path in write_tables(tables, store.path / "tables"):
             clock.progress.done(path.name)
     with clock.part("report", 1):
-        write_page(results, tables, store.path / "report.html")
-        clock.progress.done("report.html")
+        write_page(results, tables, store.path / REPORT_FILE)
+        clock.progress.done(REPORT_FILE)
 
 
 _PUBLISHED_SETTINGS = ("reference", "map", "start", "goal", "path", "timing", "sample_time")

@@ -12,7 +12,7 @@ import numpy as np
 
 from omnidrive.choices import MethodName, PresetName
 from omnidrive.compiled.cache_folder import failures, usable_folder
-from omnidrive.compiled.compilation import CompileRelay, announce_compiling, compile_listeners
+from omnidrive.compiled.compilation import announce_compiling
 from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stack_keep_outs
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.errors import CannotWrite, RunFailed
@@ -27,7 +27,7 @@ from omnidrive.study.jobs import make_controller
 from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.scenario import paper_scenario
 from omnidrive.study.study import NullProgress, ProgressListener
-from omnidrive.study.workers import Call, Lost, Workers
+from omnidrive.study.worker_pool import Call, Lost, WorkerPool
 
 
 def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> None:
@@ -37,12 +37,11 @@ def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> 
 
     Args:
         progress: Notified when a part is compiled.
-        processes: Number of processes that compile at the same time. A script that uses several
-            does so under ``if __name__ == "__main__"``.
+        processes: Number of processes that compile at the same time.
 
     Raises:
         CannotWrite: The compiled kernels cannot be kept on disk.
-        RunFailed: The process that compiles a part was killed twice.
+        RunFailed: The process that compiles a part was killed three times.
         WorkerLost: No process could be started.
     """
     if usable_folder() is None:
@@ -83,20 +82,17 @@ def _compile(parts: Sequence[Call], processes: int) -> Generator[tuple[str, list
         for part in parts:
             yield part.name, _compile_part(part)
         return
-    relay = CompileRelay()
-    workers = Workers(processes, partial(_start_worker, relay), on_tick=relay.forward)
     calls = [Call(part.name, partial(_compile_part, part)) for part in parts]
-    with closing(workers.outcomes(calls)) as outcomes:
-        for index, outcome in outcomes:
+    with WorkerPool(processes, _be_silent) as pool:
+        for index, outcome in pool.outcomes(calls):
             name = parts[index].name
             if isinstance(outcome, Lost):
                 raise RunFailed(f"compilation of {name}: {outcome.value}; run the command again")
             yield name, outcome
 
 
-def _start_worker(relay: CompileRelay) -> None:
+def _be_silent() -> None:
     """Leave messages to the parent process."""
-    compile_listeners.append(relay.send)
     logging.getLogger("omnidrive").setLevel(logging.ERROR)
 
 

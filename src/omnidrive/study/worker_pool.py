@@ -262,7 +262,11 @@ class WorkerPool:
             if call is None:
                 self._failed_starts += 1
                 if self._failed_starts == _MAX_FAILED_STARTS:
-                    raise WorkerLost
+                    raise WorkerLost(
+                        "worker processes end while they start, possibly because memory ran out; "
+                        "finished runs are kept. One run at a time needs the least memory: --jobs "
+                        "1 (in Python: processes=1)"
+                    )
                 return None
             return Ended(call, Lost.TIMED_OUT if worker.timed_out else Lost.KILLED)
         result, error = _unpack(future.result())

@@ -74,7 +74,7 @@ def test_invalid_parameter_is_refused(tmp_path, line, fact, former):
 @pytest.mark.parametrize("interface", ["joints", "signals"])
 def test_study_runs_in_one_process(monkeypatch, interface):
     """Also with more processes permitted, because one simulator contains one robot."""
-    monkeypatch.setattr(sys.modules["omnidrive.study.execute"], "Workers", None)
+    monkeypatch.setattr(sys.modules["omnidrive.study.engine"], "WorkerPool", None)
     with fake_server(PAPER, signals=interface == "signals") as server:
         study = run_study(scenario_at(server.port, interface=interface), processes=4)
         assert server.scene.state == STOPPED

@@ -1,0 +1,241 @@
+"""Execution of a study into a folder, which holds its definition and its store."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from hashlib import sha256
+from math import ceil, isfinite
+from pathlib import Path
+from typing import Any
+
+from omnidrive.errors import CannotWrite, InvalidStore, one_line
+from omnidrive.evaluation.stop_rule import StopRule
+from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
+from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.parameter import Bounds, check_number
+from omnidrive.simulation import Run
+from omnidrive.study.block_runner import run_block
+from omnidrive.study.definition import SeriesKept, StudyDefinition
+from omnidrive.study.definition_file import definition_data, load_definition, save_definition
+from omnidrive.study.experiment import Experiment, Progress
+from omnidrive.study.planned_run import PlannedRun
+from omnidrive.study.run_plan import RunPlan, check_size
+from omnidrive.study.run_record import RunRecord
+from omnidrive.study.store import FILE, Store
+
+DEFINITION_FILE = "study.yaml"
+"""Name of the definition in the folder of a study."""
+
+MAX_SEQUENTIAL = 10_000
+"""Largest number of repetitions that a stop rule may ask for, by default."""
+
+_KEYS_IN_HASH = 256
+_DESCRIPTIONS = ("name", "question", "repetitions", "series")
+"""Keys of a definition that change none of its runs."""
+
+
+def run_experiment(
+    definition: StudyDefinition,
+    folder: StrPath,
+    *,
+    processes: int = 1,
+    report: Callable[[Progress], None] = lambda _: None,
+    note: Callable[[str], None] = lambda _: None,
+    run_timeout: float | None = None,
+    until: StopRule | None = None,
+    most_repetitions: int = MAX_SEQUENTIAL,
+    scheduler: str | None = None,
+    confirmed: bool = False,
+) -> Path:
+    """Compute the runs of a study that its folder does not hold yet, and return the folder.
+
+    The folder is created. It may hold this study already, also with fewer repetitions: its runs are
+    not computed again, however the process that computed them ended. Other processes may compute
+    the same study at the same time. Results depend neither on the processes nor on interruptions.
+
+    Args:
+        definition: The study.
+        folder: New folder, or that of the same study.
+        processes: Number of worker processes.
+        report: Called with the progress after each block of runs.
+        note: Called with one line of text when a stop rule has been checked.
+        run_timeout: Largest wall time of a run in a worker process, s. None: no limit.
+        until: Repetitions are added until this rule is satisfied. None: those of the definition.
+        most_repetitions: Largest number of repetitions with ``until``.
+        scheduler: Address of a Dask scheduler, whose workers compute the runs. None: processes of
+            this computer.
+        confirmed: Whether the study may have more than ten million runs.
+
+    Raises:
+        InvalidStudy: The study has too many runs, or its random factors cannot be extended.
+        InvalidStore: The folder holds a damaged store, or one of a newer version.
+        CannotWrite: The folder holds another study, or cannot be written.
+        WorkerLost: Worker processes end while they start; stored runs are kept.
+        MissingExtra: The scheduler needs an extra that is not installed.
+    """
+    if run_timeout is not None:
+        check_number("run_timeout", run_timeout, Bounds(0.1, 1e6, "s"))
+    path = to_path(folder)
+    check_size(RunPlan(definition), confirmed=confirmed)
+    planned = definition
+    if until is not None:
+        planned = definition.with_repetitions(max(most_repetitions, definition.repetitions))
+    plan = RunPlan(planned)
+    _prepare_folder(definition, path)
+    if until is not None:
+        with Store(path) as store:
+            store.note("until", _rule_text(until))
+    experiment = Experiment(
+        plan,
+        NumberedRuns(planned, path / "series"),
+        path,
+        definition_hash(planned, plan),
+        first=plan.per_repetition * definition.repetitions,
+    )
+    experiment.execute(
+        processes,
+        report=report,
+        time_limit=run_timeout,
+        in_process=needs_this_process(definition),
+        extend=(lambda _: None) if until is None else _Extension(until, plan, note),
+        scheduler=scheduler,
+    )
+    return path
+
+
+def load_study(folder: StrPath, *, allow_code: bool = False) -> tuple[StudyDefinition, str]:
+    """Return the definition in the folder of a study, and its stop rule as text, or "".
+
+    Args:
+        folder: The folder.
+        allow_code: See :func:`~omnidrive.study.load_definition`.
+
+    Raises:
+        InvalidStore: The folder holds no study, or a damaged one.
+        InvalidStudy: The definition is invalid.
+    """
+    path = to_path(folder)
+    if not (path / DEFINITION_FILE).is_file():
+        raise InvalidStore(f"there is no study in {one_line(str(path))}: no file {DEFINITION_FILE}")
+    definition = load_definition(path / DEFINITION_FILE, allow_code=allow_code)
+    if not (path / FILE).is_file():
+        return definition, ""
+    with Store(path, read_only=True) as store:
+        return definition, store.fact("until") or ""
+
+
+def definition_hash(definition: StudyDefinition, plan: RunPlan) -> str:
+    """Return the SHA-256 of what determines the runs of a study and their numbers.
+
+    Versions and components count by the keys of the first runs; the number of repetitions does not
+    count.
+    """
+    keys = plan.keys(0, min(plan.per_repetition, _KEYS_IN_HASH))
+    text = json.dumps([_content(definition), keys], sort_keys=True)
+    return sha256(text.encode()).hexdigest()
+
+
+def needs_this_process(definition: StudyDefinition) -> bool:
+    """Return whether no other process can compute the runs.
+
+    That is so if a plant is exclusive, or if a component was typed into a Python session.
+    """
+    scenario = definition.scenario
+    return scenario.plant_capabilities.exclusive or not scenario.is_importable
+
+
+@dataclass(slots=True)
+class NumberedRuns:
+    """Function that simulates the runs of a study by their numbers.
+
+    Attributes:
+        definition: The study.
+        folder: Folder for the time series that the study keeps.
+    """
+
+    definition: StudyDefinition
+    folder: Path
+    _plan: RunPlan | None = field(default=None, init=False)
+
+    def __getstate__(self) -> tuple[StudyDefinition, Path]:
+        return self.definition, self.folder
+
+    def __setstate__(self, state: tuple[StudyDefinition, Path]) -> None:
+        self.definition, self.folder = state
+        self._plan = None
+
+    def __call__(self, numbers: Sequence[int]) -> list[RunRecord]:
+        """Return the records of runs."""
+        if self._plan is None:
+            self._plan = RunPlan(self.definition)
+        runs = [self._plan[number] for number in numbers]
+        series: SeriesKept = self.definition.series
+        if series == "none":
+            return run_block(runs)
+        return run_block(runs, self._save, series=series)
+
+    def _save(self, run: PlannedRun, log: Run) -> None:
+        """Write the time series of a run to ``series/NUMBER.parquet``."""
+        import pyarrow.parquet as pq  # noqa: PLC0415 - takes a second
+
+        from omnidrive.simulation.log_file import log_table  # noqa: PLC0415
+
+        create_folder(self.folder)
+        with (
+            output_file(self.folder / f"{run.number:06d}.parquet") as part,
+            part.open("wb") as file,
+        ):
+            pq.write_table(log_table(log.columns), file)
+
+
+@dataclass(frozen=True, slots=True)
+class _Extension:
+    """Number of runs that a stop rule asks for."""
+
+    rule: StopRule
+    plan: RunPlan
+    note: Callable[[str], None]
+
+    def __call__(self, store: Store) -> int | None:
+        """Return how many runs are to be computed in all; None: no more."""
+        state = self.rule.check(store.records())
+        self.note(state.text)
+        most = self.plan.definition.repetitions
+        if state.reached or state.repetitions >= most:
+            return None
+        done = state.repetitions
+        more = 0.5 * (state.needed - done) if isfinite(state.needed) else 0.0
+        wanted = done + min(max(ceil(more), done // 4, 2), max(done, 2))
+        return min(wanted, most) * self.plan.per_repetition
+
+
+def _prepare_folder(definition: StudyDefinition, path: Path) -> None:
+    """Create the folder with the definition, or check that it holds the same study."""
+    create_folder(path)
+    remove_abandoned(path)
+    file = path / DEFINITION_FILE
+    if file.is_file():
+        present = load_definition(file, allow_code=True)
+        if _content(present) != _content(definition):
+            raise CannotWrite(
+                f"{one_line(str(path))} holds another study, '{present.name}'; choose another "
+                "folder with --out"
+            )
+        if present.repetitions >= definition.repetitions:
+            return
+    elif any(path.iterdir()):
+        raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
+    save_definition(definition, file)
+
+
+def _content(definition: StudyDefinition) -> dict[str, Any]:
+    """Return what determines the runs of a study and their numbers."""
+    data = definition_data(definition, "/study.yaml")
+    return {key: value for key, value in data.items() if key not in _DESCRIPTIONS}
+
+
+def _rule_text(rule: StopRule) -> str:
+    """Return a stop rule as text that :meth:`StopRule.parse` reads."""
+    return f"{rule.measure.name}:{rule.half_width!r}"

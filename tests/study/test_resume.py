@@ -1,0 +1,149 @@
+"""Studies that keep all logs: interrupted ones continue, with the same results."""
+
+import json
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from omnidrive.errors import CannotWrite
+from omnidrive.study import load_scenario, run_study
+from omnidrive.study.folder import RunFolder
+from omnidrive.study.jobs import jobs_of, run_job
+from omnidrive.study.output_paths import check_study_folder
+from omnidrive.study.planned_scenario import plan_and_check
+from omnidrive.study.scenario_sections import SensorsSection
+from omnidrive.study.stored_runs import StoredRuns
+from omnidrive.study.study import NullProgress
+from omnidrive.study.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
+from tests.study.small import small_scenario
+
+SHORT = small_scenario(
+    controllers=("feedforward",),
+    plant="kinematic",
+    tasks=Tasks(
+        track=DurationsTask(durations=(20.0,)),
+        noise=NoiseTask(durations=(20.0,), repeats=2),
+        step=StepTask(displacement=(0.3, 0.1, 0.2), duration=2.0),
+    ),
+)
+
+
+class Interrupting(NullProgress):
+    """Progress that is interrupted when ``count`` runs are finished."""
+
+    def __init__(self, count):
+        self.count, self.finished = count, []
+
+    def done(self, what):
+        self.finished.append(what)
+        if len(self.finished) == self.count:
+            raise KeyboardInterrupt
+
+
+def executed(monkeypatch):
+    """Return a list to which the runs are added that are executed."""
+    found = []
+
+    def noted(planned, job, observers=()):
+        found.append(job.task)
+        return run_job(planned, job, observers)
+
+    monkeypatch.setattr("omnidrive.study.job_execution.run_job", noted)
+    return found
+
+
+def without_times(value):
+    """Return results without computing times."""
+    if isinstance(value, dict):
+        kept = {k: v for k, v in value.items() if k != "timing_s" and "step_time" not in k}
+        return {k: without_times(v) for k, v in kept.items()}
+    return [without_times(each) for each in value] if isinstance(value, list) else value
+
+
+@pytest.fixture
+def _no_figures(monkeypatch):
+    monkeypatch.setattr("omnidrive.study.study.write_figures", lambda *_: [])
+    monkeypatch.setattr("omnidrive.study.study.write_page", lambda _, __, path: path.touch())
+
+
+def interrupt(folder, count=2):
+    with pytest.raises(KeyboardInterrupt):
+        run_study(SHORT, folder, progress=Interrupting(count))
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_interrupted_study_continues_with_the_same_results(tmp_path, monkeypatch):
+    run_study(SHORT, tmp_path / "whole")
+    interrupt(tmp_path / "study")
+    assert not (tmp_path / "study" / "report.html").exists()
+    seen = executed(monkeypatch)
+    scenario = load_scenario(tmp_path / "study" / "scenario.yaml")  # also the copy in the folder
+    progress = Interrupting(0)
+    run_study(scenario, tmp_path / "study", progress=progress)
+    assert len(seen) == 2
+    assert len(set(progress.finished)) >= 4
+    whole, continued = (
+        json.loads((tmp_path / name / "results.json").read_text()) for name in ("whole", "study")
+    )
+    assert without_times(whole) == without_times(continued)
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_run_whose_log_is_damaged_is_executed_again(tmp_path, monkeypatch):
+    interrupt(tmp_path, 3)
+    series = sorted((tmp_path / "series").iterdir())
+    series[0].write_bytes(b"PAR1 damaged")
+    series[1].unlink()
+    seen = executed(monkeypatch)
+    run_study(SHORT, tmp_path)
+    assert len(seen) == 3
+
+
+def test_folder_of_another_study_is_refused(tmp_path):
+    interrupt(tmp_path)
+    other = SHORT.with_values(seed=2)
+    with pytest.raises(CannotWrite, match=r"holds the runs of another study.*; choose a new f"):
+        run_study(other, tmp_path)
+    check_study_folder(tmp_path)
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_finished_study_is_not_continued(tmp_path):
+    run_study(SHORT, tmp_path / "a")
+    with pytest.raises(CannotWrite, match="is not empty; choose a new folder with --out"):
+        run_study(SHORT, tmp_path / "a")
+
+
+def sensors():
+    """Return sensors with an estimator, whose covariance is in the log."""
+    return SensorsSection(estimator="kalman")
+
+
+@pytest.mark.parametrize("section", [None, sensors])
+def test_restored_run_is_the_one_that_was_stored(tmp_path, section):
+    tasks = SHORT.tasks.model_copy(update={"faults": FaultsTask(duration=20.0)})
+    scenario = SHORT.with_values(tasks=tasks, sensors=section and section(), plant="planar")
+    planned = plan_and_check(scenario)
+    jobs = [*jobs_of(scenario)[:4], *jobs_of(scenario)[-1:]]
+    with StoredRuns(RunFolder(tmp_path), planned, jobs) as stored:
+        results = {job: run_job(planned, job) for job in jobs}
+        for job, result in results.items():
+            stored.add(job, result)
+        restored = stored.finished()
+    assert list(restored) == jobs
+    for job, result in results.items():
+        again = restored[job]
+        for field in fields(result.run):
+            before, after = (getattr(each.run, field.name) for each in (result, again))
+            if isinstance(before, np.ndarray):
+                assert (before.dtype, before.shape) == (after.dtype, after.shape), field.name
+                assert before.tobytes() == after.tobytes(), field.name
+            elif field.name == "details":
+                assert {k: v.tobytes() for k, v in before.items()} == {
+                    k: v.tobytes() for k, v in after.items()
+                }
+            else:
+                assert before == after, field.name
+        for name in ("metrics", "responses", "min_clearance", "fault", "name"):
+            assert repr(getattr(result, name, None)) == repr(getattr(again, name, None))
