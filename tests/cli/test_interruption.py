@@ -58,7 +58,7 @@ def alive(group):
 
 
 def workers(group):
-    return [pid for pid, command in alive(group).items() if "spawn_main" in command]
+    return [pid for pid, command in alive(group).items() if "popen_loky" in command]
 
 
 def wait_for(condition, seconds=TIMEOUT):
@@ -90,7 +90,9 @@ def command(folder, args=MANY_RUNS, **env):
 
 def finish(process):
     _, errors = process.communicate(timeout=TIMEOUT)
-    assert "Traceback" not in errors
+    if process.returncode == -signal.SIGKILL:  # a worker that was being started says so
+        errors, _, _ = errors.partition("LokyProcess")
+    assert "Traceback" not in errors, errors
     return " ".join(errors.split())
 
 

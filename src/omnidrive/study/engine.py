@@ -142,7 +142,7 @@ def execute_blocks(
                 "a scheduler cannot be used with a time limit, or with a plant or controller that "
                 "only this process has; omit --run-timeout or --scheduler"
             )
-        with ClusterPool(scheduler, partial(_start, work.compute)) as cluster:
+        with ClusterPool(scheduler, partial(start_worker, work.compute)) as cluster:
             yield from execute_on(cluster, source, work)
         return
     if in_process:
