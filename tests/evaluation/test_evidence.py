@@ -107,7 +107,7 @@ def test_equal_controllers_show_no_difference():
 
 def test_constant_difference_needs_no_interval():
     found = evidence(synthetic_table({"a": 0.05, "b": 0.04}, repetitions=5, common=0.0, own=0.0))
-    assert found.pairs[0].sentence == "b is better than a by 10.0000 mm in every case"
+    assert found.pairs[0].sentence == "b is better than a by 10.0000 mm in every repetition"
 
 
 def test_rounding_errors_are_no_difference():
@@ -120,7 +120,7 @@ def test_one_repetition_shows_nothing():
     assert isnan(pair.p)
     assert pair.verdict == "no difference shown"
     assert pair.sentence.startswith("b has ")
-    assert pair.sentence.endswith("mm less than a in one repetition, without an interval")
+    assert pair.sentence.endswith("mm less than a in one repetition, too few for an interval")
 
 
 def test_p_values_are_holm_corrected_within_a_task():
@@ -165,6 +165,12 @@ def test_always_valid_intervals_are_wider():
     for a, b in zip(fixed.pairs, always.pairs, strict=True):
         assert b.difference.margin > 1.4 * a.difference.margin
         assert b.difference.mean == pytest.approx(a.difference.mean)
+
+
+def test_always_valid_intervals_need_some_repetitions():
+    found = evidence(synthetic_table(THREE, repetitions=12), always_valid=True)
+    assert all(pair.verdict == "no difference shown" for pair in found.pairs)
+    assert found.pairs[0].sentence.endswith("in 12 repetitions, too few for an interval")
 
 
 def test_axis_evidence_is_adjusted_over_all_values():

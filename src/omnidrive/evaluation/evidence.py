@@ -97,8 +97,8 @@ class PairEvidence(NamedTuple):
             return self.reversed.sentence
         measure, d = self.measure, self.difference
         unit = f" {measure.shown_unit}" if measure.shown_unit else ""
-        if d.sample_size < 2:
-            return self._single_sentence(unit)
+        if not isfinite(d.margin):
+            return self._sentence_without_interval(unit)
         better = self.verdict == BETTER
         sign = -1.0 if better and measure.lower_is_better else 1.0
         oriented = self.reversed.difference if sign < 0.0 else d
@@ -106,7 +106,9 @@ class PairEvidence(NamedTuple):
         if better:
             mean, low, high = (text.removeprefix("+") for text in (mean, low, high))
             if low == high:
-                return f"{self.first} is better than {self.second} by {mean}{unit} in every case"
+                return (
+                    f"{self.first} is better than {self.second} by {mean}{unit} in every repetition"
+                )
             return f"{self.first} is better than {self.second} by {mean}{unit} [{low}, {high}]"
         if low == high == "0":
             return f"{self.first} and {self.second} have equal results"
@@ -115,15 +117,16 @@ class PairEvidence(NamedTuple):
             f"{mean}{unit} [{low}, {high}]"
         )
 
-    def _single_sentence(self, unit: str) -> str:
-        """Return the sentence of one repetition, which shows no difference."""
-        mean = self.measure.factor * self.difference.mean
+    def _sentence_without_interval(self, unit: str) -> str:
+        """Return the sentence of too few repetitions for an interval, which show no difference."""
+        mean, count = self.measure.factor * self.difference.mean, self.difference.sample_size
         if not isfinite(mean):
             return f"{self.first} and {self.second} have no valid runs in common"
         relation = "less" if mean < 0.0 else "more"
+        repetitions = "one repetition" if count == 1 else f"{count} repetitions"
         return (
-            f"{self.first} has {number_text(abs(mean))}{unit} {relation} than {self.second} in one "
-            "repetition, without an interval"
+            f"{self.first} has {number_text(abs(mean))}{unit} {relation} than {self.second} in "
+            f"{repetitions}, too few for an interval"
         )
 
     @property

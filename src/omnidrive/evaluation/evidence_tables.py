@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
+
+import pyarrow as pa
 
 from omnidrive.evaluation.evidence import (
     PairEvidence,
@@ -122,7 +124,7 @@ def _summary_row(summary: Summary) -> tuple[str, ...]:
 def _mean_cell(summary: Summary) -> str:
     """Return the mean ± half its interval."""
     mean, factor = summary.mean, summary.measure.factor
-    if not isfinite(mean.margin):
+    if not 0.0 < mean.margin < inf:  # too few repetitions, or equal values
         return number_text(factor * mean.mean)
     text, margin, _, _ = mean.text(factor)
     return f"{text.removeprefix('+')} ± {margin}"
@@ -187,7 +189,7 @@ def _pair_row(pair: PairEvidence) -> tuple[str, ...]:
         pair.task.label,
         f"{pair.first} − {pair.second}",
         pair.measure.heading,
-        mean if known else number_text(pair.measure.factor * pair.difference.mean),
+        mean,
         f"{low} to {high}" if known else NO_VALUE,
         p_text(pair.p).removeprefix("= ") if isfinite(pair.p) else NO_VALUE,
         number_text(pair.effect),
@@ -258,10 +260,11 @@ def _share_table(runs: RunTable, answers: Sequence[TaskAnswer]) -> Table:
 
 def _failure_table(runs: RunTable) -> Table:
     """Return the number of runs that ended early, by controller, task and outcome."""
-    outcomes = runs.table["outcome"].to_pylist()
+    rows = (~runs.finished).nonzero()[0]
+    outcomes = runs.table["outcome"].take(pa.array(rows)).to_pylist()
     lost = [
-        (runs.controllers[runs.controller[k]], runs.tasks[runs.task[k]].label, str(outcomes[k]))
-        for k in (~runs.finished).nonzero()[0]
+        (runs.controllers[runs.controller[k]], runs.tasks[runs.task[k]].label, str(outcome))
+        for k, outcome in zip(rows, outcomes, strict=True)
     ]
     counts = Counter(lost).most_common(_MAX_REASONS)
     note = (

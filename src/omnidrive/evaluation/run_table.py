@@ -141,9 +141,10 @@ class RunTable:
                     else np.array([str(v) for v in column.to_pylist()], dtype=object)
                 )  # fmt: skip
                 found[name.removeprefix(FACTOR_PREFIX)] = values
-        variant = np.array(self.table["variant"].to_pylist(), dtype=object)
-        for k, task in enumerate(self.tasks):
-            if task.name in _VARIED:
+        varied = [(k, task) for k, task in enumerate(self.tasks) if task.name in _VARIED]
+        if varied:
+            variant = np.array(self.table["variant"].to_pylist(), dtype=object)
+            for k, task in varied:
                 path = _VARIED[task.name]
                 found[path] = np.where(self.task == k, variant, found.get(path, ""))
         return {path: each for path, each in found.items() if (each != each[:1]).any()}

@@ -42,10 +42,10 @@ class TaskAnswer(NamedTuple):
         value = value_text(first)
         if len(evidence.summaries) == 1:
             return f"{task}: {first.controller} has {measure} {value}."
-        if first.mean.sample_size < 2:
+        if not isfinite(first.mean.margin):
             return (
-                f"{task}: {first.controller} has the best {measure}, {value}, in one repetition; "
-                "more repetitions show whether the difference is real."
+                f"{task}: {first.controller} has the best {measure}, {value}, in too few "
+                "repetitions for an interval; more of them show whether the difference is real."
             )
         if len(best) == 1:
             return f"{task}: {first.controller} is best, {measure} {value}.{self._failing(best)}"

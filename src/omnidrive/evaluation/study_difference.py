@@ -14,7 +14,7 @@ from omnidrive.evaluation.bootstrap import bootstrap_means
 from omnidrive.evaluation.evidence import NO_DIFFERENCE
 from omnidrive.evaluation.quantities import Quantity, quantity
 from omnidrive.evaluation.run_table import FACTOR_PREFIX, RunTable, Task
-from omnidrive.evaluation.table import NO_VALUE, RESOLUTION, Table, number_text
+from omnidrive.evaluation.table import RESOLUTION, Table, number_text
 from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, holm
 
 EQUAL = "equal"
@@ -139,17 +139,15 @@ def difference_table(difference: StudyDifference) -> Table:
         "Second minus first study, mean over the repetitions; result Holm-corrected over all rows. "
         "Equal: number of runs with exactly equal values.",
         keys=3,
-        lead=difference.summary,
     )  # fmt: skip
 
 
 def _row(change: MetricChange) -> tuple[str, ...]:
     factor = change.measure.factor
-    mean, _, low, high = change.change.text(factor) if isfinite(change.change.margin) else (
-        number_text(factor * change.change.mean), "", NO_VALUE, "")  # fmt: skip
+    mean, _, low, high = change.change.text(factor)
     return (
         change.task.label, change.controller, change.measure.heading,
-        number_text(factor * change.first), mean, f"{low} to {high}" if high else low,
+        number_text(factor * change.first), mean, low if low == high else f"{low} to {high}",
         str(change.runs), str(change.equal), str(change.largest), change.verdict,
     )  # fmt: skip
 
@@ -201,3 +199,29 @@ def _adjusted(changes: list[MetricChange]) -> tuple[MetricChange, ...]:
     known = [each for each in changes if isfinite(each.p)]
     adjusted = iter(holm([each.p for each in known]))
     return tuple(each._replace(p=next(adjusted)) if isfinite(each.p) else each for each in changes)
+
+
+def difference_record(difference: StudyDifference) -> dict[str, Any]:
+    """Return the differences as JSON data, values in the stored units; NaN is None."""
+    fields = ("matched", "only_first", "only_second", "same_key", "outcomes")
+    return {
+        **{name: getattr(difference, name) for name in fields},
+        "not_reproduced": list(difference.not_reproduced),
+        "changes": [
+            {
+                "task": each.task.label,
+                "controller": each.controller,
+                "metric": each.measure.name,
+                "runs": each.runs,
+                "equal": each.equal,
+                "first": each.first,
+                "change": each.change.mean,
+                "low": each.change.low if isfinite(each.change.low) else None,
+                "high": each.change.high if isfinite(each.change.high) else None,
+                "p": each.p if isfinite(each.p) else None,
+                "largest_at": each.largest,
+                "verdict": each.verdict,
+            }
+            for each in difference.changes
+        ],
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.evidence_tables import evidence_tables
@@ -19,8 +20,43 @@ from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.files.str_path import StrPath, to_path
 
 
+class StudyTables(NamedTuple):
+    """Tables of a study."""
+
+    evidence: list[Table]
+    """Tables of the evidence, the answer first."""
+    claims: list[Table]
+    """Tables of the paper's claims; may be empty."""
+
+    @property
+    def every(self) -> list[Table]:
+        """The answer, the claims, and the other tables."""
+        return [*self.evidence[:1], *self.claims, *self.evidence[1:]]
+
+
+def study_tables(study: StudyEvidence, facts: StudyFacts, metric: str | None = None) -> StudyTables:
+    """Return the tables of a study.
+
+    Args:
+        study: The evidence.
+        facts: What the study is.
+        metric: Compared quantity; None: that of :func:`main_metric` in each task.
+
+    Raises:
+        InvalidInput: The runs have no such metric.
+    """
+    claims = []
+    if facts.published:
+        claims = [claims_table(check_claims(study)), published_table(study)]
+    return StudyTables(evidence_tables(study, metric), [table for table in claims if table.rows])
+
+
 def write_study_report(
-    study: StudyEvidence, facts: StudyFacts, folder: StrPath, metric: str | None = None
+    study: StudyEvidence,
+    facts: StudyFacts,
+    tables: StudyTables,
+    folder: StrPath,
+    metric: str | None = None,
 ) -> Iterator[Path]:
     """Write ``figures/*.svg``, ``tables/*`` and ``report.html``, which contains all of them.
 
@@ -29,6 +65,7 @@ def write_study_report(
     Args:
         study: The evidence.
         facts: What the study is, and how to repeat it.
+        tables: Its tables.
         folder: Output folder; created if it does not exist. Files of these names are replaced.
         metric: Compared quantity; None: that of :func:`main_metric` in each task.
 
@@ -42,7 +79,6 @@ def write_study_report(
     folder = to_path(folder)
     answers = study_answers(study, metric)
     styles = facts.styles(study.runs.controllers)
-    tables, claims = study_tables_of(study, facts, metric)
     create_folder(folder / "figures")
     figures = []
     for each in study_figures(study, answers, styles):
@@ -50,19 +86,9 @@ def write_study_report(
         save(each.figure, path)
         figures.append(PageFigure(each.title, each.caption, path.read_bytes()))
         yield path
-    yield from write_tables([*claims, *tables], folder / "tables")
-    page = EvidencePage(facts, study, answers, tables, claims, figures, styles)
+    yield from write_tables(tables.every, folder / "tables")
+    page = EvidencePage(facts, study, answers, tables.evidence, tables.claims, figures, styles)
     path = folder / "report.html"
     with output_file(path) as part:
         part.write_text(page.text(), encoding="utf-8", errors="backslashreplace")
     yield path
-
-
-def study_tables_of(
-    study: StudyEvidence, facts: StudyFacts, metric: str | None = None
-) -> tuple[list[Table], list[Table]]:
-    """Return the tables of a study, and those of the paper's claims; the latter may be empty."""
-    claims = []
-    if facts.published:
-        claims = [claims_table(check_claims(study)), published_table(study)]
-    return evidence_tables(study, metric), [table for table in claims if table.rows]

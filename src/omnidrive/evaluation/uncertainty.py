@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, log10, nan, sqrt
+from math import floor, isfinite, log10, nan, sqrt
 from typing import NamedTuple
 
 from jaxtyping import Float
 from scipy.special import stdtr, stdtrit
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.table import RESOLUTION
+from omnidrive.evaluation.table import NO_VALUE, RESOLUTION, number_text
 
 CONFIDENCE = 0.95
 """Confidence level of the intervals."""
@@ -36,9 +36,11 @@ class MeanEstimate(NamedTuple):
         """Format mean, margin, low and high times ``factor``; all but the margin have a sign.
 
         Values are rounded to two digits of the margin, with 1 to 6 decimals; smaller margins are in
-        scientific notation. All are 0 if the interval is within the resolution of tables. The minus
-        sign is U+2212.
+        scientific notation. All are 0 if the interval is within the resolution of tables. Without a
+        bounded interval, all but the mean are dashes. The minus sign is U+2212.
         """
+        if not isfinite(self.margin):
+            return number_text(factor * self.mean), NO_VALUE, NO_VALUE, NO_VALUE
         if max(abs(factor * self.low), abs(factor * self.high)) < RESOLUTION:
             return "0", "0", "0", "0"
         margin = factor * self.margin

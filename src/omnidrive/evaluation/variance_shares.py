@@ -40,8 +40,9 @@ def variance_shares(runs: RunTable, metric: str, task: Task) -> list[VarianceSha
     chance is that of the repetitions, which all its runs share). What is missing to 1 are
     interactions and the random numbers of the repetitions. A factor with more than 8 values is
     grouped into at most 8 bins of equal size, a random one with 5 repetitions in each at least;
-    random factors need 10 repetitions. Intervals: bootstrap over repetitions, percentiles. Factors
-    should be combined with each other, as in a grid or a joint sample.
+    random factors need 10 repetitions, and those with many texts are omitted. Intervals: bootstrap
+    over repetitions, percentiles. Factors should be combined with each other, as in a grid or a
+    joint sample.
 
     Args:
         runs: The runs.
@@ -64,7 +65,8 @@ def variance_shares(runs: RunTable, metric: str, task: Task) -> list[VarianceSha
     for path in runs.factors:
         is_random = path in runs.random_factors
         bins = min(_BINS, sample.repetitions // 5) if is_random else _BINS
-        if bins > 1:
+        is_ordered = runs.factors[path].dtype != object
+        if bins > 1 and (is_ordered or len(runs.levels(path)[0]) <= bins):
             found.append((path, _grouped(runs, path, bins)[rows], is_random))
     shares = [
         VarianceShare(path, *sample.share(codes, is_random))

@@ -94,9 +94,10 @@ def _means(
     """Return mean and bounds of one controller at every value; NaN where it has no runs."""
     rows = []
     for each in levels:
-        found = (s.mean[:3] for s in each.evidence.summaries if s.controller == name)
-        rows.append(next(found, (np.nan, np.nan, np.nan)))
-    mean, low, high = np.array(rows, dtype=float).T
+        means = (s.mean[:3] for s in each.evidence.summaries if s.controller == name)
+        rows.append(next(means, (np.nan, np.nan, np.nan)))
+    found = np.array(rows, dtype=float)
+    mean, low, high = np.where(np.isfinite(found), found, np.nan).T
     return mean, low, high
 
 

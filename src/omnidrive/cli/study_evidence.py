@@ -1,0 +1,116 @@
+"""Verbs of `omnidrive study` that show results: report, export and diff."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnidrive.cli.options import RESULTS_PANEL, FullOption, JsonOption, flag, option
+from omnidrive.cli.terminal import conclude, print_json
+
+StudyArgument = Annotated[
+    Path, typer.Argument(metavar="FOLDER", help="Folder of a study, which may still run.")
+]
+AllowCodeOption = Annotated[
+    bool,
+    flag("Accept controllers by module or file in the study file; only for files you trust.",
+         None, "--allow-code"),
+]  # fmt: skip
+
+
+def report(
+    folder: StudyArgument,
+    metric: Annotated[
+        str | None,
+        option(
+            "NAME",
+            "Compared quantity, such as mae, max_error or work [default: me; in step responses "
+            "settling_time, with faults worst_error].",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, option("FOLDER", "Folder of the report [default: that of the study].")
+    ] = None,
+    allow_code: AllowCodeOption = False,
+    full: FullOption = False,
+) -> None:
+    """Print the answer of a study with its uncertainty, and write its report.
+
+    The report is one HTML file, report.html, that needs no network: question, answer, figures,
+    tables, set-up, and how to repeat the study. Tables are written as CSV and LaTeX, too, and
+    figures as SVG. A study that is not finished gives a report of its finished runs.
+
+    For example:
+
+    * `omnidrive study report runs/friction`
+    * `omnidrive study report runs/friction --metric max_error`
+    """
+    from omnidrive.cli.progress import LiveProgress
+    from omnidrive.cli.tables import print_tables
+    from omnidrive.study.stored_study import read_study, report_study
+
+    with LiveProgress() as progress:
+        progress.part("report", 0)
+        found = read_study(folder, allow_code=allow_code)
+        written = report_study(found, metric, out, progress.done)
+    print_tables(written.tables, full=full)
+    conclude(f"report: {written.page}")
+
+
+def export(
+    folder: StudyArgument,
+    out: Annotated[Path, option("FILE", "Table to write: .csv or .parquet; it is replaced.")],
+    timing: Annotated[
+        bool, flag("Add the computing times, which differ from study to study.", RESULTS_PANEL)
+    ] = False,
+    allow_code: AllowCodeOption = False,
+) -> None:
+    """Write all runs of a study as one table, one row per run.
+
+    Columns: number, key, pairing, controller, task, duration (s), variant, repetition, outcome,
+    finished, `factor:PATH` of every axis and random factor, and the metrics in m, rad, s and J.
+    Equal studies give identical files.
+
+    For example:
+
+    * `omnidrive study export runs/friction --out friction.csv`
+    * `omnidrive study export runs/friction --out friction.parquet --timing`
+    """
+    from omnidrive.study.stored_study import export_study, read_study
+
+    found = read_study(folder, allow_code=allow_code)
+    export_study(found, out, timing=timing)
+    conclude(f"{found.table.num_rows} runs written to {out}")
+
+
+def diff(
+    first: StudyArgument,
+    second: StudyArgument,
+    allow_code: AllowCodeOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Compare two studies run by run.
+
+    Runs are matched by controller, task, repetition and the values of all factors; the table shows
+    how much every quantity has changed from the first to the second study, and whether that is
+    more than chance. Runs with the same key, which depend on equal scenarios, seeds and versions,
+    should have equal results.
+
+    For example:
+
+    * `omnidrive study diff runs/before runs/after`
+    """
+    from omnidrive.cli.tables import print_tables
+    from omnidrive.evaluation.study_difference import difference_record, difference_table
+    from omnidrive.study.stored_study import compare_studies, read_study
+
+    studies = [read_study(folder, allow_code=allow_code) for folder in (first, second)]
+    found = compare_studies(*studies)
+    if json:
+        print_json(difference_record(found))
+    else:
+        table = difference_table(found)
+        print_tables([table] if table.rows else [])
+    conclude(found.summary, beside_json=json)

@@ -1,0 +1,272 @@
+"""A study as its folder holds it: definition and stored runs; its report, export and difference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from hashlib import sha256
+from importlib.metadata import version
+from io import RawIOBase
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+
+from omnidrive.errors import InvalidInput, one_line
+from omnidrive.evaluation.evidence import StudyEvidence
+from omnidrive.evaluation.results import ControllerType
+from omnidrive.evaluation.run_table import RunTable
+from omnidrive.evaluation.study_difference import StudyDifference, study_difference
+from omnidrive.evaluation.study_facts import StudyFacts
+from omnidrive.evaluation.study_report import study_tables, write_study_report
+from omnidrive.evaluation.table import Table
+from omnidrive.files.output_file import output_file
+from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.study.definition import StudyDefinition
+from omnidrive.study.definition_file import load_definition
+from omnidrive.study.run_key import VERSIONS, plan_digest
+from omnidrive.study.run_plan import RunPlan
+from omnidrive.study.scenario import Scenario
+from omnidrive.study.store import Store
+
+DEFINITION = "study.yaml"
+"""Name of the study file in the folder of a study."""
+
+EXPORT_SUFFIXES = (".csv", ".parquet")
+"""Suffixes of exported tables."""
+
+UNTIL = "until"
+"""Fact of a store: stop rule of a study that ends when its intervals are narrow enough."""
+
+_PAPER_TABLES = "paper-tables"  # study whose report checks the claims of the paper
+_MAX_VALUES = 12  # of an axis in the set-up
+
+
+class StoredStudy(NamedTuple):
+    """Definition and stored runs of a study."""
+
+    folder: Path
+    definition: StudyDefinition
+    text: str
+    """Text of the study file."""
+    table: pa.Table
+    """Stored runs; see :meth:`Store.records`."""
+    timing: pa.Table
+    """Their computing times; see :meth:`Store.timing`."""
+    until: str
+    """Stop rule; empty: none."""
+
+    @property
+    def evidence(self) -> StudyEvidence:
+        """Evidence of the runs; always valid if the study has a stop rule."""
+        return StudyEvidence(RunTable(self.table, self.timing), always_valid=bool(self.until))
+
+    def facts(self) -> StudyFacts:
+        """Return what the report states beside the results."""
+        definition = self.definition
+        until = f" --until {self.until}" if self.until else ""
+        scenario = definition.scenario
+        return StudyFacts(
+            name=definition.name,
+            question=definition.question,
+            setup=_setup(definition),
+            types={label: _controller_type(each) for label, each in scenario.controllers.items()},
+            planned=0 if self.until else len(RunPlan(definition)),
+            definition=self.text,
+            command=f"omnidrive study {DEFINITION}{until} --out repeated",
+            hashes={
+                "Definition": sha256(self.text.encode()).hexdigest(),
+                "Scenarios, seeds, components": plan_digest(self.table["key"].to_pylist()),
+                "Results": results_digest(self.table),
+            },
+            versions={name: version(name) for name in VERSIONS},
+            until=self.until,
+            published=definition.name == _PAPER_TABLES,
+        )
+
+
+def read_study(folder: StrPath, *, allow_code: bool = False) -> StoredStudy:
+    """Read the study in a folder, which may still run.
+
+    Args:
+        folder: Folder of the study.
+        allow_code: Whether its controllers may be code that is not installed.
+
+    Raises:
+        InvalidStudy: The study file is missing or invalid.
+        InvalidStore: There is no usable store.
+        InvalidInput: No run is stored.
+        CannotWrite: The store cannot be read.
+    """
+    path = to_path(folder)
+    with Store(path, read_only=True) as store:
+        table, timing, until = store.records(), store.timing(), store.fact(UNTIL)
+    definition = load_definition(path / DEFINITION, allow_code=allow_code)
+    if not table.num_rows:
+        raise InvalidInput(f"no run of the study in {one_line(str(path))} is finished yet")
+    text = (path / DEFINITION).read_text(encoding="utf-8")
+    return StoredStudy(path, definition, text, table, timing, until or "")
+
+
+class StudyReport(NamedTuple):
+    """Written report of a study."""
+
+    page: Path
+    """The HTML page."""
+    tables: list[Table]
+    """The tables, the answer first."""
+
+
+def report_study(
+    study: StoredStudy,
+    metric: str | None = None,
+    out: StrPath | None = None,
+    done: Callable[[str], None] = lambda _: None,
+) -> StudyReport:
+    """Write report.html, tables and figures of a study; older ones are replaced.
+
+    Args:
+        study: The study.
+        metric: Compared quantity. None: the mean error, in step responses the settling time, with
+            faults the worst error.
+        out: Folder of the report. None: that of the study.
+        done: Called with the name of each file after it is written.
+
+    Raises:
+        InvalidInput: The runs have no such metric.
+        CannotWrite: A file cannot be written.
+    """
+    evidence, facts = study.evidence, study.facts()
+    folder = study.folder if out is None else to_path(out)
+    tables = study_tables(evidence, facts, metric)
+    page = folder
+    for page in write_study_report(evidence, facts, tables, folder, metric):
+        done(page.name)
+    return StudyReport(page, tables.every)
+
+
+def export_study(study: StoredStudy, path: StrPath, *, timing: bool = False) -> None:
+    """Write the runs as one table, by number; equal runs give identical files.
+
+    Args:
+        study: The study.
+        path: File with the suffix .csv or .parquet; it is replaced.
+        timing: Whether to add the computing times, which differ from study to study.
+
+    Raises:
+        InvalidInput: The suffix is another one.
+        CannotWrite: The file cannot be written.
+    """
+    path = to_path(path)
+    suffix = path.suffix.lower()
+    if suffix not in EXPORT_SUFFIXES:
+        raise InvalidInput(
+            f"{one_line(str(path))}: the suffix of an exported table is "
+            f"{' or '.join(EXPORT_SUFFIXES)}"
+        )
+    table = study.table
+    if timing:
+        columns = study.timing.rename_columns(
+            ["number", *(f"timing:{name}" for name in study.timing.column_names[1:])]
+        )
+        table = table.join(columns, "number").sort_by("number")
+    with output_file(path) as part, part.open("wb") as file:
+        if suffix == ".csv":
+            _write_csv(table, file)
+        else:
+            pq.write_table(table, file)
+
+
+def compare_studies(first: StoredStudy, second: StoredStudy) -> StudyDifference:
+    """Compare two studies run by run; see :func:`study_difference`."""
+    return study_difference(first.table, second.table)
+
+
+def results_digest(table: pa.Table) -> str:
+    """Return the SHA-256 of the exported CSV file without computing times."""
+    content = _Digest()
+    _write_csv(table, content)
+    return content.digest.hexdigest()
+
+
+class _Digest(RawIOBase):
+    """File that keeps the SHA-256 of what is written."""
+
+    def __init__(self) -> None:
+        self.digest = sha256()
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def write(self, content: Any) -> int:
+        """Add bytes."""
+        self.digest.update(content)
+        return len(content)
+
+
+def _write_csv(table: pa.Table, file: Any) -> None:
+    """Write CSV with the shortest decimal numbers that are exact; no value is an empty cell."""
+    columns = {
+        name: pc.if_else(pc.is_finite(column), column, None)
+        if pa.types.is_floating(column.type) else column
+        for name, column in zip(table.column_names, table.columns, strict=True)
+    }  # fmt: skip
+    pa_csv.write_csv(pa.table(columns), file)
+
+
+def _setup(definition: StudyDefinition) -> dict[str, str]:
+    """Return the facts about scenario, axes, random factors and repetitions."""
+    scenario = definition.scenario
+    facts = {
+        "Robot": scenario.robot.name,
+        **({"Simulated robot": scenario.plant_robot.name} if scenario.plant_robot else {}),
+        "Plant": _component_text(scenario.plant),
+        "Reference": _reference_text(scenario),
+        "Sample time": f"{scenario.sample_time:g} s",
+        "Preset": scenario.preset,
+        "Tasks": ", ".join(name for name, each in scenario.tasks if each is not None),
+        "Controllers": "; ".join(
+            label if _component_text(each) == label else f"{label}: {_component_text(each)}"
+            for label, each in scenario.controllers.items()
+        ),
+    }
+    for axis in definition.axes:
+        labels = [f"{v:g}" if isinstance(v, float) else str(v) for v in axis.labels]
+        more = f", ... ({len(labels)} values)" if len(labels) > _MAX_VALUES else ""
+        facts[f"Axis {axis.name}"] = ", ".join(labels[:_MAX_VALUES]) + more
+    for factor in definition.random.factors:
+        facts[f"Random {factor.name}"] = one_line(_source_text(factor.source), 200)
+    if definition.random.factors:
+        facts["Sampling"] = definition.random.method
+    for name, conditions in (("Only", definition.where), ("Left out", definition.leave_out)):
+        if conditions:
+            facts[name] = one_line("; ".join(str(each.source) for each in conditions), 300)
+    facts["Repetitions"] = f"{definition.repetitions}, seed {scenario.seed}"
+    return facts
+
+
+def _source_text(source: Any) -> str:
+    """Return the distribution of a random factor as in the study file."""
+    if not isinstance(source, dict):
+        return str(source)
+    return ", ".join(f"{key} {value}" for key, value in source.items())
+
+
+def _reference_text(scenario: Scenario) -> str:
+    if scenario.reference != "path":
+        return _component_text(scenario.reference)
+    return f"planned path on the map {one_line(Path(scenario.map.source).name, 60)}"
+
+
+def _component_text(configured: Any) -> str:
+    """Return type and changed parameters of a component."""
+    changes = ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
+    return one_line(f"{configured.type} ({changes})" if changes else configured.type, 200)
+
+
+def _controller_type(configured: Any) -> ControllerType:
+    changes = ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
+    return ControllerType(configured.type, configured.component.summary, changes)

@@ -1,0 +1,212 @@
+"""Answer, tables, figures and page of a study."""
+
+import re
+from hashlib import sha256
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from matplotlib.figure import Figure
+
+from omnidrive.errors import InvalidInput
+from omnidrive.evaluation.evidence import StudyEvidence
+from omnidrive.evaluation.evidence_tables import evidence_tables
+from omnidrive.evaluation.figures.study_catalogue import study_figures
+from omnidrive.evaluation.figures.study_cost import CostPoint, cost_points, pareto_front
+from omnidrive.evaluation.figures.study_distributions import paired_intervals
+from omnidrive.evaluation.page.evidence import EvidencePage, PageFigure
+from omnidrive.evaluation.run_table import RunTable
+from omnidrive.evaluation.study_answer import percent, study_answers
+from omnidrive.evaluation.study_facts import StudyFacts
+from omnidrive.evaluation.study_report import study_tables, write_study_report
+from omnidrive.evaluation.uncertainty import MeanEstimate
+from tests.evaluation.synthetic_runs import TASK, synthetic_table
+
+EFFECTS = {"pid": 0.06, "fuzzy_t1": 0.0505, "fuzzy_t2": 0.05, "mine<script>": 0.05}
+TIMES = {"pid": 3.0, "fuzzy_t1": 20.0, "fuzzy_t2": 40.0, "mine<script>": 300.0}
+FACTS = StudyFacts(
+    "friction", question="Which <controller> is best?", setup={"Plant": "planar"}, planned=400,
+    definition="name: <b>", command="omnidrive study study.yaml", hashes={"Results": "ab" * 32},
+    published=True,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def study():
+    table = synthetic_table(
+        EFFECTS, repetitions=12, axes={"mass": [50.0, 75.0], "plant": ["planar", "kinematic"]},
+        tasks=(TASK, ("track", 20.0, "")), own=3e-4,
+        failures={("pid", r) for r in range(5)},
+        value=lambda n, f: 2e-4 * f["mass"] * (2.0 if n == "pid" else 1.0),
+    )  # fmt: skip
+    times = [TIMES[name] for name in table["controller"].to_pylist()]
+    timing = pa.table({"number": table["number"], "step_time_median": times})
+    return StudyEvidence(RunTable(table, timing))
+
+
+def test_answer_names_the_best_and_those_that_are_not_worse(study):
+    noise, track = study_answers(study)
+    assert noise.evidence.task.label == "noise 30 s"
+    assert noise.evidence.measure.name == "me"
+    for answer in (noise, track):
+        assert set(answer.evidence.best) == {"fuzzy_t2", "mine<script>"}
+        assert "no difference in ME is shown between" in answer.lead
+        assert answer.lead.endswith("the others are worse.")
+        assert len(answer.sentences) == 3
+        assert answer.success.pair("pid", "fuzzy_t1").difference.mean < 0.0
+    with pytest.raises(InvalidInput, match="no metric 'work'"):
+        study_answers(study, "work")
+
+
+def test_best_controller_that_fails_is_named():
+    table = synthetic_table({"a": 0.04, "b": 0.05}, repetitions=40,
+                            failures={("a", r) for r in range(20)})  # fmt: skip
+    (answer,) = study_answers(StudyEvidence(RunTable(table)))
+    assert answer.lead.startswith("Noise 30 s: a is best, ME ")
+    assert answer.lead.endswith("But a finishes 50 % of its runs, b 100 %.")
+
+
+def test_single_controller_and_single_repetition_claim_nothing():
+    (alone,) = study_answers(StudyEvidence(RunTable(synthetic_table({"a": 0.04}))))
+    assert alone.lead.startswith("Noise 30 s: a has ME ")
+    one = RunTable(synthetic_table({"a": 0.04, "b": 0.05}, repetitions=1))
+    (answer,) = study_answers(StudyEvidence(one))
+    assert "in too few repetitions for an interval; more of them show" in answer.lead
+
+
+def test_study_without_valid_runs_has_an_answer():
+    lost = {(n, r) for n in ("a", "b") for r in range(3)}
+    runs = RunTable(synthetic_table({"a": 1.0, "b": 2.0}, repetitions=3, failures=lost))
+    found = StudyEvidence(runs)
+    (answer,) = study_answers(found)
+    assert answer.evidence.measure.name == "finished"
+    assert answer.lead.startswith("Noise 30 s: no difference in success rate is shown")
+    assert evidence_tables(found)[-1].title == "Runs that ended early"
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(1.0, "100 %"), (0.999, "99.90 %"), (0.5, "50 %"), (0.0, "0 %"), (0.001, "0.10 %")],
+)
+def test_only_exact_shares_are_0_and_100_percent(share, text):
+    assert percent(share) == text
+
+
+def test_tables_have_every_part(study):
+    tables = {table.title: table for table in evidence_tables(study)}
+    assert list(tables) == [
+        "Answer", "Distribution of ME", "Other quantities", "Paired differences", "By mass",
+        "By plant", "What matters", "Runs that ended early",
+    ]  # fmt: skip
+    distribution = tables["Distribution of ME"]
+    pid = next(row for row in distribution.rows if row[1] == "pid")
+    assert pid[-2:] == ("58 %", "48")
+    assert distribution.best
+    assert [row[1] for row in tables["By mass"].rows] == ["50", "75"] * 2
+    assert tables["By mass"].rows[0][3].endswith("(58 %)")
+    assert tables["What matters"].rows[0][2] == "controller"
+    assert tables["Runs that ended early"].rows[0] == (
+        "pid", "noise 30 s", "controller failed", "20",
+    )  # fmt: skip
+    assert tables["Other quantities"].columns[2:] == ("step time, µs",)
+
+
+def test_refused_runs_count_nowhere():
+    table = synthetic_table({"a": 1.0, "b": 2.0}, repetitions=4, failures={("a", 1)})
+    outcomes = ["refused" if not done else "finished" for done in table["finished"].to_pylist()]
+    table = table.set_column(table.column_names.index("outcome"), "outcome", pa.array(outcomes))
+    runs = RunTable(table)
+    assert (len(runs), runs.refused, bool(runs.finished.all())) == (7, 1, True)
+
+
+def test_pareto_front():
+    points = [
+        CostPoint(n, MeanEstimate(t, t, t, 9), MeanEstimate(e, e, e, 9))
+        for n, t, e in (("a", 1.0, 5.0), ("b", 2.0, 6.0), ("c", 3.0, 2.0), ("d", 3.0, 3.0),
+                        ("e", 9.0, 2.0))
+    ]  # fmt: skip
+    assert [p.controller for p in pareto_front(points)] == ["a", "c"]
+    assert [p.controller for p in pareto_front(points, lower_is_better=False)] == ["a", "b"]
+
+
+def test_figures_show_their_data(study):
+    answers = study_answers(study)
+    styles = FACTS.styles(study.runs.controllers)
+    found = {each.name: each for each in study_figures(study, answers, styles)}
+    assert list(found) == [
+        "distributions", "pairs", "cost", "shares", "heat_maps", "axis_1", "axis_2",
+    ]  # fmt: skip
+    assert all(isinstance(each.figure, Figure) and each.caption for each in found.values())
+    first = found["distributions"].figure.axes[0]
+    names = [label.get_text() for label in first.get_yticklabels()]
+    assert names == [s.controller for s in answers[0].evidence.ranking]
+    line = found["axis_1"].figure.axes[0].get_lines()[0]
+    pid = [s.mean.mean for e in study.along("me", "mass")[answers[0].evidence.task]
+           for s in e.evidence.summaries if s.controller == "pid"]  # fmt: skip
+    assert line.get_ydata() == pytest.approx(1e3 * np.array(pid))
+    image = found["heat_maps"].figure.axes[0].get_images()[0]
+    assert image.get_array().shape == (2, 2)
+    shown = {p.controller for p in cost_points(study, answers[0])}
+    assert shown == set(EFFECTS)
+
+
+def page_of(study, facts, tables=((), ())):
+    return EvidencePage(
+        facts, study, study_answers(study), *tables, [PageFigure("A", "b", b"<svg/>")],
+        facts.styles(study.runs.controllers),
+    ).text()  # fmt: skip
+
+
+def test_report_is_one_offline_file_with_everything(study):
+    tables = study_tables(study, FACTS)
+    page = page_of(study, FACTS, tables)
+    assert "Which &lt;controller&gt; is best?" in page
+    assert "mine<script>" not in page
+    assert "name: &lt;b&gt;" in page
+    assert "ab" * 32 in page
+    assert "16 of 400 planned runs are not finished" in page
+    assert "claims of the paper hold" in page
+    assert page.count("<table") == len(tables.every)
+    assert not re.search(r'(src|href)="(?!data:|#)', page)
+    assert "{{" not in page
+    assert len(re.findall(r"<script>(.*?)</script>", page, re.DOTALL)) == 2
+    policy = re.search(r'Policy" content="([^"]*)"', page)[1]
+    assert policy.count("sha256-") == 2 + page.count("<style>")
+    ids = re.findall(r' id="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+
+
+@pytest.mark.long
+def test_report_has_every_figure_and_table(study, tmp_path):
+    written = list(write_study_report(study, FACTS, study_tables(study, FACTS), tmp_path))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert written[-1] == tmp_path / "report.html"
+    assert [p.suffix for p in written].count(".svg") == page.count("<img ") == 7
+    assert [p.suffix for p in written].count(".csv") == page.count("<table")
+
+
+@pytest.mark.long
+def test_equal_studies_have_equal_reports(study, tmp_path):
+    digests = []
+    for name in ("a", "b"):
+        fresh = StudyEvidence(study.runs)
+        for path in write_study_report(fresh, FACTS, study_tables(fresh, FACTS), tmp_path / name):
+            digests.append((path.name, sha256(path.read_bytes()).hexdigest()))
+    half = len(digests) // 2
+    assert digests[:half] == digests[half:]
+
+
+def test_equal_runs_have_equal_tables(study):
+    fresh = StudyEvidence(RunTable(study.runs.table))
+    again = StudyEvidence(RunTable(study.runs.table))
+    assert study_tables(fresh, FACTS) == study_tables(again, FACTS)
+
+
+def test_sequential_study_says_so(study):
+    facts = StudyFacts("x", until="me:0.1mm")
+    sequential = StudyEvidence(study.runs, always_valid=True)
+    assert len(evidence_tables(sequential)) == 8
+    assert paired_intervals(study_answers(sequential)) is None  # too few repetitions
+    page = page_of(sequential, facts)
+    assert "always valid" in page
+    assert "studentised" not in page
