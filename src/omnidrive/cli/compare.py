@@ -15,7 +15,6 @@ from omnidrive.cli.options import (
     FolderOption,
     FullOption,
     ResultsJsonOption,
-    available_cores,
     choose_many,
     default_folder,
     option,
@@ -89,7 +88,9 @@ def compare(
     The tasks are those of the scenario: by default tracking with two durations, tracking with
     noise, step response and, for the NMPC, several prediction horizons; `--tasks faults` injects
     faults. The command prints the best controller of each task and the main tables, and writes a
-    run folder with scenario, results.json, time series, figures, tables and report.html.
+    run folder with scenario, results.json, time series, figures, tables and report.html. A study
+    that was interrupted continues with the same options and the same `--out`, or with
+    `omnidrive study resume FOLDER`.
 
     Results with path, timing and robot of the paper (L. Panta, "Comparative Analysis of NMPC and
     Fuzzy PID Controllers for Trajectory Tracking in Omni-Drive Robots: Design, Simulation, and
@@ -105,11 +106,10 @@ def compare(
     * `omnidrive compare --tasks noise --noise-seeds 50`
     * `omnidrive compare --tasks faults --plant mujoco-balls`
     """
-    from omnidrive.cli.progress import LiveProgress
-    from omnidrive.cli.study_results import print_results
+    from omnidrive.cli.study_results import run_and_print
 
     if out is not None:
-        study.check_new_folder(out)
+        study.check_study_folder(out)
     if controllers and "=" in controllers:
         raise InvalidInput(
             "--controllers takes names only; give parameters with --controller NAME,KEY=VALUE"
@@ -117,18 +117,15 @@ def compare(
     chosen = [*(controllers.split(",") if controllers else ()), *(controller or ())]
     resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds)
     resolved = with_faults(resolved, fault)
-    with LiveProgress() as progress:
-        done = study.run_study(
-            resolved,
-            out or default_folder(resolved.name),
-            processes=jobs or available_cores(),
-            progress=progress,
-            run_timeout=run_timeout,
-            numbered=out is None,
-        )
-    parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
-    total = f"{parts} = {sum(done.timing.values()):.1f} s"
-    print_results(done, json=json, full=full, lines=[total])
+    run_and_print(
+        resolved,
+        out or default_folder(resolved.name),
+        jobs=jobs,
+        run_timeout=run_timeout,
+        numbered=out is None,
+        json=json,
+        full=full,
+    )
 
 
 def _restrict(

@@ -4,10 +4,51 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
+from omnidrive.cli.options import available_cores
+from omnidrive.cli.progress import LiveProgress
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, show, warn
-from omnidrive.study import Study
+from omnidrive.study import Scenario, Study, run_study
+
+
+def run_and_print(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    jobs: int | None = None,
+    run_timeout: float | None = None,
+    numbered: bool = False,
+    json: bool = False,
+    full: bool = False,
+) -> None:
+    """Run the study of a scenario, or continue it, and print its results.
+
+    Args:
+        scenario: The scenario.
+        folder: Folder for the results.
+        jobs: Number of worker processes. None: one per core.
+        run_timeout: Largest wall time of a run, s. None: no limit.
+        numbered: Whether to append -2, -3, ... to the name of a folder that exists.
+        json: Print results.json instead of tables.
+        full: Print all tables and columns.
+
+    Raises:
+        OmnidriveError: See :func:`~omnidrive.study.run_study`.
+    """
+    with LiveProgress() as progress:
+        done = run_study(
+            scenario,
+            folder,
+            processes=jobs or available_cores(),
+            progress=progress,
+            run_timeout=run_timeout,
+            numbered=numbered,
+        )
+    parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
+    total = f"{parts} = {sum(done.timing.values()):.1f} s"
+    print_results(done, json=json, full=full, lines=[total])
 
 
 def print_results(done: Study, *, json: bool, full: bool, lines: Sequence[str]) -> None:

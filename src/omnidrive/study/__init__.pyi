@@ -18,12 +18,19 @@ from .jobs import (
     make_supervisor,
     run_job,
 )
-from .output_paths import check_figure, check_new_file, check_new_folder, check_plan_targets
+from .output_paths import (
+    check_figure,
+    check_new_file,
+    check_new_folder,
+    check_plan_targets,
+    check_study_folder,
+)
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .planned_run import PlannedRun
 from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
 from .queries import solve_queries
+from .run_experiment import load_study, run_experiment
 from .run_plan import RunPlan, check_size
 from .run_record import RunRecord
 from .scenario import Scenario, map_scenario, paper_scenario
@@ -55,11 +62,13 @@ __all__ = [
     "check_new_folder",
     "check_plan_targets",
     "check_size",
+    "check_study_folder",
     "definition_data",
     "faults_of",
     "jobs_of",
     "load_definition",
     "load_scenario",
+    "load_study",
     "make_controller",
     "make_estimator",
     "make_plant",
@@ -77,6 +86,7 @@ __all__ = [
     "retime",
     "robot_section",
     "run_block",
+    "run_experiment",
     "run_job",
     "run_study",
     "save_definition",

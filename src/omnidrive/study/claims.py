@@ -164,6 +164,19 @@ class Claims:
         connection.execute("INSERT OR REPLACE INTO processes VALUES (?,?,?,?,?)", row)
 
 
+def at_work(connection: sqlite3.Connection) -> tuple[int, int]:
+    """Return the number of claims of processes that may run, and the number of these processes."""
+    found = connection.execute("SELECT id, host, pid, started FROM processes").fetchall()
+    running = [
+        owner for owner, host, pid, start in found if host != HOST or _start_of(pid) == start
+    ]
+    counts = [
+        connection.execute("SELECT COUNT(*) FROM claims WHERE owner = ?", (owner,)).fetchone()[0]
+        for owner in running
+    ]
+    return sum(counts), len(running)
+
+
 def _remove(connection: sqlite3.Connection, owner: str) -> None:
     """Remove a process and its claims."""
     connection.execute("DELETE FROM claims WHERE owner = ?", (owner,))

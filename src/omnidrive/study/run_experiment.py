@@ -23,10 +23,14 @@ from omnidrive.study.experiment import Experiment, Progress
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_plan import RunPlan, check_size
 from omnidrive.study.run_record import RunRecord
+from omnidrive.study.scenario_file import load_scenario
 from omnidrive.study.store import FILE, Store
 
 DEFINITION_FILE = "study.yaml"
 """Name of the definition in the folder of a study."""
+
+SCENARIO_FILE = "scenario.yaml"
+"""Name of the scenario in the folder of a study of one scenario, which keeps all logs."""
 
 MAX_SEQUENTIAL = 10_000
 """Largest number of repetitions that a stop rule may ask for, by default."""
@@ -114,9 +118,12 @@ def load_study(folder: StrPath, *, allow_code: bool = False) -> tuple[StudyDefin
 
     Raises:
         InvalidStore: The folder holds no study, or a damaged one.
-        InvalidStudy: The definition is invalid.
+        InvalidInput: The definition, or the scenario of a study of one scenario, is invalid.
     """
     path = to_path(folder)
+    if (path / SCENARIO_FILE).is_file():
+        scenario = load_scenario(path / SCENARIO_FILE, allow_code=allow_code)
+        return StudyDefinition.from_scenario(scenario, series="all"), ""
     if not (path / DEFINITION_FILE).is_file():
         raise InvalidStore(f"there is no study in {one_line(str(path))}: no file {DEFINITION_FILE}")
     definition = load_definition(path / DEFINITION_FILE, allow_code=allow_code)

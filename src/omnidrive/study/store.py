@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 from omnidrive.errors import CannotWrite, InvalidStore, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.claims import SCHEMA as CLAIMS_SCHEMA
+from omnidrive.study.claims import at_work
 from omnidrive.study.output_paths import STORE_FILE as FILE
 from omnidrive.study.run_record import RunRecord
 
@@ -75,6 +76,10 @@ class StoreStatus(NamedTuple):
     """Stored runs by outcome."""
     failures: list[tuple[int, str]]
     """Number and reason of the first runs that ended early."""
+    claimed: int
+    """Runs that processes are computing."""
+    processes: int
+    """Number of these processes; those of other computers may have ended a moment ago."""
 
 
 class Store:
@@ -261,8 +266,9 @@ class Store:
             failures = self._connection.execute(
                 f"SELECT number, detail {joined} WHERE NOT finished ORDER BY number LIMIT 5"
             ).fetchall()
+            claimed, processes = at_work(self._connection)
         first = [(number, (detail.splitlines() or [""])[0]) for number, detail in failures]
-        return StoreStatus(counts.total(), dict(sorted(counts.items())), first)
+        return StoreStatus(counts.total(), dict(sorted(counts.items())), first, claimed, processes)
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:

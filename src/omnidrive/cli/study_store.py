@@ -1,0 +1,111 @@
+"""Verbs `omnidrive study status` and `resume`: the folder of a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnidrive.cli.options import JsonOption, flag, option
+
+FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of a study.")]
+JobsOption = Annotated[
+    int | None,
+    option(
+        "N",
+        "Number of worker processes; affects no results but computing times [default: all cores].",
+        least=1,
+    ),
+]
+TimeoutOption = Annotated[
+    float | None,
+    option("S", "End a run that takes longer than this wall time, s [default: no limit]."),
+]
+SchedulerOption = Annotated[
+    str | None,
+    option(
+        "ADDRESS",
+        "Compute on the workers of a Dask scheduler, such as tcp://192.168.1.5:8786, with the same "
+        "results; needs omnidrive[cluster].",
+    ),
+]
+CodeOption = Annotated[
+    bool,
+    flag(
+        "Allow components that are code in files or modules; it is executed.", None, "--allow-code"
+    ),
+]
+
+
+def status(folder: FolderArgument, json: JsonOption = False) -> None:
+    """Print how many runs of a study are planned, stored and at work.
+
+    For example:
+
+    * `omnidrive study status runs/friction`
+    """
+    from omnidrive.cli.study_execution import count_text
+    from omnidrive.cli.terminal import print_json, show
+    from omnidrive.study.run_experiment import load_study
+    from omnidrive.study.run_plan import RunPlan
+    from omnidrive.study.store import Store
+
+    definition, until = load_study(folder, allow_code=True)
+    planned = len(RunPlan(definition))
+    with Store(folder, read_only=True) as store:
+        found = store.status()
+    if json:
+        facts = {"name": definition.name, "planned": planned, "until": until or None}
+        print_json({**facts, **found._asdict()})
+        return
+    show(f"study {definition.name}: {planned:,} runs planned")
+    if until:
+        show(f"repetitions are added until {until}")
+    share = f" ({100.0 * found.runs / planned:.3g} %)" if found.runs <= planned else ""
+    show(f"stored: {found.runs:,}{share}: {count_text(found.outcomes)}")
+    for number, reason in found.failures:
+        show(f"  run {number}: {reason}")
+    show(f"at work: {found.claimed:,} runs in {found.processes} processes")
+    if found.runs < planned and not found.processes:
+        show(f"continue with: omnidrive study resume {folder}")
+
+
+def resume(
+    folder: FolderArgument,
+    jobs: JobsOption = None,
+    run_timeout: TimeoutOption = None,
+    scheduler: SchedulerOption = None,
+    allow_code: CodeOption = False,
+    yes: Annotated[
+        bool, flag("Do not ask about more than ten million runs.", None, "--yes")
+    ] = False,
+) -> None:
+    """Continue a study that was interrupted or killed; stored runs are not computed again.
+
+    Several processes may continue one study at the same time and share its runs.
+
+    For example:
+
+    * `omnidrive study resume runs/friction`
+    * `omnidrive study resume runs/paper-20260101-120000`
+    """
+    from omnidrive.study.run_experiment import SCENARIO_FILE, load_study
+
+    definition, until = load_study(folder, allow_code=allow_code)
+    if (folder / SCENARIO_FILE).is_file():
+        from omnidrive.cli.study_results import run_and_print
+
+        run_and_print(definition.scenario, folder, jobs=jobs, run_timeout=run_timeout)
+        return
+    from omnidrive.cli.study_execution import execute_study
+
+    execute_study(
+        definition,
+        folder,
+        jobs=jobs,
+        run_timeout=run_timeout,
+        until=until or None,
+        scheduler=scheduler,
+        yes=yes,
+    )
